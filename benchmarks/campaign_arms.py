@@ -1,6 +1,7 @@
 """Random arms for the campaign: bundled ones, any chain of example-robot-data, random chains."""
 
 import math
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,12 @@ BUNDLED = {
     "xarm7": "link_eef",
 }
 SHARES = {"bundled": 0.35, "data": 0.45, "chain": 0.2}
-MIN_JOINTS, MAX_JOINTS = 2, 8
+MIN_JOINTS, MAX_JOINTS = 1, 10
+BRANCH_SHARE = 0.4  # of a random chain's links that carry something beside it
 SLIDING_SHARE = 0.35  # of a random chain's joints
 # Where a URDF has no limit, or none that makes sense.
 TRAVEL = {"prismatic": [-0.4, 0.4], "revolute": [-2.8, 2.8], "continuous": [-math.inf, math.inf]}
+_ROUNDING = 1e-3  # share of a principal moment that may be negative
 SPEED, ACCELERATION = 2.0, 20.0  # [rad/s, m/s], [rad/s^2, m/s^2]
 
 
@@ -51,11 +54,25 @@ def random_arm(rng: np.random.Generator, folder: Path) -> tuple[str, dict[str, A
         return "chain", {"urdf": "chain.urdf", "tool_frame": "tip"}
     paths = data_urdfs()
     path = paths[int(rng.integers(len(paths)))]
+    if not _has_real_masses(path):
+        raise Unsuitable(f"{path.name}: the masses of a link are none of a body")
     description = read_description(path, [])
     tool, joints = _random_tool(rng, description)
     limits = _missing_limits({name: description.joints[name] for name in joints})
     name = f"package://{path.relative_to(data_share())}"
     return f"{path.stem}/{tool}", {"urdf": name, "tool_frame": tool, "limits": limits}
+
+
+def _has_real_masses(path: Path) -> bool:
+    """Return whether no inertia of a URDF has a negative principal moment: none can be loaded."""
+    for given in ElementTree.parse(path).iter("inertia"):
+        xx, xy, xz, yy, yz, zz = (
+            float(given.get(name, 0)) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        )
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if moments[0] < -_ROUNDING * moments[-1]:
+            return False
+    return True
 
 
 def without_efforts(robot: dict[str, Any], joints: list[str]) -> None:
@@ -76,7 +93,7 @@ def _random_tool(rng: np.random.Generator, description: Description) -> tuple[st
         if MIN_JOINTS <= len(chain) <= MAX_JOINTS and not coupled & set(chain)
     ]
     if not fit:
-        raise Unsuitable("no link is moved by two to eight joints")
+        raise Unsuitable("no link is moved by one to ten joints")
     tool = fit[int(rng.integers(len(fit)))]
     return tool, chains[tool]
 
@@ -96,18 +113,33 @@ def _missing_limits(joints: dict[str, Joint]) -> dict[str, dict[str, Any]]:
 
 
 def _random_chain(rng: np.random.Generator) -> str:
-    """Return the URDF of three to six links, of boxes, cylinders and spheres."""
-    count = int(rng.integers(3, 7))
+    """Return the URDF of one to ten links, of boxes, cylinders and spheres, with side branches."""
+    count = int(rng.integers(MIN_JOINTS, MAX_JOINTS + 1))
     parts = ['<robot name="chain"><link name="link0"/>']
     reach = 0.0
     for k in range(1, count + 1):
         length = float(rng.uniform(0.1, 0.4))
         parts.append(_link(rng, f"link{k}", length, mass=float(rng.uniform(0.5, 6.0)) / k))
         parts.append(_joint(rng, k, reach, count))
+        if rng.random() < BRANCH_SHARE:
+            parts.append(_branch(rng, k, length))
         reach = length
     parts.append('<link name="tip"/><joint name="tip_joint" type="fixed">')
     parts.append(f'<parent link="link{count}"/><child link="tip"/><origin xyz="{reach} 0 0"/>')
     return "\n".join([*parts, "</joint></robot>"])
+
+
+def _branch(rng: np.random.Generator, k: int, length: float) -> str:
+    """Return a link beside the chain, fixed or on a joint of its own that nothing moves."""
+    size = float(rng.uniform(0.02, 0.08))
+    along, turn = float(rng.uniform(0.3, 0.7)) * length, float(rng.uniform(-3.0, 3.0))
+    kind = "fixed" if rng.random() < 0.5 else "revolute"
+    return (
+        _link(rng, f"branch{k}", size, mass=0.3)
+        + f'<joint name="branch_joint{k}" type="{kind}"><parent link="link{k}"/>'
+        f'<child link="branch{k}"/><origin xyz="{along} 0 0.05" rpy="{turn} -1.2 0"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="10" velocity="2"/></joint>'
+    )
 
 
 def _link(rng: np.random.Generator, name: str, length: float, mass: float) -> str:

@@ -1,9 +1,6 @@
 """What processes of `campaign.py` do: plan a random problem, have it judged, tell it in a line."""
 
-import json
 import shutil
-import subprocess
-import sys
 import tempfile
 import time
 from dataclasses import dataclass, replace
@@ -11,12 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from campaign_arms import Unsuitable
-from campaign_problems import Built, build, write
+from campaign_planner import PlannerProcess
+from campaign_problems import Built, build, reversed_problem, two_moves, write
+from outside.cycle_judge import judge_cycle
+from outside.judge import PARTS, SAMPLES
 from outside.trajectory import read_trajectory
 from outside.verdict import Condition
-from outside_judge import TOLERANCE, Judge, passes
+from outside_judge import Judge, passes
 
 NARROWER = 0.9
+TOLERANCE = 1e-6  # relative, of the outside judge
+PAIRS_EVERY, CYCLES_EVERY, DENSE_EVERY, REFERENCE_EVERY = 5, 12, 20, 25  # seeds
+REFERENCE = "example:ur5/over_the_wall"
 GRACE = 60.0  # [s] beyond the time limit before a planning process is ended
 UNBUILT = "not built"
 EQUATIONS = ("start", "goal", "rest", "continuity")  # their margins are zero at best
@@ -28,7 +31,7 @@ class Options:
     """How every problem is planned.
 
     Attributes:
-        pairs: Whether backwards and narrower as well.
+        pairs: Whether every fifth one is planned backwards and narrower as well.
         baselines: Whether smoothed schemes as well.
         motors: Whether arms have random motors.
         time_limit: Of every plan [s].
@@ -44,6 +47,9 @@ class Options:
     slack: float = 0.0
 
 
+_planner = PlannerProcess()
+
+
 def examine(seed: int, options: Options) -> Fields:
     """Return one line of the output: what came of the problem of a seed."""
     with tempfile.TemporaryDirectory() as name:
@@ -52,12 +58,33 @@ def examine(seed: int, options: Options) -> Fields:
             built = build(seed, folder, motors=options.motors)
         except Unsuitable as error:
             return {"seed": seed, "status": UNBUILT, "message": str(error)}
-        line = {"seed": seed, **_features(built), **_planned(built.path, options, built.judge)}
-        if options.pairs and "goal" in built.fields:
+        line = {"seed": seed, **_features(built), **_planned_either(seed, built, options)}
+        has_pairs = options.pairs and seed % PAIRS_EVERY == 0 and _may_be_reversed(built)
+        if has_pairs and not line["cycle"]:
             line["pairs"] = {"forwards": line["duration"], **_pairs(built, options)}
+        if seed % REFERENCE_EVERY == 0:
+            line["reference_cpu"] = _answer(REFERENCE, folder / "reference.json", options)["cpu"]
         if line["status"] != "success" or is_wrong(line):
             _keep(folder, options.keep, seed)
         return line
+
+
+def _planned_either(seed: int, built: Built, options: Options) -> Fields:
+    """Plan the problem of a seed, or now and then the cycle through its tube and back.
+
+    With friction, what solves the way there may be too weak for the way back.
+    """
+    is_cycle = seed % CYCLES_EVERY == 1 and _may_be_reversed(built)
+    samples = PARTS * SAMPLES if seed % DENSE_EVERY == 0 else SAMPLES
+    if is_cycle:
+        found = _planned(two_moves(built), options)
+    else:
+        found = _planned(built.path, options, built.judge, samples)
+    return {"cycle": is_cycle, **found}
+
+
+def _may_be_reversed(built: Built) -> bool:
+    return "goal" in built.fields and "motors" not in built.kinds
 
 
 def is_wrong(line: Fields) -> bool:
@@ -72,43 +99,38 @@ def _features(built: Built) -> Fields:
         "joints": len(built.judge.arm.joint_names),
         "segments": len(tube["radius"]),
         "scale": built.witness.scale,
-        "obstacles": len(built.fields.get("obstacles", [])),
-        "rotation": "orientations" in tube,
-        "signs": any(tube.get("joint_signs", [])),
+        "kinds": list(built.kinds),
     }
 
 
-def _planned(path: Path, options: Options, judge: Judge | None = None) -> Fields:
-    """Plan a problem file and judge the answer."""
+def _planned(
+    path: Path, options: Options, judge: Judge | None = None, samples: int = SAMPLES
+) -> Fields:
+    """Plan a problem file and judge the answer, a cycle's without a judge of its own."""
     trajectory = path.with_suffix(".json")
-    line = _answer(path, trajectory, options)
+    line = _answer(str(path), trajectory, options)
     if line["status"] != "success":
         return line
     begin = time.perf_counter()
-    found = (judge or Judge(path)).judge(read_trajectory(trajectory))
-    line |= {"judged": passes(found), **_worst(found)}
+    if judge is None:
+        found = judge_cycle(path, trajectory)
+    else:
+        found = judge.judge(read_trajectory(trajectory), samples)
+    line |= {"judged": passes(found, TOLERANCE), **_worst(found)}
     line["judging_time"] = round(time.perf_counter() - begin, 3)
     return line
 
 
-def _answer(path: Path, trajectory: Path, options: Options) -> Fields:
-    script, time_limit = Path(__file__).with_name("campaign_plan.py"), options.time_limit
-    command = [sys.executable, str(script), str(path), str(trajectory)]
-    command += ["--time-limit", str(time_limit), "--slack", str(options.slack)]
-    command += ["--baselines"] if options.baselines else []
-    line: Fields = {"status": "crash", "message": "", "duration": None, "planning_time": None}
-    try:
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            timeout=time_limit + GRACE,
-        )
-    except subprocess.TimeoutExpired:
-        return line | {"status": "timeout", "message": f"ended after {time_limit + GRACE:g} s"}
-    if done.returncode != 0:
-        return line | {"message": " | ".join(done.stderr.strip().splitlines()[-2:])}
-    return line | json.loads(done.stdout.splitlines()[-1])
+def _answer(problem: str, trajectory: Path, options: Options) -> Fields:
+    asked = {
+        "problem": problem,
+        "trajectory": str(trajectory),
+        "time_limit": options.time_limit,
+        "slack": options.slack,
+        "baselines": options.baselines,
+    }
+    known = dict.fromkeys(("duration", "planning_time", "cpu", "memory"))
+    return known | _planner.plan(asked, options.time_limit + GRACE)
 
 
 def _worst(found: dict[str, Condition]) -> Fields:
@@ -128,27 +150,24 @@ def _pairs(built: Built, options: Options) -> Fields:
     for name, change in changes.items():
         path = built.path.with_name(f"{name}.yaml")
         write(change(built.fields), path)
-        found = _planned(path, replace(options, baselines=False))
+        found = _planned(path, replace(options, baselines=False), Judge(path))
         line[name] = found["duration"]
         if found.get("judged") is False:
             line["wrong"].append({name: found["worst"]})
     return line
 
 
-def reversed_problem(fields: Fields) -> Fields:
-    """Return a problem the other way round: a trajectory run backwards needs the same efforts."""
-    per_segment = ("points", "radius", "joint_signs", "orientations", "rotation_tolerance")
-    tube = {
-        key: value[::-1] if key in per_segment and isinstance(value, list) else value
-        for key, value in fields["tube"].items()
-    }
-    return fields | {"tube": tube, "start": fields["goal"], "goal": fields["start"]}
-
-
 def narrower_problem(fields: Fields) -> Fields:
     """Return a problem with 90 % of the radii; its witness still fits."""
     tube = fields["tube"]
-    return fields | {"tube": tube | {"radius": [NARROWER * radius for radius in tube["radius"]]}}
+    narrower = [None if radius is None else NARROWER * radius for radius in tube["radius"]]
+    changed = {"radius": narrower}
+    if "cross_section" in tube:
+        changed["cross_section"] = [
+            box and box | {"box": [NARROWER * side for side in box["box"]]}
+            for box in tube["cross_section"]
+        ]
+    return fields | {"tube": tube | changed}
 
 
 def _keep(folder: Path, where: Path | None, seed: int) -> None:

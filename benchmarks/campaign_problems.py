@@ -12,6 +12,14 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from campaign_arms import Unsuitable, random_arm, without_efforts
+from campaign_extras import (
+    attach_solid,
+    there_and_back,
+    tool_speeds,
+    vary_limits,
+    with_boxes,
+    write_concave_mesh,
+)
 from campaign_motors import vary_motors
 from campaign_witness import MAX_RADIUS, RADIUS_FACTOR, Witness, random_witness
 from outside.arm import Arm, placed, solid_geometry
@@ -27,6 +35,10 @@ MIN_MARGIN = 0.002  # [m] that the witness keeps beyond what is asked
 SIGN_MARGIN = 1e-3  # [rad, m]
 MAX_TURN = math.radians(150)  # of the reference orientation along a segment
 MAX_OBSTACLES, MAX_DRAWS, MAX_SHIFTS = 4, 12, 4
+MOTOR_SHARE, ATTACHED_SHARE, BOX_SHARE, SPEED_SHARE = 0.2, 0.12, 0.2, 0.2
+CONCAVE = "groove.stl"
+PER_SEGMENT = ("points", "radius", "joint_signs", "orientations", "rotation_tolerance")
+PER_SEGMENT += ("cross_section", "tool_speed")
 PART = BUNDLED / "ur5" / "part.stl"
 
 
@@ -40,6 +52,7 @@ class Built:
         arm: Which arm, in words.
         judge: For its trajectories.
         witness: What solves it.
+        kinds: What it has, for counting.
     """
 
     path: Path
@@ -47,6 +60,7 @@ class Built:
     arm: str
     judge: Judge
     witness: Witness
+    kinds: tuple[str, ...]
 
 
 def build(seed: int, folder: Path, *, motors: bool = False) -> Built:
@@ -81,9 +95,10 @@ def _attempt(rng: np.random.Generator, folder: Path, motors: bool) -> Built:
     name, robot = random_arm(rng, folder)
     _vary_robot(rng, robot, name)
     arm = _arm(robot, folder)
-    if motors:
+    vary_limits(rng, robot, arm)
+    if rng.random() < MOTOR_SHARE or motors:
         vary_motors(rng.spawn(1)[0], robot, arm)
-        arm = _arm(robot, folder)
+    arm = _arm(robot, folder)
     witness = random_witness(rng, arm)
     tube = _tube(rng, arm, witness)
     fields: dict[str, Any] = {"robot": robot, "tube": tube}
@@ -94,14 +109,56 @@ def _attempt(rng: np.random.Generator, folder: Path, motors: bool) -> Built:
     if rng.random() < 0.5:
         count = int(rng.integers(1, MAX_OBSTACLES + 1))
         poses = Poses(*arm.poses(witness.q[::10]))
-        solids = [_obstacle(rng, arm, poses, clearance, f"o{k}") for k in range(count)]
+        write_concave_mesh(folder / CONCAVE)
+        drawn = (arm, poses, clearance, folder)
+        solids = [_obstacle(rng, *drawn, f"o{k}") for k in range(count)]
         fields["obstacles"] = [solid for solid in solids if solid is not None]
         fields["clearance"] = clearance
     path = folder / "problem.yaml"
     write(fields, path)
     judge = Judge(path)
     _require_solved(judge, witness)
-    return Built(path, fields, name, judge, witness)
+    return Built(path, fields, name, judge, witness, _kinds(fields, arm))
+
+
+def _kinds(fields: dict[str, Any], arm: Arm) -> tuple[str, ...]:
+    """Return what a problem has of that which not all have."""
+    robot, tube = fields["robot"], fields["tube"]
+    meshes = [one["mesh"] for one in fields.get("obstacles", []) if "mesh" in one]
+    has = {
+        "sliding joints": bool(arm.slides.any()),
+        "motors": "motors" in robot,
+        "payload": "payload" in robot,
+        "attached": "attached" in robot,
+        "jerk limits": "jerk" in robot.get("limits", {}),
+        "obstacles": bool(fields.get("obstacles")),
+        "concave mesh": CONCAVE in meshes,
+        "rotation": "orientations" in tube,
+        "signs": any(tube.get("joint_signs", [])),
+        "boxes": "cross_section" in tube,
+        "tool speeds": "tool_speed" in tube,
+        "open goal": "goal" not in fields,
+    }
+    return tuple(name for name, value in has.items() if value)
+
+
+def two_moves(built: Built) -> Path:
+    """Write the cycle that goes through a problem's tube and back; return its path."""
+    path = built.path.with_name("cycle.yaml")
+    write(there_and_back(built.fields, reversed_problem(built.fields)), path)
+    return path
+
+
+def reversed_problem(fields: dict[str, Any]) -> dict[str, Any]:
+    """Return a problem the other way round.
+
+    A trajectory run backwards needs the same efforts, unless there is friction.
+    """
+    tube = {
+        key: value[::-1] if key in PER_SEGMENT and isinstance(value, list) else value
+        for key, value in fields["tube"].items()
+    }
+    return fields | {"tube": tube, "start": fields["goal"], "goal": fields["start"]}
 
 
 def _require_solved(judge: Judge, witness: Witness) -> None:
@@ -125,6 +182,8 @@ def _vary_robot(rng: np.random.Generator, robot: dict[str, Any], name: str) -> N
         robot["gravity"] = (9.81 * direction / np.linalg.norm(direction)).tolist()
     if rng.random() < 0.15:
         robot["payload"] = {"mass": float(rng.uniform(0.05, 0.5)), "com": [0.0, 0.0, 0.05]}
+    if rng.random() < ATTACHED_SHARE:
+        attach_solid(rng, robot)
     if rng.random() < 0.2:
         scale = {"velocity": float(rng.uniform(0.3, 1.0)), "effort": float(rng.uniform(0.8, 1.0))}
         robot.setdefault("limits", {})["scale"] = scale
@@ -165,6 +224,10 @@ def _tube(rng: np.random.Generator, arm: Arm, witness: Witness) -> dict[str, Any
         tube["joint_signs"] = [_signs(rng, arm, witness.q[a : b + 1]) for a, b in spans]
     if rng.random() < 0.25:
         tube |= _rotation(rng, arm, witness, spans)
+    if rng.random() < BOX_SHARE:
+        tube = with_boxes(rng, tube, witness)
+    if rng.random() < SPEED_SHARE:
+        tube["tool_speed"] = tool_speeds(rng, arm, witness)
     return tube
 
 
@@ -213,7 +276,7 @@ def _rotation(
 
 
 def _obstacle(
-    rng: np.random.Generator, arm: Arm, poses: Poses, clearance: float, name: str
+    rng: np.random.Generator, arm: Arm, poses: Poses, clearance: float, folder: Path, name: str
 ) -> dict[str, Any] | None:
     """Return a solid beside a link of the witness, clear of all true meshes; None if none is."""
     moving = [solid for solid in arm.solids if arm.moved_by[solid.joint].any()]
@@ -230,7 +293,7 @@ def _obstacle(
         for _ in range(MAX_SHIFTS):
             centre = origin + rotation @ solid.centre + away * direction
             fields["position"] = centre.tolist()
-            distance = _distance(moving, poses, fields)
+            distance = _distance(moving, poses, fields, folder)
             if distance >= clearance + 2 * MIN_MARGIN:
                 return fields
             away += max(gap, -distance)
@@ -239,18 +302,19 @@ def _obstacle(
 
 def _random_solid(rng: np.random.Generator, name: str) -> dict[str, Any]:
     size = float(np.exp(rng.uniform(*np.log([0.01, 0.2]))))
-    kind = str(rng.choice(["box", "sphere", "cylinder", "capsule", "mesh"]))
+    kind = str(rng.choice(["box", "sphere", "cylinder", "capsule", "mesh", "groove"]))
     sizes: dict[str, Any] = {
         "box": {"box": (2 * size * rng.uniform(0.1, 1, 3)).tolist()},
         "sphere": {"sphere": size},
         "cylinder": {"cylinder": [size / 2, 3 * size]},
         "capsule": {"capsule": [size / 2, 2 * size]},
         "mesh": {"mesh": str(PART), "scale": float(rng.uniform(0.3, 1.5))},
+        "groove": {"mesh": CONCAVE, "scale": 0.6 * size},
     }
     return {"name": name, **sizes[kind], "rpy": rng.uniform(-3, 3, 3).tolist()}
 
 
-def _distance(moving: list[Any], poses: Poses, fields: dict[str, Any]) -> float:
-    geometry, placement = solid_geometry(fields, Path(), [])
+def _distance(moving: list[Any], poses: Poses, fields: dict[str, Any], folder: Path) -> float:
+    geometry, placement = solid_geometry(fields, folder, [])
     obstacle = placed(fields["name"], "obstacle", 0, placement, geometry)
     return least_margin([(solid, obstacle) for solid in moving], poses, 0.0)[0].margin

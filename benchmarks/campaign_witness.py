@@ -1,8 +1,8 @@
 """A slow smooth trajectory whose tool keeps to a tube of a drawn width: it solves a problem.
 
-The trajectory is a spline of degree five through random configurations, at rest at both ends. It is
-made smaller until its tool path strays no farther from the reference points' lines than the drawn
-radius, and slower until no limit is near.
+The trajectory is a spline of degree five through random configurations, at rest at both ends; some
+go back some of their way. It is made smaller until its tool path strays no farther from the
+reference points' lines than the drawn radius, and slower until no limit is near.
 """
 
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from outside.trajectory import Trajectory
 from outside.tube import distance
 
 MIN_RADIUS, MAX_RADIUS = 5e-4, 0.3  # [m]
-MAX_SEGMENTS = 60
+MAX_SEGMENTS = 199
 MIN_LENGTH = 3e-4  # [m] of a segment
 RADIUS_FACTOR = 1.2  # of the radius to what the witness needs
-ROWS = 2001  # of the tool path that is looked at
+ROWS = 4001  # of the tool path that is looked at
 LIMIT_MARGIN = 0.02  # [rad, m] that the walk begins away from position limits
 SHARE = 0.1  # of each limit that the witness leaves, at least
 MAX_SMALLER, MAX_SLOWER = 40, 14
@@ -58,18 +58,24 @@ def random_witness(rng: np.random.Generator, arm: Arm) -> Witness:
     scale = float(np.exp(rng.uniform(*np.log([MIN_RADIUS, MAX_RADIUS]))))
     segments = round(float(np.exp(rng.uniform(0, np.log(MAX_SEGMENTS)))))
     knots = _walk(rng, arm, steps=int(rng.integers(2, 7)))
+    turn = None
+    if rng.random() < 0.2:  # it goes back some of its way
+        turn = len(knots) - 1
+        knots = np.vstack([knots, knots[-2::-1][: int(rng.integers(1, len(knots)))]])
+    shares = _shares(rng, segments)
     for _ in range(MAX_SMALLER):
         spline = _spline(knots)
         q = spline(np.linspace(0, 1, ROWS))
         position = arm.tool(q)[1]
-        gates = _gates(position, segments)
+        row = None if turn is None else round(turn / (len(knots) - 1) * (ROWS - 1))
+        gates = _gates(position, shares, row)
         points = position[gates]
         spans = pairwise(gates)
         off = [distance(points, position[a : b + 1], k).max() for k, (a, b) in enumerate(spans)]
         if np.linalg.norm(np.diff(points, axis=0), axis=1).min() < MIN_LENGTH:
-            if segments == 1:
+            if len(shares) == 2:
                 raise Unsuitable("the tool hardly moves")
-            segments = max(1, segments // 2)
+            shares = np.append(shares[:-1:2], 1.0)
         elif RADIUS_FACTOR * max(off) <= scale:
             inside = np.minimum(q - arm.limits.lower, arm.limits.upper - q).min()
             if inside < LIMIT_MARGIN / 4:
@@ -102,13 +108,24 @@ def _spline(knots: np.ndarray) -> PPoly:
     return PPoly(np.array([spline(at[:-1], nu=k) / factorial(k) for k in orders]), at)
 
 
-def _gates(position: np.ndarray, segments: int) -> np.ndarray:
-    """Return rows at about equal arc lengths of a path (N, 3), shape (segments+1,)."""
+def _shares(rng: np.random.Generator, segments: int) -> np.ndarray:
+    """Return the arc lengths of reference points as shares of the whole, equal parts or not."""
+    if rng.random() < 0.7:
+        return np.linspace(0, 1, segments + 1)
+    parts = rng.dirichlet(np.full(segments, 0.5))
+    return np.append(np.concatenate([[0.0], np.cumsum(parts)])[:-1], 1.0)
+
+
+def _gates(position: np.ndarray, shares: np.ndarray, turn: int | None) -> np.ndarray:
+    """Return rows at shares of the arc length of a path (N, 3), and the one where it turns."""
     steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
     arc_length = np.concatenate([[0.0], np.cumsum(steps)])
-    gates = np.searchsorted(arc_length, np.linspace(0, arc_length[-1], segments + 1))
+    gates = np.searchsorted(arc_length, arc_length[-1] * shares)
     gates[-1] = len(position) - 1
-    return np.minimum(gates, len(position) - 1)
+    gates = np.minimum(gates, len(position) - 1)
+    if turn is not None:
+        gates = np.sort(np.append(gates, turn))
+    return np.unique(gates)
 
 
 def _slow(arm: Arm, spline: PPoly) -> Trajectory:

@@ -37,6 +37,9 @@ TESTS = {
         for name in ("placement_row", "placement_result", "placement_trials")
     },
     "commands/place_report": ("commands/test_place_command.py",),
+    "commands/interrupts": ("commands/test_start.py",),
+    "staged_file": ("test_staged_file.py", "files/test_output_files_stopped.py"),
+    "held_signals": ("test_held_signals.py", "files/test_output_files_stopped.py"),
     "measurement/tool_moves": ("native/test_tool_moves.py",),
     "measurement/clearance_bounds": (
         "native/test_clearance_bounds.py",
@@ -268,6 +271,7 @@ TESTS = {
     "problem/schema_place": ("problem/test_field_paths.py",),
     "robot/friction_share": ("robot/test_robot_notes.py", "robot/test_unused_note.py"),
     "resources": ("robot/test_xacro_file.py",),
+    "robot/xacro_process": ("robot/test_xacro_file.py",),
     "files/part_hashes": ("files/test_motion_notes.py",),
     "robot/per_joint_values": ("robot/test_joint_limits.py", "robot/test_motor_overrides.py"),
     "robot/urdf_friction": ("robot/test_joint_motors.py",),
@@ -368,7 +372,27 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "GoalRegion.bounds_rotation": [(".any()", ".all()")],
     "GoalRegion.__post_init__": [("0 <= self.tolerance", "0 < self.tolerance")],
-    "_position": [("and np.shape(given) == (3,)", "")],
+    "_position": [("not are_numbers(given, 3)", "False")],
+    # Files that are whole whatever ends the process
+    "StagedFile.write": [("while rest:", "if rest:")],
+    "StagedFile.__exit__": [("if self._descriptor is not None", "if kind is None")],
+    "temporary_path": [("len(os.fsencode(name)) > _LONGEST_NAME", "False")],
+    "_new_file": [("_locked(descriptor) and ", "")],
+    "_remove_left": [("if _locked(descriptor):", "if True:")],
+    "signals_held": [
+        ("(signal.SIGINT, signal.SIGTERM)", "(signal.SIGINT,)"),
+        ("for which in came:", "for which in []:"),
+        ("signal.SIG_DFL if handler is None else handler", "signal.SIG_IGN"),
+    ],
+    "write_files": [
+        ("undo.pop_all()", "undo.close()"),
+        ("_make_folder(folder, undo)", "folder.mkdir()"),
+    ],
+    "_make_folder": [("undo.callback(remove)", "pass")],
+    "write_answer": [("hold_interrupts()", "pass")],
+    "SIGNALS": [("(signal.SIGINT, signal.SIGTERM)", "(signal.SIGINT,)")],
+    "_silence_callbacks": [("if not issubclass", "if issubclass")],
+    "_kept_page": [("folder.rmdir()", "pass")],
     "goal_keys": [("goal.tolerance > 0", "goal.tolerance >= 0")],
     "evaluated_ball": [
         ("_Balls(centre", "Capsules(centre"),
@@ -1988,6 +2012,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_room": [
         ("1 - share", "share"),
         ("tube.compulsory_points - 1, tube.compulsory_points", "tube.compulsory_points"),
+        ("after=None if good is None else good.proposal.after", "after=change.before"),
     ],
     # --- a controller's periods ----------------------------------------------------------------
     "on_periodic_knots": [
@@ -2121,11 +2146,16 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_tool_rates": [
         ('"nij,nj->ni", by_q, samples.velocity', '"nij,nj->ni", 0 * by_q, samples.velocity'),
     ],
-    "expanded": [
+    "expanded": [("if len(xml) > _MAX_BYTES:", "if False:")],
+    "_expanded": [
         ("name not in asked.asked", "False"),
         ("mappings=asked", "mappings={}"),
         ("package, path, package_dirs", "package, path"),
         ("document.documentElement.toxml()", "document.toxml()"),
+    ],
+    "serve": [
+        ("os.dup2(_STANDARD_ERROR, _STANDARD_OUTPUT)", "pass"),
+        ("redirect_stderr(StringIO())", "redirect_stderr(sys.stderr)"),
     ],
     "_packages_found_by": [
         ("if module is not None", "if False"),
@@ -2312,7 +2342,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("min(abs(deceleration)", "max(abs(deceleration)"),
         ("(lower, upper)", "(upper, lower)"),
     ],
-    "_value": [("None if has is False else value", "value"), ("if has and", "if")],
+    "_value": [
+        ("None if has is False else value", "value"),
+        ("if has and", "if"),
+        ('".inf" if value > 0', '".inf" if value < 0'),
+        ("return json.dumps(value)", "return str(value)"),
+    ],
     "read_limits_file": [("skips_others=True, ", "")],
     # --- problem/field_paths, schema_place; studies/field_sweep -------------------------------
     "changed_fields": [("deepcopy(data)", "data")],
@@ -2357,13 +2392,25 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "Study._require_paths": [("{**first, axis.path: value}", "{axis.path: value}")],
     "_made": [("if name not in defaults:", "if False:")],
     "Journal.add": [
+        ("self._file.raw.close()", "pass"),
         ("self._file.flush()", "pass"),
         ("self._file.seek(0, os.SEEK_END)", "self._file.tell()"),
     ],
     "Journal._read": [
-        ('if not line.endswith(b"\\n") and', "if"),
+        ('not line.endswith(b"\\n") and', ""),
+        (" and len(line) < _MAX_LINE", ""),
         ("and _BEGIN.startswith(line[: len(_BEGIN)])", ""),
         ("place += len(line)", "place += len(line) - 1"),
+    ],
+    "Journal.made": [("(KeyError, ", "("), ("ValueError, ", "")],
+    "Journal._key": [("not isinstance(row, dict) or ", "")],
+    "require_fields": [
+        ("if unknown:", "if False:"),
+        ("allow_nan=False", "allow_nan=True"),
+        ("strict=True", "strict=False"),
+    ],
+    "_Run._is_kept": [
+        ("self._journal.made(key, _answer_of_study)", "self._journal[key]"),
     ],
     "Journal._lock": [("fcntl.LOCK_EX", "fcntl.LOCK_SH")],
     "planned_answer": [('if result.stopped_by == "interrupt":', "if False:")],
@@ -2424,7 +2471,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("require_base_free(problem, stands_on)", "pass"),
         ("leading_seeds(problem, tuple(movable.seeds))", "{}"),
     ],
-    "PlacementRow.of_dict": [("tuple(value) if isinstance(value, list) else value", "value")],
+    "PlacementRow.of_dict": [
+        ("tuple(value) if isinstance(value, list) else value", "value"),
+        ('require_fields(cls, {**plain, "stand": [x, y, z, fields["yaw"]]})', "pass"),
+    ],
     "grouped": [("-len(pair[1])", "len(pair[1])")],
     "PlacementTrials.rows": [("self._order[row.stand]", "-row.stand.yaw")],
     "PlacementTrials.of": [("if stand not in self._found", "")],
@@ -2708,11 +2758,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     # --- robot/base_pose, and what stands by it ---------------------------------------------------
     "BasePose.__post_init__": [
-        ("np.shape(self.position) != (3,) or ", ""),
+        ("not is_point or ", ""),
         ("not (np.abs(self.position) <= _FARTHEST).all()", "False"),
         ("not (np.abs(self.position) <= _FARTHEST).all()", "(np.abs(self.position) > 1e4).any()"),
         ("self.rpy is not None and self.quaternion is not None", "False"),
-        ("not _are_finite(self.rpy, 3)", "False"),
+        ("not are_numbers(self.rpy, 3)", "False"),
         ("not _has_direction(self.quaternion)", "False"),
     ],
     "BasePose.placement": [
@@ -2720,10 +2770,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("placement[:3, :3] = matrix_of_rpy", "placement[:3, :3].T[:] = matrix_of_rpy"),
         ("self.quaternion is not None", "False"),
     ],
-    "_are_finite": [
-        ("np.shape(values) == (count,) and ", ""),
-        (" and bool(np.isfinite(values).all())", ""),
-    ],
+    "are_numbers": [("len(row) == count and ", ""), ("abs(one) <= _LARGEST", "True")],
     "_has_direction": [("_SHORTEST < length", "_SHORTEST <= 1.0"), (" < _LONGEST", "")],
     "_stand_at": [
         ("if model.parents[joint] == 0:", "if True:"),
@@ -2801,6 +2848,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_clearances": [
         ("has_none and moves[0].clearance == moves[1].clearance", "has_none"),
         ("if np.isfinite(value) else move.clearance", "if True else move.clearance"),
+        ("if value is not None:", "if value:"),
+        ("given.default, frozenset()", "0.0, frozenset()"),
     ],
     "_rotations": [
         ("for s in (1, -1)", "for s in (1,)"),
@@ -4009,7 +4058,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_submitted": [("except BrokenExecutor", "except ZeroDivisionError")],
     "_of_future": [("(BrokenExecutor, CancelledError)", "BrokenExecutor")],
-    "serve": [("os.dup2(_STANDARD_ERROR, _STANDARD_OUTPUT)", "pass")],
     "_travelling": [("error.add_note", "str")],
     "_same_kind": [("type(copy) is not type(error)", "False")],
     "WorkerProcesses.submit": [("len(self._threads) < self.count", "not self._threads")],
@@ -4041,6 +4089,101 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("live = live[~still]", "pass"),
     ],
     "_stepped": [("np.where(outward[:, None], 0.0, jacobian)", "jacobian")],
+    # --- explanation; commands/explain_command, explanation_report -----------------------------
+    "Question.of": [("if fields.tube is None:", "if False:")],
+    "Question.points": [('self.given_tube["points"]', "self.fields.tube.points")],
+    "Question.per_segment": [(" * self.segment_count", "")],
+    "rounded": [("{FIGURES}g", "{FIGURES - 1}g")],
+    "from_to": [("max(map(abs, both))", "max(both)"), ("_SHOWN", "FIGURES")],
+    "radius_changes": [("0.99 * radius", "radius"), ("_MOST_TIMES * radius if", "radius if")],
+    "_radius_path": [("> 1", "> 9")],
+    "_radii_given": [
+        ("len(set(radii)) == 1", "True"),
+        ('{f"tube.{key}": value for key, value in points.items()} | changes', "changes"),
+    ],
+    "_all_radii_by": [("1 + share", "share")],
+    "_box": [("if k != segment", "if k == segment"), ("/ min(before)", "/ max(before)")],
+    "_rotation_tolerances": [("and count != 3 and", "and")],
+    "_rotation": [("np.maximum(", "np.minimum(")],
+    "_tool_radius": [("max(exact(before - size), 0.0)", "exact(before - size)")],
+    "_points": [("base - point", "point - base")],
+    "_sign_change": [("if joint in signs else dict(signs)", "")],
+    "_pass_through": [(" and question.segment_count > 1", "")],
+    "effort_changes": [("exact(limit / factor)", "limit"), ("0.99 * before", "before")],
+    "_scaled_effort": [("[exact(factor * value) for value in given]", "list(given)")],
+    "_limit_of": [("if name == joint else others[name]", "")],
+    "_limits_by_name": [("exact(value / factor)", "value")],
+    "_range": [("way * size", "size")],
+    "payload_changes": [("0.999 * before", "1.1 * before")],
+    "_clearance": [("max(exact(before + way * size), 0.0)", "exact(before + way * size)")],
+    "_turned": [("after[k] + way * size", "after[k] + size")],
+    "_goal_tolerance": [("before or _TENTH", "_TENTH")],
+    "_duration": [("exact(before + size)", "exact(size)")],
+    "in_order": [
+        ("or not change.about", ""),
+        ("or change.kind in _EVERYWHERE", ""),
+        ("key=lambda change: rank", "key=lambda change: -rank"),
+    ],
+    "_named": [('f"segment {place.point - 1}", ', ""), ("place.links or ()", "()")],
+    "Trials.__init__": [
+        ("options if is_timed else options.shortest", "options.shortest"),
+        ("options if is_timed else options.shortest", "options"),
+        ("max(_LEAST_TIME, _LARGEST_SHARE * clock.remaining)", "_LEAST_TIME"),
+        ("max(_LEAST_TIME, ", "min(_LEAST_TIME, "),
+    ],
+    "Trials.of": [
+        ("if answer.is_cut_short:", "if False:"),
+        ("proposals[done.index]", "proposals[0]"),
+    ],
+    "planned": [
+        ("if left <= 0:", "if False:"),
+        (" and not result.succeeded", ""),
+        ('result.stopped_by == "interrupt"', "False"),
+    ],
+    "SizeBracket.possible": [("if self.helps", "if not self.helps")],
+    "SizeBracket.is_close": [
+        ("CLOSE * self.smaller.size", "2 * self.smaller.size"),
+        ("self.smaller is None or self.larger is None", "self.larger is None"),
+    ],
+    "SizeBracket.is_done": [
+        ("self.larger.size <= least", "False"),
+        ("rounded(self.change.most)", "self.change.most"),
+        (" and (self.smaller or self.larger)", ""),
+    ],
+    "SizeBracket.keep": [("trial.succeeded == self.helps", "trial.succeeded")],
+    "SizeBracket.next_size": [
+        ("** 0.5", "** 0.5 * 2"),
+        ("self.larger.size / _STEP", "self.larger.size / 2"),
+    ],
+    "try_sizes": [("asked[place][0]", "asked[0][0]")],
+    "Remedy.as_dict": [("json_value({**first, **fields})", "{**first, **fields}")],
+    "Room.as_dict": [("json_value({**first, **fields})", "{**first, **fields}")],
+    "RemedySearch.run": [("if not self._helpful:", "if True:")],
+    "RemedySearch.remedies": [
+        ("sorted(self._helpful, key=lambda bracket: bracket.cost)", "self._helpful")
+    ],
+    "RemedySearch.in_vain": [
+        ("and one.is_done", ""),
+        ("if field not in helpful", ""),
+    ],
+    "RemedySearch._search": [('(1.0, float("inf"))', "(1.0,)")],
+    "_is_new": [("bracket.larger is None and", "")],
+    "_remedy": [("is_smallest=bracket.is_done", "is_smallest=True")],
+    "worsening_changes": [("payload_changes(question, 1)", "payload_changes(question, -1)")],
+    "RoomSearch.rooms": [("sorted(known, key=lambda bracket: bracket.cost)", "known")],
+    "Explanation.succeeded": [("self.is_possible or bool(self.remedies)", "self.is_possible")],
+    "Explanation.status": [("PlanStatus.BAD_INPUT", "PlanStatus.UNREACHABLE")],
+    "Explanation.as_dict": [('"where": self.place.as_dict()', '"where": None')],
+    "explain": [
+        ('removeprefix(f"{posed.name}: ")', "strip()"),
+        (".changed(changes or {})", ""),
+        ("time_limit=time_limit)\n    first", "time_limit=None)\n    first"),
+        ("BAD_INPUT if found.problem is None else INFEASIBLE", "INFEASIBLE"),
+    ],
+    "_with_remedies": [("in_vain=search.in_vain,", ""), ("stopped_by=stopped_by,", "")],
+    "_tried": [("if is_close", "if True")],
+    "_room_lines": [("if each.saved > 0", "")],
+    "_setting_lines": [("{quote(", "{str(")],
     # --- native/build, library; commands/version_option -------------------------------------------
     "compiler": [
         ('if wanted == "none":', "if False:"),
@@ -4049,6 +4192,19 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "source_key": [('(".cpp", ".h")', '(".cpp",)'), (" + path.read_bytes()", "")],
     "_processor": [("level.replace('-', '_')", "level"), ('_kind(command) == "zig"', "False")],
     "_say_version": [("{LIBRARY.build}", "native")],
+    # --- bounds of what is read -------------------------------------------------------------------
+    "_is_formula": [
+        (".lstrip()", ""),
+        ("return True", "return False"),
+    ],
+    "files_beside": [("if found.exists():", "if False:")],
+    "mesh_bytes": [("_MAX_BYTES", "10 * _MAX_BYTES")],
+    "_first_of_equal": [
+        ("faces.argmin(axis=1)[:, None]", "0 * rows"),
+        ("turned, axis=0", "rows, axis=0"),
+    ],
+    "_require_few_links": [("count > _MAX_LINKS", "False")],
+    "_with_comments": [("YAMLError, ", "")],
 }
 
 MUTANTS = tuple(Mutant(where, *change) for where, changes in _CHANGES.items() for change in changes)

@@ -32,7 +32,7 @@ KNOWS = {
     "fcl": {"collision.mesh_solid", "collision.separation"},
     "coal": {"collision.penetration"},
     "yourdfpy": {"collision.link_elements"},
-    "trimesh": {"collision.mesh_cover", "views.visual_mesh"},
+    "trimesh": {"collision.mesh_bounds", "collision.mesh_cover", "views.visual_mesh"},
     "matplotlib": {
         "views.clearance_panel",
         "views.comparison_plot",
@@ -67,6 +67,7 @@ KNOWS = {
     "click": {
         "commands.check_command",
         "commands.console",
+        "commands.explain_command",
         "commands.info_command",
         "commands.init_command",
         "commands.links_command",
@@ -88,6 +89,7 @@ KNOWS = {
         "commands.console",
         "commands.cycle_info_text",
         "commands.cycle_report",
+        "commands.explanation_report",
         "commands.info_text",
         "commands.place_report",
         "commands.study_report",
@@ -98,7 +100,7 @@ KNOWS = {
     "mujoco": {"simulation.mujoco_model"},
     "ompl": {"tube_sources.joint_route"},
     "distributed": {"many.dask_executor"},
-    "xacro": {"robot.xacro_file"},
+    "xacro": {"robot.xacro_file", "robot.xacro_process"},
     "pydantic": {
         "cycle.cycle_format",
         "problem.checked_fields",
@@ -106,6 +108,7 @@ KNOWS = {
         "problem.field_types",
         "problem.limit_fields",
         "problem.moveit_limits",
+        "studies.answer_fields",
         "problem.presets",
         "problem.pose_fields",
         "problem.problem_faults",

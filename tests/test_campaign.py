@@ -7,6 +7,8 @@ import yaml
 
 import campaign
 import campaign_examine
+import campaign_problems
+import campaign_report
 from campaign_problems import build
 from outside_judge import passes
 
@@ -38,10 +40,10 @@ def test_a_problem_is_planned_and_its_answer_judged():
 def test_the_other_way_round_twice_is_the_same(tmp_path):
     fields = build(WITH_OBSTACLES, tmp_path).fields
     fields["goal"] = {"joints": [0.0] * 4}
-    turned = campaign_examine.reversed_problem(fields)
+    turned = campaign_problems.reversed_problem(fields)
     assert turned["start"] == fields["goal"]
     assert turned["tube"]["points"] == fields["tube"]["points"][::-1]
-    assert campaign_examine.reversed_problem(turned) == fields
+    assert campaign_problems.reversed_problem(turned) == fields
 
 
 def test_narrower_is_all_the_same_but_for_the_radii(tmp_path):
@@ -63,7 +65,7 @@ def test_narrower_is_all_the_same_but_for_the_radii(tmp_path):
 )
 def test_stuck_is_slower_than_the_best_by_a_hundredth(forwards, backwards, narrower, slow):
     pairs = {"forwards": forwards, "backwards": backwards, "narrower": narrower}
-    assert campaign.stuck({"pairs": pairs}) == slow
+    assert campaign_report.stuck({"pairs": pairs}) == slow
 
 
 @pytest.mark.parametrize(
@@ -71,11 +73,17 @@ def test_stuck_is_slower_than_the_best_by_a_hundredth(forwards, backwards, narro
     [(1.0, 1.1, []), (1.2, 1.1, ["beside a baseline"]), (None, 1.1, ["beside a baseline"])],
 )
 def test_nor_may_a_baseline_be_faster(duration, baseline, slow):
-    assert campaign.stuck({"duration": duration, "baseline": baseline}) == slow
+    assert campaign_report.stuck({"duration": duration, "baseline": baseline}) == slow
 
 
 def _line(seed, **more):
     return {"seed": seed, "arm": "ur5", "segments": 1, "scale": 0.01, "message": "", **more}
+
+
+def marks(printed):
+    """Return the rows of the table of marks by their names."""
+    rows = [line.partition(" ") for line in printed.splitlines()]
+    return {name: rest.strip() for name, _, rest in rows}
 
 
 def test_what_is_wrong_is_listed_and_ends_with_status_1(tmp_path, monkeypatch, capsys):
@@ -88,7 +96,11 @@ def test_what_is_wrong_is_listed_and_ends_with_status_1(tmp_path, monkeypatch, c
     output = tmp_path / "lines.jsonl"
     monkeypatch.setattr("sys.argv", ["campaign.py", "--count", "3", "--output", str(output)])
     assert campaign.main() == 1
-    assert "2 solved, 1 refused, 1 wrong" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    wrong = marks(printed)["wrong"].split()
+    assert wrong == ["1", "of", "2", "solved", "0", "MISSED", "[seeds", "1]"]
+    assert "2 of 3, 66.67%" in marks(printed)["solved"]
+    assert "WRONG seed 1 (ur5" in printed
     assert len(output.read_text().splitlines()) == 3
 
 
@@ -102,8 +114,9 @@ def test_a_seed_that_raises_is_a_line_of_its_own(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["campaign.py", "--count", "3"])
     assert campaign.main() == 0
     printed = capsys.readouterr().out
-    assert "3 problems with a witness: 0 solved, 3 refused" in printed
-    assert "refused seed 1: crash: ZeroDivisionError: in a test" in printed
+    assert printed.count("3 problems with a witness") == 1
+    assert "0 of 3, 0.00%" in marks(printed)["solved"]
+    assert "   1  crash: ZeroDivisionError: in a test [seeds 1]" in printed
 
 
 def test_processes_examine_too(tmp_path, monkeypatch, capsys):
@@ -111,7 +124,9 @@ def test_processes_examine_too(tmp_path, monkeypatch, capsys):
     arguments = ["--seed", str(QUICK), "--count", "1", "--processes", "2", "--output", str(output)]
     monkeypatch.setattr("sys.argv", ["campaign.py", *arguments])
     assert campaign.main() == 0
-    assert "1 solved, 0 refused, 0 wrong" in capsys.readouterr().out
+    found = marks(capsys.readouterr().out)
+    assert "0 of 1 solved" in found["wrong"]
+    assert "1 of 1, 100.00%" in found["solved"]
     assert json.loads(output.read_text())["row"]["seed"] == QUICK
 
 
@@ -133,6 +148,6 @@ def test_seeds_that_are_done_are_skipped_unless_they_were_done_otherwise(
     with output.open("a") as stream:
         stream.write('{"key": "torn')
     assert seeds_of("--count", "2") == [1]
-    assert "2 refused" in capsys.readouterr().out
+    assert "0 of 2, 0.00%" in marks(capsys.readouterr().out)["solved"]
     assert seeds_of("--count", "2", "--slack", "0.005") == [0, 1]
     assert seeds_of("--count", "2", "--keep", str(tmp_path)) == []

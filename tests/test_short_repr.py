@@ -1,7 +1,7 @@
 """Every public class prints one short line with what one wants to know of it."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ SAYS = {
     "CycleCertificate": ["passed", "4 moves"],
     "CycleMotion": ["of small: ", "3 legs, 9 marks"],
     "CycleResult": ["success by refinement", "certified cycle of"],
+    "Explanation": ["name='two_link/around_a_post'", "remedies=<99 Remedy>", "tried=99"],
     "JointTrajectory": [" s: ", "pieces of degree", "joint1, joint2"],
     "Obstacle": ["post", "0.0605 x 0.0605 x 0.3 m about [0.4, 0.22, 0]", "1 convex shape"],
     "PlannedItem": ["index=0", "no/such/file.yaml"],
@@ -32,7 +33,9 @@ SAYS = {
         *("1 obstacle,", "start by seed", "goal open"),
     ],
     "PosedProblem": ["two_link/around_a_post: a problem in "],
+    "Remedy": ["field='tube.radius'", "text='all radii times 2'"],
     "RobotModel": ["two_link", "2 joints to hand", "joint1, joint2"],
+    "Room": ["field='clearance'", "after=0.02"],
     "Tube": ["3 segments", "1 m long", "0.03 to 0.05 m"],
     "WorkerProcesses": ["2"],
 }
@@ -79,6 +82,7 @@ def made():
         *t.plan_many(["no/such/file.yaml"], executor=ThreadPoolExecutor(1)),
         *(t.PlaceOptions(), *_of_places(problem, result)),
         *_of_cycles(),
+        *_of_explanations(problem, result),
     ]
     named = {type(each).__name__: each for each in found}
     return named | {name: _filled(getattr(t, name)) for name in FILLED}
@@ -103,6 +107,18 @@ def _of_places(problem, result):
     grid = region.grid(100, 0.0)
     found = t.Placement(problem, region, (), grid, (row,) * 100, given, row, result, {})
     return [stand, row, given, found]
+
+
+def _of_explanations(problem, result):
+    """Return an explanation, a remedy and room."""
+    changes = {"tube.radius": [0.06] * 99}
+    text = "all radii times 2"
+    remedy = t.Remedy(
+        "tube.radius", [0.03] * 99, [0.06] * 99, "m", 1.5, text, changes, 1.0, [0.05] * 99, True
+    )
+    room = t.Room("clearance", 0.01, 0.02, "m", 1.5, "clearance 10 -> 20 mm", 0.021, True)
+    found = t.Explanation(problem.name, problem, result, None, (remedy,) * 99, ("a",) * 99)
+    return [remedy, room, replace(found, tried=99)]
 
 
 def _filled(cls):

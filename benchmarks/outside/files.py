@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import os
+from functools import cache
 from pathlib import Path
 
 EXAMPLE, PACKAGE = "example:", "package://"
@@ -50,6 +51,7 @@ def find_file(name: str, folder: Path, package_dirs: list[Path]) -> Path:
     raise BadInput(f"{name} was not found in any of {', '.join(map(str, roots))}")
 
 
+@cache  # a distribution's list of files takes a tenth of a second to read
 def data_share() -> Path:
     """Return the folder that holds the package example-robot-data.
 

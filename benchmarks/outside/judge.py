@@ -46,14 +46,14 @@ class Judge:
             where = "" if isinstance(given, Problem) else f"{given}: "
             raise BadInput(f"{where}{type(error).__name__}: {error}") from error
 
-    def judge(self, trajectory: Trajectory) -> dict[str, Condition]:
-        """Return all conditions by name.
+    def judge(self, trajectory: Trajectory, count: int = SAMPLES) -> dict[str, Condition]:
+        """Return all conditions by name, seen at a count of uniform samples and where it matters.
 
         Raises:
             BadInput: The trajectory is of other joints than the problem's.
         """
         trajectory = trajectory.ordered(self.arm.joint_names)
-        samples = trajectory.samples(SAMPLES)
+        samples = trajectory.samples(count)
         found = judge_limits(self.arm, trajectory, samples)
         checked = self.clearance.obstacle_pairs, self.clearance.link_pairs
         required = Required(self.problem, self.arm, *checked, trajectory)

@@ -93,6 +93,12 @@ from .tube_sources.zones import tube_from_zones as tube_from_zones
 from .tube_sources.zones import zones_of_tube as zones_of_tube
 from .tube_sources.zones import ZonedPath as ZonedPath  # returned
 
+# Why not, and how much room
+from .explanation.explain import explain as explain
+from .explanation.explanation import Explanation as Explanation  # returned
+from .explanation.remedy import Remedy as Remedy  # returned
+from .explanation.remedy import Room as Room  # returned
+
 # Many plans
 from .many.plan_many import plan_many as plan_many
 from .many.plan_many import PlannedItem as PlannedItem  # returned

@@ -50,12 +50,20 @@ def read_bytes(path: Path, most: int) -> bytes:
     Raises:
         DocumentError: It cannot be read, is no regular file, or is larger.
     """
+    require_regular(path, most)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise DocumentError(str(error.strerror)) from error
+
+
+def require_regular(path: Path, most: int) -> None:
+    """Raise unless a path is a regular file within bounds; arguments and errors as `read_bytes`."""
     try:
         if path.exists() and not path.is_file():
             raise DocumentError("it is no regular file; name one (a pipe might never end)")
         if path.stat().st_size > most:
             raise DocumentError(f"it is larger than {most / 1e6:g} MB")
-        return path.read_bytes()
     except OSError as error:
         raise DocumentError(str(error.strerror)) from error
 

@@ -1,5 +1,6 @@
 """Bounds of options: an error names the option, its value and the bounds."""
 
+import sys
 from math import inf
 from typing import Any
 
@@ -9,6 +10,7 @@ from tubeplanner.errors import OptionError, shown
 
 WHOLE_NUMBER = (int, np.integer)
 NUMBER = (float, np.floating, *WHOLE_NUMBER)
+_LARGEST = sys.float_info.max  # whole numbers may be larger
 
 
 def is_number(value: object) -> bool:
@@ -16,9 +18,18 @@ def is_number(value: object) -> bool:
     return isinstance(value, NUMBER) and not isinstance(value, bool)
 
 
+def are_numbers(values: object, count: int) -> bool:
+    """Return whether something is a row of so many finite real numbers."""
+    is_array = isinstance(values, np.ndarray) and values.ndim == 1
+    if not (is_array or isinstance(values, list | tuple)):
+        return False
+    row: Any = values
+    return len(row) == count and all(is_number(one) and abs(one) <= _LARGEST for one in row)
+
+
 def in_figures(value: Any) -> str:
     """Return a number in six digits, and anything else as messages show it."""
-    return f"{value:g}" if is_number(value) and abs(value) < inf else shown(value)
+    return f"{value:g}" if is_number(value) and abs(value) <= _LARGEST else shown(value)
 
 
 def require_count(options: object, least: int, *names: str, most: int | None = None) -> None:
@@ -64,7 +75,9 @@ def require_between(
         if not isinstance(value, NUMBER):
             raise OptionError(f"{name} is {shown(value)}; it must be a number {bounds}")
         if not (value > above and (below is None or value < below)):
-            raise OptionError(f"{name} is {value:g}{unit and ' '}{unit}; it must be {bounds}")
+            raise OptionError(
+                f"{name} is {in_figures(value)}{unit and ' '}{unit}; it must be {bounds}"
+            )
 
 
 def require_kind(options: object, name: str, kind: type) -> None:

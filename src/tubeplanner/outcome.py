@@ -89,9 +89,21 @@ class Infeasible(Exception):
     Attributes:
         status: Which kind of reason.
         place: Where.
+        proved: Whether there is none for certain; else none was found.
+        starts: From how many configurations or branches it was looked for, if that is not proved.
     """
 
-    def __init__(self, status: PlanStatus, message: str, place: Place) -> None:
+    def __init__(
+        self,
+        status: PlanStatus,
+        message: str,
+        place: Place,
+        *,
+        proved: bool = False,
+        starts: int = 0,
+    ) -> None:
         super().__init__(message)
         self.status = status
         self.place = place
+        self.proved = proved
+        self.starts = starts

@@ -173,7 +173,7 @@ def test_what_cannot_be_reached_is_refused_with_its_place():
     far = problem.with_tube(
         Tube([[0.3, -0.5, 0], [0.9, 0.5, 0]], 0.03, joint_signs={"joint2": "-"})
     )
-    with pytest.raises(Infeasible, match="out of the arm's reach") as caught:
+    with pytest.raises(Infeasible, match="the joints without limits") as caught:
         judged_baseline(far, "conventional")
     assert caught.value.status is PlanStatus.UNREACHABLE
     assert caught.value.place.segment == 0

@@ -190,6 +190,14 @@ def test_an_entry_is_never_half_written(folder):
     assert not list(folder.glob("*.tmp"))
 
 
+def test_what_a_killed_process_left_is_removed_by_the_next(folder, ring):
+    cold = ring().cover()
+    (entry,) = folder.glob("*")
+    entry.rename(entry.with_name(f".{entry.name}.tmp"))
+    assert_same(ring().cover(), cold)
+    assert list(folder.iterdir()) == [entry]
+
+
 def test_a_write_that_fails_leaves_nothing(folder, ring, monkeypatch):
     cold = ring().cover()
     (entry,) = folder.glob("*")

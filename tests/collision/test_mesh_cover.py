@@ -108,3 +108,18 @@ def test_what_is_flat_becomes_a_thin_solid(tmp_path, triangle):
     )
     assert (points.min(axis=0) <= np.min(triangle, axis=0)).all()
     assert (points.max(axis=0) >= np.max(triangle, axis=0)).all()
+
+
+def test_equal_triangles_count_once(tmp_path):
+    turned = np.roll(GOOD, 1, axis=1)
+    for name, triangles in (("once.stl", GOOD), ("often.stl", [*GOOD, *turned, *GOOD])):
+        (tmp_path / name).write_bytes(stl(*triangles))
+    once, often = (load_mesh("m", tmp_path / name) for name in ("once.stl", "often.stl"))
+    assert len(often.faces) == len(once.faces)
+    assert (often.triangles == once.triangles).all()
+
+
+def test_the_two_sides_of_a_sheet_are_two(tmp_path):
+    triangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    (tmp_path / "sheet.stl").write_bytes(stl(triangle, triangle[::-1]))
+    assert len(load_mesh("m", tmp_path / "sheet.stl").faces) == 2

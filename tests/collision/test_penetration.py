@@ -86,3 +86,20 @@ def test_an_edge_on_a_face_that_no_other_is_parallel_to(gap):
     found = separation(box((0.1, 0.8, 0.1)), wedge, turned.T, turned.T @ [0, 0, -height])
     assert gap - 1e-9 <= found.distance[0] <= gap + 1e-12
     np.testing.assert_allclose(turned @ found.direction[0], [0, 0, -1], atol=1e-9)
+
+
+@pytest.mark.parametrize("corners", [250, 300, 1000])
+def test_a_disc_of_many_corners_is_as_deep_as_it_is(corners):
+    """Its faces' triangles all meet at one corner; Coal takes at most 255 of them."""
+    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    rim = np.column_stack([0.1 * np.cos(angle), 0.1 * np.sin(angle)])
+    disc = convex_hull(np.vstack([np.c_[rim, np.full(corners, z)] for z in (-0.02, 0.02)]))
+    assert np.bincount(disc.faces.ravel()).max() > corners / 2
+    found = separation(box(TABLE), disc, np.eye(3), np.array([0.1, -0.2, 0.037]))
+    assert found.distance[0] == pytest.approx(-0.003, abs=1e-9)
+    np.testing.assert_allclose(found.direction[0], [0, 0, 1], atol=1e-5)
+    turned = Rotation.from_euler("xy", [0.4, 0.3]).as_matrix()
+    lowest = (disc.vertices @ turned.T)[:, 2].min()
+    place = np.array([0.1, -0.2, TABLE[2] / 2 - lowest - 0.003])
+    found = separation(box(TABLE), disc, turned, place)
+    assert found.distance[0] == pytest.approx(-0.003, abs=1e-6)

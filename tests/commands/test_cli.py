@@ -238,9 +238,9 @@ def test_an_interrupt_while_a_certified_answer_is_written_loses_nothing(
 
     write = output_files.write_files
 
-    def interrupted_write(contents):
+    def interrupted_write(*contents):
         signal.raise_signal(signal.SIGINT)
-        write(contents)
+        write(*contents)
 
     monkeypatch.setattr(output_files, "write_files", interrupted_write)
     path = tmp_path / "t.json"

@@ -55,3 +55,11 @@ def test_eighty_columns_hold_long_names_and_break_no_number(compared, text_at):
         (line, *_) = [cell for cell in cells if f"{name} " in cell]
         assert line.rstrip(",").endswith(" %")
     assert "e+0" not in text.split("└")[0]
+
+
+def test_a_refusal_points_to_explain(run):
+    far = ("--set", "tube.points.2=[2.45,0.3,0.5]")
+    status, out, _ = run("plan", "example:ur5/over_the_wall", *far)
+    assert status == 1
+    assert "`tubeplanner explain` looks for the smallest changes" in out
+    assert "explain" not in run("plan", "example:two_link/around_a_post", "--quality", "fast")[1]

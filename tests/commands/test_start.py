@@ -1,4 +1,4 @@
-"""The program from its first import to its end: Ctrl-C is answered in order all along."""
+"""The program from its first import to its end: Ctrl-C and SIGTERM are answered all along."""
 
 import json
 import signal
@@ -26,13 +26,16 @@ finally:
     return [sys.executable, "-c", code, *ARGUMENTS]
 
 
-def pressed_at(imported):
-    """Return code that presses Ctrl-C when a module begins to be imported."""
+SIGNALS = [signal.SIGINT, signal.SIGTERM]
+
+
+def pressed_at(imported, number=signal.SIGINT):
+    """Return code that sends a signal, by default Ctrl-C, when a module begins to be imported."""
     return f"""
 class Presser:
     def find_spec(self, name, path=None, target=None):
         if name == {imported!r}:
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), {int(number)})
 
 sys.meta_path.insert(0, Presser())
 """
@@ -46,8 +49,56 @@ def test_an_interrupt_during_an_import_is_one_object_and_no_traceback(imported):
     assert "Traceback" not in done.stderr
 
 
-def test_an_interrupt_after_all_is_written_changes_nothing():
-    command = program(after="os.kill(os.getpid(), signal.SIGINT)")
+def test_sigterm_is_as_ctrl_c():
+    command = program(pressed_at("pinocchio", signal.SIGTERM))
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 130
+    assert json.loads(done.stdout)["status"] == "interrupted"
+    assert "Traceback" not in done.stderr
+
+
+def test_an_interrupt_of_a_finalizer_prints_nothing_and_still_counts():
+    """Python prints what a finalizer raises, and goes on."""
+    before = """
+from tubeplanner.cycle import problem_or_cycle
+
+class Finalized:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+def loading(*names, load=problem_or_cycle.load_problem_or_cycle, **options):
+    Finalized()
+    return load(*names, **options)
+
+problem_or_cycle.load_problem_or_cycle = loading
+"""
+    done = subprocess.run(program(before), capture_output=True, text=True)
+    assert done.returncode == 130
+    assert json.loads(done.stdout)["status"] == "interrupted"
+    assert done.stderr.strip() == ""
+
+
+def test_what_else_a_finalizer_raises_is_printed():
+    before = """
+class Finalized:
+    def __del__(self):
+        raise ValueError("of a library")
+
+def silence(callbacks=start._silence_callbacks):
+    callbacks()
+    Finalized()
+
+start._silence_callbacks = silence
+"""
+    command = program(before)
+    command[-3:] = ["schema"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert "ValueError: of a library" in done.stderr
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_an_interrupt_after_all_is_written_changes_nothing(number):
+    command = program(after=f"os.kill(os.getpid(), {int(number)})")
     command[-3:] = ["schema"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0
@@ -55,14 +106,29 @@ def test_an_interrupt_after_all_is_written_changes_nothing():
     assert done.stderr == ""
 
 
+@pytest.mark.parametrize("number", SIGNALS)
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.2, 0.6])
-def test_an_interrupt_at_any_time_is_one_object(delay):
+def test_an_interrupt_at_any_time_is_one_object(delay, number):
     # Starting Python itself is not in our hands: the program says when it begins.
     command = program("print('begun', file=sys.stderr, flush=True); start.interrupts_noted()")
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stderr.readline() == "begun\n"
     time.sleep(delay + 0.02)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     out, err = process.communicate(timeout=120)
     assert "Traceback" not in err
     assert process.returncode == (130 if json.loads(out)["status"] == "interrupted" else 0)
+
+
+def test_worker_processes_of_a_command_do_not_warn_either():
+    code = """
+import warnings
+from tubeplanner.commands.start import _silence_libraries
+from tubeplanner import WorkerProcesses
+
+_silence_libraries()
+with WorkerProcesses(1) as workers:
+    workers.submit(warnings.warn, "loud").result()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")

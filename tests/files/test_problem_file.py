@@ -243,3 +243,13 @@ def test_changes_are_written_as_they_are_read_and_comments_are_kept(changes, tmp
     for comment in ("# Twins.", "# there and back", "# the other"):
         assert comment in written
     assert "payload: {mass: 2, com: [0, 0, 1]}" in written or "robot.payload" not in changes
+
+
+def test_yaml_that_cannot_be_written_again_with_its_comments_is_refused(cell):
+    # What separates lines for one reader is a space to another.
+    (cell / "lines.yaml").write_text("robot: {urdf: example:two_link}\u2028tube: {radius: 1}\u2028")
+    with pytest.raises(
+        ProblemError, match=r"lines.yaml cannot be rewritten with its comments"
+    ) as e:
+        read_fields(cell / "lines.yaml")
+    assert str(e.value).isprintable()

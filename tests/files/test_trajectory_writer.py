@@ -1,7 +1,6 @@
 import csv
 import json
 import os
-import tempfile
 from dataclasses import replace
 
 import numpy as np
@@ -168,25 +167,14 @@ def test_a_failure_leaves_the_file_as_it_was(suffix, post, tmp_path, monkeypatch
     path = tmp_path / f"t{suffix}"
     path.write_text("precious")
 
-    class Full:
-        def __init__(self, handle):
-            self.handle = handle
+    write = os.write
 
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            os.close(self.handle)
-
-        def write(self, data):
-            os.write(self.handle, data[: len(data) // 2])
-            raise OSError(28, "No space left on device")
-
-    def full(handle, mode):
-        return Full(handle)
+    def full(handle, data):
+        write(handle, data[: len(data) // 2])
+        raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(os, "fdopen", full)
+        patch.setattr(os, "write", full)
         with pytest.raises(OutputError, match=r"could not be written: No space left"):
             post[1].save(path)
     assert path.read_text() == "precious"
@@ -202,12 +190,13 @@ def test_targets_that_cannot_be_written_are_named(post, tmp_path, monkeypatch):
     path = tmp_path / "t.yaml"
     path.write_text("precious")
 
-    def refused(**_):
+    def refused(*_):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(tempfile, "mkstemp", refused)
-    with pytest.raises(OutputError, match=r"t\.yaml could not be written: Permission denied"):
-        post[1].save(path)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "open", refused)
+        with pytest.raises(OutputError, match=r"t\.yaml could not be written: Permission denied"):
+            post[1].save(path)
     assert path.read_text() == "precious"
 
 

@@ -73,7 +73,7 @@ def test_a_middle_point_may_be_cut_off_as_far_as_the_tube_is_wide(two_link, poin
         return
     reason = refused(problem)
     assert reason.status is PlanStatus.UNREACHABLE
-    assert "out of the arm's reach" in str(reason)
+    assert "was brought no nearer than 0.3 m" in str(reason)
     assert reason.place.point == 1
 
 

@@ -176,7 +176,11 @@ def test_a_start_that_is_the_goal_leaves_nothing_to_plan(two_link):
     tube = Tube(tool + np.array([[0, 0, 0], [0.02, 0, 0]]), 0.05)
     result = plan(PlanningProblem(two_link, tube, q, q), SHORTEST)
     assert result.status is PlanStatus.NO_TRAJECTORY
-    assert result.message == "the start is the goal: there is nothing to move"
+    assert result.message == (
+        "the start is the goal: there is nothing to move; proved: there is no motion"
+    )
+    assert result.proved
+    assert result.starts_tried is None
 
 
 def test_redundant_joints_alone_can_be_moved(panda):

@@ -399,3 +399,9 @@ def test_a_pipe_is_refused_without_waiting(tmp_path):
     os.mkfifo(tmp_path / "arm.urdf")
     with pytest.raises(RobotError, match="cannot be read: it is no regular file"):
         read_urdf(tmp_path / "arm.urdf")
+
+
+def test_more_links_than_any_arm_has_are_refused_at_once(tmp_path):
+    text = robot("".join(f'<link name="l{k}"/>' for k in range(2001)))
+    with pytest.raises(RobotError, match="has 2001 links; at most 2000 are accepted"):
+        read(tmp_path, text)

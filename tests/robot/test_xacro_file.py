@@ -1,6 +1,7 @@
 """Macro files: expanded as xacro does, without ROS; what is wrong is said with xacro's reason."""
 
 import builtins
+import os
 import sys
 
 import pytest
@@ -9,6 +10,7 @@ from cases import SLIDE
 from tubeplanner import load_robot
 from tubeplanner.errors import RobotError
 from tubeplanner.files.fingerprint import robot_hash
+from tubeplanner.robot import xacro_file
 from tubeplanner.robot.urdf import read_urdf
 from tubeplanner.robot.xacro_file import expanded
 
@@ -130,3 +132,43 @@ def test_without_xacro_the_remedy_is_named(write, monkeypatch):
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(RobotError, match=r"takes xacro, which is not installed: pip install"):
         read_urdf(path)
+
+
+HARMFUL = {
+    "endless": ("${10**10**10}", "xacro cannot expand it within 0.5 s; simplify it"),
+    "large": ("${'a' * 10**11}", "xacro cannot expand it: it takes more than 1 GB"),
+}
+
+
+@pytest.mark.parametrize("name", HARMFUL)
+def test_a_file_that_takes_all_time_or_memory_is_refused(write, monkeypatch, name):
+    value, message = HARMFUL[name]
+    if name == "endless":
+        monkeypatch.setattr(xacro_file, "_TIME_LIMIT", 0.5)
+    with pytest.raises(RobotError, match=message):
+        expanded(write(f'{HEAD}<a b="{value}"/></robot>'), {}, ())
+
+
+def test_a_file_that_stands_for_a_large_one_is_refused(write, monkeypatch):
+    monkeypatch.setattr(xacro_file, "_MAX_BYTES", 10_000)
+    with pytest.raises(RobotError, match=r"what it stands for is larger than 0\.01 MB"):
+        expanded(write(HEAD + "<a b=\"${'a' * 20000}\"/></robot>"), {}, ())
+
+
+def test_a_pipe_is_refused_without_waiting(tmp_path):
+    os.mkfifo(tmp_path / "arm.xacro")
+    with pytest.raises(RobotError, match="cannot be read: it is no regular file"):
+        expanded(tmp_path / "arm.xacro", {}, ())
+
+
+def test_a_process_that_ends_without_an_answer_is_an_error(write, monkeypatch):
+    monkeypatch.setattr(xacro_file, "_PROGRAM", "{path!r}")
+    with pytest.raises(RobotError, match="xacro ended without an answer; simplify it"):
+        expanded(write(ARM), {}, ())
+
+
+def test_what_xacro_warns_of_is_not_printed(write, capfd):
+    write("length: 1", "sizes.yaml")
+    path = write(HEAD + "<a b=\"${load_yaml('sizes.yaml')['length']}\"/></robot>")
+    assert b'b="1"' in expanded(path, {}, ())
+    assert capfd.readouterr() == ("", "")

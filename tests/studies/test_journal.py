@@ -1,12 +1,15 @@
 """The journal: what is in it survives any end, and nothing that is none is touched."""
 
 import json
+import os
+import resource
 import subprocess
 import sys
 
 import pytest
 
 from tubeplanner.errors import OutputError
+from tubeplanner.studies import journal as journal_module
 from tubeplanner.studies.journal import Journal
 
 ANSWER = {"status": "success", "duration": 0.1 + 0.2}
@@ -98,5 +101,55 @@ def test_two_processes_do_not_share_one(path):
 
 
 def test_a_folder_is_none(tmp_path):
-    with pytest.raises(OutputError, match="cannot be opened: Is a directory"):
+    with pytest.raises(OutputError, match="cannot be opened: Is a directory; name another"):
         Journal(tmp_path)
+
+
+def test_a_pipe_is_none_and_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OutputError, match="pipe is no regular file; name one"):
+        Journal(tmp_path / "pipe")
+
+
+@pytest.mark.parametrize(
+    "line", [b"[" * 100_000, b'{"key": "p", "row": []}', b'{"key": "p", "row": 1}', b"\xff"]
+)
+def test_a_line_that_is_none_is_refused_by_number(path, line):
+    path.write_bytes(line + b"\n")
+    with pytest.raises(OutputError, match="line 1 is none of a study's journal"):
+        Journal(path)
+    assert path.read_bytes() == line + b"\n"
+
+
+def test_a_line_without_end_is_not_read_to_its_end(path, monkeypatch):
+    monkeypatch.setattr(journal_module, "_MAX_LINE", 1000)
+    path.write_bytes(b'{"key": "p", "row": {"status": "' + b"a" * 2000 + b'"}}\n')
+    with pytest.raises(OutputError, match="line 1 is none of a study's journal"):
+        Journal(path)
+
+
+def test_an_answer_that_nothing_can_be_made_of_is_refused_by_key(path):
+    add(path, "p")
+
+    def make(answer):
+        raise KeyError("where")
+
+    with Journal(path) as journal:
+        assert journal.made("p", dict) == {**ANSWER, "number": 0}
+        with pytest.raises(OutputError, match=r"the line of key 'p' holds no answer .*where"):
+            journal.made("p", make)
+
+
+def test_a_full_disk_is_named_and_what_was_kept_stays(path):
+    """Nothing is left in a buffer that would be written, and fail, once more in the end."""
+    add(path, "p")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    message = r"journal .*t\.jsonl cannot be written: File too large; make room, or name a table"
+    try:
+        with pytest.raises(OutputError, match=message), Journal(path) as journal:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20, before[1]))
+            journal.add("q", {}, ANSWER)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    add(path, "r")
+    assert keys(path) == ["p", "r"]

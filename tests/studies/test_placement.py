@@ -10,6 +10,7 @@ import pytest
 
 from gantry import BEST_DURATION, BEST_YAW, FLOOR, POST, gantry
 from tubeplanner import OptionError, PlaceOptions, ProblemError, Stand, load_problem, place, plan
+from tubeplanner.errors import OutputError
 from tubeplanner.files.problem_file import with_placement
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.planning.plan_options import PlanOptions
@@ -287,3 +288,11 @@ def test_a_given_base_in_an_obstacle_is_said(folder):
     assert result.given.message.startswith("'base', which no joint moves, stands")
     on_post = place(path, region, stands_on=["post"], changes=base, options=one, executor=Here())
     assert "which no joint moves" not in on_post.given.message
+
+
+def test_an_answer_that_was_edited_is_refused_with_its_file(folder, tmp_path):
+    journal = tmp_path / "best.jsonl"
+    place(gantry(folder), HERE, options=FEW, executor=Here(fails_at=3), journal=journal)
+    journal.write_text(journal.read_text().replace('"yaw": ', '"yaw": "up", "_": ', 1))
+    with pytest.raises(OutputError, match=r"best\.jsonl: the line of key .* holds no answer"):
+        place(gantry(folder), HERE, options=FEW, executor=Here(), journal=journal)

@@ -226,3 +226,12 @@ def test_progress_has_count_rate_and_time_left(journal):
 )
 def test_progress_in_words(progress, text):
     assert str(progress) == text
+
+
+def test_an_answer_that_was_edited_is_refused_with_its_file(journal):
+    run_study(small_study(), journal=journal, executor=Here())
+    journal.write_text(
+        journal.read_text().replace('"duration": ', '"duration": "long", "long": ', 1)
+    )
+    with pytest.raises(OutputError, match=r"t\.jsonl: the line of key .* holds no answer"):
+        run_study(small_study(), journal=journal, executor=Here())

@@ -134,7 +134,9 @@ def test_where_the_start_is_the_goal_there_is_nothing_to_move(two_link):
     tube = Tube([tool, tool + np.array([0.001, 0, 0])], 0.1)
     problem = PlanningProblem(two_link, tube, q, q)
     result = plan(problem, OPTIONS)
-    assert result.message == "the start is the goal: there is nothing to move"
+    assert result.message == (
+        "the start is the goal: there is nothing to move; proved: there is no motion"
+    )
 
 
 def interrupting(stage, times):

@@ -33,7 +33,9 @@ def straight(*places):
     parts = [REST_TO_REST[:, None, None] * np.subtract(q, p) for p, q in pairwise(places)]
     for part, begin in zip(parts, places, strict=False):
         part[-1] += begin
-    return JointTrajectory("xyz", np.arange(len(places)) * 1.0, np.concatenate(parts, axis=1))
+    return JointTrajectory(
+        tuple("xyz"), np.arange(len(places)) * 1.0, np.concatenate(parts, axis=1)
+    )
 
 
 def judged(gantry, tube, trajectory):
@@ -90,7 +92,7 @@ def test_a_wall_met_for_a_ten_thousandth_of_a_second_is_found(gantry):
         parts = [np.concatenate([np.zeros((1, 1, 3)), part]) for part in parts]
         bump = 64 * peak * np.array([-1.0, 3, -3, 1, 0, 0, 0]) / width ** np.arange(6, -1, -1)
         parts[1][:, 0, 1] += bump
-        trajectory = JointTrajectory("xyz", cuts, np.concatenate(parts, axis=1))
+        trajectory = JointTrajectory(tuple("xyz"), cuts, np.concatenate(parts, axis=1))
         found = judged(gantry, Tube(LINE, None, cross_section=FLAT), trajectory).conditions["tube"]
         assert found.margin == pytest.approx(0.01 - peak, abs=1e-6)
 

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 import webbrowser
 from pathlib import Path
 
@@ -281,6 +282,22 @@ def test_a_page_is_opened_in_a_browser(found, shown, monkeypatch):
     assert opened is found
     assert asked == [path.as_uri()]
     assert path.read_text().startswith("<!DOCTYPE html>")
+
+
+@pytest.mark.parametrize("refused", ["mkdtemp", "write_files"])
+def test_a_page_that_there_is_no_room_for_leaves_no_folder(refused, shown, monkeypatch, tmp_path):
+    def full(*_, **__):
+        if refused == "mkdtemp":
+            raise OSError(28, "No space left on device")
+        raise OutputError("no room")
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    where = "tempfile" if refused == "mkdtemp" else "tubeplanner.views.viewer"
+    monkeypatch.setattr(f"{where}.{refused}", full)
+    message = "no room" if refused == "write_files" else "No space left on device; name a file for"
+    with pytest.raises(OutputError, match=message):
+        shown("two_link/around_a_post").open()
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.fixture

@@ -36,3 +36,14 @@ def test_a_mesh_that_is_none_is_refused_by_name(tmp_path):
     path.write_text("nothing")
     with pytest.raises(RobotError, match=r"broken\.dae cannot be read"):
         read_visual_mesh(path)
+
+
+@pytest.mark.parametrize(
+    "content", [b"\0\0", b"<a\0", b"", b"<COLLADA", "<?xml?>".encode("utf-16")]
+)
+def test_the_reason_is_on_one_line(tmp_path, content):
+    path = tmp_path / "broken.dae"
+    path.write_bytes(content)
+    with pytest.raises(RobotError, match=r"broken\.dae cannot be read") as caught:
+        read_visual_mesh(path)
+    assert str(caught.value).isprintable()

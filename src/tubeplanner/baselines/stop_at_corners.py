@@ -53,9 +53,8 @@ def stop_at_corners(
     """
     moving = branch.moving_segments
     if not moving:
-        raise Infeasible(
-            PlanStatus.NO_TRAJECTORY, "the start is the goal: there is nothing to move", Place()
-        )
+        message = "the start is the goal: there is nothing to move"
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place(), proved=True)
     trajectories = []
     for k in moving:
         checkpoint()

@@ -72,7 +72,7 @@ def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
         turned_best = [one for one in found if one.rotation_error <= least]
         best = min(turned_best, key=lambda one: float(abs(one.q - near).max()))
     if goal is not None and best.error > max(goal.tolerance, _GOAL_TOLERANCE):
-        message = f"no goal: the tool gets no nearer than {best.error:.4g} m"
+        message = f"no goal: the tool was brought no nearer than {best.error:.4g} m"
         place = Place(segment=problem.tube.segment_number(k - 1, point)).at(point)
         raise Infeasible(PlanStatus.UNREACHABLE, message, place)
     return best.q

@@ -35,6 +35,11 @@ class KnownBranches:
         """Whether there is a branch already."""
         return any(isinstance(found, ReferenceBranch) for found in self._found.values())
 
+    @property
+    def tried(self) -> int:
+        """How many were looked for."""
+        return len(self._found)
+
     def under(self, clock: PlanningClock) -> "KnownBranches":
         """Return the same branches for work under another clock."""
         same = KnownBranches(self._problem, clock)
@@ -108,8 +113,10 @@ class KnownBranches:
     def _free_ends(self) -> FloatArray:
         problem = self._problem
         ends = [end_configuration(problem, problem.start, 0)]
-        require_free(problem, "start", ends[0])
+        is_given = isinstance(problem.start, np.ndarray)
+        require_free(problem, "start", ends[0], is_given=is_given)
         if problem.given_goal is not None:  # an open one may move
             ends.append(end_configuration(problem, problem.given_goal, -1))
-            require_free(problem, "goal", ends[1])
+            is_given = isinstance(problem.given_goal, np.ndarray)
+            require_free(problem, "goal", ends[1], is_given=is_given)
         return np.array(ends)

@@ -39,7 +39,8 @@ def pose_configurations(problem: PlanningProblem, pose: ToolPose, point: int) ->
     if len(found) == 0:
         message = f"{end}: {_reason(problem, pose, segment)}"
         number = problem.tube.segment_number(segment, pose.position)
-        raise Infeasible(PlanStatus.UNREACHABLE, message, Place(segment=number).at(pose.position))
+        place = Place(segment=number).at(pose.position)
+        raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=len(seeds))
     middle, half = middle_of(lower, upper), half_ranges(lower, upper)
 
     def rank(q: FloatArray) -> tuple[bool, bool, float]:
@@ -130,9 +131,9 @@ def _out_of_reach(robot: RobotModel, pose: ToolPose, seeds: FloatArray) -> str:
     errors = solve_positions(robot, pose.position, seeds, -free, free, rotation=wanted)[1]
     off = float(errors[:, 0].min())
     if off > _REACHED:
-        return f"the pose is out of the arm's reach: the tool gets no nearer than {off:.4g} m"
+        return f"the tool was brought no nearer to the pose than {off:.4g} m; move it nearer"
     turned = float(errors[errors[:, 0] <= _REACHED, 1].min())
     return (
-        f"the tool gets to the pose's position, but turned no nearer than {turned:.3g} rad to its "
-        "orientation; turn the pose"
+        f"the tool gets to the pose's position, but was turned no nearer than {turned:.3g} rad to "
+        "its orientation; turn the pose"
     )

@@ -178,7 +178,8 @@ def end_configuration(
     if reason is not None:
         place = Place(segment=problem.tube.segment_number(segment, target)).at(target)
         end = "start" if point == 0 else "goal"
-        raise Infeasible(PlanStatus.UNREACHABLE, f"{end} from its seed: {reason}", place)
+        message = f"{end} from its seed: {reason}"
+        raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=1)
     return solution.q
 
 

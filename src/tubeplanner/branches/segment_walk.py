@@ -231,11 +231,14 @@ def explain_error(
 ) -> str:
     """Return which condition keeps the tool from a point, by dropping one after the other."""
     robot, limits = problem.robot, problem.robot.limits
-    short = f"the tool gets no nearer than {solution.error:.4g} m"
+    short = f"the tool was brought no nearer than {solution.error:.4g} m"
     free = np.full(robot.joint_count, np.inf)
     without_limits = solve_position(robot, point, seed, -free, free)
     if without_limits.error > 1e-6:
-        return f"{short}: out of the arm's reach ({without_limits.error:.4g} m short)"
+        return (
+            f"the tool was brought no nearer than {without_limits.error:.4g} m, the joints without "
+            "limits; move it nearer"
+        )
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     at_bound = (solution.q <= lower) | (solution.q >= upper)
     held = [name for name, is_held in zip(robot.joint_names, at_bound, strict=True) if is_held]

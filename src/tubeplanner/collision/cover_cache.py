@@ -8,7 +8,6 @@ read or written is computed again: the cache changes times, never answers.
 import hashlib
 import io
 import os
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -18,6 +17,8 @@ import platformdirs
 from tubeplanner import __version__
 from tubeplanner.arrays import read_only
 from tubeplanner.collision.convex_shape import ConvexShape
+from tubeplanner.held_signals import signals_held
+from tubeplanner.staged_file import StagedFile
 
 VARIABLE = "TUBEPLANNER_CACHE"  # a folder, or "off"
 # Part of every name: another number, and entries made by other code are not found any more.
@@ -120,13 +121,8 @@ def _write(path: Path, arrays: Arrays) -> None:
     np.savez(content, **arrays)  # type: ignore[arg-type]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, unfinished = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(_digest(path, content.getvalue()) + content.getvalue())
-            Path(unfinished).replace(path)
-        except BaseException:
-            Path(unfinished).unlink(missing_ok=True)
-            raise
+        with signals_held(), StagedFile(path) as file:
+            file.write(_digest(path, content.getvalue()) + content.getvalue())
+            file.put()
     except OSError:
         return

@@ -10,6 +10,8 @@ import numpy as np
 
 from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
 from tubeplanner.collision.hulls import hull
+from tubeplanner.collision.mesh_bounds import files_beside
+from tubeplanner.documents import DocumentError
 from tubeplanner.errors import RobotError, shown
 
 if TYPE_CHECKING:
@@ -39,8 +41,10 @@ def load_mesh(
 
     try:
         # Unprocessed: processing drops what is not finite, and the solid has a hole.
-        loaded = trimesh.load(str(path), force="mesh", process=False)
+        loaded = trimesh.load(str(path), force="mesh", process=False, resolver=files_beside(path))
         unit = length_unit(path)
+    except DocumentError as error:
+        raise RobotError(f"{owner}: mesh {path} cannot be read: {error}") from None
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries raise
         raise RobotError(
             f"{owner}: mesh {path} is no readable {path.suffix[1:].upper()} file; export it "
@@ -50,6 +54,7 @@ def load_mesh(
     if fault is not None:
         raise RobotError(f"{owner}: mesh {path} {fault}; export it again")
     loaded.process()
+    loaded.update_faces(_first_of_equal(np.asarray(loaded.faces)))
     loaded.apply_scale(unit)
     if scale is not None:
         loaded.apply_scale(scale)
@@ -73,6 +78,19 @@ def _fault(mesh: "trimesh.Trimesh", scale: np.ndarray) -> str | None:
             f"reaches {largest:.3g} m from its origin, where at most {_MAX_LENGTH:g} m make sense"
         )
     return None
+
+
+def _first_of_equal(faces: np.ndarray) -> np.ndarray:
+    """Return whether each triangle (F, 3) is none of those before it: bool, shape (F,).
+
+    Equal ones, whose corners go round in the same order, are in the way of whoever searches for the
+    nearest, and counted twice by whoever asks what is inside.
+    """
+    rows = np.arange(len(faces))[:, None]
+    turned = faces[rows, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3]
+    first = np.zeros(len(faces), dtype=bool)
+    first[np.unique(turned, axis=0, return_index=True)[1]] = True
+    return first
 
 
 def length_unit(path: Path) -> float:

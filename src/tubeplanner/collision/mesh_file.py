@@ -13,8 +13,10 @@ from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.collision.cover_cache import cached, content_hash, packed, unpacked
 from tubeplanner.collision.cover_error import cover_error
 from tubeplanner.collision.fine_cover import OUTER_ERROR, Cover, fine_cover
+from tubeplanner.collision.mesh_bounds import mesh_bytes
 from tubeplanner.collision.mesh_cover import cover_mesh, load_mesh, slab_cuts
 from tubeplanner.collision.mesh_solid import MeshSolid
+from tubeplanner.documents import DocumentError
 
 # Each shape of one link is checked against each of another: fewer than for obstacles. Both links of
 # a pair have a cover: each may stand off half as much [m].
@@ -46,8 +48,8 @@ class MeshFile:
         if self.path.suffix.lower() not in _SELF_CONTAINED:
             return None
         try:
-            content = self.path.read_bytes()
-        except OSError:
+            content = mesh_bytes(self.path)
+        except DocumentError:
             return None  # reading the mesh says what is wrong
         scale = np.array([1.0 if self.scale is None else self.scale], dtype=np.float64)
         return content_hash([content, self.path.suffix.lower(), scale])

@@ -16,6 +16,7 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.collision.convex_shape import ConvexShape, flat_hull
 from tubeplanner.collision.cover_error import surface_samples
 from tubeplanner.collision.hulls import hull, hull_unless_flat
+from tubeplanner.collision.spread_directions import spread_directions
 
 # Where a piece may be cut: at its deepest notches, at the coordinates that most of its corners
 # have, and in its middle. A cut at a corner is preferred to one that is better by less than this
@@ -273,15 +274,7 @@ def _farthest(points: FloatArray) -> FloatArray:
     return points[np.unique((points @ _DIRECTIONS.T).argmax(axis=0))]
 
 
-def _spiral(count: int) -> FloatArray:
-    """Return directions spread evenly, shape (count, 3): a spiral by the golden angle."""
-    z = 1 - (2 * np.arange(count) + 1) / count
-    turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
-    wide = np.sqrt(1 - z * z)
-    return np.column_stack([wide * np.cos(turn), wide * np.sin(turn), z])
-
-
-_DIRECTIONS = _spiral(_DIRECTION_COUNT)
+_DIRECTIONS = spread_directions(_DIRECTION_COUNT)
 
 
 def _volume(points: FloatArray) -> float:

@@ -17,7 +17,7 @@ from tubeplanner.collision.solid_contents import (
 )
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.names import require_name
-from tubeplanner.options import in_figures, is_number
+from tubeplanner.options import are_numbers, in_figures, is_number
 from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy
 
 # Lengths that make sense around an arm [m]; far outside them distances are only rounding.
@@ -89,6 +89,8 @@ class Obstacle:
             ProblemError: The scale is not between 1e-6 and 1e4.
         """
         require_name("the name of an obstacle", name, ProblemError)
+        if not isinstance(path, str | Path):
+            raise ProblemError(f"obstacle '{name}': path is {shown(path)}; name a mesh file")
         if not is_number(scale) or not MIN_SIZE <= scale <= MAX_SIZE:
             raise ProblemError(
                 f"obstacle '{name}': scale {in_figures(scale)}; {MIN_SIZE:g} to {MAX_SIZE:g} are "
@@ -139,25 +141,32 @@ def placement_of(
     """
     if rpy is not None and quaternion is not None:
         raise ProblemError("a placement takes rpy or quaternion, not both")
-    if len(position) != 3 or not (abs(np.array(position)) <= MAX_SIZE).all():
+    if not are_numbers(position, 3) or not (abs(np.array(position)) <= MAX_SIZE).all():
         raise ProblemError(
-            f"position {list(position)} must be three finite numbers within {MAX_SIZE:g} m"
+            f"position {shown(_listed(position))} must be three finite numbers within "
+            f"{MAX_SIZE:g} m"
         )
     placement = np.eye(4)
     placement[:3, 3] = position
     if quaternion is not None:
-        if len(quaternion) != 4 or not 1e-9 < np.linalg.norm(quaternion) < 1e9:
-            raise ProblemError(f"quaternion {list(quaternion)} has no direction")
+        is_row = are_numbers(quaternion, 4)
+        if not is_row or not 1e-9 < np.linalg.norm(quaternion) < 1e9:
+            raise ProblemError(f"quaternion {shown(_listed(quaternion))} has no direction")
         placement[:3, :3] = matrix_of_quaternion(np.array(quaternion, dtype=float))
     elif rpy is not None:
-        if len(rpy) != 3 or not np.isfinite(rpy).all():
-            raise ProblemError(f"rpy {list(rpy)} must be three finite angles")
+        if not are_numbers(rpy, 3):
+            raise ProblemError(f"rpy {shown(_listed(rpy))} must be three finite angles")
         placement[:3, :3] = matrix_of_rpy(*rpy)
     return placement
 
 
 _SIZE_COUNTS = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
 _ORTHONORMAL = 1e-6  # how far a rotation matrix may be from one, by rounding
+
+
+def _listed(row: object) -> object:
+    """Return a row as files write it."""
+    return list(row) if isinstance(row, tuple) else row
 
 
 def _extent(shapes: Sequence[ConvexShape]) -> str:
@@ -171,7 +180,8 @@ def _extent(shapes: Sequence[ConvexShape]) -> str:
 
 def _require_solid(name: object, shapes: object) -> None:
     require_name("the name of an obstacle", name, ProblemError)
-    if not isinstance(shapes, tuple) or not all(isinstance(s, ConvexShape) for s in shapes):
+    are_shapes = isinstance(shapes, tuple) and all(isinstance(s, ConvexShape) for s in shapes)
+    if not are_shapes or not shapes:
         raise ProblemError(f"obstacle '{name}': shapes is {shown(shapes)}; use Obstacle.box, ...")
 
 

@@ -10,8 +10,11 @@ import coal
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.collision.convex_shape import ConvexShape
+from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
+from tubeplanner.collision.spread_directions import spread_directions
 
+# Coal refuses solids of which more edges than 255 meet at a corner.
+_MOST_NEIGHBOURS = 250
 _REQUEST = coal.DistanceRequest()
 _REQUEST.enable_signed_distance = True
 
@@ -84,12 +87,26 @@ def coal_solid(shape: ConvexShape, thickness: float) -> Any:
     if len(shape.vertices) == 2:  # an edge
         length = float(np.linalg.norm(shape.vertices[1] - shape.vertices[0]))
         return coal.Box(thickness, thickness, length)
+    shape = _with_few_neighbours(shape)
     corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     for corner in shape.vertices:
         corners.append(corner)
     for face in shape.faces.tolist():
         triangles.append(coal.Triangle(*face))
     return coal.Convex(corners, triangles)
+
+
+def _with_few_neighbours(shape: ConvexShape) -> ConvexShape:
+    """Return a shape, or one of its outermost corners where edges of too many meet at one.
+
+    Only a direction is asked of Coal: how far apart shapes are along it is measured with all
+    corners.
+    """
+    if np.bincount(shape.faces.ravel()).max() <= _MOST_NEIGHBOURS:
+        return shape
+    ways = spread_directions(_MOST_NEIGHBOURS)
+    outermost = np.unique((shape.vertices @ ways.T).argmax(axis=0))
+    return convex_hull(shape.vertices[outermost])
 
 
 def _corners(placed: PlacedSolid) -> FloatArray:

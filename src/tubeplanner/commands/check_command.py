@@ -9,7 +9,7 @@ import click
 from tubeplanner.commands.console import (
     AS_JSON,
     INFEASIBLE,
-    PATH,
+    INPUT,
     SET,
     SUCCESS,
     empty_report,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("problem")
-@click.argument("trajectory", type=PATH)
+@click.argument("trajectory", type=INPUT)
 @click.option("--tolerance", help="ABS[,REL]: how far below zero margins may lie.")
 @click.option(
     "--for",

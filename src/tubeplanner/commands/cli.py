@@ -30,6 +30,7 @@ from tubeplanner.commands.console import (
     say_unwritten,
     shown_progress,
 )
+from tubeplanner.commands.explain_command import explain
 from tubeplanner.commands.info_command import info
 from tubeplanner.commands.init_command import init
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
@@ -211,6 +212,7 @@ def schema(cycle: bool, of_study: bool, json: bool) -> None:
 
 for command in (
     check,
+    explain,
     simulate,
     draw,
     sweep,

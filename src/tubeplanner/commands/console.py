@@ -21,6 +21,7 @@ SUCCESS, INFEASIBLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 _MAX_MESSAGE = 5000  # [characters]
 PATH = click.Path(path_type=Path, dir_okay=False)
+INPUT = click.Path(path_type=Path)  # whoever reads it says what is wrong, in one line
 FOLDER = click.Path(path_type=Path, file_okay=False)
 SLACK = click.option(
     "--slack",
@@ -135,14 +136,25 @@ def fail(status: str, message: str, as_json: bool, code: int) -> int:
 
 def printable(message: str) -> str:
     """Return a message on one line, with characters that a terminal would obey as their codes."""
-    text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in message[:_MAX_MESSAGE])
+    text = _escaped(message[:_MAX_MESSAGE])
     return text if len(message) <= _MAX_MESSAGE else text + " ..."
 
 
+def _escaped(text: str) -> str:
+    """Return a text with characters that a terminal would obey as their codes."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
 def say(*values: object, sep: str = " ", end: str = "\n") -> None:
-    """Print what a run answers; from here on, Ctrl-C no longer makes it look interrupted."""
+    """Print what a run answers; from here on, Ctrl-C no longer makes it look interrupted.
+
+    Characters that a terminal would obey, as names may hold them, are printed as their codes.
+    """
     hold_interrupts()
-    print(*values, sep=sep, end=end)
+    lines = sep.join(map(str, values)).split("\n")
+    print("\n".join(map(_escaped, lines)), end=end)
 
 
 def say_unwritten(*options: str) -> None:
@@ -157,6 +169,8 @@ def empty_report(status: str, message: str, where: dict[str, Any]) -> dict[str, 
         "status": status,
         "message": message,
         "where": where,
+        "proved": None,
+        "starts_tried": None,
         **dict.fromkeys(numbers),
         "stopped_by": None,
         "certificate": None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
     PATH,
@@ -74,7 +75,9 @@ def info(
             found = _robot_info(robot, tool_frame, package_dirs, changes)
         if plot is not None:
             enter("picture")
-            _write_picture(found, plot)
+            picture = _picture(found, plot)
+            enter("writing")
+            write_answer({plot: picture})
     if as_json:
         fields = _finite(found.as_dict())
         message = f"{fields['name']}: {len(fields['missing'])} things missing"
@@ -116,14 +119,15 @@ def _robot_info(
     return robot_info(name, tool_frame, package_dirs=package_dirs)
 
 
-def _write_picture(found: "RobotInfo | ProblemInfo | CycleInfo", path: Path) -> None:
+def _picture(found: "RobotInfo | ProblemInfo | CycleInfo", path: Path) -> bytes:
     from tubeplanner.robot.robot_info import RobotInfo
     from tubeplanner.tube_sources.shown_configuration import shown_configuration
+    from tubeplanner.views.figure_files import figure_file
     from tubeplanner.views.robot_plot import plot_robot
 
     problem = None if isinstance(found, RobotInfo) else found.problem
     arm = found.arm if isinstance(found, RobotInfo) else found.robot.arm
-    plot_robot(arm, shown_configuration(arm, problem), path)
+    return figure_file(plot_robot(arm, shown_configuration(arm, problem)), path)
 
 
 def _finite(value: Any) -> Any:

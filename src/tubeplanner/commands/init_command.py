@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
     PATH,
@@ -15,6 +16,7 @@ from tubeplanner.commands.console import (
     shown_progress,
 )
 from tubeplanner.commands.info_command import PACKAGE_DIR, TOOL_FRAME
+from tubeplanner.commands.interrupts import hold_interrupts
 
 
 @click.command()
@@ -35,7 +37,7 @@ def init(
     It has a start, a short tube that was planned, placeholders for limits that the URDF lacks, and
     commented examples of other fields.
     """
-    from tubeplanner.files.output_files import require_writable, write_files
+    from tubeplanner.files.output_files import require_writable
     from tubeplanner.files.starter_file import starter_text
     from tubeplanner.tube_sources.starter_problem import starter_problem
 
@@ -45,9 +47,10 @@ def init(
     with shown_progress() as enter:
         enter("reading robot")
         found = starter_problem(robot, tool_frame, package_dirs=package_dirs, progress=enter)
+    hold_interrupts()
     text = starter_text(found, robot, package_dirs, Path() if output is None else output.parent)
     if output is not None:
-        write_files({output: text.encode()})
+        write_answer({output: text.encode()})
     if as_json:
         fields = empty_report("success", found.result.message, nowhere())
         fields |= {"duration": found.result.duration, "placeholders": list(found.placeholders)}

@@ -1,10 +1,15 @@
-"""Ctrl-C: neither lost to a library that swallows it, nor let into what is being answered."""
+"""Ctrl-C: neither lost to a library that swallows it, nor let into what is being answered.
+
+SIGTERM, by which schedulers and containers end a program, is the same as Ctrl-C.
+"""
 
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass
@@ -27,7 +32,7 @@ _run = _Interrupts()
 
 def interrupts_noted() -> None:
     """From here on, remember Ctrl-C for the next `interrupts_remembered`, and go on."""
-    _set_handler(lambda number, _: _run.pressed.append(number))
+    _set_handlers(lambda number, _: _run.pressed.append(number))
 
 
 @contextmanager
@@ -42,11 +47,11 @@ def interrupts_remembered() -> Iterator[Callable[[], None]]:
         _run.pressed.append(number)
         raise KeyboardInterrupt
 
-    previous = None
+    previous: dict[signal.Signals, Any] = {}
     _run.depth += 1
     try:
         if _run.held is None:
-            previous = _set_handler(interrupt)
+            previous = _set_handlers(interrupt)
         yield _raise_pending
     except Exception:
         # What becomes of a library that was interrupted while it was imported is no error.
@@ -54,8 +59,9 @@ def interrupts_remembered() -> Iterator[Callable[[], None]]:
         raise
     finally:
         _run.depth -= 1
-        if previous is not None and (_run.held is None or _run.depth == 0):
-            _set_handler(previous)
+        if _run.held is None or _run.depth == 0:
+            for number, handler in previous.items():
+                signal.signal(number, handler)
         if _run.depth == 0:
             _run.pressed.clear()
             _run.held = None
@@ -71,7 +77,7 @@ def hold_interrupts() -> list[int]:
         held: list[int] = []
         if _run.depth > 0:
             _run.held = held
-            _set_handler(lambda number, _: held.append(number))
+            _set_handlers(lambda number, _: held.append(number))
         return held
     return _run.held
 
@@ -81,12 +87,12 @@ def _raise_pending() -> None:
         raise KeyboardInterrupt
 
 
-def _set_handler(handler: Any) -> Any:
-    """Let a handler take Ctrl-C; return the one before, None where it could not be set.
+def _set_handlers(handler: Any) -> dict[signal.Signals, Any]:
+    """Let a handler take Ctrl-C; return those before, none where it could not be set.
 
     Outside the main thread signals do not come anyway.
     """
     try:
-        return signal.signal(signal.SIGINT, handler)
+        return {number: signal.signal(number, handler) for number in SIGNALS}
     except ValueError:
-        return None
+        return {}

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
     INFEASIBLE,
@@ -19,6 +20,7 @@ from tubeplanner.commands.console import (
     say_unwritten,
     shown_progress,
 )
+from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
@@ -75,7 +77,7 @@ def _measure(
     output: Path | None,
     as_json: bool,
 ) -> int:
-    from tubeplanner.files.output_files import require_writable, write_files
+    from tubeplanner.files.output_files import require_writable
     from tubeplanner.files.problem_file import with_other_tube
     from tubeplanner.measurement.tube_measurement import measure_tube
     from tubeplanner.problem.problem_layers import ProblemLayers
@@ -89,8 +91,9 @@ def _measure(
         require_writable(outputs, [*ProblemLayers.read(source).files, loaded.robot.urdf.path])
         result = measure_tube(loaded, options, enter)
     if output is not None and result.problem is not None:
+        hold_interrupts()
         contents = with_other_tube(source, output, result.problem.tube, changes)
-        write_files({output: contents})
+        write_answer({output: contents})
     if as_json:
         fields = {**empty_report("", "", nowhere()), **result.as_dict()}
         print_json({**fields, "loading_time": loading_time})

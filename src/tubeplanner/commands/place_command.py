@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
     INFEASIBLE,
@@ -21,6 +22,7 @@ from tubeplanner.commands.console import (
     say_unwritten,
     shown_progress,
 )
+from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.commands.workers import processes_option, workers_of
 from tubeplanner.errors import OptionError
 
@@ -169,11 +171,11 @@ def _write(
     changes: dict[str, Any],
 ) -> dict[str, Path]:
     """Write the requested files, or none; return them by what they are."""
-    from tubeplanner.files.output_files import write_files
     from tubeplanner.files.problem_file import with_placement
     from tubeplanner.views.figure_files import figure_file
     from tubeplanner.views.placement_map import plot_placement
 
+    hold_interrupts()
     contents: dict[Path, bytes] = {}
     written = {}
     if output is not None and found.succeeded:
@@ -182,5 +184,5 @@ def _write(
     if figure is not None:
         contents[figure] = figure_file(plot_placement(found), figure)
         written["map"] = figure
-    write_files(contents)
+    write_answer(contents)
     return written

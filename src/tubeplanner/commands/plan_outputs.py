@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.view_command import require_page
 
 if TYPE_CHECKING:
@@ -59,8 +60,6 @@ class PlanOutputs:
         self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory"
     ) -> tuple[str, ...]:
         """Write all files, or none of them; return notes about them."""
-        from tubeplanner.files.output_files import write_files
-
         contents, notes = self.files.contents(trajectory, problem, method)
         if self.plot:
             from tubeplanner.views.figure_files import figure_file
@@ -71,13 +70,12 @@ class PlanOutputs:
             from tubeplanner.views.viewer import view as view_scene
 
             contents[self.html] = view_scene(problem, trajectory, names=[method]).html.encode()
-        write_files(contents)
+        write_answer(contents)
         return notes
 
     def write_cycle(self, method: str, motion: "CycleMotion") -> tuple[str, ...]:
         """Write all files of a cycle's motion, or none of them; return notes about them."""
         from tubeplanner.files.cycle_writer import cycle_contents
-        from tubeplanner.files.output_files import write_files
 
         contents, notes = cycle_contents(self.files, motion, method)
         if self.plot:
@@ -89,5 +87,5 @@ class PlanOutputs:
             from tubeplanner.views.cycle_view import view_cycle
 
             contents[self.html] = view_cycle(motion.cycle, [motion], [method]).html.encode()
-        write_files(contents)
+        write_answer(contents)
         return notes

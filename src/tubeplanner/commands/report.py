@@ -77,6 +77,8 @@ def plan_text(
     place = str(result.place)
     if place:
         lines.append(f"where: {place}")
+    if result.proved is not None:
+        lines.append("`tubeplanner explain` looks for the smallest changes that make it possible")
     if result.stopped_by is not None:
         lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
     if problem.obstacles and not problem.collision.has_link_geometry:
@@ -338,5 +340,6 @@ def fits(table: Table) -> bool:
 
 
 def terminal() -> Console:
-    """Return where text is printed, with its width."""
-    return Console(width=None if sys.stdout.isatty() else _WIDTH_OF_A_FILE)
+    """Return where text is printed, with its width; plain, as `say` prints codes as text."""
+    width = None if sys.stdout.isatty() else _WIDTH_OF_A_FILE
+    return Console(width=width, color_system=None)

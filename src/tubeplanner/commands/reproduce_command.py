@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
     FOLDER,
@@ -14,6 +15,7 @@ from tubeplanner.commands.console import (
     say,
     shown_progress,
 )
+from tubeplanner.commands.interrupts import hold_interrupts
 
 PAGE = "the_paper.md"
 
@@ -33,7 +35,7 @@ def reproduce(output: Path, as_json: bool) -> int:
 
     Uses the published method and the default one. It takes some minutes.
     """
-    from tubeplanner.files.output_files import make_folder, require_writable, write_files
+    from tubeplanner.files.output_files import require_writable
     from tubeplanner.studies.reproduction import reproduce as reproduce_tables
     from tubeplanner.studies.reproduction_page import reproduction_page
     from tubeplanner.views.figure_files import figure_file
@@ -46,12 +48,12 @@ def reproduce(output: Path, as_json: bool) -> int:
     with shown_progress() as enter:
         reproduction = reproduce_tables(enter)
         enter("drawing")
+        hold_interrupts()
         contents = {page: reproduction_page(reproduction, files).encode()}
         for name, (_, draw) in FIGURES.items():
             path = output / f"{name}.png"
             contents[path] = figure_file(draw(reproduction), path)
-        make_folder(output)  # only now, so that an interrupted run leaves no folder behind
-        write_files(contents)
+        write_answer(contents, output)
     if as_json:
         report = empty_report("success", f"{len(reproduction.cells)} cases", nowhere())
         print_json({**report, **reproduction.as_dict(), "page": str(page)})

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
+    INPUT,
     PATH,
     SET,
     load_either_timed,
@@ -18,6 +20,7 @@ from tubeplanner.commands.console import (
     say_unwritten,
     shown_progress,
 )
+from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.commands.view_command import require_page
 
 if TYPE_CHECKING:
@@ -62,7 +65,7 @@ def _error_options(command: "Callable[..., Any]") -> "Callable[..., Any]":
 
 @click.command()
 @click.argument("problem")
-@click.argument("trajectory", type=PATH)
+@click.argument("trajectory", type=INPUT)
 @click.option("--runs", type=int, default=50, show_default=True, help="How many arms.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Which ones.")
 @click.option("--controller", help="computed-torque (the default), feedforward-pd or pd.")
@@ -156,8 +159,7 @@ class _Pictures:
 
     def write(self, figure: "Callable[[], Any]", page: "Callable[[], View]") -> None:
         """Make and write all files, or none of them."""
-        from tubeplanner.files.output_files import write_files
-
+        hold_interrupts()
         contents: dict[Path, bytes] = {}
         if self.plot is not None:
             from tubeplanner.views.figure_files import figure_file
@@ -165,7 +167,7 @@ class _Pictures:
             contents[self.plot] = figure_file(figure(), self.plot)
         if self.html is not None:
             contents[self.html] = page().html.encode()
-        write_files(contents)
+        write_answer(contents)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ starting Python itself, is not in our hands.
 import signal
 import sys
 
-from tubeplanner.commands.interrupts import interrupts_noted
+from tubeplanner.commands.interrupts import SIGNALS, interrupts_noted
 
 
 def run() -> None:
@@ -17,9 +17,11 @@ def run() -> None:
 
     _prepare_streams()
     _silence_libraries()
+    _silence_callbacks()
     status = main(sys.argv[1:])
     # All is written: from here on, Ctrl-C has nothing to end.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     sys.exit(status)
 
 
@@ -39,8 +41,24 @@ def _prepare_streams() -> None:
 def _silence_libraries() -> None:
     """Leave out what the libraries warn of: it means nothing to a user of the commands."""
     import logging
+    import os
     import warnings
 
     warnings.simplefilter("ignore")
+    os.environ["PYTHONWARNINGS"] = "ignore"  # worker processes inherit it
     for name in ("matplotlib", "toppra", "trimesh", "yourdfpy"):
         logging.getLogger(name).setLevel(logging.ERROR)
+
+
+def _silence_callbacks() -> None:
+    """Print nothing of a Ctrl-C that met what Python calls by itself, such as a finalizer.
+
+    Its exception ends there; that it was pressed is remembered.
+    """
+    report = sys.unraisablehook
+
+    def report_others(unraisable: "sys.UnraisableHookArgs") -> None:
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            report(unraisable)
+
+    sys.unraisablehook = report_others

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
     INFEASIBLE,
@@ -19,6 +20,7 @@ from tubeplanner.commands.console import (
     say_unwritten,
     shown_progress,
 )
+from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.commands.workers import processes_option, workers_of
 
 if TYPE_CHECKING:
@@ -91,10 +93,10 @@ def _write(result: "StudyResult", output: Path | None, figure: Path | None) -> N
     """Write the table and the figure, or neither."""
     import json
 
-    from tubeplanner.files.output_files import write_files
     from tubeplanner.views.figure_files import figure_file
     from tubeplanner.views.study_figure import plot_study
 
+    hold_interrupts()
     contents: dict[Path, bytes] = {}
     if output is not None and output.suffix.lower() == ".csv":
         contents[output] = result.csv().encode()
@@ -102,7 +104,7 @@ def _write(result: "StudyResult", output: Path | None, figure: Path | None) -> N
         contents[output] = (json.dumps(result.as_dict(), allow_nan=False) + "\n").encode()
     if figure is not None:
         contents[figure] = figure_file(plot_study(result), figure)
-    write_files(contents)
+    write_answer(contents)
 
 
 def _message(result: "StudyResult", journal: Path | None) -> str:

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
     FOLDER,
     INFEASIBLE,
+    INPUT,
     PATH,
     SET,
     SLACK,
@@ -25,6 +27,7 @@ from tubeplanner.commands.console import (
     say_unwritten,
     shown_progress,
 )
+from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.commands.workers import processes_option, workers_of
 from tubeplanner.errors import OptionError
 
@@ -45,7 +48,7 @@ _INTERRUPTED = "; interrupted, the others were not tried"
 
 @click.command()
 @click.argument("problem")
-@click.argument("trajectory", type=PATH)
+@click.argument("trajectory", type=INPUT)
 @click.option(
     "-o", "--output", type=PATH, help="Figure (PNG, PDF or SVG) [default: beside TRAJECTORY]."
 )
@@ -70,7 +73,9 @@ def plot(
         require_writable([target], [loaded.robot.urdf.path])
         read = read_trajectory_file(trajectory, loaded.robot.joint_names)
         enter("drawing")
-        notes = _draw(loaded, trajectory, read, target)
+        notes, figure = _drawn(loaded, trajectory, read, target)
+        enter("writing")
+        write_answer({target: figure})
     duration = read.trajectory.duration
     if as_json:
         report = empty_report("success", "drawn, not judged", nowhere())
@@ -82,22 +87,25 @@ def plot(
     return SUCCESS
 
 
-def _draw(
+def _drawn(
     loaded: "PlanningProblem | Cycle", path: Path, read: "TrajectoryFile", target: Path
-) -> list[str]:
-    """Write the figure of a trajectory file; return what else is to be known of the file."""
+) -> tuple[list[str], bytes]:
+    """Return what else is to be known of a trajectory file, and its figure."""
     from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.cycle.motion_of_file import motion_of_file
     from tubeplanner.files.cycle_notes import notes_on_cycle_file
     from tubeplanner.files.file_notes import notes_on_file
     from tubeplanner.views.cycle_plot import plot_cycle
+    from tubeplanner.views.figure_files import figure_file
     from tubeplanner.views.plotting import plot_trajectory
 
     if isinstance(loaded, Cycle):
-        plot_cycle(loaded, motion_of_file(loaded, path, read), target)
-        return notes_on_cycle_file(loaded, read)
-    plot_trajectory(loaded, read.trajectory, target)
-    return notes_on_file(loaded, read, failed=False)
+        figure = plot_cycle(loaded, motion_of_file(loaded, path, read))
+        notes = notes_on_cycle_file(loaded, read)
+    else:
+        figure = plot_trajectory(loaded, read.trajectory)
+        notes = notes_on_file(loaded, read, failed=False)
+    return notes, figure_file(figure, target)
 
 
 @click.command()
@@ -297,17 +305,17 @@ def _write_comparison(
     result: "Comparison", output: Path | None, figure: Path | None, folder: Path | None
 ) -> list[Path]:
     """Write all requested files or none; return the paths of the trajectories."""
-    from tubeplanner.files.output_files import write_files
     from tubeplanner.views.comparison_plot import plot_comparison
     from tubeplanner.views.figure_files import figure_file
 
+    hold_interrupts()
     contents: dict[Path, bytes] = {}
     if output is not None:
         contents[output] = _table(result, output)
     if figure is not None:
         contents[figure] = figure_file(plot_comparison(result), figure)
     trajectories = {} if folder is None else _trajectory_files(result, folder)
-    write_files({**contents, **trajectories})
+    write_answer({**contents, **trajectories}, folder)
     return list(trajectories)
 
 
@@ -315,9 +323,7 @@ def _trajectory_files(result: "Comparison", folder: Path) -> dict[Path, bytes]:
     """Return every trajectory as a trajectory file that says whether it is certified."""
     from tubeplanner.files.export import trajectory_json
     from tubeplanner.files.origin import origin
-    from tubeplanner.files.output_files import make_folder
 
-    make_folder(folder)
     files = {}
     for row in result.rows:
         if row.trajectory is not None:
@@ -339,19 +345,19 @@ def _table(result: "Comparison | SweepResult | FieldSweep", path: Path) -> bytes
 def _write_sweep(
     result: "SweepResult | FieldSweep", output: Path | None, figure: Path | None
 ) -> None:
-    from tubeplanner.files.output_files import write_files
     from tubeplanner.studies.field_sweep import FieldSweep
     from tubeplanner.views.field_plot import plot_field_sweep
     from tubeplanner.views.figure_files import figure_file
     from tubeplanner.views.study_plots import plot_sweep
 
+    hold_interrupts()
     contents: dict[Path, bytes] = {}
     if output is not None:
         contents[output] = _table(result, output)
     if figure is not None:
         drawn = plot_field_sweep(result) if isinstance(result, FieldSweep) else plot_sweep(result)
         contents[figure] = figure_file(drawn, figure)
-    write_files(contents)
+    write_answer(contents)
 
 
 def _numbers(option: str, text: str | None) -> list[float] | None:

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
     INFEASIBLE,
+    INPUT,
     PATH,
     SET,
     SUCCESS,
@@ -20,6 +22,7 @@ from tubeplanner.commands.console import (
     say_unwritten,
     shown_progress,
 )
+from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
@@ -102,7 +105,7 @@ def route(
 
 
 @click.command()
-@click.argument("trail", type=PATH)
+@click.argument("trail", type=INPUT)
 @click.option("--urdf", help="Robot description: a path, package://PKG/... or example:NAME.")
 @click.option("--tool-frame", help="Link that carries the tool.")
 @click.option("--obstacles", type=PATH, help="File with obstacles, as in a problem file.")
@@ -183,16 +186,16 @@ def _write(
     fields: Any, folder: Path, found: "Mapping[Path | None, PlannedTube | None]"
 ) -> list[Path]:
     """Write the problems that were found to the files that are asked for; return these files."""
-    from tubeplanner.files.output_files import write_files
     from tubeplanner.files.problem_file import with_problem
 
+    hold_interrupts()
     contents = {
         path: with_problem(fields, folder, path, tube.problem)
         for path, tube in found.items()
         if path is not None and tube is not None
     }
     if contents:
-        write_files(contents)
+        write_answer(contents)
     return list(contents)
 
 

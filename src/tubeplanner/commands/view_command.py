@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
+    INPUT,
     PATH,
     SET,
     empty_report,
@@ -17,6 +19,7 @@ from tubeplanner.commands.console import (
     say,
     shown_progress,
 )
+from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
@@ -27,7 +30,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("problem")
-@click.argument("trajectories", type=PATH, nargs=-1, metavar="[TRAJECTORY]...")
+@click.argument("trajectories", type=INPUT, nargs=-1, metavar="[TRAJECTORY]...")
 @click.option("--html", type=PATH, help="Write one page that works offline; open nothing.")
 @SET
 @AS_JSON
@@ -55,9 +58,14 @@ def view(
             shown = _shown_cycle(loaded, trajectories, enter)
         else:
             shown = _shown(loaded, trajectories, enter)
-        path, opened = (html, True) if html is not None else shown.open()
-        if html is not None:
-            shown.save(html)
+        page = shown.html.encode()
+        enter("writing")
+        if html is None:
+            hold_interrupts()
+            path, opened = shown.open()
+        else:
+            write_answer({html: page})
+            path, opened = html, True
     message = f"view: {path}"
     if not opened:
         message += " (no browser could be opened; open this file in one)"

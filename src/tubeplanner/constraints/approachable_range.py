@@ -39,4 +39,7 @@ def require_approachable(problem: PlanningProblem, start: FloatArray, goal: Floa
         return
     limit = VelocityByPositionLimit(problem.robot.limits)
     for column in limit.out_of_reach(start, goal).tolist():
-        raise limit.refused(problem.robot, goal, column)
+        refused = limit.refused(problem.robot, goal, column)
+        refused.proved = isinstance(problem.start, np.ndarray)
+        refused.proved &= isinstance(problem.goal, np.ndarray)
+        raise refused

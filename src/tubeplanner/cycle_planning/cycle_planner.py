@@ -14,10 +14,13 @@ from tubeplanner.cycle_planning.greedy_plan import greedy_plan
 from tubeplanner.cycle_planning.leg_motion import leg_motion
 from tubeplanner.cycle_planning.leg_plan import BlockedLeg, LegPlan
 from tubeplanner.cycle_planning.shared_plan import shared_plan
-from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.followed_plan import followed_plan
+from tubeplanner.planning.grounds import with_grounds
 from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.planning.plan_result import refused_result
 from tubeplanner.planning.planner import require_honoured
+from tubeplanner.planning.proved_reach import require_within_bound
 from tubeplanner.progress import PlanningClock, ProgressCallback, StoppedBy, until_stopped
 from tubeplanner.verification.cycle_verification import verify_cycle
 
@@ -56,6 +59,7 @@ def plan_cycle(
         require_honoured(cycle.problem_from_anywhere(k), options)
     clock = PlanningClock(options.time_limit, progress)
     try:
+        _require_within_bound(cycle)
         greedy = greedy_plan(cycle, options, clock)
     except BlockedLeg as blocked:
         return _blocked(cycle, blocked, options, clock)
@@ -138,6 +142,15 @@ def _certified(
     )
 
 
+def _require_within_bound(cycle: Cycle) -> None:
+    """Raise BlockedLeg if a point of a leg is out of reach for certain."""
+    for k in range(len(cycle.legs)):
+        try:
+            require_within_bound(cycle.problem_from_anywhere(k), start_is_known=k == 0)
+        except Infeasible as reason:
+            raise BlockedLeg(k, refused_result(reason, "")) from None
+
+
 def _blocked(
     cycle: Cycle, blocked: BlockedLeg, options: PlanOptions, clock: PlanningClock
 ) -> CycleResult:
@@ -146,7 +159,7 @@ def _blocked(
     Raises:
         KeyboardInterrupt: It was Ctrl-C that ended it.
     """
-    result, leg = blocked.result, cycle.legs[blocked.leg]
+    result, leg = with_grounds(blocked.result), cycle.legs[blocked.leg]
     if result.status is PlanStatus.INTERRUPTED:
         raise KeyboardInterrupt
     where = cycle.called(blocked.leg)
@@ -160,6 +173,8 @@ def _blocked(
         planning_time=clock.elapsed,
         stopped_by=result.stopped_by,
         notes=result.notes,
+        proved=result.proved,
+        starts_tried=result.starts_tried,
     )
 
 

@@ -34,6 +34,8 @@ class CycleResult:
         sensitivities: What every limit costs over the cycle, the dearest first; a segment's name
             their move.
         notes: What else is worth knowing about the answer.
+        proved: As of a `PlanResult`.
+        starts_tried: Likewise.
     """
 
     status: PlanStatus
@@ -49,6 +51,8 @@ class CycleResult:
     stopped_by: StoppedBy | None = None
     sensitivities: tuple["CycleSensitivity", ...] = ()
     notes: tuple[str, ...] = ()
+    proved: bool | None = None
+    starts_tried: int | None = None
 
     def __repr__(self) -> str:
         return f"<CycleResult {self.status.value} by {self.method}: {self.message[:200]}>"
@@ -78,6 +82,8 @@ class CycleResult:
             "status": str(self.status),
             "message": self.message,
             "where": self.place.as_dict(),
+            "proved": self.proved,
+            "starts_tried": self.starts_tried,
             "duration": self.duration,
             "shortest_duration": self.shortest_duration,
             "greedy_duration": self.greedy_duration,

@@ -14,7 +14,7 @@ from tubeplanner.cycle_planning.other_ends import other_ends
 from tubeplanner.errors import ProblemError
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import PlanOptions
-from tubeplanner.planning.plan_result import PlanResult, stopped_result
+from tubeplanner.planning.plan_result import PlanResult, refused_result, stopped_result
 from tubeplanner.planning.planner import shortest_plan
 from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import PlanningProblem, Seed
@@ -107,7 +107,7 @@ def first_configuration(cycle: Cycle) -> FloatArray:
     try:
         return end_configuration(cycle.problem_from_anywhere(leg), given, point)
     except Infeasible as reason:
-        raise BlockedLeg(leg, refused(reason)) from None
+        raise BlockedLeg(leg, refused_result(reason, "")) from None
 
 
 def leg_problem(cycle: Cycle, k: int, seams: list[FloatArray]) -> PlanningProblem:
@@ -125,9 +125,8 @@ def leg_problem(cycle: Cycle, k: int, seams: list[FloatArray]) -> PlanningProble
     try:
         return cycle.problem(k, seams, seams[0] if closes else None)
     except ProblemError as error:
-        raise BlockedLeg(
-            k, refused(Infeasible(PlanStatus.UNREACHABLE, str(error), Place()))
-        ) from None
+        reason = Infeasible(PlanStatus.UNREACHABLE, str(error), Place())
+        raise BlockedLeg(k, refused_result(reason, "")) from None
 
 
 def planned_leg(
@@ -151,12 +150,17 @@ def planned_leg(
     if not result.succeeded and result.stopped_by == "time_limit":
         result = stopped_result(clock, "time_limit", options.method)
     if not result.succeeded:
-        raise BlockedLeg(k, result)
+        raise BlockedLeg(k, result if _begins_as_given(cycle, k) else _unproved(result))
     if result.stopped_by == "interrupt" and left > 1:  # those after it have nothing
         raise KeyboardInterrupt
     return LegPlan(problem, result)
 
 
-def refused(reason: Infeasible) -> PlanResult:
-    """Return the result that there is no answer, for a reason."""
-    return PlanResult(reason.status, str(reason), reason.place, "")
+def _begins_as_given(cycle: Cycle, k: int) -> bool:
+    """Return whether leg k begins in a configuration that was not chosen."""
+    return k == 0 and isinstance(cycle.start, np.ndarray)
+
+
+def _unproved(result: PlanResult) -> PlanResult:
+    """Return a result without an answer: what is proved from one beginning is not from others."""
+    return replace(result, proved=False, starts_tried=1) if result.proved else result

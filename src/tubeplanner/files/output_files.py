@@ -1,11 +1,22 @@
 """Output files, replaced whole or not at all: all of a run's files, or none of them."""
 
 import os
-import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from errno import EBUSY, EDQUOT, EFBIG, ENOSPC
 from pathlib import Path
 
 from tubeplanner.errors import OutputError
+from tubeplanner.held_signals import signals_held
+from tubeplanner.staged_file import StagedFile
+
+_ROOM = "; make room, or name a file on another disk"
+_REMEDIES = {
+    ENOSPC: _ROOM,
+    EDQUOT: _ROOM,
+    EFBIG: "; raise the limit of file sizes (`ulimit -f`)",
+    EBUSY: "; wait for it, or name another file",
+}
 
 
 def require_writable(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
@@ -19,7 +30,7 @@ def require_writable(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> No
         OutputError: A folder does not exist or cannot be written to, a path is no regular file,
             two outputs are the same file, or an output is an input.
     """
-    taken = {path.resolve(): path for path in inputs}
+    taken = {_target(path, "input"): path for path in inputs}
     for path in outputs:
         target = _target(path)
         if target in taken:
@@ -32,69 +43,88 @@ def require_writable(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> No
         if is_special:
             raise OutputError(f"output {path} is no regular file; name one")
         if not target.parent.is_dir():
-            raise OutputError(f"output {path}: the folder {target.parent} does not exist")
+            raise OutputError(f"output {path}: the folder {target.parent} does not exist; make it")
         if not os.access(target.parent, os.W_OK):
-            raise OutputError(f"output {path}: the folder {target.parent} cannot be written to")
+            raise OutputError(
+                f"output {path}: the folder {target.parent} cannot be written to; name a file in "
+                "another folder"
+            )
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder, unless it is there, in one that is.
-
-    Raises:
-        OutputError: It cannot be made.
-    """
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"folder {folder} could not be made: {error.strerror}") from error
-
-
-def write_files(contents: Mapping[Path, bytes]) -> None:
+def write_files(contents: Mapping[Path, bytes], folder: Path | None = None) -> None:
     """Replace files by new contents; a link's target is replaced, not the link.
 
-    Everything is written beside its target first, so that a full disk leaves all as it was.
+    Everything is written beside its target first, so that a full disk leaves all as it was. Ctrl-C
+    and SIGTERM wait until the files are there.
+
+    Args:
+        contents: What belongs into the files.
+        folder: Is made first, unless it is there, in one that is; None: every folder is there.
 
     Raises:
         OutputError: A file could not be written. Nothing was changed, unless the system refused to
             rename a file that it had let be written.
     """
-    require_writable(list(contents))
-    staged: dict[Path, Path] = {}
-    try:
-        for path, data in contents.items():
-            staged[path] = _stage(path, data)
-        for path, temporary in staged.items():
-            try:
-                temporary.replace(_target(path))
-            except OSError as error:
-                raise OutputError(f"output {path} could not be written: {error}") from error
-    finally:
-        for temporary in staged.values():
-            temporary.unlink(missing_ok=True)
+    with signals_held(), ExitStack() as undo:
+        if folder is not None:
+            _make_folder(folder, undo)
+        require_writable(list(contents))
+        staged: dict[Path, StagedFile] = {}
+        # Always in one order, so that no two processes wait for each other.
+        for path in sorted(contents, key=_target):
+            with _named(path):
+                staged[path] = file = undo.enter_context(StagedFile(_target(path)))
+                file.write(contents[path], _mode(_target(path)))
+                file.sync()
+        for path, file in staged.items():
+            with _named(path):
+                file.put()
+        undo.pop_all()  # nothing is to be undone
 
 
-def _stage(path: Path, data: bytes) -> Path:
-    """Write data to a new file beside a path's target, with the mode the target has or would."""
-    target = _target(path)
-    temporary = None
+def _make_folder(folder: Path, undo: ExitStack) -> None:
+    """Make a folder unless it is there; undone, it is removed if nothing was put into it."""
+
+    def remove() -> None:
+        with suppress(OSError):
+            folder.rmdir()
+
     try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:60]}.")
-        temporary = Path(name)
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-        temporary.chmod(target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask())
+        folder.mkdir()
+    except FileExistsError:
+        return
     except OSError as error:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
-        raise OutputError(f"output {path} could not be written: {error.strerror}") from error
-    return temporary
+        raise OutputError(
+            f"folder {folder} could not be made: {error.strerror}{_remedy(error)}"
+        ) from error
+    undo.callback(remove)
 
 
-def _target(path: Path) -> Path:
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Turn what the system refuses into an error that names the output and a remedy."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            f"output {path} could not be written: {error.strerror}{_remedy(error)}"
+        ) from error
+
+
+def _remedy(error: OSError) -> str:
+    return _REMEDIES.get(error.errno or 0, "; name a file in another folder")
+
+
+def _mode(target: Path) -> int:
+    """Return the mode that a file has, or would have."""
+    return target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask()
+
+
+def _target(path: Path, kind: str = "output") -> Path:
     try:
         return path.resolve()
-    except (OSError, RuntimeError) as error:
-        raise OutputError(f"output {path} cannot be resolved: {error}") from error
+    except (OSError, RuntimeError, ValueError) as error:
+        raise OutputError(f"{kind} {path} cannot be resolved: {error}") from error
 
 
 def _umask() -> int:

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import YAMLError
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import ProblemError
+from tubeplanner.errors import ProblemError, shown
 from tubeplanner.files.own_fields import change_own
 from tubeplanner.problem.document_kind import require_problem
 from tubeplanner.problem.field_types import Section
@@ -32,6 +33,7 @@ from tubeplanner.tube.joint_ranges import JointRange, sign_of
 from tubeplanner.tube.tube import Tube
 
 _MAX_LINE_LENGTH = 1000  # [characters]: lines are left as they were
+_MAX_REASON = 200  # [characters]
 _ORDER = ("format", "version", "include", "robot", "tube", "start", "goal")
 _MEASURED = ("radius", "cross_section", "joint_signs")
 _CELL = ("obstacles", "clearance", "contacts", "collision")
@@ -51,12 +53,24 @@ def read_fields(path: Path, changes: Mapping[str, Any] | None = None) -> Any:
     if not isinstance(plain, dict):
         raise ProblemError(f"{path}: a problem is a map with robot, tube and start")
     require_problem(plain, str(path))
-    fields = plain if path.suffix == ".json" else _yaml().load(path.read_text("utf-8-sig"))
+    fields = plain if path.suffix == ".json" else _with_comments(path)
     changes = changes or {}
     rows = {key: _in_a_row(v) if isinstance(v, list | dict) else v for key, v in changes.items()}
     merged = included_fields(fields, path.parent, path)
     change_own(fields, merged, changed_problem(merged, rows))
     return fields
+
+
+def _with_comments(path: Path) -> Any:
+    """Return what a YAML file holds that can be read, with its comments."""
+    try:
+        return _yaml().load(path.read_text("utf-8-sig"))
+    except (YAMLError, ValueError, TypeError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise ProblemError(
+            f"{path} cannot be rewritten with its comments, {shown(reason, _MAX_REASON)}; save it "
+            "as plain YAML or as JSON"
+        ) from None
 
 
 def included_fields(fields: Any, folder: Path, path: Path | None = None) -> Any:

@@ -87,6 +87,11 @@ class _Configurations:
     start: FloatArray
 
     @property
+    def starts(self) -> int:
+        """From how many configurations those within bounds are looked for."""
+        return 2 * len(self._seeds())
+
+    @property
     def free(self) -> _Bounds:
         """No bounds."""
         none = np.full(self.problem.robot.joint_count, np.inf)
@@ -114,7 +119,7 @@ class _Configurations:
         Each seed first by itself, then from where it leads without bounds: joints held at a bound
         on the way may end far from there.
         """
-        seeds = [self.start, *spread_seeds(*self.bounds)[:_MOST_SEEDS]]
+        seeds = self._seeds()
         for seed in seeds:
             yield self._solved(seed, bounds, turned)
         if np.isinf(bounds).all():
@@ -122,6 +127,9 @@ class _Configurations:
         for seed in seeds:
             other = self._solved(seed, self.free, turned)
             yield self._solved(self._turned_back(other.q), bounds, turned)
+
+    def _seeds(self) -> list[FloatArray]:
+        return [self.start, *spread_seeds(*self.bounds)[:_MOST_SEEDS]]
 
     def _solved(self, seed: FloatArray, bounds: _Bounds, turned: bool) -> PositionSolution:
         """Return where a seed leads."""
@@ -182,7 +190,8 @@ class _Configurations:
     def unreachable(self, reason: str) -> Infeasible:
         """Return that the tool cannot be here, for a reason."""
         place = self.spot.place
-        return Infeasible(PlanStatus.UNREACHABLE, f"{place}: {reason}", place)
+        message = f"{place}: {reason}"
+        return Infeasible(PlanStatus.UNREACHABLE, message, place, starts=self.starts)
 
 
 def _out_of_reach(at: _Configurations) -> Infeasible | None:
@@ -190,8 +199,8 @@ def _out_of_reach(at: _Configurations) -> Infeasible | None:
         return None
     near = at.nearest(at.free)
     return at.unreachable(
-        f"the tool gets no nearer than {near:.4g} m: out of the arm's reach; move the "
-        f"{at.spot.name}"
+        f"the tool was brought no nearer than {near:.4g} m, the joints without limits; move the "
+        f"{at.spot.name} nearer"
     )
 
 
@@ -200,8 +209,8 @@ def _out_of_bounds(at: _Configurations) -> Infeasible | None:
         return None
     what, where = _least_outside(at, turned=False)
     return at.unreachable(
-        f"the tool gets no nearer than {at.nearest(at.bounds):.4g} m: {what} are in the way, "
-        f"{where}; change them or move the {at.spot.name}"
+        f"the tool was brought no nearer than {at.nearest(at.bounds):.4g} m: {what} are in the "
+        f"way, {where}; change them or move the {at.spot.name}"
     )
 
 
@@ -220,7 +229,7 @@ def _turned_away(at: _Configurations) -> Infeasible | None:
     there = [one for one in solutions if at.is_there(one, turned=False)] or solutions
     outside = min(one.rotation_error for one in there)
     row = min(at.spot.rotation_rows, key=at.tightest)
-    off = f"there the tool gets no nearer to it than {outside:.3g} rad"
+    off = f"there the tool was brought no nearer to it than {outside:.3g} rad"
     return at.unreachable(explain_turn(at.problem, row, off))
 
 
@@ -260,6 +269,7 @@ def _without(
     try:
         require(known)
     except Infeasible as reason:
+        reason.starts = at.starts
         return reason
     return None
 

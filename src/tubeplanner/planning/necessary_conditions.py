@@ -7,9 +7,9 @@ from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.constraints.approachable_range import require_approachable
 from tubeplanner.constraints.held_configuration import require_held
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.planning.proved_reach import point_name, point_place, required_points
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.tube.tube import Tube
 
 # A point counts as out of reach if the tool stays this much farther away than it may [m].
 _SURELY = 1e-4
@@ -34,8 +34,8 @@ def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
         TimeLimitReached: Before that was known.
     """
     ends = branches.require_ends()
-    for q in ends:
-        require_held(problem, q)
+    for q, given in zip(ends, (problem.start, problem.given_goal), strict=False):
+        require_held(problem, q, is_given=isinstance(given, np.ndarray))
     if len(ends) > 1:
         require_approachable(problem, *ends)
     _require_reach(problem, ends[0])
@@ -43,17 +43,9 @@ def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
 
 def _require_reach(problem: PlanningProblem, start: FloatArray) -> None:
     """Raise unless the arm, its joints without limits, comes near enough to the farthest point."""
-    tube, robot = problem.tube, problem.robot
-    allowed, points = _largest_distances(tube), tube.points[1:].copy()
-    if tube.visit != "ordered":  # only the goal must be visited
-        allowed[:-1] = np.inf
-    goal = problem.open_goal
-    if goal is None:
-        allowed[-1] = np.inf
-    else:
-        allowed[-1], points[-1] = goal.tolerance, goal.position
+    robot, (points, allowed) = problem.robot, required_points(problem)
     base = robot.body_poses(start[None])[1][0, 1]
-    k = int((np.linalg.norm(points - base, axis=1) - allowed).argmax())
+    k = 1 + int((np.linalg.norm(points[1:] - base, axis=1) - allowed[1:]).argmax())
     if np.isinf(allowed[k]):
         return
     point, free = points[k], np.full(robot.joint_count, np.inf)
@@ -64,27 +56,10 @@ def _require_reach(problem: PlanningProblem, start: FloatArray) -> None:
         nearest = min(nearest, solve_position(robot, point, seed, -free, free).error)
         if nearest <= allowed[k] + _SURELY:
             return
-    number = tube.segment_number(k, point)
-    place = Place(segment=number, point=int(tube.numbers[k + 1])).at(point)
+    place = point_place(problem.tube, k, point)
     may = f", and must come within {allowed[k]:.4g} m" if allowed[k] else ""
     message = (
-        f"{place}: the tool gets no nearer than {nearest:.4g} m{may}: out of the arm's reach; "
-        f"move the {'goal' if k == len(points) - 1 else 'reference point'}"
+        f"{place}: the tool was brought no nearer than {nearest:.4g} m, the joints without limits"
+        f"{may}; move the {point_name(k, len(points))} nearer"
     )
-    raise Infeasible(PlanStatus.UNREACHABLE, message, place)
-
-
-def _largest_distances(tube: Tube) -> FloatArray:
-    """Return how far from each point but the first the tool may be when it passes it, (m,) [m].
-
-    From segment to segment it passes where their regions overlap. Within r of two legs at an angle
-    phi, it is at most r / sin(phi / 2) from their corner. Of the goal it is 0.
-    """
-    radius = np.where(tube.is_box, np.sqrt(3), 1.0) * tube.reach  # the corners of a box are farther
-    axis = np.diff(tube.points, axis=0)
-    along = axis / np.linalg.norm(axis, axis=1)[:, None]
-    cosine = -np.einsum("mi,mi->m", along[:-1], along[1:])
-    sine = np.sqrt(np.clip((1 - cosine) / 2, 0, None))
-    with np.errstate(divide="ignore"):
-        corner: FloatArray = np.maximum(radius[:-1], radius[1:]) / sine
-    return np.append(corner, 0.0)
+    raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=len(seeds))

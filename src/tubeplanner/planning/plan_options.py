@@ -74,9 +74,9 @@ class PlanOptions:
     robust: bool = True
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
+        if not isinstance(self.method, str) or self.method not in METHODS:
             raise OptionError(unknown_name("method", self.method, METHODS))
-        if self.quality not in tuple(QUALITIES):
+        if not isinstance(self.quality, str) or self.quality not in QUALITIES:
             raise OptionError(unknown_name("quality", self.quality, QUALITIES))
         require_count(self, 2, "candidate_points", most=1000)
         require_count(self, 1, "node_budget")

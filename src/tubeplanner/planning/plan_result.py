@@ -1,7 +1,7 @@
 """The result of planning: a certified trajectory, or the reason why there is none."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -14,7 +14,7 @@ from tubeplanner.constraints.trajectory_peaks import (
 )
 from tubeplanner.constraints.unused_speed import unused_speed
 from tubeplanner.native.library import LIBRARY
-from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.contact_note import contact_notes
 from tubeplanner.planning.path_minimum import path_minimum
 from tubeplanner.problem.goal_region import GoalRegion
@@ -51,6 +51,10 @@ class PlanResult:
         status: Success means that the certificate passed.
         message: One sentence: the answer, or why there is none.
         place: Where, if there is no answer.
+        proved: Whether there is none for certain; False: none was found. None if there is one, or
+            planning was stopped.
+        starts_tried: From how many configurations or branches one was looked for in vain; None
+            unless `proved` is False.
         method: The method that found the answer: one of `METHODS`.
         trajectory: The answer; None unless successful.
         certificate: Of the answer, or of the best attempt; None if there was none.
@@ -88,6 +92,8 @@ class PlanResult:
     motion: RefinedMotion | None = None
     shortest: JointTrajectory | None = None
     survival: Survival | None = None
+    proved: bool | None = None
+    starts_tried: int | None = None
     _path_minimum: Callable[[], float | None] = _no_trajectory
     _peaks: Callable[[], TrajectoryPeaks | None] = _no_trajectory
 
@@ -130,6 +136,8 @@ class PlanResult:
             "status": str(self.status),
             "message": self.message,
             "where": self.place.as_dict(),
+            "proved": self.proved,
+            "starts_tried": self.starts_tried,
             "duration": self.duration,
             "shortest_duration": self.shortest_duration,
             "phase1_duration": self.phase1_duration,
@@ -146,6 +154,14 @@ class PlanResult:
             "certificate": None if self.certificate is None else self.certificate.as_dict(),
             "robustness": None if self.survival is None else self.survival.as_dict(),
         }
+
+
+def refused_result(reason: Infeasible, method: str) -> PlanResult:
+    """Return the result that there is no answer, for a reason."""
+    starts = None if reason.proved else reason.starts
+    return PlanResult(
+        reason.status, str(reason), reason.place, method, proved=reason.proved, starts_tried=starts
+    )
 
 
 def stopped_result(clock: PlanningClock, stopped_by: StoppedBy, method: str) -> PlanResult:
@@ -176,14 +192,8 @@ def judged_result(
     """Return the result of a method whose trajectory has its certificate, passed or not."""
     reason = refusal(problem, certificate)
     if reason is not None:
-        return PlanResult(
-            reason.status,
-            str(reason),
-            reason.place,
-            method,
-            certificate=certificate,
-            certificate_time=certificate_time,
-        )
+        refused = refused_result(reason, method)
+        return replace(refused, certificate=certificate, certificate_time=certificate_time)
     return PlanResult(
         PlanStatus.SUCCESS,
         _success_message(problem, trajectory),

@@ -9,6 +9,7 @@ from tubeplanner.errors import OptionError
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.continued_plan import continued_plan
 from tubeplanner.planning.followed_plan import followed_plan
+from tubeplanner.planning.grounds import with_grounds
 from tubeplanner.planning.narrowed_plan import narrowed_plan
 from tubeplanner.planning.necessary_conditions import require_possible
 from tubeplanner.planning.plan_options import (
@@ -18,7 +19,8 @@ from tubeplanner.planning.plan_options import (
     SUH_BISHOP,
     PlanOptions,
 )
-from tubeplanner.planning.plan_result import PlanResult, stopped_result
+from tubeplanner.planning.plan_result import PlanResult, refused_result, stopped_result
+from tubeplanner.planning.proved_reach import require_within_bound
 from tubeplanner.planning.refined_plan import refined_plan
 from tubeplanner.planning.right_reason import right_reason
 from tubeplanner.planning.robust_plan import robust_plan
@@ -26,6 +28,7 @@ from tubeplanner.planning.searched_plan import searched_plan
 from tubeplanner.planning.stopping_plan import StoppingPlan, stopping_plan
 from tubeplanner.planning.suh_bishop_plan import suh_bishop_plan
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.progress import PlanningClock, ProgressCallback, until_stopped
 from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.simulation.mujoco_model import require_mujoco, require_no_followers
@@ -108,9 +111,9 @@ class Planner:
         options = self._options
         clock = PlanningClock(options.time_limit, progress)
         try:
-            problem, chosen = configured_ends(self._problem)
+            problem, chosen = _configured(self._problem)
         except Infeasible as reason:
-            return PlanResult(reason.status, str(reason), reason.place, options.method)
+            return with_grounds(refused_result(reason, options.method))
         result = _shortest(problem, options, clock, last)
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
@@ -121,6 +124,7 @@ class Planner:
         else:
             result = follow(problem, result)
         notes = (*chosen, *problem.robot.limits.notes, *problem.tube.notes, *result.notes)
+        result = with_grounds(_of_poses(self._problem, result))
         return replace(result, planning_time=clock.elapsed, notes=notes)
 
 
@@ -138,11 +142,29 @@ def shortest_plan(
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
     try:
-        configured, chosen = configured_ends(problem)
+        configured, chosen = _configured(problem)
     except Infeasible as reason:
-        return PlanResult(reason.status, str(reason), reason.place, options.method)
-    result = _shortest(configured, options, clock, None)
+        return refused_result(reason, options.method)
+    result = _of_poses(problem, _shortest(configured, options, clock, None))
     return replace(result, notes=(*chosen, *result.notes))
+
+
+def _configured(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[str, ...]]:
+    """Return the problem between configurations, and notes on their choice.
+
+    Raises:
+        Infeasible: A point is out of reach for certain, or a pose has no configuration.
+    """
+    require_within_bound(problem)
+    return configured_ends(problem)
+
+
+def _of_poses(problem: PlanningProblem, result: PlanResult) -> PlanResult:
+    """Return a result; what is proved of a configuration that was chosen is not of its pose."""
+    has_poses = any(isinstance(end, ToolPose) for end in (problem.start, problem.goal))
+    if not (result.proved and has_poses):
+        return result
+    return replace(result, proved=False, starts_tried=1)
 
 
 def _shortest(
@@ -239,7 +261,25 @@ def _planned(
     try:
         require_possible(problem, branches)
     except Infeasible as reason:
-        return PlanResult(reason.status, str(reason), reason.place, options.method)
+        return refused_result(reason, options.method)
+    result = _attempted(problem, branches, options, clock, last)
+    if result.proved is not False or result.starts_tried:
+        return result
+    return replace(result, starts_tried=branches.tried)
+
+
+def _attempted(
+    problem: PlanningProblem,
+    branches: KnownBranches,
+    options: PlanOptions,
+    clock: PlanningClock,
+    last: RefinedMotion | None,
+) -> PlanResult:
+    """Return the answer of the first method in question that has one, by branches.
+
+    Raises:
+        TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
+    """
     if options.method == SUH_BISHOP:
         return suh_bishop_plan(problem, branches, options, clock)
     if options.method != REFINEMENT or problem.tube.visit != "ordered":

@@ -5,7 +5,7 @@ from dataclasses import replace
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.blocked_spot import blocked_spot
-from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.planning.plan_result import PlanResult, refused_result
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, TimeLimitReached
 
@@ -36,4 +36,12 @@ def right_reason(
         reason = found
     if reason is None:
         return result
-    return replace(result, status=reason.status, message=str(reason), place=reason.place)
+    why = refused_result(reason, result.method)
+    return replace(
+        result,
+        status=why.status,
+        message=why.message,
+        place=why.place,
+        proved=why.proved,
+        starts_tried=why.starts_tried,
+    )

@@ -7,7 +7,12 @@ from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import RedundancyRule, ReferenceBranch, redundancy_rules
 from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_options import STOP_AT_CORNERS
-from tubeplanner.planning.plan_result import PlanResult, certified_result, stopped_result
+from tubeplanner.planning.plan_result import (
+    PlanResult,
+    certified_result,
+    refused_result,
+    stopped_result,
+)
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, TimeLimitReached
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -44,7 +49,7 @@ def stopping_plan(
         except TimeLimitReached:
             return StoppingPlan(stopped_result(clock, "time_limit", STOP_AT_CORNERS))
         except Infeasible as reason:
-            result = PlanResult(reason.status, str(reason), reason.place, STOP_AT_CORNERS)
+            result = refused_result(reason, STOP_AT_CORNERS)
         if result.succeeded:
             return StoppingPlan(result, branch, trajectory)
         reasons[rule] = result

@@ -10,7 +10,12 @@ from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_ru
 from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import SUH_BISHOP, PlanOptions
-from tubeplanner.planning.plan_result import PlanResult, judged_result, stopped_result
+from tubeplanner.planning.plan_result import (
+    PlanResult,
+    judged_result,
+    refused_result,
+    stopped_result,
+)
 from tubeplanner.planning.searched_plan import run_search
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, StoppedBy, until_stopped
@@ -38,7 +43,7 @@ def suh_bishop_plan(
         try:
             result = _along(problem, branches.by_rule(rule), options, clock)
         except Infeasible as reason:
-            result = PlanResult(reason.status, str(reason), reason.place, SUH_BISHOP)
+            result = refused_result(reason, SUH_BISHOP)
         if result.succeeded or result.stopped_by is not None:
             return result
         reasons.append(result)
@@ -56,7 +61,7 @@ def _along(
     """
     if not branch.moving_segments:
         message = "the start is the goal: there is nothing to move"
-        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place(), proved=True)
     clock.enter("candidate points on the reference path")
     waypoints = candidate_waypoints(problem, branch, options.candidate_points, clock.check)
     search = BranchAndBound(
@@ -131,4 +136,4 @@ def _nothing_found(
         f"reference path ({search.statistics}); another number of candidate points, or a wider "
         "tube, may have one"
     )
-    return PlanResult(PlanStatus.NO_TRAJECTORY, message, Place(), SUH_BISHOP)
+    return refused_result(Infeasible(PlanStatus.NO_TRAJECTORY, message, Place()), SUH_BISHOP)

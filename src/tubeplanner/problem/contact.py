@@ -43,9 +43,12 @@ class Contact:
                 f"contacts: within is {in_figures(self.within)} m for {_called(self.links)}; "
                 f"{_LEAST:g} to {MAX_SIZE:g} m are accepted"
             )
-        ends = (self.ends,) if isinstance(self.ends, str) else tuple(self.ends)
+        ends = (self.ends,) if isinstance(self.ends, str) else self.ends
+        if not isinstance(ends, list | tuple):
+            raise ProblemError(f"contacts: ends is {shown(ends)}; give a list of {', '.join(ENDS)}")
+        ends = tuple(ends)
         for end in ends:
-            if end not in ENDS:
+            if not isinstance(end, str) or end not in ENDS:
                 raise ProblemError(f"contacts: {unknown_name('end', end, ENDS)}")
         object.__setattr__(self, "ends", ends)
 

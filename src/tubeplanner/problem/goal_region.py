@@ -8,7 +8,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision.obstacle import MAX_SIZE
 from tubeplanner.errors import ProblemError, shown
-from tubeplanner.options import in_figures, is_number
+from tubeplanner.options import are_numbers, in_figures, is_number
 from tubeplanner.short_repr import short_repr
 from tubeplanner.tube.rotational_tube import (
     RotationalTube,
@@ -97,7 +97,6 @@ def _position(given: Any) -> FloatArray:
     Raises:
         ProblemError: It is no list of three finite numbers.
     """
-    is_list = isinstance(given, list | tuple | np.ndarray) and np.shape(given) == (3,)
-    if not is_list or not all(is_number(value) and np.isfinite(value) for value in given):
+    if not are_numbers(given, 3):
         raise ProblemError(f"goal.position is {shown(given)}; give [x, y, z], finite numbers [m]")
     return read_only(np.array(given, dtype=float))

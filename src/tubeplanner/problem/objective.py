@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import ProblemError, TubePlannerError, unknown_name
+from tubeplanner.errors import ProblemError, TubePlannerError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.robot.robot_model import RobotModel
 
@@ -44,7 +44,7 @@ class Objective:
     weights: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.minimise not in MINIMISED:
+        if not isinstance(self.minimise, str) or self.minimise not in MINIMISED:
             message = unknown_name("objective", self.minimise, MINIMISED)
             raise ProblemError(f"objective.minimise: {message}")
         if self.duration is not None:
@@ -88,6 +88,10 @@ class Objective:
             )
 
     def _require_weights(self) -> None:
+        if not isinstance(self.weights, Mapping):
+            raise ProblemError(
+                f"objective.weights is {shown(self.weights)}; give a map by joint name"
+            )
         if self.weights and self.minimise != ENERGY:
             raise ProblemError(
                 f"objective.weights are of energy, but '{self.minimise}' is minimised; leave them "

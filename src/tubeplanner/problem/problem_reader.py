@@ -168,6 +168,34 @@ def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
     return load_robot(**robot_arguments(problem.robot, directory))
 
 
+def points_of(fields: TubeFields, directory: Path) -> dict[str, Any]:
+    """Return points, radius and orientations, from the problem file or from its file of points.
+
+    Args:
+        fields: What the problem file holds.
+        directory: Where its relative paths start.
+
+    Raises:
+        ProblemError: One of them is given in neither, or in both.
+    """
+    given: dict[str, Any] = {"radius": fields.radius, "orientations": fields.orientations}
+    points: Any = fields.points
+    if isinstance(points, str):
+        read = read_points(directory / points)
+        for key, values in (("radius", read.radius), ("orientations", read.orientations)):
+            if values is not None and given[key] is not None:
+                raise ProblemError(
+                    f"tube.{key} is given, and {points} has it too; leave out one of them"
+                )
+            given[key] = given[key] if values is None else values
+        points = read.points
+    if given["radius"] is None and not fields.cross_section:
+        raise ProblemError(
+            f"tube.radius is required: give it here or as a column radius of {fields.points}"
+        )
+    return {"points": points, **given}
+
+
 def robot_arguments(fields: RobotFields, directory: Path) -> dict[str, Any]:
     """Return the arguments by which `load_robot` and `robot_info` take the arm of a problem file.
 
@@ -214,32 +242,8 @@ def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
             "in a tube they are open: leave out the seed"
         )
     clearance = segment_clearances(fields.clearance)
-    given = fields.tube.model_dump() | _points(fields.tube, directory)
+    given = fields.tube.model_dump() | points_of(fields.tube, directory)
     return Tube(**given, clearance=clearance)
-
-
-def _points(fields: TubeFields, directory: Path) -> dict[str, Any]:
-    """Return points, radius and orientations, from the problem file or from its file of points.
-
-    Raises:
-        ProblemError: One of them is given in neither, or in both.
-    """
-    given: dict[str, Any] = {"radius": fields.radius, "orientations": fields.orientations}
-    points: Any = fields.points
-    if isinstance(points, str):
-        read = read_points(directory / points)
-        for key, values in (("radius", read.radius), ("orientations", read.orientations)):
-            if values is not None and given[key] is not None:
-                raise ProblemError(
-                    f"tube.{key} is given, and {points} has it too; leave out one of them"
-                )
-            given[key] = given[key] if values is None else values
-        points = read.points
-    if given["radius"] is None and not fields.cross_section:
-        raise ProblemError(
-            f"tube.radius is required: give it here or as a column radius of {fields.points}"
-        )
-    return {"points": points, **given}
 
 
 def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:

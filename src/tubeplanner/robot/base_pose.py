@@ -6,7 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
-from tubeplanner.errors import RobotError
+from tubeplanner.errors import RobotError, shown
+from tubeplanner.options import are_numbers
 from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy
 
 _FARTHEST = 1e4  # [m], as of obstacles
@@ -28,18 +29,19 @@ class BasePose:
     quaternion: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        if np.shape(self.position) != (3,) or not (np.abs(self.position) <= _FARTHEST).all():
+        is_point = are_numbers(self.position, 3)
+        if not is_point or not (np.abs(self.position) <= _FARTHEST).all():
             raise RobotError(
-                f"robot.base: position {self.position} must be three finite numbers within "
+                f"robot.base: position {shown(self.position)} must be three finite numbers within "
                 f"{_FARTHEST:g} m"
             )
         if self.rpy is not None and self.quaternion is not None:
             raise RobotError("robot.base takes rpy or quaternion, not both; remove one of them")
-        if self.rpy is not None and not _are_finite(self.rpy, 3):
-            raise RobotError(f"robot.base: rpy {self.rpy} must be three finite angles [rad]")
+        if self.rpy is not None and not are_numbers(self.rpy, 3):
+            raise RobotError(f"robot.base: rpy {shown(self.rpy)} must be three finite angles [rad]")
         if self.quaternion is not None and not _has_direction(self.quaternion):
             raise RobotError(
-                f"robot.base: quaternion {self.quaternion} has no direction; give x, y, z, w"
+                f"robot.base: quaternion {shown(self.quaternion)} has no direction; give x, y, z, w"
             )
 
     @cached_property
@@ -54,10 +56,6 @@ class BasePose:
         return read_only(placement)
 
 
-def _are_finite(values: tuple[float, ...], count: int) -> bool:
-    return np.shape(values) == (count,) and bool(np.isfinite(values).all())
-
-
 def _has_direction(quaternion: tuple[float, ...]) -> bool:
-    length = float(np.linalg.norm(quaternion)) if _are_finite(quaternion, 4) else 0.0
+    length = float(np.linalg.norm(quaternion)) if are_numbers(quaternion, 4) else 0.0
     return _SHORTEST < length < _LONGEST

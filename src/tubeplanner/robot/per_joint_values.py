@@ -37,7 +37,7 @@ def require_per_joint(where: str, given: Any, *, takes_number: bool = True) -> N
 def entries_of(where: str, given: Any) -> Iterator[tuple[str, Any]]:
     """Yield the values, each after what messages call it."""
     if isinstance(given, Mapping):
-        yield from ((f"{where}: joint '{name}' at", value) for name, value in given.items())
+        yield from ((f"{where}: joint {shown(name)} at", value) for name, value in given.items())
     elif is_number(given):
         yield f"{where} is", given
     else:

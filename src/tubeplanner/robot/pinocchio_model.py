@@ -12,13 +12,15 @@ import numpy as np
 import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
-from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.errors import RobotError, shown, unknown_name
+from tubeplanner.options import are_numbers, in_figures, is_number
 from tubeplanner.robot.base_pose import BasePose
 from tubeplanner.robot.body_inertia import BodyInertia
 from tubeplanner.robot.followers import followers_of, leader_of, leaders
 from tubeplanner.robot.urdf import UrdfDescription, UrdfJoint, joint_id, link_id
 
 _HEAVIEST = 1e6  # [kg]
+_LARGEST_INERTIA = 1e14  # [kg m^2]: the heaviest at ten kilometres
 # The standard error is the process's: one reader at a time takes it.
 _STDERR_LOCK = threading.Lock()
 
@@ -47,14 +49,18 @@ class Payload:
     inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if not 0 <= self.mass <= _HEAVIEST:
+        if not is_number(self.mass) or not 0 <= self.mass <= _HEAVIEST:
             raise RobotError(
-                f"robot.payload: mass {self.mass:g} kg must be from 0 to {_HEAVIEST:g} kg"
+                f"robot.payload: mass {in_figures(self.mass)} kg must be from 0 to {_HEAVIEST:g} kg"
             )
-        if np.shape(self.com) != (3,) or not np.isfinite(self.com).all():
-            raise RobotError(f"robot.payload: com {self.com} must be three finite numbers")
-        if np.shape(self.inertia) != (6,) or not np.isfinite(self.inertia).all():
-            raise RobotError(f"robot.payload: inertia {self.inertia} must be six finite numbers")
+        if not are_numbers(self.com, 3):
+            raise RobotError(f"robot.payload: com {shown(self.com)} must be three finite numbers")
+        if not are_numbers(self.inertia, 6):
+            given = shown(self.inertia)
+            raise RobotError(f"robot.payload: inertia {given} must be six finite numbers")
+        if (largest := float(np.abs(self.inertia).max())) > _LARGEST_INERTIA:
+            most = f"at most {_LARGEST_INERTIA:g}"
+            raise RobotError(f"robot.payload: inertia {largest:g} kg m^2 must be {most}")
         least = np.linalg.eigvalsh(self.inertia_matrix()).min()
         if least < -1e-12 * max(1.0, float(np.abs(self.inertia).max())):
             raise RobotError(f"robot.payload: inertia {self.inertia} is not positive semidefinite")
@@ -91,8 +97,9 @@ class ToolOffset:
     def __post_init__(self) -> None:
         for name in ("position", "rpy"):
             values = getattr(self, name)
-            if np.shape(values) != (3,) or not np.isfinite(values).all():
-                raise RobotError(f"robot.tool_offset: {name} {values} must be three finite numbers")
+            if not are_numbers(values, 3):
+                given = f"{name} {shown(values)}"
+                raise RobotError(f"robot.tool_offset: {given} must be three finite numbers")
 
 
 def planning_group(
@@ -356,10 +363,11 @@ def _parse(description: UrdfDescription) -> pin.Model:
         try:
             model = pin.buildModelFromXML(description.kinematic_xml())
         except ValueError as error:
-            raise RobotError(f"{description.path}: Pinocchio rejects it: {error}") from error
+            reason = " ".join(str(error).split())
+            raise RobotError(f"{description.path}: Pinocchio rejects it: {reason}") from error
         finally:
             log.seek(0)
-            complaints = log.read().decode(errors="replace").strip()
+            complaints = " ".join(log.read().decode(errors="replace").split())
     if "Error" in complaints:
         raise RobotError(f"{description.path}: Pinocchio rejects it: {complaints}")
     return model

@@ -2,10 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from tubeplanner.errors import RobotError, shown
-from tubeplanner.options import in_figures, is_number
+from tubeplanner.options import are_numbers, in_figures, is_number
 
 _SLOWEST, _FASTEST = 1e-6, 1e9  # [m/s]
 
@@ -30,8 +28,7 @@ class PointSpeed:
     def __post_init__(self) -> None:
         where = f"robot.limits.point_speed of link {shown(self.link)}"
         position = self.position
-        is_point = isinstance(position, list | tuple | np.ndarray) and len(position) == 3
-        if not is_point or not all(is_number(v) and abs(v) < np.inf for v in position):
+        if not are_numbers(position, 3):
             raise RobotError(f"{where}: position is {shown(position)}; give [x, y, z] in m")
         if not is_number(self.speed) or not _SLOWEST <= self.speed <= _FASTEST:
             raise RobotError(

@@ -35,6 +35,7 @@ STANDING_TYPES = ("planar", "floating")
 _JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *STANDING_TYPES)
 _XACRO = "{http://www.ros.org/wiki/xacro}"
 _MAX_BYTES = 50_000_000
+_MAX_LINKS = 2_000  # of an arm and its cell; kinematics of more takes minutes
 # Tags that Pinocchio's kinematic copy does not need; meshes are read by `link_geometry`.
 _NOT_KINEMATIC = ("visual", "collision")
 
@@ -210,6 +211,7 @@ def read_urdf(
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise RobotError(f"{path} cannot be read as URDF: {error}") from error
     _require_robot(path, root)
+    _require_few_links(path, root)
     links = [read_name(str(path), element, "name") for element in root.findall("link")]
     joints = [_read_joint(path, element) for element in root.findall("joint")]
     _require_unique(path, "link", links)
@@ -255,6 +257,15 @@ def _require_robot(path: Path, root: ElementTree.Element) -> None:
                 f"xacro {path.name} > {path.name.split('.')[0]}.expanded.urdf; a file named "
                 f"{path.name.split('.')[0]}.urdf.xacro is expanded when it is read"
             )
+
+
+def _require_few_links(path: Path, root: ElementTree.Element) -> None:
+    count = len(root.findall("link"))
+    if count > _MAX_LINKS:
+        raise RobotError(
+            f"{path} has {count} links; at most {_MAX_LINKS} are accepted: leave out those that "
+            "do not belong to the arm"
+        )
 
 
 def _read_joint(path: Path, element: ElementTree.Element) -> UrdfJoint:

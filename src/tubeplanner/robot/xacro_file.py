@@ -1,18 +1,24 @@
-"""Macro files of robots, `.xacro`, expanded by the package xacro as `ros2 run xacro` does."""
+"""Macro files of robots, `.xacro`, expanded in a process of their own."""
 
+import json
+import subprocess
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.documents import DocumentError, require_regular
+from tubeplanner.errors import RobotError
 from tubeplanner.extras import not_installed
-from tubeplanner.resources import find_package
 
 XACRO_ENDING = ".xacro"
-_INDEX = "ament_index_python"
+_MAX_BYTES = 50_000_000
+_TIME_LIMIT = 10.0  # [s]: robots of hundreds of links take one
+_PROGRAM = """import sys
+sys.path[:] = {path!r}
+from tubeplanner.robot.xacro_process import serve
+serve()
+"""
 
 
 def expanded(path: Path, arguments: Mapping[str, object], package_dirs: tuple[Path, ...]) -> bytes:
@@ -24,77 +30,43 @@ def expanded(path: Path, arguments: Mapping[str, object], package_dirs: tuple[Pa
         package_dirs: Further folders that hold the packages of `$(find PACKAGE)`.
 
     Raises:
-        RobotError: xacro is not installed or cannot expand the file, with its reason; or the file
-            does not ask for an argument.
+        RobotError: xacro is not installed or cannot expand the file, with its reason; it takes too
+            long or too much memory; or the file does not ask for an argument.
     """
     try:
-        import xacro
+        import xacro  # noqa: F401
     except ImportError:
         raise RobotError(not_installed("xacro", str(path), "xacro")) from None
-    asked = _Arguments({name: _written(value) for name, value in arguments.items()})
     try:
-        with _packages_found_by(lambda package: find_package(package, path, package_dirs)):
-            document = xacro.process_file(str(path), mappings=asked)
-    except Exception as error:  # expressions of the file may raise anything
-        reason = _reason(error)
-        raise RobotError(f"{path}: xacro cannot expand it: {reason}{_place(xacro, path)}") from None
-    unasked = [name for name in arguments if name not in asked.asked]
-    if unasked:
-        message = unknown_name("argument", unasked[0], sorted(asked.asked))
-        raise RobotError(f"{path}: robot.xacro_args: {message}")
-    # Without xacro's own comments, which hold the path.
-    return document.documentElement.toxml().encode()
+        require_regular(path, _MAX_BYTES)
+    except DocumentError as error:
+        raise RobotError(f"{path} cannot be read: {error}") from None
+    folders = [str(folder) for folder in package_dirs]
+    asked = {"path": str(path), "arguments": dict(arguments), "package_dirs": folders}
+    answer = _answer(path, asked)
+    if "fault" in answer:
+        raise RobotError(answer["fault"])
+    xml = answer["xml"].encode()
+    if len(xml) > _MAX_BYTES:
+        raise RobotError(f"{path}: what it stands for is larger than {_MAX_BYTES / 1e6:g} MB")
+    return bytes(xml)
 
 
-class _Arguments(dict[str, str]):
-    """Arguments that remember which of them a file asked for."""
-
-    def __init__(self, values: Mapping[str, str]) -> None:
-        super().__init__(values)
-        self.asked: set[str] = set()
-
-    def __contains__(self, name: object) -> bool:
-        self.asked.add(str(name))
-        return super().__contains__(name)
-
-    def __getitem__(self, name: str) -> str:
-        self.asked.add(name)
-        return super().__getitem__(name)
-
-
-def _written(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-@contextmanager
-def _packages_found_by(find: Any) -> Iterator[None]:
-    """Answer xacro's questions for the folders of packages, which it asks of ROS's index."""
-    index, packages = ModuleType(_INDEX), ModuleType(f"{_INDEX}.packages")
-    vars(packages)["get_package_share_directory"] = lambda package: str(find(package))
-    vars(index)["packages"] = packages
-    ours = {_INDEX: index, f"{_INDEX}.packages": packages}
-    before = {name: sys.modules.get(name) for name in ours}
-    sys.modules.update(ours)
+def _answer(path: Path, asked: Mapping[str, Any]) -> dict[str, str]:
+    """Return what the process answers."""
+    remedy = "simplify it, or expand it yourself and name the URDF"
     try:
-        yield
-    finally:
-        for name, module in before.items():
-            del sys.modules[name]
-            if module is not None:
-                sys.modules[name] = module
-
-
-def _reason(error: BaseException) -> str:
-    """Return why xacro gave up, on one line."""
-    inner = getattr(error, "exc", None)
-    if isinstance(inner, RobotError):
-        return str(inner)
-    if isinstance(error, RecursionError):
-        return "it includes or calls itself without end"
-    return " ".join(str(error).split()) or type(error).__name__
-
-
-def _place(xacro: Any, path: Path) -> str:
-    """Return which included file xacro was in, if it was in one."""
-    files = [file for file in xacro.filestack or () if file]
-    return f" (in {files[-1]})" if files and files[-1] != str(path) else ""
+        done = subprocess.run(
+            [sys.executable, "-c", _PROGRAM.format(path=sys.path)],
+            input=json.dumps(asked).encode(),
+            capture_output=True,
+            timeout=_TIME_LIMIT,
+        )
+        answer: dict[str, str] = json.loads(done.stdout)
+    except subprocess.TimeoutExpired:
+        raise RobotError(
+            f"{path}: xacro cannot expand it within {_TIME_LIMIT:g} s; {remedy}"
+        ) from None
+    except ValueError:
+        raise RobotError(f"{path}: xacro ended without an answer; {remedy}") from None
+    return answer

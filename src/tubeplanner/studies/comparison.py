@@ -15,6 +15,7 @@ from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import Progress, StoppedBy
 from tubeplanner.short_repr import short_repr
+from tubeplanner.studies.formula_cells import without_formulas
 from tubeplanner.studies.trajectory_measures import TrajectoryMeasures, trajectory_measures
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
@@ -126,7 +127,7 @@ class Comparison:
         for row in self.rows:
             failures = " ".join(f"{name}={c.margin!r}" for name, c in row.failures.items())
             writer.writerow({**row.as_dict(), "failures": failures})
-        return stream.getvalue()
+        return without_formulas(stream.getvalue())
 
 
 def compare(

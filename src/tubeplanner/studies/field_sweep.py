@@ -26,6 +26,7 @@ from tubeplanner.progress import StoppedBy
 from tubeplanner.short_repr import short_repr
 from tubeplanner.simulation.run_verdict import RunVerdict
 from tubeplanner.studies.axes import Levels
+from tubeplanner.studies.formula_cells import without_formulas
 from tubeplanner.studies.json_values import json_value, value_text
 from tubeplanner.studies.study import Study
 from tubeplanner.studies.swept_rows import swept_rows
@@ -152,7 +153,7 @@ class FieldSweep:
             del fields[first]
             notes = "; ".join(row.notes)
             writer.writerow({self.path: value_text(row.value), **fields, "notes": notes})
-        return stream.getvalue()
+        return without_formulas(stream.getvalue())
 
 
 def sweep_field(

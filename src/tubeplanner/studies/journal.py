@@ -3,15 +3,19 @@
 import fcntl
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
-from tubeplanner.errors import OutputError
+from tubeplanner.documents import parse_json
+from tubeplanner.errors import OutputError, shown
 from tubeplanner.studies.json_values import json_value
 
+_T = TypeVar("_T")
 _BEGIN = b'{"key": "'  # of every line
+_MAX_LINE = 10_000_000  # [bytes]
+_MAX_REASON = 200  # [characters]
 
 
 class Journal:
@@ -33,11 +37,15 @@ class Journal:
         """
         self._path = path
         self._places: dict[str, int] = {}  # of lines in the file [bytes], by key
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise OutputError(f"journal {path} is no regular file; name one")
         try:
             # Appending: what is written goes to the end, wherever was read before.
             self._file = path.open("a+b")
         except OSError as error:
-            raise OutputError(f"journal {path} cannot be opened: {error.strerror}") from error
+            raise OutputError(
+                f"journal {path} cannot be opened: {error.strerror}; name another table"
+            ) from error
         try:
             self._lock()
             self._read()
@@ -68,6 +76,26 @@ class Journal:
         answer: dict[str, Any] = json.loads(self._file.readline())["row"]
         return answer
 
+    def made(self, key: str, make: Callable[[Mapping[str, Any]], _T]) -> _T:
+        """Return what is made of the answer that a key has.
+
+        Args:
+            key: The key.
+            make: Makes it; raises KeyError, TypeError, ValueError or AttributeError of what is no
+                such answer.
+
+        Raises:
+            OutputError: It is none.
+        """
+        try:
+            return make(self[key])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            reason = shown(" ".join(str(error).split()), _MAX_REASON)
+            raise OutputError(
+                f"{self._path}: the line of key {shown(key)} holds no answer that this study can "
+                f"have ({reason}); delete the line, or name another table"
+            ) from None
+
     def add(self, key: str, values: Mapping[str, Any], answer: Mapping[str, Any]) -> None:
         """Write an answer, and wait until it is on the disk.
 
@@ -87,8 +115,11 @@ class Journal:
             self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as error:
+            # Closed beneath its buffer: else closing it later tried to write the rest once more.
+            self._file.raw.close()
             raise OutputError(
-                f"journal {self._path} cannot be written: {error.strerror}; what it has is kept"
+                f"journal {self._path} cannot be written: {error.strerror}; make room, or name a "
+                "table on another disk; what it has is kept"
             ) from error
         self._places[key] = place
 
@@ -109,8 +140,10 @@ class Journal:
     def _read(self) -> None:
         """Note where every line begins, and drop a torn one at the end."""
         place = self._file.seek(0)
-        for number, line in enumerate(self._file, start=1):
-            if not line.endswith(b"\n") and _BEGIN.startswith(line[: len(_BEGIN)]):
+        lines = iter(lambda: self._file.readline(_MAX_LINE), b"")
+        for number, line in enumerate(lines, start=1):
+            is_torn = not line.endswith(b"\n") and len(line) < _MAX_LINE
+            if is_torn and _BEGIN.startswith(line[: len(_BEGIN)]):
                 self._file.truncate(place)
                 break
             self._places[self._key(number, line)] = place
@@ -118,9 +151,9 @@ class Journal:
 
     def _key(self, number: int, line: bytes) -> str:
         try:
-            fields = json.loads(line)
+            fields: Any = parse_json(line.decode())
             key, row = fields["key"], fields["row"]
-            if not isinstance(key, str) or row["status"] is None:
+            if not isinstance(key, str) or not isinstance(row, dict) or row["status"] is None:
                 raise TypeError
         except (ValueError, KeyError, TypeError):
             raise OutputError(

@@ -10,6 +10,7 @@ from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.planner import plan
 from tubeplanner.planning.standing_base import require_base_free
 from tubeplanner.short_repr import short_repr
+from tubeplanner.studies.answer_fields import require_fields
 from tubeplanner.studies.leading_seeds import leading_seeds
 from tubeplanner.studies.movable_problem import MovableProblem
 from tubeplanner.studies.placement_region import Stand
@@ -79,12 +80,20 @@ class PlacementRow:
 
     @classmethod
     def of_dict(cls, fields: Mapping[str, Any]) -> "PlacementRow":
-        """Return the row of which `as_dict` gave the values."""
+        """Return the row of which `as_dict` gave the values.
+
+        Raises:
+            KeyError: A value is missing.
+            ValueError: There are others, or a type is another one.
+        """
         where: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value
             for key, value in fields["where"].items()
         }
         x, y, z = fields["position"]
+        names = {"position": "stand", "where": "place"}
+        plain = {names.get(key, key): value for key, value in fields.items() if key != "yaw"}
+        require_fields(cls, {**plain, "stand": [x, y, z, fields["yaw"]]})
         return cls(
             Stand(x, y, z, fields["yaw"]),
             fields["status"],

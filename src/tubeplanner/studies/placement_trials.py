@@ -73,7 +73,7 @@ class PlacementTrials:
         key = self._key(stand)
         if key not in self._journal:
             return False
-        self._found[stand] = PlacementRow.of_dict(self._journal[key])
+        self._found[stand] = self._journal.made(key, PlacementRow.of_dict)
         self.restored += 1
         return True
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from tubeplanner.progress import StoppedBy
 from tubeplanner.short_repr import short_repr
+from tubeplanner.studies.formula_cells import without_formulas
 from tubeplanner.studies.json_values import value_text
 from tubeplanner.studies.study import Study
 from tubeplanner.studies.study_row import StudyRow
@@ -68,4 +69,4 @@ class StudyResult:
             texts = {**row.as_dict(), "where": str(row.where), "notes": "; ".join(row.notes)}
             values = [value_text(row.values[path]) for path in paths]
             writer.writerow([row.point, *values, *(texts[name] for name in columns)])
-        return stream.getvalue()
+        return without_formulas(stream.getvalue())

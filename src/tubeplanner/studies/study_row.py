@@ -14,6 +14,7 @@ from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.short_repr import short_repr
+from tubeplanner.studies.answer_fields import require_fields
 from tubeplanner.studies.json_values import json_value
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -75,7 +76,12 @@ class StudyRow:
             values: By field path.
             key: Of what the point is.
             answer: The other fields, as JSON values.
+
+        Raises:
+            ValueError: The answer has other fields, or values of other types.
+            TypeError: Likewise, its place.
         """
+        require_fields(cls, {"point": point, "values": {}, **answer})
         place: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in answer["where"].items()

@@ -1,7 +1,7 @@
 """Studies are run: every point planned once, in worker processes, and kept in a journal."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
@@ -173,7 +173,7 @@ class _Run:
         """Return whether the journal has an answer, which is then taken."""
         if self._journal is None or key not in self._journal:
             return False
-        self._answers[key] = self._journal[key]
+        self._answers[key] = self._journal.made(key, _answer_of_study)
         return True
 
     def _note(self, done: int) -> None:
@@ -195,6 +195,12 @@ def _answer(asked: tuple[str, PosedProblem], options: PlanOptions) -> Answer:
             "began, or where it was started; run it again, the answers so far are kept"
         )
     return planned_answer(posed, options)
+
+
+def _answer_of_study(answer: Mapping[str, Any]) -> Answer:
+    """Return an answer once it is one; errors as `StudyRow.of`."""
+    StudyRow.of(0, {}, None, answer)
+    return dict(answer)
 
 
 def _in_words(seconds: float) -> str:

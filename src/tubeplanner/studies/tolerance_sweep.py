@@ -23,6 +23,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import StoppedBy
 from tubeplanner.refinement.sensitivities import Sensitivity
 from tubeplanner.short_repr import short_repr
+from tubeplanner.studies.formula_cells import without_formulas
 from tubeplanner.studies.swept_rows import swept_rows
 from tubeplanner.tube.tube import Tube
 
@@ -129,7 +130,7 @@ class SweepResult:
             radii = " ".join(repr(value) for value in fields["radii"] or ())
             value = fields.pop(first)
             writer.writerow({self.quantity: value, **fields, "radii": radii})
-        return stream.getvalue()
+        return without_formulas(stream.getvalue())
 
 
 def sweep(

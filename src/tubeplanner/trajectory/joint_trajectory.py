@@ -74,7 +74,12 @@ class JointTrajectory:
                 is not finite, time does not increase from zero, or there are more joints, pieces,
                 degrees, seconds or radians than an arm could use.
         """
-        names = tuple(joint_names)
+        try:
+            names = () if isinstance(joint_names, str | bytes) else tuple(joint_names)
+        except TypeError:
+            names = ()
+        if not names:
+            raise TrajectoryError(f"joint_names is {shown(joint_names)}; give a list of names")
         self._keep("joint_names", names)
         for k, name in enumerate(names):
             require_name(f"joint_names[{k}]", name, TrajectoryError)
@@ -304,7 +309,7 @@ class JointTrajectory:
         b, c = self.breakpoints, self.coefficients
         if b.ndim != 1 or len(b) < 2 or b[0] != 0.0 or not (np.diff(b) > 0).all():
             raise TrajectoryError("breakpoints must be at least two times that increase from 0")
-        expected = (max(len(c), 1), len(b) - 1, len(self.joint_names))
+        expected = (max(len(c) if c.ndim else 0, 1), len(b) - 1, len(self.joint_names))
         if c.shape != expected:
             raise TrajectoryError(
                 f"coefficients have shape {c.shape}; (degree+1, pieces, joints) = {expected} is "

@@ -7,11 +7,13 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tubeplanner.errors import ProblemError, shown
+from tubeplanner.options import is_number
 
 JointRange: TypeAlias = tuple[float, float]
 # "+", "-", "0", 1, -1, 0 or a range of two numbers
 JointSign: TypeAlias = Any
 
+_LARGEST = 1e300  # a bound that is finite [rad or m]
 _SIGNS: dict[str | int, JointRange] = {
     "+": (0.0, np.inf),
     "-": (-np.inf, 0.0),
@@ -46,7 +48,7 @@ def joint_ranges(
 ) -> tuple[Mapping[str, JointRange], ...]:
     """Return the range that each sign stands for."""
     ranges = tuple(
-        {name: _range(f"tube.joint_signs: joint '{name}'", sign) for name, sign in row.items()}
+        {name: _range(f"tube.joint_signs: joint {shown(name)}", sign) for name, sign in row.items()}
         for row in signs
     )
     for k, (before, after) in enumerate(pairwise(ranges) if visit == "ordered" else ()):
@@ -60,14 +62,22 @@ def sign_of(bounds: JointRange) -> str | None:
 
 
 def _range(where: str, sign: JointSign) -> JointRange:
-    if np.ndim(sign) == 0 and not isinstance(sign, bool) and sign in _SIGNS:
+    if (is_number(sign) or isinstance(sign, str)) and sign in _SIGNS:
         return _SIGNS[sign]
-    if not isinstance(sign, str) and np.shape(sign) == (2,):
-        lower, upper = (float(bound) for bound in sign)
+    is_array = isinstance(sign, np.ndarray) and sign.ndim == 1
+    if (is_array or isinstance(sign, list | tuple)) and len(sign) == 2:
+        lower, upper = (_bound(where, bound) for bound in sign)
         if lower <= upper:
             return lower, upper
         raise ProblemError(f"{where}: the range [{lower:g}, {upper:g}] is reversed or no number")
     raise ProblemError(f"{where}: {shown(sign)} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
+
+
+def _bound(where: str, value: Any) -> float:
+    """Return an end of a range."""
+    if not is_number(value) or _LARGEST < abs(value) < np.inf:
+        raise ProblemError(f"{where}: {shown(value)} is no end of a range [lower, upper]")
+    return float(value)
 
 
 def _require_switch(

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray, read_only
-from tubeplanner.errors import ProblemError
+from tubeplanner.errors import ProblemError, shown
 from tubeplanner.orientation import matrix_of_quaternion
 from tubeplanner.tube.rotations import inverse_right_jacobian, rotation_matrix, rotation_vector
 
@@ -260,15 +260,15 @@ def rotation_bound(name: str, entry: Any) -> RotationBound:
     """
     try:
         values = np.array(entry, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = np.zeros(0)
     if values.shape not in ((), (3,)) or isinstance(entry, bool | str):
         raise ProblemError(
-            f"{name} is {entry!r}; it must be one angle or bounds [x, y, z] on the components of "
-            "the rotation vector [rad], .inf where free"
+            f"{name} is {shown(entry)}; it must be one angle or bounds [x, y, z] on the components "
+            "of the rotation vector [rad], .inf where free"
         )
     if not (values > 0).all():
-        raise ProblemError(f"{name} is {entry!r} rad; it must be > 0, .inf where free")
+        raise ProblemError(f"{name} is {shown(entry)} rad; it must be > 0, .inf where free")
     if values.ndim == 0:
         return float(values)
     x, y, z = values.tolist()

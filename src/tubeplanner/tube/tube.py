@@ -13,8 +13,8 @@ from typing import Any, Literal
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.errors import ProblemError, unknown_name
-from tubeplanner.options import in_figures, is_number
+from tubeplanner.errors import ProblemError, shown, unknown_name
+from tubeplanner.options import WHOLE_NUMBER, in_figures, is_number
 from tubeplanner.tube.box_regions import BoxRegions, box_sections, radii_of_boxes
 from tubeplanner.tube.compulsory_points import PASS_THROUGH, compulsory_points
 from tubeplanner.tube.given_points import MAX_EXTENT, given_points, given_radii
@@ -25,6 +25,7 @@ from tubeplanner.tube.segment_regions import Capsules, SegmentRegions
 from tubeplanner.tube.segment_values import CLEARANCE, TOOL_SPEED, segment_values
 
 _ALL = slice(None)
+_LARGEST_NUMBER = 10**9  # of a point
 # What has an entry for each point, and for each segment.
 _BY_POINT = ("points", "orientations", "numbers")
 _BY_SEGMENT = (
@@ -125,7 +126,7 @@ class Tube:
         segments = len(corners) - 1
         sections = box_sections(cross_section, np.diff(corners, axis=0))
         radii = given_radii(radii_of_boxes(radius, sections), segments)
-        signs = sign_maps(joint_signs or {}, segments)
+        signs = sign_maps({} if joint_signs is None else joint_signs, segments)
         ranges = joint_ranges(signs, visit)
         quaternions, bounds, rotation = given_rotation(corners, orientations, rotation_tolerance)
         _require_named("visit", visit, VISITS)
@@ -135,7 +136,7 @@ class Tube:
                 f"tube.tool_radius {in_figures(tool_radius)} m must be >= 0 and below the smallest "
                 f"radius, {radii.min():g} m, by at least {MIN_LENGTH:g} m"
             )
-        named = np.arange(segments + 1) if numbers is None else np.array(numbers)
+        named = np.arange(segments + 1) if numbers is None else _numbers(numbers, segments)
         sizes = (corners, radii, float(tool_radius))
         speeds = segment_values(tool_speed, segments, TOOL_SPEED)
         others = (speeds, sections, segment_values(clearance, segments, CLEARANCE))
@@ -365,6 +366,18 @@ def _conditions(
     return tuple(zip(ranges, *(row or nothing for row in rows), strict=True))
 
 
+def _numbers(given: object, segments: int) -> IntArray:
+    """Return the numbers of the points, once they are as many as there are points, and ascend."""
+    is_row = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim == 1)
+    row: Any = given if is_row else ()
+    are_whole = all(isinstance(n, WHOLE_NUMBER) and 0 <= n <= _LARGEST_NUMBER for n in row)
+    if not are_whole or len(row) != segments + 1 or not (np.diff(row) >= 0).all():
+        raise ProblemError(
+            f"tube.numbers is {shown(given)}; give {segments + 1} ascending whole numbers"
+        )
+    return np.array(row, dtype=np.int64)
+
+
 def _require_named(key: str, value: object, known: Sequence[str]) -> None:
-    if value not in known:
-        raise ProblemError(f"tube.{key}: {unknown_name('value', str(value), known)}")
+    if not isinstance(value, str) or value not in known:
+        raise ProblemError(f"tube.{key}: {unknown_name('value', value, known)}")

@@ -69,6 +69,9 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
         if solution.error <= _REACHED and is_new:
             found.append(np.round(solution.q, _DECIMALS))
     if not found:
-        message = f"the goal is out of reach: the tool gets no nearer than {least:.4g} m"
+        message = (
+            f"no configuration was found for the goal: the tool was brought no nearer than "
+            f"{least:.4g} m from {len(seeds)} starts"
+        )
         raise Infeasible(PlanStatus.UNREACHABLE, message, Place().at(target))
     return sorted(found, key=lambda q: float(abs(q - start).max()))

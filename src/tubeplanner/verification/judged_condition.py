@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from tubeplanner.errors import OptionError
+from tubeplanner.errors import OptionError, shown
 from tubeplanner.options import NUMBER
 from tubeplanner.outcome import MARGIN_TOLERANCE, Place
 
@@ -29,7 +29,7 @@ class Tolerance:
         for name in ("absolute", "relative"):
             value = getattr(self, name)
             if not (isinstance(value, NUMBER) and 0 <= value < 1):
-                raise OptionError(f"tolerance: {name} is {value!r}, not in [0, 1)")
+                raise OptionError(f"tolerance: {name} is {shown(value)}, not in [0, 1)")
 
     def of(self, unit: str) -> float:
         """Return the tolerance that belongs to a unit."""

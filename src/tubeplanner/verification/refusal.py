@@ -31,7 +31,12 @@ def refusal(problem: PlanningProblem, certificate: Certificate) -> Infeasible | 
 
 
 def require_free(
-    problem: PlanningProblem, name: str, q: FloatArray, required: FloatArray | None = None
+    problem: PlanningProblem,
+    name: str,
+    q: FloatArray,
+    required: FloatArray | None = None,
+    *,
+    is_given: bool = False,
 ) -> None:
     """Check that a configuration (n,) is not itself in collision or too near to an obstacle.
 
@@ -40,6 +45,7 @@ def require_free(
         name: What the configuration is called: start, goal or another place.
         q: Shape (n,).
         required: What is required of all pairs there, shape (P,) [m]; None: as at start or goal.
+        is_given: Whether every trajectory has it: there is none for certain then.
 
     Raises:
         Infeasible: Status tube_blocked.
@@ -53,14 +59,31 @@ def require_free(
     links, obstacle = checker.owners(checker.pairs[worst])
     is_end = name in ("start", "goal")
     when = f"in the {name} configuration" if is_end else f"at {name}"
-    remedy = f"choose another {name} or move what is in the way" if is_end else _REMEDY
+    remedy = f"choose another {name}" if is_end else _REMEDY
+    margin = float(margins[worst])
+    if obstacle is not None:
+        remedy += f" or move '{obstacle}' {_away(problem, q, worst, -margin)}"
     if is_end and obstacle is not None:  # it may be what a motion picks up or puts down
         remedy += (
             f", or list [{links[0]}, {obstacle}] in contacts if they may be that near there, in "
             "collision.ignore if they may touch"
         )
-    place = Place(links=links, obstacle=obstacle)
-    raise _blocked(problem, place, float(margins[worst]), when, remedy)
+    refused = _blocked(problem, Place(links=links, obstacle=obstacle), margin, when, remedy)
+    refused.proved, refused.starts = is_given, 0 if is_given else 1
+    raise refused
+
+
+def _away(problem: PlanningProblem, q: FloatArray, pair: int, missing: float) -> str:
+    """Return how far to move a pair's obstacle along which axis, so that this pair is clear."""
+    checker = problem.collision
+    rotation, position = problem.robot.body_poses(q[None])
+    closest = checker.closest_points(rotation, position, checker.pairs[pair][None])
+    direction = closest.direction[0]
+    if not direction.any():
+        return "out of the way"
+    k = int(abs(direction).argmax())
+    sign = "+" if direction[k] > 0 else "-"
+    return f"by {1000 * missing / abs(direction[k]):.3g} mm in {sign}{'xyz'[k]}"
 
 
 def clear_by(problem: PlanningProblem, q: FloatArray, required: FloatArray) -> FloatArray:
@@ -97,8 +120,16 @@ def _blocked(
         )
         return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
     distance = 1000 * (margin + asked)
+    if asked and distance > _TOUCHING:
+        remedy += f", or clearance {1000 * asked:g} -> {_floored(distance)} mm"
     deed = "touches" if abs(distance) < _TOUCHING else f"reaches {-distance:.1f} mm into"
     deed = f"comes within {distance:.1f} mm of" if distance >= _TOUCHING else deed
     wanted = f" (clearance {1000 * asked:g} mm)" if asked else ""
     message = f"'{links[0]}' {deed} '{place.obstacle}'{wanted} {when}; {remedy}"
     return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+
+
+def _floored(value: float) -> str:
+    """Return a positive value in three figures, none above it."""
+    digits = 2 - int(np.floor(np.log10(value)))
+    return f"{np.floor(value * 10.0**digits) / 10.0**digits:g}"

@@ -17,8 +17,9 @@ from uuid import UUID
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import OptionError
+from tubeplanner.errors import OptionError, OutputError
 from tubeplanner.files.output_files import write_files
+from tubeplanner.held_signals import signals_held
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.short_repr import short_repr
 from tubeplanner.simulation.execution import Execution
@@ -86,8 +87,7 @@ class View:
             OutputError: The file could not be written.
         """
         name = re.sub(r"[^\w.-]+", "_", self.scene.name)
-        path = Path(tempfile.mkdtemp(prefix="tubeplanner-")) / f"{name}.html"
-        self.save(path)
+        path = _kept_page(f"{name}.html", self.html)
         try:
             return path, webbrowser.open(path.as_uri())
         except webbrowser.Error:
@@ -149,6 +149,28 @@ def names_of_files(paths: Sequence[Path]) -> list[str]:
     if len(set(names)) == len(names):
         return names
     return [f"{i + 1}: {path}" for i, path in enumerate(paths)]
+
+
+def _kept_page(name: str, page: str) -> Path:
+    """Write a page into a temporary folder of its own; a browser may read it any time later.
+
+    Raises:
+        OutputError: There is no such folder, or no room in it; nothing is left.
+    """
+    with signals_held():
+        try:
+            folder = Path(tempfile.mkdtemp(prefix="tubeplanner-"))
+        except OSError as error:
+            raise OutputError(
+                f"no temporary folder could be made for {name}: {error.strerror}; name a file "
+                "for the page"
+            ) from error
+        try:
+            write_files({folder / name: page.encode()})
+        except OutputError:
+            folder.rmdir()
+            raise
+    return folder / name
 
 
 class _Recorder:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.collision.mesh_bounds import files_beside
 from tubeplanner.collision.mesh_cover import length_unit
-from tubeplanner.errors import RobotError
+from tubeplanner.errors import RobotError, shown
 from tubeplanner.views.surface import Surface, joined
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 _CREASE = 0.6
 # Vertices nearer than this are the same [m]; coarser, by this factor, until few enough are left.
 _MIN_CELL, _COARSER = 2e-4, 1.15
+
+_MAX_REASON = 200  # [characters]
 
 Color = tuple[float, float, float]
 
@@ -40,19 +43,22 @@ def read_visual_mesh(
     import trimesh
 
     try:
-        scene = trimesh.load_scene(str(path))
+        scene = trimesh.load_scene(str(path), resolver=files_beside(path))
         parts = [
             (_color(scene.geometry[name]), _placed(scene.geometry[name], placement))
             for placement, name in (scene.graph[node] for node in scene.graph.nodes_geometry)
             if isinstance(scene.geometry[name], trimesh.Trimesh)
         ]
+        unit = length_unit(path)
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries raise
-        raise RobotError(f"mesh {path} cannot be read ({error})") from error
+        raise RobotError(
+            f"mesh {path} cannot be read ({shown(str(error), _MAX_REASON)})"
+        ) from error
     if not any(len(surface.faces) for _, surface in parts):
         raise RobotError(f"mesh {path} has no triangles")
     if path.suffix.lower() == ".dae":
         parts = [(_encoded(color), surface) for color, surface in parts]
-    factor = length_unit(path) * np.broadcast_to(1.0 if scale is None else scale, 3)
+    factor = unit * np.broadcast_to(1.0 if scale is None else scale, 3)
     return [(color, surface.moved(np.diag([*factor, 1.0]))) for color, surface in parts]
 
 

@@ -1,0 +1,239 @@
+"""Files that are right, for every reader: bundled ones, small ones, and what the package writes."""
+
+import json
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+
+import trimesh
+import yaml
+
+from tubeplanner import JointTrajectory, PlanOptions, load_problem, load_study, plan, run_study
+from tubeplanner.resources import bundled_folder
+
+_ROBOTS = bundled_folder()
+URDF = (_ROBOTS / "two_link" / "two_link.urdf").read_text()
+PROBLEM = (_ROBOTS / "two_link" / "around_a_post.yaml").read_text()
+WITH_POINTS = """
+robot: {urdf: example:two_link, tool_frame: hand, gravity: [0, 0, 0]}
+tube: {points: points.csv, radius: 0.03, joint_signs: {joint2: "-"}}
+start: {seed: [0.0, -1.0]}
+"""
+WITH_STATE = """
+robot: {urdf: example:two_link, tool_frame: hand, gravity: [0, 0, 0], srdf: arm.srdf}
+tube: {points: [[0.6, 0, 0], [0.5, 0, 0]], radius: 0.05}
+start: {group_state: ready}
+"""
+INCLUDING = """
+include: cell.yaml
+tube: {points: [[0.3, -0.3, 0], [0.3, 0.3, 0]], radius: 0.03, joint_signs: {joint2: "-"}}
+start: {seed: [0.0, -1.0]}
+"""
+CELL = """
+robot:
+  urdf: example:two_link
+  tool_frame: hand
+  gravity: [0, 0, 0]
+  payload: {mass: 0.5, com: [0, 0, 0.1]}
+  attached: [{name: pen, capsule: [0.005, 0.05], position: [0, 0, 0.05], touch_links: [link2]}]
+obstacles:
+  - {name: post, cylinder: [0.03, 0.3], position: [0.45, 0, 0]}
+  - {name: wall, box: [0.1, 0.1, 0.1], position: [0, -0.6, 0], rpy: [0, 0, 0.5]}
+clearance: {default: 0.001, pairs: [{links: [link2, post], clearance: 0.002}]}
+collision: {self: true, ignore: [[link1, wall]]}
+"""
+PRESET = """
+format: tubeplanner/preset
+version: 1
+joints: 2
+limits: {velocity: [3, 3.5], acceleration: {joint1: 20}, effort: 90, jerk: 500}
+motors: {viscous_friction: 0.2, coulomb_friction: [0.5, 0.4], armature: 0.01}
+sources:
+  limits.velocity: the maker
+  limits.acceleration: the maker
+  limits.effort: the maker
+  limits.jerk: the maker
+  motors.viscous_friction: measured
+  motors.coulomb_friction: measured
+  motors.armature: measured
+"""
+LIMITS = """
+default_velocity_scaling_factor: 0.1
+default_acceleration_scaling_factor: 0.1
+joint_limits:
+  joint1:
+    {has_velocity_limits: true, max_velocity: 3.0, has_acceleration_limits: true,
+     max_acceleration: 20, has_position_limits: true, min_position: -3, max_position: 3}
+  joint2: {has_jerk_limits: false, max_jerk: 0, has_effort_limits: true, max_effort: 25}
+"""
+SRDF = """<robot name="two_link">
+  <group name="arm"><chain base_link="base" tip_link="hand"/></group>
+  <group_state name="ready" group="arm">
+    <joint name="joint1" value="0"/><joint name="joint2" value="0"/>
+  </group_state>
+  <disable_collisions link1="base" link2="link1" reason="Adjacent"/>
+  <disable_collisions link1="base" link2="link2" reason="Never"/>
+</robot>"""
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="reach" default="0.3"/>
+  <xacro:property name="reach" value="$(arg reach)"/>
+  <xacro:property name="given" value="${load_yaml('values.yaml')}"/>
+  <xacro:macro name="turn" params="name parent child *origin">
+    <joint name="${name}" type="revolute">
+      <parent link="${parent}"/><child link="${child}"/><axis xyz="0 0 1"/>
+      <xacro:insert_block name="origin"/>
+      <limit lower="-3" upper="${pi}" effort="95" velocity="10"/>
+    </joint>
+    <link name="${child}">
+      <inertial><origin xyz="${reach} 0 0"/><mass value="${2 * 7.3}"/>
+        <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+      <collision><geometry><box size="${given['length']} 0.05 0.04"/></geometry></collision>
+    </link>
+  </xacro:macro>
+  <link name="base"/>
+  <xacro:turn name="joint1" parent="base" child="link1"><origin xyz="0 0 0"/></xacro:turn>
+  <xacro:if value="${reach > 0.1}">
+    <xacro:turn name="joint2" parent="link1" child="hand"><origin xyz="0.3 0 0"/></xacro:turn>
+  </xacro:if>
+</robot>"""
+CYCLE = """
+format: tubeplanner/cycle
+robot: {urdf: example:two_link, tool_frame: hand, gravity: [0, -3, 0]}
+start: {seed: [0.0, -1.0]}
+closed: true
+clearance: 0.001
+obstacles: [{name: part, box: [0.02, 0.02, 0.02], position: [0.45, 0.1, 0.3]}]
+moves:
+  - name: over
+    tube: {points: [[0.45, -0.3, 0], [0.45, 0.1, 0]], radius: 0.05, joint_signs: {joint2: "-"}}
+  - {event: gripper, set: close, dwell: 0.05}
+  - {attach: part, payload: {mass: 0.5, com: [0, 0, 0], inertia: [0.01, 0.01, 0.01, 0, 0, 0]}}
+  - name: down
+    tube: {points: [[0.45, 0.1, 0], [0.2, 0.1, 0]], radius: 0.05, joint_signs: {joint2: "-"}}
+    limits: {velocity: 3}
+    goal: {position: [0.2, 0.1, 0], tolerance: 0.01}
+  - {detach: part, leave_as_obstacle: false}
+  - name: back
+    tube: {points: [[0.2, 0.1, 0], [0.45, -0.3, 0]], radius: 0.15, joint_signs: {joint2: "-"}}
+"""
+STUDY = """
+format: tubeplanner/study
+study:
+  problem: problem.yaml
+  vary: {tube.radius: [x0.5, 0.03], robot.payload.mass: [0, 0.5]}
+  options: {method: stop-at-corners, time_limit: 20}
+"""
+LATIN = """
+format: tubeplanner/study
+study:
+  problem: [problem.yaml, example:two_link/paper_1_30mm]
+  vary:
+    robot.limits.scale.effort: {from: 0.5, to: 1, spacing: log}
+    tube.radius: {from: 0.03, to: 0.05}
+  design: {latin: 5, seed: 1}
+"""
+DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit name="meter" meter="1"/><up_axis>Z_UP</up_axis></asset>
+<library_geometries><geometry id="g" name="part"><mesh>
+<source id="p"><float_array id="pa" count="12">0 0 0 0.1 0 0 0 0.1 0 0 0 0.1</float_array>
+<technique_common><accessor count="4" source="#pa" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="4"><input offset="0" semantic="VERTEX" source="#v" set="0"/>
+<p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n" name="n"><instance_geometry url="#g"/>
+</node></visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene>
+</COLLADA>"""
+
+
+def with_robot(field: str) -> str:
+    """Return a problem of the two-link arm, with one more field of the robot."""
+    return f"""
+robot: {{urdf: example:two_link, tool_frame: hand, gravity: [0, 0, 0], {field}}}
+tube: {{points: [[0.3, -0.3, 0], [0.3, 0.3, 0]], radius: 0.03, joint_signs: {{joint2: "-"}}}}
+start: {{seed: [0.0, -1.0]}}
+"""
+
+
+def with_mesh(file: str) -> str:
+    """Return a problem whose arm and obstacle have a mesh."""
+    problem = with_robot("").replace("example:two_link", "robot.urdf")
+    return f"{problem}obstacles: [{{name: part, mesh: {file}, position: [0, 1, 0]}}]\n"
+
+
+def urdf_with_mesh(file: str) -> str:
+    """Return the two-link arm with a mesh for its second link."""
+    return URDF.replace('<box size="0.34 0.04 0.04"/>', f'<mesh filename="{file}"/>')
+
+
+def part() -> bytes:
+    """Return the bundled mesh."""
+    return (_ROBOTS / "ur5" / "part.stl").read_bytes()
+
+
+def mesh(ending: str) -> list[bytes]:
+    """Return meshes of a format."""
+    if ending == "dae":
+        return [DAE.encode()]
+    box = trimesh.creation.box((0.1, 0.1, 0.1)).export(file_type=ending)
+    binary = [part()] if ending == "stl" else []
+    text = box.encode() if isinstance(box, str) else box
+    return [text, *binary]
+
+
+def problems() -> list[bytes]:
+    """Return problem files in YAML."""
+    every_field = (_ROBOTS / "ur5" / "every_field.yaml").read_text()
+    return [text.encode() for text in (PROBLEM, PROBLEM, with_robot(""), every_field)]
+
+
+def json_problems() -> list[bytes]:
+    """Return problem files in JSON."""
+    return [json.dumps(yaml.safe_load(text)).encode() for text in problems()]
+
+
+def urdfs() -> list[bytes]:
+    """Return robots."""
+    follower = '<mimic joint="joint1" multiplier="0.5"/></joint>'
+    head, tail = URDF.rsplit('velocity="100"/>\n  </joint>', 1)
+    return [URDF.encode(), f'{head}velocity="100"/>{follower}{tail}'.encode()]
+
+
+def points() -> list[bytes]:
+    """Return files of points, with and without a line of names."""
+    rows = ((0.3, -0.3, 0), (0.3, 0, 0), (0.3, 0.3, 0))
+    bare = "\n".join(",".join(map(str, row)) for row in rows)
+    turned = "\n".join(",".join(map(str, (*row, 0, 0, 0, 1))) for row in rows)
+    return [
+        f"x,y,z\n{bare}\n".encode(),
+        f"{bare}\n".encode(),
+        f"x,y,z,qx,qy,qz,qw\n{turned}\n".encode(),
+    ]
+
+
+def motion(ending: str) -> list[bytes]:
+    """Return trajectory files as the package writes them: .json, .csv or .yaml (ROS)."""
+    problem, trajectory = _planned()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"motion.{ending}"
+        trajectory.save(path, None if ending == "json" else problem, rate=40.0)
+        return [path.read_bytes()]
+
+
+@cache
+def _planned() -> tuple[object, JointTrajectory]:
+    problem = load_problem("example:two_link/around_a_post")
+    trajectory = plan(problem, PlanOptions("stop-at-corners")).trajectory
+    assert trajectory is not None
+    return problem, trajectory
+
+
+def journals() -> list[bytes]:
+    """Return the journal of a study."""
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(1) as executor:
+        (Path(folder) / "problem.yaml").write_text(PROBLEM)
+        (Path(folder) / "study.yaml").write_text(STUDY)
+        path = Path(folder) / "table.jsonl"
+        run_study(load_study(Path(folder) / "study.yaml"), journal=path, executor=executor)
+        return [path.read_bytes()]

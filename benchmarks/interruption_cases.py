@@ -1,0 +1,235 @@
+"""The commands that `interruptions.py` interrupts: their words, their files, what is not computed.
+
+What a command computes is kept from its first run and given back at once in later ones: `computed`
+names the functions, and the writing stage begins when the last of them first returns.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+PROBLEM = "example:two_link/around_a_post"
+STUDY = f"""format: tubeplanner/study
+study:
+  problem: {PROBLEM}
+  vary: {{tube.radius: [x0.5, x0.7, x0.9, x1]}}
+  options: {{quality: fast, slack: 0}}
+"""
+MOTION, TRAIL, STUDIED = "motion.json", "trail.csv", "study.yaml"  # what commands read
+_EXECUTOR = "workers_of"  # of a command whose answers come from other processes
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command that writes files.
+
+    Attributes:
+        name: What the table calls it.
+        words: Its arguments; {out} stands for the folder of its files, {inputs} for that of what it
+            reads.
+        files: The names of its files that are replaced whole.
+        computed: Functions, as module:name.
+        journal: The name of its journal, if it keeps one.
+    """
+
+    name: str
+    words: str
+    files: tuple[str, ...]
+    computed: tuple[str, ...]
+    journal: str | None = None
+
+    def arguments(self, inputs: Path, out: Path) -> list[str]:
+        """Return its arguments."""
+        return [word.format(inputs=inputs, out=out) for word in self.words.split()]
+
+
+CASES = (
+    Case(
+        "plan",
+        f"plan {PROBLEM} --quality fast -o {{out}}/a.json --csv {{out}}/a.csv --ros {{out}}/a.yaml "
+        "--plot {out}/a.png --html {out}/a.html",
+        ("a.json", "a.csv", "a.yaml", "a.png", "a.html"),
+        ("tubeplanner.planning.planner:plan",),
+    ),
+    Case(
+        "view",
+        f"view {PROBLEM} {{inputs}}/{MOTION} --html {{out}}/a.html",
+        ("a.html",),
+        ("tubeplanner.commands.view_command:load_either_timed",),
+    ),
+    Case(
+        "plot",
+        f"plot {PROBLEM} {{inputs}}/{MOTION} -o {{out}}/a.svg",
+        ("a.svg",),
+        ("tubeplanner.commands.study_commands:load_either_timed",),
+    ),
+    Case(
+        "info",
+        f"info {PROBLEM} --plot {{out}}/a.png",
+        ("a.png",),
+        ("tubeplanner.commands.info_command:_problem_info",),
+    ),
+    Case(
+        "simulate",
+        f"simulate {PROBLEM} {{inputs}}/{MOTION} --runs 3 --plot {{out}}/a.png "
+        "--html {out}/a.html",
+        ("a.png", "a.html"),
+        (
+            "tubeplanner.simulation.execution:executed",
+            "tubeplanner.simulation.judged_runs:judged_runs",
+        ),
+    ),
+    Case(
+        "study",
+        f"study {{inputs}}/{STUDIED} -o {{out}}/a.csv --plot {{out}}/a.png --processes 1",
+        ("a.csv", "a.png"),
+        ("tubeplanner.studies.study_run:planned_answer",),
+        "a.jsonl",
+    ),
+    Case(
+        "sweep",
+        f"sweep {PROBLEM} --radius-scale 0.5,1 --quality fast "
+        "-o {out}/a.csv --plot {out}/a.pdf",
+        ("a.csv", "a.pdf"),
+        ("tubeplanner.studies.tolerance_sweep:sweep",),
+    ),
+    Case(
+        "compare",
+        f"compare {PROBLEM} --methods refinement,bang-bang --quality fast -o {{out}}/a.json "
+        "--plot {out}/a.png --trajectories {out}/all",
+        ("a.json", "a.png", "all/refinement.json", "all/bang-bang.json"),
+        ("tubeplanner.studies.comparison:compare",),
+    ),
+    Case(
+        "measure",
+        f"measure {PROBLEM} -o {{out}}/a.yaml",
+        ("a.yaml",),
+        ("tubeplanner.measurement.tube_measurement:measure_tube",),
+    ),
+    Case(
+        "place",
+        f"place {PROBLEM} --region=-0.02,0.02,0,0 --stands-on none --points 8 --quality fast "
+        "--processes 1 -o {out}/a.yaml --plot {out}/a.png",
+        ("a.yaml", "a.png"),
+        (
+            "tubeplanner.studies.placement:plan",
+            "tubeplanner.studies.placement_trials:tried",
+        ),
+        "a.jsonl",
+    ),
+    Case(
+        "route",
+        "route example:two_link/through_the_gap --tries 1 --samples 200 -o {out}/a.yaml "
+        "--measured {out}/b.yaml",
+        ("a.yaml", "b.yaml"),
+        ("tubeplanner.tube_sources.route:find_route",),
+    ),
+    Case(
+        "teach",
+        f"teach {{inputs}}/{TRAIL} --problem {PROBLEM} --samples 200 -o {{out}}/a.yaml",
+        ("a.yaml",),
+        ("tubeplanner.tube_sources.teach:teach",),
+    ),
+    Case(
+        "init",
+        "init example:two_link -o {out}/a.yaml",
+        ("a.yaml",),
+        ("tubeplanner.tube_sources.starter_problem:starter_problem",),
+    ),
+    Case(
+        "reproduce",
+        "reproduce -o {out}/all",
+        ("all/the_paper.md", *(f"all/figure_{number}.png" for number in (3, 7, 8, 9))),
+        ("tubeplanner.studies.reproduction:reproduce",),
+    ),
+)
+
+
+class Kept:
+    """Functions whose answers of a first run are given back in later ones, at once."""
+
+    def __init__(self, case: Case) -> None:
+        """Keep no answer yet."""
+        self._case = case
+        self._answers: dict[str, list[Any]] = {name: [] for name in case.computed}
+
+    @contextmanager
+    def recorded(self) -> Iterator[None]:
+        """Let the functions compute, and keep their answers."""
+
+        def recording(name: str, real: Callable[..., Any]) -> Callable[..., Any]:
+            def call(*values: Any, **named: Any) -> Any:
+                answer = real(*values, **named)
+                self._answers[name].append(answer)
+                return answer
+
+            return call
+
+        with self._replaced(recording):
+            yield
+
+    @contextmanager
+    def given_back(self, begun: Callable[[], None]) -> Iterator[None]:
+        """Let the functions return what is kept, and call `begun` when the last one first does."""
+        last = self._case.computed[-1]
+
+        def giving(name: str, _: Callable[..., Any]) -> Callable[..., Any]:
+            answers = iter(self._answers[name])
+
+            def call(*values: Any, **named: Any) -> Any:
+                answer = next(answers)
+                if name == last:
+                    begun()
+                return answer
+
+            return call
+
+        with self._replaced(giving):
+            yield
+
+    @contextmanager
+    def _replaced(
+        self, make: Callable[[str, Callable[..., Any]], Callable[..., Any]]
+    ) -> Iterator[None]:
+        real = []
+        command = self._case.words.split()[0]
+        places = [(name, *name.split(":")) for name in self._case.computed]
+        module = (
+            import_module(f"tubeplanner.commands.{command}_command") if self._case.journal else None
+        )
+        try:
+            for name, where, attribute in places:
+                import_module(where)
+                holder = sys.modules[where]  # a package may have a function of the module's name
+                real.append((holder, attribute, getattr(holder, attribute)))
+                setattr(holder, attribute, make(name, real[-1][2]))
+            if module is not None:
+                real.append((module, _EXECUTOR, getattr(module, _EXECUTOR)))
+                setattr(module, _EXECUTOR, _here)
+            yield
+        finally:
+            for holder, attribute, function in real:
+                setattr(holder, attribute, function)
+
+
+class _Here(Executor):
+    """Calls in this process, when they are sent."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
+        """Call a function."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+@contextmanager
+def _here(*_: object) -> Iterator[Executor]:
+    yield _Here()

@@ -1,0 +1,105 @@
+"""What is wrong with a run that a signal met, or that could not write."""
+
+import json
+import signal
+from pathlib import Path
+
+from interruption_pauses import Ended
+from interruption_runs import Place, Runs, old_content
+
+INTERRUPTED, BAD_INPUT = 130, 2
+
+
+def faults(runs: Runs, place: Place, ended: Ended, number: int, *, exact: bool = True) -> list[str]:
+    """Return what is wrong with a run that met a signal.
+
+    Args:
+        runs: Of the command.
+        place: Where it ran.
+        ended: How it ended.
+        number: The signal.
+        exact: Whether what it computes is what is kept, so that new files are known.
+    """
+    killed = number == signal.SIGKILL
+    found, faults = place.found(), []
+    journal = found.pop(runs.case.journal or "", b"")
+    if exact and not runs.new.get(runs.case.journal or "", b"").startswith(journal):
+        faults.append("journal is torn inside")
+    if not killed and journal and not journal.endswith(b"\n"):
+        faults.append("journal ends inside a line")
+    left = set(found) - set(runs.case.files)
+    allowed = {_temporary(name) for name in runs.case.files} if killed else set()
+    # A folder that a killed run had just made is taken by the next.
+    allowed |= {f"{Path(name).parent}/" for name in runs.case.files if killed and "/" in name}
+    if left - allowed:
+        faults.append("files are left")
+    states = {_state(runs, name, found.get(name), exact) for name in runs.case.files}
+    if "torn" in states:
+        faults.append("an output is torn")
+    if not killed:
+        faults += _faults_of_words(ended, place.printed, states)
+    if killed and left:
+        faults += _faults_of_next(runs, place)
+    return faults
+
+
+def _state(runs: Runs, name: str, content: bytes | None, exact: bool) -> str:
+    if content == (None if "/" in name else old_content(name)):
+        return "old"
+    if content == runs.new[name] or (content and not exact):
+        return "new"
+    return "torn"
+
+
+def _faults_of_next(runs: Runs, place: Place) -> list[str]:
+    """Run it again where SIGKILL left something."""
+    if runs.case.journal is not None:
+        (place.out / runs.case.journal).unlink(missing_ok=True)
+    ended = runs.forked(place)
+    clean = ended.status == 0 and place.found() == runs.new
+    return [] if clean else ["what is left stays"]
+
+
+def faults_without_room(runs: Runs, place: Place, ended: Ended, remedy: str) -> list[str]:
+    """Return what is wrong with a run that could not write."""
+    found, faults, (_, err) = place.found(), [], place.printed
+    found.pop("filler", None)
+    found.pop(runs.case.journal or "", None)
+    if found == {name: runs.new[name] for name in runs.case.files} and ended.status == 0:
+        return []  # there was room
+    if set(found) - set(runs.case.files):
+        faults.append("files are left")
+    names = runs.case.files
+    if {_state(runs, name, found.get(name), True) for name in names} != {"old"}:
+        faults.append("an output is changed")
+    if ended.status != BAD_INPUT or "Traceback" in err:
+        faults.append(f"status {ended.status}")
+    named = [*(name.split("/")[0] for name in names), *[runs.case.journal] * 1]
+    if not any(name and name in err for name in named):
+        faults.append("no file is named")
+    if remedy not in err:
+        faults.append("no remedy is named")
+    return faults
+
+
+def _faults_of_words(ended: Ended, printed: tuple[str, str], states: set[str]) -> list[str]:
+    """Return where the words and the exit status of an interrupted run do not fit its files."""
+    faults, (out, err) = [], printed
+    if "Traceback" in err or "internal error" in err + out:
+        faults.append("traceback")
+    if ended.status not in (0, INTERRUPTED):
+        faults.append(f"status {ended.status}")
+    elif states != {"new" if ended.status == 0 else "old"}:
+        faults.append(f"status {ended.status} with {' and '.join(sorted(states))} files")
+    if out.startswith("{"):
+        try:
+            json.loads(out)
+        except ValueError:
+            faults.append("no JSON object")
+    return faults
+
+
+def _temporary(name: str) -> str:
+    """Return the one name that what SIGKILL leaves of a file may have."""
+    path = Path(name)
+    return str(path.with_name(f".{path.name}.tmp"))

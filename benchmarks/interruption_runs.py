@@ -1,0 +1,216 @@
+"""Runs of one command in processes that signals meet, and what they leave.
+
+What the command computes is kept from its first run: see `interruption_cases.py`.
+"""
+
+import os
+import select
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from interruption_cases import Case, Kept
+from interruption_pauses import Ended, Pause
+from tubeplanner.commands import start
+from tubeplanner.commands.cli import main as run_command
+
+_CHANGES = ("open", "os.mkdir")  # as audit events are called
+_LONGEST_LIFE, _LONGEST_RUN = 10.0, 120.0  # [s]
+_LIFE = """
+import os, sys
+sys.argv[0] = "tubeplanner"
+from tubeplanner.commands import start
+start.interrupts_noted()
+os.write(int(os.environ["BEGUN"]), b".")
+start.run()
+"""
+
+
+class Stage(Enum):
+    """What a signal is counted from: the answer is there, or the first file is opened."""
+
+    ANSWERED = "answered"
+    WRITES = "writes"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a run leaves its outputs, temporary files of the system, and what it prints."""
+
+    folder: Path
+
+    @classmethod
+    def new(cls, folder: Path, case: Case) -> "Place":
+        """Return an empty place, but for old files where there are folders for them."""
+        shutil.rmtree(folder, ignore_errors=True)
+        for name in ("out", "temporary"):
+            (folder / name).mkdir(parents=True)
+        for name in case.files:
+            if "/" not in name:
+                (folder / "out" / name).write_bytes(old_content(name))
+        return cls(folder)
+
+    @property
+    def out(self) -> Path:
+        """The folder of outputs."""
+        return self.folder / "out"
+
+    @property
+    def printed(self) -> tuple[str, str]:
+        """Standard output and standard error."""
+        out, err = ((self.folder / name).read_text() for name in ("stdout", "stderr"))
+        return out, err
+
+    def found(self) -> dict[str, bytes]:
+        """Return all files and empty folders by their names under it."""
+        found = {}
+        for root in (self.out, self.folder / "temporary"):
+            for path in sorted(root.rglob("*")):
+                if path.is_file():
+                    found[str(path.relative_to(root))] = path.read_bytes()
+                elif not any(path.iterdir()):
+                    found[f"{path.relative_to(root)}/"] = b""
+        return found
+
+
+def old_content(name: str) -> bytes:
+    """Return what a file has before a run."""
+    return f"what {name} had before\n".encode()
+
+
+class Runs:
+    """Runs of one command, and what is right of them."""
+
+    def __init__(self, case: Case, inputs: Path, scratch: Path) -> None:
+        """Run it once whole, keep what it computes, and measure its writing stage."""
+        self.case, self._inputs, self._scratch = case, inputs, scratch / case.name
+        self._kept = Kept(case)
+        begin = time.perf_counter()
+        place = self.place()
+        with self._kept.recorded(), silenced():
+            status = run_command(case.arguments(inputs, place.out))
+        self.life = min(time.perf_counter() - begin + 1.0, _LONGEST_LIFE)
+        if status != 0:
+            raise SystemExit(f"{case.name} does not run: exit status {status}")
+        self.forked(place := self.place())
+        self.new = place.found()
+
+    def place(self) -> Place:
+        """Return a new place for a run."""
+        return Place.new(self._scratch, self.case)
+
+    def paused(self, stage: Stage = Stage.ANSWERED, more: Sequence[str] = ()) -> Pause:
+        """Return it paused at a stage, in the place of the runs, with more arguments."""
+        place = self.place()
+        return Pause(lambda pause: self._live(place, stage, pause, more))
+
+    def forked(self, place: Place) -> Ended:
+        """Run it in a child, to its end."""
+        begin, child = time.perf_counter(), os.fork()
+        if child == 0:
+            _redirect(place)
+            self._live(place, Stage.ANSWERED, _nothing, ())
+        _, status = os.waitpid(child, 0)
+        return Ended(os.waitstatus_to_exitcode(status), time.perf_counter() - begin)
+
+    def _live(
+        self, place: Place, stage: Stage, pause: Callable[[], None], more: Sequence[str]
+    ) -> None:
+        """Run the program in this child, and end it."""
+
+        def begun() -> None:
+            pause()
+            _redirect(place)
+
+        status = 1
+        try:
+            tempfile.tempdir = str(place.folder / "temporary")
+            sys.argv = ["tubeplanner", *self.case.arguments(self._inputs, place.out), *more]
+            with self._kept.given_back(begun if stage is Stage.ANSWERED else _nothing):
+                if stage is Stage.WRITES:
+                    sys.addaudithook(_opening(place.out, begun))
+                start.run()
+        except SystemExit as ended:
+            status = int(ended.code or 0)
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            for stream in (sys.stdout, sys.stderr):
+                stream.flush()
+            os._exit(status)
+
+    def lived(self, place: Place, number: int, delay: float) -> Ended:
+        """Run it in a process that computes all, and send it a signal so long after it began."""
+        begun, tell = os.pipe()
+        with (
+            open(place.folder / "stdout", "w") as out,
+            open(place.folder / "stderr", "w") as err,
+        ):
+            process = subprocess.Popen(
+                [sys.executable, "-c", _LIFE, *self.case.arguments(self._inputs, place.out)],
+                stdout=out,
+                stderr=err,
+                pass_fds=[tell],
+                env=os.environ | {"BEGUN": str(tell), "TMPDIR": str(place.folder / "temporary")},
+            )
+        os.close(tell)
+        select.select([begun], [], [], _LONGEST_RUN)
+        begin = time.perf_counter()
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(delay)
+        if process.poll() is None:
+            process.send_signal(number)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(_LONGEST_RUN)
+        if process.poll() is None:
+            process.kill()
+        process.wait()
+        os.close(begun)
+        return Ended(process.returncode, time.perf_counter() - begin)
+
+
+def _redirect(place: Place) -> None:
+    """Let this process print into files."""
+    for descriptor, name in ((1, "stdout"), (2, "stderr")):
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+        os.dup2(os.open(place.folder / name, flags, 0o666), descriptor)
+
+
+def _nothing() -> None:
+    """Do nothing."""
+
+
+def _opening(folder: Path, begun: Callable[[], object]) -> Callable[[str, tuple[Any, ...]], None]:
+    """Return a hook that calls `begun` when the first file in a folder is opened or made."""
+    waiting = [begun]
+
+    def hook(event: str, values: tuple[Any, ...]) -> None:
+        if waiting and event in _CHANGES and str(values[0]).startswith(str(folder)):
+            waiting.pop()()
+
+    return hook
+
+
+@contextmanager
+def silenced() -> Iterator[None]:
+    """Let nothing be printed."""
+    kept = os.dup(1)
+    sink = os.open(os.devnull, os.O_WRONLY)
+    try:
+        sys.stdout.flush()
+        os.dup2(sink, 1)
+        yield
+    finally:
+        sys.stdout.flush()
+        os.dup2(kept, 1)
+        os.close(sink)
+        os.close(kept)

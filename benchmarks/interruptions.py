@@ -1,0 +1,180 @@
+"""Every command that writes files, ended at random moments, and on disks that are full or locked.
+
+    python benchmarks/interruptions.py [--moments 100] [--lives 5] [--only plan,view] [--seed 1]
+
+What a command computes is kept from a first run, so that the later ones write at once: children of
+this process, which SIGINT, SIGTERM or SIGKILL meets at moments spread over the measured length of
+their writing stage, nearly all of them over the part from the first file on. Of SIGINT and
+SIGTERM, `--lives` such moments are spread over the first ten seconds of processes that compute
+everything themselves. A run is wrong if it leaves a file that was not asked for, an output that is
+neither the old nor the new one, some outputs new and others old, or a traceback; if its exit status
+does not fit its files; or if what SIGKILL left is still there after the next run. Root also sees
+runs on a full disk and in a folder that cannot be written to. Prints a table; exit status 1 if
+anything is wrong. The folder of a wrong run is kept and named.
+"""
+
+import argparse
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from interruption_cases import CASES, MOTION, PROBLEM, STUDIED, STUDY, TRAIL, Case
+from interruption_faults import faults, faults_without_room
+from interruption_pauses import Pause
+from interruption_runs import Place, Runs, Stage, silenced
+from tubeplanner.commands.cli import main as run_command
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+ROOMS = (0, 1, 4, 16, 64)  # what a full disk has left [KiB]
+
+
+class Table:
+    """What was seen, printed command by command, and the folders of what is wrong."""
+
+    def __init__(self, kept: Path) -> None:
+        """Print the head of the table.
+
+        Args:
+            kept: Folder for those of wrong runs.
+        """
+        self._kept, self.wrong = kept, 0
+        self._seen: dict[str, list[list[str]]] = {}
+        print(f"{'command':12}{'what':14}{'runs':>6}{'wrong':>7}  why", flush=True)
+
+    def add(self, what: str, place: Place, found: list[str]) -> None:
+        """Note a run: where it ran, and what is wrong with it."""
+        if found:
+            self.wrong += 1
+            shutil.copytree(place.folder, self._kept / f"{place.folder.name}-{self.wrong}")
+        self._seen.setdefault(what, []).append(found)
+
+    def print_rows(self, case: Case) -> None:
+        """Print what was seen of a command."""
+        for what, seen in self._seen.items():
+            why = Counter(reason for found in seen for reason in found).most_common()
+            reasons = ", ".join(f"{reason} ({times})" for reason, times in why)
+            wrong = sum(bool(found) for found in seen)
+            print(f"{case.name:12}{what:14}{len(seen):6}{wrong:7}  {reasons}".rstrip(), flush=True)
+        self._seen = {}
+
+
+def interrupted(runs: Runs, moments: int, numbers: random.Random, table: Table) -> None:
+    """Let each signal meet runs that draw and write.
+
+    One moment in twenty is spread over drawing, too, the others are counted from when the first
+    file is opened; half of all print JSON.
+    """
+    kinds: list[tuple[Stage, list[str]]]
+    kinds = [(Stage.ANSWERED, []), (Stage.WRITES, []), (Stage.WRITES, ["--json"])]
+    drawn, printed = max(moments // 20, 1), moments // 2
+    counts = [drawn, moments - drawn - printed, printed]
+    for (stage, more), count in zip(kinds, counts, strict=True):
+        with runs.paused(stage, more) as run:
+            length = sorted(_whole_length(runs, run) for _ in range(3))[1]
+            for number in SIGNALS:
+                for _ in range(count):
+                    place = runs.place()
+                    ended = run.go_on(number, numbers.uniform(0, 1.1 * length))
+                    table.add(number.name, place, faults(runs, place, ended, number))
+
+
+def _whole_length(runs: Runs, run: Pause) -> float:
+    """Return how long a run takes from its stage to its end [s]."""
+    runs.place()
+    return run.go_on().length
+
+
+def ended_lives(runs: Runs, moments: int, numbers: random.Random, table: Table) -> None:
+    """Let signals meet runs at any time."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        for _ in range(moments):
+            place = runs.place()
+            ended = runs.lived(place, number, numbers.uniform(0, runs.life))
+            found = faults(runs, place, ended, number, exact=False)
+            table.add(f"{number.name} life", place, found)
+
+
+def without_room(runs: Runs, table: Table) -> None:
+    """Run on disks that have little room or none, and on one that is mounted for reading alone."""
+    for room in ROOMS:
+        place = runs.place()
+        with _disk(place):
+            _fill(place.out / "filler", room)
+            ended = runs.forked(place)
+            table.add("full disk", place, faults_without_room(runs, place, ended, "make room"))
+    place = runs.place()
+    with _disk(place):
+        subprocess.run(["mount", "-o", "remount,ro", place.out], check=True)
+        ended = runs.forked(place)
+        table.add("read only", place, faults_without_room(runs, place, ended, "another folder"))
+
+
+@contextmanager
+def _disk(place: Place) -> Iterator[None]:
+    """Put a small disk where a run's outputs go, with the old ones on it."""
+    before = {path.name: path.read_bytes() for path in place.out.iterdir()}
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=4m", "tmpfs", place.out], check=True)
+    try:
+        for name, content in before.items():
+            (place.out / name).write_bytes(content)
+        yield
+    finally:
+        subprocess.run(["umount", place.out], check=True)
+
+
+def _fill(path: Path, room: int) -> None:
+    """Fill a disk up to some room [KiB], in whole pages."""
+    free = os.statvfs(path.parent)
+    path.write_bytes(bytes(max(free.f_bavail * free.f_bsize - 1024 * room, 0)))
+
+
+def _prepare(inputs: Path) -> None:
+    """Write what commands read."""
+    (inputs / STUDIED).write_text(STUDY)
+    words = ["plan", PROBLEM, "-o", str(inputs / MOTION), "--csv", str(inputs / TRAIL)]
+    with silenced():
+        run_command(words)
+
+
+def _parsed() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--moments", type=int, default=100, help="per command and signal")
+    parser.add_argument("--lives", type=int, default=5, help="the same, over the whole life")
+    parser.add_argument("--only", help="commands, with commas between")
+    parser.add_argument("--seed", type=int, default=1)
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Print the table and return the exit status."""
+    options = _parsed()
+    only = None if options.only is None else options.only.split(",")
+    kept = Path(tempfile.mkdtemp(prefix="interruptions-"))
+    table = Table(kept)
+    with tempfile.TemporaryDirectory() as scratch:
+        inputs = Path(scratch)
+        _prepare(inputs)
+        for case in CASES:
+            if only is not None and case.name not in only:
+                continue
+            runs = Runs(case, inputs, inputs / "runs")
+            numbers = random.Random(f"{options.seed} {case.name}")
+            interrupted(runs, options.moments, numbers, table)
+            ended_lives(runs, options.lives, numbers, table)
+            if os.geteuid() == 0:
+                without_room(runs, table)
+            table.print_rows(case)
+    print(f"{table.wrong} wrong" + (f", kept in {kept}" if table.wrong else ""))
+    return int(table.wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

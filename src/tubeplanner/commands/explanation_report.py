@@ -1,0 +1,133 @@
+"""What makes a problem impossible and what helps, or how much room it has, as text."""
+
+import json
+from math import isinf
+from shlex import quote
+from typing import TYPE_CHECKING, Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from tubeplanner.commands.report import certificate_text, rendered
+
+if TYPE_CHECKING:
+    from tubeplanner.explanation.explanation import Explanation
+    from tubeplanner.explanation.remedy import Remedy, Room
+
+_SENSITIVITIES_SHOWN = 10
+
+
+def explanation_text(found: "Explanation", search_time: float) -> str:
+    """Return what was found out about a problem as text.
+
+    Args:
+        found: It.
+        search_time: How long that took [s].
+    """
+    place = str(found.place)
+    lines = [
+        f"{found.name}: {found.status}: {found.message}",
+        *([f"where: {place}"] if place else []),
+        *(_room_lines(found) if found.is_possible else _remedy_lines(found)),
+        _search_line(found, search_time),
+    ]
+    return "\n".join(lines)
+
+
+def _search_line(found: "Explanation", search_time: float) -> str:
+    ended = {
+        None: "all changes were tried",
+        "time_limit": "the time limit passed: with a larger --time-limit there may be more",
+        "interrupt": "interrupted: there may be more",
+    }[found.stopped_by]
+    return f"{found.tried} plans with a change in {search_time:.1f} s; {ended}"
+
+
+def _remedy_lines(found: "Explanation") -> list[str]:
+    """Return a table of remedies, and what helps nothing."""
+    if not found.remedies:
+        lines = ["no single change was found that makes it possible"]
+    else:
+        lines = [_remedy_table(found.remedies), *_setting_lines(found.remedies[0])]
+    if found.in_vain:
+        lines.append(f"by itself none of these helps: {', '.join(found.in_vain)}")
+    return lines
+
+
+def _remedy_table(remedies: "tuple[Remedy, ...]") -> str:
+    table = Table(
+        title="any one of these makes it possible (planned with it and certified)",
+        title_justify="left",
+    )
+    table.add_column("change")
+    table.add_column("of its scale", justify="right")
+    table.add_column("duration", justify="right")
+    table.add_column("field")
+    table.add_column("not enough")
+    for remedy in remedies:
+        table.add_row(
+            escape(remedy.text),
+            f"{remedy.cost:.2g}",
+            f"{remedy.duration:.3f} s",
+            escape(remedy.field),
+            _tried(remedy.too_little, remedy.is_smallest),
+        )
+    return rendered(table)
+
+
+def _setting_lines(remedy: "Remedy") -> list[str]:
+    """Return how the first remedy is given to a command."""
+    given = " ".join(
+        f"--set {quote(f'{path}={_value(value)}')}" for path, value in remedy.changes.items()
+    )
+    return [f"the first one: {given}"]
+
+
+def _room_lines(found: "Explanation") -> list[str]:
+    """Return prices, margins and room of a problem that was planned."""
+    result = found.result
+    assert result is not None
+    lines = []
+    dearest = [each for each in result.sensitivities[:_SENSITIVITIES_SHOWN] if each.saved > 0]
+    if dearest:
+        lines.append("what limits it most; 10 % more would save:")
+        lines += [f"  {each}" for each in dearest]
+    if result.certificate is not None:
+        lines.append(certificate_text(result.certificate))
+    if found.rooms:
+        lines.append(_room_table(found.rooms))
+    return lines
+
+
+def _room_table(rooms: "tuple[Room, ...]") -> str:
+    table = Table(title="how much worse one of these may become", title_justify="left")
+    table.add_column("still possible")
+    table.add_column("duration", justify="right")
+    table.add_column("nothing found with")
+    table.add_column("field")
+    for room in rooms:
+        table.add_row(
+            escape(room.text),
+            "" if room.duration is None else f"{room.duration:.3f} s",
+            _tried(room.too_much, room.is_exact),
+            escape(room.field),
+        )
+    return rendered(table)
+
+
+def _value(value: Any) -> str:
+    """Return a value of a field as a problem file may have it, on one line."""
+    if isinstance(value, float) and isinf(value):
+        return ".inf" if value > 0 else "-.inf"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, dict):
+        pairs = (f"{_value(key)}: {_value(each)}" for key, each in value.items())
+        return f"{{{', '.join(pairs)}}}"
+    return json.dumps(value)
+
+
+def _tried(value: Any, is_close: bool) -> str:
+    """Return the nearest value on the other side, and whether it is as near as is asked."""
+    shown = "" if value is None else _value(value)
+    return escape(shown if is_close else f"{shown} (not narrowed)".lstrip())

@@ -1,0 +1,79 @@
+"""The fuzzer notices what it is there for."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+# Put in the place of a reader, in a process of its own: forks need one thread.
+PROGRAM = """
+import json, os, time
+from dataclasses import replace
+from pathlib import Path
+import fuzz_case, fuzz_kinds
+from tubeplanner import TubePlannerError
+fuzz_case.TIME_LIMIT, fuzz_case.MEMORY_LIMIT = 4.0, 200_000_000
+fuzz_case._COMMANDS = 0.0
+
+def raises(error):
+    def read(path):
+        raise error
+    return read
+
+reads = {
+    "refuses": raises(TubePlannerError("one line")),
+    "accepts": lambda path: None,
+    "two lines": raises(TubePlannerError("one\\ntwo")),
+    "escape": raises(TubePlannerError("\\x1b[31m")),
+    "another error": raises(KeyError("name")),
+    "hangs": lambda path: time.sleep(60),
+    "memory": lambda path: bytearray(b"a" * 400_000_000),
+    "dies": lambda path: os.abort(),
+    "leaves a file": lambda path: Path("stray").touch(),
+}
+points = fuzz_kinds.KINDS["points"]
+fuzz_case.KINDS = {name: replace(points, read=read) for name, read in reads.items()}
+for name in reads:
+    print(json.dumps(fuzz_case.run_case(name, 0, Path("faults")).as_dict()), flush=True)
+"""
+ENVIRONMENT = {
+    **os.environ,
+    "PYTHONPATH": os.pathsep.join(map(str, (ROOT / "src", ROOT / "benchmarks"))),
+    "OPENBLAS_NUM_THREADS": "1",
+}
+EXPECTED = {
+    "refuses": ("refused", "one line"),
+    "accepts": ("accepted", ""),
+    "two lines": ("fault", "a message with"),
+    "escape": ("fault", "a message with"),
+    "another error": ("fault", "KeyError"),
+    "hangs": ("fault", "not done after 4 s"),
+    "memory": ("fault", "took "),
+    "dies": ("fault", "the process ended with"),
+    "leaves a file": ("fault", "left ['stray']"),
+}
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    """Return what came of every reader, and the folder that it was kept in."""
+    folder = tmp_path_factory.mktemp("fuzzed")
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        **{"env": ENVIRONMENT, "cwd": folder, "capture_output": True, "text": True},
+    )
+    assert done.returncode == 0, done.stderr
+    return {row["kind"]: row for row in map(json.loads, done.stdout.splitlines())}, folder
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_what_a_reader_does_wrong_is_noticed(name, found):
+    outcomes, folder = found
+    status, message = EXPECTED[name]
+    assert outcomes[name]["status"] == status
+    assert message in outcomes[name]["message"]
+    assert (folder / "faults" / f"{name}.0" / "outcome.json").exists() == (status == "fault")

@@ -1,0 +1,81 @@
+"""Commands that write files, interrupted at lines of the code that writes them.
+
+What they compute is kept from a first run: `benchmarks/interruptions.py` does the same at hundreds
+of moments, and with SIGKILL.
+"""
+
+import json
+import signal
+
+import pytest
+
+from interruption_cases import CASES, MOTION, STUDIED, STUDY, TRAIL, Kept
+from interruption_runs import Place
+from stopped_writing import at_line
+from stored_trajectories import REFINEMENT, stored_path
+from tubeplanner import load_problem, read_trajectory
+from tubeplanner.files.export import trajectory_csv
+
+QUICK = ("plan", "view", "info", "study", "compare", "init", "measure")
+MOMENTS = 4
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("inputs")
+    (folder / STUDIED).write_text(STUDY)
+    (folder / MOTION).write_bytes(stored_path("two_link/around_a_post", REFINEMENT).read_bytes())
+    motion = read_trajectory(folder / MOTION)
+    names = load_problem("example:two_link/around_a_post").robot.joint_names
+    (folder / TRAIL).write_text(trajectory_csv(names, motion.sample(500)))
+    return folder
+
+
+@pytest.fixture
+def command(run, inputs, tmp_path):
+    """Return a function from a case to one from a line and a signal to place and exit status."""
+
+    def prepare(case):
+        kept = Kept(case)
+        first = Place.new(tmp_path / "place", case)
+        with kept.recorded():
+            assert run(*case.arguments(inputs, first.out))[0] == 0
+
+        def call(line=None, number=signal.SIGINT):
+            place = Place.new(tmp_path / "place", case)
+            words = case.arguments(inputs, place.out)
+            with (
+                kept.given_back(lambda: None),
+                at_line(line, lambda: signal.raise_signal(number)) as lines,
+            ):
+                status, out, err = run(*words, "--json")
+            assert err.strip() == ""
+            json.loads(out)
+            return place.found(), status, len(lines)
+
+        return call
+
+    return prepare
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, id=case.name, marks=() if case.name in QUICK else pytest.mark.slow)
+        for case in CASES
+    ],
+)
+def test_files_are_all_new_with_the_answer_or_as_they_were(command, case, tmp_path):
+    call, old = command(case), Place.new(tmp_path / "old", case).found()
+    new, status, count = call()
+    assert status == 0
+    assert set(new) == {*case.files, *[case.journal] * (case.journal is not None)}
+    ends = []
+    for moment in range(MOMENTS):
+        number = (signal.SIGINT, signal.SIGTERM)[moment % 2]
+        found, status, _ = call(moment * (count - 1) // (MOMENTS - 1), number)
+        assert (status, found) in [(0, new), (130, old)], moment
+        ends.append(status)
+    # The first lines are those that look whether files can be written, before there is an answer.
+    assert ends[0] == 130
+    assert ends[-2:] == [0, 0]
