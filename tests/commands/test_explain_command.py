@@ -208,3 +208,25 @@ def test_a_name_is_not_read_as_markup(run, here, tmp_path):
     path = gantry(tmp_path, [post])
     _, out, _ = run("explain", path, *ONE, "--set", "clearance=0.4")
     assert "move obstacle '[bold]post' by" in out
+
+
+def test_a_page_is_written_beside_the_answer(run, here, beyond, tmp_path):
+    page = tmp_path / "why.html"
+    status, out, _ = run("explain", beyond, *ONE, "--html", page)
+    assert status == 0
+    assert out.splitlines()[-1] == f"page: {page}"
+    assert "move reference point 1 by 100 mm in -x" in page.read_text()
+
+
+def test_no_page_is_written_of_what_cannot_be_posed(run, here, tmp_path):
+    page = tmp_path / "why.html"
+    path, wrong = gantry(tmp_path), "start.joints=[5, 0]"
+    _, out, _ = run("explain", path, *ONE, "--set", wrong, "--html", page, "--json")
+    assert "was not written" in parsed(out)["notes"][0]
+    assert not page.exists()
+
+
+def test_a_page_must_be_named_like_one(run, beyond, tmp_path):
+    status, _, err = run("explain", beyond, "--html", tmp_path / "why.txt")
+    assert status == 2
+    assert "name a file that ends in .html" in err

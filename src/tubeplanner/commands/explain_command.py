@@ -1,14 +1,17 @@
 """The command that says what makes a problem impossible, or how much room it has."""
 
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
     BAD_INPUT,
     INFEASIBLE,
+    PATH,
     SET,
     SUCCESS,
     empty_report,
@@ -17,6 +20,8 @@ from tubeplanner.commands.console import (
     say,
     shown_progress,
 )
+from tubeplanner.commands.interrupts import hold_interrupts
+from tubeplanner.commands.view_command import require_page
 from tubeplanner.commands.workers import processes_option, workers_of
 
 if TYPE_CHECKING:
@@ -34,6 +39,7 @@ if TYPE_CHECKING:
 )
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @processes_option("one per processor")
+@click.option("--html", type=PATH, help="Write a page that shows what blocks and where, offline.")
 @SET
 @AS_JSON
 def explain(
@@ -41,6 +47,7 @@ def explain(
     time_limit: float,
     quality: str,
     processes: int | None,
+    html: Path | None,
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
@@ -51,8 +58,12 @@ def explain(
     the problem can be solved, as it is or with a change; else that of plan.
     """
     from tubeplanner.explanation.explain import explain as search
+    from tubeplanner.files.output_files import require_writable
     from tubeplanner.planning.plan_options import PlanOptions
 
+    require_page(html)
+    if html is not None:
+        require_writable([html], [Path(problem)])
     options = PlanOptions(quality=quality)
     begin = time.perf_counter()
     with shown_progress() as enter, workers_of(processes) as workers:
@@ -64,18 +75,31 @@ def explain(
             executor=workers,
             progress=enter,
         )
-    _answer(found, time.perf_counter() - begin, as_json)
+    search_time = time.perf_counter() - begin
+    notes = [] if html is None else _write_page(found, html)
+    _answer(found, search_time, notes, as_json)
     if found.succeeded:
         return SUCCESS
     return BAD_INPUT if found.problem is None else INFEASIBLE
 
 
-def _answer(found: "Explanation", search_time: float, as_json: bool) -> None:
+def _write_page(found: "Explanation", path: Path) -> list[str]:
+    """Write the page; return what is to be said of it."""
+    from tubeplanner.views.explanation_view import view_explanation
+
+    if found.problem is None:
+        return [f"{path} was not written: the problem cannot be posed, there is nothing to draw"]
+    hold_interrupts()
+    write_answer({path: view_explanation(found).html.encode()})
+    return [f"page: {path}"]
+
+
+def _answer(found: "Explanation", search_time: float, notes: list[str], as_json: bool) -> None:
     """Print what was found."""
     from tubeplanner.commands.explanation_report import explanation_text
 
     if as_json:
         report = {**empty_report("", "", nowhere()), **found.as_dict()}
-        print_json({**report, "search_time": search_time})
+        print_json({**report, "search_time": search_time, "notes": notes})
         return
-    say(explanation_text(found, search_time))
+    say(explanation_text(found, search_time), *notes, sep="\n")

@@ -1,14 +1,12 @@
 """What makes a problem impossible and what helps, or how much room it has, as text."""
 
-import json
-from math import isinf
-from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.commands.report import certificate_text, rendered
+from tubeplanner.explanation.setting_text import setting_text, tried_text
 
 if TYPE_CHECKING:
     from tubeplanner.explanation.explanation import Explanation
@@ -70,17 +68,14 @@ def _remedy_table(remedies: "tuple[Remedy, ...]") -> str:
             f"{remedy.cost:.2g}",
             f"{remedy.duration:.3f} s",
             escape(remedy.field),
-            _tried(remedy.too_little, remedy.is_smallest),
+            escape(tried_text(remedy.too_little, remedy.is_smallest)),
         )
     return rendered(table)
 
 
 def _setting_lines(remedy: "Remedy") -> list[str]:
     """Return how the first remedy is given to a command."""
-    given = " ".join(
-        f"--set {quote(f'{path}={_value(value)}')}" for path, value in remedy.changes.items()
-    )
-    return [f"the first one: {given}"]
+    return [f"the first one: {setting_text(remedy.changes)}"]
 
 
 def _room_lines(found: "Explanation") -> list[str]:
@@ -109,25 +104,7 @@ def _room_table(rooms: "tuple[Room, ...]") -> str:
         table.add_row(
             escape(room.text),
             "" if room.duration is None else f"{room.duration:.3f} s",
-            _tried(room.too_much, room.is_exact),
+            escape(tried_text(room.too_much, room.is_exact)),
             escape(room.field),
         )
     return rendered(table)
-
-
-def _value(value: Any) -> str:
-    """Return a value of a field as a problem file may have it, on one line."""
-    if isinstance(value, float) and isinf(value):
-        return ".inf" if value > 0 else "-.inf"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_value, value))}]"
-    if isinstance(value, dict):
-        pairs = (f"{_value(key)}: {_value(each)}" for key, each in value.items())
-        return f"{{{', '.join(pairs)}}}"
-    return json.dumps(value)
-
-
-def _tried(value: Any, is_close: bool) -> str:
-    """Return the nearest value on the other side, and whether it is as near as is asked."""
-    shown = "" if value is None else _value(value)
-    return escape(shown if is_close else f"{shown} (not narrowed)".lstrip())

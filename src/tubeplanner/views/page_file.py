@@ -12,8 +12,8 @@ from typing import Any
 _FOLDER = Path(__file__).with_name("page")
 # In the order in which they build on each other.
 _SCRIPTS = (
-    *("elements", "legend", "camera", "views", "overlay", "depth", "ghosts", "names", "closest"),
-    *("hover", "record", "timeline", "curves", "time", "start"),
+    *("elements", "legend", "findings", "camera", "views", "overlay", "depth", "ghosts", "names"),
+    *("closest", "hover", "record", "timeline", "curves", "time", "start"),
 )
 
 

@@ -13,6 +13,7 @@ from tubeplanner.views.orientation_items import POINTER
 from tubeplanner.views.page_curves import page_curves
 from tubeplanner.views.palette import (
     AXIS_COLORS,
+    BLOCKED_COLOR,
     CARRIED_COLOR,
     CLOSEST_COLOR,
     CONE_COLOR,
@@ -41,6 +42,7 @@ _USUAL_ENTRIES = {
     Layer.CARRIED: [{"color": CARRIED_COLOR, "text": ""}],
     Layer.OBSTACLES: [{"color": OBSTACLE_COLOR, "text": ""}],
     Layer.SWEPT: [{"color": SWEPT_COLOR, "text": ""}],
+    Layer.BLOCKED: [{"color": BLOCKED_COLOR, "text": ""}],
     Layer.EXECUTED: [
         {"color": EXECUTED_COLOR, "text": "in the tube"},
         {"color": WARNING_COLOR, "text": "outside"},
@@ -166,6 +168,7 @@ def layer_data(
         Layer.AXES: "Axes of the tool: x, y, z",
         Layer.ROTATION: _rotation_label(scene),
         Layer.EXECUTED: _executed_label(scene.executed),
+        Layer.BLOCKED: "Where it is blocked; what blocks has this colour",
     }
     fields: dict[str, Any] = {
         "name": str(layer),

@@ -49,6 +49,7 @@ BINDING_STYLES = {
 }
 OTHER_BINDING = BindingStyle("#BBBBBB", "++++", "black")
 CLOSEST_COLOR = "#C1121F"
+BLOCKED_COLOR = "#C1121F"
 AXIS_COLORS = ("#D1242F", "#2DA44E", "#0969DA")  # x red, y green, z blue, as everywhere
 CONE_COLOR = "#E69F00"
 START_COLOR, END_COLOR = "#009E73", "#D55E00"  # of the arm there

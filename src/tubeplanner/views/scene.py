@@ -30,6 +30,7 @@ class Layer(StrEnum):
     EXECUTED = "executed"
     OBSTACLES = "obstacles"
     SWEPT = "swept"
+    BLOCKED = "blocked"
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,6 +43,7 @@ _RENDER_ORDER = {
     Layer.CARRIED: 6,
     Layer.ROTATION: 7,
     Layer.SWEPT: 9,
+    Layer.BLOCKED: 10,
 }
 _FLOOR_COLOR = 0xC3CAD4
 _LIGHT_DISTANCE = 50.0  # [m]

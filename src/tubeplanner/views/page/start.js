@@ -29,6 +29,7 @@ function addMotion() {
 
 async function start() {
   fillPanel();
+  addFindings();
   setPanel(isWide());
   const commands = await inflated(byId("scene").textContent);
   viewer = new MeshCat.Viewer(byId("pane"));

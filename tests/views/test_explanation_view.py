@@ -1,0 +1,66 @@
+"""The page of an explanation marks what blocks and where, and says what helps."""
+
+import numpy as np
+import pytest
+
+from gantry import POST, gantry
+from tubeplanner import explain
+from tubeplanner.errors import OptionError
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.views.explanation_view import view_explanation
+from tubeplanner.views.palette import BLOCKED_COLOR, rgb
+from tubeplanner.views.scene import Layer
+
+QUICK = PlanOptions(quality="fast")
+BEYOND = {"points": [[0.0, 0.0, 0.0], [1.1, 0.0, 0.0]], "radius": 0.01}
+
+
+def explained(path, changes=None):
+    return explain(path, changes=changes, options=QUICK, time_limit=1000.0)
+
+
+def red(scene):
+    return {(item.layer, item.name) for item in scene.items if np.all(item.color == RED)}
+
+
+RED = rgb(BLOCKED_COLOR)
+
+
+def test_the_place_is_marked_and_what_helps_is_listed(tmp_path):
+    found = explained(gantry(tmp_path, tube=BEYOND))
+    shown = view_explanation(found)
+    (core,) = [item for item in shown.scene.items if item.name == "core"]
+    assert core.surface.vertices.mean(axis=0) == pytest.approx(found.place.position, abs=1e-3)
+    panel = shown.panel["findings"]
+    assert panel["reason"] == f"unreachable: {found.message}"
+    assert [line["text"] for line in panel["lines"]] == [each.text for each in found.remedies]
+    assert panel["lines"][0]["setting"] == "--set 'tube.points.1=[1.0, 0.0, 0.0]'"
+    assert "tube.radius" in panel["more"][0]
+    assert Layer.BLOCKED in shown.scene.layers
+
+
+def test_what_is_in_the_way_has_a_colour_of_its_own(tmp_path):
+    found = explained(gantry(tmp_path, [POST]), {"clearance": 0.4})
+    assert found.place.obstacle == POST["name"]
+    assert (Layer.OBSTACLES, POST["name"]) in red(view_explanation(found).scene)
+
+
+def test_an_answer_is_shown_with_its_room_and_nothing_marked(tmp_path):
+    shown = view_explanation(explained(gantry(tmp_path)))
+    assert red(shown.scene) == set()
+    assert shown.scene.duration > 0
+    assert shown.panel["findings"]["title"] == "How much worse one of these may become"
+    assert shown.panel["findings"]["lines"]
+
+
+def test_names_are_no_markup(tmp_path):
+    post = {**POST, "name": "</script><b>post"}
+    page = view_explanation(explained(gantry(tmp_path, [post]), {"clearance": 0.4})).html
+    assert "<b>post" not in page
+
+
+def test_what_cannot_be_posed_cannot_be_drawn(tmp_path):
+    found = explained(gantry(tmp_path), {"start.joints": [5.0, 0.0]})
+    assert found.problem is None
+    with pytest.raises(OptionError, match="cannot be posed"):
+        view_explanation(found)
