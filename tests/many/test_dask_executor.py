@@ -82,9 +82,11 @@ def test_what_kills_every_worker_costs_its_item_alone():
     line = PosedProblem.read(LINE)
     deadly = DeadlyProblem(line.document, line.folder, line.name)
     with cluster() as made, dask_executor(made.scheduler_address) as executor:
-        items = list(plan_many([line, line, deadly, line, line], FAST, executor))
+        # So many that others are on the workers that it kills, and are blamed with it at first.
+        posed = [line, line, deadly, *[line] * 12]
+        items = list(plan_many(posed, FAST, executor))
     found = {item.index: item for item in items}
-    assert len(items) == len(found) == 5
+    assert len(items) == len(found) == len(posed)
     crashed = found.pop(2)
     assert crashed.status == PlanStatus.CRASHED
     assert "KilledWorker" in crashed.message

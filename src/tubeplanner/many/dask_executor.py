@@ -9,6 +9,7 @@ from typing import Any
 from tubeplanner.errors import OptionError
 from tubeplanner.extras import not_installed
 from tubeplanner.many.content_hash import package_hash
+from tubeplanner.many.retried_alone import RetriedAlone
 
 _PATIENCE = 10.0  # [s]
 
@@ -18,7 +19,8 @@ def dask_executor(address: str, timeout: float = _PATIENCE) -> Iterator[Executor
     """Connect to a Dask cluster, for `plan_many` and `study`.
 
     All workers must have the sources of tubeplanner that this process has, and one thread each,
-    for plans and for linear algebra. Those that join later are not looked at.
+    for plans and for linear algebra. Those that join later are not looked at. A call that Dask
+    gives up, as too many workers died with it, is made once more, alone.
 
     Args:
         address: Of its scheduler, such as tcp://10.0.0.1:8786.
@@ -34,7 +36,7 @@ def dask_executor(address: str, timeout: float = _PATIENCE) -> Iterator[Executor
     client = _connected(address, timeout)
     try:
         _check_workers(client, address, timeout)
-        yield client.get_executor(pure=False)
+        yield _executor_of(client)
     except OptionError as error:
         if client.status != "running":
             raise OptionError(
@@ -58,6 +60,12 @@ def _connected(address: str, timeout: float) -> Any:
             f"there is no Dask scheduler at {address} ({error}); give the address that "
             "`dask scheduler` prints, such as tcp://10.0.0.1:8786"
         ) from error
+
+
+def _executor_of(client: Any) -> Executor:
+    from distributed import KilledWorker
+
+    return RetriedAlone(client.get_executor(pure=False), KilledWorker)
 
 
 def _check_workers(client: Any, address: str, timeout: float) -> None:
