@@ -57,7 +57,7 @@ class Explanation:
 
     @property
     def message(self) -> str:
-        """One sentence: how planning it ended, or why it cannot be posed."""
+        """How planning it ended, or why it cannot be posed, in one sentence."""
         return self.refused or "" if self.result is None else self.result.message
 
     @property

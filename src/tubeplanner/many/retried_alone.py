@@ -81,7 +81,9 @@ class RetriedAlone(Executor):
 class _Call:
     """A call and the future that its user holds."""
 
-    def __init__(self, function: Callable[..., Any], args: tuple[Any, ...], named: dict[str, Any]):
+    def __init__(
+        self, function: Callable[..., Any], args: tuple[Any, ...], named: dict[str, Any]
+    ) -> None:
         self._function, self._args, self._named = function, args, named
         self.future: Future[Any] = Future()
 
