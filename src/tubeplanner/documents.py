@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 from tubeplanner.errors import shown
 
 MAX_NESTING = 100
+_TOO_DEEP = f"lists and maps are nested more than {MAX_NESTING} deep"
 # How many values aliases and merges may stand for, all together.
 MAX_ALIASED = 100_000
 
@@ -147,7 +148,7 @@ class _Builder:
         if kind == "Alias":
             return self._alias(event)
         if depth > MAX_NESTING:
-            raise _fault(event, f"lists and maps are nested more than {MAX_NESTING} deep")
+            raise _fault(event, _TOO_DEEP)
         anchor, before = event.anchor, self._count
         self._count += 1
         if anchor is not None:
@@ -250,6 +251,8 @@ def _malformed(error: Any, text: str) -> str:
     reason, mark, lines = str(error.problem or error.context), error.problem_mark, text.splitlines()
     if mark is None:
         return reason
+    if "maximum nesting" in reason:  # libyaml's own bound, 1,000 since 6.0.4 of PyYAML
+        return _place(mark) + _TOO_DEEP
     if mark.line >= len(lines):
         return f"line {max(len(lines), 1)}, at its end: {reason}"
     is_tab = lines[mark.line][mark.column : mark.column + 1] == "\t"
