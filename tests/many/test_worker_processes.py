@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import wait
 from pathlib import Path
@@ -203,6 +204,24 @@ def test_an_exception_in_the_with_statement_ends_all_processes(tmp_path):
     assert all(each.done() for each in stuck)
     with pytest.raises(WorkerDied, match=r"ended with all others|SIGKILL"):
         next(each for each in stuck if not each.cancelled()).result()
+
+
+def test_an_interrupt_while_a_thread_begins_is_not_lost(monkeypatch):
+    def start(_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), WorkerProcesses(1) as workers:
+        monkeypatch.setattr(threading.Thread, "start", start)
+        workers.submit(pow, 2, 2)
+
+
+@pytest.mark.timeout(PATIENCE)
+def test_all_processes_may_be_ended_twice_whatever_they_do():
+    with pytest.raises(KeyboardInterrupt), WorkerProcesses(2) as workers:
+        stuck = [workers.submit(time.sleep, 600.0) for _ in range(4)]
+        workers.kill()
+        raise KeyboardInterrupt
+    assert all(each.done() for each in stuck)
 
 
 SCRIPT = """

@@ -79,8 +79,8 @@ class WorkerProcesses(Executor):
             self._calls.put(call)
             if len(self._threads) < self.count:
                 thread = threading.Thread(target=self._work, daemon=True)
-                self._threads.append(thread)
                 thread.start()
+                self._threads.append(thread)
         return call.future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -93,10 +93,10 @@ class WorkerProcesses(Executor):
         with self._lock:
             if cancel_futures:
                 self._drop_waiting()
-            if not self._closed:
-                self._closed = True
-                for _ in self._threads:
-                    self._calls.put(None)
+            self._closed = True
+            # Each time: those of the time before may have been dropped with what waited.
+            for _ in self._threads:
+                self._calls.put(None)
         if wait:
             for thread in self._threads:
                 thread.join()
