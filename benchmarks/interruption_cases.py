@@ -176,15 +176,14 @@ class Kept:
     @contextmanager
     def given_back(self, begun: Callable[[], None]) -> Iterator[None]:
         """Let the functions return what is kept, and call `begun` when the last one first does."""
-        last = self._case.computed[-1]
+        waiting = {self._case.computed[-1]: begun}
 
         def giving(name: str, _: Callable[..., Any]) -> Callable[..., Any]:
             answers = iter(self._answers[name])
 
             def call(*values: Any, **named: Any) -> Any:
                 answer = next(answers)
-                if name == last:
-                    begun()
+                waiting.pop(name, _nothing)()
                 return answer
 
             return call
@@ -215,6 +214,10 @@ class Kept:
         finally:
             for holder, attribute, function in real:
                 setattr(holder, attribute, function)
+
+
+def _nothing() -> None:
+    """Do nothing."""
 
 
 class _Here(Executor):

@@ -42,6 +42,9 @@ class Pause:
         (self._read, answer), (request, self._write) = os.pipe(), os.pipe()
         self._child = os.fork()
         if self._child == 0:
+            # Else it would not see the end of its parent.
+            os.close(self._read)
+            os.close(self._write)
             live(lambda: _serve(request, answer))
             os._exit(1)
         os.close(answer)
