@@ -85,6 +85,12 @@ CASES = (
         ),
     ),
     Case(
+        "explain",
+        f"explain {PROBLEM} --quality fast --time-limit 4 --processes 1 --html {{out}}/a.html",
+        ("a.html",),
+        ("tubeplanner.explanation.explain:explain",),
+    ),
+    Case(
         "study",
         f"study {{inputs}}/{STUDIED} -o {{out}}/a.csv --plot {{out}}/a.png --processes 1",
         ("a.csv", "a.png"),

@@ -7,6 +7,7 @@ of moments, and with SIGKILL.
 import json
 import signal
 
+import click
 import pytest
 
 from interruption_cases import CASES, MOTION, STUDIED, STUDY, TRAIL, Kept
@@ -14,6 +15,7 @@ from interruption_runs import Place
 from stopped_writing import at_line
 from stored_trajectories import REFINEMENT, stored_path
 from tubeplanner import load_problem, read_trajectory
+from tubeplanner.commands.cli import cli
 from tubeplanner.files.export import trajectory_csv
 
 QUICK = ("plan", "view", "info", "study", "compare", "init", "measure")
@@ -56,6 +58,26 @@ def command(run, inputs, tmp_path):
         return call
 
     return prepare
+
+
+def test_every_command_that_writes_files_is_among_them():
+    writing = {
+        name
+        for name, command in cli.commands.items()
+        for option in command.params
+        if isinstance(option, click.Option) and isinstance(option.type, click.Path)
+    }
+    assert {case.name for case in CASES} == writing
+
+
+def test_what_is_computed_several_times_begins_the_writing_once(run, inputs, tmp_path):
+    case = next(case for case in CASES if case.name == "study")
+    kept, begun = Kept(case), []
+    for replaced in (kept.recorded(), kept.given_back(lambda: begun.append(1))):
+        words = case.arguments(inputs, Place.new(tmp_path / "place", case).out)
+        with replaced:
+            assert run(*words)[0] == 0
+    assert begun == [1]
 
 
 @pytest.mark.parametrize(
