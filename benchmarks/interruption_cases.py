@@ -179,17 +179,26 @@ class Kept:
         with self._replaced(recording):
             yield
 
+    @property
+    def count(self) -> int:
+        """How often the last function is called."""
+        return len(self._answers[self._case.computed[-1]])
+
     @contextmanager
-    def given_back(self, begun: Callable[[], None]) -> Iterator[None]:
-        """Let the functions return what is kept, and call `begun` when the last one first does."""
-        waiting = {self._case.computed[-1]: begun}
+    def given_back(self, called: Callable[[int], None]) -> Iterator[None]:
+        """Let the functions return what is kept.
+
+        Args:
+            called: Is told of each call of the last one, by its number from 0.
+        """
 
         def giving(name: str, _: Callable[..., Any]) -> Callable[..., Any]:
-            answers = iter(self._answers[name])
+            answers = enumerate(self._answers[name])
 
             def call(*values: Any, **named: Any) -> Any:
-                answer = next(answers)
-                waiting.pop(name, _nothing)()
+                number, answer = next(answers)
+                if name == self._case.computed[-1]:
+                    called(number)
                 return answer
 
             return call
@@ -220,10 +229,6 @@ class Kept:
         finally:
             for holder, attribute, function in real:
                 setattr(holder, attribute, function)
-
-
-def _nothing() -> None:
-    """Do nothing."""
 
 
 class _Here(Executor):

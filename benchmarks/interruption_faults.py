@@ -33,7 +33,8 @@ def faults(runs: Runs, place: Place, ended: Ended, number: int, *, exact: bool =
     allowed |= {f"{Path(name).parent}/" for name in runs.case.files if killed and "/" in name}
     if left - allowed:
         faults.append("files are left")
-    states = {_state(runs, name, found.get(name), exact) for name in runs.case.files}
+    new = runs.new if killed else _nearest(runs, found)
+    states = {_state(new, name, found.get(name), exact) for name in runs.case.files}
     if "torn" in states:
         faults.append("an output is torn")
     if not killed:
@@ -43,10 +44,19 @@ def faults(runs: Runs, place: Place, ended: Ended, number: int, *, exact: bool =
     return faults
 
 
-def _state(runs: Runs, name: str, content: bytes | None, exact: bool) -> str:
+def _nearest(runs: Runs, found: dict[str, bytes]) -> dict[str, bytes]:
+    """Return the one answer, whole or shortened, that the files are of."""
+
+    def same(answer: dict[str, bytes]) -> int:
+        return sum(found.get(name) == answer[name] for name in runs.case.files)
+
+    return max([runs.new, *runs.shortened], key=same)
+
+
+def _state(new: dict[str, bytes], name: str, content: bytes | None, exact: bool) -> str:
     if content == (None if "/" in name else old_content(name)):
         return "old"
-    if content == runs.new[name] or (content and not exact):
+    if content == new[name] or (content and not exact):
         return "new"
     return "torn"
 
@@ -70,7 +80,7 @@ def faults_without_room(runs: Runs, place: Place, ended: Ended, remedy: str) -> 
     if set(found) - set(runs.case.files):
         faults.append("files are left")
     names = runs.case.files
-    if {_state(runs, name, found.get(name), True) for name in names} != {"old"}:
+    if {_state(runs.new, name, found.get(name), True) for name in names} != {"old"}:
         faults.append("an output is changed")
     if ended.status != BAD_INPUT or "Traceback" in err:
         faults.append(f"status {ended.status}")

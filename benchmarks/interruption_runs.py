@@ -88,7 +88,15 @@ def old_content(name: str) -> bytes:
 
 
 class Runs:
-    """Runs of one command, and what is right of them."""
+    """Runs of one command, and what is right of them.
+
+    Attributes:
+        case: The command.
+        life: How long it takes [s].
+        new: What is there after it, by names as `Place.found`.
+        shortened: The same where Ctrl-C came after the first of several things it computes, after
+            the second, and so on: it answers with these.
+    """
 
     def __init__(self, case: Case, inputs: Path, scratch: Path) -> None:
         """Run it once whole, keep what it computes, and measure its writing stage."""
@@ -101,8 +109,13 @@ class Runs:
         self.life = min(time.perf_counter() - begin + 1.0, _LONGEST_LIFE)
         if status != 0:
             raise SystemExit(f"{case.name} does not run: exit status {status}")
-        self.forked(place := self.place())
-        self.new = place.found()
+        self.new = self._left_by(None)
+        self.shortened = [self._left_by(count) for count in range(1, self._kept.count)]
+
+    def _left_by(self, count: int | None) -> dict[str, bytes]:
+        """Return what it leaves if Ctrl-C comes after so much is computed; None: never."""
+        self.forked(place := self.place(), count)
+        return place.found()
 
     def place(self) -> Place:
         """Return a new place for a run."""
@@ -111,33 +124,43 @@ class Runs:
     def paused(self, stage: Stage = Stage.ANSWERED, more: Sequence[str] = ()) -> Pause:
         """Return it paused at a stage, in the place of the runs, with more arguments."""
         place = self.place()
-        return Pause(lambda pause: self._live(place, stage, pause, more))
 
-    def forked(self, place: Place) -> Ended:
-        """Run it in a child, to its end."""
+        def live(pause: Callable[[], None]) -> None:
+            def begun() -> None:
+                pause()
+                _redirect(place)
+
+            def called(number: int) -> None:
+                if stage is Stage.ANSWERED and number == 0:
+                    begun()
+
+            if stage is Stage.WRITES:
+                sys.addaudithook(_opening(place.out, begun))
+            self._live(place, called, more)
+
+        return Pause(live)
+
+    def forked(self, place: Place, count: int | None = None) -> Ended:
+        """Run it in a child, to its end; with a Ctrl-C after so much is computed."""
+
+        def interrupt(number: int) -> None:
+            if number == count:
+                raise KeyboardInterrupt
+
         begin, child = time.perf_counter(), os.fork()
         if child == 0:
             _redirect(place)
-            self._live(place, Stage.ANSWERED, _nothing, ())
+            self._live(place, interrupt, ())
         _, status = os.waitpid(child, 0)
         return Ended(os.waitstatus_to_exitcode(status), time.perf_counter() - begin)
 
-    def _live(
-        self, place: Place, stage: Stage, pause: Callable[[], None], more: Sequence[str]
-    ) -> None:
-        """Run the program in this child, and end it."""
-
-        def begun() -> None:
-            pause()
-            _redirect(place)
-
+    def _live(self, place: Place, called: Callable[[int], None], more: Sequence[str]) -> None:
+        """Run the program in this child, and end it; `called` as for `Kept.given_back`."""
         status = 1
         try:
             tempfile.tempdir = str(place.folder / "temporary")
             sys.argv = ["tubeplanner", *self.case.arguments(self._inputs, place.out), *more]
-            with self._kept.given_back(begun if stage is Stage.ANSWERED else _nothing):
-                if stage is Stage.WRITES:
-                    sys.addaudithook(_opening(place.out, begun))
+            with self._kept.given_back(called):
                 start.run()
         except SystemExit as ended:
             status = int(ended.code or 0)
@@ -183,10 +206,6 @@ def _redirect(place: Place) -> None:
     for descriptor, name in ((1, "stdout"), (2, "stderr")):
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
         os.dup2(os.open(place.folder / name, flags, 0o666), descriptor)
-
-
-def _nothing() -> None:
-    """Do nothing."""
 
 
 def _opening(folder: Path, begun: Callable[[], object]) -> Callable[[str, tuple[Any, ...]], None]:

@@ -47,7 +47,7 @@ def command(run, inputs, tmp_path):
             place = Place.new(tmp_path / "place", case)
             words = case.arguments(inputs, place.out)
             with (
-                kept.given_back(lambda: None),
+                kept.given_back(lambda _: None),
                 at_line(line, lambda: signal.raise_signal(number)) as lines,
             ):
                 status, out, err = run(*words, "--json")
@@ -70,14 +70,14 @@ def test_every_command_that_writes_files_is_among_them():
     assert {case.name for case in CASES} == writing
 
 
-def test_what_is_computed_several_times_begins_the_writing_once(run, inputs, tmp_path):
+def test_what_is_computed_several_times_is_given_back_by_numbers(run, inputs, tmp_path):
     case = next(case for case in CASES if case.name == "study")
-    kept, begun = Kept(case), []
-    for replaced in (kept.recorded(), kept.given_back(lambda: begun.append(1))):
+    kept, numbers = Kept(case), []
+    for replaced in (kept.recorded(), kept.given_back(numbers.append)):
         words = case.arguments(inputs, Place.new(tmp_path / "place", case).out)
         with replaced:
             assert run(*words)[0] == 0
-    assert begun == [1]
+    assert numbers == list(range(4)) and kept.count == 4
 
 
 @pytest.mark.parametrize(
