@@ -35,6 +35,7 @@ class Case:
         files: The names of its files that are replaced whole.
         computed: Functions, as module:name.
         journal: The name of its journal, if it keeps one.
+        late: The names of files of what is found last: an answer that Ctrl-C shortens lacks them.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Case:
     files: tuple[str, ...]
     computed: tuple[str, ...]
     journal: str | None = None
+    late: tuple[str, ...] = ()
 
     def arguments(self, inputs: Path, out: Path) -> list[str]:
         """Return its arguments."""
@@ -109,7 +111,7 @@ CASES = (
         f"compare {PROBLEM} --methods refinement,bang-bang --quality fast -o {{out}}/a.json "
         "--plot {out}/a.png --trajectories {out}/all",
         ("a.json", "a.png", "all/refinement.json", "all/bang-bang.json"),
-        ("tubeplanner.studies.comparison:compare",),
+        ("tubeplanner.studies.comparison:_row",),
     ),
     Case(
         "measure",
@@ -134,6 +136,7 @@ CASES = (
         "--measured {out}/b.yaml",
         ("a.yaml", "b.yaml"),
         ("tubeplanner.tube_sources.route:find_route",),
+        late=("b.yaml",),
     ),
     Case(
         "teach",

@@ -34,11 +34,14 @@ def faults(runs: Runs, place: Place, ended: Ended, number: int, *, exact: bool =
     if left - allowed:
         faults.append("files are left")
     new = runs.new if killed else _nearest(runs, found)
-    states = {_state(new, name, found.get(name), exact) for name in runs.case.files}
+    states = _states(runs, new, found, exact)
     if "torn" in states:
         faults.append("an output is torn")
     if not killed:
         faults += _faults_of_words(ended, place.printed, states)
+        is_shortened = new is not runs.new and "new" in states
+        if is_shortened and "interrupt" not in place.printed[0]:
+            faults.append("not said to be shortened")
     if killed and left:
         faults += _faults_of_next(runs, place)
     return faults
@@ -48,17 +51,29 @@ def _nearest(runs: Runs, found: dict[str, bytes]) -> dict[str, bytes]:
     """Return the one answer, whole or shortened, that the files are of."""
 
     def same(answer: dict[str, bytes]) -> int:
-        return sum(found.get(name) == answer[name] for name in runs.case.files)
+        return sum(found.get(name) == answer.get(name, _old(name)) for name in runs.case.files)
 
     return max([runs.new, *runs.shortened], key=same)
 
 
-def _state(new: dict[str, bytes], name: str, content: bytes | None, exact: bool) -> str:
-    if content == (None if "/" in name else old_content(name)):
-        return "old"
-    if content == new[name] or (content and not exact):
-        return "new"
-    return "torn"
+def _states(runs: Runs, new: dict[str, bytes], found: dict[str, bytes], exact: bool) -> set[str]:
+    """Return what its files are: old, new or torn; those that an answer lacks must be old."""
+    states = set()
+    for name in runs.case.files:
+        is_old = found.get(name) == _old(name)
+        if name not in new:
+            states |= set() if is_old else {"torn"}
+        elif is_old:
+            states.add("old")
+        else:
+            is_new = found.get(name) == new[name] or (found.get(name) and not exact)
+            states.add("new" if is_new else "torn")
+    return states
+
+
+def _old(name: str) -> bytes | None:
+    """Return what a file had before a run; None: it was not there."""
+    return None if "/" in name else old_content(name)
 
 
 def _faults_of_next(runs: Runs, place: Place) -> list[str]:
@@ -80,7 +95,7 @@ def faults_without_room(runs: Runs, place: Place, ended: Ended, remedy: str) -> 
     if set(found) - set(runs.case.files):
         faults.append("files are left")
     names = runs.case.files
-    if {_state(runs.new, name, found.get(name), True) for name in names} != {"old"}:
+    if _states(runs, runs.new, found, True) != {"old"}:
         faults.append("an output is changed")
     if ended.status != BAD_INPUT or "Traceback" in err:
         faults.append(f"status {ended.status}")

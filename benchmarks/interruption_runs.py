@@ -95,7 +95,7 @@ class Runs:
         life: How long it takes [s].
         new: What is there after it, by names as `Place.found`.
         shortened: The same where Ctrl-C came after the first of several things it computes, after
-            the second, and so on: it answers with these.
+            the second, and so on: it answers with these. Or before what is found last.
     """
 
     def __init__(self, case: Case, inputs: Path, scratch: Path) -> None:
@@ -111,6 +111,9 @@ class Runs:
             raise SystemExit(f"{case.name} does not run: exit status {status}")
         self.new = self._left_by(None)
         self.shortened = [self._left_by(count) for count in range(1, self._kept.count)]
+        if case.late:
+            early = {name: content for name, content in self.new.items() if name not in case.late}
+            self.shortened.append(early)
 
     def _left_by(self, count: int | None) -> dict[str, bytes]:
         """Return what it leaves if Ctrl-C comes after so much is computed; None: never."""

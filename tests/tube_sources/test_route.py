@@ -2,6 +2,8 @@
 
 import builtins
 import json
+from dataclasses import replace
+from importlib import import_module
 from itertools import pairwise
 
 import numpy as np
@@ -194,6 +196,21 @@ def test_what_is_certified_is_the_answer_when_it_is_ended(gap, monkeypatch, erro
     assert answer.found.duration == pytest.approx(min(answer.compared), rel=0.02)
     assert answer.measured is None
     assert answer.as_dict()["stopped_by"] == name and answer.as_dict()["measured"] is None
+    how = name.replace("_", " ")
+    noted = f"the search was stopped by {how} in step 4 of 4: there may be a faster tube"
+    assert noted in answer.notes
+
+
+def test_a_file_for_a_measured_tube_that_is_not_there_is_told(run, monkeypatch, tmp_path, answer):
+    module = import_module("tubeplanner.tube_sources.route")
+    monkeypatch.setattr(module, "find_route", lambda *_: replace(answer, measured=None))
+    files = [tmp_path / "fast.yaml", tmp_path / "measured.yaml"]
+    status, out, _ = run("route", GAP, "-o", files[0], "--measured", files[1])
+    assert status == 0
+    assert f"note: {files[1]} was not written: there is no measured tube" in out.splitlines()
+    assert files[0].exists() and not files[1].exists()
+    _, out, _ = run("route", GAP, "-o", files[0])
+    assert "not written" not in out
 
 
 def test_ended_before_anything_is_certified(gap, monkeypatch):

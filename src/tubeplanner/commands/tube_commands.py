@@ -1,6 +1,7 @@
 """The commands that find tubes: from start and goal alone, and from a recorded trail."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -101,7 +102,8 @@ def route(
     found = {output: answer.found, measured: answer.measured}
     written = _write(read_fields(source, changes), source.parent, found)
     files = {"problem": output, "measured": measured}
-    return _print_answer(loaded.name, answer, loading_time, files, written, as_json)
+    noted = _noted(answer, measured)
+    return _print_answer(loaded.name, noted, loading_time, files, written, as_json)
 
 
 @click.command()
@@ -197,6 +199,14 @@ def _write(
     if contents:
         write_answer(contents)
     return list(contents)
+
+
+def _noted(answer: "TubeAnswer", measured: Path | None) -> "TubeAnswer":
+    """Return an answer that tells of the file of a measured tube if it has none for it."""
+    if measured is None or not answer.succeeded or answer.measured is not None:
+        return answer
+    note = f"{measured} was not written: there is no measured tube"
+    return replace(answer, notes=(*answer.notes, note))
 
 
 def _print_answer(

@@ -17,7 +17,7 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.problem.problem import PlanningProblem, Seed
-from tubeplanner.progress import PlanningClock, Progress, ProgressCallback, until_stopped
+from tubeplanner.progress import PlanningClock, Progress, ProgressCallback, StoppedBy, until_stopped
 from tubeplanner.tube_sources.goal_configurations import goal_configurations
 from tubeplanner.tube_sources.joint_route import require_ompl
 from tubeplanner.tube_sources.measured_plan import (
@@ -79,7 +79,11 @@ def find_route(
     except Infeasible as reason:
         return answer_of(reason, **finder.facts)
     if finder.best is not None:
-        found = followed(finder.best, finder.clock) if stopped_by is None else finder.best
+        if stopped_by is None:
+            found = followed(finder.best, finder.clock)
+        else:
+            found = finder.best
+            finder.note_stop(stopped_by)
         return answer_of(found, stopped_by=stopped_by, **finder.facts)
     if stopped_by == "interrupt":
         raise KeyboardInterrupt
@@ -162,6 +166,13 @@ class _RouteFinder:
         self._offer(PlannedTube(first, plan_under(self.clock, first)))
         self._step = 4
         self._measure(fastest[:_MAX_MEASURED])
+
+    def note_stop(self, stopped_by: StoppedBy) -> None:
+        """Note that the search was ended early."""
+        self._notes.append(
+            f"the search was stopped by {stopped_by.replace('_', ' ')} in step {self._step} of "
+            f"{_STEPS}: there may be a faster tube"
+        )
 
     def _fastest_first(self, routes: list[RouteCandidate]) -> list[_Compared]:
         """Return the routes with a certified trajectory in equal tubes, by its duration."""
