@@ -20,7 +20,17 @@ study:
   vary: {{tube.radius: [x0.5, x0.7, x0.9, x1]}}
   options: {{quality: fast, slack: 0}}
 """
-MOTION, TRAIL, STUDIED = "motion.json", "trail.csv", "study.yaml"  # what commands read
+CYCLE = """format: tubeplanner/cycle
+robot: {urdf: "example:two_link", tool_frame: hand, gravity: [0, -3, 0]}
+start: {seed: [0.0, -1.0]}
+closed: true
+moves:
+  - {name: up, tube: {points: [[0.45, -0.3, 0], [0.45, 0.1, 0]], radius: 0.05}}
+  - {event: gripper, set: close, dwell: 0.05}
+  - {name: down, tube: {points: [[0.45, 0.1, 0], [0.45, -0.3, 0]], radius: 0.05}}
+"""
+MOTION, TRAIL = "motion.json", "trail.csv"  # what commands read
+TEXTS = {"study.yaml": STUDY, "cycle.yaml": CYCLE}  # likewise
 _EXECUTOR = "workers_of"  # of a command whose answers come from other processes
 
 
@@ -59,6 +69,13 @@ CASES = (
         ("tubeplanner.planning.planner:plan",),
     ),
     Case(
+        "plan cycle",
+        "plan {inputs}/cycle.yaml --quality fast -o {out}/a.json --csv {out}/a.csv "
+        "--ros {out}/a.yaml --plot {out}/a.png --html {out}/a.html",
+        ("a.json", "a.csv", "a.yaml", "a.png", "a.html"),
+        ("tubeplanner.cycle_planning.cycle_planner:plan_cycle",),
+    ),
+    Case(
         "view",
         f"view {PROBLEM} {{inputs}}/{MOTION} --html {{out}}/a.html",
         ("a.html",),
@@ -94,7 +111,7 @@ CASES = (
     ),
     Case(
         "study",
-        f"study {{inputs}}/{STUDIED} -o {{out}}/a.csv --plot {{out}}/a.png --processes 1",
+        "study {inputs}/study.yaml -o {out}/a.csv --plot {out}/a.png --processes 1",
         ("a.csv", "a.png"),
         ("tubeplanner.studies.study_run:planned_answer",),
         "a.jsonl",

@@ -26,7 +26,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from interruption_cases import CASES, MOTION, PROBLEM, STUDIED, STUDY, TRAIL, Case
+from interruption_cases import CASES, MOTION, PROBLEM, TEXTS, TRAIL, Case
 from interruption_faults import faults, faults_without_room
 from interruption_pauses import Pause
 from interruption_runs import Place, Runs, Stage, silenced
@@ -138,7 +138,8 @@ def _fill(path: Path, room: int) -> None:
 
 def _prepare(inputs: Path) -> None:
     """Write what commands read."""
-    (inputs / STUDIED).write_text(STUDY)
+    for name, text in TEXTS.items():
+        (inputs / name).write_text(text)
     words = ["plan", PROBLEM, "-o", str(inputs / MOTION), "--csv", str(inputs / TRAIL)]
     with silenced():
         run_command(words)

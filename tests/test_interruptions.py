@@ -10,7 +10,7 @@ import signal
 import click
 import pytest
 
-from interruption_cases import CASES, MOTION, STUDIED, STUDY, TRAIL, Kept
+from interruption_cases import CASES, MOTION, TEXTS, TRAIL, Kept
 from interruption_runs import Place
 from stopped_writing import at_line
 from stored_trajectories import REFINEMENT, stored_path
@@ -25,7 +25,8 @@ MOMENTS = 4
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("inputs")
-    (folder / STUDIED).write_text(STUDY)
+    for name, text in TEXTS.items():
+        (folder / name).write_text(text)
     (folder / MOTION).write_bytes(stored_path("two_link/around_a_post", REFINEMENT).read_bytes())
     motion = read_trajectory(folder / MOTION)
     names = load_problem("example:two_link/around_a_post").robot.joint_names
@@ -67,7 +68,7 @@ def test_every_command_that_writes_files_is_among_them():
         for option in command.params
         if isinstance(option, click.Option) and isinstance(option.type, click.Path)
     }
-    assert {case.name for case in CASES} == writing
+    assert {case.words.split()[0] for case in CASES} == writing
 
 
 def test_what_is_computed_several_times_is_given_back_by_numbers(run, inputs, tmp_path):
