@@ -5,7 +5,7 @@ import signal
 from pathlib import Path
 
 from interruption_pauses import Ended
-from interruption_runs import Place, Runs, old_content
+from interruption_runs import Answer, Place, Runs, old_content
 
 INTERRUPTED, BAD_INPUT = 130, 2
 
@@ -33,13 +33,13 @@ def faults(runs: Runs, place: Place, ended: Ended, number: int, *, exact: bool =
     allowed |= {f"{Path(name).parent}/" for name in runs.case.files if killed and "/" in name}
     if left - allowed:
         faults.append("files are left")
-    new = runs.new if killed else _nearest(runs, found)
-    states = _states(runs, new, found, exact)
+    answer = Answer(runs.new) if killed else _nearest(runs, found)
+    states = _states(runs, answer.files, found, exact)
     if "torn" in states:
         faults.append("an output is torn")
     if not killed:
-        faults += _faults_of_words(ended, place.printed, states)
-        is_shortened = new is not runs.new and "new" in states
+        faults += _faults_of_words(ended, place.printed, states, answer.status)
+        is_shortened = answer.files is not runs.new and "new" in states
         if is_shortened and "interrupt" not in place.printed[0]:
             faults.append("not said to be shortened")
     if killed and left:
@@ -47,13 +47,15 @@ def faults(runs: Runs, place: Place, ended: Ended, number: int, *, exact: bool =
     return faults
 
 
-def _nearest(runs: Runs, found: dict[str, bytes]) -> dict[str, bytes]:
+def _nearest(runs: Runs, found: dict[str, bytes]) -> Answer:
     """Return the one answer, whole or shortened, that the files are of."""
 
-    def same(answer: dict[str, bytes]) -> int:
-        return sum(found.get(name) == answer.get(name, _old(name)) for name in runs.case.files)
+    def same(answer: Answer) -> int:
+        return sum(
+            found.get(name) == answer.files.get(name, _old(name)) for name in runs.case.files
+        )
 
-    return max([runs.new, *runs.shortened], key=same)
+    return max([Answer(runs.new), *runs.shortened], key=same)
 
 
 def _states(runs: Runs, new: dict[str, bytes], found: dict[str, bytes], exact: bool) -> set[str]:
@@ -107,14 +109,16 @@ def faults_without_room(runs: Runs, place: Place, ended: Ended, remedy: str) -> 
     return faults
 
 
-def _faults_of_words(ended: Ended, printed: tuple[str, str], states: set[str]) -> list[str]:
+def _faults_of_words(
+    ended: Ended, printed: tuple[str, str], states: set[str], status: int
+) -> list[str]:
     """Return where the words and the exit status of an interrupted run do not fit its files."""
     faults, (out, err) = [], printed
     if "Traceback" in err or "internal error" in err + out:
         faults.append("traceback")
-    if ended.status not in (0, INTERRUPTED):
+    if ended.status not in (status, INTERRUPTED):
         faults.append(f"status {ended.status}")
-    elif states != {"new" if ended.status == 0 else "old"}:
+    elif states != {"new" if ended.status == status else "old"}:
         faults.append(f"status {ended.status} with {' and '.join(sorted(states))} files")
     if out.startswith("{"):
         try:

@@ -87,6 +87,19 @@ def old_content(name: str) -> bytes:
     return f"what {name} had before\n".encode()
 
 
+@dataclass(frozen=True)
+class Answer:
+    """What is right of a run.
+
+    Attributes:
+        files: Those that it writes, by their names.
+        status: Its exit status.
+    """
+
+    files: dict[str, bytes]
+    status: int = 0
+
+
 class Runs:
     """Runs of one command, and what is right of them.
 
@@ -94,8 +107,8 @@ class Runs:
         case: The command.
         life: How long it takes [s].
         new: What is there after it, by names as `Place.found`.
-        shortened: The same where Ctrl-C came after the first of several things it computes, after
-            the second, and so on: it answers with these. Or before what is found last.
+        shortened: Its answers where Ctrl-C came after the first of several things it computes,
+            after the second, and so on. Or before what is found last.
     """
 
     def __init__(self, case: Case, inputs: Path, scratch: Path) -> None:
@@ -109,16 +122,17 @@ class Runs:
         self.life = min(time.perf_counter() - begin + 1.0, _LONGEST_LIFE)
         if status != 0:
             raise SystemExit(f"{case.name} does not run: exit status {status}")
-        self.new = self._left_by(None)
-        self.shortened = [self._left_by(count) for count in range(1, self._kept.count)]
+        self.new = self._answer(None).files
+        self.shortened = [self._answer(count) for count in range(1, self._kept.count)]
         if case.late:
             early = {name: content for name, content in self.new.items() if name not in case.late}
-            self.shortened.append(early)
+            self.shortened.append(Answer(early))
 
-    def _left_by(self, count: int | None) -> dict[str, bytes]:
-        """Return what it leaves if Ctrl-C comes after so much is computed; None: never."""
-        self.forked(place := self.place(), count)
-        return place.found()
+    def _answer(self, count: int | None) -> Answer:
+        """Return its answer if Ctrl-C comes after so much is computed; None: never."""
+        status = self.forked(place := self.place(), count).status
+        found = place.found().items()
+        return Answer({name: new for name, new in found if new != old_content(name)}, status)
 
     def place(self) -> Place:
         """Return a new place for a run."""

@@ -4,6 +4,7 @@ import json
 import random
 import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -139,6 +140,21 @@ def test_a_journal_goes_on_where_a_run_was_ended(found, folder, tmp_path):
         **json.loads(json.dumps(found.as_dict())),
         "restored": len(found.rows),
     }
+
+
+def test_ended_before_the_first_place_there_is_no_answer_but_what_a_journal_has(folder, tmp_path):
+    journal = tmp_path / "best.jsonl"
+    asked = {"options": FEW, "journal": journal}
+    with pytest.raises(KeyboardInterrupt):
+        place(gantry(folder), HERE, executor=Here(fails_at=1), **asked)
+    place(gantry(folder), HERE, executor=Here(fails_at=2), **asked)
+    ended = place(gantry(folder), HERE, executor=Here(fails_at=1), **asked)
+    assert (ended.stopped_by, ended.restored, len(ended.rows)) == ("interrupt", 1, 1)
+
+
+def test_places_that_cannot_be_planned_once_more_are_told(found):
+    planned = replace(found, result=None, best=None)
+    assert planned.message.startswith(f"none of the {found.feasible_count} places that have a mo")
 
 
 def test_a_journal_knows_what_a_robot_stands_on(folder, tmp_path):

@@ -96,7 +96,7 @@ def place(
         RobotError: The robot cannot be planned with.
         OptionError: The region is none, or an obstacle's name is unknown or missing.
         OutputError: The journal cannot be used.
-        KeyboardInterrupt: Ctrl-C before the search began.
+        KeyboardInterrupt: Ctrl-C before the first stand was tried.
     """
     options, report = options or PlaceOptions(), progress or (lambda what: None)
     report("loading robot and collision geometry")
@@ -156,6 +156,9 @@ def _searched(
 
     Returns:
         "interrupt" if Ctrl-C ended it; None otherwise.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C before the first stand was tried.
     """
     stands = [*grid.stands, *[region.nearest(given)] * region.holds(given)]
     try:
@@ -175,6 +178,8 @@ def _searched(
                 _HALVINGS,
             )
     except KeyboardInterrupt:
+        if not trials.rows:
+            raise
         return "interrupt"
     return None
 

@@ -107,8 +107,11 @@ class Placement:
         """The answer, or why there is none, in one sentence."""
         if self.result is not None:
             return self.result.message
-        if not self.reasons:
-            return "no stand was tried before it was stopped"
+        if self.feasible_count:
+            return (
+                f"none of the {self.feasible_count} places that have a motion could be planned "
+                "once more; run it again, or ask for another quality"
+            )
         reason, count, example = self.reasons[0]
         return (
             f"no place of {len(self.rows)} has a motion; the most frequent reason, {count} times: "
