@@ -135,6 +135,9 @@ def test_a_factor_of_a_number_that_no_float_can_be_is_refused():
         parse_problem(huge, changes={"clearance": "x0.5"})
 
 
-def test_a_value_that_no_file_can_hold_is_blamed_on_the_document():
+@pytest.mark.parametrize("value", [np.zeros(3), np.zeros(0), [np.zeros(3)]])
+def test_arrays_in_a_document_are_blamed_on_it(value):
     with pytest.raises(ProblemError, match=r"^problem: top level: unknown key 'a'"):
-        parse_problem({**PROBLEM, "a": [b"", np.zeros(3)]})
+        parse_problem({**PROBLEM, "a": value})
+    with pytest.raises(ProblemError, match=r"^problem: format is "):
+        parse_problem({**PROBLEM, "format": value})

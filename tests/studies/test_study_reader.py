@@ -80,6 +80,10 @@ def test_a_bundled_study_is_found_by_its_name():
             "study.vary.clearance: count is 1; it must be >= 2",
         ),
         (
+            HEAD + "  vary: {clearance: {from: 0, to: 1, count: 1000000000000}}",
+            "study.vary.clearance: count is 1000000000000; it must be >= 2 and <= 10000000",
+        ),
+        (
             HEAD + "  vary: {clearance: {from: 0, to: 1, count: 2, spacing: log}}",
             "study.vary.clearance: from is 0 and to is 1; with spacing log both must be > 0",
         ),
