@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -132,7 +133,13 @@ def _work_and_exit(work: Callable[[], tuple[str, str]], report: Path) -> None:
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + _ADDRESSES,) * 2)
     try:
-        answer = work()
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            warnings.simplefilter("ignore", DeprecationWarning)  # of compiled parts of libraries
+            answer = work()
+        if warned:
+            told = warned[0]
+            answer = ("fault", f"warned: {told.message} ({told.filename}, line {told.lineno})")
     except BaseException:
         answer = ("fault", traceback.format_exc())
     report.write_text(json.dumps(answer))
@@ -202,7 +209,8 @@ def _command(folder: Path, arguments: list[str]) -> tuple[str, str]:
         sys.stdout.flush()
         sys.stderr.flush()
         out, err = ((folder.parent / name).read_bytes().decode() for name in ("out", "err"))
-        fault = _command_fault(end.code, out, err, "--json" in arguments)
+        is_answered = arguments[0] == "explain" and not err and ": bad_input: " in out
+        fault = _command_fault(end.code, out, err, "--json" in arguments, is_answered)
         fault = fault or _left_behind(folder, set(os.listdir()) - before, end.code)
         if fault is not None:
             return "fault", f"{fault}; exit status {end.code}, {out[-1500:]!r}, {err[-1500:]!r}"
@@ -210,20 +218,40 @@ def _command(folder: Path, arguments: list[str]) -> tuple[str, str]:
     return "fault", "did not exit"
 
 
-def _command_fault(code: object, out: str, err: str, as_json: bool) -> str | None:
-    """Return what is wrong with an exit status and what was printed."""
+def _command_fault(
+    code: object, out: str, err: str, as_json: bool, is_answered: bool
+) -> str | None:
+    """Return what is wrong with an exit status and what was printed.
+
+    Args:
+        code: The exit status.
+        out: What was printed on standard output.
+        err: On standard error.
+        as_json: Whether JSON was asked for.
+        is_answered: Whether standard output alone says what is wrong with bad input, and what
+            helps, as `explain` does.
+    """
     if code not in (0, 1, 2):
         return "another exit status"
     if "internal error" in out + err or "Traceback" in out + err:
         return "an internal error"
-    if as_json:
-        try:
-            json.loads(out)
-        except ValueError:
-            return "standard output is not one JSON object"
-    elif code == 2 and (out or len(err.splitlines()) != 1):
+    if as_json and (err or not _is_json_object(out)):
+        return "what is printed is not one JSON object alone"
+    if not as_json and code == 2 and not is_answered and (out or len(err.splitlines()) != 1):
         return "bad input is not told in one line"
     return _text_fault((out + err).replace("\n", ""))
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is no JSON")
+
+
+def _is_json_object(text: str) -> bool:
+    """Return whether a text is one JSON object, in which there is no NaN."""
+    try:
+        return isinstance(json.loads(text, parse_constant=_refuse), dict)
+    except ValueError:
+        return False
 
 
 def _left_behind(folder: Path, new: set[str], code: object) -> str | None:

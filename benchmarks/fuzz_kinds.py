@@ -10,11 +10,14 @@ from typing import Any
 
 import fuzz_seeds as seeds
 from tubeplanner import (
+    MeasureOptions,
     Obstacle,
+    explain,
     load_cycle,
     load_problem,
     load_robot,
     load_study,
+    measure_tube,
     placement_of,
     run_study,
 )
@@ -60,6 +63,11 @@ def _read_problem(path: Path) -> None:
     problem = load_problem(path)
     read_fields(path)
     with_other_tube(path, path.with_name("other.json"), problem.tube)
+
+
+def _ask(path: Path) -> None:
+    explain(path, time_limit=0.5)
+    measure_tube(load_problem(path), MeasureOptions(samples=100))
 
 
 def _read_mesh(path: Path) -> None:
@@ -155,6 +163,18 @@ KINDS: Mapping[str, Kind] = {
         _read_problem,
         (_INFO, _VIEW, ("links", "problem.yaml"), (*_CHECK, "motion.json")),
         lambda: {"part.stl": seeds.part(), "motion.json": seeds.motion("json")[0]},
+        ("yaml",),
+    ),
+    "questions": Kind(
+        "problem.yaml",
+        "yaml",
+        seeds.problems,
+        _ask,
+        (
+            ("explain", "problem.yaml", "--time-limit", "1", "--processes", "1"),
+            ("measure", "problem.yaml"),
+        ),
+        lambda: {"part.stl": seeds.part()},
         ("yaml",),
     ),
     "problem-json": Kind(

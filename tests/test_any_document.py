@@ -1,26 +1,29 @@
 """Any document either loads or raises one of our errors, never another library's."""
 
-import copy
 import json
 
-from hypothesis import HealthCheck, given, settings
+import pytest
+import yaml
+from hypothesis import given
 from hypothesis import strategies as st
 
-from tubeplanner import TubePlannerError, parse_problem
+from any_documents import changed_documents, whole_documents
+from any_values import VALUES, accepted, examples
+from small_cycle import SMALL
+from tubeplanner import TubePlannerError, load_problem, load_study, parse_cycle, parse_problem
+from tubeplanner.cycle.cycle_format import cycle_schema
 from tubeplanner.problem.problem_fields import read_problem_fields
-from tubeplanner.problem.problem_format import (
-    ProblemFields,
-    RobotFields,
-    TubeFields,
-)
+from tubeplanner.problem.problem_format import problem_schema
 from tubeplanner.robot.urdf import read_urdf
+from tubeplanner.studies.study_format import study_schema
 
-BASE = {
+PROBLEM = {
     "robot": {
         "urdf": "example:two_link",
         "tool_frame": "hand",
         "gravity": [0, 0, 0],
         "limits": {"velocity": {"joint1": 50.0, "joint2": 50.0}},
+        "payload": {"mass": 0.5},
     },
     "tube": {
         "points": [[0.3, -0.3, 0], [0.3, 0.3, 0]],
@@ -28,7 +31,22 @@ BASE = {
         "joint_signs": {"joint2": "-"},
     },
     "start": {"seed": [0.0, -1.0]},
+    "goal": {"position": [0.3, 0.3, 0], "tolerance": 0.01},
     "obstacles": [{"name": "post", "cylinder": [0.03, 0.3], "position": [0.45, 0, 0]}],
+    "clearance": {"default": 0.001, "pairs": [{"links": ["link2", "post"], "clearance": 0.002}]},
+    "objective": {"slack": 0.01},
+}
+CYCLE = yaml.safe_load(SMALL)
+STUDY = {
+    "format": "tubeplanner/study",
+    "study": {
+        "problem": "example:two_link/paper_1_30mm",
+        "vary": {
+            "tube.radius": [0.02, 0.03],
+            "robot.payload.mass": {"from": 0.1, "to": 2, "count": 3},
+        },
+        "options": {"method": "stop-at-corners"},
+    },
 }
 URDF = """<robot name="arm"><link name="base"/><link name="bar"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -36,56 +54,63 @@ URDF = """<robot name="arm"><link name="base"/><link name="bar"><inertial><mass 
 <joint name="turn" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 0 1"/>
 <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
 
-SETTINGS = settings(
-    max_examples=300,
-    deadline=None,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)
-VALUES = st.recursive(
-    st.none()
-    | st.booleans()
-    | st.integers(-(10**30), 10**30)
-    | st.floats(allow_nan=True)
-    | st.text(max_size=8)
-    | st.sampled_from(["+", "-", "joint1", "hand", "example:ur5", "any"]),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=6), inner),
-    max_leaves=6,
-)
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """A file that every example writes anew."""
+    return tmp_path_factory.mktemp("any") / "any.json"
 
 
-def places(node, path=()):
-    """Return the paths of all places in a document."""
-    found = [path]
-    if isinstance(node, dict | list):
-        items = node.items() if isinstance(node, dict) else enumerate(node)
-        found += [place for key, child in items for place in places(child, (*path, key))]
-    return found
+@examples(300)
+@given(changed_documents(PROBLEM, problem_schema()), st.booleans())
+def test_a_changed_problem_loads_or_is_refused(document, reads_tube):
+    repr(accepted(parse_problem, document, reads_tube=reads_tube))
 
 
-NEW_KEYS = [
-    (section, name)
-    for section, fields in (("robot", RobotFields), ("tube", TubeFields))
-    for name in fields.model_fields
-] + [(name,) for name in ProblemFields.model_fields]
+@examples(60)
+@given(whole_documents(problem_schema()) | VALUES)
+def test_any_problem_loads_or_is_refused(document):
+    accepted(parse_problem, document)
 
 
-@SETTINGS
-@given(st.sampled_from([path for path in places(BASE) if path] + NEW_KEYS), VALUES, st.booleans())
-def test_a_changed_problem_loads_or_is_refused(path, value, reads_tube):
-    document = copy.deepcopy(BASE)
-    node = document
-    for key in path[:-1]:
-        node = node[key]
-    node[path[-1]] = value
+@examples(200)
+@given(changed_documents(CYCLE, cycle_schema()))
+def test_a_changed_cycle_loads_or_is_refused(document):
+    repr(accepted(parse_cycle, document))
+
+
+@examples(60)
+@given(whole_documents(cycle_schema()) | VALUES)
+def test_any_cycle_loads_or_is_refused(document):
+    accepted(parse_cycle, document)
+
+
+@examples(150)
+@given(document=changed_documents(STUDY, study_schema()) | whole_documents(study_schema()))
+def test_any_study_poses_its_points_or_is_refused(file, document):
+    if written(file, document) and (study := accepted(load_study, file)):
+        for index in range(min(3, len(study.points))):
+            accepted(study.posed, study.points[index])
+
+
+@examples(100)
+@given(document=changed_documents(PROBLEM, problem_schema()))
+def test_a_changed_file_loads_or_is_refused(file, document):
+    if written(file, document):
+        accepted(load_problem, file)
+
+
+def written(file, document):
+    """Write a document as JSON; return whether JSON can hold it."""
     try:
-        parse_problem(document, reads_tube=reads_tube)
-    except TubePlannerError as error:
-        assert "\n" not in str(error)
+        file.write_text(json.dumps(document))
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
-@SETTINGS
-@given(st.text() | st.binary() | VALUES.map(json.dumps), st.sampled_from([".yaml", ".json"]))
+@examples(300)
+@given(st.text() | st.binary() | VALUES.map(repr), st.sampled_from([".yaml", ".json"]))
 def test_any_file_is_read_or_refused(tmp_path_factory, content, suffix):
     path = tmp_path_factory.getbasetemp() / f"any{suffix}"
     path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8", "replace"))
@@ -95,7 +120,7 @@ def test_any_file_is_read_or_refused(tmp_path_factory, content, suffix):
         assert str(path) in str(error)
 
 
-@SETTINGS
+@examples(300)
 @given(st.integers(0, len(URDF)), st.integers(0, 12), st.text(max_size=6))
 def test_any_damage_to_a_urdf_is_harmless_or_named(tmp_path_factory, start, length, new):
     path = tmp_path_factory.getbasetemp() / "any.urdf"

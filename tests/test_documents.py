@@ -1,5 +1,6 @@
 """Documents from outside: what they mean, and what bounds their time and memory."""
 
+import json
 import os
 import time
 import tracemalloc
@@ -16,6 +17,7 @@ from tubeplanner.documents import (
     parse_yaml,
     read_bytes,
     read_text,
+    require_shallow,
 )
 from tubeplanner.resources import bundled_cycles, bundled_problems
 
@@ -115,7 +117,8 @@ def test_a_malformed_text_is_refused_with_its_place(text, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[" * 100_000, "nested too deep"),
+        ("[" * 100_000, f"nested more than {MAX_NESTING} deep"),
+        ("[" * 101 + "]" * 101, f"nested more than {MAX_NESTING} deep"),
         ('{"a": 1, "a": 2}', "the key 'a' is given twice"),
         ("9" * 5000, "more than 4300 digits"),
         ("{", "line 1 column 2"),
@@ -124,6 +127,15 @@ def test_a_malformed_text_is_refused_with_its_place(text, message):
 def test_malformed_json_is_refused(text, message):
     with pytest.raises(DocumentError, match=message):
         parse_json(text)
+
+
+def test_json_nested_up_to_the_limit_is_read_and_a_circle_is_refused():
+    text = "[" * MAX_NESTING + "]" * MAX_NESTING
+    assert json.dumps(parse_json(text)) == text
+    circle = {"a": [1]}
+    circle["a"].append((circle, circle))
+    with pytest.raises(DocumentError, match=f"nested more than {MAX_NESTING} deep"):
+        require_shallow(circle)
 
 
 @pytest.mark.parametrize("row", ["- [0.1234567, 0.1234567, 0.1234567]\n", "- {a: 1, b: 2.5}\n"])
@@ -142,6 +154,12 @@ def test_a_pipe_and_a_device_are_refused_without_waiting(tmp_path):
     for path in (tmp_path / "pipe", tmp_path / "/dev/zero", tmp_path):
         with pytest.raises(DocumentError, match="it is no regular file; name one"):
             read_bytes(path, 100)
+
+
+@pytest.mark.parametrize("name", ["\ud800", "a\0b"])
+def test_a_name_that_no_file_can_have_is_refused(tmp_path, name):
+    with pytest.raises(DocumentError, match="a character that no file's name can have"):
+        read_bytes(tmp_path / name, 99)
 
 
 def test_a_large_file_and_one_that_is_no_text_are_refused(tmp_path):

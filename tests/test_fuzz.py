@@ -11,6 +11,7 @@ ROOT = Path(__file__).parents[1]
 CASES = 20  # of each kind
 GROUPS = {
     "problems": ["problem-yaml", "problem-json", "include", "points", "cycle"],
+    "questions": ["questions"],
     "robots": ["urdf", "srdf", "preset", "joint-limits"],
     "macros and meshes": ["xacro", "stl", "obj", "dae"],
     "motions and studies": [

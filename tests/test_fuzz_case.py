@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Put in the place of a reader, in a process of its own: forks need one thread.
 PROGRAM = """
-import json, os, time
+import json, os, time, warnings
 from dataclasses import replace
 from pathlib import Path
 import fuzz_case, fuzz_kinds
@@ -24,12 +24,17 @@ def raises(error):
         raise error
     return read
 
+class Bare(TubePlannerError):  # ours are on one line whatever they are given
+    def __init__(self, message):
+        Exception.__init__(self, message)
+
 reads = {
     "refuses": raises(TubePlannerError("one line")),
     "accepts": lambda path: None,
-    "two lines": raises(TubePlannerError("one\\ntwo")),
-    "escape": raises(TubePlannerError("\\x1b[31m")),
+    "two lines": raises(Bare("one\\ntwo")),
+    "escape": raises(Bare("\\x1b[31m")),
     "another error": raises(KeyError("name")),
+    "warns": lambda path: warnings.warn("of numbers"),
     "hangs": lambda path: time.sleep(60),
     "memory": lambda path: bytearray(b"a" * 400_000_000),
     "dies": lambda path: os.abort(),
@@ -51,6 +56,7 @@ EXPECTED = {
     "two lines": ("fault", "a message with"),
     "escape": ("fault", "a message with"),
     "another error": ("fault", "KeyError"),
+    "warns": ("fault", "warned: of numbers"),
     "hangs": ("fault", "not done after 4 s"),
     "memory": ("fault", "took "),
     "dies": ("fault", "the process ended with"),

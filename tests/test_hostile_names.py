@@ -9,10 +9,12 @@ import pytest
 import yaml
 from rich.table import Table
 
+from hostile_names import HOSTILE, explained
 from tubeplanner import RobotError, load_robot
 from tubeplanner.commands.cli import main
 from tubeplanner.commands.report import rendered
 from tubeplanner.resources import bundled_robots
+from tubeplanner.views.explanation_view import view_explanation
 from tubeplanner.views.page_file import page_html
 
 NAMES = [
@@ -91,6 +93,36 @@ def test_what_a_page_says_comes_out_of_it_as_it_went_in():
     begin = text.index('{"names"')
     assert json.JSONDecoder().raw_decode(text[begin:])[0] == panel
     assert NAMES[1] not in text
+
+
+def test_no_name_is_markup_in_the_page_of_an_explanation(tmp_path):
+    """Of links, joints, obstacles, the problem, and what helps: 22 names on each page."""
+    plain = Tags(view_explanation(explained(tmp_path, [f"n{k}" for k in range(22)])).html).tags
+    assert len(HOSTILE) == len(set(HOSTILE)) == 330
+    for begin in range(0, len(HOSTILE), 22):
+        names = HOSTILE[begin : begin + 22]
+        shown = view_explanation(explained(tmp_path, names))
+        assert names[2] in shown.panel["findings"]["reason"]
+        assert Tags(shown.html).tags == plain
+        assert findings_of(shown.html) == shown.panel["findings"]
+
+
+def findings_of(page):
+    """Return what the scripts of a page are given of the findings."""
+    begin = page.index(">", page.index('<script type="application/json"')) + 1
+    return json.loads(page[begin : page.index("</script", begin)])["findings"]
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_a_code_is_no_name_and_there_is_no_page(folder, code, capfd):
+    (folder / "arm.urdf").write_text(bundled_robots()["two_link"].read_text())
+    post = {"name": code, "sphere": 0.1, "position": [0.3, 0, 0]}
+    (folder / "problem.json").write_text(json.dumps({**PROBLEM, "obstacles": [post]}))
+    words = ["explain", "problem.json", "--processes", "1", "--time-limit", "1"]
+    assert main([*words, "--html", "page.html"]) == 2
+    out, err = capfd.readouterr()
+    assert all(character.isprintable() for character in (out + err).replace("\n", ""))
+    assert not (folder / "page.html").exists()
 
 
 @pytest.mark.parametrize("code", CODES)

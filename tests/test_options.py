@@ -11,6 +11,7 @@ from tubeplanner import (
     TeachOptions,
     Tolerance,
 )
+from tubeplanner.options import are_numbers, in_figures
 from tubeplanner.suh_bishop.knot_modification import ModificationOptions
 from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 
@@ -46,3 +47,11 @@ def test_numbers_of_numpy_are_numbers():
     options = PlanOptions(node_budget=np.int64(5), time_limit=np.float32(2.0))
     assert (options.node_budget, options.time_limit) == (5, 2.0)
     assert PlanOptions(time_limit=np.inf).time_limit == np.inf
+
+
+def test_numbers_of_numpy_of_half_the_width_are_finite_or_not_without_a_warning():
+    assert are_numbers([np.float32(0.5), 1, 2.0], 3)
+    for value in (np.float32("inf"), np.float32("nan"), np.inf, 10**400):
+        assert not are_numbers([value], 1)
+    assert in_figures(np.float32(0.25)) == "0.25"
+    assert in_figures(10**400).startswith("1000")

@@ -7,8 +7,9 @@ of a tree of nodes; scalars mean what YAML 1.2's core schema says, numbers may h
 
 import json
 import re
+import stat
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,6 +17,7 @@ from tubeplanner.errors import shown
 
 MAX_NESTING = 100
 _TOO_DEEP = f"lists and maps are nested more than {MAX_NESTING} deep"
+_HOLDERS = (dict, list, tuple)
 # How many values aliases and merges may stand for, all together.
 MAX_ALIASED = 100_000
 
@@ -61,12 +63,15 @@ def read_bytes(path: Path, most: int) -> bytes:
 def require_regular(path: Path, most: int) -> None:
     """Raise unless a path is a regular file within bounds; arguments and errors as `read_bytes`."""
     try:
-        if path.exists() and not path.is_file():
-            raise DocumentError("it is no regular file; name one (a pipe might never end)")
-        if path.stat().st_size > most:
-            raise DocumentError(f"it is larger than {most / 1e6:g} MB")
+        status = path.stat()
     except OSError as error:
         raise DocumentError(str(error.strerror)) from error
+    except ValueError:
+        raise DocumentError("its name has a character that no file's name can have") from None
+    if not stat.S_ISREG(status.st_mode):
+        raise DocumentError("it is no regular file; name one (a pipe might never end)")
+    if status.st_size > most:
+        raise DocumentError(f"it is larger than {most / 1e6:g} MB")
 
 
 def read_text(path: Path, most: int) -> str:
@@ -81,16 +86,37 @@ def parse_json(text: str) -> object:
     """Return what a JSON text holds.
 
     Raises:
-        DocumentError: It is malformed, nested too deep, or gives a key twice.
+        DocumentError: It is malformed, nested deeper than `MAX_NESTING`, or gives a key twice.
     """
     try:
-        return json.loads(text, object_pairs_hook=_unique_keys)
+        value = json.loads(text, object_pairs_hook=_unique_keys)
     except RecursionError:
-        raise DocumentError("lists and maps are nested too deep; write it flatter") from None
+        raise DocumentError(_TOO_DEEP) from None
     except (json.JSONDecodeError, DocumentError) as error:
         raise DocumentError(str(error)) from None
     except ValueError:
         raise DocumentError("a whole number has more than 4300 digits; shorten it") from None
+    require_shallow(value)
+    return value
+
+
+def require_shallow(value: object) -> None:
+    """Raise DocumentError if lists and maps are nested deeper than `MAX_NESTING`, or in a circle.
+
+    Deeper ones cannot be copied, compared or shown.
+    """
+    level = [value]
+    for _ in range(MAX_NESTING):
+        inner = (each for held in level for each in _parts(held))
+        level = list({id(each): each for each in inner if isinstance(each, _HOLDERS)}.values())
+    if level:
+        raise DocumentError(_TOO_DEEP)
+
+
+def _parts(value: Any) -> Iterable[object]:
+    if isinstance(value, dict):
+        return value.values()
+    return value if isinstance(value, _HOLDERS) else ()
 
 
 def parse_yaml(text: str, *, first_of_many: bool = False) -> object:

@@ -13,6 +13,14 @@ MAX_SHOWN = 60  # [characters] of a value in a message
 class TubePlannerError(Exception):
     """Base of everything this package raises on purpose."""
 
+    def __init__(self, message: str) -> None:
+        """Keep what is wrong, on one line that a terminal shows as it is.
+
+        Args:
+            message: May hold names and paths with characters that a terminal would obey.
+        """
+        super().__init__(on_one_line(message))
+
 
 class RobotError(TubePlannerError):
     """The robot description cannot be used: file, joint, link, limit or mesh is named."""
@@ -42,8 +50,15 @@ def shown(value: object, most: int = MAX_SHOWN) -> str:
         text = repr(value)
     except ValueError:  # Python writes no whole number of more than 4300 digits
         text = f"a {type(value).__name__} too long to write"
-    text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[: most + 1])
+    text = on_one_line(text[: most + 1])
     return text if len(text) <= most else text[:most] + "..."
+
+
+def on_one_line(text: str) -> str:
+    """Return a text on one line, with characters that a terminal would obey as their codes."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:

@@ -1,6 +1,6 @@
 """Bounds of options: an error names the option, its value and the bounds."""
 
-import sys
+import math
 from math import inf
 from typing import Any
 
@@ -10,7 +10,6 @@ from tubeplanner.errors import OptionError, shown
 
 WHOLE_NUMBER = (int, np.integer)
 NUMBER = (float, np.floating, *WHOLE_NUMBER)
-_LARGEST = sys.float_info.max  # whole numbers may be larger
 
 
 def is_number(value: object) -> bool:
@@ -24,12 +23,20 @@ def are_numbers(values: object, count: int) -> bool:
     if not (is_array or isinstance(values, list | tuple)):
         return False
     row: Any = values
-    return len(row) == count and all(is_number(one) and abs(one) <= _LARGEST for one in row)
+    return len(row) == count and all(is_number(one) and is_finite(one) for one in row)
+
+
+def is_finite(value: Any) -> bool:
+    """Return whether a number is one that a float can be: whole numbers may be larger."""
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 def in_figures(value: Any) -> str:
     """Return a number in six digits, and anything else as messages show it."""
-    return f"{value:g}" if is_number(value) and abs(value) <= _LARGEST else shown(value)
+    return f"{value:g}" if is_number(value) and is_finite(value) else shown(value)
 
 
 def require_count(options: object, least: int, *names: str, most: int | None = None) -> None:

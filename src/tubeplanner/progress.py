@@ -8,6 +8,8 @@ from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 
+from tubeplanner.arguments import require_callback
+
 StoppedBy: TypeAlias = Literal["time_limit", "interrupt"]
 _Answer = TypeVar("_Answer")
 
@@ -47,9 +49,14 @@ ProgressCallback: TypeAlias = Callable[[Progress], None]
 
 
 class PlanningClock:
-    """Wall time since planning began; announces progress and knows the time limit."""
+    """Wall time since planning began; announces progress and knows the time limit.
+
+    Raises:
+        OptionError: On construction, if the callback is none.
+    """
 
     def __init__(self, time_limit: float | None, callback: ProgressCallback | None) -> None:
+        require_callback(callback)
         self._begin = time.perf_counter()
         self._limit = np.inf if time_limit is None else time_limit
         self._callback = callback

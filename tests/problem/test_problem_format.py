@@ -215,6 +215,16 @@ ONE_OR_TWO = "it must be a number, or [backwards, forwards]"
         ),
         ("robot.limits.effort", [[1, 2]], f"robot.limits.effort[0] is [1, 2]; {NOT_A_NUMBER}"),
         ("robot.limits.effort", {1: 5}, "robot.limits.effort: the key 1 is no text; quote it"),
+        (
+            "robot.locked_joints",
+            {None: 5},
+            "robot.locked_joints: the key None is no text; quote it",
+        ),
+        (
+            "robot.locked_joints",
+            {np.nan: 5},
+            "robot.locked_joints: the key nan is no text; quote i",
+        ),
         ("tube.joint_signs", {"j": True}, "tube.joint_signs.j is True; true and false are no num"),
         ("tube.visit", "all", "tube.visit is 'all'; it must be 'ordered' or 'any'"),
         ("tube.joint_signs", {"j": "x"}, "tube.joint_signs.j is 'x'; it must be '+', '-', "),

@@ -19,8 +19,10 @@ from tubeplanner.studies.axes import Levels, interval
 )
 def test_values_between_two_include_both(ends, log, values):
     axis = interval("tube.radius", *ends, is_logarithmic=log)
-    assert axis.levels(6) == Levels("tube.radius", values)
-    assert tuple(axis.ends) == (values[0], values[-1])
+    levels = axis.levels(6)
+    assert (levels.path, tuple(levels.values)) == ("tube.radius", values)
+    assert levels.values[1:3] == list(values[1:3])
+    assert tuple(axis.ends) == tuple(levels.ends) == (values[0], values[-1])
     assert list(map(type, axis.levels(6).values)) == list(map(type, values))
 
 
@@ -33,7 +35,19 @@ def test_any_value_between_two_goes_by_its_share_of_the_way():
 def test_a_share_of_given_values_is_one_of_them():
     levels = Levels("a", ("p", "q", "r"))
     assert [levels.at(share) for share in (0, 0.33, 0.34, 0.99)] == ["p", "p", "q", "r"]
-    assert levels.ends == ("p", "q", "r")
+
+
+def test_millions_of_values_are_made_one_by_one():
+    levels = interval("a", 0, 1, is_logarithmic=False).levels(10**7 + 1)
+    assert len(levels.values) == 10**7 + 1
+    assert (levels.values[10**6], levels.at(0.9999999)) == (0.1, 0.9999999)
+    with pytest.raises(IndexError):
+        levels.values[10**7 + 1]
+
+
+def test_one_value_without_parts_shows_whether_others_can_be_set():
+    given = (1, 2, "x0.5", "p", "x2", [1], None, [1], {"a": 1})
+    assert Levels("a", given).ends == (1, "x0.5", [1], [1], {"a": 1})
 
 
 @pytest.mark.parametrize(

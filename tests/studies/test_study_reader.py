@@ -23,9 +23,9 @@ def test_a_grid_has_the_values_as_they_are_written(tmp_path):
     text = HEAD + "  vary: {tube.radius: [0.02, x2], clearance: {from: 0, to: 0.1, count: 3}}\n"
     study = read(tmp_path, text)
     assert study.name == f"{tmp_path.name}/s"
-    assert list(study.axes) == [
-        Levels("tube.radius", (0.02, "x2")),
-        Levels("clearance", (0, 0.05, 0.1)),
+    assert [(axis.path, tuple(axis.values)) for axis in study.axes] == [
+        ("tube.radius", (0.02, "x2")),
+        ("clearance", (0, 0.05, 0.1)),
     ]
     assert (study.latin, study.options, len(study.points)) == (None, PlanOptions(), 6)
     assert study.posed(study.points[0]).document["clearance"] == 0
@@ -78,6 +78,10 @@ def test_a_bundled_study_is_found_by_its_name():
         (
             HEAD + "  vary: {clearance: {from: 0, to: 1, count: 1}}",
             "study.vary.clearance: count is 1; it must be >= 2",
+        ),
+        (
+            HEAD + "  vary: {clearance: {from: 0, to: 1, count: 1000000000000}}",
+            "study.vary.clearance: count is 1000000000000; it must be >= 2 and <= 10000000",
         ),
         (
             HEAD + "  vary: {clearance: {from: 0, to: 1, count: 2, spacing: log}}",

@@ -37,7 +37,7 @@ def one_coefficient(value, width, degree=5):
 
 REFUSED = {
     "brackets": ("t.yaml", "[" * 50_000, "nested more than 100 deep"),
-    "brackets in JSON": ("t.json", "[" * 50_000, "nested too deep"),
+    "brackets in JSON": ("t.json", "[" * 50_000, "nested more than 100 deep"),
     "aliases of aliases": (
         "t.yaml",
         "a0: &a0 [1, 2, 3]\n"

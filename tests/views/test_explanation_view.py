@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from browser_page import BrowserPage
 from gantry import POST, gantry
+from hostile_names import HOSTILE
+from hostile_names import explained as hostile
 from tubeplanner import explain
 from tubeplanner.errors import OptionError
 from tubeplanner.planning.plan_options import PlanOptions
@@ -57,6 +60,27 @@ def test_names_are_no_markup(tmp_path):
     post = {**POST, "name": "</script><b>post"}
     page = view_explanation(explained(gantry(tmp_path, [post]), {"clearance": 0.4})).html
     assert "<b>post" not in page
+
+
+def test_a_browser_shows_names_as_they_are(browser, tmp_path):
+    """In one page all that look like markup; none becomes an element or runs."""
+    all_of = "[...document.querySelectorAll('*')]"
+    kinds = f"[...new Set({all_of}.map((one) => one.tagName))].sort().join()"
+    scripts = "document.scripts.length"
+    handlers = f"{all_of}.filter((one) => [...one.attributes].some(({{name}}) => /^on/.test(name)))"
+    opened = BrowserPage(browser, tmp_path / "profile")
+    try:
+        tags, told = [], ""
+        for names in ([f"n{k}" for k in range(len(HOSTILE))], HOSTILE):
+            view_explanation(hostile(tmp_path, names)).save(tmp_path / "page.html")
+            opened.open((tmp_path / "page.html").as_uri(), 1400, 900)
+            tags.append([opened.run(each) for each in (kinds, scripts, f"{handlers}.length")])
+            told = opened.run("byId('findings').textContent")
+        assert tags[0] == tags[1]
+        assert opened.complaints == []
+    finally:
+        opened.close()
+    assert [name for name in HOSTILE if name not in told.replace("\u200b", "")] == []
 
 
 def test_what_cannot_be_posed_cannot_be_drawn(tmp_path):

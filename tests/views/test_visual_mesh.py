@@ -1,9 +1,11 @@
 """Link meshes as they are drawn: few triangles, sharp edges."""
 
+import struct
+
 import numpy as np
 import pytest
 
-from tubeplanner import Obstacle, RobotError
+from tubeplanner import Obstacle, RobotError, placement_of
 from tubeplanner.views.surface import grid_surface, shape_surface
 from tubeplanner.views.visual_mesh import read_visual_mesh, simplified
 
@@ -47,3 +49,18 @@ def test_the_reason_is_on_one_line(tmp_path, content):
     with pytest.raises(RobotError, match=r"broken\.dae cannot be read") as caught:
         read_visual_mesh(path)
     assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("size", [1e38, np.inf, np.nan])
+def test_numbers_that_make_no_sense_are_refused_as_a_solid_and_nothing_warns(tmp_path, size):
+    corners = np.vstack([np.zeros(3), np.diag([size] * 3)])
+    triangles = [corners[list(rows)] for rows in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))]
+    rows = [struct.pack("<12fH", 0, 0, 1, *triangle.ravel(), 0) for triangle in triangles]
+    path = tmp_path / "solid.stl"
+    path.write_bytes(b" " * 80 + struct.pack("<I", 4) + b"".join(rows))
+    with pytest.raises(RobotError, match=r"solid\.stl"):
+        Obstacle.mesh("part", path, placement_of())
+    try:
+        read_visual_mesh(path)
+    except RobotError as error:
+        assert not np.isfinite(size), error

@@ -41,7 +41,9 @@ def load_mesh(
 
     try:
         # Unprocessed: processing drops what is not finite, and the solid has a hole.
-        loaded = trimesh.load(str(path), force="mesh", process=False, resolver=files_beside(path))
+        with np.errstate(invalid="ignore", over="ignore"):  # such numbers are refused below
+            files = files_beside(path)
+            loaded = trimesh.load(str(path), force="mesh", process=False, resolver=files)
         unit = length_unit(path)
     except DocumentError as error:
         raise RobotError(f"{owner}: mesh {path} cannot be read: {error}") from None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
-from tubeplanner.errors import OptionError
+from tubeplanner.errors import OptionError, on_one_line
 
 if TYPE_CHECKING:
     from tubeplanner.cycle.cycle import Cycle
@@ -135,16 +135,9 @@ def fail(status: str, message: str, as_json: bool, code: int) -> int:
 
 
 def printable(message: str) -> str:
-    """Return a message on one line, with characters that a terminal would obey as their codes."""
-    text = _escaped(message[:_MAX_MESSAGE])
+    """Return a message on one line that a terminal shows as it is, cut where it is very long."""
+    text = on_one_line(message[:_MAX_MESSAGE])
     return text if len(message) <= _MAX_MESSAGE else text + " ..."
-
-
-def _escaped(text: str) -> str:
-    """Return a text with characters that a terminal would obey as their codes."""
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def say(*values: object, sep: str = " ", end: str = "\n") -> None:
@@ -154,7 +147,7 @@ def say(*values: object, sep: str = " ", end: str = "\n") -> None:
     """
     hold_interrupts()
     lines = sep.join(map(str, values)).split("\n")
-    print("\n".join(map(_escaped, lines)), end=end)
+    print("\n".join(map(on_one_line, lines)), end=end)
 
 
 def say_unwritten(*options: str) -> None:

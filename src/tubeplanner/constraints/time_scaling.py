@@ -5,7 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arguments import given_row
+from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.constraints.coulomb_friction import CoulombFriction, directed_friction
 from tubeplanner.constraints.joint_rate import RATES, JointRate
 from tubeplanner.constraints.path_samples import PathSamples
@@ -13,6 +14,7 @@ from tubeplanner.constraints.peaks import refined_maximum, refined_maximum_of_pi
 from tubeplanner.constraints.speed_limit import SpeedLimit
 from tubeplanner.constraints.speed_limits import largest_speeds, rates_and_others, speed_limits
 from tubeplanner.constraints.tube_membership import nearest_segments
+from tubeplanner.errors import OptionError, TrajectoryError, shown
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import bernstein_coefficients, peak_magnitudes
 from tubeplanner.trajectory.directed_stretches import CommonStretches, common_stretches
@@ -49,8 +51,16 @@ def scaling_factor(
     Returns:
         Shape (N,); inf where nothing limits, 0 where gravity alone needs a motor's whole effort.
         (Suh & Bishop 1988, property 2: b_ij; they have limits of velocity and effort alone.)
+
+    Raises:
+        ProblemError: The problem is none.
+        TrajectoryError: Samples have another shape or are not finite.
+        OptionError: A segment does not exist.
     """
-    known = (q, v, a) if jerk is None else (q, v, a, jerk)
+    PlanningProblem.require(problem)
+    known = _given_samples(problem, (q, v, a) if jerk is None else (q, v, a, jerk))
+    if segment is not None:
+        segment = _given_segments(problem, segment, len(known[0]))
     return largest_speeds(_samples(problem, known, segment), speed_limits(problem))
 
 
@@ -251,6 +261,41 @@ def _held_factor(
             raise limit.refusal(at)
         found = np.minimum(found, factor)
     return found
+
+
+def _given_samples(problem: PlanningProblem, given: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+    """Return samples of positions and their derivatives, as many of each, (N, n).
+
+    Raises:
+        TrajectoryError: They are none.
+    """
+    known, joints = [], problem.robot.joint_count
+    for name, values in zip(("q", "v", "a", "jerk"), given, strict=False):
+        try:
+            known.append(read_only(values))
+        except (TypeError, ValueError):
+            raise TrajectoryError(f"{name} is {shown(values)}; give an array (N, n)") from None
+        shape = known[-1].shape
+        if len(shape) != 2 or shape[1] != joints or shape != known[0].shape or not shape[0]:
+            raise TrajectoryError(
+                f"{name} has the shape {shape}; give (N, {joints}), as many samples of each"
+            )
+        if not np.isfinite(known[-1]).all():
+            raise TrajectoryError(f"{name} has values that are not finite")
+    return tuple(known)
+
+
+def _given_segments(problem: PlanningProblem, given: IntArray, count: int) -> IntArray:
+    """Return the segment of each of N samples, (N,).
+
+    Raises:
+        OptionError: They are none.
+    """
+    last = problem.tube.segment_count - 1
+    row = given_row("segment", given, f"{count} whole numbers from 0 to {last}")
+    if len(row) != count or not all(isinstance(k, int) and 0 <= k <= last for k in row):
+        raise OptionError(f"segment is {shown(row)}; give {count} whole numbers from 0 to {last}")
+    return np.array(row, dtype=np.int64)
 
 
 def _samples(

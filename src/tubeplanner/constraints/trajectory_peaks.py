@@ -68,7 +68,13 @@ def trajectory_peaks(robot: RobotModel, trajectory: JointTrajectory) -> Trajecto
     Args:
         robot: The arm.
         trajectory: Of its joints, in any order.
+
+    Raises:
+        RobotError: The robot is none.
+        TrajectoryError: The trajectory is none, or moves other joints.
     """
+    RobotModel.require(robot)
+    JointTrajectory.require(trajectory)
     trajectory = trajectory.reordered(robot.joint_names)
     count = max(_LEAST_PER_PIECE, -(-_SAMPLES // len(trajectory.widths)))
     samples = trajectory.per_piece(count)

@@ -16,6 +16,7 @@ from tubeplanner.cycle.steps import Attach, Goal, Step
 from tubeplanner.cycle.usual_contacts import usual_contacts
 from tubeplanner.errors import ProblemError, RobotError, shown
 from tubeplanner.problem.contact import Names
+from tubeplanner.problem.given_parts import given_members, require_parts
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.robot.robot_model import RobotModel
@@ -58,8 +59,11 @@ class Cycle:
     after: Rest = field(init=False)
 
     def __post_init__(self) -> None:
-        for group in ("steps", "obstacles", "attached"):
-            object.__setattr__(self, group, tuple(getattr(self, group)))
+        require_parts(self, "closed", "self_collision", "name")
+        is_row = isinstance(self.steps, list | tuple)
+        object.__setattr__(self, "steps", tuple(self.steps) if is_row else (self.steps,))
+        for group in ("obstacles", "attached"):
+            object.__setattr__(self, group, given_members(group, getattr(self, group)))
         require_consistent(
             self.steps, self.obstacles, self.attached, closed=self.closed, period=self.period
         )

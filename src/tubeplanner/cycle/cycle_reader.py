@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tubeplanner.arguments import given_path
 from tubeplanner.collision.obstacle import AttachedSolid
 from tubeplanner.cycle.cycle import Cycle, anywhere
 from tubeplanner.cycle.cycle_format import (
@@ -47,7 +48,7 @@ def load_cycle(
         ProblemError: The file contradicts its format, itself or its robot.
         RobotError: The robot cannot be planned with.
     """
-    path = find_problem(name, Path(directory))
+    path = find_problem(name, given_path("directory", directory))
     called = f"{path.resolve().parent.name}/{path.stem}"
     return _build(ProblemLayers.read(path), changes, path.parent, called)
 
@@ -71,7 +72,8 @@ def parse_cycle(
         ProblemError: As `load_cycle`.
         RobotError: As `load_cycle`.
     """
-    return _build(ProblemLayers.of(data, Path(directory), name), changes, Path(directory), name)
+    folder = given_path("directory", directory)
+    return _build(ProblemLayers.of(data, folder, name), changes, folder, name)
 
 
 def _build(

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tubeplanner.arguments import given_path
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_reader import load_cycle
 from tubeplanner.problem.document_kind import is_cycle
@@ -41,4 +42,4 @@ def is_cycle_file(name: str | Path, directory: str | Path = ".") -> bool:
     Raises:
         ProblemError: It does not exist, or cannot be read.
     """
-    return is_cycle(read_document(find_problem(name, Path(directory))))
+    return is_cycle(read_document(find_problem(name, given_path("directory", directory))))

@@ -9,7 +9,8 @@ from tubeplanner.collision.obstacle import AttachedSolid
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.names import require_name
 from tubeplanner.options import in_figures, is_number
-from tubeplanner.problem.contact import Contact, Names
+from tubeplanner.problem.contact import Contact, Names, pair_distances
+from tubeplanner.problem.given_parts import given_members, require_parts
 from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.problem import Seed
@@ -57,6 +58,12 @@ class Move:
 
     def __post_init__(self) -> None:
         require_name("the name of a move", self.name, ProblemError)
+        called = f"move '{self.name}': "
+        require_parts(self, "robot", "tube", "objective", "passes_through", called=called)
+        for group in ("contacts", "ignore_collisions"):
+            members = given_members(group, getattr(self, group), called)
+            object.__setattr__(self, group, members)
+        object.__setattr__(self, "pair_clearances", pair_distances(self.pair_clearances))
 
     @property
     def ends_openly(self) -> bool:
@@ -107,6 +114,7 @@ class Attach:
 
     def __post_init__(self) -> None:
         require_name("what is attached", self.name, ProblemError)
+        require_parts(self, "payload", "solid", called=f"attach '{self.name}': ")
         if self.solid is not None and self.solid.name != self.name:
             raise ProblemError(
                 f"attach '{self.name}': its solid is called {shown(self.solid.name)}; give both "
@@ -127,6 +135,10 @@ class Detach:
     leaves_obstacle: bool = True
 
     __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        require_name("what is detached", self.name, ProblemError)
+        require_parts(self, "leaves_obstacle", called=f"detach '{self.name}': ")
 
 
 Step: TypeAlias = Move | Event | Attach | Detach

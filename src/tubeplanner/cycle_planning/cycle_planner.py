@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
+from tubeplanner.arguments import given_options
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion, cycle_motion
 from tubeplanner.cycle_planning.cycle_result import (
@@ -54,7 +55,7 @@ def plan_cycle(
         KeyboardInterrupt: Ctrl-C before all moves were certified.
     """
     Cycle.require(cycle)
-    options = options or PlanOptions()
+    options = given_options(options, PlanOptions)
     for k in range(len(cycle.legs)):
         require_honoured(cycle.problem_from_anywhere(k), options)
     clock = PlanningClock(options.time_limit, progress)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tubeplanner.arguments import given_options, require_executor
 from tubeplanner.errors import ProblemError
 from tubeplanner.explanation.cell_changes import cell_changes
 from tubeplanner.explanation.change import Change
@@ -19,6 +20,7 @@ from tubeplanner.explanation.room_search import RoomSearch, worsening_changes
 from tubeplanner.explanation.trials import Trials
 from tubeplanner.explanation.tube_changes import tube_changes
 from tubeplanner.many.posed_problem import PosedProblem
+from tubeplanner.options import require_between
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.planner import plan
 from tubeplanner.progress import PlanningClock, ProgressCallback, StoppedBy, until_stopped
@@ -63,10 +65,12 @@ def explain(
         OptionError: An option is outside its range.
         KeyboardInterrupt: Ctrl-C before anything was known of the problem.
     """
-    options = replace(options or PlanOptions(), time_limit=time_limit)
+    options = replace(given_options(options, PlanOptions), time_limit=time_limit)
+    require_between(options, 0, None, "time_limit", unit="s")
+    require_executor(executor)
     first = replace(options, time_limit=_FIRST_PLAN * time_limit)
     clock = PlanningClock(time_limit, progress)
-    posed = PosedProblem.read(problem).changed(changes or {})
+    posed = PosedProblem.read(problem).changed(changes)
     question = Question.of(posed)
     try:
         loaded = question.load()

@@ -78,6 +78,6 @@ class Question:
             ProblemError: It contradicts itself then.
             RobotError: The robot cannot be planned with.
         """
-        loaded = self.posed.changed(changes or {}).load()
+        loaded = self.posed.changed(changes).load()
         assert isinstance(loaded, PlanningProblem)
         return loaded

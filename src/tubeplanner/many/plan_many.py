@@ -8,6 +8,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeAlias
 
+from tubeplanner.arguments import given_options, require_executor
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle_planning.cycle_result import CycleResult
 from tubeplanner.errors import OptionError, TubePlannerError, shown
@@ -82,12 +83,13 @@ def plan_many(
         costs its own item alone.
 
     Raises:
-        OptionError: Options are none, or the executor broke.
+        OptionError: Options or executor are none, problems come one alone, or the executor broke.
         KeyboardInterrupt: Ctrl-C; processes of this machine are ended.
     """
-    options = options or PlanOptions()
-    if not isinstance(options, PlanOptions):
-        raise OptionError(f"options are {shown(options)}; give PlanOptions")
+    options = given_options(options, PlanOptions)
+    require_executor(executor)
+    if not isinstance(problems, Iterable) or isinstance(problems, str | Path):
+        raise OptionError(f"problems are {shown(problems)}; give a list or a generator of them")
     return _planned_many(problems, options, executor)
 
 

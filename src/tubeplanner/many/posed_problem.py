@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tubeplanner.arguments import given_path
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_format import CycleFields
 from tubeplanner.cycle.cycle_reader import parse_cycle
@@ -53,11 +54,11 @@ class PosedProblem:
         Raises:
             ProblemError: A file cannot be read, or files include each other in a circle.
         """
-        path = find_problem(problem, Path(directory)).resolve()
+        path = find_problem(problem, given_path("directory", directory)).resolve()
         return cls(ProblemLayers.read(path).merged, path.parent, f"{path.parent.name}/{path.stem}")
 
-    def changed(self, changes: Mapping[str, Any]) -> "PosedProblem":
-        """Return it with other values by field path.
+    def changed(self, changes: Mapping[str, Any] | None) -> "PosedProblem":
+        """Return it with other values by field path; None: the same ones.
 
         Raises:
             ProblemError: A path leads nowhere.

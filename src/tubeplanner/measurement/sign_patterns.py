@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tubeplanner.arguments import given_options, require_callback
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import RedundancyRule, reference_branch
 from tubeplanner.errors import ProblemError
@@ -106,10 +107,12 @@ def survey_patterns(
         progress: Called as each pattern begins.
 
     Raises:
-        OptionError: There are too many segments.
-        ProblemError: A segment has a box.
+        OptionError: There are too many segments, or an argument is of another kind.
+        ProblemError: The problem is none, or a segment has a box.
     """
-    options = options or MeasureOptions()
+    PlanningProblem.require(problem)
+    options = given_options(options, MeasureOptions)
+    require_callback(progress)
     problem.tube.require_discs("measuring, which gives radii", "leave out tube.cross_section")
     options.require_few(problem.tube.segment_count)
     names = [problem.robot.joint_names[joint] for joint in folding_joints(problem.robot)]

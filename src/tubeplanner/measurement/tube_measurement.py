@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tubeplanner.arguments import given_options
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.configured_ends import configured_ends
 from tubeplanner.branches.known_branches import KnownBranches
@@ -51,11 +52,14 @@ def measure_tube(
         collide.)
 
     Raises:
-        OptionError: The largest radius is not above the tool radius, or the segments are too many.
-        ProblemError: The start or the goal is farther from the tube than the largest radius, or a
-            segment has a box.
+        OptionError: The largest radius is not above the tool radius, the segments are too many, or
+            an argument is of another kind.
+        ProblemError: The problem is none, the start or the goal is farther from the tube than the
+            largest radius, or a segment has a box.
     """
-    return measured_tube(problem, options or MeasureOptions(), PlanningClock(None, progress))
+    PlanningProblem.require(problem)
+    options = given_options(options, MeasureOptions)
+    return measured_tube(problem, options, PlanningClock(None, progress))
 
 
 def measured_tube(

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 
+from tubeplanner.arguments import given_options
 from tubeplanner.branches.configured_ends import configured_ends
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.errors import OptionError
@@ -60,7 +61,7 @@ class Planner:
             RobotError: Robustness is asked for, and joints of the robot follow others.
         """
         PlanningProblem.require(problem)
-        self._problem, self._options = problem, options or PlanOptions()
+        self._problem, self._options = problem, given_options(options, PlanOptions)
         require_honoured(problem, self._options)
         self._last: RefinedMotion | None = None
 

@@ -43,4 +43,7 @@ def require_study(document: Any, source: str) -> None:
 
 
 def _is_of(document: Any, format_: str, key: str) -> bool:
-    return isinstance(document, dict) and (document.get("format") == format_ or key in document)
+    if not isinstance(document, dict):
+        return False
+    given = document.get("format")
+    return key in document or (isinstance(given, str) and given == format_)

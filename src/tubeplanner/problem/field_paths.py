@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
-from tubeplanner.documents import DocumentError, parse_yaml
+from tubeplanner.documents import DocumentError, parse_yaml, require_shallow
 from tubeplanner.errors import OptionError, ProblemError, shown, unknown_name
 from tubeplanner.options import is_number
 from tubeplanner.problem.schema_place import SchemaPlace
@@ -55,14 +55,33 @@ def changed_fields(data: Any, changes: Mapping[str, Any], root: SchemaPlace) -> 
         root: The place of the whole document in its schema.
 
     Raises:
-        ProblemError: A path leads nowhere, or to no number where a factor is given.
+        ProblemError: A path leads nowhere, or to no number where a factor is given, or a value is
+            nested too deep.
     """
     if not changes or not isinstance(data, dict):
         return data
     fields = deepcopy(data)
     for path, value in changes.items():
+        try:
+            require_shallow(value)
+        except DocumentError as error:
+            raise ProblemError(f"{path}: {error}") from None
         _Walk(path).change(fields, value, root)
     return fields
+
+
+def require_path(path: object) -> None:
+    """Raise ProblemError unless something is text, as field paths are."""
+    if not isinstance(path, str):
+        raise ProblemError(f"{shown(path)} is no field path; give text, such as 'tube.radius'")
+
+
+def require_changes(changes: object) -> None:
+    """Raise ProblemError unless changes are a map from texts."""
+    if not isinstance(changes, Mapping):
+        raise ProblemError(f"changes are {shown(changes)}; give a map from field paths to values")
+    for path in changes:
+        require_path(path)
 
 
 def factor_of(value: Any) -> float | None:
@@ -143,7 +162,10 @@ class _Walk:
         if not _has_numbers(old):
             what = "nothing is given there" if old is None else f"it is {shown(old)}"
             raise self._fault(f"{what}: {value} has no number to scale; give a value")
-        return _scaled(old, factor)
+        try:
+            return _scaled(old, factor)
+        except OverflowError:
+            raise self._fault(f"{value} of a number that is too large; give a value") from None
 
     @property
     def _walked(self) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, ValidationError
 
+from tubeplanner.arguments import given_path
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.problem.field_types import Flag, Number, Section
 from tubeplanner.problem.problem_faults import first_fault
@@ -44,7 +45,7 @@ class _FileFields(Section):
     default_acceleration_scaling_factor: Number = 1.0
 
 
-def read_limits_file(path: Path) -> LimitLayer:
+def read_limits_file(path: str | Path) -> LimitLayer:
     """Read MoveIt's `joint_limits.yaml`; joints that are not planned are left out.
 
     Position, velocity, effort, acceleration and jerk limits are taken; of acceleration and
@@ -54,6 +55,7 @@ def read_limits_file(path: Path) -> LimitLayer:
     Raises:
         RobotError: The file cannot be read or is malformed.
     """
+    path = given_path("path", path)
     try:
         data = read_document(path, "file of limits")
     except ProblemError as error:

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
+from tubeplanner.arguments import given_path
 from tubeplanner.errors import ProblemError, RobotError, unknown_name
 from tubeplanner.problem.field_types import Section, Version
 from tubeplanner.problem.limit_fields import LimitFields, MotorFields
@@ -47,7 +48,7 @@ def read_preset(name: str | Path, directory: str | Path = ".") -> LimitLayer:
         RobotError: There is no such preset, or it is malformed: a key is unknown, a number out of
             its bounds or without a source.
     """
-    path = find_preset(name, Path(directory))
+    path = find_preset(name, given_path("directory", directory))
     called = f"preset {name}"
     try:
         data = read_document(path, "file")

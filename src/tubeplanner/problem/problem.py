@@ -1,6 +1,6 @@
 """A planning problem: robot, tube, start, goal, obstacles; built in Python or read from a file."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -15,6 +15,7 @@ from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.contact import Contact, Names, pair_distances, require_checked
+from tubeplanner.problem.given_parts import given_members, require_parts
 from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.objective import ENERGY, Objective
@@ -71,8 +72,8 @@ class PlanningProblem:
     Raises:
         ProblemError: On construction, if start, goal or a seed break a limit, a sign, their
             capsule or its rotation tolerance, a goal region is turned without orientations of the
-            tube, the tube names a joint that is not planned, a clearance is negative, or a pair of
-            solids is not checked.
+            tube, the tube names a joint that is not planned, a clearance is negative, a pair of
+            solids is not checked, or something is of another kind.
     """
 
     robot: RobotModel
@@ -95,7 +96,9 @@ class PlanningProblem:
     _scene: CollisionScene | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        self._keep_groups()
+        require_parts(self, "robot", "tube", "self_collision", "name")
+        for group in ("obstacles", "attached", "ignore_collisions", "contacts"):
+            self._keep(group, given_members(group, getattr(self, group)))
         self._keep_scene()
         self._keep_joint_bounds()
         self._keep("start", self._checked_end("start", self.start, 0))
@@ -236,32 +239,12 @@ class PlanningProblem:
 
     def _require_timing(self) -> None:
         """Raise unless objective and period are what they must be."""
-        if self.objective is not None and not isinstance(self.objective, Objective):
-            raise ProblemError(f"objective is {shown(self.objective)}; give an Objective")
-        if self.robustness is not None and not isinstance(self.robustness, Robustness):
-            raise ProblemError(f"robustness is {shown(self.robustness)}; give a Robustness")
+        require_parts(self, "objective", "robustness")
         if self.objective is not None and self.objective.minimise == ENERGY:
             self.objective.energy_weights(self.robot)
         if self.period is not None:
             duration = None if self.objective is None else self.objective.duration
             require_period(self.period, duration)
-
-    def _keep_groups(self) -> None:
-        """Keep obstacles, attached solids and ignored pairs as tuples of what they must be."""
-        wanted = {
-            "obstacles": (Obstacle, "Obstacle.box, .sphere, .cylinder, .capsule or .mesh"),
-            "attached": (AttachedSolid, "AttachedSolid"),
-            "ignore_collisions": (Sequence, "pairs of names"),
-            "contacts": (Contact, "Contact"),
-        }
-        for group, (kind, remedy) in wanted.items():
-            given = getattr(self, group)
-            members = tuple(given) if isinstance(given, Iterable) else (given,)
-            for k, member in enumerate(members):
-                is_pair = kind is not Sequence or np.shape(member) == (2,)
-                if not isinstance(member, kind) or not is_pair:
-                    raise ProblemError(f"{group}[{k}] is {shown(member)}; give {remedy}")
-            self._keep(group, members)
 
     def _keep(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)

@@ -46,8 +46,9 @@ def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseMod
         sizes = fault["ctx"]
         return f"{_join(steps)} has more than {sizes['max_length']} values"
     if kind == "invalid_key" or fault["loc"][-1:] == ("[key]",):
-        section = _join(steps[:-1]) or "top level"
-        return f"{section}: the key {shown(steps[-1])} is no text; quote it"
+        above = fault["loc"][: -1 if kind == "invalid_key" else -2]
+        section = _join(_steps(data, above)) or "top level"
+        return f"{section}: the key {shown(fault['input'])} is no text; quote it"
     return f"{_join(steps) or 'the problem'} is {_found(fault['input'])}; {_wanted(fault, root)}"
 
 

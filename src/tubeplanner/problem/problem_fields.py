@@ -6,7 +6,7 @@ from typing import Any
 
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.document_kind import require_problem
-from tubeplanner.problem.field_paths import changed_fields
+from tubeplanner.problem.field_paths import changed_fields, require_changes
 from tubeplanner.problem.field_types import Section
 from tubeplanner.problem.problem_format import ProblemFields, check_problem_fields
 from tubeplanner.problem.problem_layers import INCLUDE, ProblemLayers
@@ -51,12 +51,16 @@ def changed_problem(
         model: Of the file.
 
     Raises:
-        ProblemError: As `changed_fields`; or included files would be others.
+        ProblemError: As `changed_fields`; or changes are no map from paths, or included files
+            would be others.
     """
-    for path in changes or {}:
+    if changes is None:
+        return data
+    require_changes(changes)
+    for path in changes:
         if path.split(".")[0] == INCLUDE:
             raise ProblemError(
                 f"{path}: values are changed after files are included; change {INCLUDE} in the "
                 "file, or set the fields themselves"
             )
-    return changed_fields(data, changes or {}, SchemaPlace.of(model))
+    return changed_fields(data, changes, SchemaPlace.of(model))

@@ -7,6 +7,7 @@ from functools import reduce
 from pathlib import Path
 from typing import Any
 
+from tubeplanner.documents import DocumentError, require_shallow
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.problem.merged_fields import is_named, merged_fields
 from tubeplanner.problem.path_fields import move_paths
@@ -50,9 +51,13 @@ class ProblemLayers:
             path: The file that holds it; None: it is in no file.
 
         Raises:
-            ProblemError: An included file cannot be read or is none, or files include each other
-                in a circle.
+            ProblemError: An included file cannot be read or is none, files include each other in
+                a circle, or the document is nested too deep.
         """
+        try:
+            require_shallow(data)
+        except DocumentError as error:
+            raise ProblemError(f"{source}: {error}") from None
         layers: list[tuple[str, Any]] = []
         chain = () if path is None else (path.resolve(),)
         for layer in _layers(data, folder, source, chain):
@@ -88,7 +93,7 @@ class ProblemLayers:
         wanted = _value_at(merged, merged, steps)
         for source, document in zip(self.sources[::-1], self.documents[::-1], strict=True):
             found = _value_at(document, merged, steps)
-            if found is not _ABSENT and (found == wanted or isinstance(found, dict)):
+            if found is not _ABSENT and (isinstance(found, dict) or _is_same(found, wanted)):
                 return source
         return self.sources[-1]
 
@@ -152,6 +157,13 @@ def _moved(document: Any, before: Path, after: Path) -> Any:
         own = deepcopy(own)
         move_paths(own, before, after)
     return own
+
+
+def _is_same(first: Any, second: Any) -> bool:
+    try:
+        return bool(first == second)
+    except ValueError:  # of arrays, which no file holds, but a caller's document may
+        return first is second
 
 
 def _value_at(document: Any, merged: Any, steps: Sequence[int | str]) -> Any:

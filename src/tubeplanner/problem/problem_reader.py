@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from tubeplanner.arguments import given_path
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.problem.clearance_fields import (
@@ -68,7 +69,7 @@ def load_problem(
         ProblemError: The file contradicts its format, itself or its robot.
         RobotError: The robot cannot be planned with.
     """
-    path = find_problem(name, Path(directory))
+    path = find_problem(name, given_path("directory", directory))
     called = f"{path.resolve().parent.name}/{path.stem}"
     tube_of = None if reads_tube else _tube_anywhere
     return build_problem(
@@ -98,8 +99,9 @@ def parse_problem(
         RobotError: As `load_problem`.
     """
     tube_of = None if reads_tube else _tube_anywhere
-    layers = ProblemLayers.of(data, Path(directory), name)
-    return build_problem(checked_layers(layers, changes), Path(directory), name, name, tube_of)
+    folder = given_path("directory", directory)
+    layers = ProblemLayers.of(data, folder, name)
+    return build_problem(checked_layers(layers, changes), folder, name, name, tube_of)
 
 
 def build_problem(

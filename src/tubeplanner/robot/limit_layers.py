@@ -90,7 +90,7 @@ def layers_of(given: GivenLimits) -> list[LimitLayer]:
     Raises:
         RobotError: They are something else.
     """
-    several = [given] if isinstance(given, LimitOverrides | LimitLayer) else given
+    several: Sequence[Any] = given if isinstance(given, list | tuple) else [given]
     layers = []
     for one in several:
         if not isinstance(one, LimitOverrides | LimitLayer):

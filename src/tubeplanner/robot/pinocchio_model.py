@@ -11,6 +11,7 @@ from typing import IO
 import numpy as np
 import pinocchio as pin
 
+from tubeplanner.arguments import given_row
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
 from tubeplanner.errors import RobotError, shown, unknown_name
 from tubeplanner.options import are_numbers, in_figures, is_number
@@ -53,11 +54,10 @@ class Payload:
             raise RobotError(
                 f"robot.payload: mass {in_figures(self.mass)} kg must be from 0 to {_HEAVIEST:g} kg"
             )
-        if not are_numbers(self.com, 3):
-            raise RobotError(f"robot.payload: com {shown(self.com)} must be three finite numbers")
-        if not are_numbers(self.inertia, 6):
-            given = shown(self.inertia)
-            raise RobotError(f"robot.payload: inertia {given} must be six finite numbers")
+        for name, count, word in (("com", 3, "three"), ("inertia", 6, "six")):
+            if not are_numbers(given := getattr(self, name), count):
+                what = f"robot.payload: {name} {shown(given)}"
+                raise RobotError(f"{what} must be {word} finite numbers")
         if (largest := float(np.abs(self.inertia).max())) > _LARGEST_INERTIA:
             most = f"at most {_LARGEST_INERTIA:g}"
             raise RobotError(f"robot.payload: inertia {largest:g} kg m^2 must be {most}")
@@ -113,14 +113,14 @@ def planning_group(
         RobotError: A name does not exist or is doubled, a joint mimics another, or none of the
             joints moves the tool frame.
     """
-    if tool_frame not in description.links:
+    if not isinstance(tool_frame, str) or tool_frame not in description.links:
         message = unknown_name("tool_frame", tool_frame, description.links)
         raise RobotError(f"{description.path}: {message}")
     chain = description.chain(tool_frame)
     movers = leaders(description, chain)
-    group = list(movers if joints is None else joints)
+    group = list(movers) if joints is None else given_row("robot.joints", joints, "names")
     for name in group:
-        if name not in description.movable():
+        if not isinstance(name, str) or name not in description.movable():
             message = unknown_name("movable joint", name, description.movable())
             raise RobotError(f"{description.path}: robot.joints: {message}")
         if group.count(name) > 1:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tubeplanner.arguments import given_path
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_description, find_mesh
 from tubeplanner.robot.base_pose import BasePose
@@ -18,7 +19,7 @@ from tubeplanner.robot.limit_overrides import LimitOverrides
 from tubeplanner.robot.link_info import LinkInfo, link_infos
 from tubeplanner.robot.motor_overrides import MotorOverrides
 from tubeplanner.robot.pinocchio_model import Payload, ToolOffset, locked_value, planning_group
-from tubeplanner.robot.robot_loader import EARTH_GRAVITY
+from tubeplanner.robot.robot_loader import EARTH_GRAVITY, package_folders
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.robot.tool_frames import likely_tool_frame
 from tubeplanner.robot.urdf import STANDING_TYPES, UrdfDescription, read_urdf
@@ -123,8 +124,9 @@ def robot_info(
     Raises:
         RobotError: The URDF is malformed, no joint can move, or what is given does not fit it.
     """
-    folders = tuple(Path(directory) / folder for folder in package_dirs)
-    description = read_urdf(find_description(urdf, Path(directory), folders), xacro_args, folders)
+    directory = given_path("directory", directory)
+    folders = package_folders(package_dirs, directory)
+    description = read_urdf(find_description(urdf, directory, folders), xacro_args, folders)
     frame = likely_tool_frame(description) if tool_frame is None else tool_frame
     group = planning_group(description, frame, joints)
     layers = layers_of(limits or ())

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tubeplanner.arguments import given_path, given_row
 from tubeplanner.errors import RobotError, shown
+from tubeplanner.options import are_numbers
 from tubeplanner.resources import find_description
 from tubeplanner.robot.base_pose import BasePose
 from tubeplanner.robot.joint_limits import resolve_limits
@@ -18,6 +20,7 @@ from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.robot.urdf import read_urdf
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
+_KINDS: Mapping[str, type] = {"tool_offset": ToolOffset, "payload": Payload, "base": BasePose}
 
 
 def load_robot(
@@ -60,13 +63,18 @@ def load_robot(
     Raises:
         RobotError: The description cannot be planned with; the message says why.
     """
-    if np.shape(gravity) != (3,) or not np.isfinite(gravity).all():
-        raise RobotError(f"robot.gravity {list(gravity)} must be three finite numbers [m/s^2]")
-    directory = Path(directory)
-    folders = tuple(directory / folder for folder in package_dirs)
+    if not are_numbers(gravity, 3):
+        row = list(gravity) if isinstance(gravity, tuple | np.ndarray) else gravity
+        raise RobotError(f"robot.gravity {shown(row)} must be three finite numbers [m/s^2]")
+    for name, given in (("tool_offset", tool_offset), ("payload", payload), ("base", base)):
+        _require_kind(name, given)
+    _require_map("locked_joints", locked_joints)
+    _require_map("xacro_args", xacro_args)
+    directory = given_path("directory", directory)
+    folders = package_folders(package_dirs, directory)
     description = read_urdf(find_description(urdf, directory, folders), xacro_args, folders)
     group = planning_group(description, tool_frame, joints)
-    layers = [*layers_of(limits or ()), *_layer_of(motors)]
+    layers = [*layers_of(() if limits is None else limits), *_layer_of(motors)]
     return RobotModel(
         description,
         tuple(group),
@@ -75,11 +83,37 @@ def load_robot(
         resolve_limits(description, group, layers),
         folders,
         dict(locked_joints or {}),
-        tuple(gravity),
+        (float(gravity[0]), float(gravity[1]), float(gravity[2])),
         payload,
         resolve_motors(description, group, layers),
         base,
     )
+
+
+def package_folders(given: Sequence[str | Path], directory: Path) -> tuple[Path, ...]:
+    """Return folders that hold packages, whose relative paths start in a directory.
+
+    Raises:
+        OptionError: They are no list of paths.
+    """
+    rows = given_row("robot.package_dirs", given, "folders")
+    return tuple(directory / given_path("robot.package_dirs", folder) for folder in rows)
+
+
+def _require_kind(name: str, given: object) -> None:
+    """Raise RobotError unless a part of a robot is of its kind or left out."""
+    kind = _KINDS[name]
+    if given is not None and not isinstance(given, kind):
+        raise RobotError(f"robot.{name} is {shown(given)}; give a {kind.__name__}")
+
+
+def _require_map(name: str, given: object) -> None:
+    """Raise RobotError unless something is a map by name or left out."""
+    if given is not None and not isinstance(given, Mapping):
+        raise RobotError(f"robot.{name} is {shown(given)}; give a map by name")
+    for key in given or {}:
+        if not isinstance(key, str):
+            raise RobotError(f"robot.{name}: the key {shown(key)} is no name; give text")
 
 
 def _layer_of(motors: MotorOverrides | None) -> list[LimitLayer]:

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
+from tubeplanner.errors import RobotError, shown
 from tubeplanner.native.kinematics import native_point_jacobians
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.robot.base_pose import BasePose
@@ -115,6 +116,14 @@ class RobotModel:
         model.armature = self._joints.of_own(self.motors.armature)
         # A Data made before the last edit of its model corrupts memory without a word.
         self._scratch = Scratch(model)
+
+    @staticmethod
+    def require(robot: object) -> None:
+        """Raise RobotError unless something is a robot."""
+        if not isinstance(robot, RobotModel):
+            raise RobotError(
+                f"the robot is {shown(robot)}; give a RobotModel, as load_robot returns"
+            )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(RobotModel, **self._given()), ()

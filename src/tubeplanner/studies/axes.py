@@ -1,8 +1,8 @@
 """What a study varies: a field that takes some values, or any value between two."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, overload
 
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.options import in_figures
@@ -25,8 +25,14 @@ class Levels:
 
     @property
     def ends(self) -> Sequence[Any]:
-        """The values that show whether all can be set: of a list, every one."""
-        return self.values
+        """The values that show whether all can be set.
+
+        The first number or text, the first factor, and every list and map, as other fields may lead
+        into them.
+        """
+        if isinstance(self.values, EvenValues):
+            return self.values.interval.ends
+        return tuple(_of_each_kind(self.values))
 
     def at(self, share: float) -> Any:
         """Return the value at a share of the way, from 0 (included) to 1 (excluded)."""
@@ -69,7 +75,33 @@ class Interval:
 
     def levels(self, count: int) -> Levels:
         """Return so many of the values, first and last included."""
-        return Levels(self.path, tuple(self.at(k / (count - 1)) for k in range(count)))
+        return Levels(self.path, EvenValues(self, count))
+
+
+@dataclass(frozen=True)
+class EvenValues(Sequence[Any]):
+    """Values between two others, made one by one: there may be millions.
+
+    Attributes:
+        interval: Between which.
+        length: How many, at least 2.
+    """
+
+    interval: Interval
+    length: int
+
+    def __len__(self) -> int:
+        return self.length
+
+    @overload
+    def __getitem__(self, index: int) -> Any: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Any]: ...
+    def __getitem__(self, index: int | slice) -> Any:
+        places = range(self.length)[index]
+        if isinstance(places, range):
+            return [self[place] for place in places]
+        return self.interval.at(places / (self.length - 1))
 
 
 Axis: TypeAlias = Levels | Interval
@@ -97,3 +129,15 @@ def interval(path: str, first: Any, last: Any, *, is_logarithmic: bool) -> Inter
             "must be > 0"
         )
     return Interval(path, begin, end, is_logarithmic, is_factor)
+
+
+def _of_each_kind(values: Iterable[Any]) -> Iterable[Any]:
+    """Yield the first value without parts, the first factor, and all others."""
+    seen = set()
+    for value in values:
+        if not isinstance(value, list | dict):
+            is_factor = factor_of(value) is not None
+            if is_factor in seen:
+                continue
+            seen.add(is_factor)
+        yield value

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from tubeplanner.arguments import given_options, given_row, require_callback
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.errors import OptionError, TubePlannerError, unknown_name
 from tubeplanner.outcome import Infeasible, PlanStatus
@@ -151,10 +152,12 @@ def compare(
 
     Raises:
         ProblemError: The problem is none.
-        OptionError: A name is unknown, or there is none.
+        OptionError: A name is unknown, there is none, or an argument is of another kind.
         KeyboardInterrupt: Ctrl-C before the first method was done.
     """
     PlanningProblem.require(problem)
+    options = given_options(options, PlanOptions).shortest
+    require_callback(progress)
     rows: list[ComparisonRow] = []
     for name in _known(methods):
 
@@ -163,7 +166,7 @@ def compare(
                 progress(f"{method}: {what}")
 
         try:
-            rows.append(_row(problem, name, (options or PlanOptions()).shortest, report))
+            rows.append(_row(problem, name, options, report))
         except KeyboardInterrupt:
             if not rows:
                 raise
@@ -173,13 +176,13 @@ def compare(
 
 def _known(methods: Sequence[str] | None) -> list[str]:
     known = [*METHODS, *BASELINES]
-    asked = known if methods is None else list(dict.fromkeys(methods))
+    asked = known if methods is None else given_row("methods", methods, "names")
     for name in asked:
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise OptionError(unknown_name("method", name, known))
     if not asked:
         raise OptionError("compare: give at least one method")
-    return asked
+    return list(dict.fromkeys(asked))
 
 
 def _row(

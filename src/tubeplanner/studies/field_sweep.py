@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tubeplanner.arguments import given_options, given_row
 from tubeplanner.errors import OptionError, ProblemError, RobotError
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.outcome import PlanStatus
@@ -20,7 +21,7 @@ from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.document_kind import require_problem
-from tubeplanner.problem.field_paths import is_of_objective
+from tubeplanner.problem.field_paths import is_of_objective, require_changes, require_path
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import StoppedBy
 from tubeplanner.short_repr import short_repr
@@ -186,12 +187,16 @@ def sweep_field(
 
     Raises:
         ProblemError: The file cannot be read, or the path leads nowhere in it.
-        OptionError: No value is given, the field is changed too, or the field is of the objective
-            and a slack is given.
+        OptionError: No value is given, the field is changed too, the field is of the objective and
+            a slack is given, or an argument is of another kind.
         KeyboardInterrupt: Ctrl-C before the first value was done.
     """
-    options = _options(path, options or PlanOptions())
-    study = _study(problem, path, values, changes or {}, options)
+    require_path(path)
+    changes = {} if changes is None else changes
+    require_changes(changes)
+    options = _options(path, given_options(options, PlanOptions))
+    values = given_row("values", values, f"what {path} is to be")
+    study = _study(problem, path, values, changes, options)
     asked = ((value, study.posed(point)) for value, point in zip(values, study.points, strict=True))
     called = f"value {{}} of {len(values)}".format
     rows, stopped_by = swept_rows(partial(_row, options), asked, called, executor, progress)

@@ -9,6 +9,13 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+from tubeplanner.arguments import (
+    given_options,
+    given_path,
+    given_row,
+    require_callback,
+    require_executor,
+)
 from tubeplanner.errors import OptionError, ProblemError, unknown_name
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.many.worker_processes import WorkerProcesses
@@ -94,20 +101,25 @@ def place(
     Raises:
         ProblemError: The problem contradicts its format, itself or its robot wherever it stands.
         RobotError: The robot cannot be planned with.
-        OptionError: The region is none, or an obstacle's name is unknown or missing.
+        OptionError: The region is none, an obstacle's name is unknown or missing, or an argument is
+            of another kind.
         OutputError: The journal cannot be used.
         KeyboardInterrupt: Ctrl-C before the first stand was tried.
     """
-    options, report = options or PlaceOptions(), progress or (lambda what: None)
+    options, report = given_options(options, PlaceOptions), progress or (lambda what: None)
+    require_callback(report)
+    require_executor(executor)
+    kept_in = None if journal is None else given_path("journal", journal)
+    stands_on = None if stands_on is None else given_row("stands_on", stands_on, "names")
     report("loading robot and collision geometry")
-    movable = MovableProblem.of(PosedProblem.read(problem).changed(changes or {}))
+    movable = MovableProblem.of(PosedProblem.read(problem).changed(changes))
     where = Region.of(region, movable.given.z)
     loaded = movable.load(movable.given)
     on = _names(loaded, stands_on)
     report("planning as given")
     given = _given(movable, on, options.plan_options)
     grid = where.grid(options.points, movable.given.yaw)
-    with nullcontext() if journal is None else Journal(Path(journal)) as kept:
+    with nullcontext() if kept_in is None else Journal(kept_in) as kept:
         trials = PlacementTrials(movable, on, kept)
         stopped_by = _searched(trials, where, grid, movable.given, executor, report)
     found = Placement(
@@ -127,7 +139,7 @@ def _names(problem: PlanningProblem, given: Sequence[str] | None) -> tuple[str, 
             "robot stands on; --stands-on none, in Python (), if that is none of them"
         )
     for name in given or ():
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise OptionError(f"stands_on: {unknown_name('obstacle', name, known)}")
     return tuple(dict.fromkeys(given or ()))
 

@@ -6,6 +6,7 @@ from itertools import product
 from math import isfinite, pi, remainder, sqrt
 from typing import NamedTuple
 
+from tubeplanner.arguments import given_row
 from tubeplanner.errors import OptionError, shown
 from tubeplanner.options import is_number
 
@@ -61,7 +62,7 @@ class Region:
         Raises:
             OptionError: It is none.
         """
-        given = list(bounds)
+        given = given_row("region", bounds, "four or six numbers")
         if len(given) not in (4, 6) or not all(is_number(v) and isfinite(v) for v in given):
             raise OptionError(
                 f"region is {shown(given)}; give X0, X1, Y0, Y1 and, if the height may vary, Z0, "

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from tubeplanner.errors import ProblemError
+from tubeplanner.errors import ProblemError, shown
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.short_repr import short_repr
@@ -48,6 +48,12 @@ class Study:
             raise ProblemError(f"{empty[0]}: give at least one value")
         assert len(self.points) > 0
         self._require_paths()
+
+    @staticmethod
+    def require(study: object) -> None:
+        """Raise ProblemError unless something is a study."""
+        if not isinstance(study, Study):
+            raise ProblemError(f"the study is {shown(study)}; give a Study, as load_study returns")
 
     @cached_property
     def points(self) -> StudyPoints:

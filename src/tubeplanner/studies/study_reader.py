@@ -5,6 +5,7 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from tubeplanner.arguments import given_path
 from tubeplanner.errors import OptionError, ProblemError, unknown_name
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.planning.plan_options import PlanOptions
@@ -20,7 +21,7 @@ from tubeplanner.studies.study_format import (
     StudiedFields,
     check_study_fields,
 )
-from tubeplanner.studies.study_points import Latin
+from tubeplanner.studies.study_points import MOST_POINTS, Latin
 from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 
 _Options = TypeVar("_Options")
@@ -37,7 +38,7 @@ def load_study(name: str | Path, directory: str | Path = ".") -> Study:
         ProblemError: A file cannot be read or contradicts its format, or a field path leads
             nowhere. Values that a problem refuses are no fault of the study: their rows say so.
     """
-    path = find_problem(name, Path(directory))
+    path = find_problem(name, given_path("directory", directory))
     document = read_document(path, "study file")
     require_study(document, str(path))
     given = check_study_fields(document, str(path)).study
@@ -85,8 +86,10 @@ def _axis(path: str, values: Any) -> Axis:
         raise ProblemError(f"vary.{path}: {error}") from None
     if values.count is None:
         return between
-    if values.count < 2:
-        raise ProblemError(f"vary.{path}: count is {values.count}; it must be >= 2")
+    if not 2 <= values.count <= MOST_POINTS:
+        raise ProblemError(
+            f"vary.{path}: count is {values.count}; it must be >= 2 and <= {MOST_POINTS}"
+        )
     return between.levels(values.count)
 
 

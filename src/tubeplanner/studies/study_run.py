@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tubeplanner.arguments import given_path, require_callback, require_executor
 from tubeplanner.errors import OptionError, ProblemError
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.many.run_many import Done, run_many
@@ -51,11 +52,17 @@ def run_study(
 
     Raises:
         OutputError: The journal cannot be used or written.
-        OptionError: The executor broke, or whoever plans has other files than this process had.
+        ProblemError: The study is none.
+        OptionError: The executor broke, whoever plans has other files than this process had, or an
+            argument is of another kind.
         KeyboardInterrupt: Ctrl-C before the first point was done.
     """
+    Study.require(study)
+    require_callback(progress)
+    require_executor(executor)
+    kept_in = None if journal is None else given_path("journal", journal)
     with ExitStack() as stack:
-        kept = None if journal is None else stack.enter_context(Journal(Path(journal)))
+        kept = None if kept_in is None else stack.enter_context(Journal(kept_in))
         run = _Run(study, kept, progress or _silent)
         work = partial(_answer, options=study.options)
         try:

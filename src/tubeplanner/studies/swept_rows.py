@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from typing import Any, TypeVar
 
+from tubeplanner.arguments import require_callback, require_executor
 from tubeplanner.many.run_many import run_many
 from tubeplanner.progress import StoppedBy
 
@@ -30,9 +31,12 @@ def swept_rows(
         The rows in the order of the items, and "interrupt" if Ctrl-C kept others from being made.
 
     Raises:
+        OptionError: Executor or progress is none.
         KeyboardInterrupt: Ctrl-C before the first row.
         Exception: Whatever work raised.
     """
+    require_callback(progress)
+    require_executor(executor)
     rows: dict[int, _Row] = {}
     tell = progress or _silent
 

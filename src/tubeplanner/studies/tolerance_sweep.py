@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
+from tubeplanner.arguments import given_options, given_row
 from tubeplanner.errors import OptionError, ProblemError
+from tubeplanner.options import in_figures, is_finite, is_number
 from tubeplanner.outcome import PlanStatus
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
@@ -158,7 +158,8 @@ def sweep(
 
     Raises:
         ProblemError: The problem is none, or has boxes, for which radii are no tolerances.
-        OptionError: Not exactly one of radii and scales is given, or one is not positive.
+        OptionError: Not exactly one of radii and scales is given, one is no positive number, or an
+            argument is of another kind.
         KeyboardInterrupt: Ctrl-C before the first tolerance was done.
     """
     PlanningProblem.require(problem)
@@ -168,21 +169,21 @@ def sweep(
         remedy = "sweep over factors (scales, --radius-scale), which scale its width and height"
         problem.tube.require_discs("a sweep over radii", remedy)
     quantity, given = ("radius", radii) if scales is None else ("radius_scale", scales)
-    values = _values(quantity, given or ())
-    work = partial(_row, problem, quantity, (options or PlanOptions()).shortest)
+    values = _values(quantity, given)
+    work = partial(_row, problem, quantity, given_options(options, PlanOptions).shortest)
     called = f"tolerance {{}} of {len(values)}".format
     rows, stopped_by = swept_rows(work, values, called, executor, progress)
     return SweepResult(problem, quantity, _noted(quantity, rows), stopped_by)
 
 
-def _values(quantity: str, given: Sequence[float]) -> list[float]:
-    values = sorted({float(value) for value in given})
+def _values(quantity: str, given: object) -> list[float]:
+    values = given_row(quantity, given, "numbers")
     if not values:
         raise OptionError(f"{quantity}: give at least one number")
     for value in values:
-        if not 0 < value < np.inf:
-            raise OptionError(f"{quantity} is {value:g}; it must be > 0 and finite")
-    return values
+        if not is_number(value) or not is_finite(value) or value <= 0:
+            raise OptionError(f"{quantity} is {in_figures(value)}; it must be > 0 and finite")
+    return sorted({float(value) for value in values})
 
 
 def _row(

@@ -99,6 +99,14 @@ class JointTrajectory:
         self._keep("_derivatives", derivatives)
         self._require_bounded()
 
+    @staticmethod
+    def require(trajectory: object) -> None:
+        """Raise TrajectoryError unless something is a trajectory."""
+        if not isinstance(trajectory, JointTrajectory):
+            raise TrajectoryError(
+                f"the trajectory is {shown(trajectory)}; give a JointTrajectory, as plan returns"
+            )
+
     def __repr__(self) -> str:
         names, (rows, pieces, _) = ", ".join(self.joint_names), self.coefficients.shape
         made_of = f"{pieces} pieces of degree {rows - 1}"

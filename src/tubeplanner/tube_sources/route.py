@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from tubeplanner.arguments import given_options, require_callback
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.configured_ends import configured_ends
 from tubeplanner.errors import ProblemError
@@ -60,10 +61,13 @@ def find_route(
         progress: Called as each stage begins, with the duration of the best trajectory so far.
 
     Raises:
-        OptionError: OMPL is not installed.
-        ProblemError: The start is given by a seed.
+        OptionError: OMPL is not installed, or an argument is of another kind.
+        ProblemError: The problem is none, or its start is given by a seed.
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
+    PlanningProblem.require(problem)
+    options = given_options(options, RouteOptions)
+    require_callback(progress)
     if isinstance(problem.start, Seed):
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
     require_ompl()
@@ -73,7 +77,7 @@ def find_route(
         return answer_of(reason)
     start = problem.start
     assert isinstance(start, np.ndarray)
-    finder = _RouteFinder(problem, options or RouteOptions(), progress, chosen)
+    finder = _RouteFinder(problem, options, progress, chosen)
     try:
         _, stopped_by = until_stopped(lambda: finder.search(start))
     except Infeasible as reason:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tubeplanner.arguments import given_options
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
 from tubeplanner.options import require_between, require_count
@@ -19,7 +20,7 @@ from tubeplanner.tube_sources.measured_plan import (
     measured_plan,
 )
 from tubeplanner.tube_sources.tool_corners import ToolCorners, tool_corners
-from tubeplanner.tube_sources.trail import MIN_MOVE, moving_part, without_ways_back
+from tubeplanner.tube_sources.trail import MIN_MOVE, moving_part, trail_samples, without_ways_back
 from tubeplanner.tube_sources.tube_answer import TubeAnswer, answer_of
 from tubeplanner.verification.refusal import require_free
 
@@ -64,11 +65,14 @@ def teach(
         progress: Called with every stage as it begins.
 
     Raises:
-        TrajectoryError: The trail does not move, or comes back the way it went.
-        OptionError: The largest radius is not above the tool radius, or the deviation is so small
-            that the trail becomes too many segments.
+        ProblemError: The problem is none.
+        TrajectoryError: The trail is none, does not move, or comes back the way it went.
+        OptionError: The largest radius is not above the tool radius, the deviation is so small that
+            the trail becomes too many segments, or an argument is of another kind.
     """
-    options, clock = options or TeachOptions(), PlanningClock(None, progress)
+    PlanningProblem.require(problem)
+    options, clock = given_options(options, TeachOptions), PlanningClock(None, progress)
+    trail = trail_samples(trail, problem.robot.joint_count)
     clock.enter("corners of the trail")
     kept = moving_part(trail)
     moving, turns = without_ways_back(problem.robot, kept, options.deviation)

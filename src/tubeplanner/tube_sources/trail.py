@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import TrajectoryError
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.errors import TrajectoryError, shown
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube_sources.simplification import simplified
 
@@ -29,13 +29,22 @@ def joint_trail(robot: RobotModel, joint_names: Sequence[str], samples: FloatArr
         samples: Shape (N, columns) [rad or m].
 
     Raises:
-        TrajectoryError: A joint of the arm is missing, or recorded outside its limits.
+        RobotError: The robot is none.
+        TrajectoryError: A joint of the arm is missing, or recorded outside its limits, or samples
+            or names are none.
     """
+    RobotModel.require(robot)
+    if not isinstance(joint_names, list | tuple) or not all(
+        isinstance(name, str) for name in joint_names
+    ):
+        raise TrajectoryError(f"joint_names is {shown(joint_names)}; give a list of names")
+    joint_names = list(joint_names)
     missing = [name for name in robot.joint_names if name not in joint_names]
     if missing:
         raise TrajectoryError(
             f"the trail has no joint {', '.join(missing)}; its joints are {', '.join(joint_names)}"
         )
+    samples = trail_samples(samples, len(joint_names))
     q: FloatArray = np.array(samples[:, [joint_names.index(name) for name in robot.joint_names]])
     for j, name in enumerate(robot.joint_names):
         if robot.urdf.joints[name].type == "continuous":
@@ -47,6 +56,27 @@ def joint_trail(robot: RobotModel, joint_names: Sequence[str], samples: FloatArr
             f"position limits [{lower[j]:g}, {upper[j]:g}] (radians and metres are meant)"
         )
     return np.minimum(np.maximum(q.round(_DECIMALS), lower), upper)
+
+
+def trail_samples(given: object, columns: int) -> FloatArray:
+    """Return the samples of a trail as an array (N, columns).
+
+    Raises:
+        TrajectoryError: They are none, there is none, or one is not finite.
+    """
+    try:
+        samples = read_only(given)
+    except (TypeError, ValueError):
+        raise TrajectoryError(
+            f"the trail is {shown(given)}; give samples, {columns} numbers in each row"
+        ) from None
+    if samples.ndim != 2 or samples.shape[1] != columns or len(samples) == 0:
+        raise TrajectoryError(
+            f"the trail has the shape {samples.shape}; give samples, {columns} numbers in each row"
+        )
+    if not np.isfinite(samples).all():
+        raise TrajectoryError("the trail has values that are not finite; leave these samples out")
+    return samples
 
 
 def moving_part(q: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from tubeplanner.arguments import given_options
 from tubeplanner.arrays import FloatArray
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion
@@ -44,13 +45,14 @@ def verify_cycle(
     Raises:
         ProblemError: The cycle is none.
         TrajectoryError: The motion is none.
+        OptionError: The tolerance is none.
     """
     Cycle.require(cycle)
     if not isinstance(motion, CycleMotion):
         raise TrajectoryError(
             f"the motion is {shown(motion)}; give a CycleMotion, as plan_cycle returns"
         )
-    tolerance = tolerance or Tolerance()
+    tolerance = given_options(tolerance, Tolerance, "the tolerance is")
     moves: dict[str, Certificate] = {}
     refused: dict[str, str] = {}
     for k, leg in enumerate(cycle.legs):

@@ -4,7 +4,7 @@ It uses robot, tube, collision geometry and the trajectory's polynomials, and no
 that made the trajectory.
 """
 
-from tubeplanner.errors import TrajectoryError, shown
+from tubeplanner.arguments import given_options
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
@@ -30,13 +30,11 @@ def verify(
     Raises:
         ProblemError: The problem is none.
         TrajectoryError: The trajectory is none, or moves other joints than the problem's.
+        OptionError: The tolerance is none.
     """
     PlanningProblem.require(problem)
-    if not isinstance(trajectory, JointTrajectory):
-        raise TrajectoryError(
-            f"the trajectory is {shown(trajectory)}; give a JointTrajectory, as plan returns"
-        )
-    tolerance = tolerance or Tolerance()
+    JointTrajectory.require(trajectory)
+    tolerance = given_options(tolerance, Tolerance, "the tolerance is")
     trajectory = trajectory.reordered(problem.robot.joint_names)
     motion = JudgedMotion(problem.joined, trajectory, tolerance, SEGMENT_MARGINS)
     conditions = {name: judge(motion) for name, judge in JUDGED.items()}

@@ -43,7 +43,8 @@ def read_visual_mesh(
     import trimesh
 
     try:
-        scene = trimesh.load_scene(str(path), resolver=files_beside(path))
+        with np.errstate(invalid="ignore", over="ignore"):  # of numbers that no picture shows
+            scene = trimesh.load_scene(str(path), resolver=files_beside(path))
         parts = [
             (_color(scene.geometry[name]), _placed(scene.geometry[name], placement))
             for placement, name in (scene.graph[node] for node in scene.graph.nodes_geometry)
