@@ -4,14 +4,22 @@ Bad input raises. An impossible task is not an error: `plan` returns a result wh
 and place say why.
 """
 
+import copy
 import difflib
 from collections.abc import Iterable
+from typing import Self
 
 MAX_SHOWN = 60  # [characters] of a value in a message
 
 
 class TubePlannerError(Exception):
     """Base of everything this package raises on purpose."""
+
+    def within(self, source: str) -> Self:
+        """Return the same whose message begins with where it comes from."""
+        told = copy.copy(self)
+        told.args = (f"{source}: {self}",)
+        return told
 
 
 class RobotError(TubePlannerError):

@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tubeplanner.errors import ProblemError
 from tubeplanner.explanation.cell_changes import cell_changes
 from tubeplanner.explanation.change import Change
@@ -18,7 +20,9 @@ from tubeplanner.explanation.remedy_search import RemedySearch
 from tubeplanner.explanation.room_search import RoomSearch, worsening_changes
 from tubeplanner.explanation.trials import Trials
 from tubeplanner.explanation.tube_changes import tube_changes
+from tubeplanner.explanation.unposed import Unposed
 from tubeplanner.many.posed_problem import PosedProblem
+from tubeplanner.outcome import Place
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.planner import plan
 from tubeplanner.progress import PlanningClock, ProgressCallback, StoppedBy, until_stopped
@@ -71,8 +75,7 @@ def explain(
     try:
         loaded = question.load()
     except ProblemError as error:
-        refused = str(error).removeprefix(f"{posed.name}: ")
-        known = Explanation(posed.name, None, None, refused)
+        known = Explanation(posed.name, None, None, Unposed.of(question, error))
     else:
         known = Explanation(posed.name, loaded, plan(loaded, first, progress), None)
     if known.result is not None and known.result.stopped_by == "interrupt":
@@ -82,7 +85,7 @@ def explain(
 
 
 def _with_remedies(known: Explanation, question: Question, trials: Trials) -> Explanation:
-    groups = in_order(_changes(question), known.status, known.place)
+    groups = in_order(_changes(question), known.status, _with_segment(known.place, question))
     search = RemedySearch(trials, groups)
     stopped_by = _run(search)
     return replace(
@@ -92,6 +95,13 @@ def _with_remedies(known: Explanation, question: Question, trials: Trials) -> Ex
         tried=trials.count,
         stopped_by=stopped_by,
     )
+
+
+def _with_segment(place: Place, question: Question) -> Place:
+    """Return a place with the segment that the tool is nearest to, if it is known where that is."""
+    if place.position is None or place.segment is not None:
+        return place
+    return replace(place, segment=question.segment_near(np.array(place.position)))
 
 
 def _with_room(known: Explanation, question: Question, trials: Trials) -> Explanation:

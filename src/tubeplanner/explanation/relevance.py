@@ -8,8 +8,8 @@ from tubeplanner.outcome import Place, PlanStatus
 # By how planning ended: the likeliest kinds first.
 _HELPFUL = {
     PlanStatus.TUBE_BLOCKED: (
-        *("clearance", "obstacle", "attached", "radius", "radii", "sign", "rotation_tolerance"),
-        *("start", "goal", "point"),
+        *("clearance", "obstacle", "radius", "radii", "sign", "rotation_tolerance"),
+        *("start", "goal", "point", "attached"),
     ),
     PlanStatus.GRAVITY_EXCEEDS_EFFORT: ("effort", "payload", "sign"),
     PlanStatus.UNREACHABLE: (
