@@ -13,7 +13,7 @@ EVERYWHERE = {"a": 0.4, "b": 0.03, "c": 30.0, "d": 5.0}
 def search_of(thresholds, groups, **stub):
     """Return a search and its trials; a group is a text of fields, each a letter."""
     trials = StubTrials(thresholds, **stub)
-    changes = [[simple_change(field) for field in each] for each in groups]
+    changes = [[[simple_change(field) for field in each]] for each in groups]
     return RemedySearch(trials, changes), trials
 
 
@@ -54,7 +54,7 @@ def test_what_helps_nowhere_is_tried_by_as_much_as_makes_sense():
 def test_a_field_that_helps_in_one_direction_is_not_in_vain():
     changes = [simple_change("a"), simple_change("a", most=0.5)]
     trials = StubTrials({"a": 0.9})
-    search = RemedySearch(trials, [changes, [], []])
+    search = RemedySearch(trials, [[changes], [[]], [[]]])
     search.run()
     assert [remedy.field for remedy in search.remedies] == ["a"]
     assert search.in_vain == ()
@@ -63,7 +63,7 @@ def test_a_field_that_helps_in_one_direction_is_not_in_vain():
 def test_a_switch_is_tried_once_and_has_no_size():
     switches = [simple_change(field, most=1.0, is_switch=True) for field in "ab"]
     trials = StubTrials({"b": 1.0})
-    search = RemedySearch(trials, [switches, [], []])
+    search = RemedySearch(trials, [[switches], [[]], [[]]])
     search.run()
     assert trials.asked == [("a", 1.0), ("b", 1.0)]
     assert trials.thorough == []
@@ -120,3 +120,10 @@ def test_what_was_found_is_kept_when_the_search_is_stopped(stop):
     assert all(remedy.after >= EVERYWHERE[remedy.field] for remedy in search.remedies)
     # It was not tried by as much as makes sense: nobody knows.
     assert search.in_vain == ()
+
+
+def test_of_two_groups_both_are_tried_by_their_scale_before_either_by_more():
+    tier = [[simple_change("a")], [simple_change("b")]]
+    trials = StubTrials({})
+    RemedySearch(trials, [tier, [[]], [[]]]).run()
+    assert trials.asked[:4] == [("a", 1.0), ("b", 1.0), ("a", 100.0), ("b", 100.0)]

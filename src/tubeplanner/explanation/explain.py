@@ -85,8 +85,8 @@ def explain(
 
 
 def _with_remedies(known: Explanation, question: Question, trials: Trials) -> Explanation:
-    groups = in_order(_changes(question), known.status, _with_segment(known.place, question))
-    search = RemedySearch(trials, groups)
+    tiers = in_order(_changes(question), known.status, _with_segment(known.place, question))
+    search = RemedySearch(trials, tiers)
     stopped_by = _run(search)
     return replace(
         known,

@@ -1,6 +1,7 @@
 """The smallest single changes that make a problem possible, the likeliest tried first."""
 
 from collections.abc import Sequence
+from itertools import product
 
 from tubeplanner.explanation.change import Change, rounded
 from tubeplanner.explanation.remedy import Remedy
@@ -13,11 +14,14 @@ _SIDE_BY_SIDE = 4  # brackets narrowed at a time, on however many processors: an
 class RemedySearch:
     """Looks for remedies; may be stopped at any time, and has what was found until then."""
 
-    def __init__(self, trials: Trials, groups: Sequence[Sequence[Change]]) -> None:
-        """Take what plans, and the changes in question, the group of the likeliest first."""
+    def __init__(self, trials: Trials, tiers: Sequence[Sequence[Sequence[Change]]]) -> None:
+        """Take what plans, and the changes in question, as `in_order` returns them."""
         self._trials = trials
-        self._groups = [[SizeBracket(change, helps=True) for change in group] for group in groups]
-        self._brackets = [bracket for group in self._groups for bracket in group]
+        self._tiers = [
+            [[SizeBracket(change, helps=True) for change in group] for group in tier]
+            for tier in tiers
+        ]
+        self._brackets = [one for tier in self._tiers for group in tier for one in group]
 
     def run(self) -> None:
         """Try changes by their scale, then by as much as makes sense, and narrow what helps.
@@ -52,14 +56,14 @@ class RemedySearch:
         return [bracket for bracket in self._brackets if bracket.larger is not None]
 
     def _search_all(self, is_thorough: bool) -> None:
-        *likely, unlikely = self._groups
-        for group in likely:
-            self._search(group, is_thorough)
+        *likely, unlikely = self._tiers
+        for tier in likely:
+            self._search(tier, is_thorough)
         if not self._helpful:
             self._search(unlikely, is_thorough)
 
-    def _search(self, group: Sequence[SizeBracket], is_thorough: bool) -> None:
-        for times in (1.0, float("inf")):
+    def _search(self, tier: Sequence[Sequence[SizeBracket]], is_thorough: bool) -> None:
+        for times, group in product((1.0, float("inf")), tier):
             sizes = [
                 (one, rounded(min(times * one.change.scale, one.change.most))) for one in group
             ]

@@ -301,7 +301,8 @@ def _attempted(
         if refined.succeeded:
             return refined
         return _after_stop(problem, branches, corners, refined, clock)
-    corners = corners or stopping_plan(problem, branches, clock)
+    every_rule = options.persistent
+    corners = corners or stopping_plan(problem, branches, clock, every_rule=every_rule)
     if not options.persistent:
         if not corners.result.succeeded:
             return _with_better_reason(corners.result, refined)

@@ -4,6 +4,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import solve_position
+from tubeplanner.branches.pose_configurations import spread_seeds
 from tubeplanner.branches.reference_branch import end_configuration
 from tubeplanner.explanation.explanation import Explanation
 from tubeplanner.outcome import Infeasible, Place
@@ -12,6 +13,7 @@ from tubeplanner.views.scene import ShownTrajectory
 from tubeplanner.views.shown_poses import poses_standing
 
 _THERE = 1e-3  # [m]
+_MOST_SEEDS = 20
 
 
 def blocked_arm(problem: PlanningProblem, found: Explanation) -> ShownTrajectory | None:
@@ -43,7 +45,9 @@ def _nearest(problem: PlanningProblem, target: FloatArray) -> FloatArray:
     except Infeasible:
         seed = limits.clip(np.zeros(problem.robot.joint_count))
     bounds = limits.lower_position, limits.upper_position
-    return solve_position(problem.robot, target, seed, *bounds).q
+    seeds = [seed, *spread_seeds(*bounds)[:_MOST_SEEDS]]
+    found = (solve_position(problem.robot, target, each, *bounds) for each in seeds)
+    return min(found, key=lambda one: max(one.error, _THERE)).q
 
 
 def contact_point(

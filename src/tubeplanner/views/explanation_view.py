@@ -76,7 +76,7 @@ def _more(found: Explanation) -> list[str]:
 def _remedy(remedy: Remedy) -> dict[str, Any]:
     details = [
         f"certified motion of {remedy.duration:.3f} s",
-        f"{remedy.cost:.2g} times its scale (0.1 m, 0.1 rad or the value)",
+        *([f"{remedy.cost:.2g} times its scale: 0.1 m, 0.1 rad or the value"] * bool(remedy.unit)),
         *_not_enough("not enough", tried_text(remedy.too_little_text, remedy.is_smallest)),
     ]
     return {"text": remedy.text, "details": details, "setting": setting_text(remedy.changes)}
