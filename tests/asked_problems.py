@@ -35,6 +35,7 @@ REMEDY = Remedy(
     changes={"tube.rotation_tolerance": [[0.3, 0.3, float("inf")]]},
     cost=2.0,
     too_little=0.29,
+    too_little_text="0.29 rad",
     is_smallest=True,
 )
 ROOM = Room(
@@ -45,6 +46,7 @@ ROOM = Room(
     duration=None,
     text="not even so",
     too_much=[-float("inf"), 0.5],
+    too_much_text="0.5 rad",
     is_exact=False,
 )
 
@@ -79,7 +81,9 @@ def simple_change(field="tube.radius", scale=1.0, most=100.0, **others):
     """Return a change of a number that is 0, by as much as one likes."""
 
     def propose(size):
-        return Proposal({field: size}, size, f"{field} to {size:g}")
+        return Proposal(
+            {field: size}, size, f"{field} to {size:g}", f"{size:g} {others.get('unit', 'm')}"
+        )
 
     fields = {"kind": "radius", "before": 0.0, "unit": "m", "propose": propose} | others
     return Change(field=field, scale=scale, most=most, **fields)
@@ -88,24 +92,30 @@ def simple_change(field="tube.radius", scale=1.0, most=100.0, **others):
 class StubTrials:
     """Answers at once; sizes from a threshold by field on are enough, if there is one.
 
+    Those of `quick`, by field, are the thresholds of what is not tried thoroughly.
+
     Attributes:
+        thorough: As `asked`, but only of thorough trials.
         asked: Field and size of every trial, in order.
     """
 
-    def __init__(self, thresholds, budget=1000, helps=True, stop=TimeLimitReached):
+    def __init__(self, thresholds, budget=1000, helps=True, stop=TimeLimitReached, quick=None):
         self._thresholds, self._helps = thresholds, helps
+        self._quick = {**thresholds, **(quick or {})}
         self._budget, self._stop = budget, stop
-        self.asked = []
+        self.asked, self.thorough = [], []
 
     @property
     def count(self):
         return len(self.asked)
 
-    def of(self, asked):
+    def of(self, asked, is_thorough):
+        thresholds = self._thresholds if is_thorough else self._quick
         for place, (change, size) in enumerate(asked):
             if len(self.asked) >= self._budget:
                 raise self._stop
             self.asked.append((change.field, size))
-            is_beyond = size >= self._thresholds.get(change.field, float("inf"))
+            self.thorough += [(change.field, size)] * is_thorough
+            is_beyond = size >= thresholds.get(change.field, float("inf"))
             duration = 1.5 if is_beyond == self._helps else None
-            yield place, Trial(size, change.propose(size), duration)
+            yield place, Trial(size, change.propose(size), duration, is_thorough)

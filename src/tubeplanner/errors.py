@@ -4,8 +4,10 @@ Bad input raises. An impossible task is not an error: `plan` returns a result wh
 and place say why.
 """
 
+import copy
 import difflib
 from collections.abc import Iterable
+from typing import Self
 
 MAX_SHOWN = 60  # [characters] of a value in a message
 
@@ -20,6 +22,12 @@ class TubePlannerError(Exception):
             message: May hold names and paths with characters that a terminal would obey.
         """
         super().__init__(on_one_line(message))
+
+    def within(self, source: str) -> Self:
+        """Return the same whose message begins with where it comes from."""
+        told = copy.copy(self)
+        told.args = (on_one_line(f"{source}: {self}"),)
+        return told
 
 
 class RobotError(TubePlannerError):

@@ -5,6 +5,9 @@ from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
 
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import ProblemError
+
 # How far below zero the margins of a certificate may lie, and a given start or goal outside its
 # bounds [m, rad or relative].
 MARGIN_TOLERANCE = 1e-6
@@ -83,6 +86,29 @@ class Place:
         return ", ".join(parts)
 
 
+class ContradictionError(ProblemError):
+    """A problem that cannot be posed, for a reason at a place.
+
+    Attributes:
+        place: Where.
+        proved: Whether it is proved that there is no motion; None: it is bad input alone.
+        configuration: Of the arm at the place, shape (n,) [rad or m]; None: there is none.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        place: Place = Place(),
+        *,
+        proved: bool | None = None,
+        configuration: FloatArray | None = None,
+    ) -> None:
+        super().__init__(f"{message}; proved: there is no motion" if proved else message)
+        self.place = place
+        self.proved = proved
+        self.configuration = configuration
+
+
 class Infeasible(Exception):
     """There is no answer, for a reason and at a place; `plan` turns it into its result.
 
@@ -91,6 +117,7 @@ class Infeasible(Exception):
         place: Where.
         proved: Whether there is none for certain; else none was found.
         starts: From how many configurations or branches it was looked for, if that is not proved.
+        configuration: Of the arm at the place, shape (n,) [rad or m]; None: not known.
     """
 
     def __init__(
@@ -101,9 +128,11 @@ class Infeasible(Exception):
         *,
         proved: bool = False,
         starts: int = 0,
+        configuration: FloatArray | None = None,
     ) -> None:
         super().__init__(message)
         self.status = status
         self.place = place
         self.proved = proved
         self.starts = starts
+        self.configuration = configuration

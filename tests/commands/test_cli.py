@@ -220,6 +220,15 @@ def test_bad_input_is_named_and_exits_with_2(arguments, message, run, tmp_path, 
     assert set(fields) >= FIELDS
 
 
+def test_where_a_problem_contradicts_itself_is_known(run_json, tmp_path):
+    points, apart = [[0.3, y, 0] for y in (-0.3, 0, 0.3)], [{"joint2": [-2, -1]}, {"joint2": "+"}]
+    path = problem_file(tmp_path, tube={"points": points, "radius": 0.03, "joint_signs": apart})
+    status, fields = run_json("plan", path)
+    assert (status, fields["status"], fields["proved"]) == (2, "bad_input", True)
+    assert (fields["where"]["joint"], fields["where"]["segment"]) == ("joint2", 0)
+    assert fields["message"].endswith("; proved: there is no motion")
+
+
 def test_an_interrupt_before_anything_is_certified_exits_with_130(run, run_json, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt

@@ -56,15 +56,17 @@ def test_what_helps_is_a_table_and_the_first_is_ready_to_be_tried(run, beyond):
     assert (status, err) == (0, "")
     lines = out.splitlines()
     assert lines[0].startswith("beyond0/gantry: unreachable: segment 0, point 1, tool at [1.1")
-    assert lines[1].startswith("where: segment 0, point 1")
+    assert lines[1].startswith("where: along, segment 0, point 1")
     assert "any one of these makes it possible (planned with it and certified)" in lines[2]
     assert "move reference point 1 by 100 mm in -x" in out
     assert "along: upper limit 1 -> 1.1 m" in out
-    assert "by itself none of these helps: tube.radius, " in out
+    assert (
+        "by itself none of these helps: radius of the tube as a whole (up to eleven times)" in out
+    )
     assert lines[-1].endswith("s; all changes were tried")
     (first,) = [line for line in lines if line.startswith("the first one: --set ")]
     given = first.removeprefix("the first one: --set ").strip("'")
-    assert given == "tube.points.1=[1.0, 0.0, 0.0]"
+    assert given == "robot.limits.position.along=[0.0, 1.1]"
     status, out, _ = run("plan", beyond, "--quality", "fast", "--set", given)
     assert status == 0
 
@@ -79,7 +81,9 @@ def test_json_has_what_plan_has_and_the_remedies(run, here, beyond):
     assert fields["room"] == []
     assert len(fields["remedies"]) == 3
     for remedy in fields["remedies"]:
-        assert set(remedy) == READ | {"changes", "cost", "too_little", "is_smallest"}
+        assert set(remedy) == READ | {
+            *("changes", "cost", "too_little", "too_little_text", "is_smallest"),
+        }
         assert remedy["certified"] is True
     assert "tube.radius" in fields["in_vain"]
 
@@ -218,11 +222,20 @@ def test_a_page_is_written_beside_the_answer(run, here, beyond, tmp_path):
     assert "move reference point 1 by 100 mm in -x" in page.read_text()
 
 
-def test_no_page_is_written_of_what_cannot_be_posed(run, here, tmp_path):
+def test_a_page_is_written_of_what_cannot_be_posed(run, here, tmp_path):
     page = tmp_path / "why.html"
-    path, wrong = gantry(tmp_path), "start.joints=[5, 0]"
+    path, wrong = gantry(tmp_path), "start.joints=[1.5, 0]"
     _, out, _ = run("explain", path, *ONE, "--set", wrong, "--html", page, "--json")
-    assert "was not written" in parsed(out)["notes"][0]
+    assert parsed(out)["notes"] == [f"page: {page}"]
+    assert parsed(out)["where"]["joint"] == "along"
+    assert "outside [0, 1]" in page.read_text()
+
+
+def test_no_page_is_written_of_a_tube_that_cannot_be_drawn(run, here, tmp_path):
+    page = tmp_path / "why.html"
+    path, wrong = gantry(tmp_path), "tube.radius=-0.1"
+    _, out, _ = run("explain", path, *ONE, "--set", wrong, "--html", page, "--json")
+    assert "was not written: the tube cannot be drawn" in parsed(out)["notes"][0]
     assert not page.exists()
 
 

@@ -16,7 +16,13 @@ from tubeplanner.refinement.sensitivities import Sensitivity
 PROBLEM = parse_problem(PLANAR)
 HERE = Place(segment=1)
 CLOSE = replace(
-    ROOM, after=0.5, duration=2.25, text="radius 30 -> 5 mm", too_much=0.004, is_exact=True
+    ROOM,
+    after=0.5,
+    duration=2.25,
+    text="radius 30 -> 5 mm",
+    too_much=0.004,
+    too_much_text="4 mm",
+    is_exact=True,
 )
 
 
@@ -51,17 +57,19 @@ def test_a_search_that_was_stopped_says_so(stopped_by, text):
 
 def test_a_remedy_has_its_size_and_what_is_not_enough():
     text = text_of(remedies=(REMEDY,))
-    assert cells(text, "wider") == ["wider", "2", "1.500 s", REMEDY.field, "0.29"]
+    assert cells(text, "wider") == ["wider", "0.29 rad", "2", "1.500 s", REMEDY.field]
     open_end = text_of(remedies=(replace(REMEDY, is_smallest=False),))
-    assert cells(open_end, "wider")[-1] == "0.29 (not narrowed)"
-    unknown = text_of(remedies=(replace(REMEDY, is_smallest=False, too_little=None),))
-    assert cells(unknown, "wider")[-1] == "(not narrowed)"
-    alone = text_of(remedies=(replace(REMEDY, too_little=None),))
-    assert cells(alone, "wider")[-1] == ""
+    assert cells(open_end, "wider")[1] == "0.29 rad (not narrowed)"
+    unknown = text_of(remedies=(replace(REMEDY, is_smallest=False, too_little_text=""),))
+    assert cells(unknown, "wider")[1] == "(not narrowed)"
+    alone = text_of(remedies=(replace(REMEDY, too_little_text=""),))
+    assert cells(alone, "wider")[1] == ""
 
 
-def test_what_helps_nothing_is_listed_by_its_path():
-    assert "\nby itself none of these helps: a, b.c\n" in text_of(in_vain=("a", "b.c"))
+def test_what_helps_nothing_is_listed():
+    assert "\nby itself none of these helps: clearance (down to 0); b.c\n" in text_of(
+        in_vain=("clearance", "b.c")
+    )
     assert "by itself" not in text_of()
 
 
@@ -89,6 +97,6 @@ def test_a_problem_with_an_answer_shows_what_limits_it_and_its_room():
     text = text_of(PlanStatus.SUCCESS, Place(), sensitivities=(dear, free), rooms=(CLOSE, ROOM))
     assert f"what limits it most; 10 % more would save:\n  {dear}\n" in text
     assert str(free) not in text
-    assert cells(text, "radius 30") == ["radius 30 -> 5 mm", "2.250 s", "0.004", ROOM.field]
-    assert cells(text, "not even so")[1:3] == ["", "[-.inf, 0.5] (not narrowed)"]
+    assert cells(text, "radius 30") == ["radius 30 -> 5 mm", "2.250 s", "4 mm", ROOM.field]
+    assert cells(text, "not even so")[1:3] == ["", "0.5 rad (not narrowed)"]
     assert "what limits" not in text_of(PlanStatus.SUCCESS, Place())

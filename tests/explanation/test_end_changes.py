@@ -1,5 +1,6 @@
 """Changes of start, goal and duration load and do what they say."""
 
+import numpy as np
 import pytest
 
 from asked_problems import POINTS, asked, made, the
@@ -26,7 +27,17 @@ def test_one_joint_of_the_start_is_turned(joints):
     assert change.propose(0.0123).after == [0.1, -1.2123]
     assert change.propose(0.0123).text == "start: -0.0123 rad on joint2"
     assert made(question, change, 0.0123).start.tolist() == [0.1, -1.2123]
-    assert len(changes) == 4
+    assert [each.field for each in changes] == ["start.joints"] * 4 + ["start"]
+
+
+def test_joints_that_are_given_may_be_left_to_inverse_kinematics():
+    question = around(HERE, goal={"joints": [0.5, -1.0]})
+    start, goal = (the(end_changes(question), end) for end in ("start", "goal"))
+    assert start.is_switch and goal.is_switch
+    assert start.propose(1).changes == {"start": {"seed": HERE}}
+    assert made(question, goal, 1).goal is None
+    beyond = asked({"start": {"joints": [0.1, 5.0]}})
+    assert the(end_changes(beyond), "start").propose(1).after["seed"][1] == pytest.approx(np.pi)
 
 
 def test_the_goal_is_turned_as_the_start_is():

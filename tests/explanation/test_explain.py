@@ -96,7 +96,9 @@ def test_the_smallest_change_for_its_scale_comes_first(near_the_post):
 
 def test_what_helps_nothing_is_said(near_the_post):
     in_vain = near_the_post[1].in_vain
-    assert set(in_vain) == {"start.joints", "tube.points.0", "tube.points.1", "tube.radius"}
+    assert set(in_vain) == {
+        *("start", "start.joints", "tube.points.0", "tube.points.1", "tube.radius"),
+    }
     assert not {remedy.field for remedy in near_the_post[1].remedies} & set(in_vain)
 
 
@@ -246,6 +248,9 @@ def test_the_radius_about_a_point_out_of_reach_is_found(tmp_path):
     assert radius.field == "tube.radius.0"
     require_known(0.01, radius.after, beyond)
     require_known(1.0, remedy_of(found, "along: upper limit").after[1], 1 + beyond - 0.01)
-    require_known(points[1], remedy_of(found, "point 1 by 10 mm in -x").after, [1.01, 0, 0])
+    (nearer,) = [
+        each for each in found.remedies if "point 1 by" in each.text and "in -x" in each.text
+    ]
+    require_known(points[1], nearer.after, [1.01, 0, 0])
     assert "tube.radius.1" in found.in_vain
     require_certified(path, radius)

@@ -4,6 +4,7 @@ import json
 
 from asked_problems import PLANAR, REMEDY, ROOM
 from tubeplanner import Explanation, parse_problem
+from tubeplanner.explanation.unposed import Unposed
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.plan_result import PlanResult
 
@@ -37,12 +38,14 @@ def test_a_change_that_helps_is_a_success():
 
 
 def test_what_cannot_be_posed_is_bad_input():
-    found = Explanation("name", None, None, "start is not there", stopped_by="time_limit")
+    unposed = Unposed("start is not there", PLACE, True, None, PROBLEM)
+    found = Explanation("name", None, None, unposed, stopped_by="time_limit")
     assert (found.status, found.message) == (PlanStatus.BAD_INPUT, "start is not there")
-    assert (found.place, found.succeeded) == (Place(), False)
+    assert (found.place, found.succeeded) == (PLACE, False)
+    assert (found.drawn, found.configuration) == (PROBLEM, None)
     fields = found.as_dict()
     assert (fields["status"], fields["stopped_by"]) == ("bad_input", "time_limit")
-    assert set(fields["where"].values()) == {None}
+    assert (fields["where"]["joint"], fields["proved"]) == ("joint2", True)
 
 
 def test_a_problem_with_an_answer_has_room():

@@ -52,3 +52,10 @@ def test_a_question_may_be_about_what_cannot_be_posed():
 def test_what_is_no_problem_is_refused(tmp_path, document, error, message):
     with pytest.raises(error, match=message):
         Question.of(PosedProblem(document, tmp_path, "asked"))
+
+
+@pytest.mark.parametrize(
+    ("position", "segment"), [([0.5, -0.3, 0], 0), ([0.3, 0.12, 0], 1), ([0.2, 0.9, 0.1], 2)]
+)
+def test_the_segment_near_a_point_is_found(position, segment):
+    assert asked().segment_near(np.array(position)) == segment

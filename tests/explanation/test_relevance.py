@@ -10,7 +10,10 @@ def change(field, kind, *about):
 
 
 def fields_of(changes, status, place):
-    return [[each.field for each in group] for group in in_order(changes, status, place)]
+    """Return the fields of the two groups about the place, of those elsewhere and of all else."""
+    tiers = in_order(changes, status, place)
+    assert [len(tier) for tier in tiers] == [2, 1, 1]
+    return [[each.field for each in group] for tier in tiers for group in tier]
 
 
 def test_the_likeliest_kinds_about_the_place_come_first():
@@ -27,7 +30,8 @@ def test_the_likeliest_kinds_about_the_place_come_first():
     ]
     place = Place(segment=2, obstacle="wall", links=("hand",))
     assert fields_of(changes, PlanStatus.TUBE_BLOCKED, place) == [
-        ["clearance", "wall", "radius 2", "radii", "sign", "point 3"],
+        ["clearance", "wall", "radii", "sign"],
+        ["radius 2", "point 3"],
         ["table", "radius 0"],
         ["effort"],
     ]
@@ -43,6 +47,7 @@ def test_a_joint_that_is_too_weak_comes_before_the_others():
     place = Place(joint="joint2", segment=0)
     assert fields_of(changes, PlanStatus.GRAVITY_EXCEEDS_EFFORT, place) == [
         ["joint2", "payload"],
+        [],
         ["joint1"],
         ["radius"],
     ]
@@ -51,8 +56,9 @@ def test_a_joint_that_is_too_weak_comes_before_the_others():
 def test_a_point_is_about_its_two_segments_too():
     changes = [change(f"radius {k}", "radius", f"segment {k}") for k in range(4)]
     changes += [change(f"point {k}", "point", f"point {k}") for k in range(4)]
-    there, elsewhere, others = fields_of(changes, PlanStatus.UNREACHABLE, Place(point=2))
-    assert there == ["radius 1", "radius 2", "point 2"]
+    there, then, elsewhere, others = fields_of(changes, PlanStatus.UNREACHABLE, Place(point=2))
+    assert there == ["radius 1", "radius 2"]
+    assert then == ["point 2"]
     assert elsewhere == ["radius 0", "radius 3", "point 0", "point 1", "point 3"]
     assert others == []
 
@@ -63,10 +69,10 @@ def test_what_links_are_near_is_about_the_place():
         change("pair", "clearance", "link hand", "obstacle post"),
     ]
     place = Place(links=("hand", "elbow"))
-    assert fields_of(changes, PlanStatus.TUBE_BLOCKED, place) == [["pair"], ["other pair"], []]
+    assert fields_of(changes, PlanStatus.TUBE_BLOCKED, place) == [["pair"], [], ["other pair"], []]
 
 
 def test_where_nothing_is_likelier_all_kinds_may_help():
     changes = [change("effort", "effort", "joint1"), change("radius", "radius", "segment 1")]
     found = fields_of(changes, PlanStatus.NO_TRAJECTORY, Place(segment=1))
-    assert found == [["radius"], ["effort"], []]
+    assert found == [["radius"], [], ["effort"], []]

@@ -14,10 +14,16 @@ from asked_problems import REMEDY, ROOM
             REMEDY,
             [
                 *("field", "from", "to", "unit", "certified", "duration", "text", "changes"),
-                *("cost", "too_little", "is_smallest"),
+                *("cost", "too_little", "too_little_text", "is_smallest"),
             ],
         ),
-        (ROOM, ["field", "from", "to", "unit", "duration", "text", "too_much", "is_exact"]),
+        (
+            ROOM,
+            [
+                *("field", "from", "to", "unit", "duration", "text"),
+                *("too_much", "too_much_text", "is_exact"),
+            ],
+        ),
     ],
 )
 def test_json_has_the_keys_that_are_read_and_no_infinity(found, keys):

@@ -13,7 +13,7 @@ EVERYWHERE = {"a": 0.4, "b": 0.03, "c": 30.0, "d": 5.0}
 def search_of(thresholds, groups, **stub):
     """Return a search and its trials; a group is a text of fields, each a letter."""
     trials = StubTrials(thresholds, **stub)
-    changes = [[simple_change(field) for field in each] for each in groups]
+    changes = [[[simple_change(field) for field in each]] for each in groups]
     return RemedySearch(trials, changes), trials
 
 
@@ -45,14 +45,16 @@ def test_the_least_likely_are_tried_only_if_nothing_else_helps():
 def test_what_helps_nowhere_is_tried_by_as_much_as_makes_sense():
     search, trials = search_of({}, ["ab", "", ""])
     search.run()
-    assert trials.asked == [("a", 1.0), ("b", 1.0), ("a", 100.0), ("b", 100.0)]
+    once = [("a", 1.0), ("b", 1.0), ("a", 100.0), ("b", 100.0)]
+    assert trials.asked == 2 * once
+    assert trials.thorough == once
     assert (search.remedies, search.in_vain) == ((), ("a", "b"))
 
 
 def test_a_field_that_helps_in_one_direction_is_not_in_vain():
     changes = [simple_change("a"), simple_change("a", most=0.5)]
     trials = StubTrials({"a": 0.9})
-    search = RemedySearch(trials, [changes, [], []])
+    search = RemedySearch(trials, [[changes], [[]], [[]]])
     search.run()
     assert [remedy.field for remedy in search.remedies] == ["a"]
     assert search.in_vain == ()
@@ -61,9 +63,10 @@ def test_a_field_that_helps_in_one_direction_is_not_in_vain():
 def test_a_switch_is_tried_once_and_has_no_size():
     switches = [simple_change(field, most=1.0, is_switch=True) for field in "ab"]
     trials = StubTrials({"b": 1.0})
-    search = RemedySearch(trials, [switches, [], []])
+    search = RemedySearch(trials, [[switches], [[]], [[]]])
     search.run()
     assert trials.asked == [("a", 1.0), ("b", 1.0)]
+    assert trials.thorough == []
     (remedy,) = search.remedies
     assert (remedy.text, remedy.too_little) == ("b to 1 would work", None)
     assert remedy.is_smallest
@@ -73,7 +76,38 @@ def test_a_switch_is_tried_once_and_has_no_size():
 def test_a_size_is_not_tried_twice():
     search, trials = search_of(EVERYWHERE, ["abc", "d", ""])
     search.run()
-    assert len(set(trials.asked)) == trials.count
+    quick = trials.count - len(trials.thorough)
+    assert len(set(trials.asked)) == quick
+    assert len(set(trials.thorough)) == len(trials.thorough)
+
+
+def test_only_where_a_bracket_ends_is_it_tried_thoroughly():
+    search, trials = search_of(EVERYWHERE, ["ab", "", ""])
+    search.run()
+    too_little = [(remedy.field, remedy.too_little) for remedy in search.remedies]
+    assert trials.thorough == too_little
+
+
+def test_what_helps_only_thoroughly_is_found_and_narrowed():
+    search, trials = search_of(EVERYWHERE, ["ab", "c", "d"], quick={"a": 0.8, "b": 0.03})
+    search.run()
+    found = {remedy.field: remedy for remedy in search.remedies}
+    for field, threshold in EVERYWHERE.items():
+        if field != "d":
+            assert found[field].too_little < threshold <= found[field].after
+            assert found[field].after <= CLOSE * found[field].too_little
+    assert ("a", found["a"].too_little) in trials.thorough
+
+
+def test_all_is_tried_thoroughly_if_nothing_helps_quickly():
+    never = dict.fromkeys("abcd", float("inf"))
+    search, trials = search_of({"a": 5.0}, ["ab", "c", "d"], quick=never)
+    search.run()
+    (remedy,) = search.remedies
+    assert remedy.field == "a"
+    assert 5.0 <= remedy.after <= 1.05 * 5.0
+    assert search.in_vain == ("b", "c", "d")
+    assert "d" not in {field for field, _ in trials.thorough}
 
 
 @pytest.mark.parametrize("stop", [TimeLimitReached, KeyboardInterrupt])
@@ -86,3 +120,10 @@ def test_what_was_found_is_kept_when_the_search_is_stopped(stop):
     assert all(remedy.after >= EVERYWHERE[remedy.field] for remedy in search.remedies)
     # It was not tried by as much as makes sense: nobody knows.
     assert search.in_vain == ()
+
+
+def test_of_two_groups_both_are_tried_by_their_scale_before_either_by_more():
+    tier = [[simple_change("a")], [simple_change("b")]]
+    trials = StubTrials({})
+    RemedySearch(trials, [tier, [[]], [[]]]).run()
+    assert trials.asked[:4] == [("a", 1.0), ("b", 1.0), ("a", 100.0), ("b", 100.0)]

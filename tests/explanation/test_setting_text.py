@@ -22,6 +22,7 @@ def test_a_value_is_read_again(value):
 
 
 def test_what_was_not_narrowed_says_so():
-    assert tried_text(None, True) == ""
-    assert tried_text(None, False) == "(not narrowed)"
-    assert tried_text([1, 2], False) == "[1, 2] (not narrowed)"
+    assert tried_text("", True) == ""
+    assert tried_text("3 mm", True) == "3 mm"
+    assert tried_text("", False) == "(not narrowed)"
+    assert tried_text("3 mm", False) == "3 mm (not narrowed)"

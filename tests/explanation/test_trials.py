@@ -54,7 +54,7 @@ def test_each_change_is_planned_with(workers):
     wide = [(simple_change(), size) for size in sizes]
     blocked = (simple_change("tube.points.1", propose=_far), 1.0)
     refused = (simple_change("start", propose=_unknown), 1.0)
-    found = dict(trials.of([*wide, blocked, refused]))
+    found = dict(trials.of([*wide, blocked, refused], True))
     assert sorted(found) == [0, 1, 2, 3]
     assert trials.count == 4
     for place, size in enumerate(sizes):
@@ -77,33 +77,40 @@ def _unknown(size):
 
 
 def test_plans_are_quick_and_of_the_shortest_motion(given_options):
-    list(trials_of(line(), limit=100.0, quality="best").of([with_effort(0.5)]))
+    list(trials_of(line(), limit=100.0, quality="best").of([with_effort(0.5)], True))
     (options,) = given_options
     assert (options.quality, options.slack) == ("fast", 0.0)
     assert 9.9 < options.time_limit <= 10.0
 
 
+@pytest.mark.parametrize("is_thorough", [True, False])
+def test_planning_goes_on_only_if_it_is_to_be_thorough(given_options, is_thorough):
+    (found,) = dict(trials_of(line()).of([with_effort(0.5)], is_thorough)).values()
+    assert given_options[0].persistent == is_thorough
+    assert found.is_thorough == is_thorough
+
+
 def test_the_slack_that_is_asked_stays(given_options):
-    list(trials_of(line(), slack=0.1).of([with_effort(0.5)]))
+    list(trials_of(line(), slack=0.1).of([with_effort(0.5)], True))
     assert given_options[0].slack == 0.1
 
 
 def test_short_searches_leave_each_plan_some_time(given_options):
-    list(trials_of(line(), limit=5.0).of([with_effort(0.5)]))
+    list(trials_of(line(), limit=5.0).of([with_effort(0.5)], True))
     assert given_options[0].time_limit == 2.0
 
 
 @pytest.mark.parametrize(("duration", "is_possible"), [(0.3, False), (1.0, True)])
 def test_a_duration_that_is_asked_counts(duration, is_possible):
     question = line(**{"objective.duration": duration})
-    (found,) = dict(trials_of(question).of([(simple_change(), 0.05)])).values()
+    (found,) = dict(trials_of(question).of([(simple_change(), 0.05)], True)).values()
     assert found.succeeded == is_possible
 
 
 def test_there_is_an_end_to_the_time():
     trials = trials_of(line(), limit=0.0)
     with pytest.raises(TimeLimitReached):
-        list(trials.of([with_effort(1.0)]))
+        list(trials.of([with_effort(1.0)], True))
     assert trials.count == 0
 
 
@@ -125,7 +132,7 @@ def test_the_search_ends_with_the_first_that_is_cut_short(monkeypatch):
     times = iter([0.0, 0.0, 1.0, 2000.0])
     monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=times.__next__))
     trials = trials_of(line())
-    asked_for = trials.of([with_effort(1.0), with_effort(0.9)])
+    asked_for = trials.of([with_effort(1.0), with_effort(0.9)], True)
     assert next(asked_for)[1].succeeded
     with pytest.raises(TimeLimitReached):
         next(asked_for)
@@ -136,4 +143,4 @@ def test_ctrl_c_while_it_is_planned_is_ctrl_c(monkeypatch):
     kept = SimpleNamespace(duration=1.0, succeeded=True, stopped_by="interrupt")
     monkeypatch.setattr(module, "plan_either", lambda problem, options: kept)
     with pytest.raises(KeyboardInterrupt):
-        list(trials_of(line()).of([with_effort(1.0)]))
+        list(trials_of(line()).of([with_effort(1.0)], True))

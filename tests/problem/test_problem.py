@@ -237,13 +237,14 @@ def test_segments_that_ask_the_same_of_the_joints_share_their_bounds():
         (
             {"joint2": [4, 5]},
             "tube.joint_signs: joint 'joint2' has no value left in segment 0: signs and position "
-            "limits [-3.14159, 3.14159] ask for >= 4 and <= 3.14159",
+            "limits [-3.14159, 3.14159] ask for >= 4 and <= 3.14159; proved: there is no motion",
         ),
         ([{}], "tube.joint_signs has 1 maps for 2 segments; give one, or one each"),
         (
             [{"joint2": [0, 1]}, {"joint2": [2, 3]}],
             "tube.joint_signs: joint 'joint2' has the range [0.0, 1.0] in segment 0 and [2.0, 3.0] "
-            "in segment 1, which do not meet",
+            "in segment 1, which do not meet; give ranges that share a value; proved: there is no "
+            "motion",
         ),
     ],
 )

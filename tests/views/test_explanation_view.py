@@ -37,8 +37,8 @@ def test_the_place_is_marked_and_what_helps_is_listed(tmp_path):
     panel = shown.panel["findings"]
     assert panel["reason"] == f"unreachable: {found.message}"
     assert [line["text"] for line in panel["lines"]] == [each.text for each in found.remedies]
-    assert panel["lines"][0]["setting"] == "--set 'tube.points.1=[1.0, 0.0, 0.0]'"
-    assert "tube.radius" in panel["more"][0]
+    assert panel["lines"][0]["setting"] == "--set 'robot.limits.position.along=[0.0, 1.1]'"
+    assert "radius of the tube as a whole" in panel["more"][0]
     assert Layer.BLOCKED in shown.scene.layers
 
 
@@ -83,8 +83,25 @@ def test_a_browser_shows_names_as_they_are(browser, tmp_path):
     assert [name for name in HOSTILE if name not in told.replace("\u200b", "")] == []
 
 
-def test_what_cannot_be_posed_cannot_be_drawn(tmp_path):
-    found = explained(gantry(tmp_path), {"start.joints": [5.0, 0.0]})
+def test_the_arm_stands_where_it_is_blocked(tmp_path):
+    found = explained(gantry(tmp_path, tube=BEYOND))
+    shown = view_explanation(found)
+    (standing,) = shown.scene.trajectories
+    assert standing.tool[0] == pytest.approx([1.0, 0.0, 0.0], abs=1e-3)
+    assert shown.panel["hint"].startswith("The arm 100 mm from where it must be; no trajectory")
+
+
+def test_what_cannot_be_posed_is_drawn_with_what_is_wrong(tmp_path):
+    found = explained(gantry(tmp_path, [POST]), {"start.joints": [1.5, 0.0]})
     assert found.problem is None
-    with pytest.raises(OptionError, match="cannot be posed"):
+    shown = view_explanation(found)
+    assert shown.scene.trajectories[0].tool[0] == pytest.approx([1.5, 0.0, 0.0])
+    assert {layer for layer, _ in red(shown.scene)} >= {Layer.BLOCKED}
+    assert {Layer.TUBE, Layer.OBSTACLES, Layer.ARM} <= set(shown.scene.layers)
+    assert shown.panel["findings"]["reason"].startswith("bad_input: start: joint 'along' at 1.5")
+
+
+def test_a_tube_that_contradicts_itself_cannot_be_drawn(tmp_path):
+    found = explained(gantry(tmp_path), {"tube.radius": -0.1})
+    with pytest.raises(OptionError, match="cannot be drawn"):
         view_explanation(found)

@@ -179,7 +179,7 @@ def end_configuration(
         place = Place(segment=problem.tube.segment_number(segment, target)).at(target)
         end = "start" if point == 0 else "goal"
         message = f"{end} from its seed: {reason}"
-        raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=1)
+        raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=1, configuration=solution.q)
     return solution.q
 
 
@@ -238,4 +238,5 @@ def _require_goal(problem: PlanningProblem, q: FloatArray, goal: FloatArray) -> 
         f"rad, the goal has it at {goal[worst]:.4f} rad: the goal lies on another branch; leave "
         "the goal out, or change the start or the joint signs",
         Place(joint=joint, segment=problem.tube.segment_number(segment, problem.tube.points[-1])),
+        configuration=q,
     )

@@ -184,7 +184,8 @@ class SegmentWalk:
             reason = (
                 f"no continuous branch: {jumps}; move the reference points or free the joint signs"
             )
-        raise Infeasible(PlanStatus.UNREACHABLE, f"{where}: {reason}", place)
+        message = f"{where}: {reason}"
+        raise Infeasible(PlanStatus.UNREACHABLE, message, place, configuration=q)
 
     def _could_go_on(self, share: float, q: FloatArray) -> bool:
         """Return whether a configuration could go on if any orientation were allowed."""
@@ -208,6 +209,7 @@ class SegmentWalk:
             f"joint signs on both sides of the switching time ask for [{self._end_lower[worst]:g}, "
             f"{self._end_upper[worst]:g}]; move the reference point or change the signs",
             place,
+            configuration=q,
         )
 
 

@@ -70,7 +70,7 @@ def main(arguments: Sequence[str]) -> int:
         error.show()
         return BAD_INPUT
     except TubePlannerError as error:
-        return fail("bad_input", str(error), as_json, BAD_INPUT)
+        return fail("bad_input", str(error), as_json, BAD_INPUT, **_known(error))
     except (KeyboardInterrupt, click.Abort):
         message = "interrupted before there was an answer"
         return fail("interrupted", message, as_json, INTERRUPTED)
@@ -82,6 +82,15 @@ def main(arguments: Sequence[str]) -> int:
         kind = type(error).__name__
         message = f"internal error, please report it with the problem file: {kind}: {error}"
         return fail("bad_input", message, as_json, BAD_INPUT)
+
+
+def _known(error: TubePlannerError) -> dict[str, Any]:
+    """Return the fields of JSON that are known of bad input."""
+    from tubeplanner.outcome import ContradictionError
+
+    if not isinstance(error, ContradictionError):
+        return {}
+    return {"where": error.place.as_dict(), "proved": error.proved}
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})

@@ -123,11 +123,11 @@ def shown_progress() -> Iterator[Callable[[object], None]]:
             yield enter
 
 
-def fail(status: str, message: str, as_json: bool, code: int) -> int:
-    """Report why a run ends without an answer; return its exit status."""
+def fail(status: str, message: str, as_json: bool, code: int, **known: Any) -> int:
+    """Report why a run ends without an answer, with other fields of JSON; return exit status."""
     message = printable(message)
     if as_json:
-        print_json(empty_report(status, message, nowhere()))
+        print_json({**empty_report(status, message, nowhere()), **known})
     else:
         hold_interrupts()
         print(f"tubeplanner: {message}", file=sys.stderr)

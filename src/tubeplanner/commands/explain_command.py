@@ -87,8 +87,8 @@ def _write_page(found: "Explanation", path: Path) -> list[str]:
     """Write the page; return what is to be said of it."""
     from tubeplanner.views.explanation_view import view_explanation
 
-    if found.problem is None:
-        return [f"{path} was not written: the problem cannot be posed, there is nothing to draw"]
+    if found.drawn is None:
+        return [f"{path} was not written: the tube cannot be drawn"]
     hold_interrupts()
     write_answer({path: view_explanation(found).html.encode()})
     return [f"page: {path}"]

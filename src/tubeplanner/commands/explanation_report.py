@@ -6,6 +6,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.commands.report import certificate_text, rendered
+from tubeplanner.explanation.in_vain_text import in_vain_text
 from tubeplanner.explanation.setting_text import setting_text, tried_text
 
 if TYPE_CHECKING:
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from tubeplanner.explanation.remedy import Remedy, Room
 
 _SENSITIVITIES_SHOWN = 10
+_SCALES = "the smallest first: the scale of a place is 0.1 m, of an angle 0.1 rad, else the value"
 
 
 def explanation_text(found: "Explanation", search_time: float) -> str:
@@ -48,7 +50,7 @@ def _remedy_lines(found: "Explanation") -> list[str]:
     else:
         lines = [_remedy_table(found.remedies), *_setting_lines(found.remedies[0])]
     if found.in_vain:
-        lines.append(f"by itself none of these helps: {', '.join(found.in_vain)}")
+        lines.append(f"by itself none of these helps: {in_vain_text(found.in_vain)}")
     return lines
 
 
@@ -58,19 +60,19 @@ def _remedy_table(remedies: "tuple[Remedy, ...]") -> str:
         title_justify="left",
     )
     table.add_column("change")
+    table.add_column("not enough")
     table.add_column("of its scale", justify="right")
     table.add_column("duration", justify="right")
     table.add_column("field")
-    table.add_column("not enough")
     for remedy in remedies:
         table.add_row(
             escape(remedy.text),
+            escape(tried_text(remedy.too_little_text, remedy.is_smallest)),
             f"{remedy.cost:.2g}",
             f"{remedy.duration:.3f} s",
             escape(remedy.field),
-            escape(tried_text(remedy.too_little, remedy.is_smallest)),
         )
-    return rendered(table)
+    return f"{rendered(table)}\n{_SCALES}"
 
 
 def _setting_lines(remedy: "Remedy") -> list[str]:
@@ -104,7 +106,7 @@ def _room_table(rooms: "tuple[Room, ...]") -> str:
         table.add_row(
             escape(room.text),
             "" if room.duration is None else f"{room.duration:.3f} s",
-            escape(tried_text(room.too_much, room.is_exact)),
+            escape(tried_text(room.too_much_text, room.is_exact)),
             escape(room.field),
         )
     return rendered(table)

@@ -37,4 +37,5 @@ def effort_refusal(
         f"{needed - limit:.3g} {unit} more (robot.limits.effort.{name})",
         Place(joint=name).at(at.tool_pose[1][sample]),
         proved=proved,
+        configuration=at.position[sample],
     )

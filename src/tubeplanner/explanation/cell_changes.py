@@ -68,7 +68,7 @@ def _moved(
     frame = " of the tool frame" if kind == "attached" else ""
     what = "attached solid" if kind == "attached" else kind
     text = f"move {what} '{solid}' by {figures(size, 'm')} {name}{frame}"
-    return Proposal({path: after}, after, text)
+    return Proposal({path: after}, after, text, figures(size, "m"))
 
 
 def clearance_changes(question: Question, way: int) -> Iterator[Change]:
@@ -84,6 +84,7 @@ def clearance_changes(question: Question, way: int) -> Iterator[Change]:
                 most=_FARTHEST if way > 0 else before,
                 propose=partial(_clearance, path, name, before, way),
                 about=about,
+                is_loss=way < 0,
             )
 
 
@@ -107,4 +108,5 @@ def _clearances(question: Question) -> Iterator[tuple[str, str, float, frozenset
 def _clearance(path: str, name: str, before: float, way: int, size: float) -> Proposal:
     after = max(exact(before + way * size), 0.0)  # sizes are rounded
     changes: Mapping[str, Any] = {path: after}
-    return Proposal(changes, after, f"{name} {from_to(before, after, 'm')}")
+    text = f"{name} {from_to(before, after, 'm')}"
+    return Proposal(changes, after, text, figures(after, "m"))

@@ -18,11 +18,13 @@ class Proposal:
         changes: Values by field path, as `load_problem` takes them.
         after: The quantity then, as JSON values.
         text: The change, as one tells it to somebody.
+        brief: Its size, or the value then, where the rest is known; empty: it has none.
     """
 
     changes: Mapping[str, Any]
     after: Any
     text: str
+    brief: str = ""
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ class Change:
         propose: From a size, up to the largest: the change by it.
         about: Names of what it concerns: "segment 3", a joint, an obstacle.
         is_switch: Whether it is made or not, and has no size but 1.
+        is_loss: Whether sizes are taken off the quantity: then what is left counts as well.
     """
 
     kind: str
@@ -50,6 +53,7 @@ class Change:
     propose: Callable[[float], Proposal]
     about: frozenset[str] = frozenset()
     is_switch: bool = False
+    is_loss: bool = False
 
     def __repr__(self) -> str:
         return f"<Change of {self.field}, up to {self.most:g} {self.unit}>"

@@ -1,7 +1,9 @@
 """Changes of where the motion begins and ends, and of how long it may take."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
+from typing import Any
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
@@ -17,6 +19,7 @@ def end_changes(question: Question) -> Iterator[Change]:
     """Yield the changes of single joints at start and goal, and of a duration that is asked."""
     for end in ("start", "goal"):
         yield from _joints(question, end)
+    yield from _open_ends(question)
     yield from _goal_tolerance(question)
     yield from _duration(question)
 
@@ -51,7 +54,30 @@ def _turned(
     after[k] = exact(after[k] + way * size)
     sign = "" if way > 0 else "-"
     text = f"{end}: {sign}{figures(size, unit)} on {joint}"
-    return Proposal({f"{end}.joints": after}, after, text)
+    return Proposal({f"{end}.joints": after}, after, text, figures(size, unit))
+
+
+def _open_ends(question: Question) -> Iterator[Change]:
+    """Yield the changes that leave to inverse kinematics what is given in joints."""
+    start, goal = question.fields.start.joints, question.fields.goal
+    if start is not None:
+        with suppress(ProblemError):
+            q = question.robot.limits.clip(configuration_of(question.robot, "start", start))
+            made = Proposal(
+                {"start": {"seed": q.tolist()}},
+                {"seed": q.tolist()},
+                "start: inverse kinematics of reference point 0, from the joints given as a seed,",
+            )
+            yield _switch("start", question.posed.document["start"], made)
+    if goal is not None and goal.joints is not None:
+        left_out = Proposal({"goal": None}, None, "goal: left out, its configuration open,")
+        yield _switch("goal", question.posed.document["goal"], left_out)
+
+
+def _switch(end: str, before: Any, made: Proposal) -> Change:
+    return Change(
+        *(end, end, before, "", 1.0, 1.0, lambda size: made), about=frozenset(), is_switch=True
+    )
 
 
 def _goal_tolerance(question: Question) -> Iterator[Change]:
@@ -62,9 +88,8 @@ def _goal_tolerance(question: Question) -> Iterator[Change]:
 
     def wider(size: float) -> Proposal:
         after = exact(before + size)
-        return Proposal(
-            {"goal.tolerance": after}, after, f"goal.tolerance {from_to(before, after, 'm')}"
-        )
+        text = f"goal.tolerance {from_to(before, after, 'm')}"
+        return Proposal({"goal.tolerance": after}, after, text, figures(after, "m"))
 
     yield Change(
         *("goal", "goal.tolerance", before, "m", before or _TENTH, _FARTHEST, wider),
@@ -81,7 +106,7 @@ def _duration(question: Question) -> Iterator[Change]:
     def longer(size: float) -> Proposal:
         after = exact(before + size)
         text = f"objective.duration {from_to(before, after, 's')}"
-        return Proposal({"objective.duration": after}, after, text)
+        return Proposal({"objective.duration": after}, after, text, figures(after, "s"))
 
     path = "objective.duration"
     yield Change("duration", path, before, "s", before, 100 * before, longer)

@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tubeplanner.arguments import given_options, require_executor
 from tubeplanner.errors import ProblemError
 from tubeplanner.explanation.cell_changes import cell_changes
@@ -19,8 +21,10 @@ from tubeplanner.explanation.remedy_search import RemedySearch
 from tubeplanner.explanation.room_search import RoomSearch, worsening_changes
 from tubeplanner.explanation.trials import Trials
 from tubeplanner.explanation.tube_changes import tube_changes
+from tubeplanner.explanation.unposed import Unposed
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.options import require_between
+from tubeplanner.outcome import Place
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.planner import plan
 from tubeplanner.progress import PlanningClock, ProgressCallback, StoppedBy, until_stopped
@@ -75,8 +79,7 @@ def explain(
     try:
         loaded = question.load()
     except ProblemError as error:
-        refused = str(error).removeprefix(f"{posed.name}: ")
-        known = Explanation(posed.name, None, None, refused)
+        known = Explanation(posed.name, None, None, Unposed.of(question, error))
     else:
         known = Explanation(posed.name, loaded, plan(loaded, first, progress), None)
     if known.result is not None and known.result.stopped_by == "interrupt":
@@ -86,8 +89,8 @@ def explain(
 
 
 def _with_remedies(known: Explanation, question: Question, trials: Trials) -> Explanation:
-    groups = in_order(_changes(question), known.status, known.place)
-    search = RemedySearch(trials, groups)
+    tiers = in_order(_changes(question), known.status, _with_segment(known.place, question))
+    search = RemedySearch(trials, tiers)
     stopped_by = _run(search)
     return replace(
         known,
@@ -96,6 +99,13 @@ def _with_remedies(known: Explanation, question: Question, trials: Trials) -> Ex
         tried=trials.count,
         stopped_by=stopped_by,
     )
+
+
+def _with_segment(place: Place, question: Question) -> Place:
+    """Return a place with the segment that the tool is nearest to, if it is known where that is."""
+    if place.position is None or place.segment is not None:
+        return place
+    return replace(place, segment=question.segment_near(np.array(place.position)))
 
 
 def _with_room(known: Explanation, question: Question, trials: Trials) -> Explanation:

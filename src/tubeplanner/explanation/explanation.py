@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.explanation.remedy import Remedy, Room
+from tubeplanner.explanation.unposed import Unposed
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.problem.problem import PlanningProblem
@@ -19,7 +21,7 @@ class Explanation:
         name: Of the problem.
         problem: The problem; None if it cannot be posed.
         result: Of planning it; None if it cannot be posed.
-        refused: Why it cannot be posed; None if it can.
+        unposed: Why it cannot be posed, and what can be drawn of it; None if it can.
         remedies: Single changes with which it was planned, the smallest for its scale first; empty
             if the problem itself was.
         in_vain: Paths of what was changed, as far as makes sense, and helps nothing.
@@ -31,7 +33,7 @@ class Explanation:
     name: str
     problem: PlanningProblem | None
     result: PlanResult | None
-    refused: str | None
+    unposed: Unposed | None
     remedies: tuple[Remedy, ...] = ()
     in_vain: tuple[str, ...] = ()
     rooms: tuple[Room, ...] = ()
@@ -58,18 +60,33 @@ class Explanation:
     @property
     def message(self) -> str:
         """How planning it ended, or why it cannot be posed, in one sentence."""
-        return self.refused or "" if self.result is None else self.result.message
+        known = self.result or self.unposed
+        return "" if known is None else known.message
 
     @property
     def place(self) -> Place:
         """Where, if there is no answer."""
-        return Place() if self.result is None else self.result.place
+        known = self.result or self.unposed
+        return Place() if known is None else known.place
+
+    @property
+    def configuration(self) -> FloatArray | None:
+        """Of the arm there, shape (n,) [rad or m]; None if it is not known."""
+        known = self.result or self.unposed
+        return None if known is None else known.configuration
+
+    @property
+    def drawn(self) -> PlanningProblem | None:
+        """What can be drawn: the problem, or what is left of one that cannot be posed."""
+        return self.problem if self.unposed is None else self.unposed.drawn
 
     def as_dict(self) -> dict[str, Any]:
         """Return what was found out as JSON values, beside the fields of the plan's own JSON."""
         planned = {} if self.result is None else self.result.as_dict()
+        proved = {} if self.unposed is None else {"proved": self.unposed.proved}
         return {
             **planned,
+            **proved,
             "status": str(self.status),
             "message": self.message,
             "where": self.place.as_dict(),

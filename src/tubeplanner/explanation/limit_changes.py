@@ -39,6 +39,7 @@ def effort_changes(question: Question, way: int) -> Iterator[Change]:
             most=_MOST_TIMES * before if way > 0 else 0.99 * before,
             propose=partial(_effort, question, joint, before, given, way),
             about=frozenset({joint}),
+            is_loss=way < 0,
         )
 
 
@@ -56,7 +57,8 @@ def _effort(
         text = f"{joint}: {figures(size, unit)} more ({from_to(before, after, unit)})"
     else:
         text = f"{joint}: {from_to(before, after, unit)}"
-    return Proposal(_limit_of(question, "effort", joint, value), after, text)
+    changes = _limit_of(question, "effort", joint, value)
+    return Proposal(changes, after, text, figures(after, unit))
 
 
 def _scaled_effort(given: Any, factor: float) -> Any:
@@ -122,7 +124,8 @@ def _range(
     which = ("lower", "upper")[end]
     unit = _position_unit(question, joint)
     text = f"{joint}: {which} limit {from_to(both[end], after[end], unit)}"
-    return Proposal(_limit_of(question, "position", joint, after), after, text)
+    changes = _limit_of(question, "position", joint, after)
+    return Proposal(changes, after, text, figures(after[end], unit))
 
 
 def payload_changes(question: Question, way: int) -> Iterator[Change]:
@@ -135,7 +138,10 @@ def payload_changes(question: Question, way: int) -> Iterator[Change]:
     def carried(size: float) -> Proposal:
         after = exact(before + way * size)
         changes = {"robot.payload.mass": after}
-        return Proposal(changes, after, f"payload at most {figures(after, 'kg')}")
+        brief = figures(after, "kg")
+        return Proposal(changes, after, f"payload at most {brief}", brief)
 
     most = _MOST_TIMES * before if way > 0 else 0.999 * before
-    yield Change("payload", "robot.payload.mass", before, "kg", before, most, carried)
+    yield Change(
+        *("payload", "robot.payload.mass", before, "kg", before, most, carried), is_loss=way < 0
+    )

@@ -67,6 +67,14 @@ class Question:
         """Number m of segments."""
         return len(self.points) - 1
 
+    def segment_near(self, position: FloatArray) -> int:
+        """Return the segment whose line is nearest to a point (3,) [m]."""
+        begin, along = self.points[:-1], np.diff(self.points, axis=0)
+        square = np.maximum(np.einsum("mi,mi->m", along, along), np.finfo(float).tiny)
+        share = np.einsum("mi,mi->m", position - begin, along) / square
+        nearest = begin + np.clip(share, 0, 1)[:, None] * along
+        return int(np.linalg.norm(position - nearest, axis=1).argmin())
+
     def per_segment(self, given: Any) -> list[Any]:
         """Return what is given once or for each segment as a list of m."""
         return list(given) if isinstance(given, list | tuple) else [given] * self.segment_count

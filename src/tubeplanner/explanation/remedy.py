@@ -22,6 +22,7 @@ class Remedy:
         changes: Values by field path that make it, as `load_problem` takes them.
         cost: The change over its scale: the value itself, 0.1 m or 0.1 rad.
         too_little: The largest value that was tried and not enough; None: none was.
+        too_little_text: The same in words; empty: none was.
         is_smallest: Whether that is within 5 % of the change.
     """
 
@@ -34,6 +35,7 @@ class Remedy:
     changes: Mapping[str, Any]
     cost: float
     too_little: Any
+    too_little_text: str
     is_smallest: bool
 
     __repr__ = short_repr
@@ -58,6 +60,7 @@ class Room:
         duration: Of that motion [s]; None without one.
         text: The room in words.
         too_much: The mildest value with which none was found; None: all that was tried is possible.
+        too_much_text: The same in words; empty: all is.
         is_exact: Whether that is within 5 % of the change.
     """
 
@@ -68,6 +71,7 @@ class Room:
     duration: float | None
     text: str
     too_much: Any
+    too_much_text: str
     is_exact: bool
 
     __repr__ = short_repr

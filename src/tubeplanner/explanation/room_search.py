@@ -7,7 +7,7 @@ from tubeplanner.explanation.change import Change
 from tubeplanner.explanation.limit_changes import effort_changes, payload_changes
 from tubeplanner.explanation.question import Question
 from tubeplanner.explanation.remedy import Room
-from tubeplanner.explanation.size_bracket import SizeBracket, try_sizes
+from tubeplanner.explanation.size_bracket import SizeBracket, open_sizes, try_sizes
 from tubeplanner.explanation.trials import Trials
 from tubeplanner.explanation.tube_changes import radius_changes
 
@@ -30,14 +30,15 @@ class RoomSearch:
         self._brackets = [SizeBracket(change, helps=False) for change in changes]
 
     def run(self) -> None:
-        """Narrow the brackets of all changes in turns.
+        """Narrow the brackets of all changes in turns, quickly, then look where that ends.
 
         Raises:
             TimeLimitReached: There is no time left.
             KeyboardInterrupt: Ctrl-C.
         """
-        while open_ones := [bracket for bracket in self._brackets if not bracket.is_done]:
-            try_sizes(self._trials, [(bracket, bracket.next_size) for bracket in open_ones])
+        for is_thorough in (False, True):
+            while sizes := open_sizes(self._brackets, is_thorough):
+                try_sizes(self._trials, sizes, is_thorough)
 
     @property
     def rooms(self) -> tuple[Room, ...]:
@@ -61,5 +62,6 @@ def _room(bracket: SizeBracket) -> Room:
         duration=None if good is None else good.duration,
         text=text,
         too_much=None if bad is None else bad.proposal.after,
+        too_much_text="" if bad is None else bad.proposal.brief,
         is_exact=bracket.is_done,
     )

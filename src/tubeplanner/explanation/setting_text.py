@@ -25,12 +25,11 @@ def value_text(value: Any) -> str:
     return json.dumps(value)
 
 
-def tried_text(value: Any, is_close: bool) -> str:
+def tried_text(value: str, is_close: bool) -> str:
     """Return the nearest value on the other side; whether it is not as near as is asked.
 
     Args:
-        value: Of a field; None: none was tried.
+        value: In words; empty: none was tried.
         is_close: Whether it is as near as is asked.
     """
-    shown = "" if value is None else value_text(value)
-    return shown if is_close else f"{shown} (not narrowed)".lstrip()
+    return value if is_close else f"{value} (not narrowed)".lstrip()

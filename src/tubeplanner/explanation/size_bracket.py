@@ -2,17 +2,22 @@
 
 What is possible is taken to stay possible as a remedy grows, and the impossible to stay impossible
 as a change for the worse does.
+
+Most of the time goes into plans that find nothing. So sizes are tried quickly at first, and only
+those in vain that a bracket ends at once more, thoroughly.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from tubeplanner.explanation.change import Change, rounded
 from tubeplanner.explanation.trials import Trial, Trials
 
-CLOSE = 1.05  # the ratio of sizes at which the search ends
-_STEP = 10.0  # where one of the sizes is not known
+CLOSE = 1.05  # the ratio at which the search ends, of sizes and of what they leave
+# Where one of the sizes is not known. What is found is found quickly: so steps down are smaller.
+_STEP_UP, _STEP_DOWN = 10.0, 10.0**0.5
 _SMALLEST = 1e-3  # of the scale: below that nobody asks
+_LEAST_LEFT = 2e-3  # of a quantity that sizes are taken off: likewise
 
 
 @dataclass
@@ -46,7 +51,13 @@ class SizeBracket:
         """Whether nothing is left to be found out."""
         if self.smaller is None or self.larger is None:
             return False
-        return self.larger.size <= CLOSE * self.smaller.size
+        smaller, larger = self.smaller.size, self.larger.size
+        if larger > CLOSE * smaller:
+            return False
+        if not self.change.is_loss or _middle(smaller, larger) in (smaller, larger):
+            return True
+        left = self.change.scale - larger
+        return larger - smaller <= max((CLOSE - 1) * left, _LEAST_LEFT * self.change.scale)
 
     @property
     def is_done(self) -> bool:
@@ -64,11 +75,27 @@ class SizeBracket:
         return float("inf") if self.larger is None else self.larger.size / self.change.scale
 
     def keep(self, trial: Trial) -> None:
-        """Keep what a trial shows."""
+        """Keep what a trial shows: it counts more than what was seen of its size before."""
         if trial.succeeded == self.helps:
             self.larger = trial
-        else:
+            if self.smaller is not None and self.smaller.size >= trial.size:
+                self.smaller = None
+            return
+        if self.smaller is None or self.smaller.size <= trial.size:
             self.smaller = trial
+        if self.larger is not None and self.larger.size <= trial.size:
+            self.larger = None
+
+    def open_size(self, is_thorough: bool) -> float | None:
+        """Return the size to try next; None: there is none.
+
+        Args:
+            is_thorough: Whether what was tried in vain quickly is tried once more.
+        """
+        if not self.is_done:
+            return self.next_size
+        vain = self.impossible
+        return vain.size if is_thorough and vain is not None and not vain.is_thorough else None
 
     @property
     def next_size(self) -> float:
@@ -78,18 +105,38 @@ class SizeBracket:
             return rounded(min(self.change.scale / 3, most))
         if self.smaller is None:
             assert self.larger is not None
-            return rounded(self.larger.size / _STEP)
+            return rounded(self.larger.size / _STEP_DOWN)
         if self.larger is None:
-            return rounded(min(self.smaller.size * _STEP, most))
-        return rounded((self.smaller.size * self.larger.size) ** 0.5)
+            return rounded(min(self.smaller.size * _STEP_UP, most))
+        return _middle(self.smaller.size, self.larger.size)
 
 
-def try_sizes(trials: Trials, asked: Sequence[tuple[SizeBracket, float]]) -> None:
+def _middle(smaller: float, larger: float) -> float:
+    return rounded((smaller * larger) ** 0.5)
+
+
+def open_sizes(
+    brackets: Iterable[SizeBracket], is_thorough: bool
+) -> list[tuple[SizeBracket, float]]:
+    """Return the brackets of which something is to be tried next, and by which size."""
+    sizes = [(bracket, bracket.open_size(is_thorough)) for bracket in brackets]
+    return [(bracket, size) for bracket, size in sizes if size is not None]
+
+
+def try_sizes(
+    trials: Trials, asked: Sequence[tuple[SizeBracket, float]], is_thorough: bool
+) -> None:
     """Try the changes of brackets by sizes; each bracket keeps what that shows, once it is known.
+
+    Args:
+        trials: What plans.
+        asked: The brackets, and a size for each.
+        is_thorough: Whether planning goes on where its first start leads nowhere.
 
     Raises:
         TimeLimitReached: There is no time left.
         KeyboardInterrupt: Ctrl-C.
     """
-    for place, trial in trials.of([(bracket.change, size) for bracket, size in asked]):
+    sizes = [(bracket.change, size) for bracket, size in asked]
+    for place, trial in trials.of(sizes, is_thorough):
         asked[place][0].keep(trial)

@@ -27,11 +27,13 @@ class Trial:
         size: Of the change.
         proposal: The change by that size.
         duration: Of the certified motion [s]; None if none was found.
+        is_thorough: Whether all was done to find one.
     """
 
     size: float
     proposal: Proposal
     duration: float | None
+    is_thorough: bool = True
 
     @property
     def succeeded(self) -> bool:
@@ -70,10 +72,16 @@ class Trials:
         self._options = replace(options, quality="fast", time_limit=longest)
         self.count = 0
 
-    def of(self, asked: Sequence[tuple[Change, float]]) -> Iterator[tuple[int, Trial]]:
+    def of(
+        self, asked: Sequence[tuple[Change, float]], is_thorough: bool
+    ) -> Iterator[tuple[int, Trial]]:
         """Yield what comes of changes by sizes, as it comes, with the place among those asked.
 
         What cannot be posed with a change is no success.
+
+        Args:
+            asked: Changes and sizes.
+            is_thorough: Whether planning goes on where its first start leads nowhere.
 
         Raises:
             TimeLimitReached: There is no time left.
@@ -83,7 +91,8 @@ class Trials:
         proposals = [change.propose(size) for change, size in asked]
         posed = (self._question.posed.changed(each.changes) for each in proposals)
         until = time.monotonic() + self._clock.remaining
-        calls = (Asked(problem, self._options, until) for problem in posed)
+        options = replace(self._options, persistent=is_thorough)
+        calls = (Asked(problem, options, until) for problem in posed)
         for done in run_many(planned, calls, self._executor):
             proposal = proposals[done.index]
             self._clock.announce(Progress(f"tried: {proposal.text}"))
@@ -91,7 +100,7 @@ class Trials:
             if answer.is_cut_short:
                 raise TimeLimitReached
             self.count += 1
-            yield done.index, Trial(asked[done.index][1], proposal, answer.duration)
+            yield done.index, Trial(asked[done.index][1], proposal, answer.duration, is_thorough)
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,7 @@ def radius_changes(question: Question, way: int) -> Iterator[Change]:
                 most=_MOST_TIMES * radius if way > 0 else 0.99 * radius,
                 propose=partial(_radius, question, radii, segment, way),
                 about=frozenset({f"segment {segment}"}),
+                is_loss=way < 0,
             )
 
 
@@ -58,7 +59,8 @@ def _all_radii_by(question: Question, radii: Sequence[float | None], share: floa
     factor = exact(1 + share)
     wider = [None if radius is None else exact(factor * radius) for radius in radii]
     changes = _radii_given(question, wider)
-    return Proposal(changes, changes["tube.radius"], f"all radii times {figures(factor)}")
+    brief = f"times {figures(factor)}"
+    return Proposal(changes, changes["tube.radius"], f"all radii {brief}", brief)
 
 
 def _radius_path(question: Question, segment: int) -> str:
@@ -74,7 +76,7 @@ def _radius(
     after = exact(before + way * size)
     given = [after if k == segment else radius for k, radius in enumerate(radii)]
     text = f"segment {segment}: {from_to(before, after, 'm')}"
-    return Proposal(_radii_given(question, given), after, text)
+    return Proposal(_radii_given(question, given), after, text, figures(after, "m"))
 
 
 def _radii_given(question: Question, radii: Sequence[float | None]) -> dict[str, Any]:
@@ -113,7 +115,9 @@ def _box(boxes: Sequence[Any], segment: int, size: float) -> Proposal:
     after = [exact(side + size * side / min(before)) for side in before]
     given = [box if k != segment else {**box, "box": after} for k, box in enumerate(boxes)]
     sides = " by ".join(from_to(*pair, "m") for pair in zip(before, after, strict=True))
-    return Proposal({"tube.cross_section": given}, after, f"box of segment {segment}: {sides}")
+    brief = " by ".join(figures(side, "m") for side in after)
+    text = f"box of segment {segment}: {sides}"
+    return Proposal({"tube.cross_section": given}, after, text, brief)
 
 
 def _rotation_tolerances(question: Question) -> Iterator[Change]:
@@ -154,7 +158,7 @@ def _rotation(bounds: Sequence[Any], segment: int, before: float, size: float) -
         for k, each in enumerate(bounds)
     ]
     text = f"rotation tolerance of segment {segment}: {from_to(before, after, 'rad')}"
-    return Proposal({"tube.rotation_tolerance": given}, after, text)
+    return Proposal({"tube.rotation_tolerance": given}, after, text, figures(after, "rad"))
 
 
 def _tool_radius(question: Question) -> Iterator[Change]:
@@ -165,9 +169,10 @@ def _tool_radius(question: Question) -> Iterator[Change]:
         def smaller(size: float) -> Proposal:
             after = max(exact(before - size), 0.0)  # sizes are rounded
             text = f"tool_radius {from_to(before, after, 'm')}"
-            return Proposal({"tube.tool_radius": after}, after, text)
+            return Proposal({"tube.tool_radius": after}, after, text, figures(after, "m"))
 
-        yield Change("radius", "tube.tool_radius", before, "m", before, before, smaller)
+        field = "tube.tool_radius"
+        yield Change("radius", field, before, "m", before, before, smaller, is_loss=True)
 
 
 def _points(question: Question) -> Iterator[Change]:
@@ -196,7 +201,7 @@ def _points(question: Question) -> Iterator[Change]:
 def _moved_point(k: int, point: FloatArray, name: str, way: FloatArray, size: float) -> Proposal:
     after = along(point, way, size)
     text = f"move reference point {k} by {figures(size, 'm')} {name}"
-    return Proposal({f"tube.points.{k}": after}, after, text)
+    return Proposal({f"tube.points.{k}": after}, after, text, figures(size, "m"))
 
 
 def _signs(question: Question) -> Iterator[Change]:

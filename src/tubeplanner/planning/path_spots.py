@@ -1,11 +1,12 @@
 """Places on the reference path at which one asks what keeps the arm from them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.outcome import Place
+from tubeplanner.planning.proved_reach import largest_distances
 from tubeplanner.problem.problem import PlanningProblem
 
 _MOST_SEGMENTS = 8
@@ -36,7 +37,7 @@ class Spot:
     is_goal: bool = False
 
 
-def path_spots(problem: PlanningProblem, end: Place) -> list[Spot]:
+def path_spots(problem: PlanningProblem, end: Place, is_wide: bool = False) -> list[Spot]:
     """Return places at which the arm must have a configuration.
 
     Reference points but the first, the goal if it is open, then places between; of a long path only
@@ -45,7 +46,25 @@ def path_spots(problem: PlanningProblem, end: Place) -> list[Spot]:
     Args:
         problem: The planning problem.
         end: Where the branch ended, if that is known.
+        is_wide: Whether the tool may be wherever the tube lets it pass the place, not only near it.
     """
+    spots = _path_spots(problem, end)
+    if not is_wide:
+        return spots
+    return [replace(spot, allowed=_widest(problem, spot)) for spot in spots]
+
+
+def _widest(problem: PlanningProblem, spot: Spot) -> float:
+    """Return how far from a place the tool may pass it [m]."""
+    if spot.is_goal:
+        return spot.allowed
+    first, tube = spot.segments[0], problem.tube
+    is_corner = len(spot.segments) > 1
+    return float(largest_distances(tube)[first] if is_corner else tube.effective_radius[first])
+
+
+def _path_spots(problem: PlanningProblem, end: Place) -> list[Spot]:
+    """Return the places; near them a branch may miss them a little."""
     segments = _segments(problem, end)
     last = problem.tube.segment_count - 1
     points = [_corner(problem, k) for k in segments if k < last]

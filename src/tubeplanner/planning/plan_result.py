@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.constraints.trajectory_peaks import (
     TrajectoryPeaks,
     peaks_as_dict,
@@ -55,6 +56,7 @@ class PlanResult:
             planning was stopped.
         starts_tried: From how many configurations or branches one was looked for in vain; None
             unless `proved` is False.
+        configuration: Of the arm at the place, shape (n,) [rad or m]; None if it is not known.
         method: The method that found the answer: one of `METHODS`.
         trajectory: The answer; None unless successful.
         certificate: Of the answer, or of the best attempt; None if there was none.
@@ -94,6 +96,7 @@ class PlanResult:
     survival: Survival | None = None
     proved: bool | None = None
     starts_tried: int | None = None
+    configuration: FloatArray | None = None
     _path_minimum: Callable[[], float | None] = _no_trajectory
     _peaks: Callable[[], TrajectoryPeaks | None] = _no_trajectory
 
@@ -160,7 +163,13 @@ def refused_result(reason: Infeasible, method: str) -> PlanResult:
     """Return the result that there is no answer, for a reason."""
     starts = None if reason.proved else reason.starts
     return PlanResult(
-        reason.status, str(reason), reason.place, method, proved=reason.proved, starts_tried=starts
+        reason.status,
+        str(reason),
+        reason.place,
+        method,
+        proved=reason.proved,
+        starts_tried=starts,
+        configuration=reason.configuration,
     )
 
 
@@ -192,7 +201,7 @@ def judged_result(
     """Return the result of a method whose trajectory has its certificate, passed or not."""
     reason = refusal(problem, certificate)
     if reason is not None:
-        refused = refused_result(reason, method)
+        refused = refused_result(_with_arm(problem, trajectory, reason), method)
         return replace(refused, certificate=certificate, certificate_time=certificate_time)
     return PlanResult(
         PlanStatus.SUCCESS,
@@ -206,6 +215,16 @@ def judged_result(
         _path_minimum=partial(path_minimum, problem, trajectory),
         _peaks=partial(trajectory_peaks, problem.robot, trajectory),
     )
+
+
+def _with_arm(
+    problem: PlanningProblem, trajectory: JointTrajectory, reason: Infeasible
+) -> Infeasible:
+    """Return why a trajectory is refused, with where arm and tool are then."""
+    if reason.place.time is not None:
+        reason.configuration = trajectory.position(reason.place.time)
+        reason.place = reason.place.at(problem.robot.tool_position(reason.configuration[None])[0])
+    return reason
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from tubeplanner.branches.configured_ends import configured_ends
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.errors import OptionError
 from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.planning.blocked_spot import surely_blocked_spot
 from tubeplanner.planning.continued_plan import continued_plan
 from tubeplanner.planning.followed_plan import followed_plan
 from tubeplanner.planning.grounds import with_grounds
@@ -289,15 +290,24 @@ def _attempted(
     if continued is not None:
         notes = (*continued.notes, _CONTINUED) if continued.succeeded else continued.notes
         return replace(continued, notes=notes)
+    if not options.persistent:
+        blocked = surely_blocked_spot(problem, branches.require_ends()[0], clock.check)
+        if blocked is not None:
+            return refused_result(blocked, REFINEMENT)
     # Under a time limit, stopping at corners comes first, in case nothing else is found in time.
-    limited = options.time_limit is not None
-    corners = stopping_plan(problem, branches, clock) if limited else None
+    comes_first = options.time_limit is not None and options.persistent
+    corners = stopping_plan(problem, branches, clock) if comes_first else None
     refined = refined_plan(problem, branches, options, clock)
     if refined is not None and (refined.succeeded or refined.stopped_by is not None):
         if refined.succeeded:
             return refined
         return _after_stop(problem, branches, corners, refined, clock)
-    corners = corners or stopping_plan(problem, branches, clock)
+    every_rule = options.persistent
+    corners = corners or stopping_plan(problem, branches, clock, every_rule=every_rule)
+    if not options.persistent:
+        if not corners.result.succeeded:
+            return _with_better_reason(corners.result, refined)
+        return _attempted(problem, branches, replace(options, persistent=True), clock, last)
     if corners.result.succeeded and corners.result.stopped_by is None:
         narrowed = narrowed_plan(problem, options, clock)
         if narrowed is not None:

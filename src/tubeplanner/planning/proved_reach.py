@@ -49,7 +49,7 @@ def required_points(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
     A configuration that is given for an end has the tool near enough already.
     """
     tube = problem.tube
-    points, allowed = tube.points.copy(), np.append(0.0, _largest_distances(tube))
+    points, allowed = tube.points.copy(), np.append(0.0, largest_distances(tube))
     if tube.visit != "ordered":  # only the goal must be visited
         allowed[1:-1] = np.inf
     goal = problem.open_goal
@@ -74,7 +74,7 @@ def point_name(k: int, count: int) -> str:
     return "goal" if k == count - 1 else "start" if k == 0 else "reference point"
 
 
-def _largest_distances(tube: Tube) -> FloatArray:
+def largest_distances(tube: Tube) -> FloatArray:
     """Return how far from each point but the first the tool may be when it passes it, (m,) [m].
 
     From segment to segment it passes where their regions overlap. Within r of two legs at an angle

@@ -43,7 +43,8 @@ def refined_plan(
 ) -> PlanResult | None:
     """Return the fastest certified trajectory, or why refinement's first one is refused.
 
-    Tries starts until one leads to a certified trajectory, or all of them if the quality says so.
+    Tries starts until one leads to a certified trajectory, or all of them if the quality says so;
+    one alone if the options are not persistent.
 
     Returns:
         None if there was nothing to start from.
@@ -73,7 +74,8 @@ def refined_plan(
                 best = replace(
                     _better(best or found.result, found.result), stopped_by=found.result.stopped_by
                 )
-                if best.stopped_by is not None or (best.succeeded and not quality.every_start):
+                goes_on = quality.every_start if best.succeeded else options.persistent
+                if best.stopped_by is not None or not goes_on:
                     return
             if best is not None and best.status in _ENDS_THE_SEARCH:
                 return

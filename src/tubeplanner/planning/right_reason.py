@@ -44,4 +44,5 @@ def right_reason(
         place=why.place,
         proved=why.proved,
         starts_tried=why.starts_tried,
+        configuration=why.configuration,
     )

@@ -28,16 +28,27 @@ class StoppingPlan:
 
 
 def stopping_plan(
-    problem: PlanningProblem, branches: KnownBranches, clock: PlanningClock
+    problem: PlanningProblem,
+    branches: KnownBranches,
+    clock: PlanningClock,
+    *,
+    every_rule: bool = True,
 ) -> StoppingPlan:
     """Return the first certified trajectory that stops at corners.
 
     If there is none, the reason is that of the most natural rule for redundant joints; branch and
     trajectory are the first found.
+
+    Args:
+        problem: The planning problem.
+        branches: Its branches.
+        clock: The planning's.
+        every_rule: Whether others are tried than the most natural one.
     """
     reasons: dict[RedundancyRule, PlanResult] = {}
     first_branch = first_trajectory = None
-    for rule in redundancy_rules(problem):
+    rules = redundancy_rules(problem)
+    for rule in rules if every_rule else rules[:1]:
         try:
             branch = branches.by_rule(rule)
             clock.enter("trajectory along it, stopping at corners")
@@ -53,4 +64,5 @@ def stopping_plan(
         if result.succeeded:
             return StoppingPlan(result, branch, trajectory)
         reasons[rule] = result
-    return StoppingPlan(reasons[RedundancyRule.AS_NEEDED], first_branch, first_trajectory)
+    most_natural = RedundancyRule.AS_NEEDED if every_rule else rules[0]
+    return StoppingPlan(reasons[most_natural], first_branch, first_trajectory)

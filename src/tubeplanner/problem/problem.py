@@ -13,8 +13,9 @@ from tubeplanner.collision.collision_scene import CollisionScene
 from tubeplanner.collision.obstacle import MAX_SIZE, AttachedSolid, Obstacle
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
-from tubeplanner.outcome import MARGIN_TOLERANCE
+from tubeplanner.outcome import ContradictionError, Place
 from tubeplanner.problem.contact import Contact, Names, pair_distances, require_checked
+from tubeplanner.problem.end_checks import EndChecks
 from tubeplanner.problem.given_parts import given_members, require_parts
 from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.joint_values import configuration_of
@@ -189,6 +190,12 @@ class PlanningProblem:
     def _joined_tube(self) -> Tube:
         return joined_segments(self.tube)
 
+    @cached_property
+    def _end_checks(self) -> EndChecks:
+        return EndChecks(
+            self.robot, self.tube, self._joined_tube, self.joint_lower, self.joint_upper
+        )
+
     @staticmethod
     def require(problem: object) -> None:
         """Raise ProblemError unless something is a planning problem."""
@@ -267,18 +274,20 @@ class PlanningProblem:
         """Return start or goal in group order, once it is inside limits and tube."""
         if isinstance(given, ToolPose):
             seed = None if given.seed is None else self._checked_seed(end, given.seed)
-            self._require_tool_inside(end, given.rotation[None], given.position[None], segment)
+            self._end_checks.require_tool_inside(
+                end, given.rotation[None], given.position[None], segment
+            )
             return replace(given, seed=seed)
         if isinstance(given, Seed):
             return Seed(self._checked_seed(end, given.joints))
         q = configuration_of(self.robot, end, given)
-        self._require_inside(end, q, segment)
+        self._end_checks.require_inside(end, q, segment)
         return q
 
     def _require_goal_region(self, goal: GoalRegion) -> None:
         """Raise unless a goal's ball is about a point of the last segment, and can be turned."""
         last = self.tube.segment_count - 1
-        self._require_in_region("goal", "goal.position", goal.position, last)
+        self._end_checks.require_in_region("goal", "goal.position", goal.position, last)
         if goal.rotation_tolerance is not None and self.tube.orientations is None:
             raise ProblemError(
                 "goal.rotation_tolerance is about the tube's last orientation, but "
@@ -289,7 +298,7 @@ class PlanningProblem:
     def _checked_seed(self, end: str, given: FloatArray) -> FloatArray:
         """Return a seed in group order, once it is inside limits."""
         seed = configuration_of(self.robot, f"{end}.seed", given)
-        self._require_within_limits(f"{end}.seed", seed)
+        self._end_checks.require_within_limits(f"{end}.seed", seed)
         return seed
 
     def _keep_joint_bounds(self) -> None:
@@ -304,72 +313,13 @@ class PlanningProblem:
         upper = np.minimum(upper, limits.upper_position)
         for segment, joint in np.argwhere(lower > upper):
             number = self.tube.segment_number(segment)
-            raise ProblemError(
+            raise ContradictionError(
                 f"tube.joint_signs: joint '{names[joint]}' has no value left in segment {number}: "
                 f"signs and position limits [{limits.lower_position[joint]:g}, "
                 f"{limits.upper_position[joint]:g}] ask for >= {lower[segment, joint]:g} and <= "
-                f"{upper[segment, joint]:g}"
+                f"{upper[segment, joint]:g}",
+                Place(joint=names[joint], segment=number),
+                proved=self.tube.visit == "ordered" or None,
             )
         self._keep("joint_lower", read_only(lower))
         self._keep("joint_upper", read_only(upper))
-
-    def _require_within_limits(self, what: str, q: FloatArray) -> None:
-        limits = self.robot.limits
-        low, high = (
-            limits.lower_position - MARGIN_TOLERANCE,
-            limits.upper_position + MARGIN_TOLERANCE,
-        )
-        for joint in np.flatnonzero((q < low) | (q > high)):
-            raise ProblemError(
-                f"{what}: joint '{self.robot.joint_names[joint]}' at {q[joint]:g} is outside its "
-                f"position limits [{limits.lower_position[joint]:g}, "
-                f"{limits.upper_position[joint]:g}] (radians and metres are meant)"
-            )
-
-    def _require_inside(self, end: str, q: FloatArray, segment: int) -> None:
-        number = self.tube.segment_number(segment)
-        lower, upper = self.joint_lower[segment], self.joint_upper[segment]
-        for name, value, low, high in zip(self.robot.joint_names, q, lower, upper, strict=True):
-            if not low - MARGIN_TOLERANCE <= value <= high + MARGIN_TOLERANCE:
-                raise ProblemError(
-                    f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
-                    f"position limits and joint sign in segment {number}"
-                )
-        self._require_tool_inside(end, *self.robot.tool_pose(q[None]), segment)
-
-    def _require_tool_inside(
-        self, end: str, rotation: FloatArray, tool: FloatArray, segment: int
-    ) -> None:
-        """Raise unless a tool (1, 3, 3), (1, 3) is in its segment's region and turned as asked."""
-        self._require_in_region(end, f"{end}: the tool", tool[0], segment)
-        self._require_turned(end, rotation, tool, self.tube.segment_number(segment))
-
-    def _require_in_region(self, end: str, what: str, tool: FloatArray, segment: int) -> None:
-        """Raise unless a tool position (3,), called `what`, is in the region of a segment."""
-        margin = float(self._joined_tube.margin(tool[None])[0, 0 if end == "start" else -1])
-        if margin < -MARGIN_TOLERANCE:
-            point = self.tube.points[segment + (end == "goal")]
-            region = "box" if self.tube.is_box[segment] else "capsule"
-            raise ProblemError(
-                f"{what} is at {np.round(tool, 4).tolist()} m, {-margin:.3g} m outside "
-                f"the {region} of segment {self.tube.segment_number(segment)} (its end point is "
-                f"{point.tolist()} m); move the {end} or the reference point"
-            )
-
-    def _require_turned(
-        self, end: str, rotation: FloatArray, tool: FloatArray, number: int
-    ) -> None:
-        """Raise unless a tool is within the rotation tolerance of a segment called by a number."""
-        tube, joined = self._joined_tube.rotation, 0 if end == "start" else -1
-        if tube is None or tube.margin(rotation, tool, joined)[0] >= -MARGIN_TOLERANCE:
-            return
-        error = tube.error(rotation, tool, joined)[0]
-        turned = [*error.tolist(), float(np.linalg.norm(error))]
-        worst = int((abs(np.array(turned)) - tube.bounds[joined]).argmax())
-        about = "" if worst == 3 else f" about {'xyz'[worst]} of the reference orientation"
-        raise ProblemError(
-            f"{end}: the tool is turned by {turned[worst]:.4g} rad{about}, where the rotation "
-            f"tolerance of segment {number} is {tube.bounds[joined, worst]:.4g} rad; turn the "
-            f"{end}, change tube.orientations[{number + (end == 'goal')}] or widen "
-            f"tube.rotation_tolerance[{number}]"
-        )

@@ -138,7 +138,7 @@ def build_problem(
             goal=end_of("goal", fields.goal, fields, robot, directory),
             **clearances_of(fields.clearance),
             contacts=contacts_of(fields.contacts, segments),
-            **(_solids(fields, robot, directory) if like is None else like.solids),
+            **(solids_of(fields, robot, directory) if like is None else like.solids),
             objective=_objective(fields.objective),
             period=fields.period,
             robustness=_robustness(fields.robustness),
@@ -146,12 +146,16 @@ def build_problem(
         )
         _ = problem.collision  # built here: planning starts from loaded geometry
     except (ProblemError, RobotError) as error:
-        raise type(error)(f"{source}: {error}") from None
+        raise error.within(source) from None
     return problem
 
 
-def _solids(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict[str, Any]:
-    """Return the arguments of a problem on what may collide."""
+def solids_of(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict[str, Any]:
+    """Return the arguments of a problem on what may collide.
+
+    Raises:
+        ProblemError: A mesh cannot be read, or a solid contradicts itself.
+    """
     folders = robot.package_dirs
     return {
         "obstacles": tuple(obstacle_of(each, directory, folders) for each in fields.obstacles),

@@ -67,6 +67,10 @@ class OptionFields(Section):
     robust: Flag = Field(
         PlanOptions.robust, description="whether the problem's field robustness counts"
     )
+    persistent: Flag = Field(
+        PlanOptions.persistent,
+        description="whether planning goes on where refinement's first start leads to no answer",
+    )
 
 
 def _kind_of_values(value: object) -> str | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.options import is_number
+from tubeplanner.outcome import ContradictionError, Place
 
 JointRange: TypeAlias = tuple[float, float]
 # "+", "-", "0", 1, -1, 0 or a range of two numbers
@@ -87,7 +88,10 @@ def _require_switch(
         lower = max(before[name][0], after[name][0])
         upper = min(before[name][1], after[name][1])
         if lower > upper:
-            raise ProblemError(
+            raise ContradictionError(
                 f"tube.joint_signs: joint '{name}' has the range {list(before[name])} in segment "
-                f"{k} and {list(after[name])} in segment {k + 1}, which do not meet"
+                f"{k} and {list(after[name])} in segment {k + 1}, which do not meet; give ranges "
+                "that share a value",
+                Place(joint=name, segment=k),
+                proved=True,
             )

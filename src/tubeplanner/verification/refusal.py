@@ -22,7 +22,7 @@ def refusal(problem: PlanningProblem, certificate: Certificate) -> Infeasible | 
     if blocked:
         condition = certificate.conditions[blocked[0]]
         place, margin = condition.where, condition.margin or 0.0
-        when = f"at t = {place.time or 0.0:.3f} s"
+        when = f"at t = {place.time or 0.0:.3f} s of a motion that was tried"
         return _blocked(problem, place, margin, when)
     lines = "; ".join(certificate.describe(name) for name in failures)
     place = certificate.conditions[failures[0]].where
@@ -68,8 +68,10 @@ def require_free(
             f", or list [{links[0]}, {obstacle}] in contacts if they may be that near there, in "
             "collision.ignore if they may touch"
         )
-    refused = _blocked(problem, Place(links=links, obstacle=obstacle), margin, when, remedy)
+    place = Place(links=links, obstacle=obstacle).at(problem.robot.tool_position(q[None])[0])
+    refused = _blocked(problem, place, margin, when, remedy)
     refused.proved, refused.starts = is_given, 0 if is_given else 1
+    refused.configuration = q
     raise refused
 
 

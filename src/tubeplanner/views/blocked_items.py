@@ -19,7 +19,11 @@ _HALO_OPACITY = 0.35
 
 
 def with_blocked(
-    items: Sequence[Item], problem: PlanningProblem, place: Place, thickness: float
+    items: Sequence[Item],
+    problem: PlanningProblem,
+    place: Place,
+    contact: FloatArray | None,
+    thickness: float,
 ) -> tuple[Item, ...]:
     """Return the items of a scene, with what blocks coloured and marks of where.
 
@@ -27,6 +31,7 @@ def with_blocked(
         items: Of the problem's scene.
         problem: The problem.
         place: Where it is blocked.
+        contact: Where solids that are in the way are nearest, (3,) [m]; None: not known.
         thickness: Radius of drawn lines [m].
     """
     names = {*(place.links or ()), place.obstacle}
@@ -36,7 +41,8 @@ def with_blocked(
         replace(item, color=color) if _is_in_the_way(item, names, bodies) else item
         for item in items
     ]
-    return (*shown, *_marks(problem, place, thickness))
+    center = _center(problem, place) if contact is None else contact
+    return (*shown, *_marks(problem, place, center, thickness))
 
 
 def _bodies(problem: PlanningProblem, place: Place) -> set[int]:
@@ -51,10 +57,11 @@ def _is_in_the_way(item: Item, names: set[str | None], bodies: set[int]) -> bool
     return item.layer in (Layer.CARRIED, Layer.OBSTACLES) and item.name in names
 
 
-def _marks(problem: PlanningProblem, place: Place, thickness: float) -> list[Item]:
-    """Return a ball where the tool is, and a line along the segment that is named."""
+def _marks(
+    problem: PlanningProblem, place: Place, center: FloatArray | None, thickness: float
+) -> list[Item]:
+    """Return a ball about a point (3,), and a line along the segment that is named."""
     color, marks = rgb(BLOCKED_COLOR), []
-    center = _center(problem, place)
     if center is not None:
         for name, size, opacity in (("core", _CORE, 1.0), ("halo", _HALO, _HALO_OPACITY)):
             ball = hull_surface(center + size * thickness * directions(_BALL_POINTS))

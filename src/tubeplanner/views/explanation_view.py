@@ -5,8 +5,10 @@ from typing import Any
 
 from tubeplanner.errors import OptionError
 from tubeplanner.explanation.explanation import Explanation
+from tubeplanner.explanation.in_vain_text import in_vain_text
 from tubeplanner.explanation.remedy import Remedy, Room
 from tubeplanner.explanation.setting_text import setting_text, tried_text
+from tubeplanner.views.blocked_arm import blocked_arm, contact_point
 from tubeplanner.views.blocked_items import with_blocked
 from tubeplanner.views.page_panel import panel_data
 from tubeplanner.views.problem_scene import build_scene
@@ -16,26 +18,27 @@ from tubeplanner.views.viewer import View
 def view_explanation(found: Explanation) -> View:
     """Return the view of what was found out about a problem.
 
-    Without an answer the arm is at its start, what blocks has a colour of its own, and the place is
-    marked; with one, it follows the motion.
+    Without an answer the arm is where it is blocked, what blocks has a colour of its own, and the
+    place is marked; with one, it follows the motion.
 
     Args:
         found: What was found out.
 
     Raises:
-        OptionError: The problem cannot be posed: there is nothing to draw.
+        OptionError: The problem cannot be posed, as its tube cannot be drawn.
         RobotError: The robot's geometry is of a kind no URDF has.
     """
-    if found.problem is None:
+    problem, result = found.drawn, found.result
+    if problem is None:
         raise OptionError(
-            f"{found.name} cannot be posed, so there is nothing to draw; apply a change that helps "
-            "and explain it again"
+            f"{found.name} cannot be drawn, as its tube contradicts itself; apply a change that "
+            "helps and explain it again"
         )
-    result = found.result
     motion = None if result is None else result.trajectory
     named = {} if motion is None else {"shortest motion": motion}
-    scene = build_scene(found.problem, named)
-    items = with_blocked(scene.items, found.problem, found.place, scene.thickness)
+    scene = build_scene(problem, named, at_rest=blocked_arm(problem, found))
+    contact = contact_point(problem, found.place, found.configuration)
+    items = with_blocked(scene.items, problem, found.place, contact, scene.thickness)
     scene = replace(scene, items=items)
     return View(scene, {**panel_data(scene), "findings": _findings(found)})
 
@@ -64,7 +67,7 @@ def _more(found: Explanation) -> list[str]:
         if dearest:
             lines.append(f"What limits it most; 10 % more would save: {dearest[0]}")
     if found.in_vain:
-        lines.append(f"By itself none of these helps: {', '.join(found.in_vain)}")
+        lines.append(f"By itself none of these helps: {in_vain_text(found.in_vain)}")
     if found.stopped_by is not None:
         lines.append("The search was ended early: there may be more")
     return lines
@@ -73,15 +76,15 @@ def _more(found: Explanation) -> list[str]:
 def _remedy(remedy: Remedy) -> dict[str, Any]:
     details = [
         f"certified motion of {remedy.duration:.3f} s",
-        f"{remedy.cost:.2g} of its scale",
-        *_not_enough("not enough", tried_text(remedy.too_little, remedy.is_smallest)),
+        *([f"{remedy.cost:.2g} times its scale: 0.1 m, 0.1 rad or the value"] * bool(remedy.unit)),
+        *_not_enough("not enough", tried_text(remedy.too_little_text, remedy.is_smallest)),
     ]
     return {"text": remedy.text, "details": details, "setting": setting_text(remedy.changes)}
 
 
 def _room(room: Room) -> dict[str, Any]:
     duration = [] if room.duration is None else [f"certified motion of {room.duration:.3f} s"]
-    beyond = tried_text(room.too_much, room.is_exact)
+    beyond = tried_text(room.too_much_text, room.is_exact)
     details = [*duration, room.field, *_not_enough("nothing found with", beyond)]
     return {"text": room.text, "details": details, "setting": ""}
 

@@ -86,7 +86,8 @@ def page_data(scene: Scene, about: str, layers: list[dict[str, Any]]) -> dict[st
         }
         for i, trajectory in enumerate(trajectories)
     ]
-    moving = "" if scene.duration > 0 else "The arm at its start; no trajectory is shown. "
+    where = scene.trajectories[0].name
+    moving = "" if scene.duration > 0 else f"The arm {where}; no trajectory is shown. "
     return {
         "title": scene.name,
         "about": about,

@@ -57,14 +57,15 @@ def build_scene(
     named: Mapping[str, JointTrajectory],
     execution: Execution | None = None,
     *,
+    at_rest: ShownTrajectory | None = None,
     notes: Sequence[str] = (),
     empty_handed: Collection[str] = (),
 ) -> ProblemScene:
     """Return the scene of a problem and some trajectories, by name.
 
-    Without a trajectory the arm rests at the start. The execution is that of the one trajectory.
-    Trajectories that are empty-handed are drawn without the problem's carried solids. Notes of the
-    scene begin with those that are given.
+    Without a trajectory the arm stands as is given, else at the start. The execution is that of the
+    one trajectory. Trajectories that are empty-handed are drawn without the problem's carried
+    solids. Notes of the scene begin with those that are given.
 
     Raises:
         TrajectoryError: A trajectory moves other joints than the problem's; it is named.
@@ -73,7 +74,8 @@ def build_scene(
     said, robot = list(notes), problem.robot
     motions = {name: _motion(problem, name, given) for name, given in named.items()}
     stretches = tuple((Stretch(problem, motion),) for motion in motions.values())
-    shown = [_shown(robot, *pair) for pair in motions.items()] or [poses_at_rest(problem, said)]
+    shown = [_shown(robot, *pair) for pair in motions.items()]
+    shown = shown or [at_rest or poses_at_rest(problem, said)]
     parts, notes_of_parts = link_parts(robot, MAX_FACES // len(shown))
     carried = carried_surfaces(robot, problem.attached)
     hulls, tube = arm_hulls(parts, carried), tube_surfaces(problem.tube)

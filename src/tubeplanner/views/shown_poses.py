@@ -50,7 +50,12 @@ def poses_at_rest(problem: PlanningProblem, notes: list[str]) -> ShownTrajectory
         where = "near zero" if seed is None else "at the seed"
         notes.append(f"the arm is drawn {where}: {error}")
         q = limits.clip(np.zeros(problem.robot.joint_count)) if seed is None else seed
-    return _posed(problem.robot, "start", np.zeros(1), q[None], np.zeros((1, len(q))))
+    return poses_standing(problem.robot, "at its start", q)
+
+
+def poses_standing(robot: RobotModel, where: str, q: FloatArray) -> ShownTrajectory:
+    """Return an arm that stands still in a configuration (n,); `where` that is, in words."""
+    return _posed(robot, where, np.zeros(1), q[None], np.zeros((1, len(q))))
 
 
 def direction_of(
