@@ -206,7 +206,10 @@ TESTS = {
     ),
     "planning/certified_motion": ("planning/test_second_stage_plan.py",),
     "files/trajectory_writer": ("planning/test_periodic_plan.py",),
-    "refinement/trust_region": ("refinement/test_trust_region.py",),
+    "refinement/trust_region": (
+        "refinement/test_trust_region.py",
+        "planning/test_planner_tiny_motions.py",
+    ),
     "refinement/step_cost": ("refinement/test_step_cost.py",),
     "refinement/phased_spline": (
         "native/test_spline_basis.py",
@@ -1906,6 +1909,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "TrustRegion._next_radius": [
         ("return min(2 * self.radius, _MAX_RADIUS)", "return self.radius"),
         ("0.4 * min(self.radius, max(size, MIN_RADIUS))", "0.4 * self.radius"),
+    ],
+    "TrustRegion.largest_change": [("self.radius * self.unit", "self.radius")],
+    "motion_unit": [
+        ("farthest / _LARGE_MOTION", "1.0"),
+        ("max(float(np.ptp", "min(float(np.ptp"),
+        (", 1.0) or 1.0", ", 1.0)"),
     ],
     "TrustRegion._next_damping": [
         ("outcome.predicted - outcome.linear", "outcome.predicted - outcome.gain"),

@@ -1,8 +1,9 @@
 """How the region follows what became of steps."""
 
+import numpy as np
 import pytest
 
-from tubeplanner.refinement.trust_region import MIN_RADIUS, Outcome, TrustRegion
+from tubeplanner.refinement.trust_region import MIN_RADIUS, Outcome, TrustRegion, motion_unit
 
 
 def outcome(predicted=0.1, linear=0.1, gain=0.1, size=0.1, squared_rates=1.0):
@@ -47,7 +48,24 @@ def test_a_step_shorter_than_the_radius_shrinks_it_below_its_own_size():
 def test_it_ends_when_no_step_is_left():
     assert not TrustRegion(MIN_RADIUS).has_collapsed
     assert TrustRegion(MIN_RADIUS).smaller().has_collapsed
-    assert TrustRegion(0.1, 1e4).has_collapsed
+    assert TrustRegion(0.1, 1e15).has_collapsed
+
+
+def test_in_a_small_motion_much_damping_is_of_use():
+    assert not TrustRegion(0.1, 1e9, unit=1e-3).has_collapsed
+
+
+def test_radii_are_in_units_of_the_motion():
+    region = TrustRegion(0.1, unit=0.01)
+    assert region.largest_change == pytest.approx(1e-3)
+    assert region.after(outcome()).unit == region.smaller().unit == 0.01
+
+
+def test_the_unit_is_that_of_the_farthest_joint_of_all_motions():
+    still, small, large = np.zeros((3, 2)), np.array([[0.0, 5.0], [0.01, 5.03]]), np.eye(2)
+    assert motion_unit([still, small]) == pytest.approx(0.03 / 0.3)
+    assert motion_unit([small, large]) == 1.0
+    assert motion_unit([still]) == 1.0
 
 
 def test_the_region_of_a_standstill_is_finite():

@@ -5,7 +5,7 @@ the sum of their durations. What a leg gains counts by its share of that sum.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -17,7 +17,7 @@ from tubeplanner.refinement.shared_columns import shared_columns
 from tubeplanner.refinement.spline_constraints import Iterate
 from tubeplanner.refinement.step_block import Step
 from tubeplanner.refinement.step_search import StepSearch
-from tubeplanner.refinement.trust_region import Outcome, TrustRegion
+from tubeplanner.refinement.trust_region import Outcome, TrustRegion, motion_unit
 
 # Steps that gain less than this share of the prediction get a second-order correction.
 _GOOD_RATIO = 0.3
@@ -210,18 +210,20 @@ class Descent:
 
         Args:
             currents: Where to start.
-            trust: The first trust region.
+            trust: The first trust region; its unit is that of the trajectories.
             penalty: First weight of the elastic constraints.
             min_gain: A step that should gain less than this share of T^2 ends it, or two that do.
             max_steps: So many steps end it too.
             checkpoint: Called with all iterates; it may raise to end the work.
         """
+        unit = motion_unit(current.spline.control_points for current in currents)
+        trust = replace(trust, unit=unit)
         small_gains, remembered = 0, (_NOTHING,) * len(self._legs)
         for _ in range(max_steps):
             linear = _Linearized(self._legs, self._is_tied, currents, trust, penalty, remembered)
             steps = linear.solve()
             remembered = remembered if steps is None else linear.remembered(steps)
-            tried = None if steps is None else self._tried(linear, steps)
+            tried = None if steps is None else self._tried(linear, steps, unit)
             if steps is None or tried is None:
                 trust = trust.smaller()
                 continue
@@ -238,7 +240,7 @@ class Descent:
         return Improved(currents, trust, penalty, has_ended=False)
 
     def _tried(
-        self, linear: _Linearized, steps: tuple[Step, ...]
+        self, linear: _Linearized, steps: tuple[Step, ...], unit: float
     ) -> tuple[tuple[Iterate, ...], Outcome] | None:
         """Return where steps lead, corrected if they gain little; None if they cannot be made."""
         trials = linear.moved(steps)
@@ -252,6 +254,6 @@ class Descent:
             trials, gain = linear.corrected(steps, trials, gain)
         for leg, step in zip(self._legs, steps, strict=True):
             leg.after(step)
-        sizes = [float(abs(step.control).max(initial=0.0)) for step in steps]
+        sizes = [float(abs(step.control).max(initial=0.0)) / unit for step in steps]
         rates = linear.squared_rates(steps)
         return trials, Outcome(predicted, first_gain, gain, max(sizes), rates)

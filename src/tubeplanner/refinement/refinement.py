@@ -28,7 +28,8 @@ from tubeplanner.refinement.widened_tube import widened_radius
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 from tubeplanner.verification.certificate import Certificate
 
-_FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.1, 0.02  # [rad or m]
+# Radii of trust regions, in their units.
+_FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.1, 0.02
 _MIN_LAST_TRUST = 0.002
 _GAIN, _LAST_GAIN = 5e-4, 3e-4
 _MAX_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 60, 3, 8

@@ -26,7 +26,7 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 from tubeplanner.verification.certificate import Certificate
 
 _FIRST_DAMPING = 1e-3
-_FIRST_TRUST, _LEAST_TRUST = 0.01, 0.002  # [rad or m]
+_FIRST_TRUST, _LEAST_TRUST = 0.01, 0.002  # in units of the trust region
 _PENALTY = 1.0
 _GAIN = 5e-4
 _STEPS_PER_ROUND, _MAX_ROUNDS = 4, 8

@@ -132,7 +132,7 @@ class SequentialProgram:
         # An open goal stays, unless it has tolerances of its own, which cost something too.
         has_tolerances = bool(goal_keys(self._problem))
         bounds = self._bounds(current, _MULTIPLIER_TRUST, goal_moves=has_tolerances)
-        size = StepSize(_MULTIPLIER_TRUST.radius, bounds.switching)
+        size = StepSize(_MULTIPLIER_TRUST.largest_change, bounds.switching)
         still = tuple(self._hardly_move(regions, size) for regions in current.regions)
         given = (rows.slack < _NEAR) & (self._reach(rows, size) + abs(rows.duration) > 0)
         linear = Linearization(
@@ -211,7 +211,7 @@ class SequentialProgram:
     ) -> Linearization:
         """Return the constraints and the cost of a step to first order."""
         bounds = self._bounds(current, trust)
-        size = StepSize(trust.radius, bounds.switching)
+        size = StepSize(trust.largest_change, bounds.switching)
         rows, is_elastic = self.constraints.rows(current, size)
         near = (rows.slack < _NEAR) | (rows.slack < _NEAR_SHARE * rows.reach(size))
         none = tuple(np.zeros(len(regions.vector), bool) for regions in current.regions)
@@ -242,8 +242,8 @@ class SequentialProgram:
         now, joints = self.variables.of(points), points.shape[1]
         held = self.variables.held(points)
         return Bounds(
-            np.clip(self.variables.lower - now, -trust.radius, 0.0),
-            np.clip(self.variables.upper - now, 0.0, trust.radius),
+            np.clip(self.variables.lower - now, -trust.largest_change, 0.0),
+            np.clip(self.variables.upper - now, 0.0, trust.largest_change),
             switching,
             widths,
             (self._objective.least_duration_step, _LARGEST_DURATION_STEP),

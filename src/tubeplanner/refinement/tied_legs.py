@@ -24,7 +24,7 @@ from tubeplanner.refinement.trust_region import TrustRegion
 # number where legs do not keep to their tubes then. (Of 3 to 6, for two and three legs of three
 # arms, 5 took the least time; the sums differed by 0.3 % at most.)
 _JOINED, _FEWEST = (5, 2), 14
-_FIRST_TRUST, _LATER_TRUST = 0.2, 0.02  # [rad or m]
+_FIRST_TRUST, _LATER_TRUST = 0.2, 0.02  # in units of the trust region
 _GAIN = 5e-4
 _FIRST_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 30, 4, 3
 # Each leg is refined once more: what it violates by as little as this is mended then.

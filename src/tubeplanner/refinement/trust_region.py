@@ -4,10 +4,19 @@ A linear program ends at the corners of its box. Where motors are not at their l
 worth hardly more than what lies within, but what the linearization leaves out grows with the square
 of the step's rates: Coriolis and centrifugal efforts. That much is added to the cost.
 (Lewis & Wright, "A proximal method for composite minimization", 2016.)
+
+Both are measured by the size of the motion: in a tube of a millimetre, a step of 1e-4 rad is large.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+
+# A motion in which some joint moves farther than this is as large as any [rad or m].
+_LARGE_MOTION = 0.3
 MIN_RADIUS, _MAX_RADIUS = 1e-4, 1.0
 _POOR, _FAIR, _GOOD = 0.1, 0.3, 0.7
 _NEARLY_AT_RADIUS = 0.8
@@ -15,7 +24,8 @@ _NEARLY_AT_RADIUS = 0.8
 # cost was off by, and divided after one that gained what it should.
 _SHARE_OF_ERROR = 0.2
 _MORE, _LESS = 2.0, 5.0
-_MIN_DAMPING, _MAX_DAMPING = 1e-9, 1e3
+# In a tube of a millimetre, a damping of 1e7 is a useful one: only beyond all use it is the end.
+_MIN_DAMPING, _MAX_DAMPING = 1e-9, 1e14
 
 
 @dataclass(frozen=True)
@@ -26,7 +36,7 @@ class Outcome:
         predicted: What it should have gained.
         linear: What it did as the linear program gave it.
         gain: What it did in the end.
-        size: Largest change of a control point [rad or m].
+        size: Largest change of a control point, in units of the trust region.
         squared_rates: As in `StepCost.squared_rates`.
     """
 
@@ -47,12 +57,19 @@ class TrustRegion:
     """How far a step may go.
 
     Attributes:
-        radius: Largest change of a control point [rad or m].
+        radius: Largest change of a control point, in units.
         damping: Weight of half the step's squared rates in its cost.
+        unit: Of the radius [rad or m]: see `motion_unit`.
     """
 
     radius: float
     damping: float = _MIN_DAMPING
+    unit: float = 1.0
+
+    @property
+    def largest_change(self) -> float:
+        """Largest change of a control point [rad or m]."""
+        return self.radius * self.unit
 
     @property
     def has_collapsed(self) -> bool:
@@ -65,7 +82,7 @@ class TrustRegion:
 
     def after(self, outcome: Outcome) -> "TrustRegion":
         """Return the region after a step."""
-        return TrustRegion(self._next_radius(outcome), self._next_damping(outcome))
+        return replace(self, radius=self._next_radius(outcome), damping=self._next_damping(outcome))
 
     def _next_radius(self, outcome: Outcome) -> float:
         ratio, size = outcome.ratio, outcome.size
@@ -83,3 +100,13 @@ class TrustRegion:
         error = max(outcome.predicted - outcome.linear, 0.0)
         enough = _SHARE_OF_ERROR * error / max(outcome.squared_rates, 1e-300)
         return max(_MORE * self.damping, enough)
+
+
+def motion_unit(motions: Iterable[FloatArray]) -> float:
+    """Return what steps of splines are measured in [rad or m]: 1, or less if all hardly move.
+
+    Args:
+        motions: Control points of every spline, shape (K, n).
+    """
+    farthest = max(float(np.ptp(points, axis=0).max()) for points in motions)
+    return min(farthest / _LARGE_MOTION, 1.0) or 1.0
