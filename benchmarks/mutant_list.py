@@ -1318,10 +1318,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("self.joints[column]", "column"),
     ],
     # --- constraints: held_configuration, motor_effort, effort_refusal, effort_costs ------------
-    "require_held": [
+    "_both_directions": [
         ("(1.0, -1.0)", "(1.0, 1.0)"),
         ("(1.0, -1.0)", "(-1.0, -1.0)"),
-        (".max(axis=0) for", ".min(axis=0) for"),
+    ],
+    "_beyond": [(".max(axis=0) for", ".min(axis=0) for")],
+    "_held_mass": [("held * payload.mass", "held")],
+    "require_held": [
         ("beyond.min(axis=0).argmax()", "beyond.max(axis=0).argmax()"),
         (".any()", ".all()"),
         ("beyond[:, joint].argmin()", "beyond[:, joint].argmax()"),
@@ -1926,7 +1929,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_turned_out_of_bounds": [("turned=True) is not None", "turned=False) is not None")],
     "_Configurations.is_there": [("self.spot.allowed + _REACHED", "10.0")],
     "_Configurations.is_free": [("depth <= self", "depth >= self")],
-    "path_spots": [("if k < last", "if k <= last")],
+    "_path_spots": [("if k < last", "if k <= last")],
     "_inside": [("/ 2]", "]")],
     "_corner": [(".min())", ".max())")],
     # --- branches: outside_bounds, pose_within_tolerance ----------------------------------------
@@ -2354,9 +2357,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_value": [
         ("None if has is False else value", "value"),
         ("if has and", "if"),
+    ],
+    "value_text": [
         ('".inf" if value > 0', '".inf" if value < 0'),
         ("return json.dumps(value)", "return str(value)"),
     ],
+    "setting_text": [("{quote(", "{str(")],
     "read_limits_file": [("skips_others=True, ", "")],
     # --- problem/field_paths, schema_place; studies/field_sweep -------------------------------
     "changed_fields": [("deepcopy(data)", "data")],
@@ -2374,7 +2380,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_scaled": [("if is_number(value) else value", "if value is not None else value")],
     "factor_of": [("_FACTOR.fullmatch(value)", "_FACTOR.match(value)")],
     "SchemaPlace.below": [("field.alias or name: field", "name: field")],
-    "sweep_field": [("_options(path, options or PlanOptions())", "options or PlanOptions()")],
+    "sweep_field": [
+        (
+            "_options(path, given_options(options, PlanOptions))",
+            "given_options(options, PlanOptions)",
+        )
+    ],
     "_options": [("if not is_of_objective(path):", "if True:")],
     "_study": [("posed.changed(changes)", "posed")],
     # --- studies ------------------------------------------------------------------------------
@@ -2388,7 +2399,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("(self.last / self.first) ** share", "(self.last / self.first) * share"),
         ("int(value) if value.is_integer() else value", "value"),
     ],
-    "Interval.levels": [("k / (count - 1)", "k / count")],
+    "EvenValues.__getitem__": [("places / (self.length - 1)", "places / self.length")],
     "interval": [
         ("min(begin, end) <= 0", "max(begin, end) <= 0"),
         ("not is_factor and ", ""),
@@ -2549,7 +2560,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_merged_items": [('and item["name"] not in first', "")],
     "ProblemLayers.source_of": [
         ("self.documents[::-1]", "self.documents"),
-        ("found == wanted", "True"),
+        ("_is_same(found, wanted)", "True"),
     ],
     "ProblemLayers.of": [("if len(layers) == _MAX_FILES:", "if False:")],
     "_layers": [("(*chain, resolved)", "(resolved,)")],
@@ -2779,7 +2790,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("placement[:3, :3] = matrix_of_rpy", "placement[:3, :3].T[:] = matrix_of_rpy"),
         ("self.quaternion is not None", "False"),
     ],
-    "are_numbers": [("len(row) == count and ", ""), ("abs(one) <= _LARGEST", "True")],
+    "are_numbers": [("len(row) == count and ", ""), ("is_finite(one)", "True")],
     "_has_direction": [("_SHORTEST < length", "_SHORTEST <= 1.0"), (" < _LONGEST", "")],
     "_stand_at": [
         ("if model.parents[joint] == 0:", "if True:"),
@@ -3833,7 +3844,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("=bounds[0]", "=bounds[-1]"),
     ],
     # --- verification/cycle_verification, cycle_certificate ---------------------------------------
-    "verify_cycle": [("tolerance or Tolerance()", "Tolerance()")],
+    "verify_cycle": [('given_options(tolerance, Tolerance, "the tolerance is")', "Tolerance()")],
     "CycleCertificate.describe": [
         ("if where in self.refused", "if False"),
         ("if condition.unit == RELATIVE", "if False"),
@@ -3842,7 +3853,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (", **{name: _refusal(why) for name, why in self.refused.items()}", "")
     ],
     # --- cycles in files and on the command line -----------------------------------------------
-    "_is_of": [(" or key in document", "")],
+    "_is_of": [("key in document or ", "")],
     "require_problem": [("is_cycle(document)", "False"), ("is_study(document)", "False")],
     "require_study": [("not is_study(document)", "False")],
     "load_problem_or_cycle": [("if is_cycle_file(name, directory) else load_problem", "")],
@@ -4075,7 +4086,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("self._floor.with_others, self._floor.alone", "self._floor.with_others, " * 2),
     ],
     "_Worker.__init__": [(', **dict.fromkeys(_THREADS, "1")', "")],
-    "dask_executor": [('client.status != "running"', "False"), ("pure=False", "pure=True")],
+    "dask_executor": [('client.status != "running"', "False")],
+    "_executor_of": [("pure=False", "pure=True")],
     "_wrong": [
         ("sources != package_hash()", "False"),
         ('linear_algebra != "1"', "False"),
@@ -4151,7 +4163,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "SizeBracket.possible": [("if self.helps", "if not self.helps")],
     "SizeBracket.is_close": [
-        ("CLOSE * self.smaller.size", "2 * self.smaller.size"),
+        ("CLOSE * smaller", "2 * smaller"),
         ("self.smaller is None or self.larger is None", "self.larger is None"),
     ],
     "SizeBracket.is_done": [
@@ -4160,8 +4172,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (" and (self.smaller or self.larger)", ""),
     ],
     "SizeBracket.keep": [("trial.succeeded == self.helps", "trial.succeeded")],
+    "_middle": [("** 0.5", "** 0.5 * 2")],
     "SizeBracket.next_size": [
-        ("** 0.5", "** 0.5 * 2"),
         ("self.larger.size / _STEP", "self.larger.size / 2"),
     ],
     "try_sizes": [("asked[place][0]", "asked[0][0]")],
@@ -4176,7 +4188,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("if field not in helpful", ""),
     ],
     "RemedySearch._search": [('(1.0, float("inf"))', "(1.0,)")],
-    "_is_new": [("bracket.larger is None and", "")],
+    "_is_new": [("if bracket.larger is not None:", "if False:")],
     "_remedy": [("is_smallest=bracket.is_done", "is_smallest=True")],
     "worsening_changes": [("payload_changes(question, 1)", "payload_changes(question, -1)")],
     "RoomSearch.rooms": [("sorted(known, key=lambda bracket: bracket.cost)", "known")],
@@ -4184,15 +4196,14 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "Explanation.status": [("PlanStatus.BAD_INPUT", "PlanStatus.UNREACHABLE")],
     "Explanation.as_dict": [('"where": self.place.as_dict()', '"where": None')],
     "explain": [
-        ('removeprefix(f"{posed.name}: ")', "strip()"),
-        (".changed(changes or {})", ""),
-        ("time_limit=time_limit)\n    first", "time_limit=None)\n    first"),
+        (".changed(changes)", ""),
+        ("PlanOptions), time_limit=time_limit)", "PlanOptions), time_limit=None)"),
         ("BAD_INPUT if found.problem is None else INFEASIBLE", "INFEASIBLE"),
     ],
     "_with_remedies": [("in_vain=search.in_vain,", ""), ("stopped_by=stopped_by,", "")],
-    "_tried": [("if is_close", "if True")],
+    "tried_text": [("if is_close", "if True")],
+    "Unposed.of": [('removeprefix(f"{question.posed.name}: ")', "strip()")],
     "_room_lines": [("if each.saved > 0", "")],
-    "_setting_lines": [("{quote(", "{str(")],
     # --- native/build, library; commands/version_option -------------------------------------------
     "compiler": [
         ('if wanted == "none":', "if False:"),

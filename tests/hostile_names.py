@@ -49,4 +49,4 @@ def explained(folder, names):
 def _remedy(name):
     field, moved = f"obstacles.{name}.position", [0.1, 0, 0]
     text = f"move obstacle '{name}' by 100 mm in +x"
-    return Remedy(field, [0, 0, 0], moved, "m", 1.0, text, {field: moved}, 1.0, None, True)
+    return Remedy(field, [0, 0, 0], moved, "m", 1.0, text, {field: moved}, 1.0, None, "", True)

@@ -62,7 +62,9 @@ def test_a_blocked_move_is_told_and_nothing_is_written(run, path):
     status, text, _ = run("plan", path, *FAST, *blocks, "-o", output)
     assert status == 1
     assert "unreachable: moves 2 to 3 of 4, 'down', 'beside'" in text
-    assert text.splitlines()[-1].startswith("where: move 'down', segment 0, point 1, tool at [")
+    assert text.splitlines()[-1].startswith(
+        "where: joint2, move 'down', segment 0, point 1, tool at ["
+    )
     assert not output.exists()
     status, text, _ = run("plan", path, *FAST, *blocks, "--json")
     answer = json.loads(text)
