@@ -228,7 +228,8 @@ def _run_tests(folder: Path, tests: tuple[str, ...]) -> None:
     os.dup2(log, 1)
     os.dup2(log, 2)
     # What is asserted counts, not how a failure reads.
-    status = pytest.main(["-x", "-q", "-p", "no:cacheprovider", "--assert=plain", *tests])
+    options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "pytest_timeout", "--assert=plain"]
+    status = pytest.main([*options, *tests])
     os._exit(int(status))
 
 
