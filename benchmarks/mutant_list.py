@@ -1861,10 +1861,19 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("(k + 1) % len(each)", "k"),
     ],
     "shared_columns": [
-        ("k > 0 and is_tied[k - 1]", "is_tied[k]"),
-        ("if is_tied[-1]:", "if False:"),
         ("others + len(legs) + k", "others + len(legs)"),
+        ('side="right"', 'side="left"'),
+        ("+= np.arange(len(sequence))", "+= 0"),
     ],
+    "_numbers": [
+        ("k > 0 and is_tied[k - 1]", "is_tied[k]"),
+        ("if is_tied[-1]", "if False"),
+    ],
+    "_before": [("leg.behind[leg.is_among]]", "leg.behind[leg.is_among] * 0]")],
+    "LegShape.is_among": [("self.intervals <= longest", "self.intervals < longest")],
+    "ControlVariables.before": [("self.column + 1", "self.column")],
+    "PlanningClock.check": [(">= self._provision[0]", "< self._provision[0]")],
+    "PlanningClock.provided": [("self._provision = None", "pass")],
     "_closed": [("closed[0][0] = closed[-1][-1]", "closed[-1][-1]")],
     "JointBlocks.linear": [("np.add.at(total, own, block.linear)", "total[own] = block.linear")],
     "JointBlocks.bounds": [

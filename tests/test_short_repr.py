@@ -113,10 +113,12 @@ def _of_explanations(problem, result):
     """Return an explanation, a remedy and room."""
     changes = {"tube.radius": [0.06] * 99}
     text = "all radii times 2"
+    radii, wider, missed = [0.03] * 99, [0.06] * 99, [0.05] * 99
     remedy = t.Remedy(
-        "tube.radius", [0.03] * 99, [0.06] * 99, "m", 1.5, text, changes, 1.0, [0.05] * 99, True
+        "tube.radius", radii, wider, "m", 1.5, text, changes, 1.0, missed, "50 mm", True
     )
-    room = t.Room("clearance", 0.01, 0.02, "m", 1.5, "clearance 10 -> 20 mm", 0.021, True)
+    told = "clearance 10 -> 20 mm"
+    room = t.Room("clearance", 0.01, 0.02, "m", 1.5, told, 0.021, "21 mm", True)
     found = t.Explanation(problem.name, problem, result, None, (remedy,) * 99, ("a",) * 99)
     return [remedy, room, replace(found, tried=99)]
 

@@ -412,6 +412,24 @@ def test_refinement_that_is_stopped_leaves_what_is_certified(two_link, stop, clo
     assert result.stopped_by == stop
 
 
+def test_stopping_at_corners_is_provided_when_a_quarter_of_the_time_has_passed(two_link, clock):
+    """Not before: refinement is done by then nearly always."""
+    stages, narrow = [], two_link_problem(two_link, radius=0.005)
+
+    def dawdle(progress):
+        stages.append((progress.stage, clock.now))
+        clock.now += 0.05
+
+    assert plan(narrow, PlanOptions(time_limit=1e3, slack=0.0), dawdle).method == "refinement"
+    assert not any(stage.startswith("trajectory along it") for stage, _ in stages)
+    stages.clear()
+    begin = clock.now
+    result = plan(narrow, PlanOptions(time_limit=0.4, slack=0.0), dawdle)
+    (provided,) = [now for stage, now in stages if stage.startswith("trajectory along it")]
+    assert 0.1 <= provided - begin <= 0.2
+    assert (result.succeeded, result.method, result.stopped_by) == (True, STOP, "time_limit")
+
+
 @pytest.mark.parametrize("steps", range(1, 40, 4))
 def test_whatever_refinement_has_when_it_is_stopped_is_an_answer(two_link, steps):
     """Also between coarse and fine knots: with its certificate, its sensitivities, its notes."""

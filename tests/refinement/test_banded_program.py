@@ -21,9 +21,10 @@ NOTHING = Remembered(np.zeros(0, dtype=np.int64), ())
 pytestmark = pytest.mark.skipif(LIBRARY.functions is None, reason="the native library is left out")
 
 
-def linearized(name, intervals, trust):
-    """Return a trajectory to first order, with all rows that its step needs."""
-    problem = load_problem(f"example:{name}")
+def linearized(name, intervals, trust, **tube):
+    """Return a trajectory to first order, with all rows that its step needs; other tube fields."""
+    changes = {f"tube.{field}": value for field, value in tube.items()}
+    problem = load_problem(f"example:{name}", changes=changes)
     branch = reference_branch(problem, redundancy_rules(problem)[0])
     spline = starting_spline(problem, branch, intervals)
     program = SequentialProgram(problem, spline.grid)
@@ -67,6 +68,24 @@ def test_both_find_the_same_least_cost(name, intervals, trust):
     assert costs[0] == pytest.approx(costs[1], abs=AGREE)
     assert min(least_slack(block, step) for step in steps) > -1e-5
     assert min(step.multipliers.sum() for step in steps) > 0.5, "nothing but bounds counts"
+
+
+def test_both_do_where_switching_times_stand_among_the_configurations():
+    """Forty segments, which ask in turns for other speeds of the tool: a phase each.
+
+    The first and the last have many knots: what they share with others counts along all of them.
+    """
+    corners = np.array([[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0], [0.2, 0.45, 0]])
+    along = np.linspace(0, 3, 41)
+    points = np.column_stack([np.interp(along, range(4), column) for column in corners.T])
+    tube = {"points": points.tolist(), "radius": 0.03, "tool_speed": [2.0, 2.1] * 20}
+    linear = linearized("two_link/around_a_post", 40, 0.01, **tube)
+    assert linear.shape.is_among[1:-1].all() and not linear.shape.is_among.all()
+    block, (columns,) = linear.block(linear.plain), shared_columns([linear.shape], [False])
+    programs = BandedProgram([block], [columns]), SparseProgram([block], [columns])
+    (banded,), (sparse,) = (program.solve(FINE) for program in programs)
+    assert cost(block, banded) == pytest.approx(cost(block, sparse), abs=AGREE)
+    assert abs(banded.switching).max() > 1e-5
 
 
 def test_rows_that_join_lead_to_the_same_step_as_rows_given_at_once():

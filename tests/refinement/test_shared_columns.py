@@ -54,3 +54,39 @@ def test_no_column_is_left_out_and_only_tied_ones_are_shared(is_tied):
 def test_a_cycle_of_one_leg_ends_where_it_begins():
     (own,) = shared_columns([LegShape(3, 2, 1)], [True])
     assert own.tolist() == [2, 3, 0, 1, 2, 3, 4, 5, 6]
+
+
+# Six configurations of two joints, a switching time after two and one after four of them.
+SHORT = LegShape(6, 2, 2, np.array([1, 1]), np.array([2, 4]))
+# Of forty switching times, two beside a phase of thirty knot intervals.
+MANY = np.array([1] * 19 + [30] * 2 + [1] * 19)
+BEHIND = np.concatenate([np.arange(20), np.arange(50, 70)])
+MIXED = LegShape(70, 2, 40, MANY, BEHIND)
+
+
+def test_few_switching_times_are_behind_all_configurations():
+    assert not SHORT.is_among.any()
+    (own,) = shared_columns([SHORT], [False])
+    assert own.tolist() == list(range(6 * 2 + 2 + 2))
+
+
+def test_many_switching_times_stand_among_the_configurations_unless_beside_a_long_phase():
+    assert MIXED.is_among.tolist() == (MANY == 1).tolist()
+
+
+def test_switching_times_stand_where_they_count():
+    (own,) = shared_columns([MIXED], [False])
+    assert sorted(own) == list(range(70 * 2 + 40 + 2))
+    switching, begin = own[140:180], own[:140:2]
+    for place, behind, is_among in zip(switching, BEHIND, MIXED.is_among, strict=True):
+        before = (begin < place).sum()
+        assert before == (behind if is_among else 70)
+    assert (np.diff(own[:140]) > 0).all()
+    assert own[-2:].tolist() == [180, 181]
+
+
+def test_switching_times_of_several_legs_stand_in_their_own_leg():
+    first, second = shared_columns([MIXED, MIXED], [True, False])
+    assert first[140:159].max() < second[0] - 1 <= second[140:159].min()
+    assert first[138:140].tolist() == second[:2].tolist()
+    assert sorted(set(first) | set(second)) == list(range(139 * 2 + 80 + 4))

@@ -37,6 +37,7 @@ from tubeplanner.simulation.mujoco_model import require_mujoco, require_no_follo
 from tubeplanner.verification.refusal import require_free
 
 _CONTINUED = "planned from the last motion, not afresh"
+_PROVIDED_AT = 0.25  # of the time limit
 
 
 class Planner:
@@ -294,10 +295,15 @@ def _attempted(
         blocked = surely_blocked_spot(problem, branches.require_ends()[0], clock.check)
         if blocked is not None:
             return refused_result(blocked, REFINEMENT)
-    # Under a time limit, stopping at corners comes first, in case nothing else is found in time.
-    comes_first = options.time_limit is not None and options.persistent
-    corners = stopping_plan(problem, branches, clock) if comes_first else None
-    refined = refined_plan(problem, branches, options, clock)
+    corners: StoppingPlan | None = None
+
+    def stop_at_corners() -> None:
+        nonlocal corners
+        corners = stopping_plan(problem, branches, clock)
+
+    # With a part of the time gone, an answer is provided in case nothing better is found in time.
+    with clock.provided(_PROVIDED_AT, stop_at_corners):
+        refined = refined_plan(problem, branches, options, clock)
     if refined is not None and (refined.succeeded or refined.stopped_by is not None):
         if refined.succeeded:
             return refined

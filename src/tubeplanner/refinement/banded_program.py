@@ -109,13 +109,13 @@ class BandedProgram:
 
         The configuration in which a cycle closes is behind all others.
         """
-        band = self._blocks.size
-        for block, own in zip(self._blocks.blocks, self._columns, strict=True):
-            controls = own[: block.bounds.lower.size]
-            back = np.flatnonzero(np.diff(controls) < 0)
-            if len(back):
-                band = min(band, int(controls[0]))
-            band = min(band, int(own[len(controls)]))
+        legs = list(zip(self._blocks.blocks, self._columns, strict=True))
+        controls = [own[: block.bounds.lower.size] for block, own in legs]
+        last = max((int(own.max()) for own in controls if len(own)), default=-1)
+        band = last + 1
+        for own in controls:
+            if (np.diff(own) < 0).any():
+                band = min(band, int(own[0]))
         return band
 
 

@@ -61,6 +61,12 @@ class ControlVariables:
         """Return the variables that control points (K, n) have, shape (F, n)."""
         return control_points[self._first]
 
+    def before(self, intervals: IntArray) -> IntArray:
+        """Return how many variables are before the ends of so many knot intervals (S,), (S,)."""
+        so_far = np.maximum.accumulate(self.column + 1)
+        before: IntArray = so_far[intervals + DEGREE // 2]
+        return before
+
     def change(self, step: FloatArray) -> FloatArray:
         """Return how control points change with a step of the variables (F, n), shape (K, n)."""
         change = np.zeros((len(self.column), step.shape[1]))

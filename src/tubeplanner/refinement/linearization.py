@@ -130,7 +130,11 @@ class Linearization:
     def shape(self) -> LegShape:
         """How much may change."""
         configurations, joints = self._bounds.lower.shape
-        return LegShape(configurations, joints, len(self._bounds.switching))
+        grid, switches = self._current.spline.grid, len(self._bounds.switching)
+        intervals = grid.intervals_of_phases
+        beside = np.maximum(intervals[:-1], intervals[1:])[:switches]
+        behind = self._variables.before(np.cumsum(intervals)[:switches])
+        return LegShape(configurations, joints, switches, beside, behind)
 
     @property
     def plain(self) -> Slack:

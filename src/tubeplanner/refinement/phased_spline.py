@@ -119,7 +119,12 @@ class KnotGrid:
     @property
     def interval_count(self) -> int:
         """Number of knot intervals of all phases."""
-        return sum(len(share) - 1 for share in self.shares)
+        return int(self.intervals_of_phases.sum())
+
+    @cached_property
+    def intervals_of_phases(self) -> IntArray:
+        """Number of knot intervals of every phase, shape (m,)."""
+        return np.array([len(share) - 1 for share in self.shares])
 
     @property
     def control_point_count(self) -> int:
@@ -135,7 +140,7 @@ class KnotGrid:
     @cached_property
     def places(self) -> Knots:
         """All knots' phases and shares of these, without repeating those at the ends, (M+1,)."""
-        counts = [len(share) - 1 for share in self.shares]
+        counts = self.intervals_of_phases
         phase = np.repeat(np.arange(len(counts)), counts)
         share = np.concatenate([*(share[:-1] for share in self.shares), [1.0]])
         return np.append(phase, len(counts) - 1), share

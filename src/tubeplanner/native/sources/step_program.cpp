@@ -44,7 +44,7 @@ StepProgram::StepProgram(integer size, integer band, const double* first, const 
 void StepProgram::add_quadratic(integer count, const integer* row, const integer* column,
                                 const double* value) {
   for (integer k = 0; k < count; ++k) {
-    if (row[k] > column[k]) continue;
+    if (row[k] > column[k] || value[k] == 0.0) continue;
     quadratic_.push({column[k], value[k]});
     quadratic_row_.push(row[k]);
     if (column[k] < band_ && column[k] - row[k] > width_) width_ = column[k] - row[k];
