@@ -61,6 +61,11 @@ class ReferenceBranch:
         """Last configuration, shape (n,)."""
         return self.segments[-1][-1]
 
+    @property
+    def length(self) -> float:
+        """How far joints go, of every step the one that goes farthest [rad or m]."""
+        return sum(float(abs(np.diff(q, axis=0)).max(axis=1).sum()) for q in self.segments)
+
     def is_as(self, other: "ReferenceBranch") -> bool:
         """Return whether another branch has the same configurations, to 1e-6 rad or m."""
         pairs = list(zip(self.segments, other.segments, strict=True))

@@ -210,14 +210,26 @@ def _is_widened(problem: PlanningProblem, spline: PhasedSpline) -> bool:
 def _branch_searches(
     problem: PlanningProblem, branches: KnownBranches
 ) -> Iterator[Callable[[], ReferenceBranch]]:
-    """Yield searches for branches, the most natural first, then those that may be impossible."""
+    """Yield searches for branches, the most natural first, then those that may be impossible.
+
+    Of these the shortest first: one may turn a wrist to and fro that another hardly moves.
+    """
     first, *others = redundancy_rules(problem)
     yield partial(branches.by_rule, first)
-    yield branches.joint_lines
+    impossible = [branches.joint_lines]
     if problem.rotation is not None:
-        yield branches.position_only
+        impossible.append(branches.position_only)
+    yield from sorted(impossible, key=_length)
     for rule in others:
         yield partial(branches.by_rule, rule)
+
+
+def _length(search: Callable[[], ReferenceBranch]) -> float:
+    """Return the length of the branch that a search finds; infinite if it finds none."""
+    try:
+        return search().length
+    except Infeasible:
+        return np.inf
 
 
 def _divisions(grid: KnotGrid, wanted: int, divisions: tuple[int, ...]) -> tuple[int, ...]:

@@ -70,6 +70,10 @@ class Leg(Protocol):
         """Return the squared rates of a step, as `StepCost.squared_rates`."""
         ...
 
+    def radius_of(self, current: Iterate, step: Step, unit: float) -> float:
+        """Return the radius of the smallest trust region, in units, that has room for a step."""
+        ...
+
     def after(self, step: Step) -> None:
         """Take note of a step that the program found."""
         ...
@@ -183,6 +187,11 @@ class _Linearized:
         each = zip(self._weights, self._legs, steps, strict=True)
         return sum(weight * leg.squared_rates(step) for weight, leg, step in each)
 
+    def radius_of(self, steps: Sequence[Step], unit: float) -> float:
+        """Return the radius of the smallest trust region, in units, that has room for steps."""
+        each = zip(self._legs, self._currents, steps, strict=True)
+        return max(leg.radius_of(current, step, unit) for leg, current, step in each)
+
 
 class Descent:
     """The optimisation of splines, each on a knot grid of its own."""
@@ -254,6 +263,5 @@ class Descent:
             trials, gain = linear.corrected(steps, trials, gain)
         for leg, step in zip(self._legs, steps, strict=True):
             leg.after(step)
-        sizes = [float(abs(step.control).max(initial=0.0)) / unit for step in steps]
         rates = linear.squared_rates(steps)
-        return trials, Outcome(predicted, first_gain, gain, max(sizes), rates)
+        return trials, Outcome(predicted, first_gain, gain, linear.radius_of(steps, unit), rates)

@@ -202,6 +202,16 @@ class SequentialProgram:
         """Return the squared rates of a step, as `StepCost.squared_rates`."""
         return self._cost.squared_rates(step.control)
 
+    def radius_of(self, current: Iterate, step: Step, unit: float) -> float:
+        """Return the radius of the smallest trust region, in units, that has room for a step.
+
+        Phases that hardly have a width let a step fail as control points do.
+        """
+        farthest = float(abs(step.control).max(initial=0.0)) / unit
+        widths = np.diff(current.spline.switching_times)[: len(step.switching) + 1]
+        changes = np.diff(step.switching, prepend=0.0, append=0.0)
+        return max(farthest, float(abs(changes / widths).max()) / _WIDTH_SHARE)
+
     def after(self, step: Step) -> None:
         """Take note of a step that the program found."""
         self._objective.after(step)

@@ -36,7 +36,7 @@ class Outcome:
         predicted: What it should have gained.
         linear: What it did as the linear program gave it.
         gain: What it did in the end.
-        size: Largest change of a control point, in units of the trust region.
+        size: The radius of the smallest trust region, in units, that has room for the step.
         squared_rates: As in `StepCost.squared_rates`.
     """
 
