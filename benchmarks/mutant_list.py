@@ -1922,6 +1922,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("return min(2 * self.radius, _MAX_RADIUS)", "return self.radius"),
         ("0.4 * min(self.radius, max(size, MIN_RADIUS))", "0.4 * self.radius"),
     ],
+    "TrustRegion.holds_back": [("self.damping * self.unit**2", "self.damping")],
+    "TrustRegion.relaxed": [("self.damping / _RELAXED", "self.damping")],
     "TrustRegion.largest_change": [("self.radius * self.unit", "self.radius")],
     "motion_unit": [
         ("farthest / _LARGE_MOTION", "1.0"),
@@ -2086,7 +2088,16 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("damping * self._damped", "0 * self._damped"),
         ("weight * bends", "abs(weight) * bends"),
     ],
-    "StepCost.squared_rates": [("self._intervals * float", "float")],
+    "StepCost._squared_rates": [("self._intervals * float", "float")],
+    "StepCost.squared_rates": [("changes**2 /", "changes /")],
+    "StepCost._of_widths": [
+        ("-inverse[1:-1], -inverse[1:-1]", "inverse[1:-1], inverse[1:-1]"),
+        ("damping * self._squared_rates(spline.control_points)", "damping"),
+    ],
+    "SequentialProgram.radius_of": [
+        ("max(farthest, float", "max(0.0, float"),
+        ("/ _WIDTH_SHARE", "* 0"),
+    ],
     # --- refinement/link_constraints ----------------------------------------------------------
     "LinkConstraints._still_apart": [
         ("distance - abs(q - seen) @ self._approach.T", "distance"),

@@ -196,7 +196,8 @@ def objective_by_variables(minimise, **motors):
             return constraints.at(PhasedSpline(grid, ends + np.array([0, x[0, -1], 0]), moved))
 
         here = np.zeros((1, variables.lower.size + 1))
-        regular = StepCost(variables, grid, robot.joint_count).quadratic(points)
+        begun = PhasedSpline(grid, ends, points)
+        regular = StepCost(variables, grid, robot.joint_count).quadratic(begun)
         exact = objective.cost(at(here), variables, regular).gradient - regular.gradient
         return lambda x: np.array([_FIRST_WORTH * objective.value(at(x))]), here, exact[None]
 

@@ -46,7 +46,7 @@ class Model:
         links, radius = LinkConstraints(problem), problem.tube.effective_radius
         self.constraints = SplineConstraints(problem, spline.grid, links, radius, run_in)
         self.here = self.constraints.at(spline)
-        regular = self.cost.quadratic(spline.control_points)
+        regular = self.cost.quadratic(spline)
         whole = self.objective.cost(self.here, self.variables, regular)
         self.hessian = (whole.hessian.dense() - regular.hessian.dense())[:-2, :-2]
         self.gradient = whole.gradient - regular.gradient

@@ -1,5 +1,6 @@
 """Single steps of the optimiser, on a corner that straight steps leave."""
 
+import numpy as np
 import pytest
 
 from tubeplanner import load_problem
@@ -7,6 +8,7 @@ from tubeplanner.branches.reference_branch import redundancy_rules, reference_br
 from tubeplanner.refinement.descent import FIRST_PENALTY
 from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.refinement.step_block import Step
 from tubeplanner.refinement.trust_region import TrustRegion
 
 
@@ -51,3 +53,18 @@ def test_a_region_that_is_too_small_grows(begun):
 def test_a_region_that_is_too_wide_shrinks_or_is_damped(begun):
     trust = steps(begun, 1.0, 6).trust
     assert trust.radius <= 0.5 or trust.damping > 100 * TrustRegion.damping
+
+
+def test_the_radius_of_a_step_is_that_of_its_control_points_or_of_its_phases(begun):
+    """A trust region lets phases change by eight times its radius, as a share of their widths."""
+    program, begin = begun
+    control = np.zeros_like(program.variables.lower)
+    control[2, 1] = -0.004
+    widths = np.diff(begin.spline.switching_times)
+    switching = np.zeros(program.grid.switch_count)
+    switching[0] = 0.02 * widths[:2].min()
+    bent = Step(control, 0 * switching, 0.0, 0.0, np.zeros(0))
+    shifted = Step(control, switching, 0.0, 0.0, np.zeros(0))
+    assert program.radius_of(begin, bent, 0.5) == pytest.approx(0.008)
+    assert program.radius_of(begin, shifted, 1.0) == pytest.approx(0.004)
+    assert program.radius_of(begin, shifted, 100.0) == pytest.approx(0.02 / 8)

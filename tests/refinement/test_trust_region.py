@@ -22,7 +22,7 @@ def test_a_good_step_inside_leaves_the_radius():
 
 def test_a_fair_step_changes_nothing():
     region = TrustRegion(0.1, 0.3)
-    assert region.after(outcome(gain=0.05)) == region
+    assert region.after(outcome(gain=0.04)) == region
 
 
 def test_a_bad_step_is_answered_by_a_share_of_what_was_left_out():
@@ -77,3 +77,10 @@ def test_the_region_of_a_standstill_is_finite():
 def test_a_correction_that_helps_a_little_does_not_hide_what_was_left_out():
     region = TrustRegion(0.1, 1e-6).after(outcome(linear=-0.4, gain=0.02))
     assert region.damping == pytest.approx(0.2 * 0.5)
+
+
+def test_damping_that_holds_steps_back_is_relaxed():
+    assert not TrustRegion(0.1, 0.1).holds_back
+    assert TrustRegion(0.1, 1.0).holds_back
+    assert not TrustRegion(0.1, 100.0, unit=0.01).holds_back, "of a small motion that is little"
+    assert TrustRegion(0.1, 1.0).relaxed() == TrustRegion(0.1, 0.01)

@@ -26,6 +26,8 @@ _WORTH_A_MOVE = 0.02
 # A step that should lose this share of T^2 obeys planes of two segments that contradict each other.
 _CONTRADICTION = 5e-4
 FIRST_PENALTY, MAX_PENALTY = 3.0, 1e4
+# So often damping is relaxed where it may be what lets a step gain little.
+_MOST_RELAXED = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ class Leg(Protocol):
         """Return the slack of a linearization's rows after a step, by their numbers."""
         ...
 
-    def squared_rates(self, step: Step) -> float:
+    def squared_rates(self, current: Iterate, step: Step) -> float:
         """Return the squared rates of a step, as `StepCost.squared_rates`."""
         ...
 
@@ -184,8 +186,8 @@ class _Linearized:
 
     def squared_rates(self, steps: Sequence[Step]) -> float:
         """Return the squared rates of steps, weighted as their cost is."""
-        each = zip(self._weights, self._legs, steps, strict=True)
-        return sum(weight * leg.squared_rates(step) for weight, leg, step in each)
+        each = zip(self._weights, self._legs, self._currents, steps, strict=True)
+        return sum(weight * leg.squared_rates(own, step) for weight, leg, own, step in each)
 
     def radius_of(self, steps: Sequence[Step], unit: float) -> float:
         """Return the radius of the smallest trust region, in units, that has room for steps."""
@@ -227,7 +229,7 @@ class Descent:
         """
         unit = motion_unit(current.spline.control_points for current in currents)
         trust = replace(trust, unit=unit)
-        small_gains, remembered = 0, (_NOTHING,) * len(self._legs)
+        small_gains, relaxed, remembered = 0, 0, (_NOTHING,) * len(self._legs)
         for _ in range(max_steps):
             linear = _Linearized(self._legs, self._is_tied, currents, trust, penalty, remembered)
             steps = linear.solve()
@@ -244,7 +246,10 @@ class Descent:
                 small_gains = small_gains + 1 if outcome.gain < min_gain else 0
             checkpoint(currents)
             trust = trust.after(outcome)
-            if outcome.predicted < min_gain or small_gains == 2 or trust.has_collapsed:
+            is_small = outcome.predicted < min_gain
+            if is_small and trust.holds_back and relaxed < _MOST_RELAXED:
+                trust, relaxed, small_gains = trust.relaxed(), relaxed + 1, 0
+            elif is_small or small_gains == 2 or trust.has_collapsed:
                 return Improved(currents, trust, penalty, has_ended=True)
         return Improved(currents, trust, penalty, has_ended=False)
 

@@ -141,7 +141,7 @@ class SequentialProgram:
             Given(given, _near_planes(current, still), still),
             self.variables,
             bounds,
-            self._cost.quadratic(current.spline.control_points).times(_MULTIPLIER_SMOOTHING),
+            self._cost.quadratic(current.spline).times(_MULTIPLIER_SMOOTHING),
             MAX_PENALTY,
         )
         keys = self.constraints.keys
@@ -198,9 +198,9 @@ class SequentialProgram:
         """Return the slack of a linearization's rows after a step, by their numbers."""
         return self.constraints.slack(current, trial, 1 + step.duration)
 
-    def squared_rates(self, step: Step) -> float:
+    def squared_rates(self, current: Iterate, step: Step) -> float:
         """Return the squared rates of a step, as `StepCost.squared_rates`."""
-        return self._cost.squared_rates(step.control)
+        return self._cost.squared_rates(current.spline, step.control, step.switching)
 
     def radius_of(self, current: Iterate, step: Step, unit: float) -> float:
         """Return the radius of the smallest trust region, in units, that has room for a step.
@@ -237,7 +237,7 @@ class SequentialProgram:
             self._objective.cost(
                 current,
                 self.variables,
-                self._cost.quadratic(current.spline.control_points, trust.damping),
+                self._cost.quadratic(current.spline, trust.damping),
             ),
             penalty,
         )

@@ -4,7 +4,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
-from tubeplanner.refinement.phased_spline import KnotGrid
+from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline
 from tubeplanner.refinement.step_block import Quadratic
 from tubeplanner.refinement.symmetric_entries import SymmetricEntries, merged_entries
 
@@ -51,11 +51,16 @@ class StepCost:
             for value, other in ((still, _OTHERS), (damped, 0.0))
         )
         self._size = count * joints + others
+        # Of every phase, how its width changes with the switching times at its ends.
+        self._switches, self._first_switch = grid.switch_count, count * joints
 
-    def quadratic(self, control_points: FloatArray, damping: float = 0.0) -> Quadratic:
-        """Return the cost at control points (K, n), squared rates weighted with a damping."""
+    def quadratic(self, spline: PhasedSpline, damping: float = 0.0) -> Quadratic:
+        """Return the cost at a spline, squared rates weighted with a damping."""
         value = self._still + damping * self._damped
         hessian = SymmetricEntries(self._row, self._column, value, self._size)
+        if damping and self._switches:
+            hessian = hessian.plus(self._of_widths(spline, damping))
+        control_points = spline.control_points
         bends = np.diff(control_points, len(_THIRD) - 1, axis=0)
         by_point = np.zeros_like(control_points)
         for place, weight in enumerate(_THIRD):
@@ -65,13 +70,37 @@ class StepCost:
         gradient[: by_variable.size] = by_variable.ravel()
         return Quadratic(hessian, gradient)
 
-    def squared_rates(self, step: FloatArray) -> float:
-        """Return the integral of the squared rates of a step (F, n), run in one second.
+    def squared_rates(self, spline: PhasedSpline, step: FloatArray, switching: FloatArray) -> float:
+        """Return the integral of the squared rates of a step, run in one second.
 
-        Nearly: knots are taken as evenly spaced.
+        Nearly: knots are taken as evenly spaced, and so is the motion where phases change widths.
+
+        Args:
+            spline: Before.
+            step: Of the variables, shape (F, n).
+            switching: Of the switching times, shape (S,).
         """
-        rates = np.diff(self._variables.change(step), axis=0)
+        found = self._squared_rates(self._variables.change(step))
+        if self._switches:
+            changes = np.diff(switching, prepend=0.0, append=0.0)
+            found += self._squared_rates(spline.control_points) * float(
+                (changes**2 / np.diff(spline.switching_times)).sum()
+            )
+        return found
+
+    def _squared_rates(self, control_points: FloatArray) -> float:
+        rates = np.diff(control_points, axis=0)
         return self._intervals * float(np.vdot(rates, rates))
+
+    def _of_widths(self, spline: PhasedSpline, damping: float) -> SymmetricEntries:
+        """Return the squared rates of a motion whose phases change their widths, weighted."""
+        weight = damping * self._squared_rates(spline.control_points)
+        inverse = weight / np.diff(spline.switching_times)
+        own = self._first_switch + np.arange(self._switches)
+        row = np.concatenate([own, own[:-1], own[1:]])
+        column = np.concatenate([own, own[1:], own[:-1]])
+        value = np.concatenate([inverse[:-1] + inverse[1:], -inverse[1:-1], -inverse[1:-1]])
+        return SymmetricEntries(row, column, value, self._size)
 
 
 def _squared_differences(

@@ -18,7 +18,7 @@ from tubeplanner.arrays import FloatArray
 # A motion in which some joint moves farther than this is as large as any [rad or m].
 _LARGE_MOTION = 0.3
 MIN_RADIUS, _MAX_RADIUS = 1e-4, 1.0
-_POOR, _FAIR, _GOOD = 0.1, 0.3, 0.7
+_POOR, _FAIR, _GOOD = 0.1, 0.3, 0.5
 _NEARLY_AT_RADIUS = 0.8
 # Damping is at least doubled after a step that gained little, up to this share of what the step's
 # cost was off by, and divided after one that gained what it should.
@@ -26,6 +26,7 @@ _SHARE_OF_ERROR = 0.2
 _MORE, _LESS = 2.0, 5.0
 # In a tube of a millimetre, a damping of 1e7 is a useful one: only beyond all use it is the end.
 _MIN_DAMPING, _MAX_DAMPING = 1e-9, 1e14
+_HOLDS_BACK, _RELAXED = 0.2, 100.0
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,15 @@ class TrustRegion:
     def has_collapsed(self) -> bool:
         """Whether no step is left to be tried."""
         return self.radius < MIN_RADIUS or self.damping > _MAX_DAMPING
+
+    @property
+    def holds_back(self) -> bool:
+        """Whether a step may gain little because it is damped, not because little is left."""
+        return self.damping * self.unit**2 > _HOLDS_BACK
+
+    def relaxed(self) -> "TrustRegion":
+        """Return the region with far less damping, to see what steps gain then."""
+        return replace(self, damping=self.damping / _RELAXED)
 
     def smaller(self) -> "TrustRegion":
         """Return the region after a step that could not be made or contradicts itself."""
