@@ -1931,6 +1931,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (", 1.0) or 1.0", ", 1.0)"),
     ],
     "TrustRegion._next_damping": [
+        ("outcome.ratio > _DECENT", "outcome.ratio > _GOOD"),
         ("outcome.predicted - outcome.linear", "outcome.predicted - outcome.gain"),
         ("max(_MORE * self.damping, enough)", "_MORE * self.damping"),
     ],

@@ -25,6 +25,11 @@ def test_a_fair_step_changes_nothing():
     assert region.after(outcome(gain=0.04)) == region
 
 
+def test_a_decent_step_is_damped_less_and_widens_nothing():
+    region = TrustRegion(0.1, 0.3).after(outcome(gain=0.06))
+    assert (region.radius, region.damping) == (0.1, pytest.approx(0.3 / 5))
+
+
 def test_a_bad_step_is_answered_by_a_share_of_what_was_left_out():
     """At rates of 2 the prediction was off by 0.5: damping of a fifth of that over their square."""
     region = TrustRegion(0.1, 1e-6).after(outcome(linear=-0.4, gain=-0.4, squared_rates=4.0))

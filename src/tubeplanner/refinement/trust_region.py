@@ -18,7 +18,7 @@ from tubeplanner.arrays import FloatArray
 # A motion in which some joint moves farther than this is as large as any [rad or m].
 _LARGE_MOTION = 0.3
 MIN_RADIUS, _MAX_RADIUS = 1e-4, 1.0
-_POOR, _FAIR, _GOOD = 0.1, 0.3, 0.5
+_POOR, _FAIR, _DECENT, _GOOD = 0.1, 0.3, 0.5, 0.7
 _NEARLY_AT_RADIUS = 0.8
 # Damping is at least doubled after a step that gained little, up to this share of what the step's
 # cost was off by, and divided after one that gained what it should.
@@ -103,7 +103,7 @@ class TrustRegion:
         return self.radius
 
     def _next_damping(self, outcome: Outcome) -> float:
-        if outcome.ratio > _GOOD:
+        if outcome.ratio > _DECENT:
             return max(self.damping / _LESS, _MIN_DAMPING)
         if outcome.ratio > _FAIR:
             return self.damping
