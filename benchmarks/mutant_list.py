@@ -1922,7 +1922,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("return min(2 * self.radius, _MAX_RADIUS)", "return self.radius"),
         ("0.4 * min(self.radius, max(size, MIN_RADIUS))", "0.4 * self.radius"),
     ],
-    "TrustRegion.holds_back": [("self.damping * self.unit**2", "self.damping")],
+    "TrustRegion.may_relax": [
+        ("self.damping * self.unit**2", "self.damping"),
+        (" and self.times_relaxed < _MOST_RELAXED", ""),
+    ],
     "TrustRegion.relaxed": [("self.damping / _RELAXED", "self.damping")],
     "TrustRegion.largest_change": [("self.radius * self.unit", "self.radius")],
     "motion_unit": [

@@ -352,3 +352,5 @@ def test_a_start_on_its_rotation_tolerance_has_sane_prices(angle, axis, whole):
     assert result.succeeded
     assert 0.02 < result.sensitivities[0].saved < 0.1
     assert result.sensitivities[0].limit == "velocity"
+    turns = [one for one in result.sensitivities if (one.limit, one.segment) == ("rotation", 0)]
+    assert sum(one.saved for one in turns) < 0.005

@@ -1,5 +1,7 @@
 """How the region follows what became of steps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -85,7 +87,15 @@ def test_a_correction_that_helps_a_little_does_not_hide_what_was_left_out():
 
 
 def test_damping_that_holds_steps_back_is_relaxed():
-    assert not TrustRegion(0.1, 0.1).holds_back
-    assert TrustRegion(0.1, 1.0).holds_back
-    assert not TrustRegion(0.1, 100.0, unit=0.01).holds_back, "of a small motion that is little"
-    assert TrustRegion(0.1, 1.0).relaxed() == TrustRegion(0.1, 0.01)
+    assert not TrustRegion(0.1, 0.1).may_relax
+    assert TrustRegion(0.1, 1.0).may_relax
+    assert not TrustRegion(0.1, 100.0, unit=0.01).may_relax, "of a small motion that is little"
+    assert TrustRegion(0.1, 1.0).relaxed() == TrustRegion(0.1, 0.01, times_relaxed=1)
+
+
+def test_damping_is_relaxed_twice_only_however_often_it_is_raised():
+    trust = TrustRegion(0.1, 1.0)
+    for _ in range(2):
+        assert trust.may_relax
+        trust = replace(trust.relaxed(), damping=1e6)
+    assert not trust.may_relax

@@ -26,8 +26,6 @@ _WORTH_A_MOVE = 0.02
 # A step that should lose this share of T^2 obeys planes of two segments that contradict each other.
 _CONTRADICTION = 5e-4
 FIRST_PENALTY, MAX_PENALTY = 3.0, 1e4
-# So often damping is relaxed where it may be what lets a step gain little.
-_MOST_RELAXED = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +227,7 @@ class Descent:
         """
         unit = motion_unit(current.spline.control_points for current in currents)
         trust = replace(trust, unit=unit)
-        small_gains, relaxed, remembered = 0, 0, (_NOTHING,) * len(self._legs)
+        small_gains, remembered = 0, (_NOTHING,) * len(self._legs)
         for _ in range(max_steps):
             linear = _Linearized(self._legs, self._is_tied, currents, trust, penalty, remembered)
             steps = linear.solve()
@@ -247,8 +245,8 @@ class Descent:
             checkpoint(currents)
             trust = trust.after(outcome)
             is_small = outcome.predicted < min_gain
-            if is_small and trust.holds_back and relaxed < _MOST_RELAXED:
-                trust, relaxed, small_gains = trust.relaxed(), relaxed + 1, 0
+            if is_small and trust.may_relax:
+                trust, small_gains = trust.relaxed(), 0
             elif is_small or small_gains == 2 or trust.has_collapsed:
                 return Improved(currents, trust, penalty, has_ended=True)
         return Improved(currents, trust, penalty, has_ended=False)

@@ -1,8 +1,7 @@
 """What each limit costs, by the multipliers of a leg's linear program.
 
 They hold for the least change. Where the steps that a limit bars from all hardly use it, as next to
-a start on a tolerance, others bar them at once: where multipliers say more than any limit of a
-speed can cost, a whole rise is tried.
+a start on a tolerance, others bar them at once: where multipliers say much, a rise is tried.
 """
 
 import numpy as np
@@ -12,22 +11,25 @@ from tubeplanner.refinement.linearization import BROKEN, Linearization
 from tubeplanner.refinement.shared_columns import shared_columns
 from tubeplanner.refinement.step_block import Step
 from tubeplanner.refinement.step_program import step_program
-from tubeplanner.refinement.step_search import STEP_TOLERANCE, StepSearch
+from tubeplanner.refinement.step_search import StepSearch
 
 # Where elastic rows cost more than this share of their penalty, multipliers say little else: then
 # so many times what they are violated by is allowed, or this much.
 _SHARE_OF_PENALTY, _SPARE_SHARE, _LEAST_SPARE = 0.5, 2.0, 1e-5
-# d ln T^2 by a relative rise of a limit: of a velocity 2 at most. Others are tried with this rise.
-_PLAUSIBLE, _RISE = 2.0, 0.1
+# The rise that is tried. (Beside such a start, multipliers of a tolerance said 0.3 to 400 where
+# rises of 0.1 % to 10 % gained nothing. Steps of the program have room for this one.)
+_RISE = 0.03
 _TOLERANCE = 1e-6  # of the solution, absolute and relative
 
 
-def limit_costs(linear: Linearization, count: int, rise: FloatArray) -> FloatArray | None:
-    """Return what each of so many limits costs, shape (count,), in shares of T^2.
+def limit_costs(
+    linear: Linearization, plausible: FloatArray, rise: FloatArray
+) -> FloatArray | None:
+    """Return what each limit costs, shape (L,): d ln T^2 by its relative rise.
 
     Args:
         linear: The constraints to first order.
-        count: Number of limits.
+        plausible: Up to which cost of each limit multipliers are believed, shape (L,).
         rise: What slack a relative rise of its limit adds to each row, by the rows' numbers; to
             planes it adds all.
 
@@ -40,10 +42,10 @@ def limit_costs(linear: Linearization, count: int, rise: FloatArray) -> FloatArr
     limit, index = linear.limits()
     gained = np.where(index >= 0, rise[index], 1.0)
     known = slice(len(step.multipliers))  # what was added since is no part of the program
-    costs, named = np.zeros(count), limit[known] >= 0
+    costs, named = np.zeros(len(plausible)), limit[known] >= 0
     np.add.at(costs, limit[known][named], np.maximum(step.multipliers * gained[known], 0.0)[named])
-    for k in np.flatnonzero(costs > _PLAUSIBLE):
-        risen = _solved(linear, STEP_TOLERANCE, _RISE * gained * (limit == k))
+    for k in np.flatnonzero(costs > plausible):
+        risen = _solved(linear, _TOLERANCE, _RISE * gained * (limit == k))
         if risen is not None:
             costs[k] = max(step.duration - risen.duration, 0.0) / _RISE
     return costs

@@ -76,7 +76,7 @@ class Refinement:
         self._checkpoint_duration = checkpoint
         self._radius = problem.tube.effective_radius
         self._program: SequentialProgram  # of the level that `run` is on
-        self._penalty, self._damping = FIRST_PENALTY, TrustRegion.damping
+        self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
         self._best: Iterate | None = None
         self._gave_up = False
 
@@ -160,7 +160,7 @@ class Refinement:
         self._radius = widened_radius(self._problem.tube, grid) if widens else own
         self._program = SequentialProgram(self._problem, grid, links, self._radius)
         self._program.constraints.blend(WIDELY_BLENDED)
-        self._penalty, self._damping = FIRST_PENALTY, TrustRegion.damping
+        self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
         """Continue with samples where a certificate fails; return whether there was anything to do.
@@ -212,13 +212,13 @@ class Refinement:
         """Return a shorter trajectory; the penalty and damping it took are the next one's first."""
         found = self._program.improved(
             current,
-            TrustRegion(radius, self._damping),
+            replace(self._trust, radius=radius),
             self._penalty,
             min_gain=min_gain,
             max_steps=max_steps,
             checkpoint=self._checkpoint,
         )
-        self._penalty, self._damping = found.penalty, found.trust.damping
+        self._penalty, self._trust = found.penalty, found.trust
         return found
 
     def _begun(self, spline: PhasedSpline) -> Iterate:

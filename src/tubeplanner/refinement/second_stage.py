@@ -6,6 +6,7 @@ from obstacles.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -167,7 +168,7 @@ class SecondStage:
             if inside and found.has_ended:
                 break
             current = self._begun(found.iterate.spline)
-            trust = TrustRegion(max(found.trust.radius, _LEAST_TRUST), found.trust.damping)
+            trust = replace(found.trust, radius=max(found.trust.radius, _LEAST_TRUST))
         return self._best is not None
 
     def _looked_at(self, iterate: Iterate) -> bool:

@@ -37,6 +37,8 @@ _MAX_WIDTH_SHARE, _WIDTH_SHARE = 0.3, 8.0
 # For the multipliers: a small trust region, hardly any quadratic part.
 _MULTIPLIER_TRUST = TrustRegion(0.02, 0.0)
 _MULTIPLIER_SMOOTHING = 1e-3
+# Up to these costs they are believed: d ln T^2 by a relative rise is 2 at most for a velocity.
+_PLAUSIBLE_OF_SPEED, _PLAUSIBLE_OF_TUBE = 2.0, 0.3
 
 
 class SequentialProgram:
@@ -145,13 +147,15 @@ class SequentialProgram:
             MAX_PENALTY,
         )
         keys = self.constraints.keys
-        costs = limit_costs(linear, len(keys), self.constraints.rise(current))
+        of_speed = {key for limit in current.limits for key in limit.limit.keys}
+        is_of_speed = np.array([key in of_speed for key in keys], dtype=bool)
+        plausible = np.where(is_of_speed, _PLAUSIBLE_OF_SPEED, _PLAUSIBLE_OF_TUBE)
+        costs = limit_costs(linear, plausible, self.constraints.rise(current))
         if costs is None:
             return {}
         # Rows of the tube are in radii, those of the limits in limits: the narrowing scales along.
-        of_speed = {key for limit in current.limits for key in limit.limit.keys}
-        share = [1.0 if key in of_speed else 1 - INNER_MARGIN for key in keys]
-        return dict(zip(keys, -costs / 2 * np.array(share), strict=True))
+        share = np.where(is_of_speed, 1.0, 1 - INNER_MARGIN)
+        return dict(zip(keys, -costs / 2 * share, strict=True))
 
     def _hardly_move(self, regions: EvaluatedRegions, size: StepSize) -> BoolArray:
         """Return which samples a step moves by less than what the merit function ignores, (N,)."""

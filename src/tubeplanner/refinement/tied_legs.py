@@ -7,6 +7,7 @@ of the motions tell them well enough.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -97,7 +98,7 @@ class TiedLegs:
             if found.has_ended and not any(lacks):
                 break
             again = _iterates(programs, [iterate.spline for iterate in found.iterates])
-            trust = TrustRegion(_LATER_TRUST, found.trust.damping)
+            trust = replace(found.trust, radius=_LATER_TRUST)
             found = self._improved(descent, Improved(again, trust, found.penalty), _STEPS_PER_ROUND)
         return found.iterates
 

@@ -27,6 +27,8 @@ _MORE, _LESS = 2.0, 5.0
 # In a tube of a millimetre, a damping of 1e7 is a useful one: only beyond all use it is the end.
 _MIN_DAMPING, _MAX_DAMPING = 1e-9, 1e14
 _HOLDS_BACK, _RELAXED = 0.2, 100.0
+# So often damping is relaxed where it may be what lets a step gain little.
+_MOST_RELAXED = 2
 
 
 @dataclass(frozen=True)
@@ -61,11 +63,13 @@ class TrustRegion:
         radius: Largest change of a control point, in units.
         damping: Weight of half the step's squared rates in its cost.
         unit: Of the radius [rad or m]: see `motion_unit`.
+        times_relaxed: How often damping was relaxed.
     """
 
     radius: float
     damping: float = _MIN_DAMPING
     unit: float = 1.0
+    times_relaxed: int = 0
 
     @property
     def largest_change(self) -> float:
@@ -78,13 +82,13 @@ class TrustRegion:
         return self.radius < MIN_RADIUS or self.damping > _MAX_DAMPING
 
     @property
-    def holds_back(self) -> bool:
-        """Whether a step may gain little because it is damped, not because little is left."""
-        return self.damping * self.unit**2 > _HOLDS_BACK
+    def may_relax(self) -> bool:
+        """Whether a step may have gained little because it was damped, and that is worth a try."""
+        return self.damping * self.unit**2 > _HOLDS_BACK and self.times_relaxed < _MOST_RELAXED
 
     def relaxed(self) -> "TrustRegion":
         """Return the region with far less damping, to see what steps gain then."""
-        return replace(self, damping=self.damping / _RELAXED)
+        return replace(self, damping=self.damping / _RELAXED, times_relaxed=self.times_relaxed + 1)
 
     def smaller(self) -> "TrustRegion":
         """Return the region after a step that could not be made or contradicts itself."""
