@@ -242,11 +242,13 @@ TESTS = {
         "refinement/test_link_constraints.py",
     ),
     "refinement/spline_constraints": (
+        "refinement/test_spline_constraints.py",
         "refinement/test_sequential_program.py",
         "planning/test_planner_best_known.py",
     ),
     "refinement/linearization": ("refinement/test_sensitivities.py",),
     "refinement/limit_costs": ("refinement/test_sensitivities.py",),
+    "refinement/ordered_segments": ("refinement/test_ordered_segments.py",),
     "refinement/step_search": (
         "refinement/test_sequential_program.py",
         "refinement/test_descent.py",
@@ -966,7 +968,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
             "Coal's direction is as good there",
         ),
     ],
-    "limit_costs": [("if risen is not None:", "if False:")],
+    "limit_costs": [
+        ("if risen is not None:", "if False:"),
+        ("costs > plausible", "costs > 2.0"),
+    ],
     "_across": [("corner - apart * normal", "corner + apart * normal")],
     "ClearanceMargin.at": [("left[:, k] = self._left(", "_ = self._left(")],
     "ClearanceMargin._at": [("distance[row, column] = closest.distance", "_ = closest.distance")],
@@ -1521,7 +1526,14 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("if ends_are_smooth else np.inf", "if False else np.inf"),
     ],
     "_rise_at_end": [("2 * falling[:, 1]", "falling[:, 1]")],
-    # --- refinement/spline_constraints ----------------------------------------------------------
+    # --- refinement/ordered_segments, spline_constraints ----------------------------------------
+    "_Passage._left_out": [
+        ("distance > 1 or ", ""),
+        (" | self._may_miss(choice)", ""),
+        ("max(_FAR, _FARTHER * beside[step])", "1"),
+    ],
+    "_Passage._may_miss": [("choice[:-1] + 1]", "choice[:-1]]", "more is looked at")],
+    "SplineConstraints.add_samples": [(".and_also(around)", "")],
     "_JERK_SAMPLES": [("np.arange(3) / 2", "np.arange(2) / 2")],
     "_depends_on_jerk": [
         (">=", ">"),

@@ -150,3 +150,23 @@ def test_a_tool_about_to_leave_a_bend_out_is_held_to_it():
     assert (np.diff(found) >= 0).all()
     assert distance.max() < 1
     assert ((found >= 40) & (found < 50)).any()
+
+
+@pytest.mark.parametrize("knots", [31, 6])
+@pytest.mark.parametrize(("beside", "is_missed"), [(0.0075, True), (0.0065, False)])
+def test_a_notch_that_the_tool_does_not_reach_is_not_left_out(beside, is_missed, knots):
+    """It is shorter than half a radius, or than a step: no short cut, and yet asked for."""
+    x = np.linspace(0, 0.04, 41)
+    y = np.where(np.isin(np.arange(41), (20, 21)), -0.001, 0.0)
+    tube = Tube(np.column_stack([x, y, 0 * x]), 0.008)
+    grid = KnotGrid((np.linspace(0, 1, knots),), (range(40),))
+    samples = grid.samples(np.arange(3) / 3).and_also(grid.phase_ends())
+    segments = OrderedSegments(tube.points, tube.effective_radius, grid.chains, samples)
+    across = np.full(len(samples.share), beside)
+    tool = np.column_stack([0.04 * samples.share, across, 0 * across])
+    found = segments.at(tool)
+    distance = [
+        tube.distance(p[None], slice(k, k + 1)).min() for p, k in zip(tool, found, strict=True)
+    ]
+    assert (max(distance) > 0.008) == is_missed
+    assert (np.diff(found[np.argsort(samples.share)]) >= 0).all()

@@ -324,3 +324,18 @@ def test_between_samples_changes_nothing(case):
     again = constraints.at(spline)
     assert again.squared_duration == before.squared_duration
     assert len(again.regions[0].vector) == len(before.regions[0].vector)
+
+
+@pytest.mark.parametrize("x", [0.0, 0.41, 1.0])
+def test_samples_of_the_tube_are_added_on_either_side_of_an_instant_too(case, x):
+    """Nearer to each other than those between which nothing is looked at."""
+    constraints, spline = constraints_of(case)
+    known = len(constraints._tube_samples.share)
+    constraints.add_samples(spline, x)
+    times = constraints._tube_samples.times(spline.switching_times)[known:]
+    spacing = np.diff(spline.grid.breakpoints(spline.switching_times)).max() / 20
+    assert times[0] == pytest.approx(x)
+    beside = np.unique(np.round(times, 9))
+    assert np.diff(beside).max() <= spacing / 4 + 1e-9
+    assert [beside[0] < x, beside[-1] > x] == [x > 0, x < 1]
+    assert abs(beside - x).max() < spacing

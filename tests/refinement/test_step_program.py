@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
+from scipy.sparse import csr_matrix
 
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.refinement.banded_program import BandedProgram
@@ -14,6 +16,7 @@ from tubeplanner.refinement.step_block import (
     Bounds,
     Quadratic,
     SparseRows,
+    stacked_rows,
 )
 from tubeplanner.refinement.symmetric_entries import SymmetricEntries
 
@@ -157,3 +160,65 @@ def test_curvature_is_that_of_each_legs_own_variables(solved):
     _, steps = solved([soft, stiff], [False, False])
     assert steps[0].control[0, 0] == pytest.approx(FAR, abs=1e-4)
     assert steps[1].control[0, 0] == pytest.approx(0.02, abs=1e-4)
+
+
+# What a third difference of configurations may be, and how steeply it counts.
+STEEP, COUNT = 1e10, 300
+NATIVE_ALONE = pytest.mark.skipif(LIBRARY.functions is None, reason="of the native library")
+
+
+def steep_leg():
+    """Return a leg whose jerk is limited on many knots: its rows leave hardly any room."""
+    rng = np.random.default_rng(0)
+    count, pulls = 2 * (COUNT - 3), 5
+    configurations = np.add.outer(np.arange(COUNT - 3), np.arange(4))
+    third = np.tile(STEEP * np.array([-1.0, 3.0, -3.0, 1.0]), (COUNT - 3, 1))
+    jerk = SparseRows(
+        np.concatenate([third, -third]).ravel(),
+        np.tile(configurations.ravel(), 2),
+        np.full(count, 4),
+    )
+    places = np.linspace(10, COUNT - 10, pulls).astype(int)
+    ways = np.column_stack([rng.choice([-1.0, 1.0], pulls), np.full(pulls, -1.0)])
+    eta = np.column_stack([places, np.full(pulls, COUNT)])
+    gains = SparseRows(ways.ravel(), eta.ravel(), np.full(pulls, 2))
+    slack = np.concatenate([rng.uniform(0.0, 1.0, count), np.zeros(pulls)])
+    eye = np.arange(COUNT + 2)
+    hessian = SymmetricEntries(eye, eye, np.full(COUNT + 2, 1e-6), COUNT + 2)
+    ends = np.full((COUNT, 1), FAR)
+    bounds = Bounds(-ends, ends, np.zeros(0), np.ones(1), (-1.0, 1.0), np.zeros((0, 1)))
+    return Block([jerk, gains], slack, bounds, Quadratic(hessian, np.zeros(COUNT)), 3.0)
+
+
+@NATIVE_ALONE
+def test_where_rounding_lets_nothing_get_nearer_the_nearest_will_do():
+    block = steep_leg()
+    program = BandedProgram([block], shared_columns([LegShape(COUNT, 1, 0)], [False]))
+    rows = stacked_rows(block.rows)
+    ends = np.concatenate([[0], np.cumsum(rows.count)])
+    least = linprog(
+        np.eye(COUNT + 1)[-1],
+        csr_matrix((rows.data, rows.column, ends), shape=(len(rows.count), COUNT + 1)),
+        block.slack,
+        bounds=[(-FAR, FAR)] * COUNT + [(-1.0, 1.0)],
+    ).fun
+    for tolerance in (1e-4, 1e-6):  # the second one is more than can be had
+        (step,) = program.solve(tolerance)
+        assert step.duration == pytest.approx(least, rel=1e-4)
+    iterations = program._program.iterations
+    assert iterations < 100, "it ends when nothing gets better"
+
+
+@NATIVE_ALONE
+def test_a_program_that_cannot_be_solved_can_be_when_it_has_other_slack():
+    block = leg(-1.0)
+    walls = SparseRows(np.array([1.0, -1.0]), np.array([1, 1]), np.array([1, 1]))
+    crossed, open_ = (
+        replace(block, rows=[*block.rows, walls], slack=np.array([0.0, *own]))
+        for own in ((-0.05, -0.05), (0.05, 0.05))
+    )
+    program = BandedProgram([crossed], shared_columns([LegShape(2, 1, 0)], [False]))
+    assert program.solve(TOLERANCE) is None
+    program.correct([open_])
+    (step,) = program.solve(TOLERANCE)
+    assert step.control[1, 0] == pytest.approx(0.05, abs=1e-5)

@@ -8,7 +8,6 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.native.step_program import NativeProgram
 from tubeplanner.refinement.joint_blocks import JointBlocks
-from tubeplanner.refinement.sparse_program import SparseProgram
 from tubeplanner.refinement.step_block import Block, SparseRows, Step, stacked_rows
 from tubeplanner.refinement.symmetric_entries import SymmetricEntries
 
@@ -68,13 +67,10 @@ class BandedProgram:
         self._program.set_slack(self._slack)
 
     def solve(self, tolerance: float) -> tuple[Step, ...] | None:
-        """Return the step of every leg, or None if there is none.
-
-        PIQP is asked where the library's method does not get there.
-        """
+        """Return the step of every leg, or None if the method does not get there."""
         found = self._program.solve(tolerance)
         if found is None:
-            return SparseProgram(self._blocks.blocks, self._columns).solve(tolerance)
+            return None
         x, multipliers = found
         joint = self._blocks
         for row in self._held:

@@ -16,7 +16,8 @@ from tubeplanner.refinement.phased_spline import Samples
 
 # The tool takes a short cut between two samples if it leaves out so many radii more of the path
 # than it moves. Segments left out count from so many radii away, if they are farther than the
-# samples' own, by this factor: so the program sees them before the tool has left them.
+# samples' own, by this factor: so the program sees them before the tool has left them. Those that
+# it has left always count.
 _SHORT_CUT, _FAR, _FARTHER = 0.5, 0.3, 1.1
 _NO_SQUARE = 1e-30  # [m^2]
 
@@ -158,7 +159,7 @@ class _Passage:
         own = np.sqrt(self._square[np.arange(len(choice)), choice]) / self.radius[choice]
         beside = np.maximum(own[:-1], own[1:])
         several = np.diff(choice) > 1
-        for step in np.flatnonzero(several & (left_out > moved)):
+        for step in np.flatnonzero(several & ((left_out > moved) | self._may_miss(choice))):
             segments = np.arange(choice[step] + 1, choice[step + 1])
             line = self.tool[step : step + 2]
             between = self.points[segments[0] : segments[-1] + 2]
@@ -169,10 +170,18 @@ class _Passage:
             worst = int(away.argmax())
             segment, distance = segments[worst], away[worst]
             is_short_cut = left_out[step] > moved[step] + _SHORT_CUT * self.radius[segment]
-            is_far = distance > 1 or distance > max(_FAR, _FARTHER * beside[step])
-            if is_short_cut and is_far:
+            is_far = distance > max(_FAR, _FARTHER * beside[step])
+            if distance > 1 or (is_short_cut and is_far):
                 farthest[step], share[step] = segment, distance
         return farthest, share
+
+    def _may_miss(self, choice: IntArray) -> BoolArray:
+        """Return between which samples some segment that is left out is near neither, (N-1,)."""
+        outside = np.minimum(self._square[:-1], self._square[1:]) > self.radius**2
+        so_far = np.concatenate([np.zeros((len(outside), 1), int), outside.cumsum(axis=1)], axis=1)
+        step = np.arange(len(outside))
+        may_miss: BoolArray = so_far[step, choice[1:]] > so_far[step, choice[:-1] + 1]
+        return may_miss
 
 
 def ordered_choice_paying(cost: FloatArray, passing: FloatArray) -> IntArray:

@@ -41,6 +41,8 @@ _CONFIGURATION_SAMPLES = np.arange(2) / 2
 _JERK_SAMPLES = np.arange(3) / 2  # at knots, where jerks jump, those of both sides
 _TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
+# Where samples are added to the tube's on either side of an instant, in their spacings.
+_BESIDE = np.array([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75])
 # Samples may lie this much farther apart than on average; and what their kinks may take, in radii.
 _UNEVEN, _MOST_FOR_KINKS = 2, 0.03
 # Over about so many knot intervals the Coulomb friction of one direction is blended into the
@@ -222,10 +224,21 @@ class SplineConstraints:
         return worst, has_more or len(outside) > 0
 
     def add_samples(self, spline: PhasedSpline, x: float) -> None:
-        """Add samples of everything at an instant, from 0 to 1."""
+        """Add samples of everything at an instant, from 0 to 1.
+
+        Of the tube, some on either side too: at a corner, samples before and after the instant may
+        be in one segment each, and what lies between them in neither.
+        """
         samples = self.watch(spline, np.array([x]))
-        self._tube_samples = self._tube_samples.and_also(samples)
+        beside = np.clip(x + _BESIDE * self._dense_spacing(spline, samples), 0.0, 1.0)
+        around = self._grid.samples_at(spline.switching_times, beside)
+        self._tube_samples = self._tube_samples.and_also(samples).and_also(around)
         self._links.look_at(spline, samples)
+
+    def _dense_spacing(self, spline: PhasedSpline, sample: Samples) -> float:
+        """Return the time between the samples between which nothing is looked at, near a sample."""
+        ends = self._grid.breakpoints(spline.switching_times)
+        return float(np.diff(ends)[sample.interval[0]] / (len(_DENSE_SAMPLES) - 1))
 
     def watch(self, spline: PhasedSpline, x: FloatArray) -> Samples:
         """Add samples of limits on the speed at instants (N,) from 0 to 1; return them."""

@@ -35,6 +35,17 @@ class Array {
     if (size_ > 0) std::memset(static_cast<void*>(data_), 0, size_ * sizeof(T));
   }
 
+  // The other's values become the first ones.
+  void begin_with(const Array& other) {
+    if (other.size_ > size_) resize(other.size_);
+    if (other.size_ > 0) std::memcpy(static_cast<void*>(data_), other.data_, other.size_ * sizeof(T));
+  }
+
+  void copy(const Array& other) {
+    resize(other.size_);
+    begin_with(other);
+  }
+
   void push(const T& value) {
     resize(size_ + 1);
     data_[size_ - 1] = value;

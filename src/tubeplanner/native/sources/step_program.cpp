@@ -24,6 +24,10 @@ constexpr double kShare = 0.99;
 constexpr double kRegular = 1e-11, kHopeless = 1e100;
 constexpr integer kTogether = 4;
 constexpr double kShareOfCost = 0.1;  // of what gradients might still gain
+// Where all that counts is at its limit, rounding keeps gradients from getting better: after so many
+// steps that got no nearer, the nearest will do, so many times the tolerance off, or this much.
+constexpr integer kPatience = 15;
+constexpr double kAlmost = 500.0, kAlmostMost = 0.05;
 
 double larger(double a, double b) { return a > b ? a : b; }
 double smaller(double a, double b) { return a < b ? a : b; }
@@ -97,23 +101,22 @@ void StepProgram::add_rows(integer count, const integer* entries, const integer*
 
 // Where all but what binds is used up already, nothing new finds its place.
 void StepProgram::go_back() {
-  if (!has_started_ || kept_x_.size() == 0) return;
-  const integer known = kept_s_.size();
-  std::memcpy(x_.at(0), kept_x_.at(0), size_ * sizeof(double));
-  std::memcpy(s_.at(0), kept_s_.at(0), known * sizeof(double));
-  std::memcpy(z_.at(0), kept_z_.at(0), known * sizeof(double));
-  mean_ = kept_mean_;
+  if (!has_started_ || kept_.is_empty()) return;
+  const integer known = kept_.give(x_, s_, z_, &mean_);
   for (integer row = known - 2 * size_; row < rows_.size(); ++row) start_row(row, kJoiningSlack);
 }
 
-void StepProgram::keep() {
-  kept_x_.resize(size_);
-  kept_s_.resize(s_.size());
-  kept_z_.resize(s_.size());
-  std::memcpy(kept_x_.at(0), x_.at(0), size_ * sizeof(double));
-  std::memcpy(kept_s_.at(0), s_.at(0), s_.size() * sizeof(double));
-  std::memcpy(kept_z_.at(0), z_.at(0), s_.size() * sizeof(double));
-  kept_mean_ = mean_;
+void StepProgram::Place::take(const Array<double>& x, const Array<double>& s,
+                              const Array<double>& z, double mean) {
+  x_.copy(x), s_.copy(s), z_.copy(z);
+  mean_ = mean;
+}
+
+integer StepProgram::Place::give(Array<double>& x, Array<double>& s, Array<double>& z,
+                                 double* mean) const {
+  x.begin_with(x_), s.begin_with(s_), z.begin_with(z_);
+  *mean = mean_;
+  return s_.size();
 }
 
 // Control points that move as one are one variable.
@@ -157,7 +160,8 @@ void StepProgram::collect(const Row& row, double factor, double* to) const {
 
 void StepProgram::start() {
   has_started_ = true;
-  kept_x_.resize(0);
+  kept_.forget();
+  ds_.clear(), dz_.clear();  // of a step that failed
   mean_ = kFirstProduct;
   for (integer i = 0; i < size_; ++i) {
     const double margin = smaller(kInside * (upper_[i] - lower_[i]), kInside);
@@ -310,28 +314,45 @@ double StepProgram::longest(const Array<double>& value, const Array<double>& cha
 
 bool StepProgram::solve(double tolerance, integer most_iterations) {
   factor_.shape(band_, width_, size_ - band_);
+  const bool goes_on = has_started_;
+  return get_near(tolerance, most_iterations) || (goes_on && get_near(tolerance, most_iterations));
+}
+
+// Goes on from where it is, or begins; what does not get near is forgotten.
+bool StepProgram::get_near(double tolerance, integer most_iterations) {
   if (!has_started_) start();
   for (integer r = 0; r < rows_.size(); ++r) {
     rows_[r].residual = used(rows_[r], x_.at(0)) + s_[2 * size_ + r] - rows_[r].slack;
   }
-  for (integer iteration = 0;; ++iteration) {
+  double least = kHopeless;
+  for (integer iteration = 0, nearest = 0;; ++iteration) {
     evaluate();
-    if (!(infeasible_ < kHopeless)) return false;
-    if (infeasible_ < tolerance && mean_ * s_.size() < tolerance) return true;
-    if (iteration == most_iterations) return false;
-    if (mean_ * s_.size() > kCentral) keep();
+    const double off = larger(infeasible_, mean_ * s_.size());
+    if (off < tolerance) return true;
+    if (off < least) least = off, nearest = iteration, nearest_.take(x_, s_, z_, mean_);
+    if (!(off < kHopeless) || iteration == most_iterations) break;
+    if (iteration - nearest == kPatience) break;
+    if (mean_ * s_.size() > kCentral) kept_.take(x_, s_, z_, mean_);
     ++iterations_;
-    assemble();
-    aim(0.0, 0.0);
-    const double primal = smaller(longest(s_, ds_), 1.0), dual = smaller(longest(z_, dz_), 1.0);
-    const double share = product(primal, dual) / (mean_ * s_.size());
-    aim(share * share * share * mean_, primal * dual);
-    const double far = smaller(kShare * longest(s_, ds_), 1.0);
-    const double high = smaller(kShare * longest(z_, dz_), 1.0);
-    for (integer i = 0; i < size_; ++i) x_[i] += far * dx_[i];
-    for (integer r = 0; r < rows_.size(); ++r) rows_[r].residual *= 1.0 - far;
-    for (integer k = 0; k < s_.size(); ++k) s_[k] += far * ds_[k], z_[k] += high * dz_[k];
+    step();
   }
+  has_started_ = least < smaller(kAlmost * tolerance, kAlmostMost);
+  if (has_started_) nearest_.give(x_, s_, z_, &mean_);
+  return has_started_;
+}
+
+// One step: first towards products of zero, then as far from there as that one got.
+void StepProgram::step() {
+  assemble();
+  aim(0.0, 0.0);
+  const double primal = smaller(longest(s_, ds_), 1.0), dual = smaller(longest(z_, dz_), 1.0);
+  const double share = product(primal, dual) / (mean_ * s_.size());
+  aim(share * share * share * mean_, primal * dual);
+  const double far = smaller(kShare * longest(s_, ds_), 1.0);
+  const double high = smaller(kShare * longest(z_, dz_), 1.0);
+  for (integer i = 0; i < size_; ++i) x_[i] += far * dx_[i];
+  for (integer r = 0; r < rows_.size(); ++r) rows_[r].residual *= 1.0 - far;
+  for (integer k = 0; k < s_.size(); ++k) s_[k] += far * ds_[k], z_[k] += high * dz_[k];
 }
 
 void StepProgram::read(double* x, double* multipliers) const {

@@ -16,7 +16,8 @@ class StepProgram {
                 const double* slack);
   // Other slack for all rows: the next solution begins anew.
   void set_slack(const double* slack);
-  // Goes on from where it is; returns whether it gets there.
+  // Goes on from where it is, or from the beginning where that fails; returns whether it gets
+  // there, or almost, where rounding lets nothing get nearer.
   bool solve(double tolerance, integer most_iterations);
   void read(double* x, double* multipliers) const;
   integer iterations() const { return iterations_; }
@@ -33,9 +34,24 @@ class StepProgram {
     double slack, residual, weight;
   };
 
+  // Where variables, slacks and multipliers were, and the mean product.
+  class Place {
+   public:
+    bool is_empty() const { return x_.size() == 0; }
+    void forget() { x_.resize(0); }
+    void take(const Array<double>& x, const Array<double>& s, const Array<double>& z, double mean);
+    // Returns how many slacks and multipliers there were.
+    integer give(Array<double>& x, Array<double>& s, Array<double>& z, double* mean) const;
+
+   private:
+    Array<double> x_, s_, z_;
+    double mean_ = 0.0;
+  };
+
   void go_back();
-  void keep();
   void put(integer first, const Entry& entry);
+  bool get_near(double tolerance, integer most_iterations);
+  void step();
   void start();
   void start_row(integer row, double least);
   double used(const Row& row, const double* x) const;
@@ -50,12 +66,12 @@ class StepProgram {
 
   integer size_, band_, width_ = 0, iterations_ = 0;
   bool has_started_ = false;
-  double infeasible_ = 0.0, mean_ = 0.0, kept_mean_ = 0.0;
+  double infeasible_ = 0.0, mean_ = 0.0;
   Array<double> first_, linear_, lower_, upper_, x_, dx_, gradient_, dense_;
   // Slacks and multipliers, of all variables' lower bounds, of their upper bounds, and of rows;
   // how they change; and what their products are to become.
   Array<double> s_, z_, ds_, dz_, wanted_;
-  Array<double> kept_x_, kept_s_, kept_z_;  // where rows that join find room
+  Place kept_, nearest_;  // where rows that join find room; where it was the least off
   Array<Row> rows_;
   Array<Entry> entries_, quadratic_;
   Array<integer> quadratic_row_, order_;
