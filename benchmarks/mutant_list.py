@@ -1528,11 +1528,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_rise_at_end": [("2 * falling[:, 1]", "falling[:, 1]")],
     # --- refinement/ordered_segments, spline_constraints ----------------------------------------
     "_Passage._left_out": [
-        ("distance > 1 or ", ""),
-        (" | self._may_miss(choice)", ""),
-        ("max(_FAR, _FARTHER * beside[step])", "1"),
+        (" | leaves_asked", ""),
+        ("distance > max(_FAR, _FARTHER * beside[step])", "False"),
+        ("away[~self.is_asked[segments]] = 0.0", "pass"),
+        ("max(away[worst], _LEAST_SHARE)", "away[worst]", "on the line it is no matter"),
     ],
-    "_Passage._may_miss": [("choice[:-1] + 1]", "choice[:-1]]", "more is looked at")],
+    "_Passage.missed": [("> self.radius**2", "> 0.9 * self.radius**2")],
+    "SplineConstraints._ask_for_missed": [("self._is_asked | missed", "missed")],
     "SplineConstraints.add_samples": [(".and_also(around)", "")],
     "_JERK_SAMPLES": [("np.arange(3) / 2", "np.arange(2) / 2")],
     "_depends_on_jerk": [

@@ -1,5 +1,6 @@
 """The segments of a chain's samples: in order, and as near as can be."""
 
+from dataclasses import replace
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -153,9 +154,9 @@ def test_a_tool_about_to_leave_a_bend_out_is_held_to_it():
 
 
 @pytest.mark.parametrize("knots", [31, 6])
-@pytest.mark.parametrize(("beside", "is_missed"), [(0.0075, True), (0.0065, False)])
-def test_a_notch_that_the_tool_does_not_reach_is_not_left_out(beside, is_missed, knots):
-    """It is shorter than half a radius, or than a step: no short cut, and yet asked for."""
+@pytest.mark.parametrize(("beside", "is_missed"), [(0.0072, True), (0.0068, False)])
+def test_a_notch_that_the_tool_does_not_reach_is_missed_until_asked_for(beside, is_missed, knots):
+    """It is shorter than half a radius, or than a step: no short cut, and no sample tells."""
     x = np.linspace(0, 0.04, 41)
     y = np.where(np.isin(np.arange(41), (20, 21)), -0.001, 0.0)
     tube = Tube(np.column_stack([x, y, 0 * x]), 0.008)
@@ -164,9 +165,23 @@ def test_a_notch_that_the_tool_does_not_reach_is_not_left_out(beside, is_missed,
     segments = OrderedSegments(tube.points, tube.effective_radius, grid.chains, samples)
     across = np.full(len(samples.share), beside)
     tool = np.column_stack([0.04 * samples.share, across, 0 * across])
+    missed = segments.missed(tool)
+    assert np.flatnonzero(missed).tolist() == ([20] if is_missed else [])
     found = segments.at(tool)
-    distance = [
-        tube.distance(p[None], slice(k, k + 1)).min() for p, k in zip(tool, found, strict=True)
-    ]
-    assert (max(distance) > 0.008) == is_missed
-    assert (np.diff(found[np.argsort(samples.share)]) >= 0).all()
+    assert 20 not in found
+    for asked in (missed, np.arange(40) == 20):
+        held = replace(segments, is_asked=asked).at(tool)
+        assert (20 in held) == asked.any()
+        assert (np.diff(held[np.argsort(samples.share)]) >= 0).all()
+
+
+@pytest.mark.parametrize(("asked", "given"), [([], 0), ([2], 2), ([2, 4], 4)])
+def test_of_several_that_are_asked_for_the_farthest_comes_first(asked, given):
+    """The first sample and the last stay in their segments: there is one for one of them."""
+    points = np.column_stack([np.arange(7), [0, 0, -1, -1, -2, -2, 0], np.zeros(7)])
+    grid = KnotGrid((np.array([0.0, 1.0]),), (range(6),))
+    samples = grid.samples(np.array([0.0, 0.5, 1.0]))
+    is_asked = np.isin(np.arange(6), asked)
+    segments = OrderedSegments(points, np.full(6, 100.0), grid.chains, samples, is_asked)
+    tool = np.array([[0.0, 0, 0], [1, 0, 0], [6, 0, 0]])
+    assert segments.at(tool).tolist() == [0, given, 5]

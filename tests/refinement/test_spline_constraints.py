@@ -15,6 +15,7 @@ from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.refinement.goal_constraints import evaluated_turn, goal_keys
 from tubeplanner.refinement.linear_rows import StepSize
 from tubeplanner.refinement.link_constraints import LinkConstraints
+from tubeplanner.refinement.ordered_segments import OrderedSegments
 from tubeplanner.refinement.phased_spline import PhasedSpline, VelocityHull
 from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import sampled
@@ -339,3 +340,14 @@ def test_samples_of_the_tube_are_added_on_either_side_of_an_instant_too(case, x)
     assert np.diff(beside).max() <= spacing / 4 + 1e-9
     assert [beside[0] < x, beside[-1] > x] == [x > 0, x < 1]
     assert abs(beside - x).max() < spacing
+
+
+def test_segments_that_a_motion_missed_are_asked_for_from_then_on(case, monkeypatch):
+    constraints, spline = constraints_of(case)
+    found = [np.array([True, False]), np.array([False, True]), np.array([True, True])]
+    monkeypatch.setattr(OrderedSegments, "missed", lambda self, tool: found.pop(0))
+    asked = []
+    for is_new in (True, True, False):
+        assert constraints._ask_for_missed(spline) is is_new
+        asked.append(constraints._is_asked.tolist())
+    assert asked == [[True, False], [True, True], [True, True]]

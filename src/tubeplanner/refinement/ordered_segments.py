@@ -16,10 +16,11 @@ from tubeplanner.refinement.phased_spline import Samples
 
 # The tool takes a short cut between two samples if it leaves out so many radii more of the path
 # than it moves. Segments left out count from so many radii away, if they are farther than the
-# samples' own, by this factor: so the program sees them before the tool has left them. Those that
-# it has left always count.
+# samples' own, by this factor: so the program sees them before the tool has left them.
 _SHORT_CUT, _FAR, _FARTHER = 0.5, 0.3, 1.1
 _NO_SQUARE = 1e-30  # [m^2]
+# What segments that are asked for count at least, in radii.
+_LEAST_SHARE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +32,15 @@ class OrderedSegments:
         radius: Of the segments, shape (m,) [m].
         chains: The segments of every phase.
         samples: The samples, in any order.
+        is_asked: Which segments are given a sample wherever the tool is, shape (m,): of those that
+            it missed, which samples do not tell. None: no segment.
     """
 
     points: FloatArray
     radius: FloatArray
     chains: tuple[range, ...]
     samples: Samples
+    is_asked: BoolArray | None = None
 
     @cached_property
     def in_chain(self) -> BoolArray:
@@ -49,10 +53,21 @@ class OrderedSegments:
         """Return the samples' segments if the tool is at some places (N, 3), shape (N,)."""
         segment = np.array([chain.start for chain in self.chains])[self.samples.phase]
         for chain, members in self._members:
-            here = slice(chain.start, chain.stop)
-            points, radius = self.points[chain.start : chain.stop + 1], self.radius[here]
-            segment[members] += _Passage(tool[members], points, radius).segments()
+            segment[members] += self._passage(tool, chain, members).segments()
         return segment
+
+    def missed(self, tool: FloatArray) -> BoolArray:
+        """Return which segments of chains no sample is in if the tool is at (N, 3), shape (m,)."""
+        missed = np.zeros(len(self.radius), dtype=bool)
+        for chain, members in self._members:
+            missed[chain.start : chain.stop] = self._passage(tool, chain, members).missed()
+        return missed
+
+    def _passage(self, tool: FloatArray, chain: range, members: IntArray) -> "_Passage":
+        here = slice(chain.start, chain.stop)
+        points, radius = self.points[chain.start : chain.stop + 1], self.radius[here]
+        asked = np.zeros(len(chain), dtype=bool) if self.is_asked is None else self.is_asked[here]
+        return _Passage(tool[members], points, radius, asked)
 
     @cached_property
     def _members(self) -> list[tuple[range, IntArray]]:
@@ -99,11 +114,18 @@ class _Passage:
         tool: Where it is at N samples, in the order of time, shape (N, 3) [m].
         points: The chain's reference points, shape (m+1, 3) [m].
         radius: Of its segments, shape (m,) [m].
+        is_asked: Which of them get a sample in any case, shape (m,).
     """
 
     tool: FloatArray
     points: FloatArray
     radius: FloatArray
+    is_asked: BoolArray
+
+    def missed(self) -> BoolArray:
+        """Return in which segments the tool never is, shape (m,)."""
+        missed: BoolArray = self._square.min(axis=0) > self.radius**2
+        return missed
 
     def segments(self) -> IntArray:
         """Return the samples' segments, in order, shape (N,).
@@ -159,7 +181,9 @@ class _Passage:
         own = np.sqrt(self._square[np.arange(len(choice)), choice]) / self.radius[choice]
         beside = np.maximum(own[:-1], own[1:])
         several = np.diff(choice) > 1
-        for step in np.flatnonzero(several & ((left_out > moved) | self._may_miss(choice))):
+        asked = np.concatenate([[0], np.cumsum(self.is_asked)])
+        leaves_asked = several & (asked[choice[1:]] > asked[choice[:-1] + 1])
+        for step in np.flatnonzero((several & (left_out > moved)) | leaves_asked):
             segments = np.arange(choice[step] + 1, choice[step + 1])
             line = self.tool[step : step + 2]
             between = self.points[segments[0] : segments[-1] + 2]
@@ -170,18 +194,14 @@ class _Passage:
             worst = int(away.argmax())
             segment, distance = segments[worst], away[worst]
             is_short_cut = left_out[step] > moved[step] + _SHORT_CUT * self.radius[segment]
-            is_far = distance > max(_FAR, _FARTHER * beside[step])
-            if distance > 1 or (is_short_cut and is_far):
+            is_far = distance > 1 or distance > max(_FAR, _FARTHER * beside[step])
+            if is_short_cut and is_far:
                 farthest[step], share[step] = segment, distance
+            elif leaves_asked[step]:
+                away[~self.is_asked[segments]] = 0.0
+                worst = int(away.argmax())
+                farthest[step], share[step] = segments[worst], max(away[worst], _LEAST_SHARE)
         return farthest, share
-
-    def _may_miss(self, choice: IntArray) -> BoolArray:
-        """Return between which samples some segment that is left out is near neither, (N-1,)."""
-        outside = np.minimum(self._square[:-1], self._square[1:]) > self.radius**2
-        so_far = np.concatenate([np.zeros((len(outside), 1), int), outside.cumsum(axis=1)], axis=1)
-        step = np.arange(len(outside))
-        may_miss: BoolArray = so_far[step, choice[1:]] > so_far[step, choice[:-1] + 1]
-        return may_miss
 
 
 def ordered_choice_paying(cost: FloatArray, passing: FloatArray) -> IntArray:

@@ -6,7 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.constraints.coulomb_friction import CoulombFriction, blended_friction
 from tubeplanner.constraints.joint_rate import RATES, JointRate
 from tubeplanner.constraints.path_samples import PathSamples
@@ -147,6 +147,8 @@ class SplineConstraints:
         self._passing_samples = ends.where(np.searchsorted(stops, problem.tube.compulsory_points))
         self._last_sample = ends.where(np.array([len(grid.chains) - 1]))
         self._dense_samples = grid.samples(_DENSE_SAMPLES)
+        # Of the segments of chains, those that are asked for whatever is nearest to samples.
+        self._is_asked = np.zeros(problem.tube.segment_count, dtype=bool)
 
     def blend(self, intervals: float) -> bool:
         """Blend friction over so many knot intervals from now on; return if that is a change."""
@@ -207,7 +209,7 @@ class SplineConstraints:
 
     def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
         """Return a spline's cost between samples too, and whether samples had to be added."""
-        has_more = self.look_for_links(current.spline)
+        has_more = self.look_for_links(current.spline) | self._ask_for_missed(current.spline)
         worst, dense = self.between_samples(current.spline), self._dense_samples
         here = [limit for limit in worst.limits if limit.at.evaluation_points is dense]
         for with_jerk, samples in self._watched_samples.items():
@@ -222,6 +224,14 @@ class SplineConstraints:
         outside = np.concatenate([_peaks(part.excess, 0.0) for part in in_tube])
         self._tube_samples = self._tube_samples.and_also(dense.where(outside))
         return worst, has_more or len(outside) > 0
+
+    def _ask_for_missed(self, spline: PhasedSpline) -> bool:
+        """Ask for the segments that a motion never is in; return whether there is a new one."""
+        known = _Known(self._problem, spline, self._radius, self._blended, self._is_asked)
+        tool = known.at(self._dense_samples)[1].tool_pose[1]
+        missed = known.segments_of(self._dense_samples).missed(tool) & ~self._is_asked
+        self._is_asked = self._is_asked | missed
+        return bool(missed.any())
 
     def add_samples(self, spline: PhasedSpline, x: float) -> None:
         """Add samples of everything at an instant, from 0 to 1.
@@ -251,7 +261,7 @@ class SplineConstraints:
         self, spline: PhasedSpline, watched: Mapping[bool, Samples], tube_samples: Samples
     ) -> Iterate:
         """Return an iterate from limits that depend on the configuration, and the tube, there."""
-        known = _Known(self._problem, spline, self._radius, self._blended)
+        known = _Known(self._problem, spline, self._radius, self._blended, self._is_asked)
         limits = tuple(
             EvaluatedSpeedLimit(limit, *known.at(self._points(limit, watched)), numbers)
             for limit, numbers in self._limits
@@ -325,9 +335,15 @@ class _Known:
     """A spline at points, and the arm there: each evaluated once."""
 
     def __init__(
-        self, problem: PlanningProblem, spline: PhasedSpline, radius: FloatArray, blended: float
+        self,
+        problem: PlanningProblem,
+        spline: PhasedSpline,
+        radius: FloatArray,
+        blended: float,
+        is_asked: BoolArray,
     ) -> None:
         self._problem, self._spline, self._radius = problem, spline, radius
+        self._is_asked = is_asked
         # Of a joint's largest velocity.
         self._blended_share = min(blended / spline.grid.interval_count, 1.0)
         self._is_last = blended <= BLENDED
@@ -353,7 +369,7 @@ class _Known:
     def segments_of(self, samples: Samples) -> OrderedSegments:
         """Return the segments that samples may be in."""
         points, chains = self._problem.tube.points, self._spline.grid.chains
-        return OrderedSegments(points, self._radius, chains, samples)
+        return OrderedSegments(points, self._radius, chains, samples, self._is_asked)
 
     def _segment(self, samples: Samples) -> IntArray:
         return self.segments_of(samples).at(self.at(samples)[1].tool_pose[1])
