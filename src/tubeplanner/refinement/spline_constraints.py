@@ -30,6 +30,7 @@ from tubeplanner.refinement.region_constraints import EvaluatedRegions
 from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 from tubeplanner.refinement.speed_limit_rows import EvaluatedSpeedLimit
+from tubeplanner.refinement.tolerance_keys import region_keys, rotation_keys, tolerance_keys
 from tubeplanner.refinement.tube_chains import largest_kink
 from tubeplanner.refinement.tube_constraints import evaluated_points, evaluated_tube
 from tubeplanner.tube.tube import Tube
@@ -124,7 +125,8 @@ class SplineConstraints:
         self._has_reversals = problem.robot.motors.has_coulomb_friction
         limits = speed_limits(problem)
         self._goal_keys = goal_keys(problem)
-        self.keys = (*_keys(limits, problem.tube), *self._goal_keys)
+        of_speed = [key for limit in limits for key in limit.keys]
+        self.keys = (*of_speed, *tolerance_keys(problem.tube), *self._goal_keys)
         self._numbers = {key: number for number, key in enumerate(self.keys)}
         self._limits = [(limit, self._numbers_of(limit.keys)) for limit in limits]
         self._regions = problem.tube.regions_of(radius)
@@ -319,7 +321,7 @@ class SplineConstraints:
     @cached_property
     def _tolerances(self) -> IntArray:
         """The numbers of the regions' tolerances, by segment and kind, shape (m, kinds)."""
-        keys = _region_keys(self._problem.tube)
+        keys = region_keys(self._problem.tube)
         numbers = np.zeros((len(keys), max(map(len, keys))), dtype=np.int64)
         for k, own in enumerate(keys):
             numbers[k, : len(own)] = self._numbers_of(own)
@@ -328,7 +330,7 @@ class SplineConstraints:
     @cached_property
     def _rotation_tolerances(self) -> IntArray:
         """The numbers of the rotation tolerances, shape (m,)."""
-        return self._numbers_of(_rotation_keys(self._problem.tube))
+        return self._numbers_of(rotation_keys(self._problem.tube))
 
 
 class _Known:
@@ -377,24 +379,6 @@ class _Known:
 
 def _depends_on_jerk(limit: SpeedLimit) -> bool:
     return limit.order >= RATES["jerk"]
-
-
-def _keys(limits: tuple[SpeedLimit, ...], tube: Tube) -> tuple[LimitKey, ...]:
-    """Return the keys of limits and of a tube's tolerances."""
-    of_speed = [key for limit in limits for key in limit.keys]
-    of_rotation = [] if tube.rotation is None else _rotation_keys(tube)
-    of_regions = [key for own in _region_keys(tube) for key in own]
-    return tuple([*of_speed, *of_regions, *of_rotation])
-
-
-def _region_keys(tube: Tube) -> list[list[LimitKey]]:
-    """Return the keys of the tolerances of every segment's region."""
-    count = tube.segment_count
-    return [[LimitKey(kind, segment=k) for kind in tube.regions.kinds(k)] for k in range(count)]
-
-
-def _rotation_keys(tube: Tube) -> list[LimitKey]:
-    return [LimitKey("rotation", segment=k) for k in range(tube.segment_count)]
 
 
 def _margin_for_kinks(tube: Tube, grid: KnotGrid) -> float:
