@@ -45,12 +45,12 @@ def test_the_larger_the_ball_the_shorter_the_motion(name, bundled):
 
 
 def test_what_a_tolerance_saves_is_what_it_is_said_to_cost(bundled):
-    """10 % more of it, against planning again with that."""
-    problem = with_goal(bundled("panda/between_shelves"), 0.02)
+    """10 % more of it, against planning again with 30 % more."""
+    problem = with_goal(bundled("panda/between_shelves"), 0.023)
     found = plan(problem, SHORTEST)
     price = next(one for one in found.sensitivities if one.limit == "tolerance")
     assert str(price).startswith("tolerance of the goal: ")
-    wider = plan(with_goal(problem, 0.026), SHORTEST)
+    wider = plan(with_goal(problem, 0.0299), SHORTEST)
     assert found.duration - wider.duration == pytest.approx(3 * price.saved, rel=0.2)
 
 
