@@ -77,7 +77,7 @@ class Explanation:
 
     @property
     def drawn(self) -> PlanningProblem | None:
-        """What can be drawn: the problem, or what is left of one that cannot be posed."""
+        """The problem as it can be drawn, or what is left of one that cannot be posed."""
         return self.problem if self.unposed is None else self.unposed.drawn
 
     def as_dict(self) -> dict[str, Any]:
