@@ -1,9 +1,11 @@
 """A process that plans, begun anew when it dies or takes too long; for `campaign.py`."""
 
+import atexit
 import json
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from select import select
 from typing import Any
@@ -15,8 +17,9 @@ class PlannerProcess:
     """Plans files one after the other in a process of its own."""
 
     def __init__(self) -> None:
-        """Begin no process yet."""
+        """Begin no process yet; one that was begun ends with this one at the latest."""
         self._process: subprocess.Popen[str] | None = None
+        atexit.register(self.end)
 
     def plan(self, asked: dict[str, Any], timeout: float) -> dict[str, Any]:
         """Return what `campaign_plan.py` answers, or status crash or timeout.
@@ -45,8 +48,8 @@ class PlannerProcess:
     def end(self) -> None:
         """End the process; the next plan begins another."""
         if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+            with suppress(BrokenPipeError), self._process:  # what it did not read
+                self._process.kill()
         self._process = None
 
 

@@ -343,11 +343,12 @@ def test_samples_of_the_tube_are_added_on_either_side_of_an_instant_too(case, x)
 
 
 def test_segments_that_a_motion_missed_are_asked_for_from_then_on(case, monkeypatch):
-    constraints, spline = constraints_of(case)
+    constraints, _ = constraints_of(case)
+    tool = np.zeros((1, 3))
     found = [np.array([True, False]), np.array([False, True]), np.array([True, True])]
     monkeypatch.setattr(OrderedSegments, "missed", lambda self, tool: found.pop(0))
     asked = []
     for is_new in (True, True, False):
-        assert constraints._ask_for_missed(spline) is is_new
+        assert constraints._ask_for_missed(tool) is is_new
         asked.append(constraints._is_asked.tolist())
     assert asked == [[True, False], [True, True], [True, True]]

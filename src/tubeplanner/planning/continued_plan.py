@@ -13,10 +13,9 @@ from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.refinement.refinement import Refinement
 
 # A motion that changes for more steps than this is no longer near the last: another may be better.
-# (Of 104 small changes and 60 large ones, those that took no more than 25 ended at most 0.1 % above
-# a fresh plan, and 0.4 % once after several large ones at a time; with more, up to 0.5 % and far
-# slower. That was when damping fell less readily; steps have become a third more since.)
-_MAX_STEPS = 35
+# (Of 104 small changes and 60 large ones, those that took no more ended at most 0.1 % above a fresh
+# plan, and 0.4 % once after several large ones at a time; with more, up to 0.5 % and far slower.)
+_MAX_STEPS = 25
 
 
 def continued_plan(

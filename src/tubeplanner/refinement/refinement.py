@@ -31,7 +31,7 @@ from tubeplanner.verification.certificate import Certificate
 # Radii of trust regions, in their units.
 _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.1, 0.02
 _MIN_LAST_TRUST = 0.002
-_GAIN, _LAST_GAIN = 5e-4, 3e-4
+_GAIN, _LAST_GAIN = 5e-4, 2e-4
 _MAX_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 60, 3, 8
 _NEAR_TRUST = 0.01  # from where nearly nothing is left to be done
 # On coarse knots, links that came close during the search keep this much clearance.

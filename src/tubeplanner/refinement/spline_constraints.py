@@ -211,8 +211,11 @@ class SplineConstraints:
 
     def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
         """Return a spline's cost between samples too, and whether samples had to be added."""
-        has_more = self.look_for_links(current.spline) | self._ask_for_missed(current.spline)
+        has_more = self.look_for_links(current.spline)
         worst, dense = self.between_samples(current.spline), self._dense_samples
+        tube, *_ = worst.regions
+        if self._ask_for_missed(tube.vector):
+            worst, has_more = self.between_samples(current.spline), True
         here = [limit for limit in worst.limits if limit.at.evaluation_points is dense]
         for with_jerk, samples in self._watched_samples.items():
             alike = [part for part in here if _depends_on_jerk(part.limit) is with_jerk]
@@ -227,11 +230,11 @@ class SplineConstraints:
         self._tube_samples = self._tube_samples.and_also(dense.where(outside))
         return worst, has_more or len(outside) > 0
 
-    def _ask_for_missed(self, spline: PhasedSpline) -> bool:
-        """Ask for the segments that a motion never is in; return whether there is a new one."""
-        known = _Known(self._problem, spline, self._radius, self._blended, self._is_asked)
-        tool = known.at(self._dense_samples)[1].tool_pose[1]
-        missed = known.segments_of(self._dense_samples).missed(tool) & ~self._is_asked
+    def _ask_for_missed(self, tool: FloatArray) -> bool:
+        """Ask for the segments that the tool is in at no dense sample; return if one is new."""
+        points, chains = self._problem.tube.points, self._grid.chains
+        segments = OrderedSegments(points, self._radius, chains, self._dense_samples)
+        missed = segments.missed(tool) & ~self._is_asked
         self._is_asked = self._is_asked | missed
         return bool(missed.any())
 
