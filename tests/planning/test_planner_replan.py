@@ -254,3 +254,20 @@ def test_it_takes_problems_only(bundled):
         Planner("problem.yaml")
     with pytest.raises(ProblemError, match="give a PlanningProblem"):
         Planner(load_problem("example:two_link/paper_1_30mm")).replan(None)
+
+
+def test_steps_count_until_the_motion_is_judged(planner_of, bundled, monkeypatch):
+    problem, steps, judged = CHANGES["wider"](bundled(OVER_THE_WALL)), [], []
+
+    def judge(*arguments):
+        judged.append(len(steps))
+        return certified_result(*arguments)
+
+    monkeypatch.setattr("tubeplanner.planning.certified_motion.certified_result", judge)
+    planner_of(OVER_THE_WALL).replan(problem, steps.append)
+    count = sum(one.best_duration is not None for one in steps[: judged[0]])
+    limit = "tubeplanner.planning.continued_plan._MAX_STEPS"
+    monkeypatch.setattr(limit, count)
+    assert NOTE in planner_of(OVER_THE_WALL).replan(problem).notes
+    monkeypatch.setattr(limit, count - 1)
+    assert NOTE not in planner_of(OVER_THE_WALL).replan(problem).notes
