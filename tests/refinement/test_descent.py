@@ -1,5 +1,6 @@
 """Steps of several legs at once: what they promise, and what they share."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -100,3 +101,13 @@ def test_a_single_iterate_is_that_of_a_single_leg(motions):
     _, both = improved(motions, (False, False), 0.005)
     with pytest.raises(ValueError, match="too many values"):
         _ = both.iterate
+
+
+@pytest.mark.parametrize(("radius", "factor"), [(1e-4, 4), (0.01, 1), (0.2, 1)])
+def test_what_stays_broken_costs_more_unless_the_step_mends_a_part(radius, factor, motions):
+    motion = motions[0]
+    narrower = motion.problem.with_tube(motion.problem.tube.scaled(0.7))
+    outside = replace(motion, problem=narrower)
+    begun, found = improved([outside], (False,), radius)
+    assert begun[0].excess > 0.1
+    assert found.penalty == factor * FIRST_PENALTY

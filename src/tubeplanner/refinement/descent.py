@@ -25,6 +25,8 @@ _GOOD_RATIO = 0.3
 _WORTH_A_MOVE = 0.02
 # A step that should lose this share of T^2 obeys planes of two segments that contradict each other.
 _CONTRADICTION = 5e-4
+# Steps that leave less than this share of what was broken mend it, if not at once.
+_MENDED = 0.9
 FIRST_PENALTY, MAX_PENALTY = 3.0, 1e4
 
 
@@ -237,7 +239,7 @@ class Descent:
                 trust = trust.smaller()
                 continue
             trials, outcome = tried
-            if any(step.elastic > BROKEN for step in steps):
+            if any(map(_mends_nothing, currents, steps)):
                 penalty = min(4 * penalty, MAX_PENALTY)
             if outcome.ratio > _WORTH_A_MOVE:
                 currents = trials
@@ -268,3 +270,13 @@ class Descent:
             leg.after(step)
         rates = linear.squared_rates(steps)
         return trials, Outcome(predicted, first_gain, gain, linear.radius_of(steps, unit), rates)
+
+
+def _mends_nothing(current: Iterate, step: Step) -> bool:
+    """Return whether a step leaves nearly all broken that was, or breaks more.
+
+    Then a higher penalty may be wanted. What mends a part is held back by its region: a higher
+    penalty would mend no more, and drown the duration. (After Byrd, Nocedal & Waltz, "Steering
+    exact penalty methods for nonlinear programming", 2008.)
+    """
+    return step.elastic > max(BROKEN, _MENDED * current.excess)
