@@ -3,10 +3,13 @@
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
+
+if TYPE_CHECKING:
+    # Not needed to say that there was an interrupt: NumPy may be what it has kept from loading.
+    from tubeplanner.arrays import FloatArray
 
 # How far below zero the margins of a certificate may lie, and a given start or goal outside its
 # bounds [m, rad or relative].
@@ -101,7 +104,7 @@ class ContradictionError(ProblemError):
         place: Place = Place(),
         *,
         proved: bool | None = None,
-        configuration: FloatArray | None = None,
+        configuration: "FloatArray | None" = None,
     ) -> None:
         super().__init__(f"{message}; proved: there is no motion" if proved else message)
         self.place = place
@@ -128,7 +131,7 @@ class Infeasible(Exception):
         *,
         proved: bool = False,
         starts: int = 0,
-        configuration: FloatArray | None = None,
+        configuration: "FloatArray | None" = None,
     ) -> None:
         super().__init__(message)
         self.status = status
