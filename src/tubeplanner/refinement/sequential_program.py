@@ -38,7 +38,8 @@ _MAX_WIDTH_SHARE, _WIDTH_SHARE = 0.3, 8.0
 _MULTIPLIER_TRUST = TrustRegion(0.02, 0.0)
 _MULTIPLIER_SMOOTHING = 1e-3
 # Up to these costs they are believed: d ln T^2 by a relative rise is 2 at most for a velocity.
-_PLAUSIBLE_OF_SPEED, _PLAUSIBLE_OF_TUBE = 2.0, 0.3
+# (Of a tolerance that the start is on, multipliers said 0.15 where a rise gained nothing.)
+_PLAUSIBLE_OF_SPEED, _PLAUSIBLE_OF_TUBE = 2.0, 0.1
 
 
 class SequentialProgram:
