@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from outside.files import data_share, data_urdfs
-from outside.urdf import Description, Joint, read_description
+from outside.files import Description, Joint, data_share, data_urdfs, read_description
 
 BUNDLED = {
     "two_link": "hand",

@@ -10,10 +10,10 @@ from typing import Any
 from campaign_arms import Unsuitable
 from campaign_planner import PlannerProcess
 from campaign_problems import Built, build, reversed_problem, two_moves, write
+from outside.conditions import Condition
 from outside.cycle_judge import judge_cycle
 from outside.judge import PARTS, SAMPLES
 from outside.trajectory import read_trajectory
-from outside.verdict import Condition
 from outside_judge import Judge, passes
 
 NARROWER = 0.9

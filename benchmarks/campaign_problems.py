@@ -23,11 +23,11 @@ from campaign_extras import (
 from campaign_motors import vary_motors
 from campaign_witness import MAX_RADIUS, RADIUS_FACTOR, Witness, random_witness
 from outside.arm import Arm, placed, solid_geometry
-from outside.distances import read_distances
+from outside.distances import Poses, least_margin
 from outside.files import BUNDLED, BadInput
-from outside.nearest import Poses, least_margin
-from outside.problem import Problem, TubeFields
+from outside.problem import Problem, read_distances
 from outside.tube import rotation_error
+from outside.tube_fields import TubeFields
 from outside_judge import Judge, passes
 
 MAX_ATTEMPTS = 60

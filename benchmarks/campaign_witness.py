@@ -14,7 +14,7 @@ from scipy.interpolate import PPoly, make_interp_spline
 
 from campaign_arms import Unsuitable
 from outside.arm import Arm
-from outside.limits import judge_limits
+from outside.conditions import judge_limits
 from outside.trajectory import Trajectory
 from outside.tube import distance
 

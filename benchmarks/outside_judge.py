@@ -16,12 +16,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from outside.conditions import Condition
 from outside.cycle_judge import judge_cycle
-from outside.files import BadInput
+from outside.files import BadInput, read_document
 from outside.judge import Judge
-from outside.problem import read_document
 from outside.trajectory import read_trajectory
-from outside.verdict import Condition
 
 # [m], [rad] and relative. A trajectory is certified to 1e-6; distances by coal are good to about as
 # much, and a fault that matters is larger than a hundredth of a millimetre.

@@ -9,13 +9,29 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from outside.by_place import Law, Point, read_laws, read_points
-from outside.files import BadInput, find_file, find_urdf
-from outside.given_limits import given_limits, given_motors
-from outside.motors import EffortLimit, read_effort, read_motors
-from outside.problem import Problem, speed_of
-from outside.standing import placement_of, standing
-from outside.urdf import Description, Joint, read_description
+from outside.files import (
+    BadInput,
+    Description,
+    Joint,
+    find_file,
+    find_urdf,
+    placement_of,
+    read_description,
+    standing,
+)
+from outside.joint_limits import (
+    EffortLimit,
+    Law,
+    Point,
+    given_limits,
+    given_motors,
+    read_effort,
+    read_laws,
+    read_motors,
+    read_points,
+)
+from outside.problem import Problem
+from outside.tube_fields import speed_of
 
 
 @dataclass(frozen=True, eq=False)

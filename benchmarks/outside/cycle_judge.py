@@ -1,24 +1,25 @@
-"""The outside judge of whole cycles: every leg as a problem of its own, and what is between."""
+"""The outside judge of a cycle: its legs as problems of their own, and the seams between them."""
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from outside.arm import Arm
-from outside.cell import Cell
-from outside.changing_hands import with_usual_contacts
-from outside.cycle import Cycle, Step, read_cycle
+from outside.conditions import RELATIVE, Condition
+from outside.cycle import Cell, Cycle, Step, leg_problem, read_cycle, read_times, robot_of
+from outside.distances import Pair, Poses, owners_of, signed_distance
 from outside.files import BadInput
 from outside.judge import Judge
-from outside.leg_problem import leg_problem, robot_of
-from outside.marks import read_times
-from outside.parts import part_of
-from outside.seams import judge_dwell, judge_hold, judge_return, judge_stay
-from outside.trajectory import Trajectory, read_trajectory
-from outside.verdict import Condition
+from outside.problem import Contact, Problem
+from outside.trajectory import Trajectory, part_of, read_trajectory
 
 HANDING = ("attach", "detach")
+SAMPLES = 200
+WITHIN = 0.03  # [m]
 
 
 def judge_cycle(path: Path, trajectory: Path) -> dict[str, Condition]:
@@ -32,6 +33,86 @@ def judge_cycle(path: Path, trajectory: Path) -> dict[str, Condition]:
         return dict(_CycleJudge(cycle, motion, trajectory).conditions())
     except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
         raise BadInput(f"{path}: {type(error).__name__}: {error}") from error
+
+
+def judge_stay(
+    arm: Arm, stop: list[np.ndarray], rest: Trajectory | None, start: list[np.ndarray], time: float
+) -> Condition:
+    """Return how far joints move at a seam, where they must not.
+
+    Args:
+        arm: The arm.
+        stop: Where the leg before ends, shape (n,); nothing if there is none.
+        rest: What the motion does there; None: it does not rest.
+        start: Where the leg after begins; nothing if there is none.
+        time: When the seam begins [s].
+    """
+    places = [*stop, *([] if rest is None else rest.at(rest.samples(SAMPLES))), *start]
+    if len(places) < 2:
+        return Condition(None, "rad")
+    moved = abs(np.array(places) - places[0]).max(axis=0)
+    return _of_joints(arm, -moved, time)
+
+
+def judge_dwell(rest: list[Step], times: list[tuple[float, float]]) -> Condition:
+    """Return how much longer than asked the arm rests for the events at a seam."""
+    spare = [
+        (end - begin - step.dwell, begin)
+        for step, (begin, end) in zip(rest, times, strict=True)
+        if step.dwell > 0
+    ]
+    margin, begin = min(spare, default=(None, None))
+    return Condition(margin, "s", begin)
+
+
+def judge_hold(arms: list[Arm], q: np.ndarray, time: float) -> Condition:
+    """Return what motors have left that hold the arm in a configuration (n,), with every load.
+
+    Of their efforts, and of torque-speed lines where these begin.
+    """
+    margin, where = math.inf, ""
+    for arm in arms:
+        still = np.zeros((1, len(q)))
+        efforts = arm.efforts(q[None], still, still)[0]
+        for j, limit in enumerate(arm.limits.by_place):
+            allowed = float(limit.allowed(q[j : j + 1], 1 if efforts[j] > 0 else -1)[0])
+            allowed = min(allowed, float(arm.motors.stall[j]))
+            own = 1 - abs(efforts[j]) / allowed
+            if own < margin and math.isfinite(allowed):
+                margin, where = own, f"joint {arm.joint_names[j]}"
+    if not where:
+        return Condition(None, RELATIVE)
+    return Condition(float(margin), RELATIVE, time, where)
+
+
+def judge_return(arm: Arm, first: np.ndarray, last: np.ndarray, time: float) -> Condition:
+    """Return how far from where it began the arm ends."""
+    return _of_joints(arm, -abs(last - first), time)
+
+
+def with_usual_contacts(
+    judge: Judge, start: np.ndarray, goal: np.ndarray, taken: set[str], given: set[str]
+) -> Problem:
+    """Return a leg's problem with the contacts of what changes hands where it begins and ends.
+
+    Args:
+        judge: Of the leg.
+        start: Configuration in which it begins, shape (n,).
+        goal: In which it ends.
+        taken: Names of what changed hands before it.
+        given: Names of what changes hands after it.
+    """
+    problem = judge.problem
+    contacts = problem.distances.contacts
+    at_start = {contact.links for contact in contacts if contact.at_start}
+    at_goal = {contact.links for contact in contacts if contact.at_goal}
+    is_open = not {"joints", "seed", "pose"} & set(problem.goal)
+    ending = _of_tool(judge, given) if is_open else _near(judge, given, goal)
+    usual = [
+        *(Contact(pair, WITHIN, True, False) for pair in _near(judge, taken, start) - at_start),
+        *(Contact(pair, WITHIN, False, True) for pair in ending - at_goal),
+    ]
+    return replace(problem, distances=replace(problem.distances, contacts=[*contacts, *usual]))
 
 
 class _CycleJudge:
@@ -110,3 +191,33 @@ def _called(part: str, found: dict[str, Condition]) -> Iterator[tuple[str, Condi
     for name, each in found.items():
         if each.margin is not None:
             yield f"{part}: {name}", each
+
+
+def _of_joints(arm: Arm, margins: np.ndarray, time: float) -> Condition:
+    joint = int(margins.argmin())
+    unit = "m" if arm.slides[joint] else "rad"
+    return Condition(float(margins[joint]), unit, time, f"joint {arm.joint_names[joint]}")
+
+
+def _near(judge: Judge, names: set[str], q: np.ndarray) -> set[frozenset[str]]:
+    """Return the pairs of some names that are nearer than any segment asks."""
+    distances = judge.problem.distances
+    everywhere = float(distances.segments.max())
+    poses = Poses(*judge.arm.poses(q[None]))
+    found = set()
+    for pair in _with_names(judge, names):
+        asked = distances.pairs.get(owners_of(pair), everywhere)
+        if signed_distance(pair, poses, 0) < asked:
+            found.add(owners_of(pair))
+    return found
+
+
+def _of_tool(judge: Judge, names: set[str]) -> set[frozenset[str]]:
+    """Return the pairs of some names that are of what moves with the tool."""
+    joint = judge.arm.tool_joint
+    return {owners_of(pair) for pair in _with_names(judge, names) if pair[0].joint == joint}
+
+
+def _with_names(judge: Judge, names: set[str]) -> list[Pair]:
+    pairs = judge.clearance.obstacle_pairs
+    return [pair for pair in pairs if owners_of(pair) & names]

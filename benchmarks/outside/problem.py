@@ -1,21 +1,17 @@
 """A problem file as the outside judge reads it. What it does not know, it refuses by name."""
 
-import json
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
-from outside.box import Section, radii, read_sections
-from outside.distances import Distances, read_distances
-from outside.files import BadInput
-from outside.line import distinct, joined, passing
-from outside.points import read_points
+from outside.files import BadInput, read_document, require_known
+from outside.tube_fields import TubeFields, tube_of, with_points
 
+CLEARANCE = {"default", "pairs", "segments"}
+PAIR = {"links", "clearance"}
+CONTACT = {"links", "segments", "within"}
 SOLID = {"name", *("box", "sphere", "cylinder", "capsule", "mesh"), "scale"}
 SOLID |= {"position", "rpy", "quaternion"}
 LIMITS = {"effort", "velocity", "position", "acceleration", "jerk", "effort_rate", "scale"}
@@ -26,82 +22,62 @@ MOTORS |= {"no_load_velocity", "friction_from_urdf", "friction_uncertainty"}
 ROBOT = {"urdf", "package_dirs", "srdf", "tool_frame", "tool_offset", "joints", "locked_joints"}
 ROBOT |= {"base", "gravity", "payload", "attached", "limits", "motors", "preset", "limits_file"}
 ROBOT |= {"xacro_args"}  # of an .xacro file, which the judge does not read
-TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
-TUBE |= {"tool_speed", "visit", "pass_through_points", "cross_section"}
 TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}
 TOP |= {"contacts"}
 BALL = {"position", "tolerance", "rotation_tolerance"}
 POSE = {"position", "rpy", "quaternion"}
-SIGNS = {"+": (0.0, math.inf), "-": (-math.inf, 0.0), "0": (-math.inf, math.inf)}
-SIGNS_BY_NUMBER = {1: "+", -1: "-", 0: "0"}
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two solids that may be nearer than their clearance while the tool is near an end.
+
+    Attributes:
+        links: Their names.
+        within: How far the tool may be from where it is at that end [m].
+        at_start: Whether the end may be the start.
+        at_goal: Whether it may be the goal.
+    """
+
+    links: frozenset[str]
+    within: float
+    at_start: bool
+    at_goal: bool
 
 
 @dataclass(frozen=True, eq=False)
-class TubeFields:
-    """What a problem asks of the tool between start and goal.
+class Distances:
+    """What is asked of distances.
 
     Attributes:
-        points: Reference points, base frame, shape (m+1, 3) [m].
-        radius: What the tool centre point may be off each segment, shape (m,) [m]; in a box, half
-            of the smaller side.
-        ranges: Per segment: joint name to (lower, upper) [rad or m].
-        orientations: At the points, quaternions x y z w, shape (m+1, 4), or None.
-        bounds: On the components and the length of log(R_ref^T R), shape (m, 4) [rad], or None.
-        speed: What the tool's speed must not exceed in each segment, infinite where it is free:
-            shape (m,) [m/s]. The robot's own limit is not in it.
-        clearance: Of links from obstacles in each segment, shape (m,) [m].
-        is_ordered: Whether segments are visited one after the other.
-        passing: Indices of inner points that must be passed within the smaller radius beside them.
-        numbers: What the file calls the points: those on straight lines and repeated ones are left
-            out.
-        sections: Width and height [m] and what is upward, None for a disc, for each segment; None:
-            discs alone.
-        tool_radius: What is taken off the radii, and to be taken off the boxes [m].
+        segments: Of links from obstacles in each segment, shape (m,) [m].
+        pairs: Of single pairs, by their names, instead of it [m].
+        contacts: Who may be nearer at an end.
     """
 
-    points: np.ndarray
-    radius: np.ndarray
-    ranges: list[dict[str, tuple[float, float]]]
-    orientations: np.ndarray | None
-    bounds: np.ndarray | None
-    speed: np.ndarray
-    clearance: np.ndarray
-    is_ordered: bool
-    passing: list[int]
-    numbers: list[int]
-    sections: list[Section | None] | None = None
-    tool_radius: float = 0.0
+    segments: np.ndarray
+    pairs: dict[frozenset[str], float]
+    contacts: list[Contact]
 
-    def some(self, kept: list[int]) -> "TubeFields":
-        """Return the tube with some of its points; each segment is the one that ends there."""
-        # Of segments that are one, any will do; of a repeated point, the segment to it goes.
-        segments = [k - 1 for k in kept[1:]]
-        return TubeFields(
-            self.points[kept],
-            self.radius[segments],
-            [self.ranges[k] for k in segments],
-            None if self.orientations is None else self.orientations[kept],
-            None if self.bounds is None else self.bounds[segments],
-            self.speed[segments],
-            self.clearance[segments],
-            self.is_ordered,
-            [],
-            [self.numbers[k] for k in kept],
-            None if self.sections is None else [self.sections[k] for k in segments],
-            self.tool_radius,
-        )
 
-    def same(self, one: int, other: int) -> bool:
-        """Return whether two segments ask the same."""
-        bounds = self.bounds
-        return bool(
-            self.radius[one] == self.radius[other]
-            and (self.sections is None or self.sections[one] == self.sections[other])
-            and self.ranges[one] == self.ranges[other]
-            and self.speed[one] == self.speed[other]
-            and self.clearance[one] == self.clearance[other]
-            and (bounds is None or (bounds[one] == bounds[other]).all())
-        )
+def read_distances(clearance: Any, contacts: Any, count: int) -> Distances:
+    """Return what the fields `clearance` and `contacts` ask of a tube of so many segments.
+
+    Raises:
+        BadInput: They are not what they must be.
+    """
+    fields = clearance if isinstance(clearance, dict) else {"default": clearance}
+    require_known(fields, CLEARANCE, "clearance.")
+    default = float(fields.get("default", 0.0))
+    segments = fields.get("segments") or [None] * count
+    if len(segments) != count:
+        raise BadInput(f"clearance.segments has {len(segments)} entries for {count} segments")
+    pairs = {}
+    for row in fields.get("pairs") or []:
+        require_known(row, PAIR, "clearance.pairs.")
+        pairs[_names(row["links"])] = float(row["clearance"])
+    each = [default if value is None else float(value) for value in segments]
+    return Distances(np.array(each), pairs, [_contact(row, count) for row in contacts or []])
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,23 +119,6 @@ def read_problem(path: Path) -> Problem:
         raise BadInput(f"{path}: {type(error).__name__}: {error}") from error
 
 
-def read_document(path: Path) -> Any:
-    """Return what a YAML or JSON file holds.
-
-    Raises:
-        BadInput: It cannot be read.
-    """
-    try:
-        text = path.read_text("utf-8-sig")
-        return (
-            json.loads(text)
-            if path.suffix == ".json"
-            else YAML(typ="safe", pure=True).load(text)  # YAML 1.2, as other readers of the file
-        )
-    except (OSError, ValueError, YAMLError) as error:
-        raise BadInput(f"{path} cannot be read: {error}") from error
-
-
 def problem_of(fields: Any, folder: Path) -> Problem:
     """Return the problem that a file's fields are, whose relative paths start at a folder.
 
@@ -197,7 +156,7 @@ def problem_of(fields: Any, folder: Path) -> Problem:
     return Problem(
         folder,
         robot,
-        _tube(tube, distances.segments),
+        tube_of(tube, distances.segments),
         fields["start"],
         fields.get("goal") or {},
         fields.get("obstacles") or [],
@@ -207,115 +166,16 @@ def problem_of(fields: Any, folder: Path) -> Problem:
     )
 
 
-def require_known(fields: Any, known: set[str], where: str) -> None:
-    """Raise BadInput, which names the field, if there is one that is not known."""
-    if not isinstance(fields, dict):
-        raise BadInput(f"{where.rstrip('.') or 'the file'} must be a map")
-    for key in fields:
-        if key not in known:
-            raise BadInput(f"{where}{key} is not known here, so it cannot be judged")
+def _contact(fields: Any, count: int) -> Contact:
+    require_known(fields, CONTACT, "contacts.")
+    given = fields.get("segments")
+    chosen = {0, count - 1} if given is None else {count - 1 if k == -1 else k for k in given}
+    if not chosen <= {0, count - 1}:
+        raise BadInput(f"contacts: segments {given} are neither the first nor the last")
+    within = float(fields["within"])
+    return Contact(_names(fields["links"]), within, 0 in chosen, count - 1 in chosen)
 
 
-def with_points(fields: Any, folder: Path) -> Any:
-    """Return a tube's fields with those of its file of points, if it names one."""
-    if not isinstance(fields.get("points"), str):
-        return fields
-    read = read_points(folder / fields["points"])
-    if twice := [key for key in read if key != "points" and fields.get(key) is not None]:
-        raise BadInput(f"tube.{twice[0]} is given twice: here and in {fields['points']}")
-    return fields | read
-
-
-def _tube(fields: Any, clearance: np.ndarray) -> TubeFields:
-    require_known(fields, TUBE, "tube.")
-    points = np.array(fields["points"], dtype=float)
-    if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
-        raise BadInput("tube.points must be two or more positions")
-    count = len(points) - 1
-    sections = read_sections(fields.get("cross_section"), count)
-    radius = radii(fields.get("radius"), sections)
-    tool_radius = float(fields.get("tool_radius", 0.0))
-    signs = fields.get("joint_signs") or {}
-    maps = [signs] * count if isinstance(signs, dict) else signs
-    if len(maps) != count:
-        raise BadInput(f"tube.joint_signs has {len(maps)} maps for {count} segments")
-    visit = fields.get("visit", "ordered")
-    if visit not in ("ordered", "any"):
-        raise BadInput(f"tube.visit {visit} is not known here")
-    orientations = fields.get("orientations")
-    if orientations is not None and np.shape(orientations) != (count + 1, 4):
-        raise BadInput("tube.orientations must be one quaternion per point")
-    tolerance = fields.get("rotation_tolerance")
-    tube = TubeFields(
-        points,
-        radius - tool_radius,
-        [{name: _range(sign) for name, sign in (row or {}).items()} for row in maps],
-        None if orientations is None else np.array(orientations, dtype=float),
-        None if tolerance is None else bounds_of(tolerance, count),
-        _speeds(fields.get("tool_speed"), count),
-        clearance,
-        visit == "ordered",
-        [],
-        list(range(count + 1)),
-        sections,
-        tool_radius,
-    )
-    return _reduced(tube, fields.get("pass_through_points", "corners"))
-
-
-def _reduced(tube: TubeFields, rule: Any) -> TubeFields:
-    """Return what of a tube counts, with the points that must be passed."""
-
-    def turned() -> np.ndarray | None:
-        is_free = tube.bounds is None or not np.isfinite(tube.bounds).any()
-        return None if is_free else tube.orientations
-
-    tube = tube.some(distinct(tube.points, tube.same, turned()))
-    if rule != "all":
-        tube = tube.some(joined(tube.points, tube.same, turned()))
-    return replace(tube, passing=passing(tube.points, tube.radius, rule))
-
-
-def _range(sign: Any) -> tuple[float, float]:
-    if isinstance(sign, list):
-        lower, upper = sign
-        return float(lower), float(upper)
-    return SIGNS[SIGNS_BY_NUMBER.get(sign, sign)]
-
-
-def bounds_of(tolerance: Any, count: int) -> np.ndarray:
-    """Return what `rotation_tolerance` bounds in so many segments, as `TubeFields.bounds`."""
-    entries = tolerance if isinstance(tolerance, list) else [tolerance] * count
-    if count != 3 and len(entries) == 3 and not any(isinstance(entry, list) for entry in entries):
-        entries = [entries]  # one triple for all; of three segments, each has its angle
-    if len(entries) == 1 and isinstance(entries[0], list):
-        entries = entries * count
-    if len(entries) != count:
-        raise BadInput(f"tube.rotation_tolerance has {len(entries)} entries for {count} segments")
-    bounds = np.full((count, 4), math.inf)
-    for row, entry in zip(bounds, entries, strict=True):
-        if isinstance(entry, list):
-            row[:3] = entry
-        else:
-            row[3] = entry
-    return bounds
-
-
-def speed_of(value: Any, name: str) -> float:
-    """Return a limit on the tool's speed [m/s], infinite if there is none.
-
-    Raises:
-        BadInput: It is no positive number.
-    """
-    if value is None:
-        return math.inf
-    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-        raise BadInput(f"{name} is {value}")
-    return float(value)
-
-
-def _speeds(given: Any, count: int) -> np.ndarray:
-    entries = given if isinstance(given, list) else [given] * count
-    if len(entries) != count:
-        raise BadInput(f"tube.tool_speed has {len(entries)} entries for {count} segments")
-    return np.array([speed_of(value, "tube.tool_speed") for value in entries])
+def _names(links: Any) -> frozenset[str]:
+    first, second = links
+    return frozenset((str(first), str(second)))

@@ -1,6 +1,7 @@
-"""A trajectory file as the outside judge reads it, and samples of it."""
+"""A trajectory file, its samples, and the part of it between two instants."""
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from outside.files import BadInput
 
 ORDERS = 4  # position, velocity, acceleration, jerk
 MIN_STEP = 1e-12  # of the duration: finer samples are rounding
+AT_BREAKPOINT = 1e-9  # [s]: who is that near to a breakpoint is there
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,3 +143,43 @@ def read_trajectory(path: Path) -> Trajectory:
     if abs(breakpoints[-1] - duration) > 1e-9:
         raise BadInput(f"{path}: duration contradicts the last breakpoint")
     return Trajectory(names, breakpoints, coefficients)
+
+
+def part_of(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
+    """Return what a trajectory does between two times [s], as one that begins at zero.
+
+    Raises:
+        BadInput: They are not in order, or outside of it.
+    """
+    begin, end = (_at_breakpoint(trajectory.breakpoints, time) for time in (begin, end))
+    if not 0 <= begin < end <= trajectory.duration:
+        raise BadInput(f"from {begin:g} to {end:g} s is no part of {trajectory.duration:g} s")
+    inner = trajectory.breakpoints[
+        (trajectory.breakpoints > begin) & (trajectory.breakpoints < end)
+    ]
+    times = np.array([begin, *inner, end])
+    piece = np.searchsorted(trajectory.breakpoints, times[:-1], side="right") - 1
+    coefficients = trajectory.coefficients[:, piece]
+    later = begin - trajectory.breakpoints[piece[0]]
+    coefficients[:, 0] = _shifted(coefficients[:, 0], later)
+    return Trajectory(trajectory.joint_names, times - begin, coefficients)
+
+
+def _at_breakpoint(breakpoints: np.ndarray, time: float) -> float:
+    nearest = float(breakpoints[abs(breakpoints - time).argmin()])
+    return nearest if abs(nearest - time) <= AT_BREAKPOINT else time
+
+
+def _shifted(polynomial: np.ndarray, by: float) -> np.ndarray:
+    """Return a polynomial (degree+1, n), highest power first, of a time that begins later.
+
+    Taylor: the coefficient of a power is that derivative there, divided by the factorial.
+    """
+    rows, derivative = [], polynomial
+    for power in range(len(polynomial)):
+        value = np.zeros(polynomial.shape[1])
+        for row in derivative:
+            value = value * by + row
+        rows.append(value / math.factorial(power))
+        derivative = derivative[:-1] * np.arange(len(derivative) - 1, 0, -1)[:, None]
+    return np.array(rows[::-1])

@@ -14,11 +14,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from outside.arm import Arm
-from outside.box import box_margin
-from outside.problem import TubeFields
 from outside.trajectory import Samples, Trajectory
-from outside.visits import Visits, ordered_visits, union_visits
+from outside.tube_fields import TubeFields, box_margin
 
+State = tuple[int, bool, bool]
 CONDITIONS = ("tube", "joint_signs", "rotation", "tool_speed", "clearance")
 NEAR = 1e-3  # [m, rad, relative]: steps beside a smaller margin are looked at again, divided
 PARTS = 20  # into so many
@@ -27,8 +26,78 @@ MAX_ROUNDS = 40  # of dividing the steps where the least margin is; each gains a
 MAX_WORST = 20  # samples with the same least margin: a tool may go on at its limit
 SETTLED = 1e-9  # [m, rad, relative] by which a round must change the least margin
 BROKEN = -1e-6  # [m, rad, relative]: below it no visits keep all conditions
-
 MarginAt = Callable[[Samples], np.ndarray]  # of N samples in m segments, (N, m)
+
+
+@dataclass(frozen=True, eq=False)
+class Visits:
+    """Which segments are the current ones when.
+
+    Attributes:
+        samples: Instants, shape (N,).
+        rows: Of these, in order; one at which segments change is there with both, shape (V,).
+        segments: The segment of each, shape (V,).
+    """
+
+    samples: Samples
+    rows: np.ndarray
+    segments: np.ndarray
+
+    def current(self, samples: Samples, count: int) -> np.ndarray:
+        """Return which of so many segments are current at samples: bool, shape (N, count).
+
+        Between two of the visits' samples that is the segment of the one before.
+        """
+        time = self.samples.time[self.rows]
+        first = np.searchsorted(time, samples.time, side="left")
+        last = np.searchsorted(time, samples.time, side="right") - 1
+        found = np.zeros((len(samples), count), dtype=bool)
+        for k, (low, high) in enumerate(zip(np.minimum(first, last), last, strict=True)):
+            found[k, self.segments[low : high + 1]] = True
+        return found
+
+
+def ordered_visits(
+    least: np.ndarray, inside: dict[int, np.ndarray] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return samples and segments of the ordered visits whose least margin is greatest.
+
+    A state is a segment and whether the points at its two ends have been passed, if they must be.
+    value[state][k] is the best least margin of visits that are in it at sample k. They came from
+    the sample before in the same state, or at this sample from the segment before, or by passing a
+    point.
+    """
+    inside, count = inside or {}, least.shape[1]
+    value: dict[State, list[float]] = {}
+    for state in _states(count, inside):
+        gates = [(value[source], gate) for source, gate in _before(state, inside)]
+        entries = [math.inf] + [-math.inf] * (len(least) - 1)
+        if gates:
+            both = [np.minimum(row, np.inf if gate is None else gate) for row, gate in gates]
+            entries = np.max(both, axis=0).tolist()
+        row, last = [], -math.inf
+        for margin, entry in zip(least[:, state[0]].tolist(), entries, strict=True):
+            last = min(margin, max(last, entry))
+            row.append(last)
+        value[state] = row
+    k, state = len(least) - 1, (count - 1, True, True)
+    visits = [(k, state[0])]
+    while k > 0 or _before(state, inside):
+        stays = value[state][k - 1] if k > 0 else -math.inf
+        entered = [
+            (min(value[source][k], math.inf if gate is None else gate[k]), source)
+            for source, gate in _before(state, inside)
+        ]
+        enters, source = max(entered, key=lambda one: one[0], default=(-math.inf, state))
+        k, state = (k - 1, state) if k > 0 and stays >= enters else (k, source)
+        visits.append((k, state[0]))
+    rows, segments = np.array(visits[::-1]).T
+    return rows, segments
+
+
+def union_visits(least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return samples and, for each, the segment whose margin is greatest."""
+    return np.arange(len(least)), least.argmax(axis=1)
 
 
 @dataclass(frozen=True)
@@ -48,28 +117,6 @@ class Least:
     segment: int = 0
     joint: int | None = None
     point: int | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class _Margins:
-    """Margins of N samples in m segments, each (N, m); the worst joint likewise.
-
-    `counted` are those by which the visits are chosen.
-    """
-
-    counted: tuple[str, ...]
-
-    tube: np.ndarray
-    joint_signs: np.ndarray
-    rotation: np.ndarray
-    tool_speed: np.ndarray
-    clearance: np.ndarray
-    joint: np.ndarray
-
-    @property
-    def least(self) -> np.ndarray:
-        least: np.ndarray = np.min([getattr(self, name) for name in self.counted], axis=0)
-        return least
 
 
 def judge_tube(
@@ -97,6 +144,132 @@ def judge_tube(
         if min(found[name].margin for name in counted) >= BROKEN:
             break
     return found, visits
+
+
+def rotation_error(
+    tube: TubeFields, rotation: np.ndarray, position: np.ndarray, segment: int
+) -> np.ndarray:
+    """Return log(R_ref^T R) of tools in a segment, shape (N, 3) [rad].
+
+    The reference turns from one point's orientation to the next, the short way, in proportion to
+    the distance along the segment; it is taken at the point of the segment nearest to the tool.
+
+    Args:
+        tube: It has orientations.
+        rotation: Of the tool centre point, shape (N, 3, 3).
+        position: Likewise, shape (N, 3) [m].
+        segment: Index.
+    """
+    assert tube.orientations is not None
+    begin, end = (Rotation.from_quat(tube.orientations[segment + k]) for k in (0, 1))
+    turn = (begin.inv() * end).as_rotvec()
+    share, _ = _nearest(tube.points, position, segment)
+    reference = begin * Rotation.from_rotvec(share[:, None] * turn)
+    return (reference.inv() * Rotation.from_matrix(rotation)).as_rotvec()
+
+
+def distance(points: np.ndarray, position: np.ndarray, segment: int) -> np.ndarray:
+    """Return how far positions (N, 3) are from a segment of reference points, shape (N,) [m]."""
+    return _nearest(points, position, segment)[1]
+
+
+def region_margin(tube: TubeFields, position: np.ndarray, segment: int) -> np.ndarray:
+    """Return how far positions (N, 3) are inside a segment's capsule or box, shape (N,) [m]."""
+    section = None if tube.sections is None else tube.sections[segment]
+    if section is None:
+        margin: np.ndarray = tube.radius[segment] - distance(tube.points, position, segment)
+        return margin
+    begin, end = tube.points[segment : segment + 2]
+    return box_margin(begin, end, section, tube.tool_radius, position)
+
+
+def judge_points(
+    tube: TubeFields,
+    arm: Arm,
+    trajectory: Trajectory,
+    samples: Samples,
+    clearance: MarginAt | None = None,
+) -> Least:
+    """Return the least margin of all points that must be passed, each at its best instant.
+
+    An instant counts while one of the two segments beside the point is the current one. Other
+    visits than the best are looked at if these miss a point; not if they break another condition.
+    """
+    if not tube.passing:
+        return Least()
+
+    def margins_at(where: Samples) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+        q = trajectory.at(where)
+        tool = arm.tool(q)[1]
+        inside = {
+            k: min(tube.radius[k - 1 : k + 1]) - np.linalg.norm(tool - tube.points[k], axis=1)
+            for k in tube.passing
+        }
+        least = _margins(tube, arm, trajectory, where, CONDITIONS, clearance).least
+        if not tube.is_ordered:
+            beside = {k: np.maximum(least[:, k - 1], least[:, k]) for k in inside}
+            inside = {k: np.minimum(margin, beside[k]) for k, margin in inside.items()}
+        return least, inside
+
+    least, inside = margins_at(samples)
+    windows = dict.fromkeys(tube.passing, (0, len(samples) - 1))
+    if tube.is_ordered:
+        windows = _windows(least, inside)
+    found = []
+    for k, (low, high) in windows.items():
+        best = low + int(inside[k][low : high + 1].argmax())
+        finer = samples.between(np.arange(max(best - 1, low), min(best + 1, high)), PARTS**2)
+        around = margins_at(finer)[1][k]
+        here = Least(float(inside[k][best]), float(samples.time[best]), point=k)
+        if len(around) and around.max() > here.margin:
+            here = Least(float(around.max()), float(finer.time[around.argmax()]), point=k)
+        found.append(here)
+    return min(found, key=_margin)
+
+
+def _states(count: int, inside: dict[int, np.ndarray]) -> list[State]:
+    """Return all states, each after those that lead to it."""
+    return [
+        (s, first, last)
+        for s in range(count)
+        for first in ((False, True) if s in inside else (True,))
+        for last in ((False, True) if s + 1 in inside else (True,))
+    ]
+
+
+def _before(state: State, inside: dict[int, np.ndarray]) -> list[tuple[State, np.ndarray | None]]:
+    """Return the states that lead to one, and the margin of what is passed on the way."""
+    s, first, last = state
+    found: list[tuple[State, np.ndarray | None]] = []
+    if s > 0 and last == (s + 1 not in inside):  # what lies ahead is passed later
+        found.append(((s - 1, True, first), None))
+    if first and s in inside:
+        found.append(((s, False, last), inside[s]))
+    if last and s + 1 in inside:
+        found.append(((s, first, False), inside[s + 1]))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Margins:
+    """Margins of N samples in m segments, each (N, m); the worst joint likewise.
+
+    `counted` are those by which the visits are chosen.
+    """
+
+    counted: tuple[str, ...]
+
+    tube: np.ndarray
+    joint_signs: np.ndarray
+    rotation: np.ndarray
+    tool_speed: np.ndarray
+    clearance: np.ndarray
+    joint: np.ndarray
+
+    @property
+    def least(self) -> np.ndarray:
+        least: np.ndarray = np.min([getattr(self, name) for name in self.counted], axis=0)
+        return least
 
 
 def _on_best_visits(
@@ -157,43 +330,6 @@ def _settled(
     return samples, margins
 
 
-def rotation_error(
-    tube: TubeFields, rotation: np.ndarray, position: np.ndarray, segment: int
-) -> np.ndarray:
-    """Return log(R_ref^T R) of tools in a segment, shape (N, 3) [rad].
-
-    The reference turns from one point's orientation to the next, the short way, in proportion to
-    the distance along the segment; it is taken at the point of the segment nearest to the tool.
-
-    Args:
-        tube: It has orientations.
-        rotation: Of the tool centre point, shape (N, 3, 3).
-        position: Likewise, shape (N, 3) [m].
-        segment: Index.
-    """
-    assert tube.orientations is not None
-    begin, end = (Rotation.from_quat(tube.orientations[segment + k]) for k in (0, 1))
-    turn = (begin.inv() * end).as_rotvec()
-    share, _ = _nearest(tube.points, position, segment)
-    reference = begin * Rotation.from_rotvec(share[:, None] * turn)
-    return (reference.inv() * Rotation.from_matrix(rotation)).as_rotvec()
-
-
-def distance(points: np.ndarray, position: np.ndarray, segment: int) -> np.ndarray:
-    """Return how far positions (N, 3) are from a segment of reference points, shape (N,) [m]."""
-    return _nearest(points, position, segment)[1]
-
-
-def region_margin(tube: TubeFields, position: np.ndarray, segment: int) -> np.ndarray:
-    """Return how far positions (N, 3) are inside a segment's capsule or box, shape (N,) [m]."""
-    section = None if tube.sections is None else tube.sections[segment]
-    if section is None:
-        margin: np.ndarray = tube.radius[segment] - distance(tube.points, position, segment)
-        return margin
-    begin, end = tube.points[segment : segment + 2]
-    return box_margin(begin, end, section, tube.tool_radius, position)
-
-
 def _margin(least: Least) -> float:
     return least.margin
 
@@ -249,50 +385,6 @@ def _margins(
             found.joint[closer, column] = joint
             found.joint_signs[rows, column] = np.minimum(found.joint_signs[rows, column], inside)
     return found
-
-
-def judge_points(
-    tube: TubeFields,
-    arm: Arm,
-    trajectory: Trajectory,
-    samples: Samples,
-    clearance: MarginAt | None = None,
-) -> Least:
-    """Return the least margin of all points that must be passed, each at its best instant.
-
-    An instant counts while one of the two segments beside the point is the current one. Other
-    visits than the best are looked at if these miss a point; not if they break another condition.
-    """
-    if not tube.passing:
-        return Least()
-
-    def margins_at(where: Samples) -> tuple[np.ndarray, dict[int, np.ndarray]]:
-        q = trajectory.at(where)
-        tool = arm.tool(q)[1]
-        inside = {
-            k: min(tube.radius[k - 1 : k + 1]) - np.linalg.norm(tool - tube.points[k], axis=1)
-            for k in tube.passing
-        }
-        least = _margins(tube, arm, trajectory, where, CONDITIONS, clearance).least
-        if not tube.is_ordered:
-            beside = {k: np.maximum(least[:, k - 1], least[:, k]) for k in inside}
-            inside = {k: np.minimum(margin, beside[k]) for k, margin in inside.items()}
-        return least, inside
-
-    least, inside = margins_at(samples)
-    windows = dict.fromkeys(tube.passing, (0, len(samples) - 1))
-    if tube.is_ordered:
-        windows = _windows(least, inside)
-    found = []
-    for k, (low, high) in windows.items():
-        best = low + int(inside[k][low : high + 1].argmax())
-        finer = samples.between(np.arange(max(best - 1, low), min(best + 1, high)), PARTS**2)
-        around = margins_at(finer)[1][k]
-        here = Least(float(inside[k][best]), float(samples.time[best]), point=k)
-        if len(around) and around.max() > here.margin:
-            here = Least(float(around.max()), float(finer.time[around.argmax()]), point=k)
-        found.append(here)
-    return min(found, key=_margin)
 
 
 def _windows(least: np.ndarray, inside: dict[int, np.ndarray]) -> dict[int, tuple[int, int]]:

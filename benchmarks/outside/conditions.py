@@ -1,22 +1,50 @@
-"""Limits, ends and continuity of a trajectory at its samples."""
+"""Conditions on a trajectory but for its tube and its distances: limits, ends and continuity."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from outside.arm import Arm
-from outside.goal import judge_ball, judge_pose
-from outside.motors import directions
+from outside.files import BadInput, placement_of
+from outside.joint_limits import directions
 from outside.problem import Problem
 from outside.trajectory import ORDERS, Samples, Trajectory
-from outside.verdict import RELATIVE, Condition, margin_of
 
+RELATIVE = "relative"
 QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 STILL = 1e-6  # of the fastest joint's speed: a slower joint is measured by that
 NEAR_SHARE, NEAR_ABSOLUTE = 0.01, 1e-3  # relative; [rad, m]: where steps are divided
 PARTS = 20  # into so many
 SHARE = 1e-3  # of a piece: the step of differences
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition's least margin.
+
+    Attributes:
+        margin: How far it is kept; None where it is not asked.
+        unit: "m", "rad" or "relative".
+        time: When it is least [s].
+        where: Which joint, segment, links or obstacle.
+    """
+
+    margin: float | None
+    unit: str
+    time: float | None = None
+    where: str = ""
+
+    def holds(self, tolerance: float) -> bool:
+        """Return whether it is kept, or broken by no more than a tolerance."""
+        return self.margin is None or self.margin >= -tolerance
+
+
+def margin_of(condition: Condition) -> float:
+    """Return a condition's margin, infinite where it is not asked."""
+    return math.inf if condition.margin is None else condition.margin
 
 
 def judge_limits(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, Condition]:
@@ -59,6 +87,43 @@ def judge_ends(problem: Problem, arm: Arm, trajectory: Trajectory) -> dict[str, 
     found["rest"] = Condition(-float(share.max()), RELATIVE, float(ends.time[row]), where)
     found["continuity"] = _continuity(arm, trajectory, largest)
     return found
+
+
+def judge_ball(goal: dict[str, Any], arm: Arm, q: np.ndarray, time: float) -> Condition:
+    """Return how far inside its ball the tool is in a configuration (n,)."""
+    away = math.dist(arm.tool(q[None])[1][0], goal["position"])
+    return Condition(float(goal.get("tolerance", 0.0)) - away, "m", time, "tool in its ball")
+
+
+def judge_pose(pose: dict[str, Any], arm: Arm, q: np.ndarray, time: float) -> Condition:
+    """Return how far the tool is from its pose in a configuration (n,), metres or radians."""
+    asked = placement_of(pose)
+    rotation, position = arm.tool(q[None])
+    away = math.dist(position[0], asked.translation)
+    turned = float(Rotation.from_matrix(asked.rotation.T @ rotation[0]).magnitude())
+    unit = "rad" if turned > away else "m"
+    return Condition(-max(away, turned), unit, time, "tool in its pose")
+
+
+def judge_turn(problem: Problem, arm: Arm, trajectory: Trajectory) -> Condition:
+    """Return how far inside the goal's bounds the last orientation is; no margin if it has none.
+
+    Raises:
+        BadInput: The tube has no orientations, or the bounds are no angle and no triple.
+    """
+    given = problem.goal.get("rotation_tolerance")
+    if given is None:
+        return Condition(None, "rad")
+    if problem.tube.orientations is None or np.shape(given) not in ((), (3,)):
+        raise BadInput("goal.rotation_tolerance needs tube.orientations, and an angle or a triple")
+    time = float(trajectory.breakpoints[-1])
+    last = trajectory.samples(1)
+    rotation = arm.tool(trajectory.at(last)[-1:])[0][0]
+    reference = Rotation.from_quat(problem.tube.orientations[-1])
+    vector = (reference.inv() * Rotation.from_matrix(rotation)).as_rotvec()
+    used = abs(vector) if np.ndim(given) else np.linalg.norm(vector)
+    margin = float(np.min(np.array(given, dtype=float) - used))
+    return Condition(margin if math.isfinite(margin) else None, "rad", time, "at the goal")
 
 
 def _margins(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, np.ndarray]:
