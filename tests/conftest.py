@@ -5,9 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from stored_trajectories import STOP, stored_trajectory
 
 from cases import SLIDE
-from stored_trajectories import STOP, stored_trajectory
 from tubeplanner import (
     LimitOverrides,
     PlanningProblem,

@@ -1,4 +1,4 @@
-"""Configurations for a pose of the tool: which there are, which comes first, why there is none."""
+"""Configurations of a tool pose, best first; joints out of bounds."""
 
 from dataclasses import replace
 
@@ -7,9 +7,30 @@ import pytest
 
 from cases import changed, pose_at
 from tubeplanner import LimitOverrides, Obstacle, ToolPose, load_problem, load_robot, placement_of
+from tubeplanner.branches.joint_middle import half_ranges, middle_of
+from tubeplanner.branches.outside_bounds import outside_bounds
 from tubeplanner.branches.pose_configurations import pose_configurations
 from tubeplanner.branches.reference_branch import end_configuration
 from tubeplanner.outcome import Infeasible, PlanStatus
+
+LOWER = np.array([-1.0, 2.0, -np.inf, 1.0, -np.inf])
+UPPER = np.array([3.0, 2.0, np.inf, np.inf, -2.0])
+
+
+def test_open_ranges_have_a_middle_too():
+    assert middle_of(LOWER, UPPER).tolist() == [1.0, 2.0, 0.0, 1.0, -2.0]
+    assert half_ranges(LOWER, UPPER).tolist() == [2.0, 0.0, np.pi, np.pi, np.pi]
+
+
+def test_the_joint_farthest_outside_in_the_configuration_that_is_least_outside(two_link):
+    found = np.array([[0.2, 3.0], [-1.3, 1.2]])
+    outside = outside_bounds(two_link, found, np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
+    assert outside.joint == 0
+    assert not outside.is_above
+    assert outside.words == "'joint1' would be at -1.3, outside [-1, 1]"
+
+
+# Configurations for a pose of the tool: which there are, which comes first, why there is none.
 
 
 @pytest.fixture(scope="module")

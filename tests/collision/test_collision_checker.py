@@ -1,5 +1,6 @@
-"""Distances against coal, a second collision library; and which pairs are checked at all."""
+"""CollisionChecker: pairs of links and obstacles, distances, cover errors of links."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import coal
@@ -7,10 +8,29 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cases import slow_but
-from tubeplanner import AttachedSolid, LimitOverrides, Obstacle, load_robot, placement_of
+from cases import SHORTEST, slow_but
+from tubeplanner import (
+    AttachedSolid,
+    LimitOverrides,
+    Obstacle,
+    PlanningProblem,
+    PlanOptions,
+    PlanStatus,
+    Seed,
+    Tube,
+    load_robot,
+    parse_problem,
+    placement_of,
+    plan,
+)
 from tubeplanner.collision.collision_checker import CollisionChecker
+from tubeplanner.collision.collision_scene import CollisionScene
+from tubeplanner.collision.link_covers import link_covers
+from tubeplanner.collision.link_geometry import link_parts
 from tubeplanner.errors import ProblemError
+
+# Distances against coal, a second collision library; and which pairs are checked at all.
+
 
 CONFIGURATIONS = 1000  # of each arm
 SEEDS = {"ur5": 31, "panda": 31, "slide": 61}  # of obstacles that the arm can run into
@@ -527,3 +547,167 @@ def test_link_to_link_distances_agree_with_coal(request, name):
     assert (exact < 0).any()
     assert (ours <= exact + 1e-9).all()
     assert np.mean(exact - ours > 1e-6) < 0.01
+
+
+# Solids that the tool carries count as links.
+
+
+# A bar that the tool holds across its way, 0.3 m long.
+BAR = Obstacle.box("bar", [0.02, 0.3, 0.02], placement_of([0, 0, 0.02])).shapes
+STOPPING = PlanOptions("stop-at-corners")  # what is refused is refused sooner
+POST = Obstacle.cylinder("post", 0.02, 0.3, placement_of([0.42, 0.05, 0]))
+
+
+def problem(two_link, attached=(), points=((0.3, -0.3, 0), (0.3, 0.3, 0)), **more):
+    tube = Tube(points, 0.03, joint_signs={"joint2": "-"})
+    return PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])), attached=attached, **more)
+
+
+def test_what_is_carried_must_clear_the_obstacles(two_link):
+    assert plan(problem(two_link, obstacles=[POST]), SHORTEST).succeeded
+    carried = AttachedSolid("bar", BAR)
+    result = plan(problem(two_link, [carried], obstacles=[POST]), STOPPING)
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert result.place.links == ("bar",)
+    assert result.place.obstacle == "post"
+    allowed = problem(two_link, [carried], obstacles=[POST], ignore_collisions=[("bar", "post")])
+    assert plan(allowed, SHORTEST).succeeded
+
+
+def test_what_is_carried_must_clear_the_links_but_not_its_carrier(two_link):
+    """A wide tail behind the elbow; it may touch what it is said to touch."""
+    tail = Obstacle.box("tail", [0.1, 0.4, 0.02], placement_of([-0.39, 0, -0.02])).shapes
+    points = ((0.45, -0.2, 0), (0.45, 0.2, 0))
+    result = plan(problem(two_link, [AttachedSolid("tail", tail)], points), SHORTEST)
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert set(result.place.links) == {"link1", "tail"}
+    touching = AttachedSolid("tail", tail, touch_links=("link1", "base"))
+    assert plan(problem(two_link, [touching], points), SHORTEST).succeeded
+
+
+def test_it_is_placed_in_the_tool_frame(panda):
+    ball = AttachedSolid("ball", Obstacle.sphere("b", 0.01, placement_of([0, 0, 0.3])).shapes)
+    q = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])
+    rotation, tool = panda.tool_pose(q[None])
+    center = tool[0] + rotation[0] @ [0, 0, 0.3]
+    target = Obstacle.sphere("target", 0.02, placement_of(center + np.array([0.1, 0, 0])))
+    tube = Tube(tool[0] + np.array([[0, 0, 0], [0.02, 0, 0]]), 0.05)
+    checker = PlanningProblem(panda, tube, q, obstacles=[target], attached=[ball]).collision
+    poses = [pose[0] for pose in panda.body_poses(q[None])]
+    pair = [p for p in checker.obstacle_pairs if checker.owners(p)[0] == ("ball",)]
+    np.testing.assert_allclose(checker.distances(*poses, np.array(pair)), [0.07], atol=1e-6)
+
+
+def test_the_file_says_the_same():
+    fields = {
+        "robot": {
+            "urdf": "example:two_link",
+            "tool_frame": "hand",
+            "gravity": [0, 0, 0],
+            "attached": [
+                {"name": "bar", "box": [0.02, 0.3, 0.02], "position": [0, 0, 0.02]},
+                {"name": "tail", "sphere": 0.01, "touch_links": ["link1"]},
+            ],
+        },
+        "tube": {"points": [[0.3, -0.3, 0], [0.3, 0.3, 0]], "radius": 0.03},
+        "start": {"seed": [0, -1]},
+        "obstacles": [{"name": "post", "cylinder": [0.02, 0.3], "position": [0.42, 0.05, 0]}],
+    }
+    result = plan(parse_problem(fields), STOPPING)
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert result.place.links == ("bar",)
+
+
+@pytest.mark.parametrize(
+    ("solid", "message"),
+    [
+        (AttachedSolid("link1", BAR), "'link1' is also the name of a link"),
+        (AttachedSolid("post", BAR), "the name 'post' is given 2 times"),
+        (AttachedSolid("bar", BAR, ("lnk1",)), "unknown link or obstacle 'lnk1'"),
+    ],
+)
+def test_names_must_be_unique_and_known(two_link, solid, message):
+    with pytest.raises(ProblemError, match=message):
+        _ = problem(two_link, [solid], obstacles=[POST]).collision
+
+
+def test_what_is_carried_is_never_excused_by_touching_always(ur5):
+    """A ball so large that it is inside the forearm in every configuration."""
+    q = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
+    tool = ur5.tool_position(q[None])[0]
+    ball = AttachedSolid("ball", Obstacle.sphere("b", 0.25, placement_of()).shapes)
+    tube = Tube(tool + np.array([[0, 0, 0], [0, 0, 0.1]]), 0.05)
+    result = plan(PlanningProblem(ur5, tube, q, attached=[ball]), SHORTEST)
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert "ball" in result.place.links
+
+
+def ball():
+    return Obstacle.sphere("ball", 0.1, placement_of([0.0, 0.5, 0.5]))
+
+
+@pytest.fixture(scope="module")
+def scene():
+    robot = load_robot("example:two_link", "hand")
+    return CollisionScene(robot, (ball(),), (), True, ())
+
+
+def test_an_arm_with_other_limits_meets_the_same_scene(scene):
+    robot = scene.robot
+    limits = replace(robot.limits, effort=0.9 * robot.limits.effort)
+    assert scene.is_as(replace(scene, robot=robot.with_limits(limits, robot.motors)))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"obstacles": ()},
+        {"obstacles": (ball(),)},
+        {"self_collision": False},
+        {"ignore": (("hand", "ball"),)},
+        {"robot": load_robot("example:two_link", "hand")},
+    ],
+    ids=["none", "another", "links", "pairs", "arm"],
+)
+def test_with_anything_else_it_is_another(scene, changes):
+    assert not scene.is_as(replace(scene, **changes))
+
+
+# How far covers stand off is stated, and true.
+
+
+LINK = """<link name="{name}"><inertial><mass value="1"/>
+  <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry>{geometry}</geometry></collision></link>"""
+JOINT = """<joint name="one" type="revolute"><parent link="base"/><child link="tip"/>
+<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="100" velocity="2"/></joint>"""
+
+
+@pytest.mark.parametrize(
+    ("geometry", "error"),
+    [
+        ('<box size="0.1 0.2 0.3"/>', 0.0),
+        ('<sphere radius="0.1"/>', 0.0),
+        ('<cylinder radius="0.1" length="0.3"/>', 0.1 * (1 / np.cos(np.pi / 24) - 1)),
+    ],
+)
+def test_primitives_stand_off_by_what_a_prism_adds(tmp_path, geometry, error):
+    links = LINK.format(name="base", geometry='<sphere radius="0.01"/>')
+    links += LINK.format(name="tip", geometry=geometry)
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{JOINT}</robot>')
+    checker = CollisionChecker(load_robot(tmp_path / "arm.urdf", "tip"))
+    base, tip = link_covers(checker)
+    assert (base.link, base.shapes, base.closer_shapes, base.closer_error) == ("base", 1, 0, None)
+    assert tip.outer_error == pytest.approx(error, abs=1e-4)
+
+
+def test_meshes_stand_off_by_what_points_on_their_covers_show():
+    robot = load_robot("example:finger_edu", "finger_tip_link")
+    checker = CollisionChecker(robot)
+    covers = {each.link: each for each in link_covers(checker)}
+    for link, parts in link_parts(robot).items():
+        assert covers[link].shapes == sum(len(part.cover()) for part in parts)
+        for part in parts:
+            vertices = np.vstack([shape.vertices for shape in part.cover()])
+            assert part.solid.distance(vertices).max() <= covers[link].outer_error + 2e-3
+    assert {link for link, each in covers.items() if each.closer_shapes} == {*checker.closer_covers}

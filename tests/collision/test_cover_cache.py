@@ -9,8 +9,8 @@ import numpy as np
 import platformdirs
 import pytest
 import trimesh
-
 from stored_trajectories import STOP
+
 from tubeplanner import PlanOptions, load_problem, load_robot, plan
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.cover_cache import VARIABLE, cache_folder, cached

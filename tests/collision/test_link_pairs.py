@@ -11,7 +11,7 @@ from tubeplanner import Obstacle, load_problem, load_robot, placement_of, plan, 
 from tubeplanner.collision.collision_checker import CollisionChecker, LeftOutPair
 from tubeplanner.trajectory.trajectory_file import read_trajectory
 
-CASES = Path(__file__).parents[1] / "cases"
+CASES = Path(__file__).parents[1] / "data/cases"
 # A ring on the base, a rod through it that never touches it, and a plate that cuts the rod.
 LINK = """<link name="{name}"><inertial><mass value="1"/>
   <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>

@@ -1,10 +1,30 @@
-"""What reaches a terminal: one line, harmless and of bounded length."""
+"""Common to commands: options, exit status, progress, output, written answers, workers."""
 
+import csv
 import json
+import signal
+from contextlib import suppress
 
+import numpy as np
 import pytest
+from stored_trajectories import REFINEMENT, stored_path
 
+import tubeplanner
+from tubeplanner import PlanOptions, load_problem, plan
+from tubeplanner.commands.answer_files import write_answer
+from tubeplanner.commands.cli import cli
 from tubeplanner.commands.console import printable
+from tubeplanner.commands.interrupts import interrupts_remembered
+from tubeplanner.commands.workers import workers_of
+from tubeplanner.documents import parse_yaml
+from tubeplanner.errors import OptionError
+from tubeplanner.many.worker_processes import WorkerProcesses
+from tubeplanner.native import library
+from tubeplanner.native.library import LIBRARY, NativeLibrary
+from tubeplanner.resources import bundled_problems
+
+# What reaches a terminal: one line, harmless and of bounded length.
+
 
 EVIL = "a\x1b[31mred\n\x9b31m FAKE: passes\u202e"
 
@@ -75,3 +95,331 @@ def test_an_answer_that_is_not_kept_says_what_keeps_it(run, tmp_path):
     assert "nothing written" not in out
     _, out, _ = run("sweep", problem, "--radius", "0.05", "--quality", "fast")
     assert out.endswith("give -o TABLE.csv or --plot\n")
+
+
+# `--set` and `--vary` as a user meets them: every command, the files that are written, typos.
+
+
+LINE, POST = "example:two_link/paper_1_30mm", "example:two_link/around_a_post"
+STOPS = ("--method", "stop-at-corners")
+TAKES_NO_PROBLEM = {"study", "robots", "schema", "reproduce", "init"}
+PNG = b"\x89PNG"
+
+
+@pytest.fixture(scope="module")
+def changes_trajectory(tmp_path_factory):
+    """The motion of a hand in a tube of half the width, from another command's answer."""
+    path = tmp_path_factory.mktemp("planned") / "t.json"
+    arguments = ["plan", LINE, *STOPS, "--set", "tube.radius=x0.5", "-o", str(path)]
+    assert cli.main(arguments, "tubeplanner", standalone_mode=False) == 0
+    return path
+
+
+def test_every_command_that_takes_a_problem_takes_changes():
+    taking = {
+        name
+        for name, command in cli.commands.items()
+        if any("--set" in parameter.opts for parameter in command.params)
+    }
+    assert taking == cli.commands.keys() - TAKES_NO_PROBLEM
+
+
+@pytest.mark.parametrize("name", ["plan", "check", "plot", "view", "sweep", "compare", "measure"])
+@pytest.mark.parametrize("words", [(), ("--json",)])
+def test_a_typo_is_bad_input_everywhere(name, words, run, changes_trajectory, tmp_path):
+    more = {
+        "check": (changes_trajectory,),
+        "plot": (changes_trajectory, "-o", tmp_path / "t.png"),
+        "view": (changes_trajectory, "--html", tmp_path / "t.html"),
+        "sweep": ("--radius", "0.01"),
+    }
+    status, out, err = run(name, LINE, *more.get(name, ()), "--set", "tube.raduis=0.01", *words)
+    message = json.loads(out)["message"] if words else err
+    assert status == 2
+    assert "tube.raduis: unknown key 'raduis' (did you mean 'radius'?); there is:" in message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_links_route_and_configurations_are_of_the_changed_problem(run):
+    left_out = []
+    for words in ((), ("--set", "collision.ignore=[[link1, post]]")):
+        status, out, _ = run("links", POST, *words, "--json")
+        assert status == 0
+        left_out.append({tuple(sorted(pair["links"])) for pair in json.loads(out)["left_out"]})
+    assert left_out[1] - left_out[0] == {("link1", "post")}
+    ends = ("--set", "start={joints: [0, 0, 0]}", "--set", "goal={joints: [0, 0]}")
+    status, _, err = run("route", POST, *ends)
+    assert status == 2 and "start has 3" in err
+    status, _, err = run("route", POST, "--set", "tube.radius=1")
+    assert status == 2 and "--set tube.radius: route gives tube; leave it out" in err
+    blocked = "obstacles.post.position=[0.45, -0.2, 0]"
+    status, _, _ = run("measure", POST, "--configurations", "--set", blocked)
+    assert status == 1
+
+
+def test_plan_and_check_agree_on_the_changed_problem(run, changes_trajectory):
+    change = ("--set", "tube.radius=x0.5")
+    status, out, _ = run("check", LINE, changes_trajectory, *change)
+    assert status == 0 and "another problem" not in out
+    status, out, _ = run("check", LINE, changes_trajectory, "--set", "robot.payload.mass=50")
+    assert status == 1 and "effort" in out
+
+
+def test_changes_add_up_and_each_is_given_once(run):
+    words = ("--set", "robot.payload.mass=2", "--set", "tube.radius=0.02", *STOPS)
+    status, out, _ = run("plan", LINE, *words, "--json")
+    both = {"robot.payload.mass": 2, "tube.radius": 0.02}
+    assert status == 0
+    expected = plan(load_problem(LINE, changes=both), PlanOptions("stop-at-corners"))
+    assert json.loads(out)["duration"] == expected.duration
+    status, _, err = run("plan", LINE, "--set", "tube.radius=1", "--set", "tube.radius=2")
+    assert status == 2 and "--set tube.radius is given twice; give it once" in err
+
+
+def test_an_objective_that_is_set_works_like_the_files(run):
+    words = ("plan", LINE, "--quality", "fast", "--json")
+    _, plain, _ = run(*words, "--slack", "0")
+    _, slow, _ = run(*words, "--set", "objective.slack=0.05")
+    shortest, loose = json.loads(plain), json.loads(slow)
+    assert loose["shortest_duration"] == shortest["duration"]
+    assert 1.01 < loose["duration"] / shortest["duration"] <= 1.05 * (1 + 1e-9)
+    assert any(note.startswith("smoothed") for note in loose["notes"])
+
+
+def test_an_objective_that_would_count_for_nothing_is_refused(run):
+    change = ("--set", "objective.slack=0.1")
+    for words in (
+        ("sweep", LINE, "--radius", "0.01"),
+        ("sweep", LINE, "--vary", "tube.radius=0.01"),
+        ("compare", LINE),
+    ):
+        status, _, err = run(*words, *change)
+        assert status == 2
+        assert "--set objective.slack: without --slack the shortest motions are planned" in err
+    given = ("--set", "objective.minimise=smoothness", "--slack", "0.02")
+    status, out, _ = run("sweep", LINE, "--radius", "0.03", *given, "--quality", "fast", "--json")
+    assert status == 0
+    varied = ("--vary", "objective.slack=0", "--set", "objective.minimise=smoothness")
+    status, shortest, _ = run("sweep", LINE, *varied, "--quality", "fast", "--json")
+    assert status == 0
+    durations = [json.loads(text)["rows"][0]["duration"] for text in (out, shortest)]
+    assert durations[0] > 1.01 * durations[1]
+
+
+def test_measure_writes_the_changed_file(run, tmp_path):
+    source, target = bundled_problems()["two_link/around_a_post"], tmp_path / "m.yaml"
+    words = ["obstacles.post.position=[0.4, 0.25, 0]", "robot.payload.mass=2", "clearance=0.01"]
+    changes = [word for text in words for word in ("--set", text)]
+    status, _, err = run("measure", POST, "-o", target, "--max-radius", "0.06", *changes)
+    assert (status, err) == (0, "")
+    text, measured = target.read_text(), load_problem(target)
+    assert source.read_text().splitlines()[0] in text
+    assert "{name: post, cylinder: [0.03, 0.3], position: [0.4, 0.25, 0]}" in text
+    assert parse_yaml(text)["robot"]["payload"] == {"mass": 2}
+    assert measured.clearance == 0.01
+
+
+def test_route_writes_the_changed_file(run, tmp_path):
+    fields = {
+        "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
+        "start": {"joints": [0.3, 0.5]},
+        "goal": {"joints": [0.6, 0.8]},
+    }
+    source, target = tmp_path / "cell.json", tmp_path / "tube.json"
+    source.write_text(json.dumps(fields))
+    words = ("--tries", "1", "--samples", "200", "--max-radius", "0.05")
+    changes = ("--set", "robot.payload.mass=2", "--set", "goal.joints.0=0.7")
+    status, _, err = run("route", source, "-o", target, *words, *changes)
+    assert (status, err) == (0, "")
+    written = json.loads(target.read_text())
+    assert written["robot"]["payload"] == {"mass": 2}
+    assert written["goal"]["joints"] == [0.7, 0.8]
+    np.testing.assert_allclose(load_problem(target).goal, [0.7, 0.8])
+
+
+def test_teach_changes_the_cell_alone(run, tmp_path):
+    trail = tmp_path / "trail.csv"
+    rows = ["time,joint1.position,joint2.position"]
+    rows += [f"{0.1 * k},{-0.1 - 0.01 * k},{-1 - 0.02 * k}" for k in range(20)]
+    trail.write_text("\n".join(rows) + "\n")
+    words = ("teach", trail, "--problem", POST)
+    status, _, err = run(*words, "--set", "tube.radius=1")
+    assert status == 2
+    assert "--set tube.radius: TRAIL gives tube, start, goal; leave it out" in err
+    given = ("--urdf", "example:two_link", "--tool-frame", "hand")
+    status, _, err = run("teach", trail, *given, "--set", "clearance=1")
+    assert status == 2 and "--set changes the file of --problem; give one" in err
+    status, _, err = run(*words, "--set", "clearence=1")
+    assert status == 2 and "unknown key 'clearence' (did you mean 'clearance'?)" in err
+    status, out, _ = run(*words, "--set", "clearance=5", "--json")
+    assert status == 1
+    assert json.loads(out)["where"]["obstacle"] == "post"
+
+
+def test_vary_prints_a_table_and_writes_what_was_asked(run, tmp_path):
+    table, figure = tmp_path / "s.csv", tmp_path / "s.png"
+    words = ("--vary", "tube.radius=x0.5,0.03,wide", "--quality", "fast", "-o", table)
+    status, out, err = run("sweep", LINE, *words, "--plot", figure)
+    assert (status, err) == (0, "")
+    rows = list(csv.DictReader(table.read_text().splitlines()))
+    assert [row["tube.radius"] for row in rows] == ["x0.5", "0.03", "wide"]
+    printed = [f"{float(row['duration']):.4f} s" for row in rows[:2]]
+    for words in ("duration against tube.radius", *printed, "2 of 3 planned", str(figure)):
+        assert words in out
+    assert "shortest" not in out.splitlines()[2]
+    assert "bad_input: tube.radius is 'wide'; it must be a number" in out
+    assert figure.read_bytes().startswith(PNG)
+
+
+def test_a_varied_slack_shows_the_shortest_beside(run):
+    words = ("sweep", LINE, "--vary", "objective.slack=0,0.02", "--quality", "fast")
+    status, out, _ = run(*words)
+    assert status == 0
+    assert "shortest" in out.splitlines()[2]
+    line = next(line for line in out.splitlines() if "0.02 " in line and "certified" in line)
+    durations = [float(word) for word in line.split() if word.startswith("0.") and len(word) == 6]
+    assert len(durations) == 2
+    assert durations[0] > 1.01 * durations[1]
+    assert "\nnote (0.02): smoothed: " in out
+
+
+def test_vary_as_json(run, tmp_path):
+    path = tmp_path / "s.json"
+    words = ("--vary", "robot.payload.mass=0, 5, -1", "--quality", "fast", "-o", path)
+    status, out, _ = run("sweep", LINE, *words, "--json")
+    fields, written = json.loads(out), json.loads(path.read_text())
+    assert status == 0
+    assert fields["message"] == "2 of 3 planned"
+    assert fields["quantity"] == "robot.payload.mass"
+    assert [row["value"] for row in fields["rows"]] == [0, 5, -1]
+    assert [row["status"] for row in fields["rows"]] == ["success", "success", "bad_input"]
+    assert fields["rows"][0]["duration"] < fields["rows"][1]["duration"]
+    assert fields["rows"] == written["rows"]
+    assert fields["loading_time"] == sum(row["loading_time"] for row in fields["rows"])
+
+
+def test_without_any_answer_a_sweep_fails(run):
+    status, out, _ = run("sweep", LINE, "--vary", "robot.payload.mass=-1", "--json")
+    assert status == 1
+    assert json.loads(out)["status"] == "no_trajectory"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ("--vary", "tube.radius=1", "--radius", "1"),
+            "either --radius or --radius-scale or --vary",
+        ),
+        (
+            ("--vary", "tube.radius=1", "--vary", "clearance=0"),
+            "--vary clearance=0: a sweep varies one field; leave out the others",
+        ),
+        (("--vary", "tube.raduis=1"), "unknown key 'raduis'"),
+        (("--vary", "obstacles.post.sphere=1"), "obstacles is not given; give it as a whole"),
+        (("--vary", "tube.radius"), "--vary 'tube.radius': give FIELD.PATH=V1,V2,..."),
+        (("--vary", "tube.radius=1", "--set", "tube.radius=2"), "both varied and changed"),
+        (("--vary", "objective.slack=0", "--slack", "0"), "slack is given; leave out one of them"),
+    ],
+)
+def test_wrong_usage_of_vary_is_refused_by_name(words, message, run):
+    status, _, err = run("sweep", LINE, *words)
+    assert status == 2
+    assert message in err
+
+
+# What is written once there is an answer, and what is not.
+
+
+PROBLEM = "example:two_link/around_a_post"
+MOTION = stored_path("two_link/around_a_post", REFINEMENT)
+
+
+def test_from_the_writing_on_an_interrupt_ends_nothing(tmp_path):
+    with interrupts_remembered():
+        write_answer({tmp_path / "a": b"new"})
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+    assert (tmp_path / "a").read_bytes() == b"new"
+
+
+@pytest.mark.parametrize(
+    ("words", "spoiled"),
+    [
+        ("view {motion} --html", "tubeplanner.views.viewer.page_html"),
+        ("plot {motion} -o", "tubeplanner.views.figure_files.figure_file"),
+        ("info --plot", "tubeplanner.views.figure_files.figure_file"),
+    ],
+)
+def test_what_a_library_drew_that_swallowed_an_interrupt_is_not_written(
+    run, tmp_path, monkeypatch, words, spoiled
+):
+    def draw(*_):
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        return "half a page" if "page" in spoiled else b"half a figure"
+
+    monkeypatch.setattr(spoiled, draw)
+    command, *more = words.format(motion=MOTION).split()
+    path = tmp_path / ("a.html" if "page" in spoiled else "a.png")
+    path.write_text("precious")
+    assert run(command, PROBLEM, *more, path)[0] == 130
+    assert path.read_text() == "precious"
+
+
+def test_an_answer_is_drawn_and_written_whole(run, tmp_path, monkeypatch):
+    from tubeplanner.views import study_plots
+
+    real = study_plots.plot_sweep
+
+    def draw(result):
+        signal.raise_signal(signal.SIGTERM)
+        return real(result)
+
+    monkeypatch.setattr(study_plots, "plot_sweep", draw)
+    table, figure = tmp_path / "a.csv", tmp_path / "a.png"
+    options = ("--radius-scale", "1", "--quality", "fast", "-o", table, "--plot", figure)
+    assert run("sweep", PROBLEM, *options)[0] == 0
+    assert table.exists()
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+# What plans many problems for a command: this machine or a cluster, never both.
+
+
+def test_this_machine_plans_in_as_many_processes_as_asked():
+    with workers_of(3) as workers:
+        assert isinstance(workers, WorkerProcesses) and workers.count == 3
+
+
+def test_a_cluster_has_its_own_processes():
+    both = workers_of(2, "tcp://127.0.0.1:1")
+    with pytest.raises(OptionError, match="--processes is for this machine, --scheduler for a"):
+        both.__enter__()
+
+
+def test_a_study_says_that_there_is_no_scheduler(run, tmp_path):
+    table = tmp_path / "t.csv"
+    study = "example:ur5/tolerance_and_payload"
+    status, _, err = run("study", study, "-o", table, "--scheduler", "tcp://127.0.0.1:1")
+    assert status == 2
+    assert "there is no Dask scheduler at tcp://127.0.0.1:1" in err
+    assert not table.exists()
+
+
+# Which build runs: what `--version`, `plan --json` and `check --json` say, and files do not.
+
+
+@pytest.mark.parametrize("build", ["native (c++, baseline)", "pure Python (for a test)"])
+def test_the_version_names_the_build(build, run, monkeypatch):
+    monkeypatch.setattr(library, "LIBRARY", NativeLibrary(None, build))
+    assert run("--version") == (0, f"tubeplanner {tubeplanner.__version__}, {build}\n", "")
+
+
+def test_plan_and_check_name_the_build_and_files_do_not(run, tmp_path):
+    path = tmp_path / "t.json"
+    _, out, _ = run("plan", PROBLEM, "-o", path, "--json")
+    assert json.loads(out)["build"] == LIBRARY.build
+    _, out, _ = run("check", PROBLEM, path, "--json")
+    assert json.loads(out)["build"] == LIBRARY.build
+    assert "build" not in json.loads(path.read_text())

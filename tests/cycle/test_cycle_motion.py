@@ -1,14 +1,28 @@
-"""The motion of a whole cycle: when its steps happen, and what its legs are."""
+"""CycleMotion: one trajectory with marks, planned or read from a file."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_cycle import planned_cycle
+from two_link_cycles import three_moves
 
 from cases import rest_to_rest
 from cycles import DWELL, HOME, PICK, PLACE, move, pick_and_place, planar_arm, slow_motion
-from tubeplanner import Cycle, CycleMotion, Event, JointTrajectory, Mark, TrajectoryError
+from tubeplanner import (
+    Cycle,
+    CycleMotion,
+    Event,
+    JointTrajectory,
+    Mark,
+    TrajectoryError,
+    read_cycle_motion,
+    write_cycle_motion,
+)
 from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
+
+# The motion of a whole cycle: when its steps happen, and what its legs are.
+
 
 CYCLE = pick_and_place()
 MOTION = slow_motion(CYCLE)
@@ -120,3 +134,16 @@ def test_marks_that_set_something_else_are_refused():
     assert tuple(marks) != MOTION.marks
     with pytest.raises(TrajectoryError, match=r"event gripper open.*; the cycle has .*event"):
         CycleMotion(CYCLE, MOTION.trajectory, tuple(marks))
+
+
+# Motions of cycles read from files.
+
+
+def test_a_file_without_marks_or_of_another_cycle_is_refused(tmp_path):
+    motion = planned_cycle().motion
+    motion.trajectory.save(tmp_path / "bare.json")
+    with pytest.raises(TrajectoryError, match=r"bare.json has no marks.*plan -o"):
+        read_cycle_motion(tmp_path / "bare.json", motion.cycle)
+    write_cycle_motion(tmp_path / "t.json", motion)
+    with pytest.raises(TrajectoryError, match=r"t.json: marks are .*; the cycle has"):
+        read_cycle_motion(tmp_path / "t.json", three_moves())

@@ -1,4 +1,4 @@
-"""A problem's hash comes from its contents: not from how they are written, covered or paired."""
+"""Hashes of robots, problems and cycles, whole and by part; origin of a trajectory."""
 
 import copy
 import pickle
@@ -8,12 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from small_cycle import small_cycle
 
 from tubeplanner import AttachedSolid, Obstacle, Seed, ToolPose, Tube, parse_problem, placement_of
 from tubeplanner.collision import link_pairs, mesh_cover, mesh_file
 from tubeplanner.collision.convex_shape import box
+from tubeplanner.files.cycle_fingerprint import cycle_hash, cycle_part_hashes, differing_cycle_parts
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.problem.problem import PlanningProblem
+
+# A problem's hash comes from its contents: not from how they are written, covered or paired.
+
 
 MASS = '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 URDF = f"""<robot name="arm"><link name="base"/>
@@ -361,3 +366,44 @@ def test_a_pose_counts_with_its_seed(cell):
     ends = [ToolPose(placement), ToolPose(placement, q), ToolPose(turned), q, Seed(q)]
     hashes = {problem_hash(replace(problem, tube=tube, start=end)) for end in ends}
     assert len(hashes) == len(ends)
+
+
+# Hashes of cycles: what changes them, and what is said to differ.
+
+
+@pytest.fixture(scope="module")
+def stated():
+    return cycle_part_hashes(small_cycle())
+
+
+@pytest.mark.parametrize(
+    ("changes", "differing"),
+    [
+        ({"moves__back__tube__radius": 0.2}, ["tube of move 'back'"]),
+        ({"moves__beside__tube__radius": 0.06}, ["tube of move 'down, beside'"]),
+        ({"moves__2__payload__mass": 0.6}, ["payload of move 'down, beside'"]),
+        ({"robot__limits__acceleration": 500.0}, ["limits or motors"]),
+        ({"moves__1__dwell": 0.04}, ["order of steps or dwells"]),
+        ({"moves__5__event": "hand"}, ["order of steps or dwells"]),
+        ({"moves__6__leave_as_obstacle": True}, None),
+        ({"closed": False}, ["order of steps or dwells"]),
+        ({"obstacles__part__box": [0.02, 0.02, 0.03]}, None),
+        ({"start__seed": [0.0, -0.9]}, ["start or goal of move 'over'"]),
+    ],
+)
+def test_what_changes_the_answer_changes_the_hash_and_is_named(changes, differing, stated):
+    changed = small_cycle(**changes)
+    assert cycle_hash(changed) != cycle_hash(small_cycle())
+    found = differing_cycle_parts(changed, stated)
+    assert found
+    assert differing is None or found == differing
+
+
+def test_the_same_cycle_has_the_same_hash(stated):
+    assert cycle_hash(small_cycle()) == cycle_hash(small_cycle())
+    assert differing_cycle_parts(small_cycle(), stated) == []
+    assert differing_cycle_parts(small_cycle(), {}) == []
+
+
+def test_what_an_event_sets_is_no_part_of_the_question():
+    assert cycle_hash(small_cycle(moves__1__set="shut")) == cycle_hash(small_cycle())

@@ -9,8 +9,8 @@ from concurrent.futures import wait
 from pathlib import Path
 
 import pytest
-
 import worker_calls as calls
+
 from tubeplanner import OptionError, WorkerDied, WorkerProcesses
 from tubeplanner.many.worker_processes import processors
 

@@ -1,14 +1,20 @@
-"""Bounds on clearances found natively, against those of numpy, on bundled arms."""
+"""Lower bounds on clearances of many pairs at many configurations, native and NumPy."""
 
 import numpy as np
 import pytest
 
-from tubeplanner import Obstacle, load_problem, placement_of
+from tubeplanner import Obstacle, load_problem, parse_problem, placement_of
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.measurement import clearance_bounds
+from tubeplanner.measurement.pair_clearance import PairClearance
 from tubeplanner.native.library import LIBRARY, NativeLibrary
 
-pytestmark = pytest.mark.skipif(LIBRARY.functions is None, reason="the native library is left out")
+NEEDS_LIBRARY = pytest.mark.skipif(
+    LIBRARY.functions is None, reason="the native library is left out"
+)
+
+
+# Bounds on clearances found natively, against those of numpy, on bundled arms.
 
 
 def checker_of(problem):
@@ -19,6 +25,7 @@ def checker_of(problem):
     return CollisionChecker(problem.robot, [*problem.obstacles, *round_ones])
 
 
+@NEEDS_LIBRARY
 @pytest.mark.parametrize("near", [0.03, 0.0])
 @pytest.mark.parametrize("name", ["ur5/over_the_wall", "panda/between_shelves"])
 def test_bounds_are_those_of_numpy(name, near, monkeypatch):
@@ -41,3 +48,19 @@ def test_bounds_are_those_of_numpy(name, near, monkeypatch):
     told = np.isfinite(expected_least)
     assert (np.isfinite(least) == told).all()
     assert least[told] == pytest.approx(expected_least[told], abs=1e-10)
+
+
+# How much farther apart pairs of shapes are than they must be.
+
+
+BARE = {
+    "robot": {"urdf": "example:asr_twodof", "tool_frame": "Tip"},
+    "start": {"joints": [0.0, 0.9]},
+    "goal": {"joints": [1.0, 0.9]},
+}
+
+
+def test_an_arm_without_geometry_is_clear_of_everything():
+    problem = parse_problem(BARE, reads_tube=False)
+    least = PairClearance(problem, 0.01).least(np.zeros((3, 2)), near=1.0)
+    assert (least.clearance == np.inf).all()

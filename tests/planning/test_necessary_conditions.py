@@ -1,5 +1,8 @@
+"""Necessary conditions before planning: reach, held and free ends."""
+
 import numpy as np
 import pytest
+from gantry import URDF
 
 from cases import PROBLEMS
 from tubeplanner import (
@@ -17,9 +20,77 @@ from tubeplanner import (
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.necessary_conditions import require_possible
+from tubeplanner.planning.proved_reach import require_within_bound
 from tubeplanner.progress import PlanningClock
+from tubeplanner.robot.reach_bound import reach_bound
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_no_configuration_has_the_tool_outside(name):
+    robot = load_problem(f"example:{name}").robot
+    low = np.maximum(robot.limits.lower_position, -np.pi)
+    high = np.minimum(robot.limits.upper_position, np.pi)
+    q = np.random.default_rng(0).uniform(low, high, (2000, robot.joint_count))
+    beyond = reach_bound(robot).beyond(robot.tool_position(q))
+    assert beyond.max() <= 1e-9
+
+
+def test_stretched_out_the_tool_is_on_its_edge(two_link):
+    bound = reach_bound(two_link)
+    assert bound.radius == pytest.approx(0.6)
+    assert bound.beyond(two_link.tool_position(np.zeros((1, 2))))[0] == pytest.approx(0.0)
+
+
+def test_a_sliding_joint_reaches_as_far_as_its_range(tmp_path):
+    (tmp_path / "gantry.urdf").write_text(URDF)
+    gantry = load_robot(tmp_path / "gantry.urdf", "head")
+    corners = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
+    bound = reach_bound(gantry)
+    assert np.isfinite(bound.radius)
+    assert bound.beyond(gantry.tool_position(corners)).max() <= 1e-9
+
 
 SEED = Seed(np.array([0.0, -1.0]))  # of an arm that reaches 0.6 m
+
+
+def problem_of(two_link, points, radius=0.03):
+    return PlanningProblem(two_link, Tube(points, radius), SEED)
+
+
+@pytest.mark.parametrize(("far", "proved"), [(0.599, False), (0.61, True)])
+def test_a_goal_beyond_all_links_is_proved(two_link, far, proved):
+    problem = problem_of(two_link, [[0.3, -0.3, 0], [far, 0, 0]])
+    if not proved:
+        require_within_bound(problem)
+        return
+    with pytest.raises(Infeasible, match=r"at least 0\.01 m nearer") as caught:
+        require_within_bound(problem)
+    assert caught.value.proved
+    assert caught.value.place.point == 1
+    result = plan(problem)
+    assert result.status is PlanStatus.UNREACHABLE
+    assert result.proved
+    assert result.message.endswith("; proved: there is no motion")
+
+
+@pytest.mark.parametrize(("far", "proved"), [(0.868, False), (0.88, True)])
+def test_a_corner_may_be_cut_as_far_as_the_tube_is_wide(two_link, far, proved):
+    """Capsules of 0.1 m about legs of slope 2 to 5 meet up to 0.269 m from their corner."""
+    points = [[far - 0.5, -0.2, 0], [far, 0, 0], [far - 0.5, 0.2, 0]]
+    problem = problem_of(two_link, points, 0.1)
+    if not proved:
+        require_within_bound(problem)
+        return
+    with pytest.raises(Infeasible, match=r"may stay 0\.2693 m away") as caught:
+        require_within_bound(problem)
+    assert caught.value.place.point == 1
+
+
+def test_where_it_starts_may_be_left_aside(two_link):
+    problem = problem_of(two_link, [[0.7, 0, 0], [0.3, 0, 0]])
+    with pytest.raises(Infeasible, match="move the start at least"):
+        require_within_bound(problem)
+    require_within_bound(problem, start_is_known=False)
 
 
 def required(problem):

@@ -1,19 +1,72 @@
-"""The problem file's shape: what is refused, by name, and what is understood."""
+"""The problem file's format: fields, units, defaults; the kind of a document."""
 
 import copy
 import json
 
+import jsonschema
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
+from small_cycle import SMALL
 
-from tubeplanner.errors import ProblemError
+from tubeplanner import ProblemError, load_problem, parse_problem
+from tubeplanner.files.problem_file import read_fields
+from tubeplanner.problem.document_kind import is_cycle, is_study, require_study
 from tubeplanner.problem.problem_fields import read_problem_fields
-from tubeplanner.problem.problem_format import (
-    check_problem_fields,
-    problem_schema,
-)
+from tubeplanner.problem.problem_format import check_problem_fields, problem_schema
 from tubeplanner.resources import bundled_problems
+
+# Which files are cycles or studies, and what is said of a file of another kind.
+
+
+@pytest.mark.parametrize(
+    ("document", "expected"),
+    [
+        ({"format": "tubeplanner/cycle"}, True),
+        ({"moves": []}, True),
+        ({"format": "tubeplanner/problem", "tube": {}}, False),
+        ({}, False),
+        (["moves"], False),
+        (None, False),
+    ],
+)
+def test_a_cycle_is_known_by_its_format_or_its_moves(document, expected):
+    assert is_cycle(document) is expected
+
+
+@pytest.mark.parametrize("read", [load_problem, read_fields])
+def test_what_takes_problems_refuses_cycles_and_says_what_takes_them(read, tmp_path):
+    path = tmp_path / "c.yaml"
+    path.write_text(SMALL)
+    with pytest.raises(ProblemError, match=r"c\.yaml: this is a cycle, .*; plan, check, info"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("document", "expected"),
+    [({"format": "tubeplanner/study"}, True), ({"study": {}}, True), ({"moves": []}, False)],
+)
+def test_a_study_is_known_by_its_format_or_its_study(document, expected):
+    assert is_study(document) is expected
+
+
+@pytest.mark.parametrize("read", [load_problem, read_fields])
+def test_what_takes_problems_refuses_studies_and_says_what_takes_them(read, tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text("format: tubeplanner/study\n")
+    with pytest.raises(ProblemError, match=r"s\.yaml: this is a study, .*; study takes it"):
+        read(path)
+
+
+def test_what_takes_studies_says_what_takes_others():
+    require_study({"study": {}}, "s")
+    for document, kind in (({"tube": {}}, "a problem"), ({"moves": []}, "a cycle")):
+        with pytest.raises(ProblemError, match=f"^s: this is {kind}, where a study .*plan takes"):
+            require_study(document, "s")
+
+
+# The problem file's shape: what is refused, by name, and what is understood.
+
 
 MINIMAL = {
     "robot": {"urdf": "arm.urdf", "tool_frame": "hand"},
@@ -574,3 +627,109 @@ def test_arguments_of_a_macro_file_keep_their_types():
     kept = fields.robot.xacro_args
     assert kept == given
     assert [type(value) for value in kept.values()] == [str, bool, int, float]
+
+
+# The schema that editors complete problem files with.
+
+
+SCHEMA = problem_schema()
+
+
+@pytest.mark.parametrize("name", bundled_problems())
+def test_bundled_problems_are_valid(name):
+    fields = YAML(typ="safe", pure=True).load(bundled_problems()[name].read_text())
+    jsonschema.Draft202012Validator(SCHEMA).validate(fields)
+
+
+@pytest.mark.parametrize(
+    ("change", "path"),
+    [
+        ({"start": {"jonts": [0]}}, ["start"]),
+        ({"clearance": "wide"}, ["clearance"]),
+        ({"tube": {"points": [[0, 0, 0]]}}, ["tube"]),
+        ({"tube": {"points": [[0, 0, 0]], "radius": 1, "tool_speed": "x"}}, ["tube"]),
+        (
+            {"tube": {"points": [[0, 0, 0]], "radius": 1, "cross_section": {"box": [1, 1]}}},
+            ["tube"],
+        ),
+        ({"tube": {"points": [[0, 0, 0]], "cross_section": None}}, ["tube"]),
+    ],
+)
+def test_wrong_ones_are_not(change, path):
+    path_of_two_link = bundled_problems()["two_link/around_a_post"]
+    fields = YAML(typ="safe", pure=True).load(path_of_two_link.read_text())
+    errors = list(jsonschema.Draft202012Validator(SCHEMA).iter_errors({**fields, **change}))
+    assert [list(error.absolute_path) for error in errors] == [path]
+
+
+def test_every_field_has_a_title_and_a_description():
+    assert SCHEMA["title"] == "tubeplanner problem"
+    for section in (SCHEMA, *SCHEMA["$defs"].values()):
+        assert section["description"]
+        for name, field in section["properties"].items():
+            assert field.get("title") or "$ref" in field or "anyOf" in field or "const" in field
+            assert field.get("description"), name
+
+
+def test_physical_fields_say_their_unit():
+    units = {
+        "RobotFields": ["gravity", "locked_joints"],
+        "TubeFields": [
+            "points",
+            "radius",
+            "tool_radius",
+            "joint_signs",
+            "rotation_tolerance",
+            "tool_speed",
+        ],
+        "PayloadFields": ["mass", "com", "inertia"],
+        "LimitFields": [
+            "effort",
+            "velocity",
+            "position",
+            "acceleration",
+            "jerk",
+            "tool_speed",
+            "effort_rate",
+        ],
+        "VelocityByPositionFields": ["deceleration", "offset", "lower", "upper"],
+        "PointSpeedFields": ["position", "speed"],
+        "ObstacleFields": ["box", "sphere", "cylinder", "capsule", "position", "rpy"],
+        "EndpointFields": ["joints", "seed"],
+        "PoseFields": ["position", "rpy"],
+        "BaseFields": ["position", "rpy"],
+    }
+    for section, names in units.items():
+        for name in names:
+            field = SCHEMA["$defs"][section]["properties"][name]
+            assert "[" in field["description"], name
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        {"pose": {"position": [0.4, 0, 0.4], "rpy": [0, 0, 0]}, "seed": [0, 0, 0, 0, 0, 0]},
+        {"pose": {"position": [0.4, 0, 0.4], "quaternion": [0, 0, 0, 1]}},
+        {"group_state": "ready"},
+        {"trajectory": "last.json"},
+    ],
+)
+@pytest.mark.parametrize("include", ["cell.yaml", ["cell.yaml", "tool.yaml"]])
+def test_named_ends_and_includes_are_valid(end, include):
+    path = bundled_problems()["ur5/over_the_wall"]
+    fields = YAML(typ="safe", pure=True).load(path.read_text())
+    fields |= {"start": end, "goal": end, "include": include}
+    jsonschema.Draft202012Validator(SCHEMA).validate(fields)
+
+
+@pytest.mark.parametrize("radius", [None, 0.03, [0.03, None, 0.03]])
+def test_boxes_are_valid(radius):
+    path = bundled_problems()["ur5/over_the_wall"]
+    fields = YAML(typ="safe", pure=True).load(path.read_text())
+    box = {"box": [0.2, 0.04], "up": [0.5, 0, 1]}
+    fields["tube"] |= {"radius": radius, "cross_section": [None, box, None] if radius else box}
+    if radius is None:
+        del fields["tube"]["radius"]
+    jsonschema.Draft202012Validator(SCHEMA).validate(fields)
+    tube = parse_problem(fields, path.parent).tube
+    assert tube.is_box.tolist() == ([False, True, False] if radius else [True] * 3)

@@ -1,4 +1,4 @@
-"""Links in the optimisation: trajectories that would be faster through something."""
+"""Clearance constraints at samples of small distance."""
 
 from dataclasses import replace
 
@@ -7,6 +7,8 @@ import pytest
 
 from cases import SHORTEST, slow_but
 from tubeplanner import (
+    AttachedSolid,
+    Contact,
     Obstacle,
     PlanningProblem,
     PlanStatus,
@@ -18,10 +20,186 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
+from tubeplanner.collision.collision_checker import CollisionChecker
+from tubeplanner.collision.convex_shape import box
+from tubeplanner.problem.required_distances import RequiredDistances
+from tubeplanner.refinement.corner_distances import CORNERS, of_corners
+from tubeplanner.refinement.distances_along import DistancesAlong
 from tubeplanner.refinement.link_constraints import LinkConstraints
-from tubeplanner.refinement.phased_spline import PhasedSpline
+from tubeplanner.refinement.phased_spline import PhasedSpline, Samples
 from tubeplanner.refinement.refinement import Refinement
-from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.refinement.spline_start import knot_grid, starting_spline
+
+# Corners of a box that lies on another: how far each is, and between which points.
+
+
+TOP = 0.02
+
+
+@pytest.fixture
+def part(ur5):
+    """A part that the tool carries, 1 mm above a table, tilted by so much: checker, q, poses."""
+
+    def make(tilt, size=(0.06, 0.06, 0.1)):
+        q = np.array([[-0.79, -1.31, 1.9, -2.159, -1.5708 + tilt, 0.0]])
+        rotation, tool = ur5.tool_pose(q)
+        placement = np.eye(4)
+        placement[:3, 3] = [0, 0, size[2] / 2]
+        solid = AttachedSolid("part", (box(size).transformed(placement),), ("wrist_3_link",))
+        lowest = (solid.shapes[0].vertices @ rotation[0].T + tool[0])[:, 2].min()
+        height = lowest - 0.001 - TOP
+        table = Obstacle.box("table", [2, 2, 2 * TOP], placement_of([0.5, 0, height]))
+        checker = CollisionChecker(ur5, [table], attached=[solid], self_collision=False)
+        pair = checker.pairs[checker.between("part", "table")]
+        return checker, np.repeat(q, CORNERS + 1, axis=0), np.repeat(pair, CORNERS + 1, axis=0)
+
+    return make
+
+
+NUMBERS = np.array([-1, 0, 1, 2, 3])
+
+
+def found(checker, q, pairs):
+    poses = checker.robot.body_poses(q)
+    closest = checker.closest_points(*poses, pairs)
+    return closest, of_corners(checker, poses, pairs, closest, NUMBERS)
+
+
+def test_all_corners_of_a_face_are_found(part):
+    checker, q, pairs = part(0.01)
+    closest, corners = found(checker, q, pairs)
+    lengths = 0.06 * 0.01
+    assert corners.distance[0] == closest.distance[0] == pytest.approx(0.001, abs=1e-9)
+    np.testing.assert_allclose(
+        np.sort(corners.distance[1:]), 0.001 + np.array([0, 0, lengths, lengths]), atol=2e-4
+    )
+    upper, lower = corners.first[1:, 2], corners.second[1:, 2]
+    np.testing.assert_allclose(abs(upper - lower), corners.distance[1:], atol=1e-9)
+    assert len(np.unique(corners.first[1:, :2].round(6), axis=0)) == CORNERS
+
+
+def test_their_gradients_are_those_of_the_corners(part):
+    checker, q, pairs = part(0.01)
+    poses = checker.robot.body_poses(q)
+    _, corners = found(checker, q, pairs)
+    exact = checker.distance_gradient(*poses, pairs, corners)[1:]
+    for joint in range(q.shape[1]):
+        step = 1e-6 * np.eye(q.shape[1])[joint]
+        after, before = (found(checker, q + sign * step, pairs)[1].distance for sign in (1, -1))
+        np.testing.assert_allclose(exact[:, joint], (after - before)[1:] / 2e-6, atol=1e-4)
+
+
+def test_corners_far_from_the_face_do_not_count(part):
+    checker, q, pairs = part(0.3)
+    closest, corners = found(checker, q, pairs)
+    assert np.sort(corners.distance)[-1] < closest.distance[0] + 0.005
+    assert (corners.distance < 0.002).all()  # the others are 18 mm farther
+
+
+def test_a_pair_may_have_none(part):
+    checker, q, pairs = part(0.01)
+    poses = checker.robot.body_poses(q)
+    closest = checker.closest_points(*poses, pairs)
+    same = of_corners(checker, poses, pairs, closest, np.full(CORNERS + 1, -1))
+    np.testing.assert_array_equal(same.distance, closest.distance)
+    assert replace(same, distance=closest.distance).direction is closest.direction
+
+
+# What is required along a spline: at hand-overs of both segments, near the ends less.
+
+
+START, GOAL = np.array([0.2, 0.3]), np.array([0.9, 0.5])
+NAMES = ("ball", "link2")
+
+
+@pytest.fixture
+def problem(two_link):
+    def make(clearances=None, **others):
+        tool = two_link.tool_position(np.array([START, (START + GOAL) / 2, GOAL]))
+        ball = Obstacle.sphere("ball", 0.05, placement_of([0.0, 2.2, 0.0]))
+        tube = Tube(tool, 0.3, clearance=clearances)
+        return PlanningProblem(two_link, tube, START, GOAL, obstacles=[ball], **others)
+
+    return make
+
+
+def along(problem):
+    return DistancesAlong(problem, np.array([START, GOAL]), 0.0)
+
+
+GRID = knot_grid(np.array([0.0, 0.5, 1.0]), 8)
+PIECES = GRID.interval_count
+
+
+def test_at_a_hand_over_both_segments_ask(problem):
+    made = problem([0.01, 0.02])
+    samples = Samples(
+        np.array([0, 0, 0, 1, 1, 1]),
+        np.array([0.0, 0.5, 1.0, 0.0, 0.5, 1.0]),
+        np.array([0, 1, PIECES // 2 - 1, PIECES // 2, PIECES - 2, PIECES - 1]),
+    )
+    column = np.flatnonzero(made.collision.between(*NAMES))[0]
+    found = along(made).at(GRID, samples, np.tile(START, (6, 1)))[:, column]
+    np.testing.assert_allclose(found, [0.01, 0.01, 0.02, 0.02, 0.02, 0.02])
+
+
+def test_more_is_required_than_the_judge_asks_and_all_of_it_before_the_distance_ends(problem):
+    made = problem(clearance=3.0, contacts=[Contact(NAMES, 0.2, "start")])
+    column = np.flatnonzero(made.collision.between(*NAMES))[0]
+    q = START + np.linspace(0, 1, 60)[:, None] * [0.2, 0.0]
+    samples = Samples(np.zeros(60, int), np.full(60, 0.5), np.ones(60, int))
+    tool = made.robot.tool_position(q)
+    asked = RequiredDistances(made, START, GOAL).at(np.zeros(60, int), tool)[:, column]
+    found = along(made).at(GRID, samples, q)[:, column]
+    away = np.linalg.norm(tool - tool[0], axis=1)
+    assert (asked[away < 0.2] < 3.0).all()
+    assert (asked[away > 0.2] == 3.0).all()
+    assert (found >= asked - 1e-12).all()
+    assert found[0] == pytest.approx(asked[0])
+    assert (np.diff(found) >= 0).all()
+    assert (found[away > 0.19] == 3.0).all()
+    assert found[away < 0.1].max() < (asked[0] + 3.0) / 2
+
+
+def test_where_the_same_is_asked_throughout_nothing_changes_with_the_joints(problem):
+    samples = Samples(np.zeros(3, int), np.full(3, 0.5), np.ones(3, int))
+    made = problem(clearance=0.01)
+    required, change = along(made).of_pairs(GRID, samples, np.tile(START, (3, 1)), np.arange(3))
+    np.testing.assert_array_equal(change, 0.0)
+    np.testing.assert_array_equal(required, RequiredDistances(made, START, GOAL).by_segment[0, :3])
+
+
+@pytest.mark.parametrize("ends", [("start",), ("goal",), ("start", "goal")])
+def test_what_changes_with_the_joints_is_what_is_required(ends, two_link):
+    """Of both ends of one segment the one counts that requires less."""
+    tool = two_link.tool_position(np.array([START, GOAL]))
+    ball = Obstacle.sphere("ball", 0.05, placement_of([0.0, 2.2, 0.0]))
+    made = PlanningProblem(
+        two_link,
+        Tube(tool, 0.3),
+        START,
+        GOAL,
+        obstacles=[ball],
+        clearance=3.0,
+        contacts=[Contact(NAMES, 0.9, ends)],
+    )
+    grid, column = knot_grid(np.array([0.0, 1.0]), 8), made.collision.between(*NAMES).argmax()
+    q = START + np.linspace(0.02, 0.98, 25)[:, None] * (GOAL - START)
+    samples = Samples(np.zeros(25, int), np.full(25, 0.5), np.ones(25, int))
+
+    def required(x):
+        return along(made).of_pairs(grid, samples, x, np.full(25, column))
+
+    found, change = required(q)
+    np.testing.assert_allclose(found, along(made).at(grid, samples, q)[:, column])
+    for joint in range(2):
+        step = 1e-6 * np.eye(2)[joint]
+        slope = (required(q + step)[0] - required(q - step)[0]) / 2e-6
+        np.testing.assert_allclose(change[:, joint], slope, atol=1e-5)
+
+
+# Links in the optimisation: trajectories that would be faster through something.
+
 
 POINTS = [[0.3, -0.3, 0], [0.3, 0.3, 0]]
 

@@ -1,7 +1,11 @@
+"""PhasedSpline: cubic B-splines over phases of tube segments, native and NumPy basis."""
+
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
+from tubeplanner.native import spline_basis
+from tubeplanner.native.library import LIBRARY
 from tubeplanner.refinement.phased_spline import (
     DEGREE,
     KnotGrid,
@@ -10,26 +14,81 @@ from tubeplanner.refinement.phased_spline import (
     basis_by_switching,
     segments_of_pieces,
 )
-from tubeplanner.refinement.sampled_spline import sampled
+from tubeplanner.refinement.sampled_spline import SampledSpline, _basis, sampled
 from tubeplanner.refinement.spline_start import knot_grid, subdivided
 
+NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
+
+
+# Compiled splines against those in numpy, at samples of phases with few and many knots.
+
+
+TIMES = np.array([0.0, 0.1, 0.3, 0.34, 0.7, 1.0])
+# A phase of one interval: knots of its neighbours' samples lie in three phases and more.
+SHARES = [[0, 0.5, 1], [0, 1], [0, 0.3, 1], [0, 0.1, 0.5, 0.6, 1], [0, 1]]
+GRID = KnotGrid(tuple(np.array(share, dtype=float) for share in SHARES))
+POINTS = [
+    GRID.samples(np.array([0.0, 0.3, 1.0])).and_also(GRID.phase_ends()),
+    VelocityHull(GRID.control_point_count),
+]
+
+
+def sampled_anew(points) -> SampledSpline:
+    control = np.random.default_rng(3).normal(size=(GRID.control_point_count, 7))
+    _basis.cache_clear()
+    spline = PhasedSpline(GRID, TIMES, control)
+    basis = _basis(GRID, points, TIMES.tobytes())
+    values = spline_basis.cubic_values(basis, points.first, control)
+    if values is None:
+        taken = control[points.first[:, None] + np.arange(4)]
+        values = np.einsum("onr,onrj->onj", basis, np.broadcast_to(taken, (*basis.shape, 7)))
+    return SampledSpline(spline, points, basis, values)
+
+
+@NEEDS_LIBRARY
+@pytest.mark.parametrize("points", POINTS)
+def test_values_and_changes_agree_to_rounding(points, monkeypatch):
+    compiled = sampled_anew(points)
+    change = np.random.default_rng(4).normal(size=compiled.spline.control_points.shape)
+    found = [compiled.basis, compiled.by_x, compiled.by_switching]
+    moved = compiled.change(change, np.array([0.1, -0.2, 0.3, 0.1]))
+    for name in ("_weights", "_by_switching", "_values"):
+        monkeypatch.setattr(spline_basis, name, None)
+    pure = sampled_anew(points)
+    for ours, theirs in zip(found, [pure.basis, pure.by_x, pure.by_switching], strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-11, atol=1e-11 * abs(theirs).max())
+    again = pure.change(change, np.array([0.1, -0.2, 0.3, 0.1]))
+    np.testing.assert_allclose(moved, again, rtol=1e-11, atol=1e-11)
+
+
+@NEEDS_LIBRARY
+def test_all_changes_by_switching_times_are_within_those_that_are_named():
+    changes = sampled_anew(POINTS[0]).changes
+    number = np.arange(len(changes.by_switching))[:, None]
+    outside = (number < changes.moved[:, 0]) | (number >= changes.moved[:, 1])
+    assert outside.any()
+    assert not changes.by_switching.transpose(0, 2, 1, 3)[outside].any()
+
+
 SWITCHING_TIMES = np.array([0.0, 0.3, 0.55, 1.0])
-GRID = KnotGrid(
+PHASED_SPLINE_GRID = KnotGrid(
     (np.array([0, 0.3, 0.5, 1.0]), np.array([0, 0.2, 1.0]), np.array([0, 0.5, 0.8, 1.0]))
 )
 
 
 def control_points(seed=0, joints=2):
-    points = np.random.default_rng(seed).normal(size=(GRID.control_point_count, joints))
+    points = np.random.default_rng(seed).normal(
+        size=(PHASED_SPLINE_GRID.control_point_count, joints)
+    )
     points[:3], points[-3:] = points[0], points[-1]
     return points
 
 
 def test_the_basis_is_that_of_scipys_spline():
-    samples = GRID.samples(np.array([0.1, 0.45, 0.9]))
+    samples = PHASED_SPLINE_GRID.samples(np.array([0.1, 0.45, 0.9]))
     points = control_points()
-    phased = sampled(PhasedSpline(GRID, SWITCHING_TIMES, points), samples)
-    spline = BSpline(GRID.knots(SWITCHING_TIMES), points, DEGREE)
+    phased = sampled(PhasedSpline(PHASED_SPLINE_GRID, SWITCHING_TIMES, points), samples)
+    spline = BSpline(PHASED_SPLINE_GRID.knots(SWITCHING_TIMES), points, DEGREE)
     x = SWITCHING_TIMES[samples.phase] + np.diff(SWITCHING_TIMES)[samples.phase] * samples.share
     np.testing.assert_allclose(samples.times(SWITCHING_TIMES), x)
     for order in range(4):
@@ -37,18 +96,18 @@ def test_the_basis_is_that_of_scipys_spline():
 
 
 def test_samples_are_found_by_their_times():
-    samples = GRID.samples(np.array([0.1, 0.45, 0.9]))
-    found = GRID.samples_at(SWITCHING_TIMES, samples.times(SWITCHING_TIMES))
+    samples = PHASED_SPLINE_GRID.samples(np.array([0.1, 0.45, 0.9]))
+    found = PHASED_SPLINE_GRID.samples_at(SWITCHING_TIMES, samples.times(SWITCHING_TIMES))
     np.testing.assert_array_equal(found.phase, samples.phase)
     np.testing.assert_array_equal(found.interval, samples.interval)
     np.testing.assert_allclose(found.share, samples.share, atol=1e-12)
-    ends = GRID.samples_at(SWITCHING_TIMES, np.array([0.0, 1.0]))
-    assert ends.interval.tolist() == [0, GRID.interval_count - 1]
+    ends = PHASED_SPLINE_GRID.samples_at(SWITCHING_TIMES, np.array([0.0, 1.0]))
+    assert ends.interval.tolist() == [0, PHASED_SPLINE_GRID.interval_count - 1]
     assert ends.phase.tolist() == [0, 2]
 
 
 def test_samples_at_a_switching_time_belong_to_the_phases_on_both_sides():
-    samples = GRID.samples(np.array([0.0, 1.0]))
+    samples = PHASED_SPLINE_GRID.samples(np.array([0.0, 1.0]))
     at_switch = [
         (int(phase), float(share))
         for phase, share in zip(samples.phase, samples.share, strict=True)
@@ -58,9 +117,9 @@ def test_samples_at_a_switching_time_belong_to_the_phases_on_both_sides():
 
 
 def test_the_velocity_stays_within_its_hull_and_touches_it():
-    hull = VelocityHull(GRID.control_point_count)
+    hull = VelocityHull(PHASED_SPLINE_GRID.control_point_count)
     for seed in range(20):
-        phased = PhasedSpline(GRID, SWITCHING_TIMES, control_points(seed))
+        phased = PhasedSpline(PHASED_SPLINE_GRID, SWITCHING_TIMES, control_points(seed))
         bound = sampled(phased, hull).by_x[1]
         velocity = phased.bspline()(np.linspace(0, 1, 2000), 1)
         assert (velocity.max(axis=0) <= bound.max(axis=0) + 1e-12).all()
@@ -70,25 +129,28 @@ def test_the_velocity_stays_within_its_hull_and_touches_it():
 
 
 def test_it_rests_at_both_ends():
-    spline = BSpline(GRID.knots(SWITCHING_TIMES), control_points(), DEGREE)
+    spline = BSpline(PHASED_SPLINE_GRID.knots(SWITCHING_TIMES), control_points(), DEGREE)
     for order in (1, 2):
         np.testing.assert_allclose(spline(np.array([0.0, 1.0]), order), 0, atol=1e-11)
 
 
 @pytest.mark.parametrize(
     "samples",
-    [GRID.samples(np.array([0.5])), VelocityHull(GRID.control_point_count)],
+    [
+        PHASED_SPLINE_GRID.samples(np.array([0.5])),
+        VelocityHull(PHASED_SPLINE_GRID.control_point_count),
+    ],
     ids=["samples", "hull"],
 )
 def test_switching_times_move_knots_and_samples_with_them(samples):
-    by_switching = basis_by_switching(samples, GRID, SWITCHING_TIMES)
+    by_switching = basis_by_switching(samples, PHASED_SPLINE_GRID, SWITCHING_TIMES)
     step = 1e-4
     for column, switching in enumerate((1, 2)):
         sides = []
         for sign in (1, -1):
             moved = SWITCHING_TIMES.copy()
             moved[switching] += sign * step
-            sides.append(samples.basis(GRID, moved))
+            sides.append(samples.basis(PHASED_SPLINE_GRID, moved))
         expected = (sides[0] - sides[1]) / (2 * step)
         scale = np.maximum(abs(expected).max(axis=(1, 2), keepdims=True), 1e-9)
         np.testing.assert_allclose(by_switching[column] / scale, expected / scale, atol=1e-4)
@@ -96,8 +158,8 @@ def test_switching_times_move_knots_and_samples_with_them(samples):
 
 def test_times_change_with_both_ends_of_their_phase():
     """Linearly: a finite difference is exact."""
-    samples = GRID.samples(np.array([0.0, 0.3, 1.0]))
-    found = samples.times_by_switching(GRID.switch_count)
+    samples = PHASED_SPLINE_GRID.samples(np.array([0.0, 0.3, 1.0]))
+    found = samples.times_by_switching(PHASED_SPLINE_GRID.switch_count)
     for column, switching in enumerate((1, 2)):
         moved = SWITCHING_TIMES.copy()
         moved[switching] += 0.01
@@ -107,8 +169,8 @@ def test_times_change_with_both_ends_of_their_phase():
 
 
 def test_on_a_fixed_grid_no_switching_time_moves():
-    fixed = KnotGrid(GRID.shares, GRID.chains, is_fixed=True)
-    assert (GRID.switch_count, fixed.switch_count) == (2, 0)
+    fixed = KnotGrid(PHASED_SPLINE_GRID.shares, PHASED_SPLINE_GRID.chains, is_fixed=True)
+    assert (PHASED_SPLINE_GRID.switch_count, fixed.switch_count) == (2, 0)
     samples = fixed.samples(np.array([0.5]))
     assert basis_by_switching(samples, fixed, SWITCHING_TIMES).shape[0] == 0
     found = sampled(PhasedSpline(fixed, SWITCHING_TIMES, control_points()), samples)
@@ -116,9 +178,9 @@ def test_on_a_fixed_grid_no_switching_time_moves():
 
 
 def test_pieces_are_of_their_phases_first_segment():
-    chained = KnotGrid(GRID.shares, (range(0, 2), range(2, 5), range(5, 6)))
+    chained = KnotGrid(PHASED_SPLINE_GRID.shares, (range(0, 2), range(2, 5), range(5, 6)))
     assert segments_of_pieces(chained).tolist() == [0, 0, 0, 2, 2, 5, 5, 5]
-    assert segments_of_pieces(GRID).tolist() == [0, 0, 0, 1, 1, 2, 2, 2]
+    assert segments_of_pieces(PHASED_SPLINE_GRID).tolist() == [0, 0, 0, 1, 1, 2, 2, 2]
 
 
 @pytest.mark.parametrize("intervals", [8, 24, 64])

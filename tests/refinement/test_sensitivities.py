@@ -1,4 +1,4 @@
-"""The sensitivities against planning again, and against what it must add up to."""
+"""Sensitivities of the duration, motors included."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from cases import SHORTEST
+from cases import SHORTEST, with_motors
 from tubeplanner import (
     LimitOverrides,
     PlanningProblem,
@@ -27,6 +27,9 @@ from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.refinement.trust_region import TrustRegion
+
+# The sensitivities against planning again, and against what it must add up to.
+
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 EVERY = {"joint1": np.inf, "joint2": np.inf}
@@ -354,3 +357,76 @@ def test_a_start_on_its_rotation_tolerance_has_sane_prices(angle, axis, whole):
     assert result.sensitivities[0].limit == "velocity"
     turns = [one for one in result.sensitivities if (one.limit, one.segment) == ("rotation", 0)]
     assert sum(one.saved for one in turns) < 0.005
+
+
+# Prices of efforts and torque-speed lines with friction, against planning again.
+
+
+ARMED = {"armature": 0.2, "viscous_friction": 1.5}
+FRICTION = {"backwards_friction": [5.0, 1.5], "forwards_friction": [3.0, 2.0]}
+LINE = {"saturation_effort": np.array([130.0, 40.0]), "no_load_velocity": np.array([8.0, 12.0])}
+EFFORT = np.array([95.0, 27.0])
+ROUNDED = 50.0  # knot intervals
+
+
+def motors_problem_with(effort=EFFORT, **motors):
+    limits = LimitOverrides(
+        velocity=dict.fromkeys(("joint1", "joint2"), np.inf),
+        effort={"joint1": effort[0], "joint2": effort[1]},
+    )
+    plain = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
+    tube = Tube(points, 0.05, joint_signs={"joint2": "-"})
+    return PlanningProblem(with_motors(plain, **motors), tube, Seed(np.array([0.0, -1.0])))
+
+
+def changed(kind, joint, factor, motors):
+    """Return the problem with the limit of one joint changed."""
+    own = np.where(np.arange(2) == joint, factor, 1.0)
+    if kind == "effort":
+        return motors_problem_with(EFFORT * own, **motors)
+    return motors_problem_with(**motors | {name: both * own for name, both in LINE.items()})
+
+
+def motors_polished(problem, spline):
+    """Plan again from a spline near by, on the same knots, to a tight tolerance.
+
+    Friction is blended so widely that the least duration has no kinks between which steps end.
+    """
+    program = SequentialProgram(problem, spline.grid)
+    program.constraints.blend(ROUNDED)
+    begin = program.iterate(spline)
+    found = program.improved(begin, TrustRegion(0.01), FIRST_PENALTY, min_gain=1e-8, max_steps=60)
+    return program, found.iterate
+
+
+CASES = {
+    "viscous": ARMED,
+    "Coulomb": ARMED | FRICTION,
+    "uncertain": ARMED | FRICTION | {"friction_uncertainty": 0.3},
+    "line": LINE,
+    "line and friction": LINE | ARMED | FRICTION,
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_they_are_what_planning_again_finds(name):
+    """Of efforts and lines of each joint alone, changed by half a percent."""
+    motors = CASES[name]
+    problem = motors_problem_with(**motors)
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
+    refined.run()
+    program, best = motors_polished(problem, refined.spline)
+    kinds = {"effort"} | ({"motor_curve"} if "line" in name else set())
+    own = {key: e for key, e in program.elasticities(best).items() if key.kind in kinds}
+    assert {key.kind for key in own} == kinds
+    for key, elasticity in own.items():
+        found = [
+            motors_polished(changed(key.kind, key.joint, factor, motors), best.spline)[1].duration
+            for factor in (1.005, 0.995)
+        ]
+        quotient = np.log(found[0] / found[1]) / np.log(1.005 / 0.995)
+        near = 0.1 if "forwards_friction" not in motors else 0.3
+        assert elasticity == pytest.approx(quotient, rel=near, abs=4e-3)
+    assert min(own.values()) < -0.1

@@ -1,13 +1,181 @@
-"""The robot against closed forms, against yourdfpy, and against conservation laws."""
+"""RobotModel: kinematics, dynamics, limits of an arm at N samples; effort rates."""
+
+import pickle
+from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import yourdfpy
+from follower_arm import JOINTS, RULES, follower_arm
 from scipy.spatial.transform import Rotation
 
-from follower_arm import follower_arm
-from tubeplanner import LimitOverrides, Payload, ToolOffset, load_robot
-from tubeplanner.errors import RobotError
+from cases import one_joint, with_motors
+from tubeplanner import LimitOverrides, Payload, PointSpeed, RobotError, ToolOffset, load_robot
+from tubeplanner.robot.effort_rate import effort_rate, effort_rate_derivatives, gravity_effort_rate
+
+# One configuration where many are taken: the same numbers, without the leading axis.
+
+
+# Each with how many arrays of joints it takes, and the axis of the samples in what it returns.
+METHODS = {
+    "tool_position": (1, 0),
+    "tool_pose": (1, 0),
+    "tool_jacobian": (1, 0),
+    "tool_pose_jacobian": (1, 0),
+    "body_poses": (1, 0),
+    "gravity_effort": (1, 0),
+    "tool_velocity": (2, 0),
+    "point_velocities": (2, 1),
+    "inverse_dynamics": (3, 0),
+    "inverse_dynamics_derivatives": (3, 0),
+}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    points = [PointSpeed("wrist_1_link", (0.0, 0.0, 0.0), 1.0)] * 2
+    return load_robot("example:ur5", "ee_link", limits=LimitOverrides(point_speed=points))
+
+
+def _states(count, samples=4):
+    return np.random.default_rng(3).uniform(-1, 1, (count, samples, 6))
+
+
+def _arrays(result):
+    return result if isinstance(result, tuple) else (result,)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_one_configuration_gives_what_it_gives_among_many(arm, name):
+    count, axis = METHODS[name]
+    states = _states(count)
+    many = _arrays(getattr(arm, name)(*states))
+    one = _arrays(getattr(arm, name)(*states[:, 2]))
+    assert len(one) == len(many)
+    for single, several in zip(one, many, strict=True):
+        np.testing.assert_allclose(single, several.take(2, axis), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_lists_and_names_are_taken_too(arm, name):
+    count, _ = METHODS[name]
+    states = _states(count)[:, 0]
+    named = dict(zip("qva", states.tolist(), strict=False))
+    wanted = _arrays(getattr(arm, name)(*states))
+    for found, expected in zip(_arrays(getattr(arm, name)(**named)), wanted, strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("shape", [(5,), (7,), (3, 5), (1, 1, 6), ()])
+def test_another_shape_is_named_beside_the_one_that_is_wanted(arm, name, shape):
+    with pytest.raises(RobotError) as error:
+        getattr(arm, name)(*[np.zeros(shape)] * METHODS[name][0])
+    assert str(shape) in str(error.value)
+    assert "(6,), or (N, 6)" in str(error.value)
+
+
+@pytest.mark.parametrize("shape", [(6,), (3, 6), (2, 5)])
+def test_rates_have_the_shape_of_the_configurations(arm, shape):
+    with pytest.raises(RobotError, match=r"v has shape .*, and q \(2, 6\)"):
+        arm.tool_velocity(np.zeros((2, 6)), np.zeros(shape))
+
+
+def test_efforts_by_position_are_had_for_one_configuration_too():
+    limits = LimitOverrides(effort={"elbow_joint": {"position": [-1, 1], "effort": [10, 30]}})
+    robot = load_robot("example:ur5", "ee_link", limits=limits)
+    q = np.full(6, 0.5)
+    assert robot.limits.effort_at(q, 1.0)[2] == pytest.approx(25)
+    np.testing.assert_array_equal(
+        robot.limits.effort_at(q, 1.0), robot.limits.effort_at(q[None], 1.0)[0]
+    )
+
+
+# Rates of efforts: closed forms, differences, and how they grow with the speed.
+
+
+@pytest.fixture(scope="module", params=["two_link", "panda", "slide", "payload", "followers"])
+def effort_rate_arm(request, tmp_path_factory):
+    if request.param == "payload":
+        return load_robot("example:ur10", "tool0", payload=Payload(8.0, (0.1, 0, 0.2)))
+    if request.param == "followers":
+        path = tmp_path_factory.mktemp("followers") / "followers.urdf"
+        path.write_text(follower_arm())
+        return load_robot(path, "tip")
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture
+def states(effort_rate_arm):
+    """Random positions, velocities, accelerations and jerks, as fast as arms get, each (8, n)."""
+    scale = np.array([1.5, 2.0, 60.0, 1e4])[:, None, None]
+    return scale * np.random.default_rng(0).uniform(-1, 1, (4, 8, effort_rate_arm.joint_count))
+
+
+def test_a_pendulums_is_known(tmp_path):
+    """Effort I a + m g l cos(q), its rate I jerk - m g l sin(q) v."""
+    robot = one_joint(tmp_path, mass=0.5)
+    q, v, a, jerk = np.random.default_rng(1).uniform(-3, 3, (4, 20, 1))
+    gravity = -0.5 * 9.81 * 0.5 * np.sin(q) * v
+    np.testing.assert_allclose(gravity_effort_rate(robot, q, v), gravity, atol=1e-12)
+    inertia = robot.inverse_dynamics(q, 0 * q, 1 + 0 * q) - robot.gravity_effort(q)
+    expected = inertia * jerk + gravity
+    np.testing.assert_allclose(effort_rate(robot, q, v, a, jerk), expected, atol=1e-12)
+
+
+def test_they_are_what_the_efforts_change_by(effort_rate_arm, states):
+    def efforts(t):
+        q, v, a, jerk = states
+        return effort_rate_arm.inverse_dynamics(
+            q + t * v + t**2 / 2 * a + t**3 / 6 * jerk, v + t * a + t**2 / 2 * jerk, a + t * jerk
+        )
+
+    step = 2e-5
+    numeric = (efforts(-2 * step) - 8 * efforts(-step)) / (12 * step)
+    numeric += (8 * efforts(step) - efforts(2 * step)) / (12 * step)
+    found = effort_rate(effort_rate_arm, *states)
+    np.testing.assert_allclose(found / abs(found).max(), numeric / abs(found).max(), atol=1e-9)
+
+
+@pytest.mark.parametrize("speed", [0.1, 3.0])
+def test_gravitys_grow_with_the_speed_all_others_with_its_third_power(
+    effort_rate_arm, states, speed
+):
+    gravity = gravity_effort_rate(effort_rate_arm, *states[:2])
+    expected = speed * gravity + speed**3 * (effort_rate(effort_rate_arm, *states) - gravity)
+    run = (rate * speed**k for k, rate in enumerate(states))
+    np.testing.assert_allclose(effort_rate(effort_rate_arm, *run), expected, rtol=1e-9, atol=1e-8)
+
+
+@pytest.mark.parametrize("order", range(4))
+def test_derivatives_are_what_differences_find(effort_rate_arm, states, order):
+    step = (1e-5, 1e-5, 1e-3, 1e-1)[order]
+    found = effort_rate_derivatives(effort_rate_arm, *states)[order]
+    for joint in range(effort_rate_arm.joint_count):
+        sides = []
+        for sign in (step, -step):
+            moved = states.copy()
+            moved[order, :, joint] += sign
+            sides.append(effort_rate(effort_rate_arm, *moved))
+        numeric = (sides[0] - sides[1]) / (2 * step)
+        scale = abs(found).max()
+        np.testing.assert_allclose(found[:, :, joint] / scale, numeric / scale, atol=1e-6)
+
+
+def test_an_arm_at_rest_has_derivatives_too(effort_rate_arm):
+    """By the jerk its inertia, by the velocity how gravity changes with the position."""
+    still = np.zeros((1, effort_rate_arm.joint_count))
+    by_q, by_v, by_a, by_jerk = effort_rate_derivatives(effort_rate_arm, still, still, still, still)
+    gravity, _, inertia = effort_rate_arm.inverse_dynamics_derivatives(still, still, still)
+    np.testing.assert_allclose(by_q, 0.0, atol=1e-9)
+    np.testing.assert_allclose(by_v, gravity, atol=1e-9)
+    np.testing.assert_allclose(by_a, 0.0, atol=1e-9)
+    np.testing.assert_allclose(by_jerk, inertia, atol=1e-12)
+
+
+# The robot against closed forms, against yourdfpy, and against conservation laws.
+
 
 RNG_SEED = 7
 INERTIAL = (
@@ -29,7 +197,7 @@ def joint(name, parent, child, kind="revolute", xyz="0 0 0", axis="0 0 1", limit
 
 
 @pytest.fixture
-def arm(tmp_path):
+def robot_model_arm(tmp_path):
     """Load an arm from a few lines of URDF."""
 
     def load(*elements, tool="tip", **options):
@@ -360,9 +528,9 @@ def test_a_locked_joint_out_of_place_is_named(locked, message):
 # --- joint types -------------------------------------------------------------------------------
 
 
-def test_a_continuous_joint_is_a_plain_coordinate_beyond_full_turns(arm):
+def test_a_continuous_joint_is_a_plain_coordinate_beyond_full_turns(robot_model_arm):
     free = '<limit effort="50" velocity="3"/>'
-    robot = arm(
+    robot = robot_model_arm(
         link("base"),
         link("rotor"),
         link("tip"),
@@ -377,8 +545,8 @@ def test_a_continuous_joint_is_a_plain_coordinate_beyond_full_turns(arm):
     assert robot.revolute.tolist() == [True]
 
 
-def test_a_sliding_joint_moves_and_carries_along_its_axis(arm):
-    robot = arm(*SLIDER)
+def test_a_sliding_joint_moves_and_carries_along_its_axis(robot_model_arm):
+    robot = robot_model_arm(*SLIDER)
     q, v, a = random_trajectory(robot, 30)
     turn = Rotation.from_euler("z", q[:, :1]).as_matrix()
     reach = 0.5 + q[:, 1]
@@ -394,8 +562,8 @@ def test_a_sliding_joint_moves_and_carries_along_its_axis(arm):
 
 
 @pytest.mark.parametrize("which", ["ur5", "panda", "slider"])
-def test_no_body_point_moves_further_than_the_lever_arms_allow(request, arm, which):
-    robot = arm(*SLIDER) if which == "slider" else request.getfixturevalue(which)
+def test_no_body_point_moves_further_than_the_lever_arms_allow(request, robot_model_arm, which):
+    robot = robot_model_arm(*SLIDER) if which == "slider" else request.getfixturevalue(which)
     rng = np.random.default_rng(3)
     before, after = random_configurations(robot, 400).reshape(2, 200, -1)
     after[::2] = before[::2] + rng.normal(scale=0.01, size=after[::2].shape)
@@ -411,8 +579,8 @@ def test_no_body_point_moves_further_than_the_lever_arms_allow(request, arm, whi
     np.testing.assert_array_equal(moved[:, 0], 0.0)
 
 
-def test_the_lever_arm_of_a_sliding_chain_counts_the_whole_travel(arm):
-    robot = arm(*SLIDER)
+def test_the_lever_arm_of_a_sliding_chain_counts_the_whole_travel(robot_model_arm):
+    robot = robot_model_arm(*SLIDER)
     tool = robot.link_body["tip"]
     assert robot.limits.upper_position[1] == 2
     expected = [0.2 + 2 + np.hypot(0.3, 0.1), 0.0]
@@ -421,8 +589,8 @@ def test_the_lever_arm_of_a_sliding_chain_counts_the_whole_travel(arm):
     assert not robot.joint_moves_body[0].any()
 
 
-def test_joints_of_another_branch_do_not_move_a_body(arm):
-    robot = arm(*BRANCHED, joints=["other", "second", "first"])
+def test_joints_of_another_branch_do_not_move_a_body(robot_model_arm):
+    robot = robot_model_arm(*BRANCHED, joints=["other", "second", "first"])
     moves = {name: robot.joint_moves_body[body].tolist() for name, body in robot.link_body.items()}
     assert moves == {
         "base": [False, False, False],
@@ -453,13 +621,13 @@ def test_joints_of_another_branch_do_not_move_a_body(arm):
         ),
     ],
 )
-def test_a_group_that_cannot_be_planned_is_refused(arm, options, message):
+def test_a_group_that_cannot_be_planned_is_refused(robot_model_arm, options, message):
     with pytest.raises(RobotError) as caught:
-        arm(*BRANCHED, **options)
+        robot_model_arm(*BRANCHED, **options)
     assert message in str(caught.value)
 
 
-def test_a_mimic_joint_in_the_group_is_refused_with_what_to_plan_instead(arm):
+def test_a_mimic_joint_in_the_group_is_refused_with_what_to_plan_instead(robot_model_arm):
     mimic = LIMIT + '<mimic joint="first"/>'
     elements = (*BRANCHED[:5], joint("second", "arm", "tip", limit=mimic), BRANCHED[6])
     message = (
@@ -467,24 +635,24 @@ def test_a_mimic_joint_in_the_group_is_refused_with_what_to_plan_instead(arm):
         "'first', which moves it, or leave both out: other"
     )
     with pytest.raises(RobotError, match=message):
-        arm(*elements, joints=["first", "second", "other"])
+        robot_model_arm(*elements, joints=["first", "second", "other"])
 
 
-def test_joints_that_mimic_each_other_in_a_circle_are_named(arm):
+def test_joints_that_mimic_each_other_in_a_circle_are_named(robot_model_arm):
     mimic = f'{LIMIT}<mimic joint="other"/>'
     message = "joint 'other' mimics 'other': joints mimic each other in a circle"
     with pytest.raises(RobotError, match=message):
-        arm(*BRANCHED[:6], joint("other", "arm", "side", limit=mimic))
+        robot_model_arm(*BRANCHED[:6], joint("other", "arm", "side", limit=mimic))
 
 
-def test_a_mimic_of_a_mimic_follows_the_first_of_the_chain(arm):
+def test_a_mimic_of_a_mimic_follows_the_first_of_the_chain(robot_model_arm):
     names = ("base", "tip", "a", "b", "c")
     rules = (
         ("to_a", "a", LIMIT),
         ("to_b", "b", LIMIT + '<mimic joint="to_a" multiplier="2" offset="0.1"/>'),
         ("to_c", "c", LIMIT + '<mimic joint="to_b" multiplier="-3" offset="0.2"/>'),
     )
-    robot = arm(
+    robot = robot_model_arm(
         *(link(name) for name in names),
         joint("j", "base", "tip"),
         *(joint(name, "base", child, "prismatic", limit=limit) for name, child, limit in rules),
@@ -494,40 +662,42 @@ def test_a_mimic_of_a_mimic_follows_the_first_of_the_chain(arm):
     np.testing.assert_allclose(heights, [0.05, 0.2, -0.4])
 
 
-def test_a_mimic_of_an_unknown_joint_is_named(arm):
+def test_a_mimic_of_an_unknown_joint_is_named(robot_model_arm):
     elements = (*BRANCHED[:6], joint("other", "arm", "side", limit=LIMIT + '<mimic joint="x"/>'))
     with pytest.raises(
         RobotError, match="'other' mimics 'x': unknown joint 'x'; there is: first, s"
     ):
-        arm(*elements)
+        robot_model_arm(*elements)
 
 
-def test_a_missing_mass_is_named_by_the_joint_that_moves_it(arm):
+def test_a_missing_mass_is_named_by_the_joint_that_moves_it(robot_model_arm):
     elements = (link("base", ""), link("middle"), link("tip", ""))
     joints = (joint("first", "base", "middle"), joint("last", "middle", "tip"))
     with pytest.raises(RobotError) as caught:
-        arm(*elements, *joints)
+        robot_model_arm(*elements, *joints)
     assert "what joint 'last' moves has mass 0 kg; efforts need the links' <inertial>" in str(
         caught.value
     )
 
 
-def test_masses_are_not_needed_where_efforts_do_not_count(arm):
+def test_masses_are_not_needed_where_efforts_do_not_count(robot_model_arm):
     free = LimitOverrides(effort={"j": np.inf})
-    robot = arm(link("base", ""), link("tip", ""), joint("j", "base", "tip"), limits=free)
+    robot = robot_model_arm(
+        link("base", ""), link("tip", ""), joint("j", "base", "tip"), limits=free
+    )
     assert robot.joint_names == ("j",)
 
 
-def test_a_payload_makes_up_for_a_massless_tool(arm):
+def test_a_payload_makes_up_for_a_massless_tool(robot_model_arm):
     massless = (link("base", ""), link("tip", ""), joint("j", "base", "tip", axis="0 1 0"))
-    robot = arm(*massless, payload=Payload(3.0, (0.5, 0, 0)))
+    robot = robot_model_arm(*massless, payload=Payload(3.0, (0.5, 0, 0)))
     np.testing.assert_allclose(robot.gravity_effort(np.zeros((1, 1))), [[-3 * 9.81 * 0.5]])
 
 
 @pytest.mark.parametrize("samples", [0, 1, 3])
-def test_one_joint_and_any_number_of_samples_keep_their_shapes(arm, samples):
+def test_one_joint_and_any_number_of_samples_keep_their_shapes(robot_model_arm, samples):
     """A pendulum: 2 kg at 0.1 m, 0.1 kg m^2 about its centre of mass."""
-    robot = arm(link("base"), link("tip"), joint("j", "base", "tip", axis="0 -1 0"))
+    robot = robot_model_arm(link("base"), link("tip"), joint("j", "base", "tip", axis="0 -1 0"))
     q, v, a = np.random.default_rng(5).normal(size=(3, samples, 1))
     effort = (0.1 + 2 * 0.1**2) * a + 2 * 9.81 * 0.1 * np.cos(q)
     np.testing.assert_allclose(robot.inverse_dynamics(q, v, a), effort, atol=1e-12)
@@ -540,8 +710,8 @@ def test_one_joint_and_any_number_of_samples_keep_their_shapes(arm, samples):
     np.testing.assert_allclose(by_a, np.full((samples, 1, 1), 0.12))
 
 
-def test_loading_leaves_the_standard_error_alone(arm, capfd):
-    arm(link("base"), link("tip"), joint("j", "base", "tip", axis="0 0 2"))
+def test_loading_leaves_the_standard_error_alone(robot_model_arm, capfd):
+    robot_model_arm(link("base"), link("tip"), joint("j", "base", "tip", axis="0 0 2"))
     assert capfd.readouterr().err == ""
 
 
@@ -551,15 +721,15 @@ def test_a_missing_file_is_named(tmp_path):
     assert str(caught.value) == f"robot description {tmp_path / 'arm.urdf'} does not exist"
 
 
-def test_a_joint_and_a_link_may_share_a_name(arm):
-    robot = arm(link("base"), link("tip"), joint("tip", "base", "tip", xyz="0 0 1"))
+def test_a_joint_and_a_link_may_share_a_name(robot_model_arm):
+    robot = robot_model_arm(link("base"), link("tip"), joint("tip", "base", "tip", xyz="0 0 1"))
     np.testing.assert_allclose(robot.tool_position(np.zeros((1, 1))), [[0, 0, 1]])
     assert robot.joint_names == ("tip",)
 
 
-def test_names_that_pinocchio_uses_itself_are_allowed(arm):
+def test_names_that_pinocchio_uses_itself_are_allowed(robot_model_arm):
     names = ("universe", "root_joint", "tool centre point")
-    robot = arm(
+    robot = robot_model_arm(
         *(link(name) for name in names),
         joint("universe", "universe", "root_joint", xyz="0 0 1"),
         joint("root_joint", "root_joint", "tool centre point", xyz="0 0 2"),
@@ -568,8 +738,8 @@ def test_names_that_pinocchio_uses_itself_are_allowed(arm):
     np.testing.assert_allclose(robot.tool_position(np.zeros((1, 2))), [[0, 0, 3]])
 
 
-def test_an_arm_on_a_mobile_base_is_planned_with_the_base_standing_still(arm):
-    robot = arm(
+def test_an_arm_on_a_mobile_base_is_planned_with_the_base_standing_still(robot_model_arm):
+    robot = robot_model_arm(
         *(link(name) for name in ("world", "base", "tip")),
         joint("drive", "world", "base", "planar", xyz="0 0 0.5"),
         joint("j", "base", "tip", xyz="0 0 1"),
@@ -606,8 +776,128 @@ def test_the_tools_velocity_is_that_of_the_jacobian(robot):
     require_tool_velocity(robot)
 
 
-def test_the_tools_velocity_of_joints_that_slide_or_follow(arm, slide, tmp_path):
+def test_the_tools_velocity_of_joints_that_slide_or_follow(robot_model_arm, slide, tmp_path):
     require_tool_velocity(slide)
-    require_tool_velocity(arm(*SLIDER, tool_offset=ToolOffset(position=(0.1, 0.2, 0.3))))
+    require_tool_velocity(
+        robot_model_arm(*SLIDER, tool_offset=ToolOffset(position=(0.1, 0.2, 0.3)))
+    )
     (tmp_path / "followers.urdf").write_text(follower_arm())
     require_tool_velocity(load_robot(tmp_path / "followers.urdf", "tip"))
+
+
+# An arm with other limits moves as before.
+
+
+@pytest.fixture
+def arms():
+    """The two-link arm, and itself with half its efforts and other motors."""
+    limits = LimitOverrides(effort={"joint1": 30.0, "joint2": 10.0})
+    arm = load_robot("example:two_link", "hand", limits=limits)
+    stalls = replace(arm.motors, saturation_effort=np.array([40.0, 20.0]))
+    return arm, arm.with_limits(replace(arm.limits, effort=0.5 * arm.limits.effort), stalls)
+
+
+def test_it_has_the_limits_given_and_the_other_keeps_its_own(arms):
+    arm, limited = arms
+    assert limited.limits.effort.tolist() == [15.0, 5.0]
+    assert limited.motors.saturation_effort.tolist() == [40.0, 20.0]
+    assert arm.limits.effort.tolist() == [30.0, 10.0]
+    assert not np.isfinite(arm.motors.saturation_effort).any()
+
+
+def test_it_moves_as_the_other_and_as_no_other_arm(arms):
+    arm, limited = arms
+    assert limited.moves_as(arm) and arm.moves_as(limited)
+    assert not load_robot("example:two_link", "hand").moves_as(arm)
+    q = np.array([[0.3, -1.2]])
+    assert limited.tool_position(q).tolist() == arm.tool_position(q).tolist()
+    assert limited.inverse_dynamics(q, q, q).tolist() == arm.inverse_dynamics(q, q, q).tolist()
+
+
+def test_pickled_it_keeps_them(arms):
+    again = pickle.loads(pickle.dumps(arms[1]))
+    assert again.limits.effort.tolist() == [15.0, 5.0]
+    assert again.motors.saturation_effort.tolist() == [40.0, 20.0]
+
+
+# Efforts with rotors and viscous friction: against Pinocchio's own, formulas, and differences.
+
+
+STEP = 1e-6
+
+
+def motors_states(count, samples=30):
+    return np.random.default_rng(4).uniform(-2, 2, (3, samples, count))
+
+
+def motors_of(count):
+    rng = np.random.default_rng(5)
+    return {"armature": rng.uniform(0.1, 2, count), "viscous_friction": rng.uniform(1, 9, count)}
+
+
+@pytest.fixture(scope="module")
+def follower(tmp_path_factory):
+    """The arm with followers, its joints in an order of their own, and all its joints planned."""
+    folder = tmp_path_factory.mktemp("followers")
+    arms = []
+    for name, rules, joints in (
+        ("following", RULES, ["wrist", "first", "side_joint", "lift"]),
+        ("free", {}, list(JOINTS)),
+    ):
+        path = folder / f"{name}.urdf"
+        path.write_text(follower_arm(rules))
+        arms.append(load_robot(path, "tip", joints=joints))
+    return arms
+
+
+def test_rotors_are_pinocchios_armature(ur5):
+    motors = motors_of(6)
+    model = pin.buildModelFromUrdf(str(ur5.urdf.path))
+    assert tuple(list(model.names)[1:]) == ur5.joint_names
+    model.armature = motors["armature"]
+    data, (q, v, a) = model.createData(), motors_states(6)
+    rigid = [pin.rnea(model, data, *state).copy() for state in zip(q, v, a, strict=True)]
+    expected = np.array(rigid) + motors["viscous_friction"] * v
+    found = with_motors(ur5, **motors).inverse_dynamics(q, v, a)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-10)
+
+
+def test_joints_in_another_order_have_their_own_motors(ur5):
+    order = [3, 0, 5, 1, 4, 2]
+    names = [ur5.joint_names[k] for k in order]
+    other, motors = load_robot("example:ur5", "tool0", joints=names), motors_of(6)
+    permuted = with_motors(other, **{name: value[order] for name, value in motors.items()})
+    state, robot = motors_states(6), with_motors(ur5, **motors)
+    found = permuted.inverse_dynamics(*(part[:, order] for part in state))
+    np.testing.assert_allclose(found, robot.inverse_dynamics(*state)[:, order], atol=1e-10)
+
+
+def test_followers_have_no_motors(follower):
+    """What the masters feel is their own rotors and friction, once: not once more per follower."""
+    plain, _ = follower
+    motors, (q, v, a) = motors_of(4), motors_states(4)
+    found = with_motors(plain, **motors).inverse_dynamics(q, v, a)
+    expected = plain.inverse_dynamics(q, v, a)
+    expected += motors["armature"] * a + motors["viscous_friction"] * v
+    np.testing.assert_allclose(found, expected, atol=1e-10)
+
+
+def test_gravity_is_held_without_friction(ur5):
+    q = motors_states(6)[0]
+    found = with_motors(ur5, **motors_of(6), forwards_friction=3.0).gravity_effort(q)
+    np.testing.assert_allclose(found, ur5.gravity_effort(q), atol=1e-12)
+
+
+@pytest.mark.parametrize("which", ["ur5", "following", "free"])
+def test_derivatives_are_those_of_differences(which, ur5, follower):
+    plain = ur5 if which == "ur5" else follower[which == "free"]
+    robot = with_motors(plain, **motors_of(plain.joint_count))
+    state = motors_states(plain.joint_count, 5)
+    exact = robot.inverse_dynamics_derivatives(*state)
+    for order in range(3):
+        for joint in range(plain.joint_count):
+            shift = np.zeros_like(state)
+            shift[order, :, joint] = STEP
+            sides = [robot.inverse_dynamics(*(state + way * shift)) for way in (1, -1)]
+            slope = (sides[0] - sides[1]) / (2 * STEP)
+            np.testing.assert_allclose(exact[order][:, :, joint], slope, rtol=1e-5, atol=1e-5)

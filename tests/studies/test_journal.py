@@ -1,4 +1,4 @@
-"""The journal: what is in it survives any end, and nothing that is none is touched."""
+"""Journal: one line of JSON per finished point, durable, checked on reading."""
 
 import json
 import os
@@ -9,10 +9,57 @@ import sys
 import pytest
 
 from tubeplanner.errors import OutputError
+from tubeplanner.outcome import Place
 from tubeplanner.studies import journal as journal_module
+from tubeplanner.studies.answer_fields import require_fields
 from tubeplanner.studies.journal import Journal
+from tubeplanner.studies.placement_row import PlacementRow
+from tubeplanner.studies.study_row import StudyRow
 
-ANSWER = {"status": "success", "duration": 0.1 + 0.2}
+# What a journal holds is checked before it is used.
+
+
+PLACE = Place().as_dict()
+ANSWER = {"status": "success", "where": PLACE, "notes": [], "duration": 1.5}
+TRIED = {
+    **{"position": [0.0, 0.0, 0.0], "yaw": 0.5, "status": "success", "message": ""},
+    **{"where": PLACE, "duration": 1.5, "seeds": {"start": [0.1]}},
+}
+WRONG = {
+    "duration": ("1.5", float("nan"), float("inf"), [], True),
+    "status": ("fine", 3, None),
+    "where": ({"segment": "first"}, {"nowhere": 1}, [], None),
+    "notes": ("one", [1], None),
+    "message": (3, None),
+    "new": (1,),
+}
+
+
+def test_what_may_be_is():
+    require_fields(Place, {"segment": 1, "links": ["a", "b"]})
+    assert StudyRow.of(0, {}, "k", ANSWER).duration == 1.5
+    assert PlacementRow.of_dict(TRIED).as_dict() == TRIED
+
+
+@pytest.mark.parametrize("name, value", [(n, v) for n, values in WRONG.items() for v in values])
+def test_what_may_not_be_is_refused(name, value):
+    with pytest.raises((ValueError, TypeError, AttributeError)):
+        StudyRow.of(0, {}, "k", {**ANSWER, name: value})
+
+
+@pytest.mark.parametrize(
+    "name, value",
+    [("duration", "1"), ("seeds", {"start": ["a"]}), ("yaw", None), ("position", [0, 0]), ("x", 1)],
+)
+def test_nor_of_a_place(name, value):
+    with pytest.raises(ValueError):
+        PlacementRow.of_dict({**TRIED, name: value})
+
+
+# The journal: what is in it survives any end, and nothing that is none is touched.
+
+
+JOURNAL_ANSWER = {"status": "success", "duration": 0.1 + 0.2}
 
 
 @pytest.fixture
@@ -23,7 +70,7 @@ def path(tmp_path):
 def add(path, *keys):
     with Journal(path) as journal:
         for number, key in enumerate(keys):
-            journal.add(key, {"a.b": number}, {**ANSWER, "number": number})
+            journal.add(key, {"a.b": number}, {**JOURNAL_ANSWER, "number": number})
 
 
 def keys(path):
@@ -35,10 +82,10 @@ def test_answers_are_found_again_bit_by_bit(path):
     with Journal(path) as journal:
         assert "p" in journal
         assert "r" not in journal
-        assert journal["q"] == {**ANSWER, "number": 1}
-        assert journal["p"] == {**ANSWER, "number": 0}
-        journal.add("r", {"a.b": float("inf")}, ANSWER)
-        assert journal["r"] == ANSWER
+        assert journal["q"] == {**JOURNAL_ANSWER, "number": 1}
+        assert journal["p"] == {**JOURNAL_ANSWER, "number": 0}
+        journal.add("r", {"a.b": float("inf")}, JOURNAL_ANSWER)
+        assert journal["r"] == JOURNAL_ANSWER
         assert len(journal) == 3
     assert keys(path) == ["p", "q", "r"]
     assert json.loads(path.read_text().splitlines()[2])["values"] == {"a.b": ".inf"}
@@ -46,7 +93,7 @@ def test_answers_are_found_again_bit_by_bit(path):
 
 def test_a_line_is_in_the_file_as_soon_as_it_is_added(path):
     with Journal(path) as journal:
-        journal.add("p", {}, ANSWER)
+        journal.add("p", {}, JOURNAL_ANSWER)
         assert keys(path) == ["p"]
 
 
@@ -59,7 +106,7 @@ def test_a_torn_last_line_is_dropped(path, length):
         assert "p" in journal
         assert "q" not in journal
         assert path.read_bytes() == first
-        journal.add("r", {}, ANSWER)
+        journal.add("r", {}, JOURNAL_ANSWER)
     assert keys(path) == ["p", "r"]
     path.write_bytes(first[:length])
     with Journal(path) as journal:
@@ -135,7 +182,7 @@ def test_an_answer_that_nothing_can_be_made_of_is_refused_by_key(path):
         raise KeyError("where")
 
     with Journal(path) as journal:
-        assert journal.made("p", dict) == {**ANSWER, "number": 0}
+        assert journal.made("p", dict) == {**JOURNAL_ANSWER, "number": 0}
         with pytest.raises(OutputError, match=r"the line of key 'p' holds no answer .*where"):
             journal.made("p", make)
 
@@ -148,7 +195,7 @@ def test_a_full_disk_is_named_and_what_was_kept_stays(path):
     try:
         with pytest.raises(OutputError, match=message), Journal(path) as journal:
             resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20, before[1]))
-            journal.add("q", {}, ANSWER)
+            journal.add("q", {}, JOURNAL_ANSWER)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     add(path, "r")

@@ -1,6 +1,7 @@
-"""Where a gantry is to stand: its best angle is known, and so is what stands in its way."""
+"""place: grid and pattern search for the base pose of the shortest motion."""
 
 import json
+import math
 import random
 import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -8,18 +9,98 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from gantry import BEST_DURATION, BEST_YAW, FLOOR, POST, gantry
+
 from tubeplanner import OptionError, PlaceOptions, ProblemError, Stand, load_problem, place, plan
 from tubeplanner.errors import OutputError
 from tubeplanner.files.problem_file import with_placement
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.studies.movable_problem import MovableProblem
+from tubeplanner.studies.pattern_search import pattern_search
 from tubeplanner.studies.placement import _neighbours, _starts
 from tubeplanner.studies.placement_region import Region
 from tubeplanner.studies.placement_row import PlacementRow, grouped, tried
 from tubeplanner.studies.placement_trials import SEARCH_OPTIONS
+
+# The pattern search on functions whose minimum is known.
+
+
+LOW, HIGH = -2.0, 3.0
+
+
+def neighbours(point, share):
+    """Return the neighbours of a point in a square, first steps one long."""
+    x, y = point
+    moved = [(x + share, y), (x - share, y), (x, y + share), (x, y - share)]
+    return [tuple(min(max(v, LOW), HIGH) for v in each) for each in moved]
+
+
+def found(function, starts, halvings=8):
+    """Return the best point that the search finds, and all that it tried."""
+    tried = []
+
+    def values(points):
+        tried.extend(points)
+        return [function(*point) for point in points]
+
+    given = [(start, function(*start)) for start in starts]
+    ends = pattern_search(given, neighbours, values, halvings)
+    assert [value for _, value in ends] == [function(*point) for point, _ in ends]
+    return min(ends, key=lambda end: end[1])[0], tried
+
+
+def test_it_finds_the_bottom_of_a_bowl():
+    point, tried = found(lambda x, y: 1 + (x - 0.7) ** 2 + 3 * (y + 0.4) ** 2, [(3.0, 3.0)])
+    assert point == pytest.approx((0.7, -0.4), abs=0.02)
+    assert len(tried) < 150
+
+
+def test_it_stays_within_its_neighbours_bounds():
+    point, tried = found(lambda x, y: 10 + x + y, [(0.3, 0.2)])
+    assert point == (LOW, LOW)
+    assert all(LOW <= value <= HIGH for each in tried for value in each)
+
+
+def test_it_goes_round_what_has_no_value():
+    def walled(x, y):
+        return math.inf if abs(x) < 0.4 and y > -1 else 2 + (x - 1) ** 2 + y**2
+
+    point, _ = found(walled, [(-1.0, 1.0), (2.0, -2.0)])
+    assert point == pytest.approx((1.0, 0.0), abs=0.05)
+    point, _ = found(lambda x, y: 1.0 if (x, y) == (0.5, 0.5) else math.inf, [(0.5, 0.5)])
+    assert point == (0.5, 0.5)
+
+
+def test_every_way_goes_down_its_own_valley():
+    def two_valleys(x, y):
+        return 2 + min((x + 1) ** 2, (x - 2) ** 2 - 0.5) + y**2
+
+    assert found(two_valleys, [(-1.5, 0.0), (2.2, 0.0)])[0] == pytest.approx((2.0, 0.0), abs=0.05)
+    assert found(lambda x, y: 1.0, [(1.0, 0.0), (2.0, 0.0)])[0] == (1.0, 0.0)
+
+
+def test_steps_halve_so_often_and_gains_too_small_do_not_count():
+    tries = [len(found(lambda x, y: 1.0, [(0.0, 0.0)], halvings)[1]) for halvings in (0, 1, 5)]
+    assert tries == [4, 8, 24]
+    assert found(lambda x, y: 10 - 0.005 * x, [(0.0, 0.0)], 0)[0] == (0.0, 0.0)
+    assert found(lambda x, y: 10 - 0.02 * x, [(0.0, 0.0)], 0)[0] == (HIGH, 0.0)
+
+
+def test_all_ways_go_on_side_by_side():
+    sizes = []
+
+    def values(points):
+        sizes.append(len(points))
+        return [1.0] * len(points)
+
+    pattern_search([((0.0, 0.0), 1.0), ((2.0, 2.0), 1.0)], neighbours, values, 2)
+    assert sizes == [8, 8, 8]
+    assert pattern_search([], neighbours, values, 2) == []
+
+
+# Where a gantry is to stand: its best angle is known, and so is what stands in its way.
+
 
 FEW = PlaceOptions(points=8, quality="fast", slack=0.0)
 HERE = [-0.3, -0.3, 0.0, 0.0]  # one place: only the angle is open
@@ -49,61 +130,67 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def found(folder):
+def placement_found(folder):
     return place(gantry(folder), HERE, options=FEW, executor=Here())
 
 
-def test_the_best_angle_is_the_one_that_uses_both_axes_fully(found):
-    assert found.best.stand.yaw == pytest.approx(BEST_YAW, abs=0.05)
-    assert found.best.stand[:3] == (-0.3, 0.0, 0.0)
-    assert BEST_DURATION < found.duration < 1.015 * BEST_DURATION
-    assert found.duration == min(row.duration for row in found.rows if row.is_feasible)
-    assert found.succeeded
-    assert found.stopped_by is None
+def test_the_best_angle_is_the_one_that_uses_both_axes_fully(placement_found):
+    assert placement_found.best.stand.yaw == pytest.approx(BEST_YAW, abs=0.05)
+    assert placement_found.best.stand[:3] == (-0.3, 0.0, 0.0)
+    assert BEST_DURATION < placement_found.duration < 1.015 * BEST_DURATION
+    assert placement_found.duration == min(
+        row.duration for row in placement_found.rows if row.is_feasible
+    )
+    assert placement_found.succeeded
+    assert placement_found.stopped_by is None
 
 
-def test_what_was_tried_is_the_grid_and_then_downhill(found):
-    grid = {row.stand for row in found.rows[:8]}
-    assert grid == set(found.grid.stands)
-    assert len(found.rows) > 12
-    assert len({row.stand for row in found.rows}) == len(found.rows)
-    assert all(found.region.holds(row.stand) for row in found.rows)
+def test_what_was_tried_is_the_grid_and_then_downhill(placement_found):
+    grid = {row.stand for row in placement_found.rows[:8]}
+    assert grid == set(placement_found.grid.stands)
+    assert len(placement_found.rows) > 12
+    assert len({row.stand for row in placement_found.rows}) == len(placement_found.rows)
+    assert all(placement_found.region.holds(row.stand) for row in placement_found.rows)
 
 
-def test_the_gain_is_that_over_the_problem_as_given(found, folder):
+def test_the_gain_is_that_over_the_problem_as_given(placement_found, folder):
     given = plan(load_problem(gantry(folder)), PlanOptions(quality="fast", slack=0.0))
-    assert found.given.stand == Stand(0, 0, 0, 0)
-    assert found.given.duration == given.duration
-    assert found.gain == pytest.approx(1 - found.duration / given.duration)
-    assert found.gain > 0.2
+    assert placement_found.given.stand == Stand(0, 0, 0, 0)
+    assert placement_found.given.duration == given.duration
+    assert placement_found.gain == pytest.approx(1 - placement_found.duration / given.duration)
+    assert placement_found.gain > 0.2
 
 
-def test_angles_out_of_reach_have_their_reason(found):
-    others = [row for row in found.rows if not row.is_feasible]
+def test_angles_out_of_reach_have_their_reason(placement_found):
+    others = [row for row in placement_found.rows if not row.is_feasible]
     assert {row.status for row in others} == {"unreachable"}
-    ((reason, count, example),) = found.reasons
+    ((reason, count, example),) = placement_found.reasons
     assert (reason, count) == ("unreachable: segment 0", len(others))
     assert "position limits are in the way" in example
 
 
-def test_the_best_is_planned_again_to_the_same_bits(found, folder):
+def test_the_best_is_planned_again_to_the_same_bits(placement_found, folder):
     path = gantry(folder)
     (folder / "there").mkdir()
     target = folder / "there" / "best.yaml"
-    target.write_bytes(with_placement(path, target, found.changes))
-    for problem in (load_problem(target), load_problem(path, changes=found.changes)):
+    target.write_bytes(with_placement(path, target, placement_found.changes))
+    for problem in (load_problem(target), load_problem(path, changes=placement_found.changes)):
         again = plan(problem, PlanOptions(quality="fast", slack=0.0)).trajectory
-        np.testing.assert_array_equal(again.coefficients, found.result.trajectory.coefficients)
-        np.testing.assert_array_equal(again.breakpoints, found.result.trajectory.breakpoints)
+        np.testing.assert_array_equal(
+            again.coefficients, placement_found.result.trajectory.coefficients
+        )
+        np.testing.assert_array_equal(
+            again.breakpoints, placement_found.result.trajectory.breakpoints
+        )
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_nothing_depends_on_the_order_of_work(seed, found, folder):
+def test_nothing_depends_on_the_order_of_work(seed, placement_found, folder):
     with ThreadPoolExecutor(3) as threads:
         other = place(gantry(folder), HERE, options=FEW, executor=_Shuffled(threads, seed))
-    assert [row.as_dict() for row in other.rows] == [row.as_dict() for row in found.rows]
-    assert other.changes == found.changes
-    assert other.duration == found.duration
+    assert [row.as_dict() for row in other.rows] == [row.as_dict() for row in placement_found.rows]
+    assert other.changes == placement_found.changes
+    assert other.duration == placement_found.duration
 
 
 class _Shuffled(Executor):
@@ -121,24 +208,26 @@ def _late(seconds, fn, *args):
     return fn(*args)
 
 
-def test_a_journal_goes_on_where_a_run_was_ended(found, folder, tmp_path):
+def test_a_journal_goes_on_where_a_run_was_ended(placement_found, folder, tmp_path):
     journal = tmp_path / "best.jsonl"
     first = Here(fails_at=11)
     ended = place(gantry(folder), HERE, options=FEW, executor=first, journal=journal)
     assert ended.stopped_by == "interrupt"
-    assert [row.as_dict() for row in ended.rows] == [row.as_dict() for row in found.rows[:10]]
+    assert [row.as_dict() for row in ended.rows] == [
+        row.as_dict() for row in placement_found.rows[:10]
+    ]
     assert ended.best.duration == min(row.duration for row in ended.rows if row.is_feasible)
     assert ended.duration == ended.best.duration
     second, third = Here(), Here()
     again = place(gantry(folder), HERE, options=FEW, executor=second, journal=journal)
-    assert second.calls == len(found.rows) - 10
+    assert second.calls == len(placement_found.rows) - 10
     assert again.restored == 10
-    assert [row.as_dict() for row in again.rows] == [row.as_dict() for row in found.rows]
+    assert [row.as_dict() for row in again.rows] == [row.as_dict() for row in placement_found.rows]
     once_more = place(gantry(folder), HERE, options=FEW, executor=third, journal=journal)
-    assert (third.calls, once_more.restored) == (0, len(found.rows))
+    assert (third.calls, once_more.restored) == (0, len(placement_found.rows))
     assert json.loads(json.dumps(once_more.as_dict())) == {
-        **json.loads(json.dumps(found.as_dict())),
-        "restored": len(found.rows),
+        **json.loads(json.dumps(placement_found.as_dict())),
+        "restored": len(placement_found.rows),
     }
 
 
@@ -152,9 +241,11 @@ def test_ended_before_the_first_place_there_is_no_answer_but_what_a_journal_has(
     assert (ended.stopped_by, ended.restored, len(ended.rows)) == ("interrupt", 1, 1)
 
 
-def test_places_that_cannot_be_planned_once_more_are_told(found):
-    planned = replace(found, result=None, best=None)
-    assert planned.message.startswith(f"none of the {found.feasible_count} places that have a mo")
+def test_places_that_cannot_be_planned_once_more_are_told(placement_found):
+    planned = replace(placement_found, result=None, best=None)
+    assert planned.message.startswith(
+        f"none of the {placement_found.feasible_count} places that have a mo"
+    )
 
 
 def test_a_journal_knows_what_a_robot_stands_on(folder, tmp_path):

@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-
 from stored_trajectories import STOP
+
 from tubeplanner import PlanOptions, plan
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.planning.plan_options import SUH_BISHOP

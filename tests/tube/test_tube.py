@@ -1,12 +1,18 @@
-"""The tube's geometry against brute force, and everything that can be wrong with a tube."""
+"""Tube: points, radii, rotation, joint signs; narrowed tubes, merged segments."""
 
 import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from tubeplanner import Tube
 from tubeplanner.errors import ProblemError
+from tubeplanner.tube.joined_segments import joined_segments
+from tubeplanner.tube.narrowed_tube import narrowed_tube
+
+# The tube's geometry against brute force, and everything that can be wrong with a tube.
+
 
 POINTS = [[0, 0, 0], [1, 0, 0], [1, 2, 0], [0.5, 2, 0.5]]
 LINE = [[0, 0, 0], [1, 0, 0]]
@@ -296,3 +302,188 @@ def test_some_points_keep_the_speeds_of_their_segments():
     tube = Tube([*CORNER, [5, 5, 5]], 0.1, tool_speed=[0.1, None, 0.3])
     assert tube.with_points([0, 2, 3], [1, 2]).tool_speed.tolist() == [INF, 0.3]
     assert tube.with_points([0, 1, 2], [1, 1]).tool_speed is None
+
+
+NARROWED_POINTS = [[0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0.1]]
+TURNED = [[0, 0, 0, 1], [0, 0, 0.5**0.5, 0.5**0.5], [0, 0, 0.5**0.5, 0.5**0.5]]
+BOX = {"box": [0.06, 0.1], "up": [0, 0, 1]}
+BY = np.array([0.01, 0.004])
+NOT_TURNED = np.zeros(2)
+
+
+@pytest.mark.parametrize(
+    "tube",
+    [
+        Tube(NARROWED_POINTS, [0.03, 0.05]),
+        Tube(NARROWED_POINTS, [0.03, 0.05], tool_radius=0.015),
+        Tube(NARROWED_POINTS, [None, 0.05], cross_section=[BOX, None]),
+        Tube(NARROWED_POINTS, None, cross_section=BOX, tool_radius=0.01),
+    ],
+    ids=["discs", "with a tool", "box and disc", "boxes"],
+)
+def test_every_point_is_inside_by_as_much_less(tube):
+    """Also outside of it, where a corner of a box is nearest; there by no less than that."""
+    tool = np.random.default_rng(0).uniform(-0.05, 0.45, (400, 3)) * [1, 1, 0.3]
+    before, after = tube.margin(tool), narrowed_tube(tube, BY, NOT_TURNED).margin(tool)
+    inside = after >= 0
+    assert inside.any() and not inside.all()
+    taken = before - after
+    assert taken[:, ~tube.is_box] == pytest.approx(
+        np.broadcast_to(BY, taken.shape)[:, ~tube.is_box]
+    )
+    assert (taken <= BY + 1e-12).all()
+    assert taken[inside] == pytest.approx(np.broadcast_to(BY, taken.shape)[inside])
+
+
+def test_rotation_tolerances_are_less_by_an_angle_free_ones_stay_free():
+    tolerance = [0.2, (0.1, np.inf, 0.3)]
+    tube = Tube(NARROWED_POINTS, 0.03, orientations=TURNED, rotation_tolerance=tolerance)
+    narrowed = narrowed_tube(tube, np.zeros(2), np.array([0.05, 0.02]))
+    bounds = narrowed.rotation.bounds
+    assert bounds[0, 3] == pytest.approx(0.15)
+    assert bounds[1, :3] == pytest.approx([0.08, np.inf, 0.28])
+    assert (narrowed.points == tube.points).all()
+
+
+def test_tools_in_boxes_turn_less_as_well():
+    tube = Tube(
+        NARROWED_POINTS,
+        None,
+        cross_section=BOX,
+        orientations=TURNED,
+        rotation_tolerance=[0.2, (0.1, 1, 1)],
+    )
+    bounds = narrowed_tube(tube, BY, np.array([0.05, 0.02])).rotation.bounds
+    assert bounds[0, 3] == pytest.approx(0.15)
+    assert bounds[1, :3] == pytest.approx([0.08, 0.98, 0.98])
+
+
+def test_what_else_is_asked_stays():
+    tube = Tube(
+        NARROWED_POINTS,
+        0.03,
+        joint_signs={"joint2": "-"},
+        pass_through_points="all",
+        tool_speed=[0.2, None],
+        numbers=[0, 3, 4],
+    )
+    narrowed = narrowed_tube(tube, BY, NOT_TURNED)
+    assert narrowed.joint_ranges == tube.joint_ranges
+    assert narrowed.tool_speed.tolist() == tube.tool_speed.tolist()
+    assert narrowed.numbers.tolist() == [0, 3, 4]
+    assert narrowed.pass_through_points == "all"
+
+
+def test_nothing_left_is_no_tube():
+    with pytest.raises(ProblemError, match=r"tube\.radius\[1\] is -0\.02 m"):
+        narrowed_tube(Tube(NARROWED_POINTS, 0.03), np.array([0.0, 0.05]), NOT_TURNED)
+
+
+JOINED_SEGMENTS_CORNER = np.array([[0, 0, 0], [0.7, 0, 0.1], [0.7, 0.9, 0.1]])
+QUATERNIONS = Rotation.from_rotvec([[0, 0, 0.1], [0, 1.2, 0.3], [0.5, 1.0, 0]]).as_quat()
+
+
+def divided(parts, quaternions=None, **options):
+    """Return the corner's tube with every segment divided."""
+    places = np.arange(2 * parts + 1) / parts
+    points = np.array(
+        [np.interp(places, [0, 1, 2], column) for column in JOINED_SEGMENTS_CORNER.T]
+    ).T
+    points[::parts] = JOINED_SEGMENTS_CORNER
+    signs = [{"elbow": "+"}] * parts + [{"elbow": [0.0, 2.0]}] * parts
+    if quaternions is not None:
+        turned = Slerp([0, 1, 2], Rotation.from_quat(quaternions))(places).as_quat()
+        turned[::parts] = quaternions
+        options |= {"orientations": turned, "rotation_tolerance": [0.2] * parts + [0.3] * parts}
+    speeds = [0.5] * parts + [None] * parts
+    return Tube(
+        points, np.repeat([0.1, 0.2], parts), joint_signs=signs, tool_speed=speeds, **options
+    )
+
+
+@pytest.mark.parametrize("parts", [2, 3, 16])
+@pytest.mark.parametrize("quaternions", [None, QUATERNIONS], ids=["free", "turned"])
+@pytest.mark.parametrize("visit", ["ordered", "any"])
+def test_a_divided_line_is_one_segment_to_the_last_digit(parts, quaternions, visit):
+    whole = divided(1, quaternions, visit=visit, tool_radius=0.01)
+    given = divided(parts, quaternions, visit=visit, tool_radius=0.01)
+    joined = joined_segments(given)
+    np.testing.assert_array_equal(joined.points, whole.points)
+    np.testing.assert_array_equal(joined.tool_speed, whole.tool_speed)
+    np.testing.assert_array_equal(joined.radius, whole.radius)
+    assert joined.joint_ranges == whole.joint_ranges
+    assert (joined.visit, joined.tool_radius) == (visit, 0.01)
+    assert joined.parts is given
+    assert joined.numbers.tolist() == [0, parts, 2 * parts]
+    if quaternions is not None:
+        np.testing.assert_array_equal(joined.rotation.begin, whole.rotation.begin)
+        np.testing.assert_array_equal(joined.rotation.turn, whole.rotation.turn)
+        np.testing.assert_array_equal(joined.rotation.bounds, whole.rotation.bounds)
+    assert joined_segments(joined) is joined
+
+
+def test_a_segment_is_called_by_the_part_that_is_meant():
+    joined = joined_segments(divided(4))
+    assert [joined.segment_number(k) for k in (0, 1)] == [0, 4]
+    near_the_end = np.array([0.69, 0.05, 0.1])
+    assert joined.segment_number(0, near_the_end) == 3
+    assert joined.segment_number(1, JOINED_SEGMENTS_CORNER[2]) == 7
+    assert [joined.segment_index(number) for number in range(8)] == [0] * 4 + [1] * 4
+
+
+JOINED_SEGMENTS_LINE = [[0, 0, 0], [1, 0, 0], [2, 0, 0]]
+UP = [0, 0, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("points", "radius", "options"),
+    [
+        (JOINED_SEGMENTS_LINE, [0.1, 0.2], {}),
+        (JOINED_SEGMENTS_LINE, 0.1, {"joint_signs": [{"elbow": "+"}, {"elbow": "0"}]}),
+        (JOINED_SEGMENTS_LINE, 0.1, {"pass_through_points": "all"}),
+        (JOINED_SEGMENTS_LINE, 0.1, {"tool_speed": [0.5, 0.6]}),
+        (JOINED_SEGMENTS_LINE, 0.1, {"tool_speed": [None, 0.6]}),
+        (JOINED_SEGMENTS_LINE, 0.1, {"orientations": [UP] * 3, "rotation_tolerance": [0.1, 0.2]}),
+        (
+            JOINED_SEGMENTS_LINE,
+            0.1,
+            {
+                "orientations": [UP, [0, 0, np.sin(0.1), np.cos(0.1)], UP],
+                "rotation_tolerance": 0.1,
+            },
+        ),
+        ([[0, 0, 0], [1, 0, 0], [0.5, 0, 0]], 0.1, {}),
+        ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], 0.1, {}),
+        ([[0, 0, 0], [1, 2e-8, 0], [2, 0, 0]], 0.1, {}),
+    ],
+    ids=[
+        "radius",
+        "signs",
+        "all",
+        "speed",
+        "free speed",
+        "tolerance",
+        "turn",
+        "back",
+        "there and back",
+        "off",
+    ],
+)
+def test_segments_that_ask_for_different_things_stay_apart(points, radius, options):
+    tube = Tube(points, radius, **options)
+    assert joined_segments(tube) is tube
+
+
+@pytest.mark.parametrize("step", [1.0, np.pi / 4])
+def test_segments_join_only_as_long_as_the_short_way_round_is_the_same(step):
+    angles = np.arange(5) * step
+    turned = Rotation.from_rotvec(angles[:, None] * [0, 0, 1]).as_quat()
+    points = np.arange(5)[:, None] * [1.0, 0, 0]
+    tube = Tube(points, 0.1, orientations=turned, rotation_tolerance=0.1)
+    assert joined_segments(tube).numbers.tolist() == [0, 3, 4]
+
+
+def test_orientations_that_bound_nothing_are_no_reason():
+    turned = {"orientations": [UP, [1, 0, 0, 0], UP], "rotation_tolerance": np.inf}
+    turned["orientations"][1] = [0, 0, np.sin(0.3), np.cos(0.3)]
+    assert joined_segments(Tube(JOINED_SEGMENTS_LINE, 0.1, **turned)).segment_count == 1

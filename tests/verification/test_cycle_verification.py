@@ -1,9 +1,12 @@
-"""The judge of cycles: a sound motion passes, and every defect fails in its own place alone."""
+"""verify_cycle: each leg by `verify`, and the junctions."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from rail_arm import rail_arm
+from small_cycle import planned_cycle, small_cycle
 
 from cases import rest_to_rest
 from cycles import (
@@ -18,16 +21,18 @@ from cycles import (
     slow_motion,
     weight,
 )
-from rail_arm import rail_arm
 from tubeplanner import (
     Attach,
     Cycle,
+    CycleCertificate,
     CycleMotion,
     Detach,
     Event,
     JointTrajectory,
+    JudgedCondition,
     LimitOverrides,
     Obstacle,
+    Place,
     ProblemError,
     Tolerance,
     TrajectoryError,
@@ -37,8 +42,93 @@ from tubeplanner import (
 )
 from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
 
-GRAVITY = (0.0, -9.81, 0.0)
+# What a cycle's certificate says of what holds and what does not.
+
+
 CYCLE = pick_and_place()
+SOUND = verify_cycle(CYCLE, slow_motion(CYCLE))
+
+
+def certificate(margin=0.0, unit="rad", refused=None, tolerance=None):
+    """Return the sound certificate with one seam alone."""
+    condition = JudgedCondition(margin, unit, Place(time=1.0), "for all t")
+    seams = {"a - b": {"continuity": condition}}
+    return CycleCertificate(SOUND.moves, seams, refused or {}, tolerance or Tolerance())
+
+
+def test_a_seam_holds_within_the_tolerance_of_its_unit():
+    for unit in ("rad", "s"):
+        assert certificate(-0.5, unit, tolerance=Tolerance(0.6, 0.1)).passed
+        assert not certificate(-0.5, unit, tolerance=Tolerance(0.1, 0.6)).passed
+    assert certificate(-0.5, "relative", tolerance=Tolerance(0.1, 0.6)).passed
+    assert certificate(None).passed
+    found = certificate(-0.1)
+    assert found.failures() == ["a - b: continuity"]
+    assert found.describe("a - b: continuity") == "a - b: continuity: margin -0.1 rad (for all t)"
+
+
+def test_a_refused_move_fails_and_says_why():
+    found = certificate(refused={"on": "start: no place"})
+    assert found.failures() == ["on: start"]
+    assert found.describe("on: start") == "on: start: no place"
+    fields = found.as_dict()
+    assert fields["passed"] is False
+    assert fields["moves"]["on"] == {
+        "passed": False,
+        "refused": "start: no place",
+        "conditions": {},
+    }
+    assert repr(found) == "<CycleCertificate fails on: start: 3 moves, 1 seams>"
+
+
+def test_a_move_that_fails_is_described_as_its_certificate_does():
+    away = verify_cycle(CYCLE, slow_motion(CYCLE, (HOME, PICK, PLACE, HOME + 0.01)))
+    assert away.failures() == ["back: goal", "closed: continuity"]
+    expected = away.moves["back"].describe("goal")
+    assert away.describe("back: goal") == f"back: {expected}"
+
+
+def test_it_is_written_as_json():
+    fields = json.loads(json.dumps(SOUND.as_dict(), allow_nan=False))
+    assert fields["passed"] is True
+    assert fields["tolerance"] == {"absolute": 1e-6, "relative": 1e-6}
+    assert list(fields["moves"]) == ["to_pick", "to_place", "back"]
+    assert fields["moves"]["back"]["conditions"]["tube"]["satisfied"] is True
+    seam = fields["seams"]["to_pick - to_place"]
+    assert list(seam) == ["continuity", "dwell", "effort"]
+    assert set(seam["dwell"]) == {"margin", "unit", "satisfied", "where", "coverage"}
+    assert seam["dwell"]["margin"] == pytest.approx(0.0, abs=1e-12)
+    assert seam["dwell"]["where"]["time"] == 2.0
+    failed = certificate(-0.1).as_dict()
+    assert failed["seams"]["a - b"]["continuity"]["satisfied"] is False
+    assert repr(SOUND) == "<CycleCertificate passed: 3 moves, 5 seams>"
+
+
+# Where a cycle's certificate says that something does not hold.
+
+
+@pytest.fixture(scope="module")
+def failing():
+    """Return the certificate of a motion in a narrower tube, a seam and a refusal added."""
+    motion = planned_cycle().motion
+    narrow = small_cycle(moves__beside__tube__radius=0.01)
+    judged = verify_cycle(narrow, replace(motion, cycle=narrow))
+    stay = replace(judged.seams["closed"]["continuity"], margin=-1.0, where=Place(time=1.5))
+    seams = {**judged.seams, "closed": {"continuity": stay}}
+    return replace(judged, seams=seams, refused={"back": "it begins nowhere"})
+
+
+def test_every_failure_has_its_place(failing):
+    places = {failure: failing.place(failure) for failure in failing.failures()}
+    assert places["back: start"] == Place(move="back")
+    assert places["closed: continuity"] == Place(time=1.5)
+    assert (places["beside: tube"].move, places["beside: tube"].segment) == ("beside", 0)
+
+
+# The judge of cycles: a sound motion passes, and every defect fails in its own place alone.
+
+
+GRAVITY = (0.0, -9.81, 0.0)
 MOTION = slow_motion(CYCLE)
 SEAM = "to_pick - to_place"
 

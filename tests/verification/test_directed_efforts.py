@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from directed_samples import random_motion, random_motors
+
 from tubeplanner.trajectory.directed_stretches import directed_stretches
 from tubeplanner.verification.directed_efforts import directed_efforts
 from tubeplanner.verification.enclosed_efforts import enclosed_efforts

@@ -1,13 +1,24 @@
-"""Defects put into good trajectories: each is found by its own condition, at its place."""
+"""verify: the list of conditions and the Certificate."""
+
+from dataclasses import replace
+from importlib import import_module
+from inspect import getmembers, isfunction
+from itertools import pairwise
+from pathlib import Path
+from pkgutil import iter_modules
 
 import numpy as np
 import pytest
 
 from cases import PROBLEMS, SHORTEST, changed, unlimited
 from tubeplanner import (
+    AttachedSolid,
+    Certificate,
     JointTrajectory,
+    JudgedCondition,
     LimitOverrides,
     Obstacle,
+    Place,
     PlanningProblem,
     Seed,
     Tolerance,
@@ -19,7 +30,54 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.verification.conditions import CONDITION_NAMES
+from tubeplanner.errors import ProblemError
+from tubeplanner.verification import judged
+from tubeplanner.verification.conditions import CONDITION_NAMES, JUDGED
+from tubeplanner.verification.judged_condition import FOR_ALL_TIMES
+
+# The table of conditions: complete, and the one that the pages show.
+
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def documented(page):
+    """Return the conditions that the table of a page lists."""
+    table = (DOCS / page).read_text().split("| condition |")[1].split("\n\n")[0]
+    cells = [row.split("|")[1] for row in table.splitlines()[2:]]
+    return [name.strip(" `") for cell in cells for name in cell.split(",")]
+
+
+def test_the_reference_lists_the_conditions_in_order():
+    assert tuple(documented("reference/certificate.md")) == CONDITION_NAMES
+
+
+def test_the_method_of_every_condition_is_explained():
+    assert sorted(documented("concepts/certificate.md")) == sorted(CONDITION_NAMES)
+
+
+def test_every_condition_that_can_be_judged_is():
+    found = {
+        function
+        for module in iter_modules(judged.__path__, f"{judged.__name__}.")
+        for name, function in getmembers(import_module(module.name), isfunction)
+        if name.startswith("judge_")
+    }
+    assert found == set(JUDGED.values())
+    assert len(found) == len(JUDGED)
+    assert all(function.__name__ == f"judge_{name}" for name, function in JUDGED.items())
+
+
+@pytest.mark.parametrize("name", CONDITION_NAMES)
+def test_no_certificate_leaves_a_condition_out(name):
+    met = JudgedCondition(0.0, "m", Place(), FOR_ALL_TIMES)
+    conditions = {other: met for other in CONDITION_NAMES if other != name}
+    with pytest.raises(KeyError, match=name):
+        Certificate(conditions, Tolerance())
+
+
+# Defects put into good trajectories: each is found by its own condition, at its place.
+
 
 UR5 = "ur5/over_the_wall"
 
@@ -446,3 +504,278 @@ def test_a_divided_tube_gets_the_same_trajectory_to_the_last_digit():
     radii = [s for s in other.sensitivities if s.limit == "radius"]
     assert {(s.segment, s.last_segment) for s in radii} == {(0, 3), (4, 7), (8, 11)}
     assert str(radii[0]).startswith(f"radius of segments {radii[0].segment} to ")
+
+
+# Defects that last a fraction of a millisecond, where 2,000 samples see nothing.
+
+
+SAMPLES = 2000
+
+
+def with_bump(trajectory, joint, begin, width, size):
+    """Return the trajectory with a short smooth bump of one joint, of this size [rad]."""
+    end = trajectory.duration
+    cuts = [0.0, begin, begin + width, end]
+    parts = [trajectory.between(low, high) for low, high in pairwise(cuts)]
+    # 64 u^3 (1 - u)^3 has the value 1 at u = 1/2, and no slope or curvature at its ends.
+    bump = 64 * size * np.array([-1.0, 3, -3, 1, 0, 0, 0]) / width ** np.arange(6, -1, -1)
+    coefficients = []
+    for part in parts:
+        zeros = np.zeros((7 - len(part.coefficients), *part.coefficients.shape[1:]))
+        coefficients.append(np.concatenate([zeros, part.coefficients]))
+    assert coefficients[1].shape[1] == 1, "the bump must lie within one piece"
+    coefficients[1][:, 0, joint] += bump
+    starts = [part.breakpoints[:-1] + low for part, low in zip(parts, cuts[:-1], strict=True)]
+    breakpoints = np.append(np.concatenate(starts), end)
+    return JointTrajectory(
+        trajectory.joint_names, breakpoints, np.concatenate(coefficients, axis=1)
+    )
+
+
+def between_samples(trajectory, near, width):
+    """Return a time after `near` at which samples of the trajectory miss what lasts so long."""
+    spacing = trajectory.duration / (SAMPLES - 1)
+    begin = (np.ceil(near / spacing) + 0.5) * spacing - width / 2
+    inside = (trajectory.breakpoints > begin) & (trajectory.breakpoints < begin + width)
+    assert width < spacing
+    assert not inside.any()
+    return begin
+
+
+def sampled(trajectory):
+    return trajectory.at(np.linspace(0, trajectory.duration, SAMPLES))
+
+
+def test_an_effort_above_its_limit_for_a_tenth_of_a_millisecond(stored):
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+    slow = trajectory.scaled(1.5)
+    begin = between_samples(slow, 0.9, 2e-4)
+    spiked = with_bump(slow, 1, begin, 2e-4, 2.5e-7)
+    samples = sampled(spiked)
+    tau = problem.robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
+    assert (abs(tau) < 0.99 * problem.robot.limits.effort).all()
+    certificate = verify(problem, spiked)
+    assert certificate.failures() == ["effort"]
+    condition = certificate.conditions["effort"]
+    dense = spiked.at(np.linspace(begin, begin + 2e-4, 20_001))
+    tau = problem.robot.inverse_dynamics(dense.position, dense.velocity, dense.acceleration)
+    used = abs(tau) / problem.robot.limits.effort
+    assert condition.margin == pytest.approx(1 - used.max(), abs=1e-6)
+    assert begin <= condition.where.time <= begin + 2e-4
+    joint = problem.robot.joint_names[int(used.max(axis=0).argmax())]
+    assert condition.where.joint == joint
+    assert condition.coverage == "for all t"
+
+
+def test_a_tool_outside_the_tube_for_a_tenth_of_a_millisecond(stored):
+    """A radius that the trajectory just keeps, and a spike of 0.6 mm at its worst place."""
+    problem, trajectory = stored("two_link/paper_1_30mm", "branch-and-bound")
+    least = verify(problem, trajectory).conditions["tube"]
+    radius = problem.tube.radius - (least.margin - 1e-4)
+    tube = Tube(problem.tube.points, radius, joint_signs=problem.tube.joint_ranges)
+    tight = PlanningProblem(problem.robot, tube, problem.start)
+    begin = between_samples(trajectory, least.where.time, 2e-4)
+    spiked = with_bump(trajectory, 0, begin, 2e-4, 2e-3)
+    other = with_bump(trajectory, 0, begin, 2e-4, -2e-3)
+    failing = [verify(tight, trajectory).conditions["tube"] for trajectory in (spiked, other)]
+    worst = min(failing, key=lambda condition: condition.margin)
+    assert worst.margin < -2e-5
+    assert begin <= worst.where.time <= begin + 2e-4
+    assert worst.where.segment == least.where.segment
+    for trajectory in (spiked, other):
+        tool = problem.robot.tool_position(sampled(trajectory).position)
+        assert tube.margin(tool).max(axis=1).min() > 0
+
+
+@pytest.mark.parametrize("free_by", [None, 1e-5])
+def test_a_thin_plate_passed_between_two_samples(two_link, free_by):
+    """A grain of 0.1 mm crosses a plate of 0.1 mm at 2.4 m/s; or passes beside it."""
+    ball = Obstacle.sphere("grain", 5e-5, placement_of([0, 0, 0]))
+    grain = AttachedSolid("grain", ball.shapes, touch_links=("link2",))
+    trajectory = JointTrajectory(two_link.joint_names, [0, 0.25], [[[4.0, 0]], [[-0.5, -0.3]]])
+    crossing = between_samples(trajectory, 0.125, 0.0)
+    tool = two_link.tool_position(trajectory.position(np.array([crossing, crossing + 1e-6])))
+    along = (tool[1] - tool[0]) / np.linalg.norm(tool[1] - tool[0])
+    angle = np.arctan2(along[1], along[0])
+    outwards = tool[0] / np.linalg.norm(tool[0])
+    # The plate lies across the way; its inner edge just reaches the grain, or just does not.
+    reach = 0.01 + 5e-5 + (free_by or -4e-5)
+    placement = placement_of(tool[0] + reach * outwards, rpy=(0, 0, angle))
+    plate = Obstacle.box("plate", [1e-4, 0.02, 0.02], placement)
+    tube = Tube(tool[0] + np.array([[-1, 0, 0], [1, 0, 0]]), 2.0)
+    start = trajectory.position(0.0)
+    problem = PlanningProblem(two_link, tube, start, obstacles=[plate], attached=[grain])
+    checker = problem.collision
+    grain_pair = [p for p in checker.obstacle_pairs if checker.owners(p)[0] == ("grain",)]
+    rotation, position = two_link.body_poses(sampled(trajectory).position)
+    seen = [
+        checker.distances(r, p, np.array(grain_pair))[0]
+        for r, p in zip(rotation, position, strict=True)
+    ]
+    assert min(seen) > 0
+    others = [p for p in checker.obstacle_pairs if checker.owners(p)[0] != ("grain",)]
+    apart = PlanningProblem(
+        two_link,
+        tube,
+        start,
+        obstacles=[plate],
+        attached=[grain],
+        ignore_collisions=[(checker.owners(p)[0][0], "plate") for p in others],
+    )
+    condition = verify(apart, trajectory).conditions["obstacles"]
+    if free_by is None:
+        assert condition.margin < -1e-5
+        assert condition.where.links == ("grain",)
+        assert condition.where.time == pytest.approx(crossing, abs=5e-5)
+    else:
+        assert 0 < condition.margin < 2e-5
+
+
+def test_a_speed_above_its_limit_for_a_fraction_of_a_millisecond(stored):
+    """A bump of a joint of some micrometres, where 2,000 samples of the tool see nothing."""
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+
+    def speeds(of, time):
+        at = of.at(time)
+        return np.linalg.norm(problem.robot.tool_velocity(at.position, at.velocity)[0], axis=1)
+
+    samples = np.linspace(0, trajectory.duration, 2000)
+    speed = speeds(trajectory, samples)
+    limit = 1.001 * speed.max()
+    width = 1e-4
+    begin = samples[speed.argmax()] + (samples[1] - width) / 2
+    spiked = with_bump(trajectory, 0, begin, width, 1e-6)
+    assert speeds(spiked, samples).max() < limit
+    tube = replace(problem.tube, tool_speed=limit)
+    before, after = (verify(problem.with_tube(tube), each) for each in (trajectory, spiked))
+    assert before.passed
+    assert "tool_speed" in after.failures()
+    condition = after.conditions["tool_speed"]
+    dense = speeds(spiked, np.linspace(begin, begin + width, 20_001)).max()
+    assert condition.margin == pytest.approx(1 - dense / limit, rel=0.02)
+    assert begin <= condition.where.time <= begin + width
+
+
+# The judge of tubes of boxes, against closed forms: motions along the axes of a gantry.
+
+
+AXIS = """<joint name="{name}" type="prismatic"><parent link="{parent}"/><child link="{child}"/>
+<axis xyz="{axis}"/><limit lower="-5" upper="5" effort="1000" velocity="100"/></joint>
+<link name="{child}"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+REST_TO_REST = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
+FLAT = {"box": [0.2, 0.04], "up": [0, 0, 1]}
+SQUARE = {"box": [0.04, 0.04], "up": [0, 0, 1]}
+LINE = [[0, 0, 0], [1, 0, 0]]
+
+
+@pytest.fixture(scope="module")
+def gantry(tmp_path_factory):
+    """A gantry: the tool is at its three joints' positions."""
+    axes = (("x", "base", "1 0 0"), ("y", "at_x", "0 1 0"), ("z", "at_y", "0 0 1"))
+    parts = [AXIS.format(name=n, parent=p, child=f"at_{n}", axis=a) for n, p, a in axes]
+    path = tmp_path_factory.mktemp("gantry") / "gantry.urdf"
+    path.write_text(f'<robot name="gantry"><link name="base"/>{"".join(parts)}</robot>')
+    return load_robot(path, "at_z", gravity=(0, 0, 0))
+
+
+def straight(*places):
+    """Return a motion from place to place, from rest to rest in a second each."""
+    parts = [REST_TO_REST[:, None, None] * np.subtract(q, p) for p, q in pairwise(places)]
+    for part, begin in zip(parts, places, strict=False):
+        part[-1] += begin
+    return JointTrajectory(
+        tuple("xyz"), np.arange(len(places)) * 1.0, np.concatenate(parts, axis=1)
+    )
+
+
+def boxes_judged(gantry, tube, trajectory):
+    ends = (trajectory.position(0.0), trajectory.position(trajectory.duration))
+    problem = PlanningProblem(gantry, tube, *ends, self_collision=False)
+    return verify(problem, trajectory)
+
+
+@pytest.mark.parametrize(
+    ("offset", "margin"),
+    [
+        ([0, 0.08, 0.005], 0.015),
+        ([0, 0.095, 0.005], 0.005),
+        ([0, -0.095, -0.018], 0.002),
+        ([0, 0.0, 0.0], 0.02),
+    ],
+    ids=["below the top", "beside a wall", "in a corner", "on the axis"],
+)
+def test_a_straight_motion_is_as_far_inside_as_its_nearest_face(gantry, offset, margin):
+    trajectory = straight(np.add(LINE[0], offset), np.add(LINE[1], offset))
+    certificate = boxes_judged(gantry, Tube(LINE, None, cross_section=FLAT), trajectory)
+    assert certificate.passed
+    assert certificate.conditions["tube"].margin == pytest.approx(margin, abs=1e-9)
+
+
+def test_the_tool_radius_is_taken_off(gantry):
+    trajectory = straight([0, 0.08, 0.005], [1, 0.08, 0.005])
+    tube = Tube(LINE, None, cross_section=FLAT, tool_radius=0.008)
+    found = boxes_judged(gantry, tube, trajectory).conditions["tube"]
+    assert found.margin == pytest.approx(0.007, abs=1e-9)
+
+
+@pytest.mark.parametrize("visit", ["ordered", "any"])
+def test_in_the_corner_of_a_square_box_a_disc_is_left(gantry, visit):
+    trajectory = straight([0, 0.019, 0.019], [1, 0.019, 0.019])
+    box = boxes_judged(gantry, Tube(LINE, None, cross_section=SQUARE, visit=visit), trajectory)
+    assert box.passed
+    assert box.conditions["tube"].margin == pytest.approx(0.001, abs=1e-9)
+    narrow = {"box": [0.04, 0.036], "up": [0, 0, 1]}
+    start = [0, 0, 0]
+    beside = straight(start, [0.5, 0.019, 0.019], [1, 0, 0])
+    assert not boxes_judged(
+        gantry, Tube(LINE, None, cross_section=narrow, visit=visit), beside
+    ).passed
+    assert not boxes_judged(gantry, Tube(LINE, 0.02, visit=visit), beside).passed
+    assert boxes_judged(gantry, Tube(LINE, None, cross_section=SQUARE, visit=visit), beside).passed
+
+
+def test_a_wall_met_for_a_ten_thousandth_of_a_second_is_found(gantry):
+    """A bump of 12 mm in a motion 10 mm beside the wall; one of 8 mm is none of its business."""
+    for peak in (0.012, 0.008):
+        begin, width = 0.5037, 1e-4
+        plain = straight([0, 0.09, 0], [1, 0.09, 0])
+        cuts = [0.0, begin, begin + width, 1.0]
+        parts = [plain.between(low, high).coefficients for low, high in pairwise(cuts)]
+        parts = [np.concatenate([np.zeros((1, 1, 3)), part]) for part in parts]
+        bump = 64 * peak * np.array([-1.0, 3, -3, 1, 0, 0, 0]) / width ** np.arange(6, -1, -1)
+        parts[1][:, 0, 1] += bump
+        trajectory = JointTrajectory(tuple("xyz"), cuts, np.concatenate(parts, axis=1))
+        found = boxes_judged(gantry, Tube(LINE, None, cross_section=FLAT), trajectory).conditions[
+            "tube"
+        ]
+        assert found.margin == pytest.approx(0.01 - peak, abs=1e-6)
+
+
+def test_segments_are_changed_where_both_boxes_hold_the_tool(gantry):
+    """The boxes of a corner overlap farther out than the discs in them."""
+    points = [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
+    boxes = Tube(points, None, cross_section=FLAT)
+    trajectory = straight([0, 0, 0], [0.92, 0.08, 0], [1, 1, 0])
+    certificate = boxes_judged(gantry, boxes, trajectory)
+    assert certificate.passed
+    assert certificate.conditions["tube"].margin == pytest.approx(0.02, abs=1e-9)
+    assert not boxes_judged(gantry, Tube(points, 0.02), trajectory).passed
+    mixed = Tube(points, [0.02, None], cross_section=[None, FLAT])
+    assert not boxes_judged(gantry, mixed, trajectory).passed
+
+
+def test_a_compulsory_point_is_passed_within_the_smaller_half_side(gantry):
+    points = [[0, 0, 0], [1, 0, 0], [0, 0, 0]]
+    tube = Tube(points, None, cross_section=FLAT)
+    for short, passes in ((0.015, True), (0.03, False)):
+        trajectory = straight([0, 0, 0], [1 - short, 0, 0], [0, 0, 0])
+        found = boxes_judged(gantry, tube, trajectory)
+        assert found.conditions["tube"].margin >= 0
+        assert found.passed is passes
+        assert found.conditions["points"].margin == pytest.approx(0.02 - short, abs=1e-6)
+
+
+def test_a_start_outside_a_box_is_refused(gantry):
+    with pytest.raises(ProblemError, match=r"0.005 m outside the box of segment 0"):
+        PlanningProblem(gantry, Tube(LINE, None, cross_section=FLAT), [0.0, 0.0, 0.025])

@@ -5,9 +5,9 @@ Pictures are compared where something must have changed, and nothing may be comp
 
 import numpy as np
 import pytest
-
 from browser_page import BrowserPage
 from stored_trajectories import REFINEMENT, STOP
+
 from tubeplanner import PlanningProblem, view
 from tubeplanner.collision.obstacle import Obstacle
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gantry import FLOOR, POST, gantry
 from matplotlib.collections import PatchCollection
 from matplotlib.patches import Rectangle
 
-from gantry import FLOOR, POST, gantry
 from tubeplanner import Stand, load_problem, plot_placement
 from tubeplanner.outcome import Place
 from tubeplanner.studies.placement_region import Region

@@ -1,0 +1,198 @@
+"""The outside judge on bases and clearances."""
+
+import copy
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from lifting_arm import (
+    CASES,
+    CONTACT,
+    LIFT,
+    RISE,
+    Case,
+    contacts,
+    fields_of,
+    lifting,
+    trajectory_of,
+    written,
+)
+from placed_problem import SHIFT, TURN, bundled_fields, placed_fields
+from small_cycle import SMALL, planned_cycle
+from stored_trajectories import REFINEMENT
+
+import outside_judge
+from outside.distances import DEEP, NEAR, Poses, least_margin, near_distances, signed_distance
+from outside.files import BadInput
+from outside.trajectory import read_trajectory
+from outside_judge import TOLERANCE, Judge, main
+from tubeplanner import parse_cycle, parse_problem, plan, verify, verify_cycle, write_cycle_motion
+from tubeplanner.files.export import trajectory_json
+from tubeplanner.resources import bundled_problems
+
+# The outside judge reads where a robot stands by itself.
+
+
+NAME = "ur5/over_the_wall"
+AS_QUATERNION = {"position": [0.3, -0.2, 1.1], "quaternion": [0.4, -0.8, 2.0, 1.2]}
+PLACES = {"shifted": SHIFT, "turned": TURN, "by a quaternion": AS_QUATERNION}
+
+
+@pytest.fixture
+def judge(tmp_path):
+    """Return a function from a problem's fields and a motion to what is found."""
+
+    def of(fields, trajectory):
+        problem, motion = tmp_path / "problem.yaml", tmp_path / "motion.json"
+        problem.write_text(yaml.safe_dump(fields))
+        motion.write_text(trajectory_json(trajectory))
+        return outside_judge.judge(problem, motion)
+
+    return of
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_motion_is_as_good_wherever_its_cell_stands(place, stored, judge):
+    _, trajectory = stored(NAME, REFINEMENT)
+    fields = bundled_fields(NAME)
+    expected = judge(fields, trajectory)
+    found = judge(placed_fields(fields, PLACES[place]), trajectory)
+    assert outside_judge.passes(found)
+    assert found.keys() == expected.keys()
+    for name, one in found.items():
+        if one.margin is not None:
+            assert one.margin == pytest.approx(expected[name].margin, rel=1e-6, abs=1e-6)
+
+
+def test_what_is_planned_for_a_base_passes_and_a_robot_moved_by_a_centimetre_does_not(judge):
+    fields = placed_fields(bundled_fields(NAME), TURN)
+    trajectory = plan(parse_problem(fields, bundled_problems()[NAME].parent)).trajectory
+    assert outside_judge.passes(judge(fields, trajectory))
+    for axis in range(3):
+        aside = copy.deepcopy(fields)
+        aside["robot"]["base"]["position"][axis] += 0.01
+        assert not outside_judge.passes(judge(aside, trajectory))
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_cycle_is_as_good_wherever_its_cell_stands(place, tmp_path):
+    """What is taken is an obstacle before, and must be where the hand is."""
+    fields, motion = yaml.safe_load(SMALL), tmp_path / "motion.json"
+    there = parse_cycle(placed_fields(fields, PLACES[place]))
+    moved = replace(planned_cycle().motion, cycle=there)
+    assert verify_cycle(there, moved).passed
+    write_cycle_motion(motion, moved)
+    margins = []
+    for name, each in (("here", fields), ("there", placed_fields(fields, PLACES[place]))):
+        cycle = tmp_path / f"{name}.yaml"
+        cycle.write_text(yaml.safe_dump(each))
+        found = outside_judge.judge(cycle, motion)
+        assert outside_judge.passes(found)
+        margins.append({key: one.margin for key, one in found.items() if one.margin is not None})
+    assert margins[1] == pytest.approx(margins[0], rel=1e-6, abs=1e-6)
+
+
+def test_a_field_of_the_base_that_is_not_known_is_refused(stored, judge):
+    _, trajectory = stored(NAME, REFINEMENT)
+    fields = placed_fields(bundled_fields(NAME), {**SHIFT, "yaw": 1.0})
+    with pytest.raises(BadInput, match=r"robot\.base\.yaw is not known here"):
+        judge(fields, trajectory)
+
+
+# The outside judge on clearances of pairs and segments, and on contacts.
+
+
+def judged(folder, fields, way):
+    path = folder / "trajectory.json"
+    path.write_text(trajectory_json(trajectory_of(way)))
+    return Judge(written(folder, fields)).judge(read_trajectory(path))
+
+
+@pytest.mark.parametrize("case", list(CASES.values()), ids=list(CASES))
+def test_the_margin_is_that_of_the_closed_form(tmp_path, case):
+    """Up to what hand-overs are chosen by, and down to where it is not measured any closer."""
+    condition = judged(tmp_path, fields_of(case), case.way)["obstacles"]
+    known = [float(np.clip(margin, DEEP, NEAR)) for margin in (condition.margin, case.margin)]
+    assert known[0] == pytest.approx(known[1], abs=2e-5)
+    assert min(case.margin, NEAR) - 2e-5 <= condition.margin <= case.margin + 0.02
+    assert condition.where == "hand and table"
+
+
+@pytest.mark.parametrize("second", [0.019, 0.0205, 0.0213, 0.0217])
+def test_a_trajectory_passes_if_some_choice_of_hand_overs_does(tmp_path, second):
+    """Both capsules hold the cube from 30 mm before the middle to 30 mm behind it."""
+    asked = {"clearance": {"segments": [0.008, second]}}
+    case = Case(RISE, [0, 1, 2], asked, 0.0, None, radius=0.03)
+    found = judged(tmp_path, fields_of(case), case.way)
+    assert all(one.holds(TOLERANCE) for one in found.values()) == (second < 0.0215)
+    own = verify(*lifting(tmp_path, case)).failures()
+    assert bool(own) == (second >= 0.0215)
+
+
+def test_links_keep_a_pairs_own_clearance_from_each_other(tmp_path):
+    for asked, margin in ((0.149, 0.001), (0.151, -0.001)):
+        pairs = [{"links": ["hand", "base"], "clearance": asked}]
+        case = Case(RISE, [0, 1, 2], {"clearance": {"pairs": pairs}}, 0.0, None)
+        found = judged(tmp_path, fields_of(case), case.way)
+        assert found["self_collision"].margin == pytest.approx(margin, abs=1e-6)
+        assert found["obstacles"].margin == pytest.approx(0.01, abs=1e-6)
+
+
+def test_a_segment_without_length_and_one_that_goes_on_keep_their_clearance(tmp_path):
+    """The file's numbers are those of its points, also where some of them count for nothing."""
+    fields = fields_of(Case(RISE, [0, 0, 1, 2], {}, 0.0, None))
+    fields["clearance"] = {"segments": [0.008, 0.008, 0.017]}
+    assert judged(tmp_path, fields, RISE)["obstacles"].margin > NEAR
+    fields["clearance"] = {"segments": [0.017, 0.017, 0.008]}
+    assert judged(tmp_path, fields, RISE)["obstacles"].margin == pytest.approx(-0.007, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"clearance": {"segments": [0.01]}}, "clearance.segments has 1 entries for 2 segments"),
+        ({"clearance": {"colour": 1}}, "clearance.colour is not known here"),
+        ({"contacts": [CONTACT | {"colour": 1}]}, "contacts.colour is not known here"),
+        ({"contacts": [CONTACT | {"segments": [2]}]}, "neither the first nor the last"),
+        (contacts(links=["hand", "tabel"]), "hand and tabel are not held against each other"),
+        (
+            {"clearance": {"pairs": [{"links": ["cart", "table"], "clearance": 0.1}]}},
+            "cart and table are not held against each other",
+        ),
+    ],
+)
+def test_what_cannot_be_judged_is_refused_by_name(tmp_path, asked, message, capsys):
+    fields = fields_of(Case(LIFT, [0, 1, 2], asked, 0.0, None))
+    with pytest.raises(BadInput, match=message):
+        judged(tmp_path, fields, LIFT)
+    assert main([str(written(tmp_path, fields)), str(tmp_path / "trajectory.json")]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_what_is_asked_may_change_from_sample_to_sample(tmp_path):
+    """The least margin is that of all samples, whatever is asked of each."""
+    case = CASES["back into the ball"]
+    judge, trajectory = Judge(written(tmp_path, fields_of(case))), trajectory_of(case.way)
+    poses = Poses(*judge.arm.poses(trajectory.position(np.linspace(0, 5, 301))))
+    (pair,) = judge.clearance.obstacle_pairs
+    distance = np.array([signed_distance(pair, poses, row) for row in range(301)])
+    asked = distance[:, None] - np.random.default_rng(0).uniform(0, 0.01, (301, 1))
+    nearest, _ = least_margin([pair], poses, asked)
+    assert nearest.margin == pytest.approx((distance - asked[:, 0]).min(), abs=1e-9)
+    assert nearest.row == (distance - asked[:, 0]).argmin()
+    found = near_distances(pair, poses, np.full(301, 0.03))
+    measured = np.isfinite(found)
+    np.testing.assert_allclose(found[measured], distance[measured])
+    assert (distance[~measured] >= 0.03).all()
+    assert 0 < measured.sum() < 250
+
+
+def test_json_holds_the_verdict(tmp_path, capsys):
+    case = CASES["sideways"]
+    judged(tmp_path, fields := fields_of(case), case.way)
+    files = [str(written(tmp_path, fields)), str(tmp_path / "trajectory.json")]
+    assert main([*files, "--json"]) == 1
+    obstacles = json.loads(capsys.readouterr().out)["conditions"]["obstacles"]
+    assert obstacles["holds"] is False

@@ -1,0 +1,185 @@
+"""Mesh files: size bounds, units, first covers, solids, all cached."""
+
+import json
+import os
+import struct
+
+import numpy as np
+import pytest
+
+from tubeplanner import Obstacle, ProblemError, placement_of
+from tubeplanner.collision.mesh_bounds import files_beside, mesh_bytes
+from tubeplanner.collision.mesh_cover import load_mesh
+from tubeplanner.documents import DocumentError
+from tubeplanner.errors import RobotError
+from tubeplanner.views.visual_mesh import read_visual_mesh
+
+# Mesh files, and what they name, are regular files of some size.
+
+
+OBJ = (
+    "mtllib {}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl a\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+)
+
+
+def put(path, kind):
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "zeros":
+        path.symlink_to("/dev/zero")
+    else:
+        path.touch()
+        os.truncate(path, 300_000_000)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "zeros", "huge"])
+def test_what_is_no_mesh_file_is_not_opened(tmp_path, kind):
+    path = tmp_path / "part.stl"
+    put(path, kind)
+    reason = "larger than 200 MB" if kind == "huge" else "no regular file"
+    for read in (lambda: load_mesh("obstacle 'part'", path), lambda: read_visual_mesh(path)):
+        with pytest.raises(RobotError, match=f"mesh .*part.stl cannot be read.*{reason}"):
+            read()
+    with pytest.raises(DocumentError, match=reason):
+        mesh_bytes(path)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "zeros", "huge"])
+def test_nor_is_what_a_mesh_names(tmp_path, kind):
+    put(tmp_path / "paint.mtl", kind)
+    path = tmp_path / "part.obj"
+    path.write_text(OBJ.format("paint.mtl"))
+    with pytest.raises(ValueError):
+        files_beside(path).get("paint.mtl")
+    for read in (lambda: load_mesh("obstacle 'part'", path), lambda: read_visual_mesh(path)):
+        try:
+            assert read()
+        except RobotError as error:
+            assert "part.obj" in str(error)
+
+
+def test_colours_beside_a_mesh_are_read(tmp_path):
+    (tmp_path / "paint.mtl").write_text("newmtl a\nKd 1 0 0\n")
+    path = tmp_path / "part.obj"
+    path.write_text(OBJ.format("paint.mtl"))
+    [(color, _)] = read_visual_mesh(path)
+    assert color == (1.0, 0.0, 0.0)
+
+
+# Mesh files that no solid can be made of: refused by name; what is flat is made a solid.
+
+
+GOOD = [[[0, 0, 0], [1, 0, 0], [0, 0, 1]]]
+
+
+def stl(*triangles):
+    """Return a binary STL of triangles (3, 3)."""
+    data = b"\0" * 80 + struct.pack("<I", len(triangles))
+    for triangle in triangles:
+        points = np.asarray(triangle, dtype="<f4")
+        data += np.zeros(3, "<f4").tobytes() + points.tobytes() + b"\0\0"
+    return data
+
+
+def glb(vertices, faces):
+    """Return a binary glTF of vertices and of triangles, whose indices are not looked at."""
+    points, corners = np.asarray(vertices, "<f4"), np.asarray(faces, "<u2")
+    binary = points.tobytes() + corners.tobytes()
+    binary += b"\0" * (-len(binary) % 4)
+    views = [(0, points.nbytes), (points.nbytes, corners.nbytes)]
+    fields = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": len(binary)}],
+        "bufferViews": [{"buffer": 0, "byteOffset": a, "byteLength": b} for a, b in views],
+        "accessors": [
+            {
+                "bufferView": 0,
+                "componentType": 5126,
+                "count": len(points),
+                "type": "VEC3",
+                "min": points.min(axis=0).tolist(),
+                "max": points.max(axis=0).tolist(),
+            },
+            {"bufferView": 1, "componentType": 5123, "count": corners.size, "type": "SCALAR"},
+        ],
+    }
+    text = json.dumps(fields).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+REFUSED = {
+    "infinite.stl": (stl([[0, 0, 0], [np.inf, 0, 0], [0, 1, 0]], *GOOD), "that are not finite"),
+    "nan.stl": (stl([[0, 0, 0], [np.nan, 0, 0], [0, 1, 0]], *GOOD), "that are not finite"),
+    "empty.stl": (stl(), "has no vertices or triangles"),
+    "huge.stl": (stl([[0, 0, 0], [1e38, 0, 0], [0, 1, 0]]), r"reaches 1e\+38 m from its origin"),
+    "out_of_range.glb": (
+        glb([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2], [0, 1, 99]]),
+        "has a triangle of vertex 99; it has 4 vertices",
+    ),
+    "no_points.obj": (b"f 1 2 3\n", "has no vertices or triangles"),
+    "empty.obj": (b"", "has no vertices or triangles"),
+    "flat.obj": (b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "has points of 2 coordinates; a solid has 3"),
+    "malformed.dae": (b"<COLLADA><asset>", "is no readable DAE file"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_no_solid_is_refused_by_name(tmp_path, name):
+    data, message = REFUSED[name]
+    path = tmp_path / name
+    path.write_bytes(data)
+    with pytest.raises(RobotError, match=message) as caught:
+        Obstacle.mesh("part", path, placement_of())
+    assert str(caught.value).startswith(f"obstacle 'part': mesh {path} ")
+    assert "export it again" in str(caught.value)
+
+
+def test_a_scale_that_leads_too_far_is_refused(tmp_path):
+    path = tmp_path / "part.stl"
+    path.write_bytes(stl([[0, 0, 0], [10, 0, 0], [0, 1, 0]], *GOOD))
+    with pytest.raises(RobotError, match=r"reaches 1e\+05 m from its origin"):
+        load_mesh("link 'a'", path, [1e4, 1.0, 1.0])
+    with pytest.raises(ProblemError, match="obstacle 'part': scale 'a'; 1e-06 to 10000 are"):
+        Obstacle.mesh("part", path, placement_of(), "a")
+
+
+@pytest.mark.parametrize(
+    "triangle",
+    [
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
+        [[0, 0, 0], [1, 0, 1], [0, 1, 0.5]],
+        [[0, 0, 0], [1, 0, 0], [0, 1, 1e-9]],
+        [[0, 0, 0], [1, 0, 0], [2, 0, 0]],
+        [[1, 1, 1]] * 3,
+    ],
+)
+def test_what_is_flat_becomes_a_thin_solid(tmp_path, triangle):
+    path = tmp_path / "flat.stl"
+    path.write_bytes(stl(triangle))
+    points = np.vstack(
+        [shape.vertices for shape in Obstacle.mesh("p", path, placement_of()).shapes]
+    )
+    assert (points.min(axis=0) <= np.min(triangle, axis=0)).all()
+    assert (points.max(axis=0) >= np.max(triangle, axis=0)).all()
+
+
+def test_equal_triangles_count_once(tmp_path):
+    turned = np.roll(GOOD, 1, axis=1)
+    for name, triangles in (("once.stl", GOOD), ("often.stl", [*GOOD, *turned, *GOOD])):
+        (tmp_path / name).write_bytes(stl(*triangles))
+    once, often = (load_mesh("m", tmp_path / name) for name in ("once.stl", "often.stl"))
+    assert len(often.faces) == len(once.faces)
+    assert (often.triangles == once.triangles).all()
+
+
+def test_the_two_sides_of_a_sheet_are_two(tmp_path):
+    triangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    (tmp_path / "sheet.stl").write_bytes(stl(triangle, triangle[::-1]))
+    assert len(load_mesh("m", tmp_path / "sheet.stl").faces) == 2

@@ -1,0 +1,207 @@
+"""`check`: certificate of a trajectory file; controllers of `--for`."""
+
+import json
+
+import pytest
+from small_cycle import SMALL, planned_cycle
+from stored_trajectories import REFINEMENT, stored_path, stored_trajectory
+
+from tubeplanner import OptionError
+from tubeplanner.controllers.controllers import CONTROLLERS, judged_by
+from tubeplanner.files.cycle_writer import cycle_contents
+from tubeplanner.files.trajectory_writer import TrajectoryFiles
+
+# Controllers by name.
+
+
+def test_each_has_its_own_name_and_limits(bundled):
+    name = "panda/between_shelves"
+    problem, file = bundled(name), stored_trajectory(name, REFINEMENT)
+    found = {each: judged_by(each, problem, file) for each in CONTROLLERS}
+    assert [verdict.name for verdict in found.values()] == list(CONTROLLERS)
+    limits = {each.limit for each in found["fr3"].findings if each.unit == "rad/s^3"}
+    assert {abs(limit) for limit in limits} == {5000}
+    assert "Panda" in found["fer"].title
+    assert (found["fer"].summary, found["jtc"].summary) == ("would abort", "accepted")
+
+
+def test_an_unknown_one_is_refused(bundled):
+    name = "panda/between_shelves"
+    with pytest.raises(OptionError, match=r"unknown controller 'fr4'.*there is: fer, fr3, jtc"):
+        judged_by("fr4", bundled(name), stored_trajectory(name, REFINEMENT))
+
+
+# `tubeplanner check` of the motions of whole cycles.
+
+
+NARROW = ("--set", "moves.beside.tube.radius=0.01")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a folder with a cycle and the files of its motion."""
+    folder = tmp_path_factory.mktemp("cycle")
+    (folder / "small.yaml").write_text(SMALL)
+    files = TrajectoryFiles(folder / "t.json", folder / "t.csv", folder / "t.yaml", rate=200)
+    contents, _ = cycle_contents(files, planned_cycle().motion, "refinement")
+    for path, data in contents.items():
+        path.write_bytes(data)
+    return folder
+
+
+def test_every_move_has_its_verdict_and_what_fails_its_rows(run, folder):
+    status, text, _ = run("check", folder / "small.yaml", folder / "t.json", *NARROW)
+    assert status == 1
+    verdicts = {
+        cells[3].strip(): cells[4].strip()
+        for cells in (line.split("│") for line in text.splitlines())
+        if len(cells) == 6
+    }
+    assert (verdicts["over"], verdicts["back"]) == ("passes", "passes")
+    assert verdicts["down"].startswith("FAILS: tube")
+    assert verdicts["beside"] == "with down"
+    assert "what differs: tube of move 'down, beside'" in text
+    last = text.splitlines()[-1]
+    assert "fails: down: tube: margin -0.0" in last
+    assert last.count("tube: margin") == 1
+    assert "move 'beside', segment 0" in last
+
+
+def test_the_object_has_the_first_failure_and_the_whole_certificate(run, folder):
+    status, text, _ = run("check", folder / "small.yaml", folder / "t.json", *NARROW, "--json")
+    answer = json.loads(text)
+    assert (status, answer["status"]) == (1, "certificate_failed")
+    assert (answer["where"]["move"], answer["where"]["segment"]) == ("beside", 0)
+    assert list(answer["certificate"]["moves"]) == ["over", "down", "beside", "back"]
+    assert not answer["certificate"]["moves"]["beside"]["passed"]
+    assert answer["certificate"]["seams"]["closed"]["continuity"]["satisfied"]
+    assert [move["name"] for move in answer["moves"]] == ["over", "down", "beside", "back"]
+    assert answer["duration"] == planned_cycle().duration
+    assert answer["certificate_time"] > 0
+
+
+@pytest.mark.parametrize("name", ["t.csv", "t.yaml"])
+def test_a_file_without_marks_cannot_be_judged_and_the_remedy_is_named(run, folder, name):
+    status, _, said = run("check", folder / "small.yaml", folder / name)
+    assert status == 2
+    assert f"{name} has no marks, which say when the moves of a cycle begin" in said
+    assert "give the JSON that plan -o writes" in said
+
+
+def test_marks_of_other_steps_are_refused_with_the_file(run, folder):
+    other = ("--set", "moves.back.name=home")
+    status, _, said = run("check", folder / "small.yaml", folder / "t.json", *other)
+    assert status == 2
+    assert "t.json: marks are move over, " in said
+    assert "move home" in said
+
+
+def test_a_tolerance_is_taken(run, folder):
+    words = ("check", folder / "small.yaml", folder / "t.json", *NARROW)
+    assert run(*words, "--tolerance", "0.5")[0] == 0
+
+
+def test_what_a_controller_makes_of_a_cycle_is_not_asked(run, folder):
+    words = ("check", folder / "small.yaml", folder / "t.json", "--for", "jtc")
+    status, _, said = run(*words)
+    assert status == 2
+    assert "--for jtc judges the motion of a problem" in said
+
+
+def test_a_condition_that_several_moves_fail_has_a_row_for_each(run, folder):
+    narrow = ("--set", "moves.over.tube.radius=0.001", "--set", "moves.back.tube.radius=0.001")
+    _, text, _ = run("check", folder / "small.yaml", folder / "t.json", *narrow)
+    failing = [line for line in text.splitlines() if line.startswith("│ tube ") and "NO" in line]
+    assert ["'over'" in line for line in failing] == [True, False]
+    assert "'back'" in failing[1]
+
+
+# `tubeplanner check`: the certificate, the peaks, and what a controller makes of a file.
+
+
+PANDA = "example:panda/between_shelves"
+FILE = stored_path("panda/between_shelves", REFINEMENT)
+
+
+@pytest.fixture
+def ros_file(stored, tmp_path):
+    problem, trajectory = stored("panda/between_shelves", REFINEMENT)
+    path = tmp_path / "t.yaml"
+    trajectory.save(path, problem)
+    return path
+
+
+def test_a_time_optimal_motion_is_certified_and_a_panda_would_abort_it(run):
+    status, text, _ = run("check", PANDA, FILE, "--for", "fer")
+    assert status == 1
+    assert text.startswith("peaks: joint acceleration ")
+    assert "nothing limits acceleration or jerk" in text.splitlines()[1]
+    assert "would abort: joint_motion_generator_acceleration_discontinuity: panda_joint" in text
+    assert "note: enforced for Cartesian commands only: tool speed" in text
+    assert text.rstrip().endswith("passes every condition; fer: would abort.")
+
+
+def test_the_object_has_the_findings(run):
+    status, text, _ = run("check", PANDA, FILE, "--for", "fer", "--json")
+    answer = json.loads(text)
+    assert (status, answer["status"]) == (1, "certificate_failed")
+    assert answer["certificate"]["passed"]
+    controller = answer["controller"]
+    assert (controller["name"], controller["accepted"]) == ("fer", False)
+    jerk = next(each for each in controller["findings"] if each["unit"] == "rad/s^3")
+    assert abs(jerk["value"]) > abs(jerk["limit"])
+    assert (
+        jerk["first_time"] <= jerk["time"] <= answer["duration"] == pytest.approx(0.585, abs=0.01)
+    )
+    first = controller["findings"][0]
+    assert answer["message"].endswith(f"; fer: would abort: {first['error']}: {first['message']}")
+    assert answer["where"]["joint"] == first["joint"]
+    assert answer["where"]["time"] == first["first_time"] < first["time"]
+    assert answer["tool_speed"]["value"] > 1.7
+
+
+def test_without_a_controller_there_is_no_verdict(run):
+    status, text, _ = run("check", PANDA, FILE, "--json")
+    assert status == 0
+    assert json.loads(text)["controller"] is None
+
+
+def test_an_export_is_accepted_and_one_that_still_moves_is_refused(run, ros_file):
+    status, text, _ = run("check", PANDA, ros_file, "--for", "jtc")
+    assert status == 0
+    assert text.rstrip().endswith("passes every condition; jtc: accepted.")
+    lines = ros_file.read_text().splitlines()
+    last = max(k for k, line in enumerate(lines) if "velocities" in line)
+    lines[last] = "  velocities: [0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0]"
+    ros_file.write_text("\n".join(lines))
+    status, text, _ = run("check", PANDA, ros_file, "--for", "jtc")
+    assert status == 1
+    assert (
+        "would refuse: Velocity of last trajectory point of joint panda_joint2 is not zero: "
+        "panda_joint2 0.01 rad/s at t = "
+    ) in text
+
+
+def test_what_does_not_fit_is_bad_input(run):
+    status, _, error = run("check", PANDA, FILE, "--for", "kuka")
+    assert status == 2
+    assert "unknown controller 'kuka'" in error
+    ur5 = stored_path("ur5/over_the_wall", REFINEMENT)
+    status, _, error = run("check", "example:ur5/over_the_wall", ur5, "--for", "fr3")
+    assert status == 2
+    assert "the Franka Research 3 has 7 joints; the problem plans 6" in error
+
+
+def test_one_line_says_how_it_brakes_and_whether_it_can_be_slower(run):
+    _, text, _ = run("check", PANDA, FILE)
+    line = next(line for line in text.splitlines() if line.startswith("brakes to rest within 0.0"))
+    assert " mm of the tool's path (longest from t = 0." in line
+    assert line.endswith("; slower runs keep all limits")
+
+
+def test_what_cannot_be_slower_is_said_with_its_place(run):
+    status, text, _ = run("check", PANDA, FILE, "--set", "robot.limits.velocity=1.0")
+    assert status == 1
+    assert "\nslower runs break limits: velocity, margin -" in text
+    assert " % at 100 % of the speed (panda_joint" in text
+    assert "brakes to rest" not in text

@@ -1,0 +1,349 @@
+"""`explain`: reason, remedies, headroom."""
+
+import json
+import shlex
+from contextlib import nullcontext
+from dataclasses import replace
+
+import pytest
+from asked_problems import PLANAR, REMEDY, ROOM
+from gantry import FIELDS, POST, gantry
+from small_cycle import SMALL
+
+from tubeplanner import Explanation, parse_problem
+from tubeplanner.commands import explain_command
+from tubeplanner.commands.explanation_report import explanation_text
+from tubeplanner.documents import parse_yaml
+from tubeplanner.explanation import explain as explain_module
+from tubeplanner.explanation import trials
+from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.refinement.sensitivities import Sensitivity
+
+# `explain` as a user meets it.
+
+
+ONE = ("--quality", "fast", "--time-limit", "1000")
+# A problem file's contract: what other tools read.
+READ = {"field", "from", "to", "unit", "certified", "duration", "text"}
+OF_PLAN = {
+    *(
+        "status",
+        "message",
+        "where",
+        "proved",
+        "starts_tried",
+        "duration",
+        "phase1_duration",
+        "planning_time",
+    ),
+    *("certificate_time", "loading_time", "stopped_by", "certificate"),
+}
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Changes are tried in this process, which has all that is needed loaded."""
+    monkeypatch.setattr(explain_command, "workers_of", lambda processes: nullcontext(None))
+
+
+@pytest.fixture(scope="module")
+def beyond(tmp_path_factory):
+    """A goal that a rail of 1 m does not reach."""
+    tube = {"points": [[0.0, 0.0, 0.0], [1.1, 0.0, 0.0]], "radius": 0.01}
+    return gantry(tmp_path_factory.mktemp("beyond"), tube=tube)
+
+
+def parsed(text):
+    """Return the one JSON object of a run, in which there is no NaN."""
+
+    def refuse(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_what_helps_is_a_table_and_the_first_is_ready_to_be_tried(run, beyond):
+    status, out, err = run("explain", beyond, *ONE, "--processes", "2")
+    assert (status, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0].startswith("beyond0/gantry: unreachable: segment 0, point 1, tool at [1.1")
+    assert lines[1].startswith("where: along, segment 0, point 1")
+    assert "any one of these makes it possible (planned with it and certified)" in lines[2]
+    assert "move reference point 1 by 100 mm in -x" in out
+    assert "along: upper limit 1 -> 1.1 m" in out
+    assert (
+        "by itself none of these helps: radius of the tube as a whole (up to eleven times)" in out
+    )
+    assert lines[-1].endswith("s; all changes were tried")
+    (first,) = [line for line in lines if line.startswith("the first one: --set ")]
+    given = first.removeprefix("the first one: --set ").strip("'")
+    assert given == "robot.limits.position.along=[0.0, 1.1]"
+    status, out, _ = run("plan", beyond, "--quality", "fast", "--set", given)
+    assert status == 0
+
+
+def test_json_has_what_plan_has_and_the_remedies(run, here, beyond):
+    status, out, err = run("explain", beyond, *ONE, "--json")
+    assert (status, err) == (0, "")
+    fields = parsed(out)
+    assert OF_PLAN | {"remedies", "in_vain", "room", "tried", "search_time"} <= set(fields)
+    assert (fields["status"], fields["duration"]) == ("unreachable", None)
+    assert fields["where"]["point"] == 1
+    assert fields["room"] == []
+    assert len(fields["remedies"]) == 3
+    for remedy in fields["remedies"]:
+        assert set(remedy) == READ | {
+            *("changes", "cost", "too_little", "too_little_text", "is_smallest"),
+        }
+        assert remedy["certified"] is True
+    assert "tube.radius" in fields["in_vain"]
+
+
+def test_infinite_values_are_words(run, here, tmp_path):
+    limits = FIELDS["robot"]["limits"] | {
+        "effort": [float("inf"), 8.0],
+        "velocity": {"along": 9.0, "across": 9.0},
+    }
+    robot = FIELDS["robot"] | {"gravity": [0, -9.81, 0], "limits": limits}
+    path = gantry(tmp_path, robot=robot)
+    status, out, _ = run("explain", path, *ONE, "--json")
+    assert status == 0
+    remedy = parsed(out)["remedies"][0]
+    efforts = remedy["changes"]["robot.limits.effort"]
+    assert efforts == {"along": ".inf", "across": remedy["to"]}
+    status, out, _ = run("explain", path, *ONE)
+    (first,) = [line for line in out.splitlines() if line.startswith("the first one: --set ")]
+    given = first.removeprefix("the first one: --set ").strip("'")
+    assert run("plan", path, "--quality", "fast", "--set", given)[0] == 0
+
+
+def test_a_problem_with_an_answer_has_prices_and_room(run, here, tmp_path):
+    status, out, _ = run("explain", gantry(tmp_path), *ONE)
+    assert status == 0
+    assert "gantry: success: " in out.splitlines()[0]
+    assert "what limits it most; 10 % more would save:" in out
+    assert "how much worse one of these may become" in out
+    assert "segment 0: 1 -> " in out
+    assert "makes it possible" not in out
+
+
+def test_changes_are_made_first(run, here, beyond):
+    status, out, _ = run("explain", beyond, *ONE, "--set", "tube.points.1=[0.5, 0, 0]", "--json")
+    fields = parsed(out)
+    assert (status, fields["status"]) == (0, "success")
+    assert fields["duration"] > 0
+    assert fields["room"] and fields["remedies"] == []
+
+
+def test_no_change_that_helps_is_status_1(run, here, tmp_path):
+    """A rail ends at 1 m, the goal is at 30 m."""
+    tube = {"points": [[0.0, 0.0, 0.0], [30.0, 0.0, 0.0]], "radius": 0.01}
+    status, out, _ = run("explain", gantry(tmp_path, tube=tube), *ONE)
+    assert status == 1
+    assert "no single change was found that makes it possible" in out
+    assert "the first one" not in out
+
+
+@pytest.mark.parametrize(
+    ("joints", "status", "message"),
+    [
+        ([-0.03, 0.0], 0, "is outside [0, 1], its position limits"),
+        ([0.0, 0.0, 0.0], 2, "start has 3 values for the 2 joints along, across"),
+    ],
+)
+def test_what_cannot_be_posed_is_status_2_if_no_change_helps(
+    run, here, tmp_path, joints, status, message
+):
+    changes = ("--set", f"start.joints={joints}", "--set", "tube.points.0=[-0.03, 0, 0]")
+    path = gantry(tmp_path)
+    found, out, _ = run("explain", path, *ONE, *changes)
+    assert found == status
+    assert out.splitlines()[0].partition(": bad_input: ")[2].startswith("start")
+    assert message in out
+    found, out, _ = run("explain", path, *ONE, *changes, "--json")
+    assert (found, parsed(out)["status"]) == (status, "bad_input")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--set", "tube.radus=0.1"), "unknown key 'radus' (did you mean 'radius'?)"),
+        (("--set", "tube=null"), "tube is required; `tubeplanner route` finds one"),
+        (("--set", "robot.tool_frame=haed"), "unknown tool_frame 'haed' (did you mean 'head'?)"),
+        (("--quality", "bst"), "unknown quality 'bst' (did you mean 'best'?)"),
+        (("--time-limit", "-1"), "time_limit is -1 s; it must be > 0"),
+        (("--time-limit", "nan"), "time_limit is nan s; it must be > 0"),
+        (("--processes", "0"), "Invalid value for '--processes'"),
+    ],
+)
+def test_bad_input_is_status_2(run, here, tmp_path, arguments, message):
+    status, out, err = run("explain", gantry(tmp_path), *arguments)
+    assert (status, out) == (2, "")
+    assert message in err
+
+
+def test_a_cycle_is_refused(run, tmp_path):
+    (tmp_path / "cycle.yaml").write_text(SMALL)
+    status, out, _ = run("explain", tmp_path / "cycle.yaml", "--json")
+    fields = parsed(out)
+    assert (status, fields["status"]) == (2, "bad_input")
+    assert "this is a cycle, where one problem is needed" in fields["message"]
+    assert set(fields) == OF_PLAN
+
+
+def test_ctrl_c_before_anything_is_known_is_status_130(run, here, tmp_path, monkeypatch):
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(explain_module, "plan", interrupted)
+    status, _, err = run("explain", gantry(tmp_path), *ONE)
+    assert status == 130
+    assert "interrupted before there was an answer" in err
+
+
+def test_ctrl_c_later_keeps_what_was_found(run, here, beyond, monkeypatch):
+    tried = []
+
+    def interrupted(work, calls, executor):
+        tried.append(1)
+        if len(tried) > 3:
+            raise KeyboardInterrupt
+        yield from run_many(work, calls, None)
+
+    run_many = trials.run_many
+    monkeypatch.setattr(trials, "run_many", interrupted)
+    status, out, _ = run("explain", beyond, *ONE)
+    assert status == 0
+    assert "(not narrowed)" in out
+    assert out.splitlines()[-1].endswith("s; interrupted: there may be more")
+
+
+def test_a_name_is_not_read_as_markup(run, here, tmp_path):
+    post = POST | {"name": "[bold]post"}
+    path = gantry(tmp_path, [post])
+    _, out, _ = run("explain", path, *ONE, "--set", "clearance=0.4")
+    assert "move obstacle '[bold]post' by" in out
+
+
+def test_a_page_is_written_beside_the_answer(run, here, beyond, tmp_path):
+    page = tmp_path / "why.html"
+    status, out, _ = run("explain", beyond, *ONE, "--html", page)
+    assert status == 0
+    assert out.splitlines()[-1] == f"page: {page}"
+    assert "move reference point 1 by 100 mm in -x" in page.read_text()
+
+
+def test_a_page_is_written_of_what_cannot_be_posed(run, here, tmp_path):
+    page = tmp_path / "why.html"
+    path, wrong = gantry(tmp_path), "start.joints=[1.5, 0]"
+    _, out, _ = run("explain", path, *ONE, "--set", wrong, "--html", page, "--json")
+    assert parsed(out)["notes"] == [f"page: {page}"]
+    assert parsed(out)["where"]["joint"] == "along"
+    assert "outside [0, 1]" in page.read_text()
+
+
+def test_no_page_is_written_of_a_tube_that_cannot_be_drawn(run, here, tmp_path):
+    page = tmp_path / "why.html"
+    path, wrong = gantry(tmp_path), "tube.radius=-0.1"
+    _, out, _ = run("explain", path, *ONE, "--set", wrong, "--html", page, "--json")
+    assert "was not written: the tube cannot be drawn" in parsed(out)["notes"][0]
+    assert not page.exists()
+
+
+def test_a_page_must_be_named_like_one(run, beyond, tmp_path):
+    status, _, err = run("explain", beyond, "--html", tmp_path / "why.txt")
+    assert status == 2
+    assert "name a file that ends in .html" in err
+
+
+# What was found out, as text.
+
+
+PROBLEM = parse_problem(PLANAR)
+HERE = Place(segment=1)
+CLOSE = replace(
+    ROOM,
+    after=0.5,
+    duration=2.25,
+    text="radius 30 -> 5 mm",
+    too_much=0.004,
+    too_much_text="4 mm",
+    is_exact=True,
+)
+
+
+def text_of(status=PlanStatus.UNREACHABLE, place=HERE, sensitivities=(), **found):
+    result = PlanResult(status, "for a reason", place, "refinement", sensitivities=sensitivities)
+    return explanation_text(Explanation("ur5/x", PROBLEM, result, None, **found), 12.34)
+
+
+def cells(text, word):
+    """Return the cells of the one row of a table that has a word."""
+    (row,) = [line for line in text.splitlines() if word in line and "│" in line]
+    return [cell.strip() for cell in row.strip("│").split("│")]
+
+
+def test_how_it_ended_comes_first_and_the_search_last():
+    lines = text_of(tried=7).splitlines()
+    assert lines[:2] == ["ur5/x: unreachable: for a reason", "where: segment 1"]
+    assert lines[-1] == "7 plans with a change in 12.3 s; all changes were tried"
+    assert text_of(place=Place()).splitlines()[1].startswith("no single change was found")
+
+
+@pytest.mark.parametrize(
+    ("stopped_by", "text"),
+    [
+        ("time_limit", "the time limit passed: with a larger --time-limit there may be more"),
+        ("interrupt", "interrupted: there may be more"),
+    ],
+)
+def test_a_search_that_was_stopped_says_so(stopped_by, text):
+    assert text_of(stopped_by=stopped_by).endswith(f"s; {text}")
+
+
+def test_a_remedy_has_its_size_and_what_is_not_enough():
+    text = text_of(remedies=(REMEDY,))
+    assert cells(text, "wider") == ["wider", "0.29 rad", "2", "1.500 s", REMEDY.field]
+    open_end = text_of(remedies=(replace(REMEDY, is_smallest=False),))
+    assert cells(open_end, "wider")[1] == "0.29 rad (not narrowed)"
+    unknown = text_of(remedies=(replace(REMEDY, is_smallest=False, too_little_text=""),))
+    assert cells(unknown, "wider")[1] == "(not narrowed)"
+    alone = text_of(remedies=(replace(REMEDY, too_little_text=""),))
+    assert cells(alone, "wider")[1] == ""
+
+
+def test_what_helps_nothing_is_listed():
+    assert "\nby itself none of these helps: clearance (down to 0); b.c\n" in text_of(
+        in_vain=("clearance", "b.c")
+    )
+    assert "by itself" not in text_of()
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        *(0.0735, 1, True, None, "none", "-", float("inf"), -float("inf"), [0.1, None, 0.2]),
+        {"joint2": "-", "joint1": [-3.0, float("inf")]},
+        [{"box": [0.1, 0.2], "up": [0, 0, 1]}, None],
+    ],
+)
+def test_the_first_remedy_is_given_as_commands_take_it(value):
+    text = text_of(remedies=(replace(REMEDY, changes={"a.b": value, "c": 1}),))
+    (line,) = [line for line in text.splitlines() if line.startswith("the first one: ")]
+    option, first, *second = shlex.split(line.removeprefix("the first one: "))
+    assert [option, *second] == ["--set", "--set", "c=1"]
+    path, _, given = first.partition("=")
+    assert path == "a.b"
+    assert parse_yaml(given) == value
+
+
+def test_a_problem_with_an_answer_shows_what_limits_it_and_its_room():
+    dear = Sensitivity("effort", "joint1", None, -0.3, 0.0123)
+    free = Sensitivity("velocity", "joint2", None, 0.0, 0.0)
+    text = text_of(PlanStatus.SUCCESS, Place(), sensitivities=(dear, free), rooms=(CLOSE, ROOM))
+    assert f"what limits it most; 10 % more would save:\n  {dear}\n" in text
+    assert str(free) not in text
+    assert cells(text, "radius 30") == ["radius 30 -> 5 mm", "2.250 s", "4 mm", ROOM.field]
+    assert cells(text, "not even so")[1:3] == ["", "0.5 rad (not narrowed)"]
+    assert "what limits" not in text_of(PlanStatus.SUCCESS, Place())

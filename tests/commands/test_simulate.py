@@ -1,0 +1,222 @@
+"""`simulate`: runs by plants, report."""
+
+import json
+
+import pytest
+from simulated_cycle import DURATION, DWELL, SEAMS, motion_of, slide
+from stored_trajectories import REFINEMENT, stored_path
+
+from tubeplanner import OutputError
+from tubeplanner.cycle.cycle_reader import load_cycle
+from tubeplanner.files.cycle_writer import cycle_contents
+from tubeplanner.files.trajectory_writer import TrajectoryFiles
+
+# `tubeplanner simulate` says what was seen in some runs.
+
+
+NAME = "two_link/around_a_post"
+CASE = (f"example:{NAME}", str(stored_path(NAME, REFINEMENT)))
+
+
+def test_what_was_seen_is_printed_with_when_and_where(run):
+    status, text, _ = run("simulate", *CASE, "--runs", "2")
+    assert status == 0
+    assert "seen in 2 runs" in text
+    assert "beyond the tube [m]" in text
+    assert "left the tube" in text
+
+
+def test_the_same_as_json_and_for_the_same_seed(run):
+    words = ("simulate", *CASE, "--runs", "3", "--seed", "4", "--json")
+    report, again = (json.loads(run(*words)[1]) for _ in range(2))
+    assert report["seen"] == again["seen"]
+    assert (report["status"], report["verdict"]["runs"]) == ("success", 3)
+    assert report["seen"]["tube"]["worst"]["value"] == max(report["excursions"])
+    assert report["seen"]["rotation"] is None
+    assert report["verdict"]["broken"]["tube"] == sum(value > 0 for value in report["excursions"])
+
+
+def test_errors_are_those_that_are_given(run):
+    exact = ["mass", "com", "payload", "unmodelled-friction", "lag", "delay", "noise", "tool"]
+    words = [word for name in exact for word in (f"--{name}", "0")]
+    shifted = ("simulate", *CASE, "--runs", "4", "--base", "0.02", *words, "--json")
+    seen = json.loads(run(*shifted)[1])["seen"]
+    assert seen["tracking"]["worst"]["value"] < 1e-3
+    assert 0.005 < seen["tool_tracking"]["worst"]["value"] < 0.021
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--mass", "2"], "robustness.mass is 2; give a number from 0 to 0.9"),
+        (["--controller", "lqr"], "unknown controller 'lqr'"),
+        (["--runs", "0"], "runs is 0"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(run, words, message):
+    status, _, error = run("simulate", *CASE, *words)
+    assert status == 2
+    assert message in error
+
+
+def test_figure_and_page_are_written_and_named(run, tmp_path):
+    figure, page = tmp_path / "runs.png", tmp_path / "runs.html"
+    words = ("simulate", *CASE, "--runs", "2", "--plot", figure, "--html", page)
+    status, text, _ = run(*words)
+    assert status == 0
+    assert text.endswith(f"plot: {figure}\nview: {page}\n")
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "Executed paths of the tool: 2 runs" in page.read_text()
+    report = json.loads(run(*words[:-2], "--json")[1])
+    assert (report["plot"], report["html"]) == (str(figure), None)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--plot", "runs.jpg"], "--plot runs.jpg: name a file that ends in .png"),
+        (["--html", "runs.png"], "--html runs.png: a page is written"),
+        (["--plot", "nowhere/runs.png"], "nowhere does not exist"),
+        (["--plot", "runs.png", "--html", "nowhere/runs.html"], "nowhere does not exist"),
+    ],
+)
+def test_files_that_could_not_be_written_are_refused_before_any_work(
+    run, tmp_path, monkeypatch, words, message
+):
+    monkeypatch.chdir(tmp_path)
+    missing = ("simulate", "example:no/such", "no.json")  # else that would be the message
+    status, _, error = run(*missing, *words)
+    assert status == 2
+    assert message in error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_inputs_are_not_overwritten(run, tmp_path):
+    trajectory = tmp_path / "motion.png"
+    trajectory.write_bytes(stored_path(NAME, REFINEMENT).read_bytes())
+    before = trajectory.read_bytes()
+    status, _, error = run("simulate", f"example:{NAME}", trajectory, "--plot", trajectory)
+    assert status == 2
+    assert "is the same file as" in error
+    assert trajectory.read_bytes() == before
+
+
+def test_nothing_is_written_on_failure(run, tmp_path, monkeypatch):
+    """Of two files that are asked for, the one that could be made neither."""
+
+    def failing(*_, **__):
+        raise OutputError("no page today")
+
+    monkeypatch.setattr("tubeplanner.views.viewer.view", failing)
+    files = ("--plot", tmp_path / "runs.png", "--html", tmp_path / "runs.html")
+    status, text, error = run("simulate", *CASE, "--runs", "1", *files)
+    assert (status, text) == (2, "")
+    assert "no page today" in error
+    assert list(tmp_path.iterdir()) == []
+    other = stored_path("ur5/over_the_wall", REFINEMENT)
+    assert run("simulate", CASE[0], other, *files)[0] == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+# `tubeplanner simulate` of whole cycles.
+
+
+CYCLE = """
+format: tubeplanner/cycle
+robot: {urdf: slide.urdf, tool_frame: tip}
+start: {joints: [0, 0, 0]}
+closed: true
+moves:
+  - {name: reach, tube: {points: [FIRST, SECOND], radius: 0.2}, goal: {joints: [0.4, 0.1, 0.0]}}
+  - {event: close, dwell: 0.1}
+  - {attach: part, payload: {mass: 2.0, com: [0.3, 0, 0]}}
+  - {event: settle, dwell: 0.1}
+  - {name: carry, tube: {points: [SECOND, THIRD], radius: 0.2}, goal: {joints: [-0.3, 0.2, 0.1]}}
+  - {event: open, dwell: 0.1}
+  - {detach: part}
+  - {name: back, tube: {points: [THIRD, FIRST], radius: 0.2}, goal: {joints: [0.0, 0.0, 0.0]}}
+"""
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    """A cycle file and a file of its motion."""
+    folder = tmp_path_factory.mktemp("picking")
+    tools = slide(folder).tool_position(SEAMS[:3]).tolist()
+    text = CYCLE
+    for name, tool in zip(("FIRST", "SECOND", "THIRD"), tools, strict=True):
+        text = text.replace(name, str(tool))
+    cycle, trajectory = folder / "cycle.yaml", folder / "motion.json"
+    cycle.write_text(text)
+    motion = motion_of(load_cycle(cycle))
+    contents, _ = cycle_contents(TrajectoryFiles(trajectory), motion, "by hand")
+    trajectory.write_bytes(contents[trajectory])
+    return cycle, trajectory
+
+
+def test_the_whole_the_moves_and_what_changes_hands_are_told(run, case):
+    status, text, _ = run("simulate", *case, "--runs", "2")
+    assert status == 0
+    lines = text.splitlines()
+    assert "seen in 2 runs" in lines[0]
+    assert any(line.startswith("beyond the tube [m]") and "move '" in line for line in lines)
+    for move in ("reach", "carry", "back"):
+        assert any(line.startswith(f"{move} ") and "of 2" in line for line in lines)
+    assert any(line.startswith(f"{DURATION + DWELL:.4f} s: attach part ") for line in lines)
+    assert any(": detach part " in line for line in lines)
+    assert any(line.startswith("0 of 2 runs failed") for line in lines)
+    assert "note: what is taken or let go stands where the planned motion has it" in text
+    assert "made for another" not in text
+
+
+def test_the_same_as_json(run, case):
+    report = json.loads(run("simulate", *case, "--runs", "3", "--seed", "4", "--json")[1])
+    assert (report["status"], report["verdict"]["runs"]) == ("success", 3)
+    assert list(report["moves"]) == ["reach", "carry", "back"]
+    whole, moves = report["seen"], [each["seen"] for each in report["moves"].values()]
+    tubes = [seen["tube"]["worst"]["value"] for seen in moves]
+    assert whole["tube"]["worst"]["value"] == max(tubes) == max(report["excursions"])
+    assert whole["obstacles"] is None
+    attach, detach = report["handovers"]
+    assert (attach["attach"], detach["detach"]) == ("part", "part")
+    assert 0 < attach["distance"]["median"] <= attach["distance"]["worst"] < 0.05
+    assert report["duration"] == pytest.approx(3 * DURATION + 3 * DWELL)
+    again = json.loads(run("simulate", *case, "--runs", "3", "--seed", "5", "--json")[1])
+    assert again["seen"] != whole
+
+
+def test_errors_are_those_that_are_given_of_command_cycle(run, case):
+    names = ["mass", "com", "payload", "unmodelled-friction", "lag", "delay", "noise", "tool"]
+    exact = [word for name in [*names, "base"] for word in (f"--{name}", "0")]
+    report = json.loads(run("simulate", *case, "--runs", "2", *exact, "--json")[1])
+    assert report["seen"]["tracking"]["worst"]["value"] < 1e-4
+    heavier = [*exact, "--payload", "0.5", "--controller", "feedforward-pd"]
+    report = json.loads(run("simulate", *case, "--runs", "2", *heavier, "--json")[1])
+    assert report["moves"]["reach"]["seen"]["tracking"]["worst"]["value"] < 1e-3
+    assert report["moves"]["carry"]["seen"]["tracking"]["worst"]["value"] > 1e-3
+
+
+def test_the_cycle_may_be_changed_and_the_note_says_so(run, case):
+    status, text, _ = run("simulate", *case, "--runs", "1", "--set", "moves.carry.tube.radius=0.01")
+    assert status == 0
+    assert "1 of 1 runs failed: 1 left the tube" in text
+    assert "the trajectory was made for another cycle" in text
+
+
+def test_a_trajectory_without_marks_is_none_of_a_cycle(run, case, tmp_path):
+    fields = json.loads(case[1].read_text())
+    del fields["marks"]
+    path = tmp_path / "unmarked.json"
+    path.write_text(json.dumps(fields))
+    status, _, error = run("simulate", case[0], path)
+    assert status == 2
+    assert f"{path} has no marks" in error
+
+
+def test_figure_and_page_are_written(run, case, tmp_path):
+    figure, page = tmp_path / "runs.png", tmp_path / "runs.html"
+    status, text, _ = run("simulate", *case, "--runs", "2", "--plot", figure, "--html", page)
+    assert status == 0
+    assert text.endswith(f"plot: {figure}\nview: {page}\n")
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "Executed paths of the tool: 2 runs" in page.read_text()

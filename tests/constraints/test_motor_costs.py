@@ -1,0 +1,339 @@
+"""Motor costs of a motion: efforts, heat, work, effort variation."""
+
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from follower_arm import follower_arm
+from scipy.integrate import quad
+
+from cases import ANGLE, INERTIA, PEAK_ACCELERATION, PEAK_VELOCITY, one_joint, quintic, with_motors
+from tubeplanner import JointTrajectory, LimitOverrides, PlanOptions, load_robot, plan
+from tubeplanner.constraints.effort_costs import EffortCosts
+from tubeplanner.constraints.effort_variation import effort_variation
+from tubeplanner.constraints.motor_effort import coulomb_effort, motor_effort
+
+# What motors give along motions with reversals and rests: closed forms; Puma 560's friction.
+
+
+BACK, FORTH, VISCOUS, ARMATURE = 0.9, 0.3, 0.8, 0.4
+ALL = {
+    "armature": ARMATURE,
+    "viscous_friction": VISCOUS,
+    "backwards_friction": BACK,
+    "forwards_friction": FORTH,
+}
+# Puma 560 at its motors (Corke & Armstrong-Helouvry, "A search for consensus among model parameters
+# reported for the PUMA 560 robot", 1994): gear ratios, rotors [kg m^2], viscous friction
+# [N m s/rad], and Coulomb friction forwards and backwards [N m].
+GEARS = np.array([-62.6111, 107.815, -53.7063, 76.0364, 71.923, 76.686])
+ROTORS = np.array([200e-6, 200e-6, 200e-6, 33e-6, 33e-6, 33e-6])
+AT_MOTORS = np.array([1.48e-3, 0.817e-3, 1.38e-3, 71.2e-6, 82.6e-6, 36.7e-6])
+FORTH_AT_MOTORS = np.array([0.395, 0.126, 0.132, 11.2e-3, 9.26e-3, 3.96e-3])
+BACK_AT_MOTORS = np.array([0.435, 0.071, 0.105, 16.9e-3, 14.5e-3, 10.5e-3])
+# And as felt at its joints.
+PUMA = {
+    "armature": [0.784, 2.325, 0.577, 0.191, 0.171, 0.194],
+    "viscous_friction": [5.8, 9.5, 3.98, 0.41, 0.43, 0.22],
+    "forwards_friction": [24.7, 13.6, 7.1, 0.85, 0.67, 0.30],
+    "backwards_friction": [27.2, 7.7, 5.6, 1.29, 1.04, 0.81],
+}
+
+
+def there_and_back():
+    """0.5 (1 - 4 t^2)^2 from t = -1/2 to 1/2: out to 0.5 rad and back, at rest at both ends."""
+    rows = np.poly1d([-4.0, 4.0, 0.0]) ** 2 * 0.5
+    return JointTrajectory(["turn"], [0.0, 1.0], rows.c[:, None, None])
+
+
+def test_at_a_reversal_it_is_that_of_the_direction_taken_and_at_the_goal_of_its_approach(tmp_path):
+    robot, motion = with_motors(one_joint(tmp_path), **ALL), there_and_back()
+    samples = motion.at(np.array([0.0, 0.2, 0.5, 0.8, 1.0]))
+    dry = coulomb_effort(robot, motion, samples)[:, 0]
+    np.testing.assert_allclose(dry, [FORTH, FORTH, -BACK, -BACK, -BACK])
+    expected = (INERTIA + ARMATURE) * samples.acceleration + VISCOUS * samples.velocity
+    found = motor_effort(robot, motion, samples)
+    np.testing.assert_allclose(found, expected + dry[:, None], atol=1e-12)
+
+
+def test_at_instants_of_no_velocity_pieces_of_any_width_have_their_own_directions(tmp_path):
+    """The second takes half as long as the first, turns back there, and reverses twice."""
+    robot = with_motors(one_joint(tmp_path), **ALL)
+    first = np.poly1d([-1.0, 2.0, 0.0])  # out, to rest at its end
+    second = np.poly1d([0.0, 0.125, 0.375], r=True).integ() * -1.0
+    rows = np.stack([np.pad(each.c, (4 - each.order, 0)) for each in (first, second)])
+    motion = JointTrajectory(["turn"], [0.0, 1.0, 1.5], rows.T[:, :, None])
+    time = np.array([0.0, 0.999, 1.0, 1.1, 1.125, 1.2, 1.375, 1.45, 1.5])
+    dry = coulomb_effort(robot, motion, motion.at(time))[:, 0]
+    turns = [FORTH] * 2 + [-BACK] * 2 + [FORTH] * 2 + [-BACK] * 3
+    np.testing.assert_allclose(dry, turns)
+
+
+def test_a_joint_that_stands_still_has_none(tmp_path, slide):
+    robot = with_motors(slide, backwards_friction=BACK, forwards_friction=FORTH)
+    rows = np.zeros((2, 1, 3))
+    rows[0, 0] = [1.0, 0.5e-6, -2e-6]
+    motion = JointTrajectory(slide.joint_names, [0.0, 1.0], rows)
+    dry = coulomb_effort(robot, motion, motion.at(np.array([0.0, 0.4])))
+    np.testing.assert_allclose(dry, [[FORTH, 0.0, -BACK]] * 2)
+
+
+def test_without_coulomb_friction_it_is_what_the_arm_needs(ur5):
+    rng = np.random.default_rng(1)
+    motion = JointTrajectory(ur5.joint_names, [0.0, 0.3, 1.0], rng.normal(size=(4, 2, 6)))
+    samples = motion.at(np.linspace(0, 1, 20))
+    arm = with_motors(ur5, viscous_friction=VISCOUS)
+    assert not coulomb_effort(arm, motion, samples).any()
+    state = (samples.position, samples.velocity, samples.acceleration)
+    expected = ur5.inverse_dynamics(*state) + VISCOUS * samples.velocity
+    np.testing.assert_allclose(motor_effort(arm, motion, samples), expected)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_puma_560s_motors_are_what_they_are_behind_its_gears(way):
+    """The law at the motors, taken through the gears: efforts grow by them, speeds fall."""
+    plain = load_robot("example:ur5", "tool0")
+    robot = with_motors(plain, **PUMA)
+    v, a = (
+        way * np.array([1.0, 0.8, 1.5, 3.0, 2.0, 4.0]),
+        np.array([2.0, -3.0, 1.0, 5.0, 4.0, -9.0]),
+    )
+    rows = np.stack([a / 2, v, np.zeros(6)])[:, None]
+    motion = JointTrajectory(plain.joint_names, [0.0, 0.1], rows)
+    samples = motion.at(np.zeros(1))
+    size = abs(GEARS)
+    spinning = AT_MOTORS * size * v + way * (FORTH_AT_MOTORS if way > 0 else BACK_AT_MOTORS)
+    expected = size * (spinning + ROTORS * size * a)
+    state = (samples.position, samples.velocity, samples.acceleration)
+    found = motor_effort(robot, motion, samples) - plain.inverse_dynamics(*state)
+    np.testing.assert_allclose(found[0], expected, rtol=0.01, atol=0.02)
+
+
+# Efforts of motors against MuJoCo's inverse dynamics, which reads the same URDF its own way.
+
+
+LEFT_OUT = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+STATE = mujoco.mjtConstraintState
+SATURATED = (STATE.mjCNSTRSTATE_LINEARNEG, STATE.mjCNSTRSTATE_LINEARPOS)
+JOINTS = ["lift", "first", "second", "slide", "wrist", "tip_joint", "side_joint"]
+
+
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory):
+    """Seven joints that turn and slide in two branches: ours, and MuJoCo's with the same motors."""
+    path = tmp_path_factory.mktemp("mujoco") / "arm.urdf"
+    path.write_text(follower_arm({}))
+    plain, rng = load_robot(path, "tip", joints=JOINTS), np.random.default_rng(6)
+    armature, viscous, dry = rng.uniform(0.1, 2, (3, len(JOINTS)))
+    robot = with_motors(
+        plain,
+        armature=armature,
+        viscous_friction=viscous,
+        backwards_friction=dry,
+        forwards_friction=dry,
+    )
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= LEFT_OUT
+    place = [model.joint(name).dofadr[0] for name in JOINTS]
+    model.dof_armature[place] = armature
+    model.dof_damping[place] = viscous
+    model.dof_frictionloss[place] = dry
+    return robot, model, place
+
+
+def simulated(model, place, state):
+    """Return the efforts of one state, and which joints' friction is saturated."""
+    data = mujoco.MjData(model)
+    for own, part in zip((data.qpos, data.qvel, data.qacc), state, strict=True):
+        own[place] = part
+    mujoco.mj_inverse(model, data)
+    saturated = np.isin(data.efc_state, SATURATED)
+    assert len(saturated) == len(place)
+    return data.qfrc_inverse[place], saturated
+
+
+def test_where_friction_is_saturated_efforts_are_mujocos(arms):
+    robot, model, place = arms
+    rng = np.random.default_rng(7)
+    for _ in range(40):
+        q, v, a = rng.uniform(-2, 2, (3, len(JOINTS)))
+        v = np.sign(v) * (0.5 + abs(v))
+        expected, saturated = simulated(model, place, (q, v, a))
+        assert saturated.all()
+        motion = JointTrajectory(JOINTS, [0.0, 0.05], np.stack([a / 2, v, q])[:, None])
+        found = motor_effort(robot, motion, motion.at(np.zeros(1)))
+        np.testing.assert_allclose(found[0], expected, rtol=1e-8, atol=1e-8)
+
+
+def test_at_rest_what_remains_is_weight(arms):
+    robot, model, place = arms
+    q = np.random.default_rng(8).uniform(-1, 1, len(JOINTS))
+    still = np.zeros(len(JOINTS))
+    expected, saturated = simulated(model, place, (q, still, still))
+    assert not saturated.any()
+    motion = JointTrajectory(JOINTS, [0.0, 1.0], q[None, None])
+    found = motor_effort(robot, motion, motion.at(np.zeros(1)))
+    np.testing.assert_allclose(found[0], expected, atol=1e-8)
+
+
+# What a motion takes from its motors: closed forms, and quadratures of something else.
+
+
+SQUARED_ACCELERATION = 120 / 7  # of the quintic of one radian in one second, integrated
+SEVERAL = 40
+HALVES = ((0.0, 0.5), (0.5, 1.0))
+
+
+def divided(trajectory):
+    """Return a motion of one piece in many pieces."""
+    breakpoints = np.linspace(0, trajectory.duration, SEVERAL + 1)
+    (polynomial,) = trajectory.coefficients[:, :, 0].T
+    pieces = []
+    for begin in breakpoints[:-1]:
+        shifted = np.poly1d(polynomial)(np.poly1d([1.0, begin]))
+        pieces.append(np.pad(shifted.c, (len(polynomial) - len(shifted.c), 0)))
+    return JointTrajectory(trajectory.joint_names, breakpoints, np.array(pieces).T[:, :, None])
+
+
+@pytest.mark.parametrize("duration", [1.0, 2.5])
+def test_a_bar_in_free_rotation_has_closed_forms(duration, tmp_path):
+    costs = EffortCosts(one_joint(tmp_path), divided(quintic(ANGLE, duration)))
+    energy = 3.0 * (INERTIA * ANGLE) ** 2 * SQUARED_ACCELERATION / duration**3
+    assert costs.energy(np.array([3.0])) == pytest.approx(energy, rel=1e-5)
+    work = INERTIA * (PEAK_VELOCITY * ANGLE / duration) ** 2 / 2
+    assert costs.work() == pytest.approx(work, rel=1e-5)
+
+
+def test_other_durations_are_those_of_the_motion_run_slower(tmp_path):
+    """With gravity, whose share does not depend on speed."""
+    robot, motion, weights = one_joint(tmp_path, mass=0.5), divided(quintic()), np.array([0.04])
+    costs, slower = EffortCosts(robot, motion), EffortCosts(robot, motion.scaled(1.7))
+    assert costs.energy(weights, 1.7) == pytest.approx(slower.energy(weights), rel=1e-9)
+    assert costs.work(1.7) == pytest.approx(slower.work(), rel=1e-9)
+    assert costs.work(1.7) != pytest.approx(costs.work(), rel=0.1)
+
+
+def test_of_a_planned_motion_they_are_adaptive_quadratures_of_pinocchios_efforts(bundled):
+    """Piece by piece, of the two-link arm, whose joints Pinocchio has in the same order."""
+    problem = bundled("two_link/around_a_post")
+    robot, trajectory = problem.robot, plan(problem, PlanOptions(slack=0.05)).trajectory
+    model = pin.buildModelFromUrdf(str(robot.urdf.path))
+    model.gravity.linear = np.asarray(robot.gravity)
+    data, weights = model.createData(), np.array([0.3, 2.0])
+
+    def effort(t):
+        state = (trajectory.position(t), trajectory.velocity(t), trajectory.acceleration(t))
+        return pin.rnea(model, data, *(np.ravel(part) for part in state))
+
+    def integral(function):
+        pieces = pairwise(trajectory.breakpoints)
+        return sum(quad(function, *piece, epsabs=1e-9, epsrel=1e-7)[0] for piece in pieces)
+
+    def power(t):
+        return np.maximum(effort(t) * np.ravel(trajectory.velocity(t)), 0.0).sum()
+
+    costs = EffortCosts(robot, trajectory)
+    energy = integral(lambda t: effort(t) ** 2 @ weights)
+    assert costs.energy(weights) == pytest.approx(energy, rel=1e-4)
+    assert costs.work() == pytest.approx(integral(power), rel=1e-4)
+
+
+def out_and_back(duration):
+    """A bar's motion of one radian out and back, at rest at both ends, in many pieces."""
+    rows = np.poly1d([-4.0, 4.0, 0.0]) ** 2
+    motion = JointTrajectory(["turn"], [0.0, 1.0], rows.c[:, None, None])
+    return divided(motion.scaled(duration))
+
+
+@pytest.mark.parametrize("duration", [1.0, 2.5])
+def test_friction_is_what_work_overcomes_and_motors_heat_for(duration, tmp_path):
+    """Against quadratures of the law, split where the joint reverses; run slower they agree too."""
+    viscous, back, forth, armature = 0.8, 0.9, 0.3, 0.4
+    robot = with_motors(
+        one_joint(tmp_path, mass=0.5),
+        armature=armature,
+        viscous_friction=viscous,
+        backwards_friction=back,
+        forwards_friction=forth,
+    )
+    q = np.poly1d([-4.0, 4.0, 0.0]) ** 2
+
+    def effort(x):
+        held = 0.5 * 9.81 * 0.5 * np.cos(q(x)) + (forth if x < 0.5 else -back)
+        inertia = INERTIA + 0.5 * 0.5**2 + armature
+        return held + viscous * q.deriv()(x) / duration + inertia * q.deriv(2)(x) / duration**2
+
+    def integral(function):
+        return sum(quad(function, *part, epsabs=1e-11, limit=200)[0] for part in HALVES)
+
+    energy = integral(lambda x: 3.0 * effort(x) ** 2) * duration
+    work = integral(lambda x: max(effort(x) * q.deriv()(x), 0.0))
+    for costs, given in (
+        (EffortCosts(robot, out_and_back(duration)), None),
+        (EffortCosts(robot, out_and_back(0.7)), duration),
+    ):
+        assert costs.energy(np.array([3.0]), given) == pytest.approx(energy, rel=3e-4)
+        assert costs.work(given) == pytest.approx(work, rel=3e-4)
+
+
+# Total variation of efforts against closed forms.
+
+
+MASS, LEVER, GRAVITY, EFFORT = 2.0, 0.5, 9.81, 5.0
+
+
+@pytest.mark.parametrize("duration", [1.0, 0.4])
+def test_a_rest_to_rest_quintic_moves_its_effort_up_down_and_back(duration, tmp_path):
+    """From 0 to the peak, to the opposite one, and to 0: four peaks."""
+    peak = INERTIA * PEAK_ACCELERATION * ANGLE / duration**2
+    found = effort_variation(one_joint(tmp_path), quintic(duration=duration))
+    assert found == pytest.approx([4 * peak / EFFORT], rel=5e-3)
+    assert found <= 4 * peak / EFFORT
+
+
+def pendulum_effort(q, acceleration):
+    """A bar about z, its centre 0.5 m along x, gravity along -y."""
+    inertia = INERTIA + MASS * LEVER**2
+    return inertia * acceleration + MASS * GRAVITY * LEVER * np.cos(q)
+
+
+def test_a_pendulums_effort_moves_with_gravity_too(tmp_path):
+    """Its extremes are where the closed form turns, found on a fine grid."""
+    s = np.linspace(0, 1, 200_001)
+    q = ANGLE * s**3 * (10 - 15 * s + 6 * s**2)
+    effort = pendulum_effort(q, ANGLE * s * (60 - 180 * s + 120 * s**2))
+    expected = abs(np.diff(effort)).sum() / EFFORT
+    found = effort_variation(one_joint(tmp_path, mass=MASS), quintic())
+    assert found == pytest.approx([expected], rel=1e-2)
+    assert abs(found - 4 * INERTIA * PEAK_ACCELERATION * ANGLE / EFFORT) > 0.1
+
+
+def test_jumps_between_pieces_count_and_the_hold_before_and_after_does_not(tmp_path):
+    """Full effort one way, then the other: from one limit to the opposite."""
+    peak = EFFORT / INERTIA
+    coefficients = np.array([[[peak / 2], [-peak / 2]], [[0], [peak]], [[0], [peak / 2]]])
+    bang_bang = JointTrajectory(["turn"], [0.0, 1.0, 2.0], coefficients)
+    assert effort_variation(one_joint(tmp_path), bang_bang) == pytest.approx([2.0], rel=1e-12)
+
+
+def test_without_a_limit_the_largest_effort_is_the_unit(tmp_path):
+    robot = one_joint(tmp_path, effort=np.inf, acceleration=50.0)
+    assert effort_variation(robot, quintic()) == pytest.approx([4.0], rel=5e-3)
+
+
+def test_beside_another_motion_that_ones_largest_effort_is_the_unit(tmp_path):
+    """Twice as slow, a quarter of the effort: its variation too is a quarter."""
+    robot = one_joint(tmp_path, effort=np.inf, acceleration=50.0)
+    slower = quintic().scaled(2.0)
+    beside, alone = (effort_variation(robot, slower, other) for other in (quintic(), None))
+    assert beside == pytest.approx(effort_variation(robot, quintic()) / 4, rel=1e-9)
+    assert alone == pytest.approx(effort_variation(robot, quintic()), rel=1e-9)
+
+
+def test_a_joint_at_rest_without_gravity_has_none():
+    limits = LimitOverrides(velocity={"joint1": np.inf, "joint2": np.inf})
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    still = JointTrajectory(robot.joint_names, [0.0, 1.0], np.zeros((4, 1, 2)))
+    np.testing.assert_array_equal(effort_variation(robot, still), [0.0, 0.0])

@@ -1,0 +1,405 @@
+"""Leg: moves without a stop between them; open ends, rests and their labels."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from small_cycle import small_cycle
+from two_link_cycles import cycle_of
+from two_link_cycles import move as named_move
+
+from cycles import HOME, PICK, PLACE, planar_arm, weight
+from cycles import move as joined_moves_move
+from cycles import move as leg_move
+from tubeplanner import (
+    Attach,
+    Contact,
+    Detach,
+    Event,
+    GoalRegion,
+    LimitOverrides,
+    Move,
+    Objective,
+    ProblemError,
+    Tube,
+    load_robot,
+)
+from tubeplanner.cycle.joined_moves import joined_moves
+from tubeplanner.cycle.leg import legs_of
+from tubeplanner.cycle.open_ends import ending_for
+from tubeplanner.cycle.step_text import rest_text, step_text
+from tubeplanner.outcome import Place
+
+# An open end is turned as the next move begins.
+
+
+POINTS = [[0.4, 0.0, 0.5], [0.5, 0.2, 0.4]]
+DOWN, ASIDE = [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]
+TILTED = [np.cos(0.3), np.sin(0.3), 0.0, 0.0]
+FREE, UPRIGHT = [np.inf] * 3, [0.1, 0.1, np.inf]
+
+
+@pytest.fixture(scope="module")
+def open_ends_robot():
+    return load_robot("example:ur5", "tool0")
+
+
+def move(robot, name, orientation=None, tolerance=None, goal=None) -> Move:
+    given = {}
+    if orientation is not None:
+        given = {"orientations": [orientation] * 2, "rotation_tolerance": [tolerance]}
+    return Move(name, robot, Tube(POINTS, 0.05, **given), goal)
+
+
+def test_a_tool_that_is_free_on_the_way_ends_turned_as_the_next_move_asks(open_ends_robot):
+    joined = ending_for(
+        move(open_ends_robot, "first"), move(open_ends_robot, "second", DOWN, UPRIGHT)
+    )
+    assert joined.goal.rotation_tolerance == tuple(UPRIGHT)
+    assert np.array_equal(joined.goal.position, POINTS[1])
+    assert np.array_equal(joined.tube.orientations, [DOWN] * 2)
+    assert joined.tube.rotation is None  # free on the way
+
+
+def test_a_ball_keeps_its_tolerances(open_ends_robot):
+    ball = GoalRegion(np.array(POINTS[1]), 0.02)
+    first = move(open_ends_robot, "first", DOWN, 0.5, ball)
+    goal = ending_for(first, move(open_ends_robot, "second", DOWN, 0.1)).goal
+    assert (goal.tolerance, goal.rotation_tolerance) == (0.02, 0.1)
+    own = replace(ball, rotation_tolerance=0.03)
+    first = replace(first, goal=own)
+    assert ending_for(first, move(open_ends_robot, "second", DOWN, 0.1)).goal is own
+
+
+@pytest.mark.parametrize(
+    "second",
+    [{}, {"orientation": DOWN, "tolerance": FREE}],
+)
+def test_a_next_move_that_leaves_the_tool_free_asks_nothing(open_ends_robot, second):
+    first = move(open_ends_robot, "first")
+    assert ending_for(first, move(open_ends_robot, "second", **second)) is first
+
+
+def test_a_given_goal_and_another_orientation_stay_as_they_are(open_ends_robot):
+    second = move(open_ends_robot, "second", DOWN, UPRIGHT)
+    given = move(open_ends_robot, "first", goal=np.zeros(6))
+    assert ending_for(given, second) is given
+    aside = move(open_ends_robot, "first", ASIDE, UPRIGHT)
+    assert ending_for(aside, second) is aside
+    opposite = move(open_ends_robot, "first", [-x for x in DOWN], UPRIGHT)  # the same rotation
+    assert ending_for(opposite, second).goal.rotation_tolerance == tuple(UPRIGHT)
+
+
+def test_what_counts_is_where_the_moves_meet(open_ends_robot):
+    """The first ends as it does last, the second begins as it does first."""
+    turning = Tube(
+        [*POINTS, [0.5, 0.3, 0.4]],
+        0.05,
+        orientations=[DOWN, DOWN, TILTED],
+        rotation_tolerance=[0.1, 0.3],
+    )
+    second = Move("second", open_ends_robot, turning)
+    joined = ending_for(move(open_ends_robot, "first"), second)
+    assert np.array_equal(joined.tube.orientations, [DOWN] * 2)
+    assert joined.goal.rotation_tolerance == 0.1
+    ends_tilted = Move("first", open_ends_robot, turning)
+    assert ending_for(ends_tilted, second) is ends_tilted
+
+
+# Moves that pass through as one: against a tube that is given as one.
+
+
+ARM = planar_arm()
+JOINED_MOVES_POINTS = np.array(
+    [[0.5, 0, 0.1], [0.4, 0.2, 0.1], [0.2, 0.3, 0.2], [0, 0.4, 0.1], [-0.2, 0.4, 0]]
+)
+STILL, TURNED = [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sin(0.4), np.cos(0.4)]
+BOX = {"box": [0.1, 0.06], "up": [0, 0, 1]}
+# What a tube has by segment or by point, of the four segments of POINTS.
+GIVEN = {
+    "radius": {"radius": [0.1, 0.2, 0.05, 0.3]},
+    "joint_signs": {"joint_signs": [{}, {"joint2": "+"}, {"joint2": [0.1, 0.4]}, {"joint1": "-"}]},
+    "tool_speed": {"tool_speed": [0.5, None, 0.2, 0.4]},
+    "clearance": {"clearance": [0.01, 0.02, 0.03, 0.04]},
+    "cross_section": {"cross_section": [None, BOX, BOX, None], "radius": [0.1, None, None, 0.3]},
+    "rotation": {
+        "orientations": [STILL, TURNED, TURNED, STILL, STILL],
+        "rotation_tolerance": [0.1, [0.1, 0.2, np.inf], 0.3, 0.4],
+    },
+    "visit": {"visit": "any"},
+    "tool_radius": {"tool_radius": 0.01},
+    "points": {"pass_through_points": "all"},
+}
+BY_POINT = ("orientations",)
+
+
+def part(given, first, last):
+    """Return a tube over some of the segments."""
+    own = {}
+    for name, value in given.items():
+        end = last + (name in BY_POINT)
+        own[name] = value[first:end] if isinstance(value, list) else value
+    return Tube(JOINED_MOVES_POINTS[first : last + 1], own.pop("radius", 0.1), **own)
+
+
+def assert_same_tubes(found, expected):
+    for name in (field.name for field in fields(Tube)):
+        mine, others = getattr(found, name), getattr(expected, name)
+        if name in ("joint_signs", "joint_ranges", "rotation_tolerance"):
+            assert str(mine) == str(others), name
+        elif isinstance(others, np.ndarray):
+            np.testing.assert_allclose(mine, others, err_msg=name)
+        elif name not in ("rotation", "parts"):
+            assert mine == others, name
+
+
+@pytest.mark.parametrize("cuts", [[2], [1], [1, 3]])
+@pytest.mark.parametrize("name", GIVEN)
+def test_tubes_that_meet_are_one(name, cuts):
+    spans = zip([0, *cuts], [*cuts, 4], strict=True)
+    moves = [Move(f"move {k}", ARM, part(GIVEN[name], *span)) for k, span in enumerate(spans)]
+    assert_same_tubes(joined_moves(moves).tube, part(GIVEN[name], 0, 4))
+
+
+def test_where_one_tube_binds_nothing_the_other_binds_what_it_did():
+    bound = {**GIVEN["rotation"], **GIVEN["tool_speed"], "clearance": [0.01, 0.02, 0.03, 0.04]}
+    first = Move("first", ARM, part(bound, 0, 2), clearance=0.1)
+    second = Move("second", ARM, part({}, 2, 4), clearance=0.3)
+    tube = joined_moves([first, second]).tube
+    np.testing.assert_allclose(tube.tool_speed, [0.5, np.inf, np.inf, np.inf])
+    np.testing.assert_allclose(tube.clearance, [0.01, 0.02, 0.3, 0.3])
+    bounds = [np.ravel(bound).max() for bound in tube.rotation_tolerance]
+    np.testing.assert_allclose(bounds, [0.1, np.inf, np.inf, np.inf])
+    np.testing.assert_allclose(tube.orientations, [STILL, *[TURNED] * 4])
+    backwards = joined_moves([replace(second, tube=part({}, 0, 2)), after(first, bound)]).tube
+    np.testing.assert_allclose(backwards.clearance, [0.3, 0.3, 0.03, 0.04])
+    np.testing.assert_allclose(backwards.orientations, [*[TURNED] * 3, STILL, STILL])
+    assert np.isinf(np.ravel(backwards.rotation_tolerance[0])).all()
+
+
+def after(move, given):
+    return replace(move, name="after", tube=part(given, 2, 4))
+
+
+def test_moves_of_other_clearances_keep_their_own():
+    first, second = (
+        Move(f"move {k}", ARM, part({}, 2 * k, 2 * k + 2), clearance=0.01 * (k + 1))
+        for k in range(2)
+    )
+    joined = joined_moves([first, second])
+    np.testing.assert_allclose(joined.tube.clearance, [0.01, 0.01, 0.02, 0.02])
+    same = joined_moves([first, replace(second, clearance=0.01)])
+    assert (same.clearance, same.tube.clearance) == (0.01, None)
+
+
+def test_points_that_repeat_keep_their_numbers():
+    """Places in the second tube are told by where the first one ends as it was given."""
+    first = Tube(JOINED_MOVES_POINTS[[0, 0, 1, 2]], 0.1)
+    joined = joined_moves(
+        [Move("a", ARM, first), Move("b", ARM, Tube(JOINED_MOVES_POINTS[2:], 0.1))]
+    )
+    assert first.segment_count == 2
+    assert joined.tube.numbers.tolist() == [*first.numbers, 4, 5]
+
+
+def test_the_last_move_ends_it_and_contacts_hold_at_its_ends():
+    ends = [Contact(("a", name), 0.1, when) for name, when in CONTACTS]
+    goal = GoalRegion(JOINED_MOVES_POINTS[4], 0.01)
+    first = Move("first", ARM, part({}, 0, 2), contacts=ends)
+    second = Move("second", ARM, part({}, 2, 4), goal=goal, contacts=ends)
+    joined = joined_moves([first, second])
+    assert joined.goal is goal
+    found = [(contact.links[1], contact.ends) for contact in joined.contacts]
+    assert found == [("b", ("start",)), ("d", ("start",)), ("c", ("goal",)), ("d", ("goal",))]
+
+
+CONTACTS = [("b", ("start",)), ("c", ("goal",)), ("d", ("start", "goal"))]
+SLOW = load_robot("example:two_link", "hand", limits=LimitOverrides(tool_speed=0.5))
+PAIR = ("link1", "hand")
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"robot": SLOW}, "limits"),
+        ({"objective": Objective(slack=0.1)}, "objective"),
+        ({"ignore_collisions": [PAIR]}, "collision.ignore"),
+        ({"pair_clearances": {PAIR: 0.1}}, "clearance.pairs"),
+        ({"tube": part({"tool_radius": 0.01}, 2, 4)}, "tube.tool_radius"),
+        ({"tube": part({"visit": "any"}, 2, 4)}, "tube.visit"),
+        ({"tube": part({"pass_through_points": "none"}, 2, 4)}, "tube.pass_through_points"),
+    ],
+)
+def test_what_holds_all_along_must_be_the_same(change, field):
+    first, second = Move("first", ARM, part({}, 0, 2)), Move("second", ARM, part({}, 2, 4))
+    joined_moves([first, second])
+    message = f"move 'second': pass_through: {field} differs from the move's before; it must be"
+    with pytest.raises(ProblemError, match=message):
+        joined_moves([first, replace(second, **change)])
+
+
+@pytest.mark.parametrize("goal", [PICK, GoalRegion(JOINED_MOVES_POINTS[2], 0.01)])
+def test_where_the_arm_would_stop_it_does_not_pass(goal):
+    first, second = Move("first", ARM, part({}, 0, 2)), Move("second", ARM, part({}, 2, 4))
+    with pytest.raises(ProblemError, match="move 'second': pass_through: the move before it has a"):
+        joined_moves([replace(first, goal=goal), second])
+    joined_moves([replace(first, goal=GoalRegion(JOINED_MOVES_POINTS[2])), second])
+
+
+def test_tubes_that_do_not_meet_are_refused():
+    first = Move("first", ARM, part({}, 0, 2))
+    for gap, meets in ((5e-7, True), (2e-6, False)):
+        second = Move("second", ARM, Tube(JOINED_MOVES_POINTS[2:] + np.array([gap, 0, 0]), 0.1))
+        if meets:
+            joined_moves([first, second])
+            continue
+        with pytest.raises(
+            ProblemError, match="its tube begins 2e-06 m from where the tube before"
+        ):
+            joined_moves([first, second])
+
+
+def test_tools_that_turn_at_once_are_refused():
+    given = GIVEN["rotation"]
+    first, second = Move("first", ARM, part(given, 0, 2)), Move("second", ARM, part(given, 2, 4))
+    flipped = replace(second, tube=turned(given, [-number for number in TURNED]))
+    joined_moves([first, flipped])  # one quaternion and its negative are one rotation
+    with pytest.raises(
+        ProblemError, match=r"move 'second': pass_through: tube.orientations begins"
+    ):
+        joined_moves([first, replace(second, tube=turned(given, STILL))])
+
+
+def turned(given, begin):
+    orientations = [begin, STILL, TURNED]
+    tolerances = given["rotation_tolerance"][2:]
+    return Tube(
+        JOINED_MOVES_POINTS[2:], 0.1, orientations=orientations, rotation_tolerance=tolerances
+    )
+
+
+def test_one_move_is_itself():
+    only = joined_moves_move(ARM, "a", HOME, PLACE)
+    assert joined_moves([only]) is only
+
+
+# Steps as legs and rests: what runs without a stop, and what the arm carries when.
+
+
+GRAVITY = (0.0, -9.81, 0.0)
+LEG_ARM = planar_arm(GRAVITY)
+GO, ON, BACK = (
+    leg_move(LEG_ARM, name, *ends)
+    for name, ends in (("go", (HOME, PICK)), ("on", (PICK, PLACE)), ("back", (PLACE, HOME)))
+)
+THROUGH = replace(ON, passes_through=True)
+
+
+def test_moves_that_pass_through_are_one_leg():
+    legs, after = legs_of([GO, THROUGH, Event("a"), BACK, Event("b")])
+    assert [leg.name for leg in legs] == ["go, on", "back"]
+    assert [len(leg.before.steps) for leg in legs] == [0, 1]
+    assert [step.name for step in after.steps] == ["b"]
+
+
+def test_a_segment_of_a_leg_is_one_of_a_move():
+    points = LEG_ARM.tool_position(np.linspace(HOME, PICK, 4))
+    leg = legs_of([replace(GO, tube=Tube(points, 0.2)), THROUGH])[0][0]
+    assert leg.first_segments == (0, 3)
+    found = [(found.name, k) for found, k in map(leg.move_of, range(4))]
+    assert found == [("go", 0), ("go", 1), ("go", 2), ("on", 0)]
+
+
+@pytest.mark.parametrize(
+    ("steps", "message"),
+    [
+        ([THROUGH], "move 'on': pass_through: nothing comes before it, not a move"),
+        ([GO, Event("a"), THROUGH], "move 'on': pass_through: event, at rest, comes before it"),
+        ([GO, Attach("a"), THROUGH], "move 'on': pass_through: attach, at rest, comes before it"),
+        ([GO, Detach("a"), THROUGH], "move 'on': pass_through: detach, at rest, comes before it"),
+    ],
+)
+def test_what_begins_at_rest_passes_through_nothing(steps, message):
+    with pytest.raises(ProblemError, match=message):
+        legs_of(steps)
+
+
+def gravity_efforts(arms, q=PICK):
+    return np.array([arm.gravity_effort(q) for arm in arms])
+
+
+def test_the_arm_feels_what_it_carries_when_it_carries_it():
+    """Held efforts are the empty arm's, and the sum of what each weighs through the Jacobian."""
+    first, second = weight(1.5, (0.1, 0.0, 0.0)), weight(0.5, (-0.2, 0.1, 0.0))
+    steps = [GO, Attach("a", first), Attach("b", second), ON, Detach("a"), BACK, Detach("b")]
+    legs, after = legs_of(steps)
+    alone = {
+        load: gravity_efforts([load_robot("example:two_link", "hand", gravity=GRAVITY, payload=p)])
+        for load, p in (("", None), ("a", first), ("b", second))
+    }
+    both = alone["a"] + alone["b"] - alone[""]
+    found = gravity_efforts(leg.robot for leg in legs)
+    np.testing.assert_allclose(found, np.vstack([alone[""], both, alone["b"]]), atol=1e-10)
+    at_pick = gravity_efforts(legs[1].before.arms)
+    np.testing.assert_allclose(at_pick, np.vstack([alone[""], alone["a"], both]), atol=1e-10)
+    at_end = gravity_efforts(after.arms)
+    np.testing.assert_allclose(at_end, np.vstack([alone["b"], alone[""]]), atol=1e-10)
+
+
+def test_what_is_attached_adds_to_the_robots_own_payload():
+    own, added = weight(0.8, (0.05, 0.0, 0.0)), weight(1.5, (0.1, 0.0, 0.0))
+    loaded = planar_arm(GRAVITY, payload=own)
+    legs, _ = legs_of(
+        [leg_move(loaded, "go", HOME, PICK), Attach("a", added), replace(ON, robot=loaded)]
+    )
+    expected = load_robot("example:two_link", "hand", gravity=GRAVITY, payload=own.plus(added))
+    np.testing.assert_allclose(
+        gravity_efforts([legs[1].robot]), gravity_efforts([expected]), atol=1e-12
+    )
+    assert legs[0].robot is loaded
+
+
+def test_arms_that_carry_the_same_are_one():
+    """What is computed of an arm is computed once."""
+    load = weight(1.0)
+    steps = [Attach("a", load), GO, Event("x"), ON, Detach("a"), BACK]
+    legs, after = legs_of(steps)
+    assert legs[0].robot is legs[1].robot is legs[2].before.arms[0]
+    assert legs[2].robot is after.arms[0] is LEG_ARM
+
+
+def test_a_rest_names_what_changes_hands():
+    steps = [GO, Event("x"), Attach("a", weight(1.0)), Detach("a"), BACK]
+    assert legs_of(steps)[0][1].before.handed_over == ("a", "a")
+
+
+def test_a_place_in_a_leg_is_told_as_one_of_its_moves_in_the_cycle():
+    passing = {**named_move("second", "cd"), "pass_through": True}
+    cycle = cycle_of(named_move("first", "abc"), passing, named_move("third", "dc"))
+    leg = cycle.legs[0]
+    places = [leg.in_cycle(Place(segment=segment, time=1.0), 2.0) for segment in range(3)]
+    told = [(place.move, place.segment, place.time) for place in places]
+    assert told == [("first", 0, 3.0), ("first", 1, 3.0), ("second", 0, 3.0)]
+    whole = leg.in_cycle(Place(joint="joint1"), 2.0)
+    assert whole == Place(move="first, second", joint="joint1")
+    assert [cycle.called(k) for k in (0, 1)] == [
+        "moves 1 to 2 of 3, 'first', 'second'",
+        "move 3 of 3, 'third'",
+    ]
+
+
+# Rests in words.
+
+
+def test_a_rest_lists_its_steps_in_order():
+    cycle = small_cycle()
+    assert rest_text(cycle.legs[0].before) == "nothing"
+    assert rest_text(cycle.legs[1].before) == "gripper 'close' (0.05 s), attach part"
+    assert rest_text(cycle.legs[2].before) == "gripper 'open' (0.06 s), detach part"
+    assert rest_text(cycle.after) == "pause (0.1 s)"
+
+
+def test_what_an_event_sets_stays_on_one_line():
+    assert step_text(Event("weld")) == "weld"
+    assert step_text(Event("weld", 3)) == "weld 3"
+    assert "\n" not in step_text(Event("weld", "on\noff"))

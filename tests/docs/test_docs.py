@@ -1,0 +1,446 @@
+"""Pages, README and troubleshooting say what is true."""
+
+import ast
+import json
+import re
+import shlex
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from rail_arm import rail_arm
+from ruamel.yaml import YAML
+
+import tubeplanner
+from tubeplanner import load_cycle, load_study, parse_problem, plan, read_preset
+from tubeplanner.commands.cli import cli, main
+from tubeplanner.cycle.cycle_format import cycle_schema
+from tubeplanner.problem.problem_format import check_problem_fields, problem_schema
+from tubeplanner.studies.study_format import study_schema
+
+# What the pages in docs/ show is run: Python, commands, problem files, and what they print.
+
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in sorted(DOCS.rglob("*.md"))}
+ALL_PAGES = {"README.md": (ROOT / "README.md").read_text(), **PAGES}
+
+BLOCK = re.compile(r"^(<!-- not run: .* -->\n)?```(\w+)\n(.*?)^```$", re.M | re.S)
+# What another processor's rounding may move: numbers with a point, and whole ones with a unit.
+NUMBER = r"-?\d+(?:\.\d*(?:e[+-]?\d+)?|(?= (?:ms|mm|%)))"
+NUMBER_TOLERANCE = 0.1  # relative
+# Planning and what plans take time; the README, which a reader meets first, has its own tests.
+PLANS = re.compile(
+    r"\b(?:plan|sweep|sweep_field|compare|measure_tube|run_study)\(|^\$ tubeplanner plan ", re.M
+)
+# What a part of a problem file is completed with.
+REST = {
+    "robot": {"urdf": "example:ur5", "tool_frame": "tool0"},
+    "tube": {"points": [[0.4, 0, 0.4], [0.4, 0.2, 0.4]], "radius": 0.05},
+    "start": {"seed": [0.0] * 6},
+}
+
+
+def require_same(printed, text):
+    """Compare what is printed with what a page shows: `...` is anything, numbers are near."""
+    printed, text = " ".join(printed.split()), " ".join(text.split())
+    words = re.split(rf"(\.\.\.|{NUMBER})", text)
+    patterns = {"...": ".*?"}
+    words[::2] = map(re.escape, words[::2])
+    expected = [float(word) for word in words[1::2] if word not in patterns]
+    words[1::2] = [patterns.get(word, f"({NUMBER})") for word in words[1::2]]
+    found = re.fullmatch("".join(words), printed, re.S)
+    numbers = [float(number) for number in found.groups()] if found else None
+    same = numbers == pytest.approx(expected, rel=NUMBER_TOLERANCE)
+    assert same, f"the page shows\n{text}\nbut this is printed\n{printed}"
+
+
+def read_page(text, page):
+    """Compile and read the blocks of a page; yield those that run, and what they print."""
+    for not_run, language, block in BLOCK.findall(text):
+        if language == "python" or not_run:
+            compile(block, page, "exec")
+        elif language == "yaml":
+            keep_problem(block)
+        elif language == "json":
+            json.loads(block)
+        else:
+            known = language in ("text", "console", "sh")
+            assert known, f"{page}: nothing is done with blocks of '{language}'"
+        if not not_run:
+            yield language, block
+
+
+def run_page(text, page="page"):
+    """Run the blocks of a page from top to bottom, as a reader would."""
+    names, printed = {}, ""
+    for language, block in read_page(text, page):
+        if language == "python":
+            with redirect_stdout(StringIO()) as stream:
+                exec(compile(block, page, "exec"), names)
+            printed = stream.getvalue()
+        elif language == "text":
+            require_same(printed, block)
+        elif language == "console":
+            run_session(block)
+
+
+def run_session(block):
+    """Run the commands of a console block; compare what they print."""
+    for command, output in re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", block, re.M):
+        with redirect_stdout(StringIO()) as stream:
+            main(shlex.split(command, comments=True)[1:])
+        require_same(stream.getvalue(), output)
+
+
+def keep_problem(block):
+    """Check a problem file, a part of one or a preset; keep a whole problem as problem.yaml."""
+    fields = YAML(typ="safe", pure=True).load(block)
+    if fields.get("format") == "tubeplanner/preset":
+        Path("preset.yaml").write_text(block)
+        read_preset("preset.yaml")
+        return
+    loaders = {"tubeplanner/cycle": load_cycle, "tubeplanner/study": load_study}
+    if load := loaders.get(fields.get("format")):
+        path = Path(fields["format"]).with_suffix(".yaml").name
+        Path(path).write_text(block)
+        load(path)
+        return
+    whole = {name: {**REST.get(name, {}), **value} for name, value in sections(fields).items()}
+    check_problem_fields({**REST, **fields, **whole}, "the page")
+    if fields.keys() >= REST.keys():
+        Path("problem.yaml").write_text(block)
+
+
+def sections(fields):
+    return {name: value for name, value in fields.items() if isinstance(value, dict)}
+
+
+def pages_with_blocks():
+    """Return the pages by name; those that plan are slow."""
+    return [
+        pytest.param(page, marks=[pytest.mark.slow] * (bool(PLANS.search(text))))
+        for page, text in PAGES.items()
+        if BLOCK.search(text)
+    ]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_blocks_of_a_page_can_be_read(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert all(block for _, block in read_page(PAGES[page], page))
+
+
+@pytest.mark.parametrize("page", pages_with_blocks())
+def test_a_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run_page(PAGES[page], page)
+
+
+def lines_of(program):
+    """Return the arguments of every run of a program, on a line of its own or in a sentence."""
+    whole, inline = rf"^(?:\$ )?{program} (\w.*)$", rf"`{program} (\w+ [^`]+)`"
+    return [
+        pytest.param(line, id=f"{page}: {line}")
+        for page, text in ALL_PAGES.items()
+        for line in re.findall(whole, text, re.M) + re.findall(inline, text)
+    ]
+
+
+@pytest.mark.parametrize("line", lines_of("tubeplanner"))
+def test_a_command_can_be_given(line):
+    words = shlex.split(line.partition(" > ")[0], comments=True)
+    cli.commands[words[0]].make_context(words[0], words[1:])
+
+
+@pytest.mark.parametrize("line", lines_of("python"))
+def test_a_script_exists_and_knows_its_options(line):
+    script, *words = shlex.split(line, comments=True)
+    source = (ROOT / script).read_text()
+    assert all(f'"{word}"' in source for word in words if word.startswith("--"))
+
+
+def test_integers_that_are_no_measures_are_compared_exactly():
+    require_same("3 steps, 28 ms,  [0.5  1. ]", "3 steps, 27 ms, [0.51 ...]")
+    with pytest.raises(AssertionError):
+        require_same("3 steps, 28 ms", "4 steps, 28 ms")
+
+
+def test_what_a_page_shows_is_compared():
+    page = "```python\nprint('0.504 s in 3 steps')\n```\n\n```text\n{} in ...\n```\n"
+    run_page(page.format("0.54 s"))
+    for other in ("0.56 s", "0.504 m", "1 s"):
+        with pytest.raises(AssertionError, match=rf"{other} in(.|\n)*0\.504 s in 3"):
+            run_page(page.format(other))
+
+
+def python_shown():
+    """Return the Python of every page and notebook."""
+    for page, text in ALL_PAGES.items():
+        for number, (_, language, block) in enumerate(BLOCK.findall(text)):
+            if language == "python":
+                yield pytest.param(block, id=f"{page}: block {number}")
+    for notebook in sorted((ROOT / "notebooks").glob("*.py")):
+        yield pytest.param(notebook.read_text(), id=notebook.name)
+
+
+def modules_of_the_package(code):
+    """Return the modules below the package, and the names not public, that code imports."""
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+            yield from (name for name in names if name.startswith("tubeplanner."))
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tubeplanner."):
+            yield node.module
+        elif isinstance(node, ast.ImportFrom) and node.module == "tubeplanner":
+            names = [alias.name for alias in node.names]
+            yield from (name for name in names if name not in tubeplanner.__all__)
+
+
+@pytest.mark.parametrize("code", list(python_shown()))
+def test_only_public_names_are_shown(code):
+    assert list(modules_of_the_package(code)) == []
+
+
+def test_a_module_of_the_package_is_found_wherever_it_is_imported():
+    code = """
+from tubeplanner import load_problem, resources
+import numpy, tubeplanner, tubeplanner.views.palette as palette
+
+def draw():
+    from tubeplanner.views.panels import line_style
+"""
+    found = ["resources", "tubeplanner.views.palette", "tubeplanner.views.panels"]
+    assert list(modules_of_the_package(code)) == found
+
+
+def test_every_public_name_is_documented_once(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    from public_sections import public_sections
+
+    documented = re.findall(r"^\.\. auto\w+:: (\w+)", public_sections(), re.M)
+    assert sorted([*documented, "__version__"]) == tubeplanner.__all__
+
+
+def test_every_field_of_the_problem_file_is_documented(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    from problem_fields import problem_fields
+
+    schema = problem_schema()
+    page = problem_fields(schema)
+    for section in (schema, *schema["$defs"].values()):
+        assert section["description"] in page
+        assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
+    assert "\n### start · goal\n" in page
+    assert "\n### tube.cross_section\n" in page
+    assert "\n| `radius` | number, or list of these | m | required | " in page
+    assert "\n| `gravity` | [3 numbers] | m/s² | `[0.0, 0.0, -9.81]` | base frame |" in page
+    assert "| [section](#field-robot.tool_offset) |" in page
+    assert "\n(field-robot.tool_offset)=\n" in page
+
+
+def test_every_field_of_the_cycle_file_is_documented(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    from further_fields import further_fields
+    from problem_fields import problem_fields
+
+    schema, shared = cycle_schema(), problem_schema()
+    page = further_fields("Cycle", schema, shared)
+    problem_page = problem_fields(shared)
+    own = [schema["$defs"][name] for name in schema["$defs"] if name not in shared["$defs"]]
+    assert {"MoveFields", "AttachFields"} <= set(schema["$defs"])
+    for section in (schema, *own):
+        assert section["description"] in page
+        assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
+    kinds = ", or ".join(f"[section](#field-{kind})" for kind in KINDS)
+    assert f"\n| `moves` | list of ({kinds}) |  | required | " in page
+    assert "\n| `dwell` | number | s | `0.0` | how long the arm stays |" in page
+    targets = set(re.findall(r"\(#(field-[\w.]+)\)", page))
+    labels = re.findall(r"^\((field-[\w.]+)\)=$", page + "\n" + problem_page, re.M)
+    assert targets <= set(labels)
+    assert len(labels) == len(set(labels))
+
+
+def test_every_field_of_the_study_file_is_documented(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    from further_fields import further_fields
+
+    schema = study_schema()
+    page = further_fields("Study", schema, problem_schema())
+    for section in (schema, *schema["$defs"].values()):
+        assert section["description"] in page
+        assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
+    kinds = "(list of anything, or [section](#field-range))"
+    assert f"\n| `vary` | map to {kinds} |  | `{{}}` | " in page
+    assert '\n| `design` | `"grid"`, or [section](#field-latin) |  | `"grid"` | ' in page
+    targets = set(re.findall(r"\(#(field-[\w.]+)\)", page))
+    assert targets <= set(re.findall(r"^\((field-[\w.]+)\)=$", page, re.M))
+
+
+KINDS = ("move", "event", "attach", "detach")
+
+
+# What the README shows is run.
+
+
+README = (Path(__file__).parents[2] / "README.md").read_text()
+
+
+def block(language):
+    return re.search(rf"```{language}\n(.*?)```", README, re.S).group(1)
+
+
+def test_the_ten_lines_run(capsys):
+    code = block("python")
+    assert len([line for line in code.splitlines() if line.strip()]) <= 11
+    exec(compile(code, "README.md", "exec"), {})
+    assert "certified trajectory of" in capsys.readouterr().out
+
+
+def test_the_problem_file_is_planned():
+    assert plan(parse_problem(YAML(typ="safe", pure=True).load(block("yaml")))).succeeded
+
+
+def test_links_lead_to_files():
+    root = Path(__file__).parents[2]
+    for target in re.findall(r"\]\((?!http)([^)]+)\)", README):
+        assert (root / target).exists(), target
+
+
+# Every message that the page on refusals quotes is what its mistake gets.
+
+
+HOW_TO = Path(__file__).parents[2] / "docs/how_to"
+QUOTED = re.findall(r"^> `(.*)`$", (HOW_TO / "troubleshooting.md").read_text(), re.M)
+RAIL = """\
+robot: {urdf: arm.urdf, tool_frame: flange}
+tube: {points: [[0.4, 0.5, 0.7], [0.4, 0.5, 0.5]], radius: 0.05}
+start: {seed: [0, 1, 0.5, 1.4, -0.4, 0]}
+"""
+WALL = """\
+robot:
+  urdf: example:ur5
+  tool_frame: tool0
+tube:
+  points: [[0.45, -0.3, 0.2], [0.45, -0.3, 0.5], [0.45, 0.3, 0.5], [0.45, 0.3, 0.2]]
+  radius: [0.03, 0.08, 0.03]
+  joint_signs: {elbow_joint: "+"}
+start: {joints: [-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0]}
+obstacles:
+  - {name: wall, box: [0.6, 0.05, 0.44], position: [0.6, 0, 0.22]}
+  - {name: table, box: [0.9, 1.6, 0.04], position: [0.75, 0, -0.02]}
+clearance: 0.01
+"""
+PICK = re.search(r"```yaml\n(.*?)```", (HOW_TO / "contacts.md").read_text(), re.S).group(1)
+CYCLE = re.search(r"```yaml\n(.*?)```", (HOW_TO / "cycles.md").read_text(), re.S).group(1)
+WEIGHT = re.search(r"part, payload: .*", CYCLE).group(0)
+CONTACTS = "contacts:\n  - {links: [part, table], within: 0.03}\n"
+XACRO = 'name="rail_arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename='
+SOLID = '<cylinder radius="0.03" length="0.02"/>'
+IN_DEGREES = """\
+joint_limits:
+  elbow_joint: {has_velocity_limits: true,
+    max_velocity: !degrees 180.0}
+"""
+
+
+def changed(text, *changes):
+    """Return a text with every old part replaced by its new one."""
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def arm(old, new, name="arm.urdf"):
+    """Return the files of a problem whose arm has a mistake."""
+    robot = changed(rail_arm(), (old, new))
+    return {name: robot, "problem.yaml": RAIL.replace("arm.urdf", name)}
+
+
+def wall(old, new):
+    return {"problem.yaml": changed(WALL, (old, new))}
+
+
+def robot(field):
+    """Return the files of a problem whose robot has a further field."""
+    return wall("tool_frame: tool0\n", f"tool_frame: tool0\n  {field}\n")
+
+
+def pick(*changes):
+    return {"problem.yaml": changed(PICK, *changes)}
+
+
+def cycle(*changes):
+    return {"cycle.yaml": changed(CYCLE, *changes)}
+
+
+def slow(files):
+    """Mark what is planned before it is refused."""
+    return pytest.param(files, marks=pytest.mark.slow)
+
+
+# Of each quoted message, in the page's order; the last file is planned.
+MISTAKES = [
+    arm('name="rail_arm">', f'{XACRO}"hand.xacro"/>'),
+    arm('name="rail_arm">', f'{XACRO}"$(find our_description)/a.xacro"/>', "arm.urdf.xacro"),
+    arm(SOLID, '<mesh filename="package://our_description/meshes/flange.stl"/>'),
+    arm(SOLID, '<mesh filename="meshes/flange.stl"/>'),
+    {"flange.dae": "nonsense", **arm(SOLID, '<mesh filename="flange.dae"/>')},
+    arm("</robot>", ""),
+    {**arm("", ""), "problem.yaml": RAIL.replace("flange", "tool")},
+    arm('effort="80"', 'effort="0"'),
+    arm('<limit lower="-2.2" upper="2.2" effort="28" velocity="4"/>', ""),
+    arm('<mass value="2.5"/>', '<mass value="0"/>'),
+    robot("preset: fer"),
+    {"joint_limits.yaml": IN_DEGREES, **robot("limits_file: joint_limits.yaml")},
+    wall("clearance", "clearence"),
+    wall("  radius", "\tradius"),
+    {"arm.urdf": rail_arm()},
+    wall(", 0.0]}", "]}"),
+    wall("[0.03, 0.08, 0.03]", "[0.03, 0.08]"),
+    wall("-0.773861", "-0.673861"),
+    wall("-0.773861", "-44.3"),
+    wall('elbow_joint: "+"', 'elbow_joint: "-"'),
+    pick(
+        ("[1, 0, 0, 0]", "[0, 0.7071068, -0.7071068, 0]"),
+        (
+            "start: {seed: [-0.8, -1.3, 1.9, -2.2",
+            "start: {joints: [-0.7912, -1.312, 1.9004, -2.1592",
+        ),
+    ),
+    pick(("orientations: [[1, 0, 0, 0]", "orientations: [[0.7, -0.9, 0, 0]")),
+    pick(("[1, 0, 0, 0]]", "[0, 0, 0, 1]]")),
+    wall("elbow_joint", "elbow"),
+    pick((CONTACTS, "")),
+    pick(("within: 0.03}", "within: 0.03, segments: [-1]}")),
+    wall("position: [0.75, 0, -0.02]", "position: [0.75, 0, 0.18]"),
+    wall("clearance: 0.01", "clearance: 0.08"),
+    robot("attached: [{name: gripper, box: [0.3, 0.1, 0.1], position: [0, 0, -0.02]}]"),
+    slow(wall("0.44], position: [0.6, 0, 0.22]", "0.9], position: [0.6, 0, 0.45]")),
+    wall("[0.45, 0.3, 0.2]]", "[0.95, 0.5, 0.2]]"),
+    slow(
+        wall('{elbow_joint: "+"}', '[{elbow_joint: "+"}, {elbow_joint: "+"}, {elbow_joint: "-"}]')
+    ),
+    slow(wall('"+"}', '"+", shoulder_pan_joint: "-"}')),
+    robot("payload: {mass: 30, com: [0, 0, 0.05]}"),
+    slow(wall("clearance: 0.01", "objective: {duration: 0.3}")),
+    cycle(("points: [[0.45, 0.3, 0.1]", "points: [[0.45, 0.2, 0.1]")),
+    cycle((WEIGHT, "prt}")),
+    cycle(("  - {detach: part}\n", "")),
+    cycle(("closed: true", "closed: true\nperiod: 0.004")),
+]
+
+
+@pytest.mark.parametrize("files", MISTAKES, ids=range(len(MISTAKES)))
+def test_a_mistake_gets_the_message_that_is_quoted(files, request, tmp_path, monkeypatch, capsys):
+    number = int(request.node.callspec.id)
+    assert len(QUOTED) == len(MISTAKES)
+    monkeypatch.chdir(tmp_path)
+    for name, text in files.items():
+        Path(name).write_text(text)
+    assert main(["plan", list(files)[-1]]) in (1, 2)
+    printed = capsys.readouterr()
+    require_same(f"{printed.out} {printed.err} end", f"...{QUOTED[number]} ...")

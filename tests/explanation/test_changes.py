@@ -1,0 +1,194 @@
+"""Change of one quantity by any size; the explained problem; order of likely remedies."""
+
+import numpy as np
+import pytest
+from asked_problems import PLANAR, POINTS, asked, simple_change
+from small_cycle import SMALL
+
+from tubeplanner import PosedProblem
+from tubeplanner.documents import parse_yaml
+from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.explanation.change import exact, figures, from_to, rounded
+from tubeplanner.explanation.question import Question
+from tubeplanner.explanation.relevance import in_order
+from tubeplanner.outcome import Place, PlanStatus
+
+# Numbers as texts show them.
+
+
+@pytest.mark.parametrize(
+    ("value", "three"),
+    [(0.123456, 0.123), (12.3456, 12.3), (0.00099951, 0.001), (1e-9, 1e-9), (0.0, 0.0)],
+)
+def test_sizes_have_three_figures(value, three):
+    assert rounded(value) == three
+
+
+def test_what_adding_leaves_behind_is_dropped():
+    assert 0.1 + 0.2 != 0.3
+    assert exact(0.1 + 0.2) == 0.3
+    assert exact(-1.294184) == -1.294184
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (0.148, "m", "148 mm"),
+        (-0.0305, "m", "-30.5 mm"),
+        (1.0, "m", "1 m"),
+        (0.1, "s", "100 ms"),
+        (0.0305, "rad", "0.0305 rad"),
+        (25.533, "N m", "25.533 N m"),
+        (1.5, "", "1.5"),
+    ],
+)
+def test_a_number_has_its_unit(value, unit, text):
+    assert figures(value, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "unit", "text"),
+    [
+        (0.03, 0.042, "m", "30 -> 42 mm"),
+        (0.95, 1.05, "m", "0.95 -> 1.05 m"),
+        (1.05, -0.95, "m", "1.05 -> -0.95 m"),
+        (-1.05, 0.95, "m", "-1.05 -> 0.95 m"),
+        (0.1, 0.683, "s", "100 -> 683 ms"),
+        (25.0, 25.533, "N m", "25 -> 25.533 N m"),
+    ],
+)
+def test_both_numbers_have_one_unit_and_all_their_figures(before, after, unit, text):
+    assert from_to(before, after, unit) == text
+
+
+def test_a_change_prints_short():
+    assert repr(simple_change(most=0.3)) == "<Change of tube.radius, up to 0.3 m>"
+
+
+# What is asked about: fields, points from wherever they are, and what is refused.
+
+
+def test_points_are_those_of_the_problem_or_of_its_file(tmp_path):
+    rows = [",".join(map(str, [*point, 0.04])) for point in POINTS]
+    (tmp_path / "path.csv").write_text("x,y,z,radius\n" + "\n".join(rows))
+    tube = {"points": "path.csv"}
+    from_file = Question.of(PosedProblem({**PLANAR, "tube": tube}, tmp_path, "asked"))
+    for question in (asked(), from_file):
+        np.testing.assert_array_equal(question.points, POINTS)
+        assert question.segment_count == 3
+    assert from_file.given_tube["radius"] == [0.04, 0.04, 0.04]
+
+
+def test_what_is_given_once_is_for_every_segment():
+    assert asked().per_segment(0.1) == [0.1, 0.1, 0.1]
+    assert asked().per_segment([1, None, 2]) == [1, None, 2]
+
+
+def test_a_question_may_be_about_what_cannot_be_posed():
+    question = asked({"tube.radius": [0.03, 0.05]})
+    with pytest.raises(ProblemError, match=r"tube\.radius has 2 values for 3 segments"):
+        question.load()
+    assert question.load({"tube.radius": 0.05}).tube.radius.tolist() == [0.05, 0.05, 0.05]
+    assert repr(question) == "<Question about asked>"
+
+
+@pytest.mark.parametrize(
+    ("document", "error", "message"),
+    [
+        (parse_yaml(SMALL), ProblemError, "this is a cycle, where one problem is needed"),
+        ({"study": {}}, ProblemError, "this is a study, where one problem is needed"),
+        ({**PLANAR, "tube": None}, ProblemError, "tube is required; `tubeplanner route` finds"),
+        ({**PLANAR, "radus": 1}, ProblemError, "unknown key 'radus'"),
+        (
+            {**PLANAR, "robot": {"urdf": "example:two_link", "tool_frame": "hnd"}},
+            RobotError,
+            "did you mean 'hand'",
+        ),
+    ],
+)
+def test_what_is_no_problem_is_refused(tmp_path, document, error, message):
+    with pytest.raises(error, match=message):
+        Question.of(PosedProblem(document, tmp_path, "asked"))
+
+
+@pytest.mark.parametrize(
+    ("position", "segment"), [([0.5, -0.3, 0], 0), ([0.3, 0.12, 0], 1), ([0.2, 0.9, 0.1], 2)]
+)
+def test_the_segment_near_a_point_is_found(position, segment):
+    assert asked().segment_near(np.array(position)) == segment
+
+
+# What may help about a place is tried first, then what may help elsewhere, then all else.
+
+
+def change(field, kind, *about):
+    return simple_change(field, kind=kind, about=frozenset(about))
+
+
+def fields_of(changes, status, place):
+    """Return the fields of the two groups about the place, of those elsewhere and of all else."""
+    tiers = in_order(changes, status, place)
+    assert [len(tier) for tier in tiers] == [2, 1, 1]
+    return [[each.field for each in group] for tier in tiers for group in tier]
+
+
+def test_the_likeliest_kinds_about_the_place_come_first():
+    changes = [
+        change("point 3", "point", "point 3", "segment 2"),
+        change("effort", "effort", "joint1"),
+        change("radius 2", "radius", "segment 2"),
+        change("radius 0", "radius", "segment 0"),
+        change("wall", "obstacle", "obstacle wall"),
+        change("table", "obstacle", "obstacle table"),
+        change("clearance", "clearance"),
+        change("sign", "sign", "joint1"),
+        change("radii", "radii"),
+    ]
+    place = Place(segment=2, obstacle="wall", links=("hand",))
+    assert fields_of(changes, PlanStatus.TUBE_BLOCKED, place) == [
+        ["clearance", "wall", "radii", "sign"],
+        ["radius 2", "point 3"],
+        ["table", "radius 0"],
+        ["effort"],
+    ]
+
+
+def test_a_joint_that_is_too_weak_comes_before_the_others():
+    changes = [
+        change("radius", "radius", "segment 0"),
+        change("payload", "payload"),
+        change("joint1", "effort", "joint1"),
+        change("joint2", "effort", "joint2"),
+    ]
+    place = Place(joint="joint2", segment=0)
+    assert fields_of(changes, PlanStatus.GRAVITY_EXCEEDS_EFFORT, place) == [
+        ["joint2", "payload"],
+        [],
+        ["joint1"],
+        ["radius"],
+    ]
+
+
+def test_a_point_is_about_its_two_segments_too():
+    changes = [change(f"radius {k}", "radius", f"segment {k}") for k in range(4)]
+    changes += [change(f"point {k}", "point", f"point {k}") for k in range(4)]
+    there, then, elsewhere, others = fields_of(changes, PlanStatus.UNREACHABLE, Place(point=2))
+    assert there == ["radius 1", "radius 2"]
+    assert then == ["point 2"]
+    assert elsewhere == ["radius 0", "radius 3", "point 0", "point 1", "point 3"]
+    assert others == []
+
+
+def test_what_links_are_near_is_about_the_place():
+    changes = [
+        change("other pair", "clearance", "link arm", "obstacle wall"),
+        change("pair", "clearance", "link hand", "obstacle post"),
+    ]
+    place = Place(links=("hand", "elbow"))
+    assert fields_of(changes, PlanStatus.TUBE_BLOCKED, place) == [["pair"], [], ["other pair"], []]
+
+
+def test_where_nothing_is_likelier_all_kinds_may_help():
+    changes = [change("effort", "effort", "joint1"), change("radius", "radius", "segment 1")]
+    found = fields_of(changes, PlanStatus.NO_TRAJECTORY, Place(segment=1))
+    assert found == [["radius"], [], ["effort"], []]

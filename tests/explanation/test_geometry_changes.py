@@ -1,0 +1,289 @@
+"""Changes of tube, obstacles and clearances."""
+
+import numpy as np
+import pytest
+from asked_problems import POINTS, POST, asked, made, text_of, the
+
+from tubeplanner.explanation.cell_changes import cell_changes, clearance_changes, obstacle_changes
+from tubeplanner.explanation.directions import AXES, along
+from tubeplanner.explanation.tube_changes import radius_changes, tube_changes
+
+
+def test_each_axis_has_two_ways():
+    ways = {name: direction.tolist() for name, direction in AXES}
+    assert len(ways) == 6
+    assert (ways["in +y"], ways["in -z"]) == ([0, 1, 0], [0, 0, -1])
+
+
+def test_a_position_is_moved_by_the_size():
+    way = np.array([0.6, 0.0, -0.8])
+    assert along(np.array([0.1, 0.2, 0.3]), way, 0.5) == [0.4, 0.2, -0.1]
+
+
+# Changes of the tube load and do what they say, however a file gives what they change.
+
+
+BOX = {"box": [0.1, 0.06], "up": [0, 0, 1]}
+TURN = [0.0, 0.0, 0.0, 1.0]
+HELD = {"tube.orientations": [TURN] * 4}
+
+
+def all_of(question):
+    return list(tube_changes(question))
+
+
+@pytest.mark.parametrize(
+    ("given", "before", "after"),
+    [
+        ({"tube.radius": 0.05}, [0.05] * 3, [0.05, 0.0735, 0.05]),
+        ({"tube.radius": [0.03, 0.05, 0.04]}, [0.03, 0.05, 0.04], [0.03, 0.0735, 0.04]),
+        (
+            {"tube.radius": [0.03, 0.05, None], "tube.cross_section": [None, None, BOX]},
+            [0.03, 0.05, 0.03],
+            [0.03, 0.0735, 0.03],
+        ),
+    ],
+)
+def test_the_radius_of_one_segment_is_wider(given, before, after):
+    question = asked(given)
+    change = the(all_of(question), "tube.radius.1")
+    assert (change.before, change.unit, change.about) == (0.05, "m", {"segment 1"})
+    assert change.scale == 0.05
+    assert question.load().tube.radius.tolist() == before
+    assert made(question, change, 0.0235).tube.radius.tolist() == after
+    proposal = change.propose(0.0235)
+    assert (proposal.after, proposal.text) == (0.0735, "segment 1: 50 -> 73.5 mm")
+    assert change.propose(change.most).after == pytest.approx(0.55)
+
+
+def test_radii_in_a_file_of_points_are_wider_with_all_else_of_the_file(tmp_path):
+    rows = [
+        [*point, *TURN, radius] for point, radius in zip(POINTS, (0.03, 0.05, 0.04, 9), strict=True)
+    ]
+    header = "x,y,z,qx,qy,qz,qw,radius\n"
+    lines = [",".join(map(str, row)) for row in rows]
+    (tmp_path / "path.csv").write_text(header + "\n".join([*lines[:3], lines[3][:-1]]))
+    others = {"tube.radius": None, "tube.rotation_tolerance": 3.0}
+    question = asked({"tube.points": "path.csv", **others}, tmp_path)
+    loaded = made(question, the(all_of(question), "tube.radius.2"), 0.01)
+    assert loaded.tube.radius.tolist() == [0.03, 0.05, 0.05]
+    before = question.load().tube
+    np.testing.assert_array_equal(loaded.tube.points, before.points)
+    np.testing.assert_array_equal(loaded.tube.orientations, before.orientations)
+    assert not [each for each in all_of(question) if each.kind == "point"]
+    wider = made(question, the(all_of(question), "tube.radius"), 1.0).tube.radius
+    np.testing.assert_allclose(wider, [0.06, 0.1, 0.08])
+
+
+def test_one_segment_has_the_radius_of_the_file():
+    question = asked({"tube.points": [[0.3, -0.5, 0], [0.3, 0.5, 0]], "tube.radius": 0.03})
+    change = the(all_of(question), "tube.radius")
+    assert change.propose(0.03).changes == {"tube.radius": 0.06}
+    assert change.propose(0.03).text == "segment 0: 30 -> 60 mm"
+
+
+def test_all_radii_are_wider_by_one_factor():
+    question = asked()
+    change = the(all_of(question), "tube.radius")
+    assert (change.kind, change.before) == ("radii", [0.03, 0.05, 0.05])
+    assert change.propose(0.123).text == "all radii times 1.123"
+    np.testing.assert_allclose(made(question, change, 0.5).tube.radius, [0.045, 0.075, 0.075])
+    mixed = asked({"tube.radius": [0.03, 0.05, None], "tube.cross_section": [None, None, BOX]})
+    wider = made(mixed, the(all_of(mixed), "tube.radius"), 1.0)
+    assert wider.tube.radius.tolist() == [0.06, 0.1, 0.03]
+
+
+def test_a_narrower_radius_stays_positive():
+    question = asked()
+    change = the(radius_changes(question, -1), "tube.radius.0")
+    assert made(question, change, 0.0123).tube.radius[0] == 0.0177
+    assert change.propose(0.0123).text == "segment 0: 30 -> 17.7 mm"
+    assert 0 < change.propose(change.most).after < 0.001
+
+
+@pytest.mark.parametrize("given", [BOX, [BOX, BOX, BOX]])
+def test_both_sides_of_a_box_grow_by_one_share(given):
+    question = asked({"tube.cross_section": given, "tube.radius": None})
+    change = the(all_of(question), "tube.cross_section.1.box")
+    assert (change.before, change.scale, change.unit) == ([0.1, 0.06], 0.06, "m")
+    proposal = change.propose(0.03)
+    assert proposal.after == [0.15, 0.09]
+    assert proposal.text == "box of segment 1: 100 -> 150 mm by 60 -> 90 mm"
+    half_sides = made(question, change, 0.03).tube.reach
+    before = question.load().tube.reach
+    np.testing.assert_allclose(half_sides / before, [1, 1.5, 1])
+
+
+@pytest.mark.parametrize(
+    ("given", "segment", "before", "after"),
+    [
+        (0.2, 1, [(0.2,) * 3] * 3, [0.2, 0.5, 0.2]),
+        ([0.2, 0.3, 0.4], 1, None, [0.2, 0.6, 0.4]),
+        ([[0.2, 0.3, 9.0]], 0, None, None),
+        ([[0.2, 0.3, float("inf")]] * 3, 2, None, None),
+    ],
+)
+def test_a_rotation_tolerance_is_wider_where_it_binds(given, segment, before, after):
+    question = asked({**HELD, "tube.rotation_tolerance": given})
+    change = the(all_of(question), f"tube.rotation_tolerance.{segment}")
+    bounds = question.load().tube.rotation_tolerance
+    assert change.before == np.min(bounds[segment])
+    wider = made(question, change, 0.3).tube.rotation_tolerance
+    least = change.before + 0.3
+    np.testing.assert_allclose(wider[segment], np.maximum(bounds[segment], least))
+    if len(given if isinstance(given, list) else [1] * 3) > 1:
+        others = [k for k in range(3) if k != segment]
+        assert [wider[k] for k in others] == [bounds[k] for k in others]
+    assert "rotation tolerance of segment" in text_of(change)
+
+
+def test_three_bounds_for_other_than_three_segments_are_one_triple():
+    given = {"tube.points": POINTS[:3], "tube.radius": 0.05, "tube.orientations": [TURN] * 3}
+    question = asked({**given, "tube.rotation_tolerance": [0.2, 0.3, 0.4]})
+    change = the(all_of(question), "tube.rotation_tolerance.1")
+    wider = made(question, change, 0.15).tube.rotation_tolerance
+    np.testing.assert_allclose(wider, [[0.2, 0.3, 0.4], [0.35, 0.35, 0.4]])
+
+
+def test_the_rotation_that_is_free_is_not_changed():
+    question = asked({**HELD, "tube.rotation_tolerance": [0.2, float("inf"), 0.2]})
+    fields = [each.field for each in all_of(question) if each.kind == "rotation_tolerance"]
+    assert fields == ["tube.rotation_tolerance.0", "tube.rotation_tolerance.2"]
+
+
+def test_the_tool_is_smaller_down_to_a_point():
+    question = asked({"tube.tool_radius": 0.01236})
+    change = the(all_of(question), "tube.tool_radius")
+    assert made(question, change, 0.002).tube.tool_radius == 0.01036
+    # The largest size is rounded up.
+    assert made(question, change, 0.0124).tube.tool_radius == 0
+    assert not [each for each in all_of(asked()) if each.field == "tube.tool_radius"]
+
+
+def test_a_reference_point_is_moved_along_axes_and_to_the_base():
+    question = asked()
+    changes = [each for each in all_of(question) if each.field == "tube.points.2"]
+    assert len(changes) == 7
+    up = the(changes, "tube.points.2", "in +z")
+    assert (up.before, up.about) == (POINTS[2], {"point 2", "segment 1", "segment 2"})
+    moved = made(question, up, 0.01).tube.points
+    np.testing.assert_allclose(moved - POINTS, [[0] * 3, [0] * 3, [0, 0, 0.01], [0] * 3])
+    nearer = the(changes, "tube.points.2", "towards the arm's base").propose(0.05)
+    base = question.robot.body_poses(np.zeros((1, 2)))[1][0, 1]
+    lengths = [np.linalg.norm(base - point) for point in (POINTS[2], nearer.after)]
+    assert lengths[0] - lengths[1] == pytest.approx(0.05)
+    assert nearer.text == "move reference point 2 by 50 mm towards the arm's base"
+
+
+@pytest.mark.parametrize(
+    ("given", "before", "others"),
+    [
+        ({"joint2": "-"}, "-", {"+", "0"}),
+        ({"joint2": -1}, -1, {"+", "0"}),
+        ({"joint2": 0}, 0, {"+", "-"}),
+        ({"joint2": [-2.0, -0.1]}, [-2.0, -0.1], {"+", "-", "0"}),
+    ],
+)
+def test_other_signs_of_a_joint_are_tried(given, before, others):
+    question = asked({"tube.joint_signs": given})
+    changes = [each for each in all_of(question) if each.kind == "sign"]
+    assert {each.field for each in changes} == {"tube.joint_signs.joint2"}
+    assert [each.before for each in changes] == [before] * len(others)
+    assert {each.propose(1).after for each in changes} == others
+    assert all(each.is_switch and each.about == {"joint2"} for each in changes)
+    for each in changes:
+        signs = made(question, each, 1).tube.joint_signs
+        assert [dict(sign) for sign in signs] == [{"joint2": each.propose(1).after}] * 3
+
+
+def test_the_sign_of_a_joint_is_changed_in_the_segments_that_have_one():
+    question = asked({"tube.joint_signs": [{"joint2": "-"}, {"joint1": "+"}, {"joint2": "-"}]})
+    change = the(all_of(question), "tube.joint_signs.joint2", "'+'")
+    signs = [{"joint2": "+"}, {"joint1": "+"}, {"joint2": "+"}]
+    assert change.propose(1).changes == {"tube.joint_signs": signs}
+    assert change.propose(1).text == "joint_signs: '+' on joint2"
+
+
+def test_points_need_not_be_passed():
+    question = asked({"tube.pass_through_points": "all"})
+    change = the(all_of(question), "tube.pass_through_points")
+    assert question.load().tube.compulsory_points.tolist() == [1, 2]
+    assert made(question, change, 1).tube.compulsory_points.tolist() == []
+    assert change.propose(1).text == "pass_through_points: all -> none"
+    for less in ({"tube.pass_through_points": "none"}, {"tube.points": POINTS[:2]}):
+        changes = tube_changes(asked({**less, "tube.radius": 0.05}))
+        assert "tube.pass_through_points" not in [each.field for each in changes]
+
+
+# Changes of obstacles, of what the tool carries, and of clearances load and do what they say.
+
+
+PAIR = {"links": ["link2", "post.1"], "clearance": 0.02}
+BAR = {"name": "bar", "box": [0.02, 0.02, 0.02], "position": [0.1, 0.0, 0.1]}
+
+
+def test_an_obstacle_is_moved_along_each_axis_whatever_its_name():
+    ball = {"name": "ball", "sphere": 0.05}
+    question = asked({"obstacles": [POST, ball]})
+    changes = list(obstacle_changes(question))
+    assert len(changes) == 12
+    change = the(changes, "obstacles.post.1.position", "in -y")
+    assert (change.before, change.about) == (POST["position"], {"obstacle post.1"})
+    assert change.propose(0.15).text == "move obstacle 'post.1' by 150 mm in -y"
+    assert change.propose(0.15).after == [0.4, 0.07, 0.0]
+    before, after = (each.obstacles for each in (question.load(), made(question, change, 0.15)))
+    moved = [b.shapes[0].center - a.shapes[0].center for a, b in zip(before, after, strict=True)]
+    np.testing.assert_allclose(moved, [[0, -0.15, 0], [0, 0, 0]], atol=1e-12)
+    # Where a file does not say, it is at the origin.
+    other = the(changes, "obstacles.ball.position", "in +z")
+    assert other.before == [0, 0, 0]
+    assert made(question, other, 0.2).obstacles[1].shapes[0].center.tolist() == [0, 0, 0.2]
+
+
+def test_what_the_tool_carries_is_moved_in_its_frame():
+    question = asked({"robot.attached": [BAR]})
+    change = the(cell_changes(question), "robot.attached.bar.position", "in +x")
+    assert (change.kind, change.about) == ("attached", {"link bar"})
+    text = "move attached solid 'bar' by 30 mm in +x of the tool frame"
+    assert change.propose(0.03).text == text
+    (solid,) = made(question, change, 0.03).attached
+    np.testing.assert_allclose(solid.shapes[0].center, [0.13, 0, 0.1])
+
+
+@pytest.mark.parametrize("way", [-1, 1])
+def test_the_clearance_is_one_number(way):
+    question = asked({"clearance": 0.01236})
+    (change,) = clearance_changes(question, way)
+    assert (change.field, change.before, change.about) == ("clearance", 0.01236, frozenset())
+    assert made(question, change, 0.005).clearance == pytest.approx(0.01236 + way * 0.005)
+    if way < 0:
+        assert made(question, change, 0.0124).clearance == 0  # the largest size, rounded up
+
+
+def test_each_number_of_a_map_of_clearances_is_changed_alone():
+    given = {"default": 0.01, "pairs": [PAIR], "segments": [0.03, None, 0.0]}
+    question = asked({"clearance": given})
+    changes = {each.field: each for each in clearance_changes(question, -1)}
+    default, pair, first = changes.values()
+    assert list(changes) == [
+        *("clearance.default", "clearance.pairs.0.clearance", "clearance.segments.0"),
+    ]
+    assert made(question, default, 0.004).clearance == 0.006
+    assert {"link link2", "obstacle post.1"} <= pair.about
+    assert list(made(question, pair, 0.004).pair_clearances.values()) == [0.016]
+    assert pair.propose(0.004).text == "clearance of link2 and post.1 20 -> 16 mm"
+    assert first.about == {"segment 0"}
+    narrower = made(question, first, 0.004)
+    np.testing.assert_allclose(narrower.tube.clearance, [0.026, np.inf, 0])
+    assert narrower.clearance == 0.01
+    assert first.propose(0.004).text == "clearance of segment 0 30 -> 26 mm"
+    assert [each.field for each in clearance_changes(question, 1)] == [
+        *(*changes, "clearance.segments.2"),
+    ]
+
+
+def test_a_clearance_of_nothing_can_only_grow():
+    assert list(clearance_changes(asked(), -1)) == []
+    (change,) = clearance_changes(asked(), 1)
+    assert change.scale == 0.1
+    assert made(asked(), change, 0.05).clearance == 0.05

@@ -1,0 +1,220 @@
+"""Remedies: smallest single change that helps; headroom of each quantity."""
+
+import json
+
+import pytest
+from asked_problems import REMEDY, ROOM, StubTrials, asked, simple_change
+
+from tubeplanner.explanation.remedy_search import RemedySearch
+from tubeplanner.explanation.room_search import RoomSearch, worsening_changes
+from tubeplanner.explanation.size_bracket import CLOSE
+from tubeplanner.progress import TimeLimitReached
+
+# Remedies and rooms as JSON, which other tools read.
+
+
+@pytest.mark.parametrize(
+    ("found", "keys"),
+    [
+        (
+            REMEDY,
+            [
+                *("field", "from", "to", "unit", "certified", "duration", "text", "changes"),
+                *("cost", "too_little", "too_little_text", "is_smallest"),
+            ],
+        ),
+        (
+            ROOM,
+            [
+                *("field", "from", "to", "unit", "duration", "text"),
+                *("too_much", "too_much_text", "is_exact"),
+            ],
+        ),
+    ],
+)
+def test_json_has_the_keys_that_are_read_and_no_infinity(found, keys):
+    fields = found.as_dict()
+    assert list(fields) == keys
+    assert json.loads(json.dumps(fields, allow_nan=False)) == fields
+
+
+def test_infinity_is_a_word():
+    assert REMEDY.as_dict()["changes"] == {"tube.rotation_tolerance": [[0.3, 0.3, ".inf"]]}
+    assert REMEDY.as_dict()["certified"] is True
+    assert (REMEDY.as_dict()["from"], REMEDY.as_dict()["to"]) == (0.1, 0.3)
+    assert ROOM.as_dict()["from"] == ["-.inf", 1.0]
+    assert ROOM.as_dict()["to"] is None
+
+
+# The search for remedies, with trials whose answer is known.
+
+
+EVERYWHERE = {"a": 0.4, "b": 0.03, "c": 30.0, "d": 5.0}
+
+
+def search_of(thresholds, groups, **stub):
+    """Return a search and its trials; a group is a text of fields, each a letter."""
+    trials = StubTrials(thresholds, **stub)
+    changes = [[[simple_change(field) for field in each]] for each in groups]
+    return RemedySearch(trials, changes), trials
+
+
+def test_remedies_are_narrowed_and_come_in_the_order_of_their_cost():
+    search, _ = search_of(EVERYWHERE, ["ab", "c", "d"])
+    search.run()
+    assert [remedy.field for remedy in search.remedies] == ["b", "a", "c"]
+    for remedy in search.remedies:
+        threshold = EVERYWHERE[remedy.field]
+        assert remedy.too_little < threshold <= remedy.after <= CLOSE * remedy.too_little
+        assert remedy.is_smallest
+        assert remedy.cost == remedy.after
+        assert remedy.duration == 1.5
+        assert remedy.changes == {remedy.field: remedy.after}
+        assert remedy.text == f"{remedy.field} to {remedy.after:g}"
+
+
+def test_the_least_likely_are_tried_only_if_nothing_else_helps():
+    search, trials = search_of({"d": 5.0, "a": 1.0}, ["a", "c", "d"])
+    search.run()
+    assert "d" not in {field for field, _ in trials.asked}
+    assert search.in_vain == ("c",)
+    search, _ = search_of({"d": 5.0}, ["a", "c", "d"])
+    search.run()
+    assert [remedy.field for remedy in search.remedies] == ["d"]
+    assert search.in_vain == ("a", "c")
+
+
+def test_what_helps_nowhere_is_tried_by_as_much_as_makes_sense():
+    search, trials = search_of({}, ["ab", "", ""])
+    search.run()
+    once = [("a", 1.0), ("b", 1.0), ("a", 100.0), ("b", 100.0)]
+    assert trials.asked == 2 * once
+    assert trials.thorough == once
+    assert (search.remedies, search.in_vain) == ((), ("a", "b"))
+
+
+def test_a_field_that_helps_in_one_direction_is_not_in_vain():
+    changes = [simple_change("a"), simple_change("a", most=0.5)]
+    trials = StubTrials({"a": 0.9})
+    search = RemedySearch(trials, [[changes], [[]], [[]]])
+    search.run()
+    assert [remedy.field for remedy in search.remedies] == ["a"]
+    assert search.in_vain == ()
+
+
+def test_a_switch_is_tried_once_and_has_no_size():
+    switches = [simple_change(field, most=1.0, is_switch=True) for field in "ab"]
+    trials = StubTrials({"b": 1.0})
+    search = RemedySearch(trials, [[switches], [[]], [[]]])
+    search.run()
+    assert trials.asked == [("a", 1.0), ("b", 1.0)]
+    assert trials.thorough == []
+    (remedy,) = search.remedies
+    assert (remedy.text, remedy.too_little) == ("b to 1 would work", None)
+    assert remedy.is_smallest
+    assert search.in_vain == ("a",)
+
+
+def test_a_size_is_not_tried_twice():
+    search, trials = search_of(EVERYWHERE, ["abc", "d", ""])
+    search.run()
+    quick = trials.count - len(trials.thorough)
+    assert len(set(trials.asked)) == quick
+    assert len(set(trials.thorough)) == len(trials.thorough)
+
+
+def test_only_where_a_bracket_ends_is_it_tried_thoroughly():
+    search, trials = search_of(EVERYWHERE, ["ab", "", ""])
+    search.run()
+    too_little = [(remedy.field, remedy.too_little) for remedy in search.remedies]
+    assert trials.thorough == too_little
+
+
+def test_what_helps_only_thoroughly_is_found_and_narrowed():
+    search, trials = search_of(EVERYWHERE, ["ab", "c", "d"], quick={"a": 0.8, "b": 0.03})
+    search.run()
+    found = {remedy.field: remedy for remedy in search.remedies}
+    for field, threshold in EVERYWHERE.items():
+        if field != "d":
+            assert found[field].too_little < threshold <= found[field].after
+            assert found[field].after <= CLOSE * found[field].too_little
+    assert ("a", found["a"].too_little) in trials.thorough
+
+
+def test_all_is_tried_thoroughly_if_nothing_helps_quickly():
+    never = dict.fromkeys("abcd", float("inf"))
+    search, trials = search_of({"a": 5.0}, ["ab", "c", "d"], quick=never)
+    search.run()
+    (remedy,) = search.remedies
+    assert remedy.field == "a"
+    assert 5.0 <= remedy.after <= 1.05 * 5.0
+    assert search.in_vain == ("b", "c", "d")
+    assert "d" not in {field for field, _ in trials.thorough}
+
+
+@pytest.mark.parametrize("stop", [TimeLimitReached, KeyboardInterrupt])
+def test_what_was_found_is_kept_when_the_search_is_stopped(stop):
+    search, _ = search_of(EVERYWHERE, ["ab", "c", "d"], budget=4, stop=stop)
+    with pytest.raises(stop):
+        search.run()
+    assert {remedy.field for remedy in search.remedies} == {"a", "b"}
+    assert not all(remedy.is_smallest for remedy in search.remedies)
+    assert all(remedy.after >= EVERYWHERE[remedy.field] for remedy in search.remedies)
+    # It was not tried by as much as makes sense: nobody knows.
+    assert search.in_vain == ()
+
+
+def test_of_two_groups_both_are_tried_by_their_scale_before_either_by_more():
+    tier = [[simple_change("a")], [simple_change("b")]]
+    trials = StubTrials({})
+    RemedySearch(trials, [tier, [[]], [[]]]).run()
+    assert trials.asked[:4] == [("a", 1.0), ("b", 1.0), ("a", 100.0), ("b", 100.0)]
+
+
+# The search for room, with trials whose answer is known.
+
+
+PAYLOAD = {"mass": 5.0, "com": [0.0, 0.0, 0.0], "inertia": [0.01, 0.01, 0.01, 0, 0, 0]}
+
+
+def test_room_ends_where_nothing_is_found_any_more():
+    ends = {"a": 0.4, "b": 0.02}
+    changes = [simple_change(field) for field in "abc"]
+    search = RoomSearch(StubTrials(ends, helps=False), changes)
+    search.run()
+    second, first, last = sorted(search.rooms, key=lambda room: room.field)
+    assert search.rooms == (first, second, last)  # the least room first
+    for room in (first, second):
+        assert room.after < ends[room.field] <= room.too_much <= CLOSE * room.after
+        assert room.is_exact
+        assert room.text == f"{room.field} to {room.after:g}"
+    assert (last.after, last.too_much, last.duration) == (100.0, None, 1.5)
+
+
+def test_where_there_is_no_room_the_mildest_change_is_named():
+    search = RoomSearch(StubTrials({"a": 0.0}, helps=False), [simple_change("a")])
+    search.run()
+    (room,) = search.rooms
+    assert (room.after, room.duration, room.is_exact) == (None, None, True)
+    assert room.too_much <= 1e-3
+    assert room.text == f"not even a to {room.too_much:g}"
+
+
+@pytest.mark.parametrize("stop", [TimeLimitReached, KeyboardInterrupt])
+def test_what_was_found_is_kept_when_the_search_is_stopped_of_room_search(stop):
+    changes = [simple_change(field) for field in "abc"]
+    search = RoomSearch(StubTrials({"a": 0.4}, budget=2, helps=False, stop=stop), changes)
+    with pytest.raises(stop):
+        search.run()
+    assert [room.field for room in search.rooms] == ["a", "b"]
+    assert not any(room.is_exact for room in search.rooms)
+
+
+def test_quantities_that_bound_the_motion_are_made_worse():
+    question = asked({"robot.payload": PAYLOAD, "clearance": 0.01})
+    worse = {each.kind: each.propose(each.scale / 2).after for each in worsening_changes(question)}
+    assert worse["radius"] == 0.025
+    assert worse["clearance"] == 0.015
+    assert worse["payload"] == 7.5
+    assert worse["effort"] == 13.5
+    assert set(worse) == {"radius", "clearance", "payload", "effort", "obstacle"}

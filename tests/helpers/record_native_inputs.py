@@ -1,0 +1,237 @@
+"""Records inputs of the native functions from plans, and edge cases, for `driver.cpp`.
+
+    python tests/helpers/record_native_inputs.py
+
+Needed when a native function takes other arguments, or a new one is written.
+"""
+
+import ctypes
+import lzma
+import struct
+from pathlib import Path
+
+import numpy as np
+from native_exports import exports
+
+from tubeplanner.native import library
+
+INPUTS = Path(__file__).parents[1] / "native/inputs.xz"
+PLANS = ("example:two_link/around_a_post", "example:ur5/over_the_wall")
+MOST_CALLS = 3  # of a function and number of joints or the like
+MOST_BYTES = {"program": 150_000, "call": 50_000}
+# Arrays that a function reads before it writes to them, or may leave as they are.
+ALSO_READ = {"direction", "bound", "changes", "q"}
+LEFT = {"near_rows": ("control", "switching"), "compressed_rows": ("column", "value")}
+ALWAYS_LEFT = ("centers",)
+SHAPES = (("body", 1), ("begin", 1), ("size", 1), ("points", 0), ("radius", 1), ("center", 3))
+SHAPES += (("reach", 1), ("axes", 9), ("middle", 3), ("half", 3))
+
+
+class Recorder:
+    def __init__(self):
+        self.exports = exports()
+        self.kept = []  # calls, or the calls of a program
+        self.counts = {}
+        self.programs = {}  # by handle: calls without its slot
+        self.takes_all = False
+
+    def wrapped(self, name, *types, returns=None):
+        function = ORIGINAL(name, *types, returns=returns)
+        assert function is not None, library.LIBRARY.build
+        is_program = name.startswith("step_program_")
+
+        def call(*given):
+            packed = self.packed(name, given) if is_program or self.wants(name, given) else None
+            result = function(*given)
+            if is_program:
+                self.add_to_program(name, given, result, packed)
+            elif packed is not None and len(packed) <= MOST_BYTES["call"]:
+                self.keep((name, self.joints(given)), [(packed,)])
+            return result
+
+        return call
+
+    def joints(self, given):
+        return tuple(one for one in given if isinstance(one, int) and one < 10)
+
+    def wants(self, name, given):
+        return self.takes_all or self.counts.get((name, self.joints(given)), 0) < MOST_CALLS
+
+    def keep(self, key, calls):
+        if self.takes_all or self.counts.get(key, 0) < MOST_CALLS:
+            self.counts[key] = self.counts.get(key, 0) + 1
+            self.kept.append(calls)
+
+    def add_to_program(self, name, given, result, packed):
+        if name == "step_program_new":
+            self.programs[result] = [(packed,)]
+            return
+        head, tail = packed
+        calls = self.programs[given[0]]
+        calls.append((head, tail))
+        if name == "step_program_delete":
+            del self.programs[given[0]]
+            if sum(len(part) for call in calls for part in call) <= MOST_BYTES["program"]:
+                self.keep(("program", len(calls) > 12), calls)
+
+    def packed(self, name, given):
+        """Return a call as bytes; of a program, what comes before and after its number."""
+        export = self.exports[name]
+        head = struct.pack("q", len(name)) + name.encode()
+        parts = []
+        for argument, value in zip(export.arguments, given, strict=True):
+            if argument.type == "void*":
+                continue
+            if argument.type == "const Shapes*":
+                parts.append(packed_shapes(value))
+            elif "*" in argument.type:
+                is_read = argument.type.startswith("const") or argument.name in ALSO_READ
+                is_left = argument.name in (*ALWAYS_LEFT, *LEFT.get(name, ()))
+                parts.append(packed_array(value, is_read or is_left, is_read))
+            else:
+                parts.append(struct.pack("d" if argument.type == "double" else "q", value))
+        if any(argument.type == "void*" for argument in export.arguments):
+            return head, b"".join(parts)
+        return head + b"".join(parts)
+
+    def contents(self):
+        """Return all that was kept, programs numbered."""
+        found, slot = [], 0
+        for calls in self.kept:
+            for call in calls:
+                found.append(struct.pack("q", slot).join(call))
+            slot += len(calls) > 1
+        return b"".join(found)
+
+
+def packed_array(array, is_stored, is_read):
+    if array is None:
+        return struct.pack("q", -1)
+    if not is_stored:
+        return struct.pack("qq", array.size, 0)
+    data = array if is_read else np.zeros_like(array)
+    return struct.pack("qq", array.size, 1) + np.ascontiguousarray(data).tobytes()
+
+
+def packed_shapes(address):
+    from tubeplanner.native.convex_pairs import _Shapes
+
+    shapes = _Shapes.from_address(address)
+    sizes = np.ctypeslib.as_array(ctypes.cast(shapes.size, LONGS), (shapes.count,))
+    parts = [struct.pack("q", shapes.count)]
+    for name, width in SHAPES:
+        kind = LONGS if name in ("body", "begin", "size") else REALS
+        count = width * shapes.count if width else 3 * int(sizes.sum())
+        array = np.ctypeslib.as_array(ctypes.cast(getattr(shapes, name), kind), (count,))
+        parts.append(packed_array(array, True, True))
+    return b"".join(parts)
+
+
+def plan_problems():
+    from tubeplanner import PlanOptions, load_problem, plan
+
+    for name in PLANS:
+        assert plan(load_problem(name), PlanOptions(quality="fast")).succeeded
+
+
+def measure_a_tube():
+    from tubeplanner import load_problem, measure_tube
+
+    assert measure_tube(load_problem(PLANS[0])).succeeded
+
+
+def no_samples():
+    """Call every function with no rows."""
+    from tubeplanner.native import (
+        convex_pairs,
+        inverse_kinematics,
+        kinematics,
+        regions,
+        speed_roots,
+        spline_basis,
+        spline_rows,
+    )
+
+    none, places = np.zeros(0), (np.zeros(0, int), np.zeros(0), np.zeros(0, int))
+    table, q = np.zeros((2, 41)), np.zeros((0, 2))
+    kinematics.native_last_jacobians(table, q)
+    kinematics.native_last_poses(table[:0], np.zeros((1, 2)))
+    poses = kinematics.native_body_poses(table, q)
+    kinematics.native_point_jacobians(table, 2, poses, none, np.zeros((0, 3)))
+    joints = (q, q, q, q)
+    settings = np.ones(20)
+    inverse_kinematics.native_solve_positions(table, settings, np.zeros((0, 3)), joints, None)
+    axes = (np.zeros((1, 3)), np.ones((1, 3)))
+    regions.away_from_axes(np.zeros((0, 3)), axes, np.zeros(0, int), 1e-9)
+    planes = (np.zeros(0, int), np.zeros((0, 3)), np.zeros(0, int))
+    empty = np.zeros((0, 3))
+    regions.plane_slack(planes, empty, axes, np.zeros(0, int), none, (none, none))
+    speed_roots.largest_speeds({0: none, 1: none}, (1.0,))
+    knots = (np.array([0, 1]), np.array([0.0, 0.0]))
+    times = np.array([0.0, 1.0])
+    weights = spline_basis.cubic_weights(times, knots, places)
+    control = np.zeros((4, 1))
+    changes, moved = spline_basis.cubic_by_switching(times, knots, places, control, 0)
+    spline_basis.cubic_values(weights, np.zeros(0, int), control)
+    spline = spline_rows.SplineChange(weights, changes, moved)
+    rows = spline_rows.chained_rows(spline, {0: np.zeros((0, 1))}, *(np.zeros(0, int),) * 2)
+    size = (0.1, 0.1, np.zeros(0))
+    spline_rows.near_rows(spline, {0: np.zeros((0, 1, 1))}, np.zeros((1, 0, 1)), (1.0,), size)
+    spline_rows.row_reach(*rows, (0.1, np.zeros(0)))
+    step = (np.zeros((4, 1)), np.zeros(0), 0.0)
+    spline_rows.used_by_step(np.zeros(0, int), (*rows, none), step)
+    for count in (0, 1):
+        measure_pairs(convex_pairs, count)
+
+
+def measure_pairs(convex_pairs, count):
+    """Call the functions of pairs with no pairs, and with one of two points."""
+    box = (np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)), np.zeros((2, 3)))
+    points = [np.zeros((1, 3)), np.ones((1, 3))]
+    arrays = (np.array([0, 1]), points, np.zeros(2), box[0], np.zeros(2), *box[1:])
+    shapes = convex_pairs.NativeShapes(convex_pairs.ShapeArrays(*arrays))
+    poses = np.tile(np.eye(3), (count, 2, 1, 1)), np.zeros((count, 2, 3))
+    pairs, row = np.array([[0, 1]])[:count], np.zeros(count, int)
+    shapes.sphere_gaps(*poses, pairs)
+    shapes.box_gaps(*poses, row, pairs)
+    along = np.tile([1.0, 0.0, 0.0], (count, 1))
+    shapes.gaps_along(*poses, row, pairs, along)
+    shapes.gaps_along(*poses, row, pairs, along, np.zeros(count))
+    shapes.closest_points(*poses, row, pairs)
+    shapes.near_distances(*poses, pairs, np.ones((count, count)), np.zeros((count, count)))
+    shapes.least_room(*poses, pairs, np.zeros(count), 1.0)
+
+
+def small_programs():
+    """Solve programs of one variable, without rows, with one that has no entry, again and anew."""
+    from tubeplanner.native.step_program import NativeProgram
+
+    for band in (0, 1):
+        one = np.ones(1)
+        program = NativeProgram(0 * one, one, -one, one, band)
+        program.solve(1e-8)
+        program.add_quadratic(np.zeros(1, int), np.zeros(1, int), one)
+        program.add_rows(np.ones(1, int), np.zeros(1, int), -one, 0.5 * one)
+        program.solve(1e-8)
+        program.set_slack(0.25 * one)
+        program.add_rows(np.zeros(1, int), np.zeros(0, int), np.zeros(0), one)
+        program.add_rows(*(np.zeros(0, int),) * 2, *(np.zeros(0),) * 2)
+        program.solve(1e-8)
+
+
+LONGS, REALS = ctypes.POINTER(ctypes.c_int64), ctypes.POINTER(ctypes.c_double)
+ORIGINAL = library.native_function
+
+if __name__ == "__main__":
+    recorder = Recorder()
+    library.native_function = recorder.wrapped
+    plan_problems()
+    measure_a_tube()
+    recorder.takes_all = True
+    no_samples()
+    small_programs()
+    for argumentless in ("sources", "level", "compiler", "runs_v3"):
+        recorder.kept.append([(recorder.packed(f"tubeplanner_{argumentless}", ()),)])
+    contents = recorder.contents()
+    INPUTS.write_bytes(lzma.compress(contents))
+    print(f"{len(contents)} bytes, {INPUTS.stat().st_size} compressed")

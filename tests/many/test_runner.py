@@ -1,0 +1,212 @@
+"""run_many: one function over many items on any executor; rows in order."""
+
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from itertools import islice
+from multiprocessing import get_context
+from threading import Event, Timer
+
+import pytest
+import worker_calls as calls
+from studied import Here
+
+from tubeplanner import OptionError, WorkerDied, WorkerProcesses
+from tubeplanner.many import run_many as run_many_module
+from tubeplanner.many.run_many import Done, run_many
+from tubeplanner.studies.swept_rows import swept_rows
+
+# One function for many items: what comes of each, as it comes.
+
+
+def inverse(number):
+    return 1 / number
+
+
+EXECUTORS = {"none": lambda: None, "threads": lambda: ThreadPoolExecutor(2)}
+
+
+@pytest.mark.parametrize("name", EXECUTORS)
+def test_every_item_is_done_once_and_an_error_is_its_own(name):
+    found = sorted(
+        run_many(inverse, [2.0, 0.0, 4.0], EXECUTORS[name]()), key=lambda done: done.index
+    )
+    assert found[0] == Done(0, 0.5)
+    assert found[2] == Done(2, 0.25)
+    assert found[1].value is None
+    assert isinstance(found[1].error, ZeroDivisionError)
+
+
+def test_without_an_executor_items_are_taken_one_by_one():
+    taken = []
+    done = run_many(inverse, (taken.append(each) or each for each in (1, 2, 3)))
+    assert next(done) == Done(0, 1.0)
+    assert taken == [1]
+
+
+class ByHand:
+    """An executor whose calls are done when a test says so."""
+
+    def __init__(self):
+        self.futures = []
+
+    def submit(self, work, item):
+        self.futures.append(Future())
+        return self.futures[-1]
+
+
+def test_results_come_in_the_order_in_which_they_are_done():
+    executor = ByHand()
+
+    def items():
+        yield from range(3)
+        executor.futures[2].set_result("last")
+        executor.futures[0].set_result("first")
+        yield 3
+
+    found = run_many(inverse, items(), executor)
+    assert next(found) == Done(2, "last")
+    assert next(found) == Done(0, "first")
+    executor.futures[3].set_result("more")
+    assert next(found) == Done(3, "more")
+
+
+def test_results_come_while_items_are_still_sent():
+    executor, taken = ByHand(), []
+
+    def items():
+        for each in range(1000):
+            taken.append(each)
+            if each == 4:
+                executor.futures[0].set_result("first")
+            yield each
+
+    found = run_many(inverse, items(), executor)
+    assert next(found) == Done(0, "first")
+    assert len(taken) == 5
+
+
+def test_of_many_items_only_some_are_taken_ahead(monkeypatch):
+    monkeypatch.setattr(run_many_module, "_SUBMITTED", 5)
+    event, taken = Event(), []
+    Timer(0.3, event.set).start()
+
+    def items():
+        while True:
+            taken.append(event)
+            yield event
+
+    with ThreadPoolExecutor(1) as threads:
+        found = run_many(Event.wait, items(), threads)
+        assert next(found).value
+        assert len(taken) == 5
+        found.close()
+
+
+def test_what_has_not_begun_is_dropped_when_nobody_wants_more():
+    executor = ByHand()
+
+    def items():
+        yield from range(3)
+        executor.futures[1].set_result("one")
+        yield 3
+
+    found = run_many(inverse, items(), executor)
+    assert next(found).index == 1
+    found.close()
+    assert [each.cancelled() for each in executor.futures[:1] + executor.futures[2:]] == [True] * (
+        len(executor.futures) - 1
+    )
+
+
+def test_a_dead_process_costs_its_item_alone():
+    items = [*range(6), -1, *range(6)]
+    with WorkerProcesses(2) as workers:
+        found = {
+            done.index: done for done in run_many(calls.squared_or_deadly, iter(items), workers)
+        }
+    assert sorted(found) == list(range(13))
+    assert isinstance(found.pop(6).error, WorkerDied)
+    assert all(done.value == items[index] ** 2 for index, done in found.items())
+
+
+def test_a_pool_that_a_dead_process_breaks_is_told():
+    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+    with pool, pytest.raises(OptionError, match=r"BrokenProcessPool.*WorkerProcesses goes on"):
+        list(run_many(calls.squared_or_deadly, [1, -1, 2, 3], pool))
+
+
+def test_a_pool_that_was_broken_before_is_told():
+    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+    with pool:
+        assert pool.submit(calls.deadly).exception() is not None
+        with pytest.raises(OptionError, match="BrokenProcessPool"):
+            next(run_many(calls.squared_or_deadly, [1], pool))
+
+
+def test_an_executor_that_drops_calls_is_told():
+    executor = ByHand()
+
+    def items():
+        yield from range(2)
+        executor.futures[0].cancel()
+
+    with pytest.raises(OptionError, match="CancelledError"):
+        list(islice(run_many(inverse, items(), executor), 3))
+    assert executor.futures[1].cancelled()
+
+
+# Rows of sweeps: in order, wherever they are made.
+
+
+def doubled(item, progress=None):
+    if progress is not None:
+        progress("begun")
+    if isinstance(item, BaseException):
+        raise item
+    return 2 * item
+
+
+def swept(items, executor=None, told=None):
+    called = f"item {{}} of {len(items)}".format
+    return swept_rows(doubled, items, called, executor, None if told is None else told.append)
+
+
+def test_stages_are_told_here_and_what_is_done_of_others():
+    told = []
+    assert swept([1, 2], told=told) == ([2, 4], None)
+    assert told == ["item 1 of 2: begun", "item 2 of 2: begun"]
+    told.clear()
+    executor = Here()
+    assert swept([1, 2], executor, told) == ([2, 4], None)
+    assert executor.calls == 2
+    assert told == ["item 1 of 2: done", "item 2 of 2: done"]
+
+
+def test_rows_are_in_the_order_of_items_whichever_is_done_first():
+    class Backwards(Here):
+        """Ends its first call when there is a third."""
+
+        def submit(self, fn, /, *args, **kwargs):
+            if self.calls == 0:
+                self.calls, self.first, self.answer = 1, Future(), fn(*args)
+                return self.first
+            if self.calls == 2:
+                self.first.set_result(self.answer)
+            return super().submit(fn, *args, **kwargs)
+
+    executor = Backwards()
+    came = [done.value for done in run_many(doubled, [1, 2, 3], executor)]
+    assert came == [4, 2, 6]
+    assert swept([1, 2, 3], Backwards()) == ([2, 4, 6], None)
+
+
+def test_an_error_goes_through():
+    with pytest.raises(ZeroDivisionError):
+        swept([1, ZeroDivisionError()])
+    with pytest.raises(ZeroDivisionError):
+        swept([1, ZeroDivisionError()], Here())
+
+
+def test_ctrl_c_keeps_the_rows_that_are_done():
+    assert swept([1, 2, KeyboardInterrupt()]) == ([2, 4], "interrupt")
+    with pytest.raises(KeyboardInterrupt):
+        swept([KeyboardInterrupt(), 1])

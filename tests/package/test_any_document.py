@@ -1,0 +1,225 @@
+"""Any document and parts of it are taken or refused in one line."""
+
+import numpy as np
+import pytest
+from any_documents import CYCLE, PROBLEM, changed_documents, whole_documents, written
+from any_parts import ENDS, FLAGS, LINE, OF_MOVES, OF_PROBLEMS, PEN, SOLIDS, WALL, arm, some
+from any_values import NAMES, NUMBERS, VALUES, accepted, examples
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tubeplanner import (
+    Attach,
+    Cycle,
+    Detach,
+    Event,
+    Move,
+    Payload,
+    PlanningProblem,
+    ProblemError,
+    Seed,
+    Tube,
+    TubePlannerError,
+    load_problem,
+    load_study,
+    parse_cycle,
+    parse_problem,
+)
+from tubeplanner.cycle.cycle_format import cycle_schema
+from tubeplanner.problem.problem_fields import read_problem_fields
+from tubeplanner.problem.problem_format import problem_schema
+from tubeplanner.robot.urdf import read_urdf
+from tubeplanner.studies.study_format import study_schema
+
+# Any document either loads or raises one of our errors, never another library's.
+
+
+STUDY = {
+    "format": "tubeplanner/study",
+    "study": {
+        "problem": "example:two_link/paper_1_30mm",
+        "vary": {
+            "tube.radius": [0.02, 0.03],
+            "robot.payload.mass": {"from": 0.1, "to": 2, "count": 3},
+        },
+        "options": {"method": "stop-at-corners"},
+    },
+}
+URDF = """<robot name="arm"><link name="base"/><link name="bar"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><box size="1 1 1"/></geometry></collision></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """A file that every example writes anew."""
+    return tmp_path_factory.mktemp("any") / "any.json"
+
+
+@examples(300)
+@given(changed_documents(PROBLEM, problem_schema()), st.booleans())
+def test_a_changed_problem_loads_or_is_refused(document, reads_tube):
+    repr(accepted(parse_problem, document, reads_tube=reads_tube))
+
+
+@examples(60)
+@given(whole_documents(problem_schema()) | VALUES)
+def test_any_problem_loads_or_is_refused(document):
+    accepted(parse_problem, document)
+
+
+@examples(200)
+@given(changed_documents(CYCLE, cycle_schema()))
+def test_a_changed_cycle_loads_or_is_refused(document):
+    repr(accepted(parse_cycle, document))
+
+
+@examples(60)
+@given(whole_documents(cycle_schema()) | VALUES)
+def test_any_cycle_loads_or_is_refused(document):
+    accepted(parse_cycle, document)
+
+
+@examples(150)
+@given(document=changed_documents(STUDY, study_schema()) | whole_documents(study_schema()))
+def test_any_study_poses_its_points_or_is_refused(file, document):
+    if written(file, document) and (study := accepted(load_study, file)):
+        for index in range(min(3, len(study.points))):
+            accepted(study.posed, study.points[index])
+
+
+@examples(100)
+@given(document=changed_documents(PROBLEM, problem_schema()))
+def test_a_changed_file_loads_or_is_refused(file, document):
+    if written(file, document):
+        accepted(load_problem, file)
+
+
+@examples(300)
+@given(st.text() | st.binary() | VALUES.map(repr), st.sampled_from([".yaml", ".json"]))
+def test_any_file_is_read_or_refused(tmp_path_factory, content, suffix):
+    path = tmp_path_factory.getbasetemp() / f"any{suffix}"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8", "replace"))
+    try:
+        read_problem_fields(path)
+    except TubePlannerError as error:
+        assert str(path) in str(error)
+
+
+@examples(300)
+@given(st.integers(0, len(URDF)), st.integers(0, 12), st.text(max_size=6))
+def test_any_damage_to_a_urdf_is_harmless_or_named(tmp_path_factory, start, length, new):
+    path = tmp_path_factory.getbasetemp() / "any.urdf"
+    damaged = URDF[:start] + new + URDF[start + length :]
+    path.write_bytes(damaged.encode("utf-8", "replace"))
+    try:
+        read_urdf(path).kinematic_xml()
+    except TubePlannerError as error:
+        assert str(path) in str(error)
+
+
+# Parts that do not fit each other make a problem or a cycle, or are refused in one line.
+
+
+SEED = Seed(np.array([0.0, -1.0]))
+BACK = [LINE[1], [0.2, 0.1, 0], LINE[0]]
+RESTS = st.one_of(
+    some({"name": NAMES | VALUES, "setting": VALUES, "dwell": NUMBERS | VALUES}, 2).map(
+        lambda given: accepted(Event, **{"name": "grip", **given})
+    ),
+    some({"name": NAMES | VALUES, "payload": st.just(Payload(0.5)), "solid": st.just(PEN)}, 2).map(
+        lambda given: accepted(Attach, **{"name": "wall", **given})
+    ),
+    some({"payload": VALUES, "solid": VALUES}, 2).map(
+        lambda given: accepted(Attach, **{"name": "wall", **given})
+    ),
+    some({"name": NAMES | VALUES, "leaves_obstacle": FLAGS}, 2).map(
+        lambda given: accepted(Detach, **{"name": "wall", **given})
+    ),
+)
+OF_CYCLES = {
+    "start": ENDS,
+    "obstacles": SOLIDS,
+    "attached": SOLIDS,
+    "closed": FLAGS,
+    "self_collision": FLAGS,
+    "period": NUMBERS | VALUES,
+    "name": NAMES | VALUES,
+}
+
+
+def move(name, points, given):
+    """Return a move, None if what is given for it is refused."""
+    right = {"name": name, "robot": arm(), "tube": Tube(points, 0.05, joint_signs={"joint2": "-"})}
+    return accepted(Move, **{**right, **given})
+
+
+def moves(name, points):
+    """Return a strategy for moves along points, other arguments of which may be anything."""
+    return st.just({}).map(lambda given: move(name, points, given)) | some(OF_MOVES, 2).map(
+        lambda given: move(name, points, given)
+    )
+
+
+@examples(500)
+@given(some(OF_PROBLEMS, 4))
+def test_any_parts_make_a_problem_or_are_refused(given):
+    tube = Tube(LINE, 0.03, joint_signs={"joint2": "-"})
+    right = {"robot": arm(), "tube": tube, "start": SEED}
+    if problem := accepted(PlanningProblem, **{**right, **given}):
+        repr(problem)
+        accepted(lambda: problem.collision)
+        accepted(problem.farther_apart, 0.1)
+        assert problem.joined.distinct_joint_bounds[0].shape[1] == 2
+
+
+@examples(300)
+@given(st.tuples(moves("over", LINE), RESTS, moves("back", BACK), RESTS), some(OF_CYCLES, 2))
+def test_any_steps_make_a_cycle_or_are_refused(steps, given):
+    right = {"start": SEED, "obstacles": [WALL], "steps": [each for each in steps if each]}
+    repr(accepted(Cycle, **{**right, **given}))
+
+
+@examples(50)
+@given(VALUES | st.lists(RESTS, max_size=2) | moves("over", LINE))
+def test_what_are_no_steps_is_refused(steps):
+    repr(accepted(Cycle, SEED, steps))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"robot": "arm.urdf"}, "robot is 'arm.urdf'; give a RobotModel, as load_robot returns"),
+        ({"tube": LINE}, "tube is [[0.3, -0.3, 0], [0.3, 0.3, 0]]; give a Tube"),
+        ({"self_collision": 1}, "self_collision is 1; give True or False"),
+        ({"name": None}, "name is None; give text"),
+        ({"obstacles": np.array(1.0)}, "obstacles[0] is array(1.); give Obstacle.box"),
+        ({"ignore_collisions": [("a", 1)]}, "ignore_collisions[0] is ('a', 1); give pairs of nam"),
+        ({"ignore_collisions": [[[1], [1, 2]]]}, "ignore_collisions[0] is [[1], [1, 2]]; give pai"),
+    ],
+)
+def test_a_part_of_another_kind_is_named(given, message):
+    right = {"robot": arm(), "tube": Tube(LINE, 0.03), "start": SEED}
+    with pytest.raises(ProblemError) as caught:
+        PlanningProblem(**{**right, **given})
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Move("over", None, None), "move 'over': robot is None;"),
+        (lambda: Attach("pen", payload=1), "attach 'pen': payload is 1; give a Payload"),
+        (lambda: Attach("pen", solid=1), "attach 'pen': solid is 1; give an AttachedSolid"),
+        (lambda: Detach(5), "what is detached is 5; a name must be text that is not empty"),
+        (lambda: Detach("pen", "no"), "detach 'pen': leaves_obstacle is 'no'; give True or False"),
+        (lambda: Cycle(SEED, 5), "steps[0] is 5; give Move, Event, Attach or Detach"),
+        (lambda: Cycle(SEED, [], closed=1), "closed is 1; give True or False"),
+    ],
+)
+def test_a_step_of_another_kind_is_named(make, message):
+    with pytest.raises(ProblemError) as caught:
+        make()
+    assert str(caught.value).startswith(message)

@@ -1,0 +1,198 @@
+"""Names are names: no markup in pages, no codes in terminals, no formulas in tables."""
+
+import csv
+import io
+import json
+from html.parser import HTMLParser
+
+import pytest
+import yaml
+from hostile_names import HOSTILE, explained
+from rich.table import Table
+
+from tubeplanner import RobotError, load_robot
+from tubeplanner.commands.cli import main
+from tubeplanner.commands.report import rendered
+from tubeplanner.resources import bundled_robots
+from tubeplanner.views.explanation_view import view_explanation
+from tubeplanner.views.page_file import page_html
+
+NAMES = [
+    "<script>alert(1)</script>",
+    "</script><img src=x onerror=alert(1)>",
+    "<!-- <script>",
+    "\"'`&lt;b&gt;",
+    "{{data}} {{engine}}",
+    "[bold]markup[/bold]",
+    "%s {0} \\",
+]
+CODES = ["\x1b[31mred", "back\rwards", "turned\u202eover", "two\nlines", "nul\x00l", "\u2028"]
+PROBLEM = {
+    "robot": {
+        "urdf": "arm.urdf",
+        "tool_frame": "hand",
+        "gravity": [0, 0, 0],
+        "limits": {"velocity": 50.0},
+    },
+    "tube": {"points": [[0.3, -0.3, 0], [0.3, 0.3, 0]], "radius": 0.03},
+    "start": {"seed": [0.0, -1.0]},
+    "obstacles": [{"name": "post", "cylinder": [0.03, 0.3], "position": [0, 0.9, 0]}],
+}
+
+
+class Tags(HTMLParser):
+    """The tags of a page and what its scripts hold."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.tags = []
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, tuple(name for name, _ in attrs)))
+
+    def handle_comment(self, data):
+        self.tags.append(("comment", data))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def write(folder, name, file="problem.yaml"):
+    """Write a problem whose joint, link and obstacle have a name."""
+    quoted = name.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+    text = bundled_robots()["two_link"].read_text()
+    for word in ("joint1", "link1"):
+        text = text.replace(f'"{word}"', f'"{quoted} {word}"')
+    (folder / "arm.urdf").write_text(text)
+    problem = json.loads(json.dumps(PROBLEM))
+    problem["obstacles"][0]["name"] = name
+    (folder / file).write_text(yaml.safe_dump(problem))
+
+
+def page(folder, arguments):
+    assert main([*arguments, "--html", "page.html"]) == 0
+    return (folder / "page.html").read_text()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_is_no_markup_in_a_page(folder, name, capsys):
+    write(folder, "plain")
+    plain = Tags(page(folder, ["view", "problem.yaml"])).tags
+    file = "a & <b>.yaml" if "/" in name else f"{name}.yaml"
+    write(folder, name, file)
+    assert Tags(page(folder, ["view", file])).tags == plain
+
+
+def test_what_a_page_says_comes_out_of_it_as_it_went_in():
+    panel = {"names": [*NAMES, *CODES]}
+    text = page_html(NAMES[1], panel, [])
+    begin = text.index('{"names"')
+    assert json.JSONDecoder().raw_decode(text[begin:])[0] == panel
+    assert NAMES[1] not in text
+
+
+def test_no_name_is_markup_in_the_page_of_an_explanation(tmp_path):
+    """Of links, joints, obstacles, the problem, and what helps: 22 names on each page."""
+    plain = Tags(view_explanation(explained(tmp_path, [f"n{k}" for k in range(22)])).html).tags
+    assert len(HOSTILE) == len(set(HOSTILE)) == 330
+    for begin in range(0, len(HOSTILE), 22):
+        names = HOSTILE[begin : begin + 22]
+        shown = view_explanation(explained(tmp_path, names))
+        assert names[2] in shown.panel["findings"]["reason"]
+        assert Tags(shown.html).tags == plain
+        assert findings_of(shown.html) == shown.panel["findings"]
+
+
+def findings_of(page):
+    """Return what the scripts of a page are given of the findings."""
+    begin = page.index(">", page.index('<script type="application/json"')) + 1
+    return json.loads(page[begin : page.index("</script", begin)])["findings"]
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_a_code_is_no_name_and_there_is_no_page(folder, code, capfd):
+    (folder / "arm.urdf").write_text(bundled_robots()["two_link"].read_text())
+    post = {"name": code, "sphere": 0.1, "position": [0.3, 0, 0]}
+    (folder / "problem.json").write_text(json.dumps({**PROBLEM, "obstacles": [post]}))
+    words = ["explain", "problem.json", "--processes", "1", "--time-limit", "1"]
+    assert main([*words, "--html", "page.html"]) == 2
+    out, err = capfd.readouterr()
+    assert all(character.isprintable() for character in (out + err).replace("\n", ""))
+    assert not (folder / "page.html").exists()
+
+
+@pytest.mark.parametrize("code", CODES)
+@pytest.mark.parametrize("more", [[], ["--json"]])
+def test_a_name_is_no_code_in_a_terminal(folder, code, more, capfd):
+    problem = json.loads(json.dumps(PROBLEM))
+    problem["robot"]["urdf"] = "example:two_link"
+    for field, value in (
+        ("obstacles", [{"name": code, "sphere": 0.1, "position": [0, 0.9, 0]}]),
+        ("clearance", {"pairs": [{"links": [code, "link1"], "clearance": 0.1}]}),
+        ("collision", {"ignore": [[code, "link1"]]}),
+        (code, 1),
+        ("include", f"{code}.yaml"),
+        ("robot", {**problem["robot"], "tool_frame": code}),
+        ("robot", {**problem["robot"], "locked_joints": {code: 0}}),
+        ("robot", {**problem["robot"], "preset": code}),
+        ("robot", {**problem["robot"], "limits": {"velocity": {code: 1}}}),
+        ("tube", {**problem["tube"], "joint_signs": {code: "+"}}),
+        ("start", {"joints": {code: 0}}),
+        ("start", {"group_state": code}),
+    ):
+        (folder / "problem.json").write_text(json.dumps({**problem, field: value}))
+        assert main(["info", "problem.json", *more]) in (0, 2)
+        out, err = capfd.readouterr()
+        assert all(character.isprintable() for character in (out + err).replace("\n", ""))
+        assert json.loads(out) if more else len(err.splitlines()) <= 1
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_nor_is_the_name_of_a_file(folder, code, capfd):
+    for arguments in (["info"], ["plan"], ["check", "problem.yaml"], ["study"], ["view"]):
+        assert main([*arguments, *([f"{code}.yaml"] * (1 + (arguments == ["check"])))]) == 2
+        out, err = capfd.readouterr()
+        assert all(character.isprintable() for character in (out + err).replace("\n", ""))
+
+
+def test_a_table_has_no_formula(folder, capsys):
+    write(folder, "=1+1")
+    assert main(["sweep", "problem.yaml", "--radius", "0.0000001,0.03", "-o", "table.csv"]) in (
+        0,
+        1,
+    )
+    assert main(["compare", "problem.yaml", "--methods", "stop-at-corners", "-o", "c.csv"]) in (
+        0,
+        1,
+    )
+    for file in ("table.csv", "c.csv"):
+        rows = list(csv.reader(io.StringIO((folder / file).read_text())))
+        cells = [cell for row in rows for cell in row]
+        assert not [c for c in cells if c.lstrip()[:1] in ("=", "@", "+")]
+        assert not [c for c in cells if c[:1] == "-" and not is_number(c)]
+
+
+def is_number(text):
+    try:
+        return bool(float(text)) or True
+    except ValueError:
+        return False
+
+
+def test_tables_are_plain_on_a_terminal_too(monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    table = Table("head", title="title")
+    table.add_row("cell")
+    assert "\x1b" not in rendered(table)
+
+
+def test_what_pinocchio_complains_of_is_one_line(tmp_path):
+    text = bundled_robots()["two_link"].read_text().replace("0.30 0 0", "&#9; 0 0", 1)
+    (tmp_path / "arm.urdf").write_text(text)
+    with pytest.raises(RobotError) as caught:
+        load_robot(tmp_path / "arm.urdf", "hand")
+    assert str(caught.value).isprintable()

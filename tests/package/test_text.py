@@ -1,0 +1,284 @@
+"""Short text: names of joints and links, dataclasses on one line, cells of tables."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import pytest
+from small_cycle import planned_cycle
+
+import tubeplanner as t
+from tubeplanner import ProblemError
+from tubeplanner.errors import MAX_SHOWN, shown, unknown_name
+from tubeplanner.names import MAX_NAME_LENGTH, require_name
+from tubeplanner.refinement.sensitivities import Sensitivity
+from tubeplanner.short_repr import short_repr
+from tubeplanner.studies.formula_cells import without_formulas
+from tubeplanner.studies.json_values import value_text
+from tubeplanner.studies.placement_region import Region, Stand
+
+# Names that messages, files and figures can hold, and how values are shown in messages.
+
+
+HIDDEN = [
+    "a\nFAKE: passes",
+    "a\x1b[31m",
+    "a\x9b31m",
+    "a\u202eb",
+    "a\u2066b",
+    "a\tb",
+    "\x7f",
+    "a\x00",
+]
+
+
+@pytest.mark.parametrize(
+    "name", ["joint1", "Gelenk 1", "関節", "a,b", 'a"b', "x" * MAX_NAME_LENGTH]
+)
+def test_printable_names_are_taken(name):
+    assert require_name("a joint", name, ProblemError) == name
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_a_name_with_a_hidden_character_is_refused_and_shown_harmless(name):
+    with pytest.raises(ProblemError, match="which cannot be shown; rename it") as caught:
+        require_name("a joint", name, ProblemError)
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("name", [5, None, "", b"a", ["a"]])
+def test_a_name_is_text(name):
+    with pytest.raises(ProblemError, match=r"a joint is .*; a name must be text that is not empty"):
+        require_name("a joint", name, ProblemError)
+
+
+def test_a_long_name_is_refused_in_a_short_message():
+    with pytest.raises(ProblemError, match="1000000 characters long; shorten it") as caught:
+        require_name("a joint", "x" * 10**6, ProblemError)
+    assert len(str(caught.value)) < 200
+
+
+LONG = {
+    "text": "x" * 10**6,
+    "digits that Python does not write": 10**5000,
+    "digits": 10**300,
+    "a list": [1.0] * 10**6,
+    "a map": {1: "y" * 999},
+}
+
+
+@pytest.mark.parametrize("value", LONG.values(), ids=LONG)
+def test_long_values_are_shown_short(value):
+    assert len(shown(value)) <= MAX_SHOWN + 3
+    assert len(unknown_name("key", value, ["a", "b"])) < 150
+
+
+def test_short_values_are_shown_as_they_are():
+    assert shown("a") == "'a'"
+    assert shown([1, 2]) == "[1, 2]"
+    assert shown("a\u202e") == "'a\\u202e'"
+
+
+# Every public class prints one short line with what one wants to know of it.
+
+
+MOST = 500  # [characters]
+# What is printed must name these, where the class has something of its own to say.
+SAYS = {
+    "AttachedSolid": ["part", "0.1 x 0.2 x 0.3 m about [0, 0, 0]"],
+    "Certificate": ["passed", "10 of 19 conditions required"],
+    "Cycle": ["small: 4 moves of two_link to hand in 3 legs, closed"],
+    "CycleCertificate": ["passed", "4 moves"],
+    "CycleMotion": ["of small: ", "3 legs, 9 marks"],
+    "CycleResult": ["success by refinement", "certified cycle of"],
+    "Explanation": ["name='two_link/around_a_post'", "remedies=<99 Remedy>", "tried=99"],
+    "JointTrajectory": [" s: ", "pieces of degree", "joint1, joint2"],
+    "Obstacle": ["post", "0.0605 x 0.0605 x 0.3 m about [0.4, 0.22, 0]", "1 convex shape"],
+    "PlannedItem": ["index=0", "no/such/file.yaml"],
+    "Placement": ["of two_link/around_a_post: 100 stands tried, best Stand(x=0.1, y=0.2"],
+    "PlanResult": ["success by refinement", "certified trajectory of"],
+    "Planner": ["two_link/around_a_post: refinement", "nothing planned yet"],
+    "PlanningProblem": [
+        *("two_link/around_a_post", "2 joints of two_link to hand", "3 segments"),
+        *("1 obstacle,", "start by seed", "goal open"),
+    ],
+    "PosedProblem": ["two_link/around_a_post: a problem in "],
+    "Remedy": ["field='tube.radius'", "text='all radii times 2'"],
+    "RobotModel": ["two_link", "2 joints to hand", "joint1, joint2"],
+    "Room": ["field='clearance'", "after=0.02"],
+    "Tube": ["3 segments", "1 m long", "0.03 to 0.05 m"],
+    "WorkerProcesses": ["2"],
+}
+# Results of long computations: of all fields large arrays.
+FILLED = [
+    *("Comparison", "ComparisonRow", "Execution", "FieldRow", "FieldSweep", "JudgedRun"),
+    *("HandoverErrors", "JudgedCycle"),
+    *(
+        "PatternSurvey",
+        "Plant",
+        "SegmentMeasurement",
+        "Survival",
+        "SweepResult",
+        "SweepRow",
+        "Tightening",
+    ),
+    *("Study", "StudyResult", "StudyRow"),
+    *("TrajectoryMeasures", "TubeAnswer", "TubeMeasurement", "View", "ZonedPath"),
+]
+
+
+@pytest.fixture(scope="module")
+def made():
+    """One instance of every public class, by name."""
+    problem = t.load_problem("example:two_link/around_a_post")
+    result = t.plan(problem)
+    box = t.Obstacle.box("part", (0.1, 0.2, 0.3), np.eye(4))
+    limits = t.LimitOverrides(effort={f"joint{k}": 1.0 for k in range(99)})
+    peaks = t.trajectory_peaks(problem.robot, result.trajectory)
+    found = [
+        *(problem, problem.robot, problem.tube, *problem.obstacles, result, result.trajectory),
+        *(result.certificate, result.certificate.conditions["effort"], result.certificate.braking),
+        *(result.certificate.tolerance, result.sensitivities[0], result.status, result.place),
+        *(peaks, peaks.tool_speed, t.Planner(problem), t.AttachedSolid("part", box.shapes)),
+        *(t.ToolPose(np.eye(4)), t.GoalRegion((0, 0, 1), 0.02), t.Contact(("a", "b"), 0.03)),
+        *(t.Seed(np.zeros(7)), limits, t.MotorOverrides(), t.LimitLayer("a: ", limits)),
+        *(t.PointSpeed("hand", (0, 0, 0), 1.0), t.Payload(1.0), t.ToolOffset(), t.Objective()),
+        t.BasePose(),
+        *(t.Robustness(), t.PlanOptions(), t.MeasureOptions(), t.TeachOptions(), t.RouteOptions()),
+        *(t.Draw(), t.Progress("planning"), t.SlowerRun("effort", 0.1, 0.5, result.place)),
+        *(t.RunVerdict(9, 1, {"tube": 1}), t.Blame("effort", "", 0.1, 0.1, ())),
+        t.SearchStatistics(*range(8), False),
+        *(t.WorkerProcesses(2), t.PosedProblem.read("example:two_link/around_a_post")),
+        *t.plan_many(["no/such/file.yaml"], executor=ThreadPoolExecutor(1)),
+        *(t.PlaceOptions(), *_of_places(problem, result)),
+        *_of_cycles(),
+        *_of_explanations(problem, result),
+    ]
+    named = {type(each).__name__: each for each in found}
+    return named | {name: _filled(getattr(t, name)) for name in FILLED}
+
+
+def _of_cycles():
+    """Return a cycle, its steps and what planning makes of it."""
+    result = planned_cycle()
+    cycle, motion = result.motion.cycle, result.motion
+    steps = {type(step): step for step in cycle.steps}
+    return [
+        *(cycle, *steps.values(), result, motion, result.certificate),
+        *(motion.marks[0], result.sensitivities[0]),
+    ]
+
+
+def _of_places(problem, result):
+    """Return a placement and its parts."""
+    stand = Stand(0.1, 0.2, 0.0, 1.0)
+    row = t.PlacementRow(stand, "success", result.message, result.place, result.duration)
+    given, region = t.GivenStand(stand, result, result.message), Region.of((0, 1, 0, 1), 0.0)
+    grid = region.grid(100, 0.0)
+    found = t.Placement(problem, region, (), grid, (row,) * 100, given, row, result, {})
+    return [stand, row, given, found]
+
+
+def _of_explanations(problem, result):
+    """Return an explanation, a remedy and room."""
+    changes = {"tube.radius": [0.06] * 99}
+    text = "all radii times 2"
+    radii, wider, missed = [0.03] * 99, [0.06] * 99, [0.05] * 99
+    remedy = t.Remedy(
+        "tube.radius", radii, wider, "m", 1.5, text, changes, 1.0, missed, "50 mm", True
+    )
+    told = "clearance 10 -> 20 mm"
+    room = t.Room("clearance", 0.01, 0.02, "m", 1.5, told, 0.021, "21 mm", True)
+    found = t.Explanation(problem.name, problem, result, None, (remedy,) * 99, ("a",) * 99)
+    return [remedy, room, replace(found, tried=99)]
+
+
+def _filled(cls):
+    instance = cls.__new__(cls)
+    for field in fields(cls):
+        object.__setattr__(instance, field.name, np.zeros((100, 7)))
+    return instance
+
+
+def _classes():
+    public = {name: getattr(t, name) for name in t.__all__}
+    return [
+        name
+        for name, each in public.items()
+        if isinstance(each, type) and not issubclass(each, Exception)
+    ]
+
+
+@pytest.mark.parametrize("name", _classes())
+def test_a_public_class_prints_a_short_line(made, name):
+    text = repr(made[name])
+    assert len(text) <= MOST
+    assert "\n" not in text
+    assert " object at 0x" not in text
+    assert name in text
+    for words in SAYS.get(name, ()):
+        assert words in text
+
+
+def test_a_failed_certificate_names_what_fails():
+    problem = t.load_problem("example:two_link/around_a_post")
+    trajectory = t.plan(problem).trajectory
+    fast = t.JointTrajectory(
+        trajectory.joint_names,
+        trajectory.breakpoints / 2,
+        trajectory.coefficients * 2.0 ** np.arange(len(trajectory.coefficients))[::-1, None, None],
+    )
+    assert "fails effort" in repr(t.verify(problem, fast))
+
+
+@dataclass(frozen=True)
+class _Thing:
+    array: object = None
+    rows: object = None
+    text: str = ""
+    _hidden: int = 1
+
+    __repr__ = short_repr
+
+
+@pytest.mark.parametrize(
+    ("thing", "text"),
+    [
+        (_Thing(), "_Thing()"),
+        (_Thing(array=np.zeros((3, 4))), "_Thing(array=<array (3, 4)>)"),
+        (_Thing(array=np.array([1.23456, 2])), "_Thing(array=[1.2346, 2.    ])"),
+        (_Thing(rows=(1, 2)), "_Thing(rows=(1, 2))"),
+        (_Thing(rows=[Sensitivity] * 90), "_Thing(rows=<90 type>)"),
+        (_Thing(rows={str(k): k for k in range(90)}), "_Thing(rows=<90 by name>)"),
+        (_Thing(array=_Thing(text="a" * 59)), "_Thing(array=<_Thing>)"),
+        (_Thing(text="a" * 90), f"_Thing(text='{'a' * 59}...)"),
+    ],
+)
+def test_large_values_are_named_by_kind_and_count(thing, text):
+    assert repr(thing) == text
+
+
+# Values of fields as tables have them.
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(2, "2"), ("x2", "x2"), (None, "null"), ([1, "a"], '[1, "a"]'), (float("-inf"), "-.inf")],
+)
+def test_values_are_written_as_a_table_has_them(value, text):
+    assert value_text(value) == text
+
+
+# No cell of a table is run by a spreadsheet, and none that is a number or text is changed.
+
+
+@pytest.mark.parametrize("cell", ["=1+1", "+1+1", "-1+1", "@SUM(A1)", " =1", "-", "-x"])
+def test_a_formula_becomes_text(cell):
+    assert without_formulas(f"a,{cell},1\n") == f"a,'{cell},1\n"
+
+
+@pytest.mark.parametrize(
+    "line", ["-1,+2.5,-1e-3,-inf", "a=b,[-1],x-1,", '"a, b","c ""d""",,', '"two\nlines",1', ""]
+)
+def test_all_else_stays(line):
+    assert without_formulas(line + "\n") == line + "\n"

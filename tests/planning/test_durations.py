@@ -1,0 +1,363 @@
+"""Given and cheapest durations, periods, planning times."""
+
+from dataclasses import replace
+from functools import cache
+from math import ceil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cases import ANGLE, anywhere, one_joint, quintic, slow_but
+from tubeplanner import JointTrajectory, Objective, Planner, PlanOptions, plan, verify
+from tubeplanner.constraints.effort_costs import EffortCosts
+from tubeplanner.files.trajectory_writer import TrajectoryFiles
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.planning.cheapest_duration import cheapest_duration
+from tubeplanner.planning.timing import fewest_periods, lengthened, most_periods, no_longer
+from tubeplanner.refinement.refinement import Refinement
+from tubeplanner.refinement.second_stage import SecondStage
+from tubeplanner.trajectory.trajectory_file import joined_samples
+
+# How much time is of use: against the closed form of the energy of a shape.
+
+
+LONGEST = 6.0
+
+
+def asked(robot, minimise):
+    return replace(anywhere(robot), objective=Objective(1.0, minimise))
+
+
+def cheapest_shape(robot, shape):
+    """Return the duration at which d/dT (E4/T^3 + E2/T + E0 T) vanishes, by quadrature."""
+    x = (np.arange(20_000) + 0.5)[:, None] / 20_000
+    state = (shape.position(x)[:, 0], 0 * x, shape.acceleration(x)[:, 0])
+    held = robot.gravity_effort(state[0])
+    moved = robot.inverse_dynamics(*state) - held
+    e4, e2, e0 = (moved**2).mean(), 2 * (moved * held).mean(), (held**2).mean()
+    roots = np.roots([e0, 0.0, -e2, 0.0, -3 * e4])
+    return roots[(abs(roots.imag) < 1e-9) & (roots.real > 0)].real.max()
+
+
+def test_energy_has_a_cheapest_duration_where_gravity_is_to_be_held(tmp_path):
+    robot = one_joint(tmp_path, mass=0.5)
+    expected = cheapest_shape(robot, quintic(ANGLE))
+    assert 1.0 < expected < LONGEST
+    found = cheapest_duration(asked(robot, "energy"), quintic(ANGLE), LONGEST)
+    assert found == pytest.approx(expected, abs=(LONGEST - 1.0) / 49)
+
+
+@pytest.mark.parametrize("minimise", ["smoothness", "energy", "work"])
+def test_without_gravity_all_time_is_of_use(minimise, tmp_path):
+    problem = asked(one_joint(tmp_path), minimise)
+    assert cheapest_duration(problem, quintic(ANGLE), LONGEST) == LONGEST
+
+
+def test_smoothness_uses_all_of_it_with_gravity_too(tmp_path):
+    problem = asked(one_joint(tmp_path, mass=0.5), "smoothness")
+    assert cheapest_duration(problem, quintic(ANGLE), LONGEST) == LONGEST
+
+
+def test_work_is_least_where_a_bar_swings_by_itself(tmp_path):
+    """Down and up again: slower, nothing lifts it; faster, it is to be driven.
+
+    Hardly anything is left of what lifting it takes, as speed carries it up.
+    """
+    robot, swing = one_joint(tmp_path, mass=0.5), quintic(-np.pi, 0.5)
+    problem, tried = asked(robot, "work"), np.linspace(0.5, LONGEST, 50)
+    found = cheapest_duration(problem, swing, LONGEST)
+    costs = EffortCosts(robot, swing)
+    lifting = 0.5 * 9.81 * 0.5
+    assert costs.work(LONGEST) > 0.8 * lifting
+    assert costs.work(found) == min(map(costs.work, tried)) < 0.5 * lifting
+    assert 1.0 < found < 3.0
+
+
+# Motions in a controller's periods: every sample is the motion, and no time is lost.
+
+
+LINE, POST, WALL = "two_link/paper_1_30mm", "two_link/around_a_post", "ur5/over_the_wall"
+CASES = [(LINE, 0.001), (LINE, 0.004), (LINE, 0.008), (POST, 0.004), (WALL, 0.008), (WALL, 0.001)]
+WHOLE = "the duration is a multiple of the period, 0.004 s; the breakpoints are not"
+
+
+@pytest.fixture(scope="module")
+def periodic(bundled):
+    """Return a function from a problem's name and a period to the problem and its motion."""
+
+    @cache
+    def of(name, period):
+        problem = replace(bundled(name), period=period)
+        return problem, plan(problem)
+
+    return of
+
+
+@pytest.fixture(scope="module")
+def least(bundled):
+    """Return a function from a problem's name to its least duration without a period."""
+    return cache(lambda name: plan(bundled(name), PlanOptions(slack=0)).duration)
+
+
+def in_periods(times, period):
+    """Return numbers of periods, after a look that they are whole."""
+    counts = np.asarray(times) / period
+    np.testing.assert_allclose(counts, counts.round(), atol=1e-9)
+    return counts.round().astype(int)
+
+
+@pytest.mark.parametrize(("name", "period"), slow_but(CASES[:5], CASES))
+def test_duration_and_all_breakpoints_are_multiples(name, period, periodic):
+    problem, result = periodic(name, period)
+    assert result.succeeded
+    for trajectory in (result.trajectory, result.shortest):
+        places = in_periods(trajectory.breakpoints, period)
+        assert np.diff(places).min() >= 1
+        np.testing.assert_array_equal(trajectory.breakpoints, places * period)
+        assert verify(problem, trajectory).passed
+    assert not any("multiple of the period" in note for note in result.notes)
+
+
+@pytest.mark.parametrize(("name", "period"), slow_but(CASES[:5], CASES))
+def test_what_is_written_is_the_motion_itself(name, period, periodic):
+    """Without a rate, and judged as our own trajectories are."""
+    problem, result = periodic(name, period)
+    contents, notes = TrajectoryFiles(csv=Path("t.csv")).contents(result.trajectory, problem)
+    assert notes == ()
+    rows = contents[Path("t.csv")].decode().splitlines()
+    assert len(rows) == 2 + in_periods(result.duration, period)
+    samples = result.trajectory.sample(1 / period)
+    known = (samples.position, samples.velocity, samples.acceleration)
+    joined = joined_samples(result.trajectory.joint_names, samples.time, known)
+    assert joined.duration == pytest.approx(result.duration, abs=1e-12)
+    assert verify(problem, joined).passed
+
+
+@pytest.mark.parametrize(("name", "period"), slow_but(CASES[:4], CASES))
+def test_slack_counts_from_the_least_multiple_that_was_found(name, period, periodic, least):
+    _, result = periodic(name, period)
+    fewest = in_periods(result.shortest_duration, period)
+    assert ceil(least(name) / period - 1e-3) <= fewest
+    # Knots no closer than a period cost a little at every switch.
+    assert result.shortest_duration < 1.05 * least(name)
+    most = int(1.005 * fewest + 1e-9)
+    assert fewest <= in_periods(result.duration, period) == most
+
+
+def test_slack_zero_is_the_shortest_motion_in_periods(periodic):
+    problem, result = periodic(LINE, 0.004)
+    shortest = plan(problem, PlanOptions(slack=0))
+    np.testing.assert_array_equal(shortest.trajectory.coefficients, result.shortest.coefficients)
+    assert shortest.shortest is None
+
+
+def test_where_smoothing_fails_the_shortest_motion_is_in_periods(periodic, monkeypatch):
+    problem, result = periodic(LINE, 0.004)
+    monkeypatch.setattr(SecondStage, "run", lambda self: False)
+    shortest = plan(problem)
+    np.testing.assert_array_equal(shortest.trajectory.coefficients, result.shortest.coefficients)
+    assert any("the shortest motion, not smoothed" in note for note in shortest.notes)
+
+
+@pytest.mark.parametrize("period", [0.05, 0.3, 1.0])
+def test_long_periods_make_slow_motions_on_few_knots(period, periodic):
+    """At least as many as leave a control point that may move."""
+    problem, result = periodic(LINE, period)
+    count = in_periods(result.duration, period)
+    assert count >= 4
+    assert len(result.trajectory.widths) == count
+    assert verify(problem, result.trajectory).passed
+
+
+def test_more_phases_than_periods_get_a_period_each(periodic):
+    """Of 0.8 s, the post's three segments."""
+    _, result = periodic(POST, 0.5)
+    assert len(in_periods(result.trajectory.breakpoints, 0.5)) >= 5
+
+
+@pytest.mark.parametrize("error", [None, Infeasible(PlanStatus.NO_TRAJECTORY, "", Place())])
+def test_where_none_is_found_the_shortest_motion_is_slowed_down(error, bundled, monkeypatch, least):
+    """Its breakpoints are where they were, and a note says so."""
+    tried = []
+
+    def run_on(self):
+        tried.append(self._start.grid.is_fixed)
+        if error is not None:
+            raise error
+        return False
+
+    monkeypatch.setattr(Refinement, "run_on", run_on)
+    result = plan(replace(bundled(LINE), period=0.004))
+    assert tried == [True] * 8
+    assert result.succeeded
+    assert in_periods(result.duration, 0.004) == ceil(least(LINE) / 0.004)
+    (note,) = [note for note in result.notes if "period" in note]
+    assert note.startswith(WHOLE)
+
+
+@pytest.mark.parametrize("after", [1, 3])
+def test_an_interrupt_leaves_whole_periods(after, bundled, least):
+    """While it is looked for: what was found before is slowed down."""
+    counted = []
+
+    def interrupt(progress):
+        found = progress.best_duration
+        counted.append(found is not None and found < 1.02 * least(LINE))
+        if len(counted) > settled + after:
+            raise KeyboardInterrupt
+
+    problem = bundled(LINE)
+    settled = 10**9
+    plan(problem, PlanOptions(slack=0), progress=interrupt)
+    settled = len(counted)
+    counted.clear()
+    result = plan(replace(problem, period=0.004), progress=interrupt)
+    assert (result.succeeded, result.stopped_by) == (True, "interrupt")
+    in_periods(result.duration, 0.004)
+    assert result.shortest is None
+
+
+def test_planning_again_says_that_it_began_with_the_last_motion(periodic):
+    problem, _ = periodic(LINE, 0.004)
+    planner = Planner(problem, PlanOptions(slack=0))
+    first = planner.plan()
+    again = planner.replan(problem.with_tube(problem.tube.scaled(1.02)))
+    assert "planned from the last motion, not afresh" in again.notes
+    assert "planned from the last motion, not afresh" not in first.notes
+    in_periods(again.trajectory.breakpoints, 0.004)
+    assert again.motion.spline.grid.is_fixed is False
+
+
+@pytest.mark.parametrize(
+    "method",
+    slow_but(
+        ("branch-and-bound", "stop-at-corners"),
+        ["branch-and-bound", "stop-at-corners", "suh-bishop"],
+    ),
+)
+def test_other_methods_answers_take_whole_periods(method, bundled):
+    problem = bundled(LINE)
+    plain, result = (
+        plan(each, PlanOptions(method)) for each in (problem, replace(problem, period=0.004))
+    )
+    assert (result.succeeded, result.method) == (True, method)
+    assert in_periods(result.duration, 0.004) == ceil(plain.duration / 0.004)
+    np.testing.assert_allclose(
+        result.trajectory.breakpoints / result.duration,
+        plain.trajectory.breakpoints / plain.duration,
+        atol=1e-12,
+    )
+    assert verify(problem, result.trajectory).passed
+    assert result.notes[-1].startswith(WHOLE)
+    assert (result.search is None) == (plain.search is None)
+    assert (result.phase_two is None) == (plain.phase_two is None)
+
+
+def test_without_an_answer_a_period_changes_nothing(bundled):
+    problem = bundled(LINE)
+    points = problem.tube.points + np.array([3.0, 0, 0])
+    far = problem.with_tube(replace(problem.tube, points=points))
+    plain, result = plan(far), plan(replace(far, period=0.004))
+    assert not plain.succeeded
+    assert (result.status, result.message, result.notes) == (
+        plain.status,
+        plain.message,
+        plain.notes,
+    )
+
+
+def test_a_slower_motion_that_fails_is_no_answer(bundled, monkeypatch):
+    """Motors that cannot hold the arm where it swings through: the answer stays, and says so."""
+    refused = replace(
+        plan(bundled(LINE), PlanOptions("stop-at-corners")),
+        status=PlanStatus.CERTIFICATE_FAILED,
+        message="too slow",
+        trajectory=None,
+    )
+    monkeypatch.setattr(
+        "tubeplanner.planning.followed_plan.certified_result", lambda *arguments: refused
+    )
+    options = PlanOptions("stop-at-corners")
+    plain, result = (
+        plan(problem, options) for problem in (bundled(LINE), replace(bundled(LINE), period=0.004))
+    )
+    assert result.duration == plain.duration
+    assert result.notes[-1] == (
+        "the duration is no multiple of the period, 0.004 s: the slower motion is not certified: "
+        "too slow"
+    )
+
+
+# Durations and periods, at the edges of rounding too.
+
+
+PERIOD = 0.001
+
+
+@pytest.fixture
+def trajectory():
+    """A cubic in three pieces that takes 0.3 s, its breakpoints multiples of 0.01 s."""
+    coefficients = np.random.default_rng(0).normal(size=(4, 3, 2))
+    return JointTrajectory(["a", "b"], [0.0, 0.1, 0.17, 0.3], coefficients)
+
+
+@pytest.mark.parametrize(
+    ("duration", "fewest", "most"),
+    [
+        (0.5, 500, 500),
+        (0.5 + 5e-13, 500, 500),
+        (0.5 - 5e-13, 500, 500),
+        (0.5 + 5e-12, 501, 500),
+        (0.5 - 5e-12, 500, 499),
+        (0.4996, 500, 499),
+        (0.0004, 1, 0),
+        (0.0, 1, 0),
+    ],
+)
+def test_periods_are_counted_but_for_rounding(duration, fewest, most):
+    assert fewest_periods(duration, PERIOD) == fewest
+    assert most_periods(duration, PERIOD) == most
+
+
+@pytest.mark.parametrize("count", [3, 7, 29, 58, 115, 8191])
+@pytest.mark.parametrize("period", [0.1, 0.001, 1 / 3, 0.008, 1e-5])
+def test_a_multiple_has_as_many_periods_as_it_was_made_of(count, period):
+    for duration in (
+        count * period,
+        np.nextafter(count * period, 0),
+        np.nextafter(count * period, 9),
+    ):
+        assert fewest_periods(duration, period) == most_periods(duration, period) == count
+
+
+@pytest.mark.parametrize(
+    ("duration", "holds"), [(1.0, True), (0.9, True), (1 + 5e-10, True), (1 + 5e-9, False)]
+)
+def test_durations_are_compared_but_for_rounding(duration, holds):
+    assert no_longer(duration, 1.0) is holds
+    assert no_longer(3 * duration, 3.0) is holds
+
+
+def test_a_motion_that_takes_longer_stays_as_it_is(trajectory):
+    assert lengthened(trajectory, 0.2) is trajectory
+    assert lengthened(trajectory, 0.2, PERIOD) is trajectory
+
+
+def test_a_shorter_one_is_run_more_slowly(trajectory):
+    slower = lengthened(trajectory, 0.6)
+    np.testing.assert_allclose(slower.breakpoints, 2 * trajectory.breakpoints)
+    np.testing.assert_allclose(slower.position(0.46), trajectory.position(0.23), rtol=1e-12)
+
+
+def test_in_periods_rounding_is_taken_off_the_breakpoints_and_no_more(trajectory):
+    periods = np.array([0, 10, 17, 30])
+    off = JointTrajectory(
+        trajectory.joint_names,
+        trajectory.breakpoints / 3 * (1 + 1e-14 * np.arange(4)),
+        trajectory.coefficients,
+    )
+    slower = lengthened(off, 30 * 0.02, 0.02)
+    np.testing.assert_array_equal(slower.breakpoints, periods * 0.02)
+    plain = off.scaled(6 * (1 - 3e-14))
+    np.testing.assert_allclose(slower.coefficients, plain.coefficients, rtol=1e-12)

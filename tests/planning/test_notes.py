@@ -1,0 +1,177 @@
+"""Notes on a plan: contact at its ends, least time of its path, jerk, gain of the second stage."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cases import ANGLE, INERTIA, SHORTEST, anywhere, one_joint, quintic
+from tubeplanner import (
+    Contact,
+    JointTrajectory,
+    LimitOverrides,
+    Obstacle,
+    PlanningProblem,
+    PlanOptions,
+    ToolOffset,
+    Tube,
+    load_problem,
+    load_robot,
+    placement_of,
+    plan,
+)
+from tubeplanner.commands.report import plan_text
+from tubeplanner.planning.contact_note import contact_notes
+from tubeplanner.planning.jerk_note import jerk_note, largest_jerk
+from tubeplanner.planning.path_minimum import path_minimum
+from tubeplanner.trajectory.parts import resting
+
+# Notes on solids that overlap where a motion begins or ends in contact.
+
+
+Q = np.array([0.3, 0.8])
+
+
+@pytest.mark.parametrize(
+    ("lower", "ends", "told"),
+    [
+        (0.0, ("start", "goal"), []),
+        (5e-5, ("start",), []),
+        (3e-3, ("start",), ["start"]),
+        (3e-3, ("start", "goal"), ["start", "goal"]),
+        (-3e-3, ("goal",), []),
+    ],
+)
+def test_an_overlap_is_told_with_its_end_and_depth(lower, ends, told):
+    robot = load_robot("example:two_link", "hand", gravity=(0.0, 0.0, 0.0))
+    hand = robot.tool_position(Q)
+    # The link at the hand is 40 mm high above it, the ball has a radius of 20 mm.
+    ball = Obstacle.sphere("ball", 0.02, placement_of(hand + np.array([0, 0, 0.06 - lower])))
+    tube = Tube(np.array([hand, hand + np.array([0.1, 0, 0])]), 0.05)
+    contacts = [Contact(("link2", "ball"), 0.1, ends)]
+    problem = PlanningProblem(robot, tube, Q, obstacles=[ball], contacts=contacts)
+    notes = contact_notes(problem, resting(robot.joint_names, Q, 1.0))
+    assert [note.split()[2] for note in notes] == told
+    for note in notes:
+        assert "'link2' and 'ball' overlap by 3 mm" in note
+
+
+# The least time for a path against moves whose minimum is known, and against the optimiser.
+
+
+@pytest.mark.parametrize(
+    ("limits", "expected"),
+    [
+        ({"velocity": np.inf}, 2 * np.sqrt(ANGLE * INERTIA / 5)),
+        ({"velocity": np.inf, "effort": np.inf, "acceleration": 2.0}, 2 * np.sqrt(ANGLE / 2)),
+        # Up to 1.5 rad/s in 0.5 s, and down again: the rest of the way at that speed.
+        ({"velocity": 1.5, "effort": np.inf, "acceleration": 3.0}, ANGLE / 1.5 + 0.5),
+    ],
+    ids=["effort", "acceleration", "velocity"],
+)
+def test_one_joint_switches_once(tmp_path, limits, expected):
+    robot = one_joint(tmp_path, **limits)
+    assert path_minimum(anywhere(robot), quintic()) == pytest.approx(expected, rel=2e-3)
+    assert path_minimum(anywhere(robot), quintic(duration=20.0)) == pytest.approx(
+        expected, rel=2e-3
+    )
+
+
+def test_a_straight_line_of_the_tool_takes_what_the_literature_says(planned):
+    """The paper's first example, along its line: 0.72 s (Suh & Bishop 1988, table III)."""
+    problem, result = planned("two_link/paper_1_10mm")
+    assert path_minimum(problem, result.trajectory) == pytest.approx(0.72, abs=0.015)
+
+
+def test_refinement_leaves_next_to_nothing_on_its_own_path(planned):
+    for name in ("two_link/paper_3_50mm", "ur5/over_the_wall"):
+        _, result = planned(name, "refinement")
+        assert 0.99 * result.duration < result.path_minimum < 1.001 * result.duration
+    _, stopping = planned("ur5/over_the_wall")
+    assert stopping.path_minimum < 0.9 * stopping.duration
+
+
+def test_without_an_answer_there_is_no_path():
+    problem = load_problem("example:two_link/paper_1_10mm")
+    assert plan(problem, PlanOptions(time_limit=1e-9)).path_minimum is None
+
+
+def test_a_limit_on_the_tools_speed_counts(tmp_path):
+    """A lever of 0.5 m at 0.6 m/s turns at 1.2 rad/s, reached in 0.4 s."""
+    robot = one_joint(tmp_path, velocity=9.0, effort=np.inf, acceleration=3.0)
+    offset = ToolOffset(position=(0.5, 0, 0))
+    limits = LimitOverrides(
+        effort={"turn": np.inf}, acceleration={"turn": 3.0}, velocity={"turn": 9.0}
+    )
+    robot = load_robot(robot.urdf.path, "bar", tool_offset=offset, limits=limits)
+    problem = anywhere(robot)
+    problem = problem.with_tube(replace(problem.tube, tool_speed=0.6))
+    assert path_minimum(problem, quintic()) == pytest.approx(ANGLE / 1.2 + 0.4, rel=2e-3)
+
+
+def test_refinement_leaves_next_to_nothing_with_a_limit_on_the_tools_speed(bundled):
+    problem = bundled("two_link/paper_3_50mm")
+    result = plan(problem.with_tube(replace(problem.tube, tool_speed=0.8)), SHORTEST)
+    assert 0.985 * result.duration < result.path_minimum < 1.001 * result.duration
+
+
+def test_with_friction_the_least_is_said_to_be_a_bound():
+    """TOPP-RA solves for tangents then: found, not proved."""
+    problem = load_problem(
+        "example:two_link/paper_1_30mm", changes={"robot.motors.viscous_friction": [2.0, 1.0]}
+    )
+    result = plan(problem, PlanOptions(quality="fast", slack=0.0))
+    assert 0.98 * result.duration < result.path_minimum < 1.001 * result.duration
+    text = plan_text(problem, result, 0.0, with_minimum=True)
+    assert f"would take at most {result.path_minimum:.4f} s, at least" in text
+    assert "nothing proves it the least" in text
+    plain = load_problem("example:two_link/paper_1_30mm")
+    text = plan_text(plain, result, 0.0, with_minimum=True)
+    assert f"would take {result.path_minimum:.4f} s" in text
+    assert "time left" not in plan_text(plain, result, 0.0)
+
+
+# A note on jerk where nothing limits it.
+
+
+NAMES = ("joint1", "joint2")
+
+
+def cubic(names, *jerks):
+    """Return two pieces; jerks of the joints in the first, half of them in the second."""
+    coefficients = np.zeros((4, 2, len(names)))
+    coefficients[0] = np.array([jerks, np.array(jerks) / 2]) / 6
+    return JointTrajectory(names, [0.0, 0.1, 0.2], coefficients)
+
+
+def two_link(**limits):
+    return load_robot("example:two_link", "hand", limits=LimitOverrides(**limits))
+
+
+def test_it_names_the_joint_whose_jerk_is_largest_and_the_knots():
+    (note,) = jerk_note(two_link(), cubic(NAMES, 1234.0, -56789.0))
+    assert "here up to 5.7e+04 rad/s^3 ('joint2')" in note
+    assert "number of knots (2)" in note
+
+
+@pytest.mark.parametrize("kind", ["jerk", "effort_rate"])
+def test_joints_that_a_limit_holds_are_not_named(kind):
+    robot, trajectory = two_link(**{kind: {"joint2": 1e9}}), cubic(NAMES, 1234.0, -56789.0)
+    (note,) = jerk_note(robot, trajectory)
+    assert "1.2e+03 rad/s^3 ('joint1')" in note
+    assert largest_jerk(robot, trajectory) == (56789.0, "5.7e+04 rad/s^3 ('joint2')")
+    assert largest_jerk(robot, trajectory, unlimited=True)[0] == 1234.0
+
+
+def test_with_a_limit_on_every_joint_there_is_none():
+    robot = two_link(jerk={"joint1": 1e9}, effort_rate={"joint2": 1e9})
+    assert jerk_note(robot, cubic(NAMES, 1234.0, -56789.0)) == ()
+
+
+def test_nor_is_there_one_of_joints_that_do_not_jerk(tmp_path):
+    assert jerk_note(one_joint(tmp_path), cubic(["turn"], 0.0)) == ()
+
+
+def test_sliding_joints_have_their_unit(slide):
+    (note,) = jerk_note(slide, cubic(slide.joint_names, 1.0, 3.0, 2.0))
+    assert "3 m/s^3 ('extend')" in note

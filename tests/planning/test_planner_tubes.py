@@ -1,0 +1,578 @@
+"""Plans in tubes of every kind: boxes, contacts, goal regions, narrow ones."""
+
+from copy import deepcopy
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import yaml
+
+from cases import SHORTEST
+from narrow_cases import drawn
+from outside.trajectory import read_trajectory
+from outside_judge import Judge, passes
+from tubeplanner import (
+    GoalRegion,
+    LimitOverrides,
+    MeasureOptions,
+    Planner,
+    PlanningProblem,
+    PlanOptions,
+    RouteOptions,
+    Seed,
+    Tube,
+    compare,
+    load_problem,
+    load_robot,
+    measure_tube,
+    parse_problem,
+    plan,
+    verify,
+)
+from tubeplanner.baselines.baselines import BASELINES, judged_baseline
+from tubeplanner.constraints.unused_speed import unused_speed
+from tubeplanner.files.export import trajectory_json
+from tubeplanner.tube_sources.route import find_route
+
+# Planning in tubes of boxes: certified, no slower than the discs inside, with prices by side.
+
+
+POINTS = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
+UP = [0, 0, 1]  # of the plane in which the two-link arm moves
+NARROW = 0.02
+START = Seed(np.array([0.0, -1.0]))
+EVERY = {"joint1": np.inf, "joint2": np.inf}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    limits = LimitOverrides(velocity=EVERY)
+    return load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+
+
+def problem_in(arm, sections=None, radius=None, points=POINTS, start=START, **others):
+    tube = Tube(points, radius, cross_section=sections, joint_signs={"joint2": "-"}, **others)
+    return PlanningProblem(arm, tube, start)
+
+
+def boxes(width, height, up=UP):
+    return {"box": [width, height], "up": up}
+
+
+@pytest.fixture(scope="module")
+def planned(arm):
+    """Return the answers in a disc, and in boxes that are square, flat, tall, and turned."""
+    square, flat, tall = ((2, 2), (6, 2), (2, 6))
+    sections = {
+        n: boxes(NARROW * w, NARROW * h)
+        for n, (w, h) in zip(("square", "flat", "tall"), (square, flat, tall), strict=True)
+    }
+    sections["turned"] = boxes(2 * NARROW, 6 * NARROW, [0.8, -0.3, 0])
+    problems = {name: problem_in(arm, section) for name, section in sections.items()}
+    problems["disc"] = problem_in(arm, radius=NARROW)
+    problems["wide disc"] = problem_in(arm, radius=3 * NARROW)
+    return {name: (problem, plan(problem, SHORTEST)) for name, problem in problems.items()}
+
+
+@pytest.mark.parametrize("name", ["square", "flat", "tall", "turned"])
+def test_boxes_are_planned_by_refinement_and_certified(planned, name):
+    problem, answer = planned[name]
+    assert answer.method == "refinement"
+    assert answer.certificate.passed
+    assert verify(problem, answer.trajectory).conditions["tube"].margin >= 0
+
+
+def test_a_box_is_as_fast_as_what_it_holds_allows(planned):
+    duration = {name: answer.duration for name, (_, answer) in planned.items()}
+    assert duration["square"] <= 1.001 * duration["disc"]
+    assert duration["flat"] < 0.97 * duration["square"]
+    assert duration["flat"] <= 1.01 * duration["wide disc"]  # but for the ends it is the strip
+    assert duration["turned"] == pytest.approx(duration["flat"], rel=1e-3)  # the same strip
+    # The arm moves in a plane: height is of no use.
+    assert duration["tall"] == pytest.approx(duration["square"], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "side"),
+    [("square", "width"), ("flat", "width"), ("tall", "width"), ("turned", "height")],
+)
+def test_the_side_in_the_plane_has_the_price(planned, name, side):
+    _, answer = planned[name]
+    prices = {"width": 0.0, "height": 0.0, "radius": 0.0}
+    for one in answer.sensitivities:
+        if one.segment is not None:
+            prices[one.limit] += one.elasticity
+    assert prices.pop(side) < -0.02
+    assert set(prices.values()) == {0.0}
+    assert any(str(one).startswith(f"{side} of segment ") for one in answer.sensitivities)
+
+
+def test_discs_and_boxes_mix(arm, planned):
+    mixed = problem_in(arm, [None, boxes(6 * NARROW, 2 * NARROW)], [NARROW, None])
+    answer = plan(mixed, SHORTEST)
+    assert answer.certificate.passed
+    durations = [planned[name][1].duration for name in ("flat", "disc")]
+    assert durations[0] * 0.999 <= answer.duration <= durations[1] * 1.001
+    names = {(p.limit, p.segment) for p in answer.sensitivities if p.segment is not None}
+    assert names <= {("radius", 0), ("width", 1), ("height", 1)}
+
+
+def test_equal_boxes_on_one_line_are_one_segment(arm, planned):
+    divided = np.insert(np.array(POINTS), 1, [0.45, -0.1, 0], axis=0)
+    flat = boxes(6 * NARROW, 2 * NARROW)
+    one = problem_in(arm, [flat] * 3, points=divided)
+    assert one.joined.tube.segment_count == 2
+    np.testing.assert_array_equal(
+        plan(one, SHORTEST).trajectory.breakpoints, planned["flat"][1].trajectory.breakpoints
+    )
+    for other in (boxes(5 * NARROW, 2 * NARROW), boxes(6 * NARROW, 2 * NARROW, [0, 1e-3, 1]), None):
+        radius = [None, NARROW if other is None else None, None]
+        apart = problem_in(arm, [flat, other, flat], radius, points=divided)
+        assert apart.joined is apart
+
+
+def test_out_and_back_passes_the_compulsory_point(arm):
+    points = [POINTS[0], POINTS[1], POINTS[0]]
+    problem = problem_in(arm, boxes(0.2, 0.04), points=points)
+    answer = plan(problem, SHORTEST)
+    assert answer.certificate.passed
+    found = answer.certificate.conditions["points"]
+    assert 0 <= found.margin <= 0.02
+
+
+METHODS = ["stop-at-corners", pytest.param("suh-bishop", marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_other_methods_keep_a_box(arm, method):
+    problem = problem_in(arm, boxes(0.12, 0.04))
+    answer = plan(problem, PlanOptions(method, time_limit=20.0, slack=0.0))
+    assert answer.succeeded
+    assert verify(problem, answer.trajectory).passed
+
+
+def test_the_union_of_boxes_is_planned(arm):
+    problem = problem_in(arm, boxes(0.12, 0.08), visit="any")
+    answer = plan(problem, PlanOptions("branch-and-bound", time_limit=20.0))
+    assert answer.certificate.passed
+
+
+def test_a_thin_box_is_planned(arm):
+    """It is widened on coarse knots, as a whole."""
+    problem = problem_in(arm, boxes(0.1, 0.002, [0.8, -0.3, 0]))
+    answer = plan(problem, SHORTEST)
+    assert (answer.method, answer.certificate.passed) == ("refinement", True)
+    assert answer.duration <= 1.001 * plan(problem_in(arm, radius=0.001), SHORTEST).duration
+
+
+def arc(count):
+    """Return points on a quarter of a circle of 0.2 m about (0.25, 0, 0)."""
+    angle = np.linspace(-np.pi / 2, np.pi / 4, count + 1)
+    return np.column_stack([0.25 + 0.2 * np.cos(angle), 0.2 * np.sin(angle), 0 * angle])
+
+
+@pytest.fixture(scope="module")
+def dense(arm):
+    problem = problem_in(arm, boxes(2 * NARROW, 0.2), points=arc(40))
+    return problem, plan(problem, SHORTEST)
+
+
+def test_a_dense_path_of_boxes_is_planned_as_a_chain(arm, dense):
+    _, answer = dense
+    assert (answer.method, answer.certificate.passed) == ("refinement", True)
+    disc = plan(problem_in(arm, radius=NARROW, points=arc(40)), SHORTEST)
+    assert answer.duration == pytest.approx(disc.duration, rel=2e-3)
+    prices = {p.limit for p in answer.sensitivities if p.segment is not None}
+    assert prices <= {"width", "height"}
+    of_discs = sum(p.elasticity for p in disc.sensitivities if p.limit == "radius")
+    of_boxes = sum(p.elasticity for p in answer.sensitivities if p.limit == "width")
+    assert of_boxes == pytest.approx(of_discs, rel=0.1)
+
+
+# Plans that begin or end in contact: certified, judged by other code, or refused by name.
+
+
+DOWN = [0.7071068, -0.7071068, 0.0, 0.0]
+UPRIGHT = [0.0524, 0.0524, float("inf")]
+PICK = {
+    "robot": {
+        "urdf": "example:ur5",
+        "tool_frame": "tool0",
+        "payload": {
+            "mass": 1.0,
+            "com": [0, 0, 0.05],
+            "inertia": [0.004, 0.004, 0.007, 0, 0, 0],
+        },
+        "attached": [
+            {
+                "name": "part",
+                "box": [0.06, 0.06, 0.1],
+                "position": [0, 0, 0.05],
+                "touch_links": ["wrist_3_link"],
+            }
+        ],
+    },
+    "tube": {
+        "points": [[0.45, -0.3, 0.1], [0.45, -0.3, 0.4], [0.45, 0.3, 0.4], [0.45, 0.3, 0.1]],
+        "radius": [0.03, 0.08, 0.03],
+        "joint_signs": {"elbow_joint": "+"},
+        "orientations": [DOWN] * 4,
+        "rotation_tolerance": [UPRIGHT, [0.1, 0.1, float("inf")], UPRIGHT],
+    },
+    "start": {"seed": [-0.791217, -1.311999, 1.900383, -2.159181, -1.570796, 0.0]},
+    "goal": {"seed": [0.4, -1.311999, 1.900383, -2.159181, -1.570796, 0.0]},
+    "obstacles": [
+        {"name": "wall", "box": [0.6, 0.05, 0.2], "position": [0.6, 0, 0.1]},
+        {"name": "table", "box": [0.9, 1.6, 0.04], "position": [0.75, 0, -0.02]},
+    ],
+    "clearance": 0.01,
+    "contacts": [{"links": ["part", "table"], "within": 0.03}],
+}
+CONTACTS_SHORTEST = PlanOptions(slack=0.0)
+
+
+def changed(**fields):
+    """Return the fields of the problem; a key with a dot is one of a section."""
+    made = deepcopy(PICK)
+    for key, value in fields.items():
+        *sections, last = key.split("__")
+        section = made
+        for name in sections:
+            section = section[name]
+        section[last] = value
+    return made
+
+
+@pytest.fixture
+def solved(tmp_path):
+    """Return a function from a problem's fields to problem, plan, and the outside judge's word."""
+
+    def solve(fields, options=CONTACTS_SHORTEST):
+        path = tmp_path / "pick.yaml"
+        path.write_text(yaml.safe_dump(fields))
+        problem = load_problem(path)
+        result = plan(problem, options)
+        if result.trajectory is None:
+            return problem, result, None
+        (tmp_path / "plan.json").write_text(trajectory_json(result.trajectory))
+        # What is kept back for errors asks nothing more of the motion.
+        asked = {key: value for key, value in fields.items() if key != "robustness"}
+        path.write_text(yaml.safe_dump(asked))
+        found = Judge(path).judge(read_trajectory(tmp_path / "plan.json"))
+        return problem, result, found
+
+    return solve
+
+
+def test_a_part_is_carried_from_a_table_to_a_table(solved):
+    """Contact costs next to nothing: within 1 % of the motion that ignores the pair."""
+    _, result, found = solved(PICK)
+    assert result.succeeded, result.message
+    assert passes(found)
+    ignoring = changed(collision={"ignore": [["part", "table"]]})
+    del ignoring["contacts"]
+    _, other, _ = solved(ignoring)
+    assert result.duration <= 1.01 * other.duration
+    assert result.certificate.conditions["obstacles"].where.obstacle == "table"
+
+
+def test_without_contacts_the_start_is_refused_in_words_that_name_them(solved):
+    fields = changed()
+    del fields["contacts"]
+    _, result, _ = solved(fields)
+    assert result.status == "tube_blocked"
+    assert "contacts" in result.message
+
+
+@pytest.mark.slow
+def test_clearances_of_segments_are_kept_and_cost_time(solved):
+    """Over the wall, which stands in the middle segment's way, 60 mm instead of 10."""
+    low = changed(tube__radius=[0.03, 0.25, 0.03])
+    high = low | {"clearance": {"default": 0.01, "segments": [None, 0.06, None]}}
+    _, near, _ = solved(low)
+    _, far, found = solved(high)
+    assert near.succeeded
+    assert far.succeeded
+    assert passes(found)
+    assert far.duration > near.duration
+
+
+def is_sound(result, found):
+    """Return whether a plan is confirmed, or its refusal names the pair in contact."""
+    if result.succeeded:
+        return passes(found)
+    return "'part' and 'table' are" in result.message and "nearer" in result.message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["stop-at-corners", "branch-and-bound"])
+def test_other_methods_certify_or_refuse_by_name(solved, method):
+    _, result, found = solved(PICK, PlanOptions(method=method, slack=0.0, time_limit=20.0))
+    assert is_sound(result, found)
+
+
+@pytest.mark.slow
+def test_in_a_union_of_capsules_too(solved):
+    _, result, found = solved(changed(tube__visit="any"))
+    assert is_sound(result, found)
+
+
+@pytest.mark.slow
+def test_a_goal_that_is_open_may_be_in_contact_and_must_not_overlap(solved):
+    """A millimetre above the table: less than the clearance, and more than nothing."""
+    fields = changed()
+    del fields["goal"]
+    fields["tube"]["points"][-1] = [0.45, 0.3, 0.104]
+    _, result, found = solved(fields)
+    assert result.succeeded, result.message
+    assert passes(found)
+    del fields["contacts"]
+    fields["tube"]["points"][0] = [0.45, -0.3, 0.12]
+    _, without, _ = solved(fields)
+    assert not without.succeeded
+
+
+@pytest.mark.slow
+def test_what_is_kept_back_leaves_contacts_as_they_are(solved):
+    """The plan of a robot whose masses are uncertain begins on the table all the same."""
+    fields = changed(robustness={"mass": 0.05, "com": 0.005})
+    _, result, found = solved(fields)
+    assert result.succeeded, result.message
+    assert passes(found)
+    start = result.certificate.conditions["obstacles"]
+    assert start.margin == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_measured_tube_claims_nothing_of_pairs_in_contact(solved):
+    """Tubes of a metre would else end at the table."""
+    problem, _, _ = solved(PICK)
+    found = measure_tube(problem, MeasureOptions(max_radius=0.05))
+    assert found.succeeded
+    assert found.message.endswith(
+        "; not measured, since they may be in contact: 'part' and 'table'"
+    )
+
+
+@pytest.mark.slow
+def test_a_route_begins_and_ends_in_contact(solved):
+    problem, result, _ = solved(PICK)
+    ends = result.trajectory.position([0.0, result.duration])
+    options = RouteOptions(time_limit=60.0)
+    way = find_route(replace(problem, start=ends[0], goal=ends[1]), options)
+    assert way.succeeded, way.message
+
+
+# Plans to tool positions: exact ones as an open goal, balls used to save time, orientations.
+
+
+POST, WALL, TRAY = "two_link/around_a_post", "ur5/over_the_wall", "ur5/level_tray"
+
+
+def with_goal(problem, *values, position=None):
+    position = problem.tube.points[-1] if position is None else position
+    return replace(problem, goal=GoalRegion(position, *values))
+
+
+def away(problem, result):
+    tool = problem.robot.tool_position(result.trajectory.position([result.duration]))[0]
+    return float(np.linalg.norm(tool - problem.goal.position))
+
+
+@pytest.mark.parametrize("name", [POST, WALL])
+def test_the_last_point_without_a_tolerance_is_a_goal_left_out(name, bundled):
+    problem = replace(bundled(name), goal=None)
+    exact = with_goal(problem)
+    found = plan(exact, SHORTEST)
+    assert found.duration == pytest.approx(plan(problem, SHORTEST).duration, rel=1e-3)
+    assert away(exact, found) < 1e-6
+
+
+@pytest.mark.parametrize("name", [POST, WALL, "panda/between_shelves"])
+def test_the_larger_the_ball_the_shorter_the_motion(name, bundled):
+    problem = replace(bundled(name), goal=None)
+    durations = [plan(problem, SHORTEST).duration]
+    for tolerance in (0.005, 0.02):
+        ball = with_goal(problem, tolerance)
+        found = plan(ball, SHORTEST)
+        assert found.succeeded
+        assert 0.9 * tolerance < away(ball, found) <= tolerance
+        durations.append(found.duration)
+    assert durations[0] > 1.002 * durations[1] > 1.004 * durations[2]
+
+
+def test_what_a_tolerance_saves_is_what_it_is_said_to_cost(bundled):
+    """10 % more of it, against planning again with 30 % more."""
+    problem = with_goal(bundled("panda/between_shelves"), 0.023)
+    found = plan(problem, SHORTEST)
+    price = next(one for one in found.sensitivities if one.limit == "tolerance")
+    assert str(price).startswith("tolerance of the goal: ")
+    wider = plan(with_goal(problem, 0.0299), SHORTEST)
+    assert found.duration - wider.duration == pytest.approx(3 * price.saved, rel=0.2)
+
+
+def test_a_tiny_tolerance_is_no_worse_than_none(bundled):
+    problem = bundled("panda/between_shelves")
+    exact = plan(with_goal(problem), SHORTEST).duration
+    assert plan(with_goal(problem, 1e-4), SHORTEST).duration < 1.002 * exact
+
+
+@pytest.mark.parametrize(
+    ("position", "tolerance"),
+    [
+        ([0.45, 0.31, 0.215], 0.0),  # beside the last segment
+        ([0.45, 0.3, 0.35], 0.01),  # half way along it
+        ([0.45, 0.3, 0.5], 0.0),  # where it begins, so that its leg has no length
+        ([0.45, 0.3, 0.2], 0.5),  # the ball holds the capsule
+    ],
+)
+def test_the_end_is_in_ball_and_capsule(position, tolerance, bundled):
+    problem = with_goal(bundled(WALL), tolerance, position=position)
+    found = plan(problem, SHORTEST)
+    assert found.succeeded
+    assert found.duration < 0.55
+    assert away(problem, found) <= tolerance + 1e-6
+    goal = found.certificate.conditions["goal"]
+    assert goal.margin == pytest.approx(tolerance - away(problem, found), abs=1e-9)
+
+
+def test_a_ball_is_reached_where_its_centre_is_not(bundled):
+    """The arm ends 5 mm short of a point that it does not reach, within 1 cm of it."""
+    problem = bundled(POST)
+    reach = 0.6
+    points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [reach + 0.005, 0.1, 0]]
+    points[-1][0] = float(np.sqrt(reach**2 - 0.1**2)) + 0.005
+    tube = Tube(points, 0.03, joint_signs={"joint2": "+"})
+    open_end = replace(problem, tube=tube, goal=None, obstacles=())
+    assert plan(open_end, SHORTEST).status == "unreachable"
+    ball = with_goal(open_end, 0.01)
+    assert plan(ball, SHORTEST).succeeded
+    refused = plan(with_goal(open_end, 0.003), SHORTEST)
+    assert refused.status == "unreachable"
+    assert "may stay 0.003 m away" in refused.message
+    assert "move the goal" in refused.message
+
+
+@pytest.mark.parametrize("bound", [0.05, (0.02, 0.02, np.inf), 0.002])
+@pytest.mark.parametrize("tolerance", [0.0, 0.02])
+def test_the_end_may_be_turned_less_than_the_way(bound, tolerance, bundled):
+    problem = bundled(TRAY)
+    tube = problem.tube
+    free = Tube(
+        tube.points,
+        tube.radius,
+        joint_signs=list(tube.joint_ranges),
+        orientations=tube.orientations,
+        rotation_tolerance=np.inf,
+    )
+    free = replace(problem, tube=free, goal=None)
+    turned = with_goal(free, tolerance, bound)
+    found = plan(turned, SHORTEST)
+    assert found.succeeded
+    rotation = found.certificate.conditions["rotation"]
+    assert -1e-6 <= rotation.margin < 0.1 * np.min(bound)
+    assert rotation.coverage == "at the goal"
+    assert any(one.limit == "rotation_tolerance" for one in found.sensitivities)
+    assert all(one.saved < 0.05 for one in found.sensitivities)
+    assert "rotation" in verify(turned, plan(free, SHORTEST).trajectory).failures()
+
+
+@pytest.mark.parametrize("method", ["stop-at-corners", "branch-and-bound", "suh-bishop"])
+@pytest.mark.parametrize("visit", ["ordered", "any"])
+def test_every_method_ends_in_the_ball(method, visit, bundled):
+    problem = bundled(POST)
+    tube = Tube(problem.tube.points, problem.tube.radius, visit=visit)
+    problem = with_goal(replace(problem, tube=tube), 0.02, position=[0.22, 0.44, 0.0])
+    result = plan(problem, PlanOptions(method, time_limit=5.0))
+    assert result.succeeded
+    assert away(problem, result) <= 0.02
+
+
+@pytest.mark.parametrize("name", BASELINES)
+def test_baselines_end_in_the_ball(name, bundled):
+    problem = with_goal(bundled(POST), 0.02, position=[0.21, 0.44, 0.0])
+    _, certificate = judged_baseline(problem, name)
+    assert certificate.conditions["goal"].margin >= -1e-6
+
+
+def test_a_plan_is_planned_again_for_another_ball(bundled):
+    problem = with_goal(bundled(WALL), 0.02)
+    planner = Planner(problem, SHORTEST)
+    planner.plan()
+    moved = with_goal(problem, 0.005, position=problem.goal.position + np.array([0.0, 0.01, 0.0]))
+    again = planner.replan(moved)
+    assert again.succeeded
+    assert any("last motion" in note for note in again.notes)
+    assert again.duration == pytest.approx(plan(moved, SHORTEST).duration, rel=5e-3)
+
+
+def test_the_message_says_where_it_ended(bundled):
+    problem = with_goal(bundled(POST), 0.02)
+    message = plan(problem, SHORTEST).message
+    assert "the tool ends 19.9 mm from the goal's position; the goal was left open" in message
+
+
+# Tubes of millimetres: planned as well as wide ones, and never slower than what else there is.
+
+
+EACH = 1.01
+# The shortest durations [s] over the processor types of `test_planner_best_known.py`, by radius
+# [mm]. A few are quick to plan; the others are slow tests.
+BEST = {
+    ("ur5/over_the_wall", 1.0): 0.63905,
+    ("xarm7/from_crate_to_crate", 2.0): 0.62525,
+    ("ur5/over_the_wall", 0.5): 0.64746,
+    ("panda/between_shelves", 1.0): 0.78570,
+    ("ur10/onto_a_conveyor", 0.5): 1.04888,
+    ("xarm7/from_crate_to_crate", 0.5): 0.66030,
+}
+QUICK = 1
+CASES = [
+    pytest.param(*case, marks=[] if number < QUICK else pytest.mark.slow)
+    for number, case in enumerate(BEST)
+]
+
+
+def narrowed(name, millimetres):
+    problem = load_problem(f"example:{name}")
+    return replace(problem, tube=problem.tube.with_radius(millimetres / 1000))
+
+
+def certified_baselines(problem):
+    """Return the durations of the schemes that pass the certificate."""
+    smoothed = [name for name in BASELINES if name.startswith("smoothed")]
+    rows = compare(problem, methods=smoothed).rows
+    return [row.duration for row in rows if row.certified]
+
+
+@pytest.mark.parametrize(("name", "millimetres"), CASES)
+def test_a_narrow_tube_takes_no_longer_than_the_best_known(name, millimetres):
+    problem = narrowed(name, millimetres)
+    result = plan(problem, SHORTEST)
+    assert result.method == "refinement"
+    assert result.duration <= EACH * BEST[name, millimetres]
+    assert unused_speed(problem, result.trajectory) < 0.01
+    assert result.duration < min(certified_baselines(problem))
+
+
+@pytest.mark.slow
+def test_a_bead_of_two_millimetres_is_faster_than_every_scheme():
+    case = next(case for case in drawn() if case.name.startswith("bead"))
+    problem = parse_problem(case.data)
+    result = plan(problem, SHORTEST)
+    assert result.method == "refinement"
+    assert result.duration <= EACH * case.mark
+    assert result.duration < min(certified_baselines(problem))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["ur5/over_the_wall", "panda/between_shelves", "two_link/around_a_post"]
+)
+def test_a_wider_tube_is_never_slower(name):
+    durations = [
+        plan(narrowed(name, radius), SHORTEST).duration for radius in (0.5, 2, 10, 30, 100)
+    ]
+    for narrow, wide in pairwise(durations):
+        assert wide <= 1.01 * narrow

@@ -1,0 +1,568 @@
+"""Second stage of planning: smoother motions and less energy in more time."""
+
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from cases import INERTIA, one_joint, slow_but
+from tubeplanner import (
+    LimitOverrides,
+    Objective,
+    Planner,
+    PlanningProblem,
+    PlanOptions,
+    Seed,
+    Tube,
+    load_robot,
+    plan,
+    verify,
+)
+from tubeplanner.constraints.effort_variation import effort_variation
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.planning.plan_result import certified_result
+from tubeplanner.refinement.second_stage import SecondStage
+from tubeplanner.resources import bundled_problems
+
+# The second stage: better within its time, certified, and the shortest motion where it fails.
+
+
+LINE, POST, WALL = "two_link/paper_1_30mm", "two_link/around_a_post", "ur5/over_the_wall"
+TRAY, SHELVES = "ur5/level_tray", "panda/between_shelves"
+SLACK = 0.005
+# What is left of the effort variation of the busiest motor and of the largest jerk. In the plane,
+# the two motors must switch: there is less to gain.
+LEFT = {
+    LINE: (0.85, 0.1),
+    POST: (0.93, 0.1),
+    WALL: (0.45, 0.01),
+    TRAY: (0.8, 0.06),
+    SHELVES: (0.8, 0.06),
+}
+
+
+@pytest.fixture(scope="module")
+def stages(bundled):
+    """Return a function from a problem's name to it, its shortest motion and its smooth one."""
+
+    @cache
+    def of(name):
+        problem = bundled(name)
+        return problem, plan(problem, PlanOptions(slack=0)), plan(problem)
+
+    return of
+
+
+def jerk(trajectory):
+    return abs(trajectory.derivative_coefficients(3)).max()
+
+
+PROBLEMS = slow_but((LINE, POST, WALL), list(LEFT))
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_it_takes_no_longer_than_it_may_and_is_certified(name, stages):
+    problem, shortest, smooth = stages(name)
+    assert smooth.succeeded
+    assert smooth.shortest_duration == shortest.duration
+    assert shortest.duration <= smooth.duration <= (1 + SLACK) * shortest.duration * (1 + 1e-9)
+    assert smooth.duration == smooth.trajectory.duration
+    assert verify(problem, smooth.trajectory).passed
+    fields = smooth.as_dict()
+    assert (fields["duration"], fields["shortest_duration"]) == (
+        smooth.duration,
+        shortest.duration,
+    )
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_efforts_swing_less_and_jerk_falls_by_clear_factors(name, stages):
+    problem, shortest, smooth = stages(name)
+    swing, rough = LEFT[name]
+    before, after = (
+        effort_variation(problem.robot, stage.trajectory) for stage in (shortest, smooth)
+    )
+    assert after.max() < swing * before.max()
+    assert jerk(smooth.trajectory) < rough * jerk(shortest.trajectory)
+    note = smooth.notes[-1]
+    names = problem.robot.joint_names
+    swings = [f"{swing.max():.1f} limits ('{names[swing.argmax()]}')" for swing in (after, before)]
+    assert " instead of ".join(swings) in note
+    assert "in 0.50 % more time" in note
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_it_keeps_the_distance_from_obstacles(name, stages):
+    problem, shortest, smooth = stages(name)
+    before, after = (
+        stage.certificate.conditions["obstacles"].margin for stage in (shortest, smooth)
+    )
+    assert (before is None) == (not problem.obstacles)
+    if before is not None:
+        assert after >= 0.9 * min(max(before, 0.0), 0.02) - 1e-4
+
+
+def test_the_shortest_motion_of_the_result_is_that_of_slack_zero(stages):
+    _, shortest, smooth = stages(POST)
+    for field in ("breakpoints", "coefficients"):
+        np.testing.assert_array_equal(
+            getattr(smooth.shortest, field), getattr(shortest.trajectory, field)
+        )
+    assert shortest.shortest is None
+    assert shortest.shortest_duration == shortest.duration
+    assert not any("smooth" in note for note in shortest.notes)
+    assert smooth.sensitivities == shortest.sensitivities
+    grows = "jerk grows with the square of the number of knots"  # of what is not smoothed
+    assert [any(grows in note for note in stage.notes) for stage in (shortest, smooth)] == [
+        True,
+        False,
+    ]
+
+
+def test_the_same_input_gives_the_same_motion(stages):
+    problem, _, smooth = stages(POST)
+    again = plan(problem)
+    np.testing.assert_array_equal(again.trajectory.coefficients, smooth.trajectory.coefficients)
+    assert again.notes == smooth.notes
+
+
+def test_the_problems_objective_holds_unless_options_say_another(stages):
+    problem, shortest, smooth = stages(LINE)
+    asks = replace(problem, objective=Objective(0.02))
+    assert plan(asks).duration == pytest.approx(1.02 * shortest.duration, rel=1e-9)
+    assert plan(asks, PlanOptions(slack=0)).duration == shortest.duration
+    assert plan(asks, PlanOptions(slack=SLACK)).duration == smooth.duration
+    never = replace(problem, objective=Objective(0.0))
+    assert plan(never).shortest is None
+    assert plan(never, PlanOptions(slack=SLACK)).duration == smooth.duration
+
+
+def test_more_time_makes_it_smoother(stages):
+    problem, _, smooth = stages(LINE)
+    slower = plan(problem, PlanOptions(slack=0.05))
+    assert jerk(slower.trajectory) < 0.5 * jerk(smooth.trajectory)
+
+
+# --- room in the tube ----------------------------------------------------------------------------
+
+
+def across(robot, start, goal, radius, sign):
+    """A wide tube, bent motions inside of it."""
+    tube = Tube([[*start, 0], [*goal, 0]], radius, joint_signs={"joint2": sign})
+    seed = Seed(np.array([np.arctan2(start[1], start[0]) + 0.5, -1.0]))
+    return PlanningProblem(robot, tube, seed)
+
+
+def least_room(problem, trajectory):
+    """Return the tool's least distance to the wall of one straight tube, in radii."""
+    tool = problem.robot.tool_position(trajectory.per_piece(40).position)
+    (begin, end), (radius,) = problem.tube.points, problem.tube.radius
+    along = end - begin
+    share = np.clip((tool - begin) @ along / (along @ along), 0, 1)
+    return 1 - np.linalg.norm(tool - begin - share[:, None] * along, axis=1).max() / radius
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "radius", "sign"),
+    [
+        ((-0.36, 0.17), (0.215, -0.333), 0.131, "0"),
+        ((-0.191, -0.23), (0.363, 0.381), 0.116, "-"),
+    ],
+)
+def test_it_keeps_the_room_that_the_shortest_motion_left(
+    start, goal, radius, sign, two_link, monkeypatch
+):
+    """Without being asked for it, it would not."""
+    problem, options = across(two_link, start, goal, radius, sign), PlanOptions(slack=0.05)
+    smooth = plan(problem, options)
+    before = least_room(problem, smooth.shortest)
+    assert before > 0.1
+    assert smooth.duration > smooth.shortest_duration
+    assert least_room(problem, smooth.trajectory) > before - 0.1
+    none = "tubeplanner.refinement.second_stage._room"
+    monkeypatch.setattr(none, lambda problem, dense: np.full(problem.tube.segment_count, 0.05))
+    assert least_room(problem, plan(problem, options).trajectory) < before - 0.1
+
+
+# --- other robots --------------------------------------------------------------------------------
+
+
+def test_arms_without_effort_limits_and_sliding_joints_are_smoothed_too(slider):
+    limits = LimitOverrides(effort={"slide": np.inf}, acceleration={"slide": 5.0})
+    robot = load_robot(slider.robot.urdf.path, "cart", limits=limits)
+    for problem in (slider, replace(slider, robot=robot)):
+        smooth = plan(problem, PlanOptions(slack=0.02))
+        assert smooth.succeeded
+        assert jerk(smooth.trajectory) < 0.1 * jerk(smooth.shortest)
+        assert "m/s^3 ('slide') instead of" in smooth.notes[-1]
+
+
+# --- where it fails ------------------------------------------------------------------------------
+
+NOT_SMOOTHED = "the answer is the shortest motion, not smoothed: "
+
+
+def require_shortest(result, shortest, reason, stopped_by=None):
+    """The shortest motion bit for bit, with the reason."""
+    assert result.succeeded
+    assert result.stopped_by == stopped_by
+    np.testing.assert_array_equal(result.trajectory.coefficients, shortest.trajectory.coefficients)
+    assert result.shortest is None
+    assert result.certificate.passed
+    (note,) = [note for note in result.notes if note.startswith(NOT_SMOOTHED)]
+    assert reason in note
+    assert not any(note.startswith("smoothed") for note in result.notes)
+
+
+@pytest.mark.parametrize("error", [None, Infeasible(PlanStatus.NO_TRAJECTORY, "", Place())])
+def test_where_nothing_smoother_is_found_the_answer_is_the_shortest(error, stages, monkeypatch):
+    def run(self):
+        if error is not None:
+            raise error
+        return False
+
+    problem, shortest, _ = stages(LINE)
+    monkeypatch.setattr(SecondStage, "run", run)
+    require_shortest(plan(problem), shortest, "no better one was found in the time")
+
+
+def test_so_it_is_where_the_smoother_one_has_no_certificate(stages, monkeypatch):
+    """However often samples are added where it fails."""
+    problem, shortest, _ = stages(LINE)
+    judged = []
+
+    def judge(problem, trajectory, *more):
+        judged.append(trajectory)
+        found = certified_result(problem, trajectory, *more)
+        conditions = {**found.certificate.conditions}
+        tube = conditions["tube"]
+        conditions["tube"] = replace(tube, margin=-1.0)
+        failed = replace(found.certificate, conditions=conditions)
+        return replace(
+            found,
+            status=PlanStatus.CERTIFICATE_FAILED,
+            message="it leaves the tube",
+            trajectory=None,
+            certificate=failed,
+        )
+
+    monkeypatch.setattr(
+        "tubeplanner.planning.certified_motion.certified_result",
+        lambda problem, trajectory, *more: (
+            judge(problem, trajectory, *more)
+            if trajectory.duration > 1.004 * shortest.duration
+            else certified_result(problem, trajectory, *more)
+        ),
+    )
+    require_shortest(plan(problem), shortest, "was not certified: it leaves the tube")
+    assert 1 < len(judged) <= 5
+
+
+def test_and_where_it_takes_too_long(stages, monkeypatch):
+    problem, shortest, _ = stages(LINE)
+    monkeypatch.setattr(
+        "tubeplanner.planning.second_stage_plan.lengthened",
+        lambda trajectory, duration, period: trajectory.scaled(2.0),
+    )
+    require_shortest(plan(problem), shortest, " s, more than it may")
+
+
+@pytest.mark.parametrize("after", [1, 2, 4])
+def test_an_interrupt_leaves_the_shortest_motion(after, stages):
+    """From the stage's first announcement on; what it has found by then has no certificate."""
+    problem, shortest, _ = stages(LINE)
+    counted = []
+
+    def interrupt(progress):
+        counted.append(progress.stage == "smoothing")
+        if sum(counted) >= after:
+            raise KeyboardInterrupt
+
+    result = plan(problem, progress=interrupt)
+    require_shortest(result, shortest, "stopped by interrupt", "interrupt")
+
+
+def test_a_time_limit_leaves_it_too(stages, monkeypatch):
+    problem, shortest, _ = stages(LINE)
+    options = PlanOptions(time_limit=1000.0)
+
+    def late(progress):
+        if progress.stage == "smoothing":
+            monkeypatch.setattr(
+                "tubeplanner.progress.PlanningClock.remaining", property(lambda clock: -1.0)
+            )
+
+    result = plan(problem, options, late)
+    require_shortest(result, shortest, "stopped by time limit", "time_limit")
+
+
+def test_an_interrupt_after_something_smoother_was_found_leaves_that(stages, monkeypatch):
+    problem, shortest, smooth = stages(LINE)
+    run = SecondStage.run
+
+    def interrupted(self):
+        assert run(self)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(SecondStage, "run", interrupted)
+    result = plan(problem)
+    assert (result.succeeded, result.stopped_by) == (True, "interrupt")
+    assert result.shortest_duration == shortest.duration
+    np.testing.assert_array_equal(result.trajectory.coefficients, smooth.trajectory.coefficients)
+
+
+def test_planning_that_was_stopped_is_not_smoothed(stages):
+    problem, _, _ = stages(LINE)
+    interrupts = []
+
+    def interrupt_once(progress):
+        if progress.best_duration is not None and not interrupts:
+            interrupts.append(progress.stage)
+            raise KeyboardInterrupt
+
+    result = plan(problem, progress=interrupt_once)
+    assert (result.succeeded, result.stopped_by, result.shortest) == (True, "interrupt", None)
+
+
+# --- planning again ------------------------------------------------------------------------------
+
+
+def test_planning_again_begins_with_the_shortest_motion(stages):
+    """The motion that is kept has nothing to do with the smooth one."""
+    problem, shortest, smooth = stages(POST)
+    assert smooth.motion is not None
+    np.testing.assert_array_equal(
+        smooth.motion.spline.control_points, shortest.motion.spline.control_points
+    )
+    planners = [Planner(problem, PlanOptions(slack=slack)) for slack in (0, SLACK)]
+    wider = problem.with_tube(problem.tube.scaled(1.05))
+    for planner in planners:
+        planner.plan()
+    again = [planner.replan(wider) for planner in planners]
+    assert again[1].shortest_duration == again[0].duration
+    assert again[1].duration > again[0].duration
+    for result in again:
+        assert "planned from the last motion, not afresh" in result.notes
+
+
+# Energy and work saved: against physics, within a slack and in a fixed duration.
+
+
+PLAN_ENERGY_LINE, PLAN_ENERGY_POST = "two_link/paper_1_30mm", "two_link/around_a_post"
+TRAVEL = 1.7  # [rad], of the bar
+
+
+def turning(tmp_path, start=0.0, mass=0.0, objective=None):
+    """A bar that turns by so much; nothing is asked of it but its limits."""
+    robot = one_joint(tmp_path, mass)
+    tube = Tube([[0.0, 0, 0], [1.0, 0, 0]], 1000.0)
+    ends = np.array([start]), np.array([start + TRAVEL])
+    return PlanningProblem(robot, tube, *ends, self_collision=False, objective=objective)
+
+
+def quadrature(robot, trajectory, integrand, count=20_001):
+    """Return the integral of a function of efforts and velocities, by midpoints of even steps."""
+    width = trajectory.duration / count
+    t = (np.arange(count) + 0.5) * width
+    state = trajectory.position(t), trajectory.velocity(t), trajectory.acceleration(t)
+    return integrand(robot.inverse_dynamics(*state), state[1]).sum() * width
+
+
+def energy_of(robot, trajectory, weights=None):
+    weights = robot.limits.effort**-2 if weights is None else weights
+    return quadrature(robot, trajectory, lambda effort, _: effort**2 @ weights)
+
+
+def work_of(robot, trajectory):
+    return quadrature(robot, trajectory, lambda effort, velocity: np.maximum(effort * velocity, 0))
+
+
+COSTS = {"energy": energy_of, "work": work_of}
+
+
+@pytest.fixture(scope="module")
+def planned(bundled):
+    """Return a function from a problem's name and an objective's fields to the answer."""
+
+    @cache
+    def of(name, *fields):
+        problem = replace(bundled(name), objective=Objective(*fields))
+        return problem, plan(problem)
+
+    return of
+
+
+# --- physics -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("duration", [3.0, 6.0])
+def test_a_bar_in_free_rotation_takes_little_more_energy_than_any_motion_must(duration, tmp_path):
+    """12 (I angle)^2 / T^3: the cubic, which only motions with a jump of effort at both ends are.
+
+    (Euler and Lagrange: the effort of least energy from rest to rest is a straight line.)
+    """
+    problem = turning(tmp_path, objective=Objective(None, "energy", duration))
+    result = plan(problem)
+    bound = 12 * (INERTIA * TRAVEL) ** 2 / duration**3
+    found = energy_of(problem.robot, result.trajectory, np.ones(1))
+    assert result.duration == pytest.approx(duration, rel=1e-12)
+    assert bound < found < 1.03 * bound
+    smooth = plan(replace(problem, objective=Objective(duration=duration)))
+    assert energy_of(problem.robot, smooth.trajectory, np.ones(1)) > 1.05 * bound
+
+
+@pytest.mark.parametrize("duration", [4.0, 8.0])
+def test_a_bar_that_is_lifted_takes_little_more_work_than_its_height(duration, tmp_path):
+    """m g h: what is put into speed is given back on the way up."""
+    mass, start = 0.5, -1.2
+    problem = turning(tmp_path, start, mass, Objective(None, "work", duration))
+    result = plan(problem)
+    height = 0.5 * (np.sin(start + TRAVEL) - np.sin(start))
+    bound = mass * 9.81 * height
+    found = work_of(problem.robot, result.trajectory)
+    assert result.shortest is not None
+    assert bound <= found * (1 + 1e-6)
+    assert found < 1.03 * bound
+    assert work_of(problem.robot, result.shortest) > 1.5 * bound
+
+
+@pytest.mark.parametrize("minimise", COSTS)
+def test_it_falls_as_slack_grows_and_below_that_of_the_smooth_motion(minimise, planned):
+    cost = COSTS[minimise]
+    shortest = planned(PLAN_ENERGY_POST, 0.0)[1].trajectory
+    found = [cost(planned(PLAN_ENERGY_POST, 0.0)[0].robot, shortest)]
+    for slack in (0.005, 0.05, 0.2):
+        problem, result = planned(PLAN_ENERGY_POST, slack, minimise)
+        assert result.succeeded
+        assert verify(problem, result.trajectory).passed
+        assert shortest.duration < result.duration <= (1 + slack) * shortest.duration * (1 + 1e-9)
+        found.append(cost(problem.robot, result.trajectory))
+        smooth = planned(PLAN_ENERGY_POST, slack)[1].trajectory
+        assert found[-1] < 0.98 * cost(problem.robot, smooth)
+    assert all(later < 0.95 * earlier for earlier, later in pairwise(found))
+
+
+def test_what_weights_make_dear_is_spared(bundled):
+    problem = bundled(PLAN_ENERGY_POST)
+    alone = []
+    for weights in ({"joint1": 1.0, "joint2": 0.0}, {"joint1": 0.0, "joint2": 1.0}):
+        asks = replace(problem, objective=Objective(0.05, "energy", weights=weights))
+        trajectory = plan(asks).trajectory
+        alone.append([energy_of(problem.robot, trajectory, own) for own in np.eye(2)])
+    assert alone[0][0] < 0.95 * alone[1][0]
+    assert alone[1][1] < 0.95 * alone[0][1]
+
+
+# --- what is said --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("minimise", "weights", "unit"),
+    [
+        ("energy", None, "limits^2 s"),
+        ("energy", {"joint1": 2.0, "joint2": 3.0}, "with the given weights"),
+        ("work", None, "J"),
+    ],
+)
+def test_the_note_says_what_was_gained(minimise, weights, unit, bundled):
+    problem = bundled(PLAN_ENERGY_LINE)
+    robot = problem.robot
+    objective = Objective(0.05, minimise, weights=weights or {})
+    result = plan(replace(problem, objective=objective))
+    (note,) = [note for note in result.notes if note.startswith(f"{minimise} saved: ")]
+    assert "in 5.00 % more time" in note
+    after, before = map(float, re.search(r"is (\S+) instead of (\S+) ", note).groups())
+    assert note.endswith(f" {unit}")
+    given = () if weights is None else (np.array([2.0, 3.0]),)
+    for said, trajectory in ((after, result.trajectory), (before, result.shortest)):
+        assert said == pytest.approx(COSTS[minimise](robot, trajectory, *given), rel=1e-3)
+    assert after < before
+
+
+# --- a fixed duration ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("minimise", ["smoothness", *COSTS])
+def test_a_fixed_duration_is_kept_exactly(minimise, planned):
+    shortest = planned(PLAN_ENERGY_LINE, 0.0)[1].trajectory
+    for duration in (shortest.duration * 1.0005, 1.1, 2.0):
+        problem, result = planned(PLAN_ENERGY_LINE, None, minimise, duration)
+        assert result.succeeded
+        assert result.duration == pytest.approx(duration, rel=1e-12)
+        assert result.shortest_duration == shortest.duration
+        assert verify(problem, result.trajectory).passed
+
+
+def test_a_slack_of_options_holds_before_it(planned):
+    problem, result = planned(PLAN_ENERGY_LINE, None, "energy", 1.1)
+    assert plan(problem, PlanOptions(slack=0)).duration == result.shortest_duration
+
+
+@pytest.mark.parametrize("period", [None, 0.004])
+def test_less_than_the_shortest_is_no_trajectory(period, bundled):
+    """The message has what must be given; that is enough."""
+    problem = replace(
+        bundled(PLAN_ENERGY_LINE), period=period, objective=Objective(None, "energy", 0.6)
+    )
+    result = plan(problem)
+    assert (result.status, result.trajectory) == (PlanStatus.NO_TRAJECTORY, None)
+    shortest = plan(replace(problem, objective=Objective(0.0)))
+    assert result.shortest_duration == shortest.duration
+    assert f"takes {shortest.duration:.6g} s; give " in result.message
+    least = float(re.search(r"give (\S+) s or more", result.message).group(1))
+    assert shortest.duration * (1 - 1e-12) <= least < shortest.duration + 1.1e-4
+    enough = plan(replace(problem, objective=Objective(None, "energy", least)))
+    assert enough.duration == pytest.approx(least, rel=1e-12)
+
+
+def test_then_nothing_is_written(run, tmp_path):
+    data = YAML(typ="safe").load(bundled_problems()[PLAN_ENERGY_LINE].read_text())
+    problem, output = tmp_path / "problem.yaml", tmp_path / "t.json"
+    with problem.open("w") as file:
+        YAML(typ="safe").dump({**data, "objective": {"duration": 0.5}}, file)
+    status, out, _ = run("plan", problem, "-o", output, "--json")
+    answer = json.loads(out)
+    assert (status, answer["status"], answer["duration"]) == (1, "no_trajectory", None)
+    assert f"{answer['shortest_duration']:.6g} s" in answer["message"]
+    assert not output.exists()
+
+
+def test_with_a_period_all_breakpoints_are_multiples_of_it(bundled):
+    problem = replace(
+        bundled(PLAN_ENERGY_LINE), period=0.004, objective=Objective(None, "work", 0.88)
+    )
+    trajectory = plan(problem).trajectory
+    periods = trajectory.breakpoints / 0.004
+    assert trajectory.duration == pytest.approx(0.88, rel=1e-12)
+    np.testing.assert_allclose(periods, np.round(periods), atol=1e-9)
+
+
+def test_where_nothing_better_is_found_the_shortest_motion_is_run_slower(planned, monkeypatch):
+    monkeypatch.setattr(SecondStage, "run", lambda self: False)
+    problem, _ = planned(PLAN_ENERGY_LINE, None, "energy", 1.1)
+    result = plan(problem)
+    assert result.duration == pytest.approx(1.1, rel=1e-12)
+    assert verify(problem, result.trajectory).passed
+    assert "the answer is the shortest motion, not changed to save anything: no " in str(
+        result.notes
+    )
+    assert "run slower, in the duration that is asked for, 1.1 s" in result.notes[-1]
+
+
+def test_so_it_is_where_planning_was_stopped(planned):
+    problem, _ = planned(PLAN_ENERGY_LINE, None, "energy", 1.1)
+    interrupts = []
+
+    def interrupt_once(progress):
+        if progress.best_duration is not None and not interrupts:
+            interrupts.append(progress.stage)
+            raise KeyboardInterrupt
+
+    result = plan(problem, progress=interrupt_once)
+    assert (result.succeeded, result.stopped_by) == (True, "interrupt")
+    assert result.duration == pytest.approx(1.1, rel=1e-12)

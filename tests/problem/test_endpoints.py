@@ -1,0 +1,192 @@
+"""Start and goal: joints, tool pose or goal region; checks of both."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tubeplanner import (
+    GoalRegion,
+    PlanningProblem,
+    ProblemError,
+    Seed,
+    ToolPose,
+    Tube,
+    parse_problem,
+    placement_of,
+)
+from tubeplanner.files.fingerprint import problem_hash
+from tubeplanner.orientation import matrix_of_rpy
+
+# A pose of the tool: what is one, and how far another is from it.
+
+
+@pytest.mark.parametrize(
+    "placement",
+    [
+        np.eye(3),
+        np.diag([1, 1, -1, 1]),
+        np.diag([2, 2, 2, 1]),
+        np.diag([1, 1, 1, 2]),
+        np.full((4, 4), np.nan),
+        placement_of() + np.array([0, 0, 0, 2e4]) * np.array([[1], [0], [0], [0]]),
+        "here",
+        [[1, 0], [0]],
+    ],
+)
+def test_what_is_no_placement_is_refused(placement):
+    with pytest.raises(ProblemError, match="give a rotation and translation"):
+        ToolPose(placement)
+
+
+def test_a_pose_cannot_be_changed_from_outside():
+    placement = placement_of([1, 2, 3])
+    pose = ToolPose(placement)
+    placement[0, 3] = 5
+    assert pose.position.tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-3, 1.0, np.pi - 1e-9, np.pi])
+def test_errors_are_the_distance_and_the_angle_of_the_turn_between(angle):
+    pose = ToolPose(placement_of([1, 2, 3], rpy=[0.3, -0.5, 1.1]))
+    turned = pose.rotation @ matrix_of_rpy(0, angle, 0)
+    away, turn = pose.errors(turned, pose.position + np.array([0.3, 0, 0.4]))
+    assert away == pytest.approx(0.5)
+    assert turn == pytest.approx(angle, abs=1e-15)
+
+
+# Goals that are tool positions: what is accepted, what is a fault, and what tubes say to them.
+
+
+POINTS = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
+LAST = [0.2, 0.3, 0.0]
+FLAT = [[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0.6, 0.8]]
+MINIMAL = {
+    "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
+    "tube": {"points": POINTS, "radius": 0.05},
+    "start": {"seed": [0, -1]},
+}
+
+
+def problem(two_link, goal, **tube):
+    tube = Tube(POINTS, tube.pop("radius", 0.05), **tube)
+    return PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])), goal)
+
+
+def fault(make):
+    with pytest.raises(ProblemError) as caught:
+        make()
+    return str(caught.value)
+
+
+def parsed(goal, **tube):
+    return parse_problem({**MINIMAL, "tube": {**MINIMAL["tube"], **tube}, "goal": goal})
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (([0, 0],), "goal.position is [0, 0]; give [x, y, z], finite numbers"),
+        (([0, np.nan, 0],), "goal.position is [0, nan, 0]; give [x, y, z], finite numbers"),
+        (("here",), "goal.position is 'here'; give [x, y, z]"),
+        ((LAST, -0.01), "goal.tolerance is -0.01 m; 0 to 10000 m are accepted"),
+        ((LAST, True), "goal.tolerance is True m"),
+        ((LAST, np.inf), "goal.tolerance is inf m"),
+        ((LAST, 0.01, 0.0), "goal.rotation_tolerance is 0.0 rad; it must be > 0"),
+        ((LAST, 0.01, [1, 2]), "goal.rotation_tolerance is [1, 2]; it must be one angle or"),
+    ],
+)
+def test_a_wrong_value_is_named(values, message):
+    assert message in fault(lambda: GoalRegion(*values))
+
+
+def test_points_of_the_ball():
+    goal = GoalRegion([1.0, 2.0, 3.0], 0.5)
+    inside, outside = np.array([1.0, 2.3, 3.0]), np.array([1.0, 2.0, 5.0])
+    assert goal.margin(inside) == pytest.approx(0.2)
+    assert goal.margin(outside) == pytest.approx(-1.5)
+    np.testing.assert_allclose(goal.nearest(inside), inside)
+    np.testing.assert_allclose(goal.nearest(outside), [1, 2, 3.5])
+    np.testing.assert_allclose(goal.nearest(inside, 0.5), [1, 2.25, 3])
+    np.testing.assert_allclose(GoalRegion([1, 2, 3]).nearest(outside), [1, 2, 3])
+
+
+def test_a_file_has_it_as_python_does(two_link):
+    read = parsed({"position": LAST, "tolerance": 0.02})
+    assert read.goal.position.tolist() == LAST
+    assert (read.goal.tolerance, read.goal.rotation_tolerance) == (0.02, None)
+    exact = parsed({"position": LAST})
+    assert (exact.goal.tolerance, exact.given_goal) == (0.0, None)
+    tube = {"orientations": FLAT, "rotation_tolerance": 0.3}
+    turned = parsed({"position": LAST, "rotation_tolerance": [0.1, 0.2, np.inf]}, **tube)
+    assert turned.goal.rotation_tolerance == (0.1, 0.2, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("goal", "message"),
+    [
+        ({"position": LAST, "seed": [0, 0]}, "goal.seed beside goal.position is for"),
+        ({"position": LAST, "joints": [0, 0]}, "goal.position is not to be given: it is the one"),
+        ({"seed": [0, 0], "tolerance": 0.1}, "goal.tolerance is for goal.position, which is not"),
+        ({"joints": [0, 0], "rotation_tolerance": 1}, "goal.rotation_tolerance is for goal.pos"),
+        ({"position": [0.2, 0.4, 0]}, "goal.position is at [0.2, 0.4, 0.0] m, 0.05 m outside the"),
+        ({"position": LAST, "rotation_tolerance": 0.1}, "but tube.orientations is not given"),
+    ],
+)
+def test_what_a_file_must_not_ask(goal, message):
+    assert message in fault(lambda: parsed(goal))
+
+
+def test_start_has_no_position():
+    start = {"start": {"position": [0.45, -0.3, 0]}}
+    assert "start.position is not to be given" in fault(lambda: parse_problem(MINIMAL | start))
+
+
+def test_the_position_is_in_the_last_region_and_the_ball_need_not_be(two_link):
+    inside = problem(two_link, GoalRegion([0.2, 0.345, 0], 1.0))
+    assert inside.open_goal is inside.goal
+    message = fault(lambda: problem(two_link, GoalRegion([0.45, -0.2, 0], 1.0)))
+    assert re.search(r"0\.2\d+ m outside the capsule of segment 1 \(its end point is", message)
+    with pytest.raises(ProblemError, match="outside the capsule"):
+        inside.with_tube(inside.tube.with_radius(0.02))
+
+
+def test_an_open_goal_is_at_the_last_point(two_link):
+    left_out = problem(two_link, None)
+    assert left_out.open_goal.position.tolist() == LAST
+    assert left_out.open_goal.tolerance == 0
+    seeded = problem(two_link, Seed(np.array([1.0, -1.0])))
+    assert seeded.open_goal is None
+    assert seeded.given_goal is seeded.goal
+
+
+def test_its_rotation_is_a_row_after_those_of_the_segments(two_link):
+    tube = {"orientations": FLAT, "rotation_tolerance": np.inf}
+    free = problem(two_link, GoalRegion(LAST, 0.01), **tube)
+    assert free.rotation is None
+    turned = problem(two_link, GoalRegion(LAST, 0.01, (0.1, np.inf, 0.2)), **tube)
+    np.testing.assert_array_equal(turned.rotation.bounds[:2], np.inf)
+    assert turned.rotation.bounds[2].tolist() == [0.1, np.inf, 0.2, np.inf]
+    anywhere = np.array([[5.0, 3.0, 1.0], [0.0, 0.0, 0.0]])
+    half_turn = 2 * np.arctan2(0.6, 0.8)
+    cosine, sine = np.cos(half_turn), np.sin(half_turn)
+    expected = [[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]]
+    for reference in turned.rotation.reference(anywhere, 2):
+        np.testing.assert_allclose(reference, expected, atol=1e-12)
+
+
+def test_hashes_know_all_of_it(two_link):
+    tube = {"orientations": FLAT, "rotation_tolerance": 0.5}
+    goals = [
+        None,
+        GoalRegion(LAST),
+        GoalRegion(LAST, 0.01),
+        GoalRegion([0.21, 0.3, 0], 0.01),
+        GoalRegion(LAST, 0.01, 0.1),
+        GoalRegion(LAST, 0.01, (0.1, 0.1, 0.1)),
+    ]
+    base = problem(two_link, None, **tube)
+    hashes = [problem_hash(replace(base, goal=goal)) for goal in goals]
+    assert len(set(hashes)) == len(goals)
+    assert problem_hash(replace(base, goal=GoalRegion(LAST, 0.01))) == hashes[2]

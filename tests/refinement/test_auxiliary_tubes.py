@@ -1,0 +1,174 @@
+"""Substitute tubes: narrower about a smoother path, wider for coarse knots."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cases import SHORTEST
+from tubeplanner import PlanningProblem, Seed, Tube, load_problem, plan
+from tubeplanner.refinement import refinement
+from tubeplanner.refinement.phased_spline import KnotGrid
+from tubeplanner.refinement.smoother_tube import smoother_problem
+from tubeplanner.refinement.tube_chains import sharpest_bend
+from tubeplanner.refinement.widened_tube import widened_radius
+
+# A narrower tube inside a tube, about a smoother path.
+
+
+SEED = Seed([-0.2, -1.3, 1.9, -2.0, -1.6, 0])
+RADIUS = 0.005
+
+
+def line(count):
+    s = np.linspace(0, 1, count + 1)
+    return np.column_stack([0.35 + 0.25 * s, 0.04 * np.sin(2 * np.pi * s), 0.3 + 0 * s])
+
+
+def scan(count, deviation=0.001):
+    """Return a curved line with noise, by which it often runs backwards."""
+    noise = deviation * np.random.default_rng(0).normal(size=(count + 1, 3))
+    noise[[0, -1]] = 0
+    return line(count) + noise
+
+
+def problem(robot, points, radius=RADIUS, **more):
+    return PlanningProblem(robot, Tube(points, radius, **more), SEED)
+
+
+@pytest.fixture(scope="module")
+def scanned(ur5):
+    radius = RADIUS * (1 + 0.2 * (np.arange(200) % 3))
+    signs = [{"elbow_joint": "+"} if k < 90 else {"elbow_joint": [0.1, 3]} for k in range(200)]
+    return problem(ur5, scan(200), radius, tool_radius=0.001, joint_signs=signs)
+
+
+def test_a_scan_is_smoothed(scanned):
+    smoother = smoother_problem(scanned)
+    assert sharpest_bend(scanned.tube) > 2.0
+    assert sharpest_bend(smoother.tube) < 1.0
+    np.testing.assert_array_equal(smoother.tube.points[[0, -1]], scanned.tube.points[[0, -1]])
+
+
+def test_every_segment_lies_within_the_one_that_it_stands_for(scanned):
+    """So that the ways in which a tool may visit the new segments are ways through the old."""
+    tube, inner = scanned.tube, smoother_problem(scanned).tube
+    generator = np.random.default_rng(1)
+    for k in range(tube.segment_count):
+        share = generator.uniform(size=(50, 1))
+        direction = generator.normal(size=(50, 3))
+        direction /= np.linalg.norm(direction, axis=1)[:, None]
+        axis = (1 - share) * inner.points[k] + share * inner.points[k + 1]
+        on_wall = axis + inner.effective_radius[k] * direction
+        assert tube.margin(on_wall, slice(k, k + 1)).min() > -1e-9
+
+
+def test_segments_ask_the_same(scanned):
+    tube, inner = scanned.tube, smoother_problem(scanned).tube
+    assert inner.joint_ranges == tube.joint_ranges
+    assert inner.tool_radius == tube.tool_radius
+    np.testing.assert_array_equal(inner.numbers, tube.numbers)
+
+
+def test_orientations_and_their_tolerances_stay(ur5):
+    upright = np.tile([0.0, 1.0, 0.0, 0.0], (201, 1))
+    given = problem(ur5, scan(200), orientations=upright, rotation_tolerance=0.4)
+    inner = smoother_problem(given).tube
+    np.testing.assert_array_equal(inner.orientations, given.tube.orientations)
+    assert inner.rotation_tolerance == given.tube.rotation_tolerance
+
+
+def test_a_point_at_which_the_path_turns_back_stays_where_it_is(ur5):
+    there = scan(100)
+    there = there[np.argsort(there[:, 0])]
+    back = there[-2::-1] + np.array([0, 0, 0.002])
+    given = problem(ur5, np.vstack([there, back]))
+    inner = smoother_problem(given).tube
+    np.testing.assert_array_equal(inner.points[100], given.tube.points[100])
+    assert 100 in inner.compulsory_points
+
+
+def test_a_given_start_is_where_the_smoother_path_begins(ur5, scanned):
+    start = np.array([-0.2, -1.3, 1.9, -2.0, -1.6, 0])
+    points = scan(200)
+    points += ur5.tool_position(start[None])[0] - points[0] + [0.001, 0, 0]
+    given = replace(problem(ur5, points), start=start)
+    inner = smoother_problem(given)
+    tool = ur5.tool_position(start[None])
+    np.testing.assert_allclose(inner.tube.points[0], tool[0], atol=1e-12)
+    assert inner.tube.margin(tool, slice(0, 1))[0, 0] > 0
+    far = replace(given, tube=given.tube.with_radius(0.00105))
+    assert smoother_problem(far) is None
+
+
+def test_sharp_corners_are_not_smoothed(ur5):
+    legs = np.arange(41)
+    zigzag = np.column_stack([0.35 + 0.005 * legs, 0.03 * (legs % 2), 0.3 + 0 * legs])
+    assert smoother_problem(problem(ur5, zigzag, 0.002)) is None
+
+
+# Coarse knots in a tube as wide as they are coarse.
+
+
+def grid(*intervals):
+    return KnotGrid(tuple(np.linspace(0, 1, count + 1) for count in intervals))
+
+
+def test_a_straight_segment_is_widened_by_a_fifth_of_a_knot_interval():
+    tube = Tube([[0, 0, 0], [0.6, 0, 0]], 0.001)
+    assert widened_radius(tube, grid(3)) == pytest.approx(0.2 * 0.6 / 3)
+    assert widened_radius(tube, grid(300)) == pytest.approx(0.001)
+
+
+def test_a_right_angle_is_widened_by_a_tenth_of_its_shorter_leg():
+    tube = Tube([[0, 0, 0], [0.6, 0, 0], [0.6, 0.2, 0]], 0.001)
+    np.testing.assert_allclose(widened_radius(tube, grid(2, 1)), 0.1 * 0.2)
+
+
+@pytest.mark.parametrize("turn", [0.02, -0.02])
+def test_a_hairpin_is_hardly_widened(turn):
+    """Its legs are 2.9 degrees apart: a circle at both has a radius of a fortieth of a leg."""
+    tube = Tube([[0, 0, 0], [0.4, 0, 0], [0, turn, 0]], 0.0005)
+    assert (widened_radius(tube, grid(3, 3)) < 0.0012).all()
+
+
+def test_a_straight_continuation_is_no_corner():
+    tube = Tube([[0, 0, 0], [0.3, 0, 0], [0.6, 0, 0], [0.6, 0.3, 0]], 0.001)
+    widened = widened_radius(tube, grid(2, 2, 2))
+    np.testing.assert_allclose(widened, [0.03, 0.03, 0.03])  # the first one by its knots
+
+
+def test_a_radius_is_never_made_smaller():
+    tube = Tube([[0, 0, 0], [0.6, 0, 0], [0.6, 0.2, 0]], [0.15, 0.1])
+    np.testing.assert_array_equal(widened_radius(tube, grid(2, 2)), tube.effective_radius)
+
+
+def test_without_widening_there_is_an_answer_too(monkeypatch):
+    """What the widened tube leads astray is planned again in the tube as it is."""
+    problem = load_problem("example:two_link/paper_5_10mm")
+    widened = []
+
+    def is_hopeless(found):
+        """Links count as inside on the coarsest knots: widened starts are given up on them."""
+        return found.spline.grid.interval_count == widened[0]
+
+    monkeypatch.setattr(refinement, "_is_hopeless", is_hopeless)
+    original = refinement.widened_radius
+
+    def recorded(tube, grid):
+        widened.append(grid.interval_count)
+        return original(tube, grid)
+
+    monkeypatch.setattr(refinement, "widened_radius", recorded)
+    found = plan(problem, SHORTEST)
+    assert found.succeeded
+    assert found.method == "refinement"
+    assert len(widened) > 0
+
+
+def test_a_box_is_widened_on_all_sides():
+    section = {"box": [0.02, 0.004], "up": [0, 0, 1]}
+    tube = Tube([[0, 0, 0], [0.6, 0, 0]], None, cross_section=section)
+    widened = widened_radius(tube, grid(3))
+    assert widened == pytest.approx(0.2 * 0.6 / 3)
+    np.testing.assert_allclose(tube.regions_of(widened).half, [[0.2, 0.04, 0.04]])

@@ -1,0 +1,260 @@
+"""Regions of base poses; free standing; problems with a movable base."""
+
+import numpy as np
+import pytest
+from gantry import FLOOR, POST, gantry
+
+from tubeplanner import (
+    Obstacle,
+    OptionError,
+    PlanningProblem,
+    ProblemError,
+    Seed,
+    Stand,
+    ToolPose,
+    Tube,
+    load_problem,
+    placement_of,
+)
+from tubeplanner.branches.reference_branch import end_configuration
+from tubeplanner.many.posed_problem import PosedProblem
+from tubeplanner.orientation import matrix_of_rpy
+from tubeplanner.outcome import Infeasible
+from tubeplanner.planning.standing_base import require_base_free
+from tubeplanner.studies.leading_seeds import leading_seeds
+from tubeplanner.studies.movable_problem import MovableProblem
+from tubeplanner.studies.placement_region import Region
+
+# Regions for a robot's base: what they hold, and the stands spread over them.
+
+
+def test_a_grid_stands_in_the_middles_of_cells_and_turns_all_the_way():
+    grid = Region.of([0.0, 1.0, -1.0, 1.0], 0.25).grid(8 * 8, 0.5)
+    stands = np.array(grid.stands)
+    assert grid.spacing == (0.5, 0.5, 0.0, np.pi / 4)
+    assert len(stands) == len(set(grid.stands)) == 64
+    np.testing.assert_allclose(np.unique(stands[:, 0]), [0.25, 0.75])
+    np.testing.assert_allclose(np.unique(stands[:, 1]), [-0.75, -0.25, 0.25, 0.75])
+    assert set(stands[:, 2]) == {0.25}
+    turns = np.sort((stands[:8, 3] - 0.5) % (2 * np.pi) / (np.pi / 4))
+    np.testing.assert_allclose(turns, np.arange(8), atol=1e-5)
+    assert 0.5 in stands[:, 3]
+    assert (abs(stands[:, 3]) <= np.pi).all()
+
+
+@pytest.mark.parametrize(
+    ("bounds", "count", "columns"),
+    [
+        ([0, 0, 0, 2], 80, (1, 10, 1, 8)),
+        ([0, 2, 1, 1], 80, (10, 1, 1, 8)),
+        ([1, 1, 1, 1], 80, (1, 1, 1, 8)),
+        ([1, 1, 1, 1], 3, (1, 1, 1, 3)),
+        ([0, 1, 0, 1, 0, 1], 9 * 24, (3, 3, 3, 8)),
+        ([0, 1, 0, 1, 0, 1], 8, (1, 1, 1, 8)),
+        ([0, 9, 0, 1], 72, (9, 1, 1, 8)),
+        ([0, 900, 0, 1], 72, (9, 1, 1, 8)),
+    ],
+)
+def test_a_grid_has_about_as_many_stands_as_asked_in_cells_as_square_as_can_be(
+    bounds, count, columns
+):
+    region = Region.of(bounds, 0.0)
+    stands = region.grid(count, 0.0).stands
+    assert tuple(len(set(values)) for values in zip(*stands, strict=True)) == columns
+    assert len(stands) == np.prod(columns)
+    assert all(region.holds(stand) for stand in stands)
+
+
+def test_the_nearest_stand_is_in_the_region_and_rounded():
+    region = Region.of([0.0, 1 / 3, -1.0, 1.0], 0.1)
+    assert region.nearest(Stand(2, -2, 0.3, 4.0)) == Stand(
+        1 / 3, -1.0, 0.1, round(4 - 2 * np.pi, 6)
+    )
+    assert region.nearest(Stand(0.12345649, 0.0, 0.1, 1.0)) == Stand(0.123456, 0.0, 0.1, 1.0)
+    assert region.holds(region.nearest(Stand(9, 9, 9, 9)))
+    assert not region.holds(Stand(0.1, 0.0, 0.11, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("bounds", "message"),
+    [
+        ([0, 1, 0], "give X0, X1, Y0, Y1"),
+        ([0, 1, 0, 1, 2], "give X0, X1, Y0, Y1"),
+        ([0, 1, 0, float("nan")], "give X0, X1, Y0, Y1"),
+        ([0, 1, 0, True], "give X0, X1, Y0, Y1"),
+        ([0, 1, 0.5, 0.2], "y goes from 0.5 to 0.2 m"),
+    ],
+)
+def test_what_is_no_region_is_refused(bounds, message):
+    with pytest.raises(OptionError, match=message):
+        Region.of(bounds, 0.0)
+
+
+# Links that no joint moves against obstacles, in a cell where distances are known.
+
+
+# The base is a cube of 0.1 m whose top is at -0.05: its bottom is at that of the floor's top.
+ON_FLOOR = ("floor",)
+
+
+def at(folder, x, y, **changes):
+    """Return the gantry's problem with its base somewhere, beside a post from -0.4 to -0.2."""
+    path = gantry(folder, [FLOOR, POST], **changes)
+    tube = [[x, y, 0.0], [x + 0.25, y, 0.0], [x + 0.5, y, 0.0]]
+    return load_problem(path, changes={"robot.base": {"position": [x, y, 0]}, "tube.points": tube})
+
+
+def test_a_base_that_stands_in_an_obstacle_is_refused_by_name_and_depth(tmp_path):
+    with pytest.raises(Infeasible) as refused:
+        require_base_free(at(tmp_path, -0.17, 0.3), ON_FLOOR)
+    assert str(refused.value) == "'base', which no joint moves, stands 20.0 mm in 'post'"
+    assert refused.value.place.links == ("base",)
+    assert refused.value.place.obstacle == "post"
+    assert refused.value.status == "tube_blocked"
+
+
+def test_a_base_beside_an_obstacle_stands_well(tmp_path):
+    require_base_free(at(tmp_path, -0.14, 0.3), ON_FLOOR)
+    require_base_free(at(tmp_path, -0.17, 0.3), ("floor", "post"))
+    require_base_free(load_problem(gantry(tmp_path)))
+
+
+def test_what_it_stands_on_counts_unless_it_is_named(tmp_path):
+    problem = at(tmp_path, 0.3, 0.3, clearance=0.004)
+    require_base_free(problem, ON_FLOOR)
+    with pytest.raises(Infeasible, match=r"touches 'floor' .clearance 4 mm.$"):
+        require_base_free(problem)
+
+
+def test_touching_is_standing(tmp_path):
+    require_base_free(at(tmp_path, 0.3, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("clearance", "x", "is_free"),
+    [
+        (0.01, -0.141, False),
+        (0.01, -0.139, True),
+        ({"default": 0.01, "segments": [0.005, 0.02]}, -0.131, False),
+        ({"default": 0.01, "segments": [0.005, 0.02]}, -0.129, True),
+        ({"default": 0.01, "segments": [0.005, 0.005]}, -0.144, True),
+    ],
+)
+def test_it_keeps_the_clearance_of_the_other_links(tmp_path, clearance, x, is_free):
+    problem = at(tmp_path, x, 0.3, clearance=clearance)
+    if is_free:
+        require_base_free(problem, ON_FLOOR)
+        return
+    with pytest.raises(Infeasible, match=r"from 'post' .clearance"):
+        require_base_free(problem, ON_FLOOR)
+
+
+def test_ignored_pairs_and_moving_links_do_not_count(tmp_path):
+    ignoring = at(tmp_path, -0.17, 0.3, collision={"ignore": [["base", "post"]]})
+    require_base_free(ignoring, ON_FLOOR)
+    roof = {"name": "roof", "box": [1, 1, 0.05], "position": [0, 0, 0.02]}
+    hits = gantry(tmp_path, [roof], name="roof")
+    require_base_free(load_problem(hits))
+
+
+# Problems whose robot may stand elsewhere: what becomes of their ends and of their base.
+
+
+THERE = Stand(-0.2, -0.3, 0.0, -0.5)
+
+
+def movable(path, **changes):
+    return MovableProblem.of(PosedProblem.read(path).changed(changes))
+
+
+def test_joints_become_seeds_and_the_tube_stays(tmp_path):
+    problem = movable(gantry(tmp_path), **{"goal": {"joints": {"across": 0.0, "along": 0.5}}})
+    assert problem.given == Stand(0, 0, 0, 0)
+    assert problem.changes(THERE) == {
+        "robot.base": {"position": [-0.2, -0.3, 0.0], "rpy": [0.0, 0.0, -0.5]},
+        "start": {"seed": [0.0, 0.0]},
+        "goal": {"seed": {"across": 0.0, "along": 0.5}},
+    }
+    loaded = problem.load(THERE)
+    assert isinstance(loaded.start, Seed)
+    np.testing.assert_array_equal(loaded.goal.joints, [0.5, 0.0])
+    np.testing.assert_array_equal(loaded.tube.points[-1], [0.5, 0.0, 0.0])
+    other = problem.load(THERE, {"start": [0.1, 0.2]})
+    np.testing.assert_array_equal(other.start.joints, [0.1, 0.2])
+
+
+def test_ends_that_are_of_the_tool_stay_as_they_are(tmp_path):
+    pose = {"pose": {"position": [0.0, 0.0, 0.0], "rpy": [0, 0, 0]}}
+    problem = movable(
+        gantry(tmp_path, start=pose, goal={"position": [0.5, 0, 0], "tolerance": 0.001})
+    )
+    assert set(problem.changes(THERE)) == {"robot.base"}
+    assert isinstance(problem.load(THERE).start, ToolPose)
+    assert movable(gantry(tmp_path, start={"seed": [0.5, 0.5]})).seeds == {}
+
+
+def test_a_base_keeps_its_roll_and_pitch(tmp_path):
+    path = gantry(tmp_path)
+    tilted = movable(path, **{"robot.base": {"position": [1, 2, 3], "rpy": [0.1, 0.2, 0.3]}})
+    assert (tilted.given, tilted.tilt) == (Stand(1, 2, 3, 0.3), (0.1, 0.2))
+    quaternion = [0.1, -0.2, 0.3, 0.9]
+    turned = movable(path, **{"robot.base": {"quaternion": quaternion}})
+    own = turned.load(turned.given).robot.base.placement
+    as_given = turned.posed.changed({"start": {"seed": [0, 0]}}).load().robot.base.placement
+    np.testing.assert_allclose(own, as_given, atol=1e-12)
+    moved = turned.load(turned.given._replace(yaw=turned.given.yaw + 0.7)).robot.base.placement
+    np.testing.assert_allclose(
+        moved[:3, :3], matrix_of_rpy(0, 0, 0.7) @ as_given[:3, :3], atol=1e-12
+    )
+
+
+def test_ends_of_a_start_that_cannot_be_posed_as_given_are_seeds_too(tmp_path):
+    path = gantry(tmp_path, start={"joints": [0.9, 0.9]})
+    with pytest.raises(ProblemError, match="outside the capsule"):
+        PosedProblem.read(path).load()
+    np.testing.assert_array_equal(movable(path).load(THERE).start.joints, [0.9, 0.9])
+
+
+def test_what_contradicts_itself_is_refused(tmp_path):
+    with pytest.raises(ProblemError, match="gantry: start takes either joints or seed"):
+        movable(gantry(tmp_path, start={"joints": [0, 0], "seed": [0, 0]}))
+    with pytest.raises(ProblemError, match="this is a cycle"):
+        movable("example:ur5/through_the_door")
+
+
+# Seeds of a robot that stands elsewhere: its own where they lead somewhere, else others.
+
+
+POINTS = [[0.4, 0.0, 0.0], [0.35, 0.0, 0.0]]
+BELOW = np.array([-0.8, 1.6])  # the elbow is on the right of the way to the tool
+
+
+def problem(two_link, seed=BELOW, obstacles=(), points=POINTS):
+    return PlanningProblem(two_link, Tube(points, 0.02), Seed(seed), Seed(seed), obstacles)
+
+
+def post(y):
+    return Obstacle.cylinder("post", 0.03, 0.4, placement_of((0.2, y, 0.0)))
+
+
+def test_a_seed_that_leads_to_a_free_configuration_stays(two_link):
+    assert leading_seeds(problem(two_link), ("start", "goal")) == {}
+    assert leading_seeds(problem(two_link, obstacles=[post(0.22)]), ("start", "goal")) == {}
+
+
+def test_a_seed_that_leads_into_an_obstacle_gives_way_to_the_nearest_that_does_not(two_link):
+    blocked = problem(two_link, obstacles=[post(-0.22)])
+    found = leading_seeds(blocked, ("start", "goal"))
+    assert set(found) == {"start", "goal"}
+    assert set(leading_seeds(blocked, ("goal",))) == {"goal"}
+    for end, point in (("start", 0), ("goal", -1)):
+        q = end_configuration(blocked, Seed(np.array(found[end])), point)
+        np.testing.assert_allclose(q, found[end], atol=2e-6)
+        assert q[1] < 0
+        others = q + 2 * np.pi * np.array([[1, 0], [-1, 0]])
+        assert np.linalg.norm(q - BELOW) < np.linalg.norm(others - BELOW, axis=1).min()
+
+
+def test_where_nothing_leads_there_the_seed_stays(two_link):
+    far = [[0.9, 0.0, 0.0], [0.8, 0.0, 0.0]]
+    assert leading_seeds(problem(two_link, points=far), ("start",)) == {}

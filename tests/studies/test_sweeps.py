@@ -1,0 +1,310 @@
+"""Sweeps: duration against tolerance, or against any field of a file."""
+
+import csv
+import io
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from cases import SHORTEST, simulated_sweep
+from tubeplanner import (
+    OptionError,
+    PlanningProblem,
+    PlanOptions,
+    Seed,
+    Tube,
+    load_problem,
+    plan,
+    sweep,
+    sweep_field,
+)
+from tubeplanner.errors import ProblemError
+
+# Sweeps: the answers of planning each, the slopes they predict, reasons instead of crashes.
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return sweep(load_problem("example:two_link/paper_1_30mm"), [0.03, 0.01, 0.02, 0.05, 0.01])
+
+
+def test_rows_come_sorted_once_each_and_are_what_plan_answers(swept):
+    assert [row.value for row in swept.rows] == [0.01, 0.02, 0.03, 0.05]
+    alone = plan(load_problem("example:two_link/paper_1_30mm"), SHORTEST)
+    assert swept.rows[2].duration == alone.duration
+    for row in swept.rows:
+        assert row.result.certificate.passed
+        assert (row.problem.tube.radius == row.value).all()
+
+
+def test_what_is_gained_lies_between_the_slopes_at_both_ends(swept):
+    rows = swept.rows
+    for near, far in pairwise(rows):
+        gained = (far.duration - near.duration) / (far.value - near.value)
+        assert 1.1 * near.slope < gained < 0.9 * far.slope < 0
+
+
+def test_the_slope_counts_the_tool_radius(two_link):
+    """A radius is dearer by the part of it that the tool takes away."""
+    points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
+    tubes = (Tube(points, 0.03), Tube(points, 0.05, tool_radius=0.02))
+    start = Seed(np.array([0.0, -1.0]))
+    plain, thick = (
+        sweep(PlanningProblem(two_link, tube, start), scales=[1.0]).rows[0] for tube in tubes
+    )
+    assert thick.duration == pytest.approx(plain.duration)
+    assert thick.elasticity == pytest.approx(plain.elasticity * 0.05 / 0.03)
+
+
+def test_scales_keep_the_segments_apart():
+    problem = load_problem("example:two_link/around_a_post")
+    (row,) = sweep(problem, scales=[0.5]).rows
+    np.testing.assert_allclose(row.problem.tube.radius, problem.tube.radius / 2)
+    assert row.problem.tube.joint_ranges == problem.tube.joint_ranges
+    assert row.problem.collision is problem.collision
+
+
+def test_a_tolerance_that_cannot_be_posed_or_planned_has_its_reason(two_link):
+    points = [[0.45, -0.3, 0], [0.45, 0.1, 0]]
+    tube = Tube(points, 0.05, tool_radius=0.02)
+    problem = PlanningProblem(two_link, tube, np.array([-0.118, -1.0]))
+    off = float(tube.distance(two_link.tool_position(problem.start[None]))[0, 0])
+    assert 0.001 < off < 0.03
+    result = sweep(problem, [0.01, 0.02 + off / 2, 0.05])
+    thin, outside, fine = result.rows
+    assert "tool_radius 0.02 m" in thin.message
+    assert "start: the tool is at" in outside.message
+    assert [str(row.status) for row in result.rows] == ["bad_input", "bad_input", "success"]
+    assert fine.duration > 0
+    assert thin.duration is thin.slope is None
+    assert result.succeeded
+    assert not sweep(problem, [0.01]).succeeded
+
+
+def test_csv_and_json_say_the_same(swept):
+    table = list(csv.DictReader(io.StringIO(swept.csv())))
+    fields = json.loads(json.dumps(swept.as_dict(), allow_nan=False))
+    assert fields["quantity"] == "radius"
+    assert len(table) == len(fields["rows"]) == 4
+    for line, row in zip(table, fields["rows"], strict=True):
+        assert float(line["radius"]) == row["value"]
+        assert [float(word) for word in line["radii"].split()] == row["radii"]
+        for key in ("duration", "elasticity", "slope", "planning_time"):
+            assert float(line[key]) == row[key]
+        assert line["message"] == row["message"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "either radii or scales"),
+        ({"radii": [0.1], "scales": [1]}, "either radii or scales"),
+        ({"radii": []}, "radius: give at least one number"),
+        ({"radii": [0.1, -1]}, "radius is -1; it must be > 0"),
+        ({"scales": [float("nan")]}, "radius_scale is nan"),
+        ({"scales": [float("inf")]}, "radius_scale is inf"),
+    ],
+)
+def test_what_cannot_be_swept_is_refused_by_name(arguments, message):
+    problem = load_problem("example:two_link/paper_1_30mm")
+    with pytest.raises(OptionError, match=message):
+        sweep(problem, **arguments)
+
+
+def test_progress_names_the_tolerance():
+    told = []
+    sweep(load_problem("example:two_link/paper_1_30mm"), [0.01, 0.03], progress=told.append)
+    assert told[0].startswith("tolerance 1 of 2: ")
+    assert told[-1].startswith("tolerance 2 of 2: ")
+
+
+def test_ctrl_c_keeps_the_rows_that_are_done(two_link):
+    def interrupt(what):
+        if str(what).startswith("tolerance 2"):
+            raise KeyboardInterrupt
+
+    problem = load_problem("example:two_link/paper_1_30mm")
+    result = sweep(
+        problem, [0.03, 0.05], options=PlanOptions("stop-at-corners"), progress=interrupt
+    )
+    assert [row.value for row in result.rows] == [0.03]
+    assert result.as_dict()["stopped_by"] == "interrupt"
+
+
+def boxed(two_link, tool_radius=0.0):
+    """Return the two-link arm in a disc of 30 mm and a box of 60 x 100 mm, tool excluded."""
+    points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
+    sides = [0.06 + 2 * tool_radius, 0.1 + 2 * tool_radius]
+    sections = [None, {"box": sides, "up": [0, 0, 1]}]
+    radii = [0.03 + tool_radius, None]
+    tube = Tube(points, radii, cross_section=sections, tool_radius=tool_radius)
+    return PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
+
+
+def test_factors_scale_boxes_too_and_slopes_count_their_sides(two_link):
+    rows = sweep(boxed(two_link), scales=[1.0, 1.1]).rows
+    np.testing.assert_allclose(rows[1].problem.tube.cross_section[1, :2], [0.066, 0.11])
+    np.testing.assert_allclose(rows[1].problem.tube.radius, [0.033, 0.033])
+    gained = (rows[1].duration - rows[0].duration) / 0.1
+    assert 1.1 * rows[0].slope < gained < 0.9 * rows[1].slope < 0
+    prices = {p.limit: p for p in rows[0].result.sensitivities if p.segment == 1}
+    assert prices["width"].elasticity < -0.01
+    own = [p.elasticity for p in rows[0].result.sensitivities if p.segment is not None]
+    assert rows[0].elasticity == pytest.approx(sum(own))
+
+
+def test_the_slope_of_a_box_counts_the_tool_radius(two_link):
+    row = sweep(boxed(two_link, tool_radius=0.01), scales=[1.0]).rows[0]
+    whole = {"radius": 0.04 / 0.03, "width": 0.04 / 0.03, "height": 0.06 / 0.05}
+    prices = [p for p in row.result.sensitivities if p.segment is not None]
+    expected = sum(whole[p.limit] * p.elasticity for p in prices)
+    assert row.elasticity == pytest.approx(expected)
+    assert row.elasticity < 1.1 * sum(p.elasticity for p in prices) < 0
+
+
+def test_radii_are_no_tolerances_of_boxes(two_link):
+    with pytest.raises(
+        ProblemError, match=r"segment 1 has a box, which .*radii; sweep over factors"
+    ):
+        sweep(boxed(two_link), [0.02, 0.03])
+
+
+# Sweeps over a field: the answers of planning each value, reasons instead of crashes.
+
+
+PROBLEM = "example:two_link/paper_1_30mm"
+FAST = PlanOptions(quality="fast")
+STOPS = PlanOptions("stop-at-corners")
+
+
+@pytest.fixture(scope="module")
+def field_sweep_swept():
+    values = [0.03, "x0.5", -1, [0.02], {"a": 1}, float("inf")]
+    return sweep_field(PROBLEM, "tube.radius", values, options=FAST)
+
+
+def test_rows_are_what_plan_answers_in_the_order_given(field_sweep_swept):
+    assert [row.value for row in field_sweep_swept.rows[:2]] == [0.03, "x0.5"]
+    radii = sweep(load_problem(PROBLEM), [0.015, 0.03], options=FAST)
+    assert [row.duration for row in field_sweep_swept.rows[:2]] == [
+        radii.rows[1].duration,
+        radii.rows[0].duration,
+    ]
+    assert field_sweep_swept.rows[3].duration is not None
+    assert all(row.result.certificate.passed for row in field_sweep_swept.rows[:2])
+    assert field_sweep_swept.succeeded
+    assert not field_sweep_swept.varies_objective
+    assert (field_sweep_swept.name, field_sweep_swept.path) == (
+        "two_link/paper_1_30mm",
+        "tube.radius",
+    )
+
+
+def test_a_value_that_cannot_be_posed_has_its_reason(field_sweep_swept):
+    negative, other, infinite = (field_sweep_swept.rows[k] for k in (2, 4, 5))
+    assert negative.message.startswith("tube.radius[0] is -1 m")
+    assert other.message == "tube.radius is {'a': 1}; it must be a number"
+    assert infinite.message == "tube.radius is inf; it must be a finite number"
+    assert [str(row.status) for row in (negative, other)] == ["bad_input"] * 2
+    assert negative.duration is negative.shortest_duration is None
+    assert negative.notes == ()
+
+
+def test_csv_and_json_say_the_same_of_field_sweep(field_sweep_swept):
+    table = list(csv.DictReader(io.StringIO(field_sweep_swept.csv())))
+    fields = json.loads(json.dumps(field_sweep_swept.as_dict(), allow_nan=False))
+    assert fields["problem"] == "two_link/paper_1_30mm"
+    assert fields["quantity"] == "tube.radius"
+    assert [row["value"] for row in fields["rows"]] == [0.03, "x0.5", -1, [0.02], {"a": 1}, ".inf"]
+    written = [line["tube.radius"] for line in table]
+    assert written == ["0.03", "x0.5", "-1", "[0.02]", '{"a": 1}', ".inf"]
+    for line, row in zip(table, fields["rows"], strict=True):
+        for key in ("duration", "shortest_duration", "planning_time", "loading_time"):
+            assert (float(line[key]) if line[key] else None) == row[key]
+        assert line["message"] == row["message"]
+        assert line["notes"] == "; ".join(row["notes"])
+
+
+def test_rows_say_how_many_runs_failed(field_sweep_swept):
+    simulated = simulated_sweep([0, 3, None])
+    table = list(csv.DictReader(io.StringIO(simulated.csv())))
+    seen = [(row["runs"], row["runs_failed"]) for row in simulated.as_dict()["rows"]]
+    assert seen == [(200, 0), (200, 3), (None, None)]
+    assert [line["runs"] for line in table] == ["200", "200", ""]
+    assert [line["runs_failed"] for line in table] == ["0", "3", ""]
+    assert (simulated.is_simulated, field_sweep_swept.is_simulated) == (True, False)
+
+
+@pytest.mark.slow
+def test_an_error_of_the_arm_is_varied_like_any_field():
+    (row,) = sweep_field(PROBLEM, "robustness.mass", [0.02], options=FAST).rows
+    robust = plan(load_problem(PROBLEM, changes={"robustness.mass": 0.02}), FAST.shortest)
+    assert row.duration == robust.duration
+    assert row.verdict == robust.survival.verdict
+    assert row.duration > row.shortest_duration
+
+
+def test_the_objective_counts_only_where_it_is_varied():
+    slacks = sweep_field(PROBLEM, "objective.slack", [0, 0.05], options=FAST)
+    tight, loose = slacks.rows
+    assert slacks.varies_objective
+    assert tight.duration == tight.shortest_duration == loose.shortest_duration
+    assert tight.duration < loose.duration <= 1.05 * tight.duration * (1 + 1e-9)
+    other = {"objective.slack": 0.05}
+    (row,) = sweep_field(PROBLEM, "tube.radius", [0.03], changes=other, options=FAST).rows
+    assert row.duration == tight.duration
+    given = PlanOptions(quality="fast", slack=0.05)
+    (row,) = sweep_field(PROBLEM, "tube.radius", [0.03], options=given).rows
+    assert row.duration == loose.duration
+
+
+def test_changes_of_other_fields_are_made_first():
+    whole = {"robot.payload": {"mass": 1.0, "com": [0.1, 0, 0]}}
+    (row,) = sweep_field(PROBLEM, "robot.payload.mass", ["x3"], changes=whole, options=STOPS).rows
+    payload = {"robot.payload": {"mass": 3.0, "com": [0.1, 0, 0]}}
+    assert row.duration == plan(load_problem(PROBLEM, changes=payload), STOPS).duration
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (("nowhere.yaml", "tube.radius", [1]), ProblemError, "nowhere.yaml does not exist"),
+        ((PROBLEM, "tube.raduis", [1]), ProblemError, "unknown key 'raduis'"),
+        ((PROBLEM, "robot.tool_frame", ["hand", "x2"]), ProblemError, "x2 has no number to scale"),
+        ((PROBLEM, "tube.radius", []), OptionError, "tube.radius: give at least one value"),
+    ],
+)
+def test_what_concerns_all_values_is_refused_at_once(arguments, error, message):
+    with pytest.raises(error, match=message):
+        sweep_field(*arguments)
+
+
+def test_a_field_has_one_master():
+    with pytest.raises(OptionError, match=r"tube\.radius is both varied and changed"):
+        sweep_field(PROBLEM, "tube.radius", [1], changes={"tube.radius": 2})
+    with pytest.raises(OptionError, match=r"objective\.slack is varied and slack is given"):
+        sweep_field(PROBLEM, "objective.slack", [1], options=PlanOptions(slack=0.1))
+
+
+def test_progress_names_the_value():
+    told = []
+    sweep_field(PROBLEM, "tube.radius", [0.01, 0.03], options=STOPS, progress=told.append)
+    assert told[0].startswith("value 1 of 2: loading")
+    assert told[-1].startswith("value 2 of 2: ")
+
+
+def test_ctrl_c_keeps_the_rows_that_are_done_of_field_sweep():
+    def interrupt(what):
+        if str(what).startswith(f"value {number}"):
+            raise KeyboardInterrupt
+
+    number = 2
+    arguments = (PROBLEM, "tube.radius", [0.03, 0.05])
+    result = sweep_field(*arguments, options=STOPS, progress=interrupt)
+    assert [row.value for row in result.rows] == [0.03]
+    assert result.as_dict()["stopped_by"] == "interrupt"
+    number = 1
+    with pytest.raises(KeyboardInterrupt):
+        sweep_field(*arguments, options=STOPS, progress=interrupt)

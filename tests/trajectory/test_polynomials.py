@@ -1,0 +1,187 @@
+"""Piecewise polynomials; rigorous bounds by Bernstein coefficients."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import PPoly
+
+from tubeplanner.trajectory.bernstein import (
+    bernstein_coefficients,
+    halves,
+    maxima,
+    peak_magnitudes,
+    restricted,
+)
+from tubeplanner.trajectory.piecewise_polynomial import PiecewisePolynomial
+
+# Piecewise polynomials against scipy's.
+
+
+@pytest.mark.parametrize("degree", [0, 1, 5])
+def test_values_and_derivatives_are_those_of_scipy(degree):
+    rng = np.random.default_rng(degree)
+    breakpoints = np.cumsum([0.0, *rng.uniform(0.1, 0.5, 4)])
+    coefficients = rng.normal(size=(degree + 1, 4, 2))
+    reference = PPoly(coefficients, breakpoints)
+    t = np.append(rng.uniform(-0.1, breakpoints[-1] + 0.1, 55), breakpoints).reshape(12, 5)
+    for order in range(4):
+        found = PiecewisePolynomial(coefficients, breakpoints).derivative(order)
+        np.testing.assert_allclose(found(t), reference(t, order), rtol=1e-12, atol=1e-12)
+        assert found.coefficients.shape == reference.derivative(order).c.shape
+    assert found(t[0, 0]).shape == (2,)
+
+
+# Bounds on polynomials against their roots and against dense sampling.
+
+
+DEGREES = range(1, 8)
+
+
+def random_polynomials(degree, pieces=5, n=3):
+    """Return coefficients (degree+1, pieces, n) and widths (pieces,)."""
+    rng = np.random.default_rng(degree)
+    return rng.normal(size=(degree + 1, pieces, n)), rng.uniform(0.1, 2.0, pieces)
+
+
+def values(coefficients, times):
+    """Return polynomials (degree+1, ...) at times that broadcast with (...)."""
+    total = np.zeros(np.broadcast_shapes(coefficients.shape[1:], np.shape(times)))
+    for coefficient in coefficients:
+        total = total * times + coefficient
+    return total
+
+
+def exact_maximum(polynomial, width):
+    """Return the largest value of one polynomial on [0, width], by the roots of its slope."""
+    roots = np.roots(np.polyder(polynomial))
+    stationary = roots.real[(abs(roots.imag) < 1e-9) & (roots.real > 0) & (roots.real < width)]
+    return np.polyval(polynomial, np.concatenate([[0.0, width], stationary])).max()
+
+
+@pytest.mark.parametrize("degree", [0, *DEGREES])
+def test_the_first_and_last_coefficients_are_the_values_at_the_ends(degree):
+    coefficients, widths = random_polynomials(degree)
+    start = np.linspace(0, 0.3, len(widths))
+    bounds = bernstein_coefficients(coefficients, start, widths)
+    assert bounds.shape == coefficients.shape
+    np.testing.assert_allclose(bounds[0], values(coefficients, start[:, None]), atol=1e-12)
+    end = (start + widths)[:, None]
+    np.testing.assert_allclose(bounds[-1], values(coefficients, end), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("degree", [0, *DEGREES])
+def test_a_polynomial_lies_in_the_hull_of_its_coefficients(degree):
+    coefficients, widths = random_polynomials(degree)
+    start = np.linspace(0, 0.3, len(widths))
+    bounds = bernstein_coefficients(coefficients, start, widths)
+    times = start + np.linspace(0, 1, 500)[:, None] * widths
+    sampled = np.array([values(coefficients, t[:, None]) for t in times])
+    assert (sampled <= bounds.max(axis=0) + 1e-9).all()
+    assert (sampled >= bounds.min(axis=0) - 1e-9).all()
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_restricted_polynomials_are_the_same_in_the_time_of_the_interval(degree):
+    coefficients, widths = random_polynomials(degree)
+    start, width = 0.2 * widths, 0.7 * widths
+    parts = restricted(coefficients, start, width)
+    assert parts.shape == coefficients.shape
+    for share in (0.0, 0.3, 1.0):
+        for piece, column in np.ndindex(coefficients.shape[1:]):
+            expected = np.polyval(
+                coefficients[:, piece, column], start[piece] + share * width[piece]
+            )
+            found = np.polyval(parts[:, piece, column], share)
+            assert found == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_coefficients_are_those_of_a_textbook_example():
+    """The parabola t^2 on [0, 1] has the control points 0, 0, 1; on [1, 3] they are 1, 3, 9."""
+    square = np.array([1.0, 0.0, 0.0])[:, None, None] * np.ones((1, 2, 1))
+    bounds = bernstein_coefficients(square, np.array([0.0, 1.0]), np.array([1.0, 2.0]))
+    np.testing.assert_allclose(bounds[:, :, 0].T, [[0, 0, 1], [1, 3, 9]], atol=1e-14)
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_maxima_are_those_found_by_the_roots_of_the_derivative(degree):
+    coefficients, widths = random_polynomials(degree, pieces=12, n=4)
+    exact = np.array(
+        [
+            [exact_maximum(coefficients[:, piece, k], widths[piece]) for k in range(4)]
+            for piece in range(12)
+        ]
+    )
+    found = maxima(coefficients, widths)
+    np.testing.assert_allclose(found.value, exact.max(axis=0), rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(found.piece, exact.argmax(axis=0))
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_maxima_are_attained_where_they_say_and_never_below_a_sample(degree):
+    coefficients, widths = random_polynomials(degree, pieces=20)
+    found = maxima(coefficients, widths)
+    assert ((found.local_time >= 0) & (found.local_time <= widths[found.piece])).all()
+    chosen = coefficients[:, found.piece, np.arange(3)]
+    np.testing.assert_allclose(values(chosen, found.local_time), found.value, atol=1e-11)
+    times = np.linspace(0, 1, 2000)[:, None] * widths
+    sampled = np.array([values(coefficients, t[:, None]) for t in times])
+    assert (sampled.max(axis=(0, 1)) <= found.value + 1e-9 * abs(found.value)).all()
+
+
+@pytest.mark.parametrize("degree", [0, 3, 7])
+@pytest.mark.parametrize("value", [0.0, 2.5, -1e-3])
+def test_a_constant_is_its_own_maximum(degree, value):
+    coefficients = np.zeros((degree + 1, 3, 1))
+    coefficients[-1] = value
+    found = maxima(coefficients, np.array([0.5, 1.0, 2.0]))
+    assert found.value.tolist() == [value]
+
+
+def test_the_largest_of_several_constants_is_found_in_its_piece():
+    coefficients = np.array([[[1.0, 5.0], [3.0, 4.0], [2.0, -1.0]]])
+    found = maxima(coefficients, np.ones(3))
+    assert found.value.tolist() == [3.0, 5.0]
+    assert found.piece.tolist() == [1, 0]
+
+
+@pytest.mark.parametrize("touch", [0.0, 0.3, 0.7])
+@pytest.mark.parametrize("power", [2, 4, 6])
+def test_a_polynomial_that_only_touches_zero_has_maximum_zero(power, touch):
+    polynomial = -np.poly([touch] * power)
+    found = maxima(polynomial[:, None, None], np.array([0.7]))
+    np.testing.assert_allclose(found.value, [0.0], atol=1e-15)
+    assert abs(found.local_time[0] - touch) < 0.02
+
+
+@pytest.mark.parametrize(("slope", "end"), [(2.0, 0.7), (-2.0, 0.0)])
+def test_a_maximum_at_either_end_is_exact(slope, end):
+    line = np.array([slope, 1.0])[:, None, None]
+    found = maxima(line, np.array([0.7]))
+    assert found.value.tolist() == [slope * end + 1.0]
+    assert found.local_time.tolist() == [end]
+
+
+def test_a_narrow_peak_between_samples_is_not_missed():
+    spike = np.array([-1.0, 1e-3, 0.0])[:, None, None]
+    flat = np.zeros((3, 1, 1))
+    found = maxima(np.concatenate([flat, spike, flat], axis=1), np.array([1.0, 1e-3, 1.0]))
+    np.testing.assert_allclose(found.value, [2.5e-7], rtol=1e-9)
+    assert found.piece.tolist() == [1]
+    np.testing.assert_allclose(found.local_time, [5e-4], rtol=1e-4)
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_peak_magnitudes_are_the_larger_of_maximum_and_minimum(degree):
+    coefficients, widths = random_polynomials(degree)
+    found = peak_magnitudes(coefficients, widths)
+    for j, (value, piece) in enumerate(zip(found.value, found.piece, strict=True)):
+        pieces = zip(coefficients[:, :, j].T, widths, strict=True)
+        both = [exact_maximum(sign * p, width) for p, width in pieces for sign in (1, -1)]
+        assert value == pytest.approx(max(both), rel=1e-9)
+        there = np.polyval(coefficients[:, piece, j], found.local_time[j])
+        assert abs(there) == pytest.approx(value, rel=1e-12)
+
+
+def test_halves_of_intervals_cover_them_in_turn():
+    start, width = halves(np.array([0.0, 3.0]), np.array([1.0, 4.0]))
+    assert start.tolist() == [0.0, 0.5, 3.0, 5.0]
+    assert width.tolist() == [0.5, 0.5, 2.0, 2.0]

@@ -1,0 +1,156 @@
+"""Panel of a page: curves, time line, titles, layers, notes."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from shown_cycle import motion_of, shown_cycle
+from stored_trajectories import REFINEMENT
+
+from tubeplanner import PlanningProblem, Tube
+from tubeplanner.constraints.binding_limits import binding_rows
+from tubeplanner.constraints.limit_use import POSITION
+from tubeplanner.views.cycle_curves import cycle_stretches
+from tubeplanner.views.page_curves import page_curves
+from tubeplanner.views.palette import LINE_COLORS, SEGMENT_COLORS
+from tubeplanner.views.problem_timeline import binding_marks, problem_timeline, segment_bands
+from tubeplanner.views.stretch import Stretch
+
+# The curves of a page: what they say of limits and clearance, and where they say nothing.
+
+
+STEPS = 240
+
+
+@pytest.fixture(scope="module")
+def stretch(stored):
+    return Stretch(*stored("ur5/over_the_wall", REFINEMENT))
+
+
+def curves_of(stretch):
+    time = np.linspace(0, stretch.trajectory.duration, STEPS)
+    return time, page_curves([stretch], time)
+
+
+def test_a_line_is_the_largest_share_of_a_joints_limits(stretch):
+    time, curves = curves_of(stretch)
+    lines = {line["name"]: line for line in curves["limits"]["lines"]}
+    assert [*lines] == [*stretch.problem.robot.joint_names, "tool"]
+    own = stretch.uses.samples.time
+    for j, name in enumerate(stretch.problem.robot.joint_names):
+        shares = {use.kind: use.share for use in stretch.uses.uses if use.joint == j}
+        del shares[POSITION]
+        line = lines[name]
+        assert line["color"] == LINE_COLORS[j]
+        between = np.max([np.interp(time, own, share) for share in shares.values()], axis=0)
+        assert (np.array(line["share"]) >= 100 * between - 0.51).all()
+        assert max(line["share"]) == round(100 * max(share.max() for share in shares.values()))
+        kinds = [curves["limits"]["kinds"][k] for k in line["kind"]]
+        k = int(np.argmax(line["share"]))
+        assert shares[kinds[k]].max() == pytest.approx(line["share"][k] / 100, abs=0.02)
+        assert POSITION not in kinds
+
+
+def test_the_very_end_of_a_range_counts(stored):
+    problem, trajectory = stored("ur5/over_the_wall", REFINEMENT)
+    stretch = Stretch(problem, trajectory)
+    (elbow,) = (use for use in stretch.uses.of(POSITION) if use.name == "elbow_joint")
+    elbow.share[300:400] = 1.0
+    _, curves = curves_of(stretch)
+    (line,) = (each for each in curves["limits"]["lines"] if each["name"] == "elbow_joint")
+    assert curves["limits"]["kinds"][line["kind"][STEPS // 2 - 10]] == POSITION
+
+
+def test_the_closest_pairs_are_those_of_then(stretch):
+    time, curves = curves_of(stretch)
+    obstacles, links = curves["clearance"]
+    assert [obstacles["name"], links["name"]] == ["to obstacles", "between links"]
+    assert "points" not in links
+    for k in (0, 100, -1):
+        ends = np.reshape(obstacles["points"][k], (2, 3))
+        length = 1000 * np.linalg.norm(ends[1] - ends[0])
+        assert length == pytest.approx(obstacles["distance"][k], abs=0.3)
+        assert obstacles["required"][k] == pytest.approx(10, abs=0.1)
+        assert obstacles["pairs"][obstacles["pair"][k]][1] in ("wall", "table")
+    assert links["required"][0] == 0
+    assert len(obstacles["distance"]) == len(time)
+
+
+def test_a_limit_on_the_tools_speed_is_that_of_the_segment(stored):
+    problem, trajectory = stored("ur5/over_the_wall")
+    tube = problem.tube
+    slow = Tube(tube.points, tube.radius, tool_speed=[None, 3.0, None])
+    limited = PlanningProblem(problem.robot, slow, problem.start, self_collision=False)
+    _, curves = curves_of(Stretch(limited, trajectory))
+    speeds = curves["speedLimit"]
+    assert [speeds[0], speeds[STEPS // 2], speeds[-1]] == [None, 3.0, None]
+    assert "clearance" not in curves
+    assert "speedLimit" not in curves_of(Stretch(problem, trajectory))[1]
+
+
+def test_between_the_legs_of_a_cycle_nothing_is_said(tmp_path):
+    cycle = shown_cycle(tmp_path)
+    motion = motion_of(cycle)
+    stretches = cycle_stretches(cycle, motion)
+    assert [stretch.begin for stretch in stretches] == [begin for begin, _ in motion.leg_times]
+    time = np.linspace(0, motion.trajectory.duration, STEPS)
+    curves = page_curves(stretches, time)
+    rests = np.ones(STEPS, dtype=bool)
+    for begin, end in motion.leg_times:
+        rests &= (time < begin) | (time > end)
+    assert 0 < rests.sum() < STEPS
+    for line in curves["limits"]["lines"]:
+        missing = [share is None for share in line["share"]]
+        np.testing.assert_array_equal(missing, rests)
+    missing = [distance is None for distance in curves["clearance"][0]["distance"]]
+    np.testing.assert_array_equal(missing, rests)
+
+
+# The time line of a problem's motion: segments in turn, and what binds when.
+
+
+def test_segments_follow_each_other_in_their_colours(stretch):
+    bands = problem_timeline(stretch)["bands"]
+    assert [band["name"] for band in bands] == ["segment 0", "segment 1", "segment 2"]
+    assert [band["color"] for band in bands] == list(SEGMENT_COLORS[:3])
+    assert bands[0]["begin"] == 0
+    assert bands[-1]["end"] == stretch.trajectory.duration
+    for before, after in pairwise(bands):
+        assert before["end"] == after["begin"]
+
+
+def test_of_many_segments_groups_are_named(stored):
+    problem, trajectory = stored("two_link/around_a_post", REFINEMENT)
+    ends = problem.robot.tool_position(trajectory.position(np.array([0, trajectory.duration])))
+    points = ends[0] + np.linspace(0, 1, 41)[:, None] * (ends[1] - ends[0])
+    tube = Tube(points, 2.0)
+    bands = segment_bands(Stretch(PlanningProblem(problem.robot, tube, problem.start), trajectory))
+    assert [band["name"] for band in bands][-1] == "segments 35 to 39"
+    assert {band["name"] for band in bands} <= {
+        f"segments {first} to {first + 4}" for first in range(0, 40, 5)
+    }
+
+
+def test_marks_are_where_a_limit_binds(stretch):
+    marks = {mark["name"]: mark["spans"] for mark in binding_marks([stretch])}
+    rows = binding_rows(stretch.problem.robot.joint_names, stretch.uses, stretch.closest)
+    expected = {row.name: row.spans for row in rows if row.spans}
+    assert list(marks) == list(expected)
+    for name, spans in marks.items():
+        assert [span["kind"] for span in spans] == [each.kind for each in expected[name]]
+        assert [span["begin"] for span in spans] == pytest.approx(
+            [each.begin for each in expected[name]], abs=1e-5
+        )
+
+
+def test_marks_of_a_cycle_have_its_time(tmp_path):
+    cycle = shown_cycle(tmp_path)
+    motion = motion_of(cycle, 0.2)  # fast: limits bind
+    spans = [s for mark in binding_marks(cycle_stretches(cycle, motion)) for s in mark["spans"]]
+    inside = [
+        any(begin - 1e-4 <= s["begin"] <= s["end"] <= end + 1e-4 for begin, end in motion.leg_times)
+        for s in spans
+    ]
+    assert len(spans) > 1
+    assert all(inside)
+    assert max(s["end"] for s in spans) > motion.leg_times[-1][0]

@@ -1,0 +1,158 @@
+"""Triangles of shapes, tubes, thick lines; viewpoints."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import GoalRegion, Obstacle, Tube, placement_of
+from tubeplanner.views.goal_ball import goal_ball
+from tubeplanner.views.surface import (
+    coarse_hull_points,
+    dashes,
+    directions,
+    joined,
+    pipe,
+    shape_surface,
+    tube_surfaces,
+)
+from tubeplanner.views.viewpoint import best_direction, floor_grid, outline
+
+# What is drawn: triangles of the tube and of lines.
+
+
+CORNERS = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.4, 0.0], [0.5, 0.4, 0.3]]
+
+
+def volume(surface):
+    """Return the enclosed volume; negative if the triangles face inwards."""
+    a, b, c = surface.vertices[surface.faces].transpose(1, 0, 2)
+    return np.einsum("fi,fi->f", a, np.cross(b, c)).sum() / 6
+
+
+@pytest.mark.parametrize("radius", [0.05, [0.03, 0.08, 0.03]])
+def test_the_parts_of_a_tube_are_its_boundary(radius):
+    tube = Tube(CORNERS, radius)
+    parts = tube_surfaces(tube)
+    assert len(parts) == 3
+    for k, part in enumerate(parts):
+        margin = tube.margin(part.vertices)
+        assert abs(margin[:, k]).max() < 0.03 * tube.radius[k]
+        assert margin.max() < 0.03 * tube.radius[k]  # nothing of it is inside another capsule
+
+
+def test_the_skin_of_a_tube_is_closed():
+    parts = tube_surfaces(Tube(CORNERS[:3], 0.05))
+    legs, elbow = 0.9 * np.pi * 0.05**2, 4 / 3 * np.pi * 0.05**3
+    # At the corner the two cylinders share a wedge of 2/3 r^3 and have a quarter of a ball beside.
+    expected = legs + elbow * 1.25 - 2 / 3 * 0.05**3
+    assert volume(joined(parts)) == pytest.approx(expected, rel=0.02)
+
+
+def test_one_segment_is_a_capsule():
+    (capsule,) = tube_surfaces(Tube(CORNERS[:2], 0.1))
+    assert volume(capsule) == pytest.approx(np.pi * 0.1**2 * (0.5 + 4 / 3 * 0.1), rel=0.01)
+
+
+def test_a_pipe_has_its_thickness_and_remembers_its_points():
+    line = np.column_stack([np.linspace(0, 1, 11), np.zeros(11), np.zeros(11)])
+    surface, owner = pipe(line, 0.01)
+    assert volume(surface) == pytest.approx(np.pi * 0.01**2, rel=0.08)
+    assert np.linalg.norm(surface.vertices - line[owner], axis=1).max() == pytest.approx(0.01)
+    assert set(owner) == set(range(11))
+
+
+def test_a_tool_that_stands_still_has_no_path():
+    surface, owner = pipe(np.zeros((5, 3)), 0.01)
+    assert len(surface.faces) == len(owner) == 0
+
+
+def test_a_line_that_turns_back_is_drawn():
+    there_and_back = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 1.0]])
+    surface, _ = pipe(there_and_back, 0.01)
+    assert np.isfinite(surface.vertices).all()
+
+
+def test_dashes_cover_about_half_of_a_line():
+    covered = volume(dashes(np.array(CORNERS), 0.002, 0.04))
+    assert covered == pytest.approx(0.6 * 1.2 * np.pi * 0.002**2, rel=0.1)
+
+
+@pytest.mark.parametrize("kind", ["box", "sphere", "capsule"])
+def test_shapes_face_outwards(kind):
+    sizes = {"box": [[0.1, 0.2, 0.3]], "sphere": [0.1], "capsule": [0.1, 0.2]}
+    exact = {
+        "box": 0.006,
+        "sphere": 4 / 3 * np.pi * 1e-3,
+        "capsule": np.pi * 0.01 * (0.2 + 0.4 / 3),
+    }
+    obstacle = getattr(Obstacle, kind)("it", *sizes[kind], placement_of([1, 2, 3]))
+    assert volume(shape_surface(obstacle.shapes[0])) == pytest.approx(exact[kind], rel=0.05)
+
+
+def test_a_box_is_drawn_as_one():
+    section = {"box": [0.2, 0.1], "up": [0, 1, 1]}
+    tube = Tube([[0, 0, 0], [0.5, 0, 0]], None, cross_section=section, tool_radius=0.01)
+    (surface,) = tube_surfaces(tube)
+    assert volume(surface) == pytest.approx(0.18 * 0.08 * (0.5 + 0.08))
+    assert abs(tube.margin(surface.vertices)[:, 0]).max() < 1e-9
+
+
+def test_the_parts_of_boxes_are_their_boundary():
+    section = {"box": [0.2, 0.1], "up": [0, 0, 1]}
+    tube = Tube([[0, 0, 0], [0.5, 0, 0], [0.5, 0.5, 0]], None, cross_section=section)
+    parts = tube_surfaces(tube)
+    for surface in parts:
+        assert tube.margin(surface.vertices).max() < 1e-3
+    walls = sum(volume(surface) for surface in parts)
+    both = 2 * 0.2 * 0.1 * 0.6 - 0.15 * 0.15 * 0.1
+    assert walls == pytest.approx(both, rel=0.02)
+
+
+# The ball of a goal in the scene: as large as its tolerance, about its position.
+
+
+def test_it_is_the_ball_itself(bundled):
+    problem = bundled("two_link/around_a_post")
+    position = problem.tube.points[-1] + np.array([0.0, 0.01, 0.0])
+    (ball,) = goal_ball(GoalRegion(position, 0.02))
+    away = np.linalg.norm(ball.vertices - position, axis=1)
+    np.testing.assert_allclose(away, 0.02, rtol=1e-5)
+    np.testing.assert_allclose(ball.vertices.mean(axis=0), position, atol=1e-3)
+
+
+@pytest.mark.parametrize("tolerance", [None, 0.0])
+def test_a_point_has_none(tolerance, bundled):
+    problem = bundled("two_link/around_a_post")
+    end = None if tolerance is None else GoalRegion(problem.tube.points[-1], tolerance)
+    assert goal_ball(end) == []
+
+
+# From where a scene is looked at, and the floor it stands on.
+
+
+def test_whoever_looks_is_not_behind_a_wall():
+    path = np.array([[0, -0.3, 0.2], [0, -0.3, 0.5], [0, 0.3, 0.5], [0, 0.3, 0.2]])
+    seen = {}
+    for x in (-0.5, 0.5):
+        wall = Obstacle.box("wall", [0.02, 4, 8], placement_of([x, 0, 0])).shapes
+        seen[x] = best_direction(path, [], [wall])
+        assert seen[x][2] > 0
+    assert seen[-0.5][0] > 0 > seen[0.5][0]
+
+
+def test_the_floor_is_a_grid_of_round_lengths_under_all():
+    for size, expected in ((0.5, 0.1), (1.2, 0.5), (30.0, 5.0)):
+        edges, step = floor_grid(np.array([[0.01, 0, 0], [size, size / 2, 1]]))
+        assert step == expected
+        assert np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1) == pytest.approx(step)
+        assert edges[..., 0].min() <= 0
+        assert edges[..., 0].max() >= size
+        assert (edges[..., 2] == 0).all()
+
+
+def test_an_outline_holds_all_points():
+    flat = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0.5, 0.5, 0]])
+    assert (outline(flat).min(axis=0) == 0).all()
+    assert (outline(flat).max(axis=0) == [1, 2, 0]).all()
+    cloud = directions(500) * np.array([1, 2, 3])
+    assert len(coarse_hull_points(cloud)) <= 48
+    assert np.ptp(outline(cloud), axis=0) == pytest.approx(np.ptp(cloud, axis=0))

@@ -1,0 +1,157 @@
+"""plot_convergence, plot_sweep, plot_field_sweep: durations over one value; status marks."""
+
+import numpy as np
+import pytest
+
+from cases import simulated_sweep
+from tubeplanner import PlanOptions, plot_field_sweep, sweep_field
+from tubeplanner.outcome import PlanStatus
+from tubeplanner.views.figure_files import new_figure
+from tubeplanner.views.palette import LINE_COLORS
+from tubeplanner.views.status_marks import status_mark, status_words
+from tubeplanner.views.value_scale import ValueScale, value_label
+
+# Every reason for no plan has a mark of its own.
+
+
+WITH_PLAN = {PlanStatus.SUCCESS, PlanStatus.INTERRUPTED}
+
+
+@pytest.mark.parametrize("kind", ["color", "marker", "hatch"])
+def test_no_two_reasons_look_the_same(kind):
+    drawn = [getattr(status_mark(status), kind) for status in set(PlanStatus) - WITH_PLAN]
+    assert len(set(drawn)) == len(drawn) == len(PlanStatus) - 2
+    assert LINE_COLORS[0] not in drawn
+
+
+def test_a_status_in_words():
+    assert status_words(PlanStatus.TUBE_BLOCKED) == "tube blocked"
+
+
+# Where values stand on an axis.
+
+
+@pytest.mark.parametrize(
+    ("values", "places", "is_scaled", "label"),
+    [
+        ([0.2, 0, 3], [0.2, 0, 3], True, "a.b"),
+        (["x0.5", "x2"], [0.5, 2], True, "factor on a.b [-]"),
+        ([1, "x2"], [0, 1], False, "a.b"),
+        ([[1], [2], [1]], [0, 1, 0], False, "a.b"),
+        ([True, False], [0, 1], False, "a.b"),
+        ([1.0, float("inf")], [0, 1], False, "a.b"),
+        ([], [], False, "a.b"),
+    ],
+)
+def test_numbers_and_factors_are_to_scale_others_in_a_row(values, places, is_scaled, label):
+    scale = ValueScale.of("a.b", values)
+    np.testing.assert_array_equal(scale.places, places)
+    assert (scale.is_scaled, scale.label) == (is_scaled, label)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ([1, 10, 100], True),
+        ([0.01, 0.02, 0.05, 0.1, 0.2], True),
+        (["x0.1", "x1", "x10"], True),
+        ([0.1, 1, 2], False),
+        ([1, 2, 4], False),
+        ([0, 10, 100], False),
+        ([1, 100], False),
+        (["a", "b", "c"], False),
+    ],
+)
+def test_values_that_are_even_by_ratio_are_on_a_logarithmic_axis(values, expected):
+    scale = ValueScale.of("a.b", values)
+    assert scale.is_logarithmic is expected
+    axis = new_figure(4, 3).add_subplot()
+    scale.draw(axis, "y")
+    assert axis.get_yscale() == ("log" if expected else "linear")
+    assert axis.get_ylabel() == scale.label
+
+
+def test_values_in_a_row_have_labels():
+    axis = new_figure(4, 3).add_subplot()
+    ValueScale.of("problem", ["example:ur5/a", "example:ur5/b", "example:ur5/a"]).draw(axis)
+    assert [label.get_text() for label in axis.get_xticklabels()] == ["ur5/a", "ur5/b"]
+    assert axis.get_xlim() == (-0.5, 1.5)
+
+
+def test_long_labels_keep_their_end():
+    assert (
+        value_label("folder/of/folders/problem.yaml")
+        == "..." + "folder/of/folders/problem.yaml"[-21:]
+    )
+    assert value_label([0.6, 0]) == "[0.6, 0]"
+
+
+# The figure of a sweep over a field: where values stand, and what is drawn where there is none.
+
+
+PROBLEM = "example:two_link/paper_1_30mm"
+
+
+def drawn(path, values):
+    """Return the axes of a sweep, and the durations of its rows."""
+    options = PlanOptions("stop-at-corners") if "objective" not in path else PlanOptions()
+    result = sweep_field(PROBLEM, path, values, options=options)
+    return plot_field_sweep(result).axes[0], [row.duration for row in result.rows]
+
+
+def lines(axes):
+    """Return what is drawn by its label: points, and places without a plan."""
+    series = {line.get_label(): line.get_xydata() for line in axes.lines if len(line.get_xdata())}
+    gaps = [xy[0, 0] for label, xy in series.items() if label.startswith("_")]
+    return {label: xy for label, xy in series.items() if not label.startswith("_")}, gaps
+
+
+@pytest.mark.parametrize(
+    ("values", "places", "label"),
+    [
+        ([0.05, 0.02, -1], [0.05, 0.02, -1], "tube.radius"),
+        (["x2", "x1", "x-1"], [2, 1, -1], "factor on tube.radius [-]"),
+    ],
+)
+def test_numbers_and_factors_are_drawn_to_scale(values, places, label):
+    axes, durations = drawn("tube.radius", values)
+    series, gaps = lines(axes)
+    expected = [[places[1], durations[1]], [places[0], durations[0]]]
+    np.testing.assert_allclose(series["certified trajectory"], expected)
+    assert gaps == [places[2]]
+    assert axes.get_xlabel() == label
+    assert "no plan: bad input" in axes.texts[0].get_text()
+
+
+@pytest.mark.parametrize("values", [[0.02, "x1"], ["x1", [0.02]], [0.02, float("inf")]])
+def test_other_values_stand_in_a_row_by_name(values):
+    axes, _ = drawn("tube.radius", values)
+    np.testing.assert_array_equal(axes.get_xticks(), [0, 1])
+    names = {"x1": "x1", 0.02: "0.02"}
+    first = values[0]
+    assert axes.get_xticklabels()[0].get_text() == names[first]
+    assert axes.get_xlabel() == "tube.radius"
+
+
+def test_the_shortest_is_drawn_beside_what_the_objective_makes_of_it():
+    axes, durations = drawn("objective.slack", [0, 0.1])
+    series, _ = lines(axes)
+    np.testing.assert_allclose(series["certified trajectory"][:, 1], durations)
+    np.testing.assert_allclose(series["shortest that was found"][:, 1], durations[0])
+    assert durations[1] > 1.05 * durations[0]
+
+
+def test_answers_of_which_runs_failed_are_marked():
+    swept = simulated_sweep([0, 3, None, 200])
+    axes = plot_field_sweep(swept).axes[0]
+    series, _ = lines(axes)
+    points = series["certified trajectory"]
+    np.testing.assert_array_equal(series["some of its runs failed"], points[[1, 3]])
+    said = {text.get_text(): text.xy for text in axes.texts}
+    assert list(said) == ["0 of 200 failed", "3 of 200 failed", "200 of 200 failed"]
+    np.testing.assert_array_equal(list(said.values()), points[[0, 1, 3]])
+
+
+def test_nothing_is_marked_where_no_run_failed():
+    series, _ = lines(plot_field_sweep(simulated_sweep([0, 0])).axes[0])
+    assert list(series) == ["certified trajectory"]
