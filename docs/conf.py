@@ -54,16 +54,22 @@ napoleon_use_ivar = True
 python_maximum_signature_line_length = 88
 
 
+# Each is made once, for the page that asks: the import graph and the reference take seconds.
+_GENERATED = {
+    "{{ problem_fields }}": lambda: problem_fields(problem_schema()),
+    "{{ cycle_fields }}": lambda: further_fields("Cycle", cycle_schema(), problem_schema()),
+    "{{ study_fields }}": lambda: further_fields("Study", study_schema(), problem_schema()),
+    "{{ gallery }}": gallery,
+    "{{ public_sections }}": public_sections,
+    "{{ reading_order }}": reading_order,
+}
+
+
 def _write_generated(app: object, page: str, source: list[str]) -> None:
     """Put what is made from the sources where a page asks for it."""
-    source[0] = source[0].replace("{{ problem_fields }}", problem_fields(problem_schema()))
-    fields = further_fields("Cycle", cycle_schema(), problem_schema())
-    source[0] = source[0].replace("{{ cycle_fields }}", fields)
-    fields = further_fields("Study", study_schema(), problem_schema())
-    source[0] = source[0].replace("{{ study_fields }}", fields)
-    source[0] = source[0].replace("{{ gallery }}", gallery())
-    source[0] = source[0].replace("{{ public_sections }}", public_sections())
-    source[0] = source[0].replace("{{ reading_order }}", reading_order())
+    for mark, generated in _GENERATED.items():
+        if mark in source[0]:
+            source[0] = source[0].replace(mark, generated())
 
 
 def setup(app: Any) -> None:

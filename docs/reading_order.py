@@ -2,10 +2,12 @@
 
 import ast
 import tomllib
+from copy import deepcopy
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
-from grimp import build_graph
+from grimp import ImportGraph, build_graph
 
 _ROOT = Path(__file__).parents[1]
 _PACKAGE = _ROOT / "src" / "tubeplanner"
@@ -33,7 +35,7 @@ def _imported_first(folder: str) -> list[str]:
     A folder within stands among them as one of them, with its own modules.
     """
     package = f"tubeplanner.{folder}".replace("/", ".")
-    graph = build_graph("tubeplanner", cache_dir=None)
+    graph = deepcopy(_import_graph())  # squashing is for this folder alone
     modules = graph.find_children(package)
     for name in modules:
         graph.squash_module(name)
@@ -47,6 +49,12 @@ def _imported_first(folder: str) -> list[str]:
         sorter.done(*ready)
         order += [name.removeprefix(f"{package}.") for name in ready]
     return [module for name in order for module in _modules(folder, name)]
+
+
+@cache
+def _import_graph() -> ImportGraph:
+    """Return which modules of the package import which."""
+    return build_graph("tubeplanner", cache_dir=None)
 
 
 def _modules(folder: str, name: str) -> list[str]:
