@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from campaign_arms import Unsuitable
 from campaign_planner import PlannerProcess
 from campaign_problems import Built, build, reversed_problem, two_moves, write
+from campaign_witness import Unsuitable
 from outside.conditions import Condition
 from outside.cycle_judge import judge_cycle
 from outside.judge import PARTS, SAMPLES

@@ -1,7 +1,11 @@
-"""Problem files with a witness: a tube around the tool path of a trajectory known to solve them."""
+"""Problem files with a witness: a tube around the tool path of a trajectory known to solve them.
+
+Limits, motors, loads, boxes, speeds and concave solids come now and then.
+"""
 
 import math
 from collections import Counter
+from copy import deepcopy
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -11,17 +15,16 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from campaign_arms import Unsuitable, random_arm, without_efforts
-from campaign_extras import (
-    attach_solid,
-    there_and_back,
-    tool_speeds,
-    vary_limits,
-    with_boxes,
-    write_concave_mesh,
+from campaign_witness import (
+    MAX_RADIUS,
+    RADIUS_FACTOR,
+    ROWS,
+    Unsuitable,
+    Witness,
+    random_arm,
+    random_witness,
+    without_efforts,
 )
-from campaign_motors import vary_motors
-from campaign_witness import MAX_RADIUS, RADIUS_FACTOR, Witness, random_witness
 from outside.arm import Arm, placed, solid_geometry
 from outside.distances import Poses, least_margin
 from outside.files import BUNDLED, BadInput
@@ -40,6 +43,16 @@ CONCAVE = "groove.stl"
 PER_SEGMENT = ("points", "radius", "joint_signs", "orientations", "rotation_tolerance")
 PER_SEGMENT += ("cross_section", "tool_speed")
 PART = BUNDLED / "ur5" / "part.stl"
+JERK, ACCELERATION = (20.0, 2000.0), (2.0, 30.0)  # [rad/s^3 or m/s^3], [rad/s^2 or m/s^2]
+FASTER = (1.3, 30.0)  # limits on the tool's speed, in the witness's
+_GROOVE = np.array([[0, 0], [3, 0], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]], dtype=float)
+_GROOVE_FACES = np.array([[0, 1, 4], [0, 4, 5], [1, 2, 3], [1, 3, 4], [0, 5, 6], [0, 6, 7]])
+# Shares of the effort limit that friction takes, viscous at the velocity limit; of the effort limit
+# at twenty times the velocity limit per second, what rotors take.
+VISCOUS, COULOMB, ARMATURE = 0.3, 0.2, 1.0
+SPEED, RATE = 3.0, 20.0  # [rad/s or m/s] where there is no velocity limit; [1/s]
+STALL, NO_LOAD = (0.8, 2.0), (1.0, 2.5)  # in effort and velocity limits
+LEAST_SIDE = 0.6  # of the effort limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +76,9 @@ class Built:
     kinds: tuple[str, ...]
 
 
-def build(seed: int, folder: Path, *, motors: bool = False) -> Built:
+def build(
+    seed: int, folder: Path, *, motors: bool = False, robot: dict[str, Any] | None = None
+) -> Built:
     """Write the problem of a seed into a folder; always the same.
 
     Draws that cannot become a problem are replaced by further ones of the same seed.
@@ -72,6 +87,7 @@ def build(seed: int, folder: Path, *, motors: bool = False) -> Built:
         seed: Of the problem.
         folder: Where to write.
         motors: Whether its arm has random motors.
+        robot: The section `robot` of the arm, if it is not drawn too.
 
     Raises:
         Unsuitable: None became one; the message counts the reasons.
@@ -79,7 +95,7 @@ def build(seed: int, folder: Path, *, motors: bool = False) -> Built:
     reasons: Counter[str] = Counter()
     for attempt in range(MAX_ATTEMPTS):
         try:
-            return _attempt(np.random.default_rng([seed, attempt]), folder, motors)
+            return _attempt(np.random.default_rng([seed, attempt]), folder, motors, robot)
         except (Unsuitable, BadInput) as reason:
             reasons[str(reason)[:100]] += 1
     counted = "; ".join(f"{count} x {reason}" for reason, count in reasons.most_common(4))
@@ -91,8 +107,148 @@ def write(fields: dict[str, Any], path: Path) -> None:
     path.write_text(yaml.safe_dump(fields, sort_keys=False, default_flow_style=None, width=140))
 
 
-def _attempt(rng: np.random.Generator, folder: Path, motors: bool) -> Built:
-    name, robot = random_arm(rng, folder)
+def two_moves(built: Built) -> Path:
+    """Write the cycle that goes through a problem's tube and back; return its path."""
+    path = built.path.with_name("cycle.yaml")
+    write(there_and_back(built.fields, reversed_problem(built.fields)), path)
+    return path
+
+
+def reversed_problem(fields: dict[str, Any]) -> dict[str, Any]:
+    """Return a problem the other way round.
+
+    A trajectory run backwards needs the same efforts, unless there is friction.
+    """
+    tube = {
+        key: value[::-1] if key in PER_SEGMENT and isinstance(value, list) else value
+        for key, value in fields["tube"].items()
+    }
+    return fields | {"tube": tube, "start": fields["goal"], "goal": fields["start"]}
+
+
+def vary_limits(rng: np.random.Generator, robot: dict[str, Any], arm: Arm) -> None:
+    """Limit jerks, and accelerations where nothing limits them, in place."""
+    limits = robot.setdefault("limits", {})
+    for quantity, bounds in (("jerk", JERK), ("acceleration", ACCELERATION)):
+        if quantity not in limits and rng.random() < 0.25:
+            drawn = np.exp(rng.uniform(*np.log(bounds), len(arm.joint_names)))
+            limits[quantity] = dict(zip(arm.joint_names, drawn.tolist(), strict=True))
+
+
+def attach_solid(rng: np.random.Generator, robot: dict[str, Any]) -> None:
+    """Let the tool carry a solid that may touch the link that it is fixed to, in place."""
+    size = float(rng.uniform(0.02, 0.12))
+    shapes: list[dict[str, Any]] = [{"box": [size, size, 2 * size]}, {"sphere": size}]
+    shape = shapes[int(rng.integers(len(shapes)))]
+    away = rng.normal(size=3)
+    position = (1.5 * size * away / np.linalg.norm(away)).tolist()
+    solid = {"name": "carried", **shape, "position": position}
+    robot["attached"] = [solid | {"touch_links": [robot["tool_frame"]]}]
+
+
+def with_boxes(rng: np.random.Generator, tube: dict[str, Any], witness: Witness) -> dict[str, Any]:
+    """Return a tube some of whose segments have a box, as wide and high as drawn."""
+    sections: list[Any] = []
+    radii: list[float | None] = []
+    spans = np.diff(witness.points, axis=0)
+    for k, (radius, span) in enumerate(zip(tube["radius"], spans, strict=True)):
+        if rng.random() < 0.5:
+            sections.append(None)
+            radii.append(radius)
+            continue
+        least = RADIUS_FACTOR * witness.needed[k]
+        sides = np.maximum(least, witness.scale * rng.uniform(0.3, 1.5, 2))
+        up = np.cross(span / np.linalg.norm(span), rng.normal(size=3))
+        box = (2 * np.minimum(sides, MAX_RADIUS)).tolist()
+        sections.append({"box": box, "up": (up / np.linalg.norm(up)).tolist()})
+        radii.append(None)
+    return tube | {"radius": radii, "cross_section": sections}
+
+
+def tool_speeds(rng: np.random.Generator, arm: Arm, witness: Witness) -> list[float | None]:
+    """Return limits on the tool's speed in some segments, above those of the witness [m/s]."""
+    position = arm.tool(witness.q)[1]
+    step = witness.trajectory.duration / (ROWS - 1)
+    speed = np.linalg.norm(np.diff(position, axis=0), axis=1) / step
+    limits: list[float | None] = []
+    for a, b in pairwise(witness.gates):
+        # Where parts of the tube overlap, the witness may be in either.
+        fastest = speed[max(a - 20, 0) : b + 20].max()
+        factor = float(np.exp(rng.uniform(*np.log(FASTER))))
+        limits.append(float(factor * fastest) if rng.random() < 0.6 else None)
+    return limits
+
+
+def write_concave_mesh(path: Path) -> None:
+    """Write a block with a groove, as binary STL: 3 m wide and high, 2 m deep about its middle."""
+    flat = _GROOVE - 1.5
+    corners = np.vstack([np.column_stack([flat, np.full(8, z)]) for z in (-1.0, 1.0)])
+    walls = [(k, (k + 1) % 8) for k in range(8)]
+    sides = [face for a, b in walls for face in ((a, b, b + 8), (a, b + 8, a + 8))]
+    triangles = corners[np.vstack([_GROOVE_FACES[:, ::-1], _GROOVE_FACES + 8, np.array(sides)])]
+    record = np.zeros(len(triangles), dtype=[("normal", "<3f4"), ("at", "<9f4"), ("end", "<u2")])
+    record["at"] = triangles.reshape(-1, 9)
+    path.write_bytes(bytes(80) + np.uint32(len(triangles)).tobytes() + record.tobytes())
+
+
+def there_and_back(fields: dict[str, Any], backwards: dict[str, Any]) -> dict[str, Any]:
+    """Return a cycle of two moves: a problem with a given goal, and the same the other way round.
+
+    Args:
+        fields: The problem.
+        backwards: The problem the other way round.
+    """
+    shared = ("robot", "start", "obstacles", "clearance")
+    header = {key: fields[key] for key in shared if key in fields}
+    moves = [
+        {"name": "there", "tube": fields["tube"], "goal": fields["goal"]},
+        {"name": "back", "tube": backwards["tube"], "goal": backwards["goal"]},
+    ]
+    return {"format": "tubeplanner/cycle", **header, "moves": moves}
+
+
+def vary_motors(rng: np.random.Generator, robot: dict[str, Any], arm: Arm) -> None:
+    """Give the section `robot` of a problem motors, and effort limits that differ, in place.
+
+    Joints without a limit on the effort get friction in multiples of 1 N m or N.
+    """
+    effort, velocity = arm.limits.effort, arm.limits.velocity
+    effort = np.where(np.isfinite(effort), effort, 1.0)
+    velocity = np.where(np.isfinite(velocity), velocity, SPEED)
+    most = {
+        "armature": ARMATURE * effort / (RATE * velocity),
+        "viscous_friction": VISCOUS * effort / velocity,
+        "coulomb_friction": COULOMB * effort,
+    }
+    motors: dict[str, Any] = {}
+    for quantity, largest in most.items():
+        if rng.random() < 0.7:
+            chosen = [largest * rng.random(len(largest)) for _ in range(2)]
+            motors[quantity] = {
+                name: _either(rng, quantity == "coulomb_friction", *pair)
+                for name, *pair in zip(arm.joint_names, *chosen, strict=True)
+                if rng.random() < 0.8
+            }
+    if rng.random() < 0.4:
+        with_line = [k for k in range(len(effort)) if rng.random() < 0.7]
+        names = [arm.joint_names[k] for k in with_line]
+        stall = effort[with_line] * rng.uniform(*STALL, len(names))
+        no_load = velocity[with_line] * rng.uniform(*NO_LOAD, len(names))
+        motors["saturation_effort"] = dict(zip(names, stall.tolist(), strict=True))
+        motors["no_load_velocity"] = dict(zip(names, no_load.tolist(), strict=True))
+    if rng.random() < 0.3:
+        motors["friction_uncertainty"] = float(rng.uniform(0.0, 0.4))
+    robot["motors"] = motors
+    _vary_efforts(rng, robot, arm)
+
+
+def _attempt(
+    rng: np.random.Generator, folder: Path, motors: bool, chosen: dict[str, Any] | None
+) -> Built:
+    if chosen is None:
+        name, robot = random_arm(rng, folder)
+    else:
+        name, robot = str(chosen["urdf"]).removeprefix("example:"), deepcopy(chosen)
     _vary_robot(rng, robot, name)
     arm = _arm(robot, folder)
     vary_limits(rng, robot, arm)
@@ -140,25 +296,6 @@ def _kinds(fields: dict[str, Any], arm: Arm) -> tuple[str, ...]:
         "open goal": "goal" not in fields,
     }
     return tuple(name for name, value in has.items() if value)
-
-
-def two_moves(built: Built) -> Path:
-    """Write the cycle that goes through a problem's tube and back; return its path."""
-    path = built.path.with_name("cycle.yaml")
-    write(there_and_back(built.fields, reversed_problem(built.fields)), path)
-    return path
-
-
-def reversed_problem(fields: dict[str, Any]) -> dict[str, Any]:
-    """Return a problem the other way round.
-
-    A trajectory run backwards needs the same efforts, unless there is friction.
-    """
-    tube = {
-        key: value[::-1] if key in PER_SEGMENT and isinstance(value, list) else value
-        for key, value in fields["tube"].items()
-    }
-    return fields | {"tube": tube, "start": fields["goal"], "goal": fields["start"]}
 
 
 def _require_solved(judge: Judge, witness: Witness) -> None:
@@ -318,3 +455,27 @@ def _distance(moving: list[Any], poses: Poses, fields: dict[str, Any], folder: P
     geometry, placement = solid_geometry(fields, folder, [])
     obstacle = placed(fields["name"], "obstacle", 0, placement, geometry)
     return least_margin([(solid, obstacle) for solid in moving], poses, 0.0)[0].margin
+
+
+def _either(
+    rng: np.random.Generator, may_differ: bool, one: float, other: float
+) -> float | list[float]:
+    """Return a number, or two for both directions."""
+    return [float(one), float(other)] if may_differ and rng.random() < 0.5 else float(one)
+
+
+def _vary_efforts(rng: np.random.Generator, robot: dict[str, Any], arm: Arm) -> None:
+    """Make the efforts of some joints differ by direction, or with the position, in place."""
+    scale = robot.get("limits", {}).get("scale", {}).get("effort", 1.0)
+    limits = robot.setdefault("limits", {})
+    given = limits.setdefault("effort", {})
+    for name, most in zip(arm.joint_names, arm.limits.effort, strict=True):
+        draw = rng.random()
+        if not np.isfinite(most) or draw > 0.4:
+            continue
+        own = most / scale * rng.uniform(LEAST_SIDE, 1.0, 4)
+        if draw < 0.2:
+            given[name] = own[:2].tolist()
+        else:
+            position = np.sort(rng.uniform(-2.0, 2.0, 4)) + 0.01 * np.arange(4)
+            given[name] = {"position": position.tolist(), "effort": own.tolist()}

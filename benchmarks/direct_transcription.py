@@ -1,4 +1,4 @@
-"""The default plan beside a multi-start direct transcription with a general solver (IPOPT).
+"""Would a general solver (IPOPT, direct transcription, many starts) find faster motions?
 
     pip install '.[bench]'
     OMP_NUM_THREADS=1 python benchmarks/direct_transcription.py [--problems NAME ...]
@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from cases import ARMS, EXAMPLES, RADII, paper_example
+from shared import ARMS, EXAMPLES, RADII, paper_example
 from transcription_program import (
     PhasedTrajectory,
     Solution,

@@ -1,4 +1,4 @@
-"""What becomes of plans in simulated arms: as they are, planned to survive, and run slower.
+"""Do plans survive wrong masses, friction and delay, and what does surviving cost?
 
     python benchmarks/executed.py [--only SUBSTRING] [--runs 200] [--output LINES.jsonl]
 
@@ -18,7 +18,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,6 @@ from tubeplanner.simulation.plant import Draw
 from tubeplanner.simulation.run_verdict import run_verdict
 from tubeplanner.simulation.simulated_runs import simulated_runs
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from uniform_slowing import Arms, least_factor
 
 # First those that tell the most.
 FIRST = (
@@ -47,6 +46,10 @@ _SEED = 2  # planning draws its arms from 0 and 1
 _SEARCH = (4, 50)
 MAX_FAILED = 0.005  # share of the runs
 MAX_COST, MAX_NEEDLESS_COST = 0.08, 0.005  # of the default plan's duration
+MOST = 3.0
+# Surviving need not go on as a motion gets slower: the first of these that survives counts.
+_FACTORS = (1.02, 1.05, 1.1, 1.2, 1.35, 1.6, 2.0, 2.5, MOST)
+_NEAR = 1.005  # as close to the least factor as bisection goes
 
 
 @dataclass(frozen=True)
@@ -175,6 +178,70 @@ def executed_plans(name: str, runs: int) -> Row | str:
     )
 
 
+def main() -> int:
+    """Plan, execute and print the table; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", default="", help="problems whose name contains this")
+    parser.add_argument("--runs", type=int, default=200, help="arms that execute every motion")
+    parser.add_argument("--output", type=Path, help="one JSON line per problem, added to the file")
+    asked = parser.parse_args()
+    rows: list[Row] = []
+    faults: list[str] = []
+    _print_head()
+    for name in _names(asked.only):
+        row = executed_plans(name, asked.runs)
+        if isinstance(row, str):
+            print(f"{name:33}|{row}", flush=True)
+            faults.append(f"{name}: {row}")
+            continue
+        _print_row(row)
+        rows.append(row)
+        faults += _faults(row)
+        if asked.output:
+            with asked.output.open("a") as lines:
+                lines.write(json.dumps(row.as_dict()) + "\n")
+    _print_summary(rows, faults)
+    return 1 if faults else 0
+
+
+@dataclass(frozen=True)
+class Arms:
+    """How many arms judge a factor, one stage after the other until one of them fails.
+
+    Attributes:
+        search: While the least factor is sought.
+        found: The one that was found.
+    """
+
+    search: Sequence[int] = (4, 50)
+    found: Sequence[int] = (200,)
+
+
+def least_factor(failed: Callable[[float, int], int], arms: Arms) -> float | None:
+    """Return the least factor on a motion's times with which none of its runs fails.
+
+    Args:
+        failed: How many runs fail, of the motion with a factor on its times, by so many arms.
+        arms: How many arms judge it.
+
+    Returns:
+        From 1 to 3, to half a percent; None if none of nine factors survives.
+    """
+
+    def survives(factor: float, counts: Sequence[int]) -> bool:
+        return all(failed(factor, count) == 0 for count in counts)
+
+    below = 1.0
+    if survives(below, (*arms.search, *arms.found)):
+        return below
+    for factor in _FACTORS:
+        if survives(factor, arms.search):
+            least = _bisected(lambda between: survives(between, arms.search), below, factor)
+            return _raised(lambda raised: survives(raised, arms.found), least)
+        below = factor
+    return None
+
+
 def _blame(robust: PlanResult) -> str | None:
     survival = robust.survival
     return None if survival is None or survival.blame is None else str(survival.blame)
@@ -251,30 +318,27 @@ def _has_tube(path: Path) -> bool:
     return "tube" in yaml.safe_load(path.read_text())
 
 
-def main() -> int:
-    """Plan, execute and print the table; return the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", default="", help="problems whose name contains this")
-    parser.add_argument("--runs", type=int, default=200, help="arms that execute every motion")
-    parser.add_argument("--output", type=Path, help="one JSON line per problem, added to the file")
-    asked = parser.parse_args()
-    rows: list[Row] = []
-    faults: list[str] = []
-    _print_head()
-    for name in _names(asked.only):
-        row = executed_plans(name, asked.runs)
-        if isinstance(row, str):
-            print(f"{name:33}|{row}", flush=True)
-            faults.append(f"{name}: {row}")
-            continue
-        _print_row(row)
-        rows.append(row)
-        faults += _faults(row)
-        if asked.output:
-            with asked.output.open("a") as lines:
-                lines.write(json.dumps(row.as_dict()) + "\n")
-    _print_summary(rows, faults)
-    return 1 if faults else 0
+def _bisected(survives: Callable[[float], bool], below: float, above: float) -> float:
+    """Return the least factor between one that does not survive and one that does."""
+    while above > _NEAR * below:
+        between = (below * above) ** 0.5
+        if survives(between):
+            above = between
+        else:
+            below = between
+    return above
+
+
+def _raised(survives: Callable[[float], bool], factor: float) -> float | None:
+    """Return the least factor, at least a given one, with which more arms survive too."""
+    if survives(factor):
+        return factor
+    step = _NEAR
+    while factor * step <= MOST:
+        if survives(factor * step):
+            return _bisected(survives, factor, factor * step)
+        factor, step = factor * step, step**2
+    return None
 
 
 if __name__ == "__main__":

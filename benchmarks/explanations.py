@@ -1,8 +1,8 @@
-"""What `explain` says of problems without an answer, and whether it is true.
+"""Is what `explain` says of problems without an answer true, and does it help?
 
     python benchmarks/explanations.py [--only SUBSTRING] [--cases 0,7] [--time-limit 60]
 
-Explains every problem of `refusal_cases.py` and prints what the command would print, to be read.
+Explains every problem of `refusals.py` and prints what the command would print, to be read.
 Then each remedy is planned with afresh, as `--set` would, and must have the duration that was told.
 Exit status 1 if a problem has no remedy, or if a remedy is none.
 """
@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from refusal_cases import RefusalCase, refusal_cases
+from refusals import RefusalCase, refusal_cases
 from tubeplanner import load_problem, plan
 from tubeplanner.commands.explanation_report import explanation_text
 from tubeplanner.explanation.explain import explain

@@ -1,17 +1,22 @@
 """The readers that are fuzzed: by kind, files that are right, and what reads them."""
 
 import json
+import tempfile
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-import fuzz_seeds as seeds
+import trimesh
+import yaml
+
 from tubeplanner import (
+    JointTrajectory,
     MeasureOptions,
     Obstacle,
+    PlanOptions,
     explain,
     load_cycle,
     load_problem,
@@ -19,21 +24,240 @@ from tubeplanner import (
     load_study,
     measure_tube,
     placement_of,
+    plan,
     run_study,
 )
 from tubeplanner.files.problem_file import read_fields, with_other_tube
 from tubeplanner.problem.moveit_limits import read_limits_file
 from tubeplanner.problem.point_file import read_points
 from tubeplanner.problem.presets import read_preset
+from tubeplanner.resources import bundled_folder
 from tubeplanner.robot.robot_info import robot_info
 from tubeplanner.robot.srdf import read_allowed_pairs, read_group_states
 from tubeplanner.trajectory.trajectory_file import read_trajectory_file
 from tubeplanner.views.visual_mesh import read_visual_mesh
 
+_ROBOTS = bundled_folder()
+URDF = (_ROBOTS / "two_link" / "two_link.urdf").read_text()
+PROBLEM = (_ROBOTS / "two_link" / "around_a_post.yaml").read_text()
+WITH_POINTS = """
+robot: {urdf: example:two_link, tool_frame: hand, gravity: [0, 0, 0]}
+tube: {points: points.csv, radius: 0.03, joint_signs: {joint2: "-"}}
+start: {seed: [0.0, -1.0]}
+"""
+WITH_STATE = """
+robot: {urdf: example:two_link, tool_frame: hand, gravity: [0, 0, 0], srdf: arm.srdf}
+tube: {points: [[0.6, 0, 0], [0.5, 0, 0]], radius: 0.05}
+start: {group_state: ready}
+"""
+INCLUDING = """
+include: cell.yaml
+tube: {points: [[0.3, -0.3, 0], [0.3, 0.3, 0]], radius: 0.03, joint_signs: {joint2: "-"}}
+start: {seed: [0.0, -1.0]}
+"""
+CELL = """
+robot:
+  urdf: example:two_link
+  tool_frame: hand
+  gravity: [0, 0, 0]
+  payload: {mass: 0.5, com: [0, 0, 0.1]}
+  attached: [{name: pen, capsule: [0.005, 0.05], position: [0, 0, 0.05], touch_links: [link2]}]
+obstacles:
+  - {name: post, cylinder: [0.03, 0.3], position: [0.45, 0, 0]}
+  - {name: wall, box: [0.1, 0.1, 0.1], position: [0, -0.6, 0], rpy: [0, 0, 0.5]}
+clearance: {default: 0.001, pairs: [{links: [link2, post], clearance: 0.002}]}
+collision: {self: true, ignore: [[link1, wall]]}
+"""
+PRESET = """
+format: tubeplanner/preset
+version: 1
+joints: 2
+limits: {velocity: [3, 3.5], acceleration: {joint1: 20}, effort: 90, jerk: 500}
+motors: {viscous_friction: 0.2, coulomb_friction: [0.5, 0.4], armature: 0.01}
+sources:
+  limits.velocity: the maker
+  limits.acceleration: the maker
+  limits.effort: the maker
+  limits.jerk: the maker
+  motors.viscous_friction: measured
+  motors.coulomb_friction: measured
+  motors.armature: measured
+"""
+LIMITS = """
+default_velocity_scaling_factor: 0.1
+default_acceleration_scaling_factor: 0.1
+joint_limits:
+  joint1:
+    {has_velocity_limits: true, max_velocity: 3.0, has_acceleration_limits: true,
+     max_acceleration: 20, has_position_limits: true, min_position: -3, max_position: 3}
+  joint2: {has_jerk_limits: false, max_jerk: 0, has_effort_limits: true, max_effort: 25}
+"""
+SRDF = """<robot name="two_link">
+  <group name="arm"><chain base_link="base" tip_link="hand"/></group>
+  <group_state name="ready" group="arm">
+    <joint name="joint1" value="0"/><joint name="joint2" value="0"/>
+  </group_state>
+  <disable_collisions link1="base" link2="link1" reason="Adjacent"/>
+  <disable_collisions link1="base" link2="link2" reason="Never"/>
+</robot>"""
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="reach" default="0.3"/>
+  <xacro:property name="reach" value="$(arg reach)"/>
+  <xacro:property name="given" value="${load_yaml('values.yaml')}"/>
+  <xacro:macro name="turn" params="name parent child *origin">
+    <joint name="${name}" type="revolute">
+      <parent link="${parent}"/><child link="${child}"/><axis xyz="0 0 1"/>
+      <xacro:insert_block name="origin"/>
+      <limit lower="-3" upper="${pi}" effort="95" velocity="10"/>
+    </joint>
+    <link name="${child}">
+      <inertial><origin xyz="${reach} 0 0"/><mass value="${2 * 7.3}"/>
+        <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+      <collision><geometry><box size="${given['length']} 0.05 0.04"/></geometry></collision>
+    </link>
+  </xacro:macro>
+  <link name="base"/>
+  <xacro:turn name="joint1" parent="base" child="link1"><origin xyz="0 0 0"/></xacro:turn>
+  <xacro:if value="${reach > 0.1}">
+    <xacro:turn name="joint2" parent="link1" child="hand"><origin xyz="0.3 0 0"/></xacro:turn>
+  </xacro:if>
+</robot>"""
+CYCLE = """
+format: tubeplanner/cycle
+robot: {urdf: example:two_link, tool_frame: hand, gravity: [0, -3, 0]}
+start: {seed: [0.0, -1.0]}
+closed: true
+clearance: 0.001
+obstacles: [{name: part, box: [0.02, 0.02, 0.02], position: [0.45, 0.1, 0.3]}]
+moves:
+  - name: over
+    tube: {points: [[0.45, -0.3, 0], [0.45, 0.1, 0]], radius: 0.05, joint_signs: {joint2: "-"}}
+  - {event: gripper, set: close, dwell: 0.05}
+  - {attach: part, payload: {mass: 0.5, com: [0, 0, 0], inertia: [0.01, 0.01, 0.01, 0, 0, 0]}}
+  - name: down
+    tube: {points: [[0.45, 0.1, 0], [0.2, 0.1, 0]], radius: 0.05, joint_signs: {joint2: "-"}}
+    limits: {velocity: 3}
+    goal: {position: [0.2, 0.1, 0], tolerance: 0.01}
+  - {detach: part, leave_as_obstacle: false}
+  - name: back
+    tube: {points: [[0.2, 0.1, 0], [0.45, -0.3, 0]], radius: 0.15, joint_signs: {joint2: "-"}}
+"""
+STUDY = """
+format: tubeplanner/study
+study:
+  problem: problem.yaml
+  vary: {tube.radius: [x0.5, 0.03], robot.payload.mass: [0, 0.5]}
+  options: {method: stop-at-corners, time_limit: 20}
+"""
+LATIN = """
+format: tubeplanner/study
+study:
+  problem: [problem.yaml, example:two_link/paper_1_30mm]
+  vary:
+    robot.limits.scale.effort: {from: 0.5, to: 1, spacing: log}
+    tube.radius: {from: 0.03, to: 0.05}
+  design: {latin: 5, seed: 1}
+"""
+DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit name="meter" meter="1"/><up_axis>Z_UP</up_axis></asset>
+<library_geometries><geometry id="g" name="part"><mesh>
+<source id="p"><float_array id="pa" count="12">0 0 0 0.1 0 0 0 0.1 0 0 0 0.1</float_array>
+<technique_common><accessor count="4" source="#pa" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="4"><input offset="0" semantic="VERTEX" source="#v" set="0"/>
+<p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n" name="n"><instance_geometry url="#g"/>
+</node></visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene>
+</COLLADA>"""
 _JOINTS = ("joint1", "joint2")
 _INFO = ("info", "problem.yaml")
 _CHECK = ("check", "problem.yaml")
 _VIEW = ("view", "problem.yaml", "--html", "page.html")
+
+
+def with_robot(field: str) -> str:
+    """Return a problem of the two-link arm, with one more field of the robot."""
+    return f"""
+robot: {{urdf: example:two_link, tool_frame: hand, gravity: [0, 0, 0], {field}}}
+tube: {{points: [[0.3, -0.3, 0], [0.3, 0.3, 0]], radius: 0.03, joint_signs: {{joint2: "-"}}}}
+start: {{seed: [0.0, -1.0]}}
+"""
+
+
+def with_mesh(file: str) -> str:
+    """Return a problem whose arm and obstacle have a mesh."""
+    problem = with_robot("").replace("example:two_link", "robot.urdf")
+    return f"{problem}obstacles: [{{name: part, mesh: {file}, position: [0, 1, 0]}}]\n"
+
+
+def urdf_with_mesh(file: str) -> str:
+    """Return the two-link arm with a mesh for its second link."""
+    return URDF.replace('<box size="0.34 0.04 0.04"/>', f'<mesh filename="{file}"/>')
+
+
+def part() -> bytes:
+    """Return the bundled mesh."""
+    return (_ROBOTS / "ur5" / "part.stl").read_bytes()
+
+
+def mesh(ending: str) -> list[bytes]:
+    """Return meshes of a format."""
+    if ending == "dae":
+        return [DAE.encode()]
+    box = trimesh.creation.box((0.1, 0.1, 0.1)).export(file_type=ending)
+    binary = [part()] if ending == "stl" else []
+    text = box.encode() if isinstance(box, str) else box
+    return [text, *binary]
+
+
+def problems() -> list[bytes]:
+    """Return problem files in YAML."""
+    every_field = (_ROBOTS / "ur5" / "every_field.yaml").read_text()
+    return [text.encode() for text in (PROBLEM, PROBLEM, with_robot(""), every_field)]
+
+
+def json_problems() -> list[bytes]:
+    """Return problem files in JSON."""
+    return [json.dumps(yaml.safe_load(text)).encode() for text in problems()]
+
+
+def urdfs() -> list[bytes]:
+    """Return robots."""
+    follower = '<mimic joint="joint1" multiplier="0.5"/></joint>'
+    head, tail = URDF.rsplit('velocity="100"/>\n  </joint>', 1)
+    return [URDF.encode(), f'{head}velocity="100"/>{follower}{tail}'.encode()]
+
+
+def points() -> list[bytes]:
+    """Return files of points, with and without a line of names."""
+    rows = ((0.3, -0.3, 0), (0.3, 0, 0), (0.3, 0.3, 0))
+    bare = "\n".join(",".join(map(str, row)) for row in rows)
+    turned = "\n".join(",".join(map(str, (*row, 0, 0, 0, 1))) for row in rows)
+    return [
+        f"x,y,z\n{bare}\n".encode(),
+        f"{bare}\n".encode(),
+        f"x,y,z,qx,qy,qz,qw\n{turned}\n".encode(),
+    ]
+
+
+def motion(ending: str) -> list[bytes]:
+    """Return trajectory files as the package writes them: .json, .csv or .yaml (ROS)."""
+    problem, trajectory = _planned()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"motion.{ending}"
+        trajectory.save(path, None if ending == "json" else problem, rate=40.0)
+        return [path.read_bytes()]
+
+
+def journals() -> list[bytes]:
+    """Return the journal of a study."""
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(1) as executor:
+        (Path(folder) / "problem.yaml").write_text(PROBLEM)
+        (Path(folder) / "study.yaml").write_text(STUDY)
+        path = Path(folder) / "table.jsonl"
+        run_study(load_study(Path(folder) / "study.yaml"), journal=path, executor=executor)
+        return [path.read_bytes()]
 
 
 @dataclass(frozen=True)
@@ -42,7 +266,7 @@ class Kind:
 
     Attributes:
         file: Its name in the folder of a case.
-        form: Its format, as `fuzz_mutations.mutated` and `fuzz_attacks.attacks` call it.
+        form: Its format, as `fuzz_files.mutated` and `fuzz_files.attacks` call it.
         contents: Makes files that are right.
         read: Reads it; called with its path, in its folder.
         commands: Lines of the command line that read it.
@@ -57,6 +281,14 @@ class Kind:
     commands: tuple[tuple[str, ...], ...] = ()
     others: Callable[[], Mapping[str, bytes]] = dict
     attacks: tuple[str, ...] = field(default=())
+
+
+@cache
+def _planned() -> tuple[object, JointTrajectory]:
+    problem = load_problem("example:two_link/around_a_post")
+    trajectory = plan(problem, PlanOptions("stop-at-corners")).trajectory
+    assert trajectory is not None
+    return problem, trajectory
 
 
 def _read_problem(path: Path) -> None:
@@ -118,12 +350,12 @@ def _mesh(ending: str, form: str) -> Kind:
     return Kind(
         f"solid.{ending}",
         form,
-        partial(seeds.mesh, ending),
+        partial(mesh, ending),
         _read_mesh,
         (_INFO, _VIEW),
         lambda: {
-            "problem.yaml": seeds.with_mesh(f"solid.{ending}").encode(),
-            "robot.urdf": seeds.urdf_with_mesh(f"solid.{ending}").encode(),
+            "problem.yaml": with_mesh(f"solid.{ending}").encode(),
+            "robot.urdf": urdf_with_mesh(f"solid.{ending}").encode(),
         },
         (ending, "xml") if form == "xml" else (ending,),
     )
@@ -134,10 +366,10 @@ def _motion(ending: str, form: str) -> Kind:
     return Kind(
         file,
         form,
-        partial(seeds.motion, ending),
+        partial(motion, ending),
         lambda path: read_trajectory_file(path, _JOINTS),
         ((*_CHECK, file), (*_VIEW, file), ("plot", "problem.yaml", file, "-o", "plot.png")),
-        _beside(problem__yaml=seeds.PROBLEM),
+        _beside(problem__yaml=PROBLEM),
         (form,),
     )
 
@@ -159,53 +391,53 @@ KINDS: Mapping[str, Kind] = {
     "problem-yaml": Kind(
         "problem.yaml",
         "yaml",
-        seeds.problems,
+        problems,
         _read_problem,
         (_INFO, _VIEW, ("links", "problem.yaml"), (*_CHECK, "motion.json")),
-        lambda: {"part.stl": seeds.part(), "motion.json": seeds.motion("json")[0]},
+        lambda: {"part.stl": part(), "motion.json": motion("json")[0]},
         ("yaml",),
     ),
     "questions": Kind(
         "problem.yaml",
         "yaml",
-        seeds.problems,
+        problems,
         _ask,
         (
             ("explain", "problem.yaml", "--time-limit", "1", "--processes", "1"),
             ("measure", "problem.yaml"),
         ),
-        lambda: {"part.stl": seeds.part()},
+        lambda: {"part.stl": part()},
         ("yaml",),
     ),
     "problem-json": Kind(
         "problem.json",
         "json",
-        seeds.json_problems,
+        json_problems,
         _read_problem,
         (("info", "problem.json"),),
-        lambda: {"part.stl": seeds.part()},
+        lambda: {"part.stl": part()},
         ("json",),
     ),
     "include": _part(
         "cell.yaml",
-        seeds.CELL,
+        CELL,
         lambda path: load_problem("problem.yaml"),
-        seeds.INCLUDING,
+        INCLUDING,
     ),
-    "preset": _part("arm.yaml", seeds.PRESET, read_preset, seeds.with_robot("preset: arm.yaml")),
+    "preset": _part("arm.yaml", PRESET, read_preset, with_robot("preset: arm.yaml")),
     "joint-limits": _part(
         "joint_limits.yaml",
-        seeds.LIMITS,
+        LIMITS,
         read_limits_file,
-        seeds.with_robot("limits_file: joint_limits.yaml"),
+        with_robot("limits_file: joint_limits.yaml"),
     ),
     "points": Kind(
         "points.csv",
         "csv",
-        seeds.points,
+        points,
         lambda path: (read_points(path), load_problem("problem.yaml")),
         (_INFO,),
-        _beside(problem__yaml=seeds.WITH_POINTS),
+        _beside(problem__yaml=WITH_POINTS),
         ("csv",),
     ),
     "trajectory-json": _motion("json", "json"),
@@ -214,16 +446,16 @@ KINDS: Mapping[str, Kind] = {
     "urdf": Kind(
         "robot.urdf",
         "xml",
-        seeds.urdfs,
+        urdfs,
         _read_robot,
         (("info", "robot.urdf"), _INFO, _VIEW),
-        _beside(problem__yaml=seeds.with_robot("").replace("example:two_link", "robot.urdf")),
+        _beside(problem__yaml=with_robot("").replace("example:two_link", "robot.urdf")),
         ("xml",),
     ),
     "xacro": Kind(
         "arm.urdf.xacro",
         "xml",
-        lambda: [seeds.XACRO.encode()],
+        lambda: [XACRO.encode()],
         lambda path: load_robot(path, "hand"),
         (("info", "arm.urdf.xacro"),),
         _beside(values__yaml="length: 0.3\n"),
@@ -232,10 +464,10 @@ KINDS: Mapping[str, Kind] = {
     "srdf": Kind(
         "arm.srdf",
         "xml",
-        lambda: [seeds.SRDF.encode()],
+        lambda: [SRDF.encode()],
         _read_srdf,
         (_INFO,),
-        _beside(problem__yaml=seeds.WITH_STATE),
+        _beside(problem__yaml=WITH_STATE),
         ("xml",),
     ),
     "stl": _mesh("stl", "stl"),
@@ -244,28 +476,28 @@ KINDS: Mapping[str, Kind] = {
     "cycle": Kind(
         "cycle.yaml",
         "yaml",
-        lambda: [seeds.CYCLE.encode()],
+        lambda: [CYCLE.encode()],
         load_cycle,
         (("info", "cycle.yaml"), ("check", "cycle.yaml", "motion.json")),
-        lambda: {"motion.json": seeds.motion("json")[0]},
+        lambda: {"motion.json": motion("json")[0]},
         ("yaml",),
     ),
     "study": Kind(
         "study.yaml",
         "yaml",
-        lambda: [seeds.STUDY.encode(), seeds.LATIN.encode()],
+        lambda: [STUDY.encode(), LATIN.encode()],
         _read_study,
         (("info", "study.yaml"),),
-        _beside(problem__yaml=seeds.PROBLEM),
+        _beside(problem__yaml=PROBLEM),
         ("yaml",),
     ),
     "journal": Kind(
         "table.jsonl",
         "text",
-        seeds.journals,
+        journals,
         _read_journal,
         (),
-        _beside(problem__yaml=seeds.PROBLEM, study__yaml=seeds.STUDY),
+        _beside(problem__yaml=PROBLEM, study__yaml=STUDY),
         ("json",),
     ),
 }

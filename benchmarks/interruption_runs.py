@@ -1,4 +1,4 @@
-"""Runs of one command in processes that signals meet, and what they leave.
+"""Runs of one command in processes that are paused, go on and meet signals.
 
 What the command computes is kept from its first run: see `interruption_cases.py`.
 """
@@ -6,6 +6,8 @@ What the command computes is kept from its first run: see `interruption_cases.py
 import os
 import select
 import shutil
+import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -19,10 +21,12 @@ from pathlib import Path
 from typing import Any
 
 from interruption_cases import Case, Kept
-from interruption_pauses import Ended, Pause
 from tubeplanner.commands import start
 from tubeplanner.commands.cli import main as run_command
 
+_LONGEST = 120.0  # [s]
+_GO, _END = b"g", b"e"
+_NUMBER = struct.Struct("i")
 _CHANGES = ("open", "os.mkdir")  # as audit events are called
 _LONGEST_LIFE, _LONGEST_RUN = 10.0, 120.0  # [s]
 _LIFE = """
@@ -33,6 +37,73 @@ start.interrupts_noted()
 os.write(int(os.environ["BEGUN"]), b".")
 start.run()
 """
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a run ended.
+
+    Attributes:
+        status: Its exit status; the negative number of the signal that ended it.
+        length: From the beginning of the stage to the end [s].
+    """
+
+    status: int
+    length: float
+
+
+class Pause:
+    """A process that is paused; used in a `with` statement."""
+
+    def __init__(self, live: Callable[[Callable[[], None]], object]) -> None:
+        """Let it come to its stage.
+
+        Args:
+            live: What it does; calls its argument where it is to pause.
+        """
+        (self._read, answer), (request, self._write) = os.pipe(), os.pipe()
+        self._child = os.fork()
+        if self._child == 0:
+            # Else it would not see the end of its parent.
+            os.close(self._read)
+            os.close(self._write)
+            live(lambda: _serve(request, answer))
+            os._exit(1)
+        os.close(answer)
+        os.close(request)
+        if self._answer() is None:
+            raise SystemExit("a run did not come to its stage")
+
+    def __enter__(self) -> "Pause":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.write(self._write, _END)
+        os.waitpid(self._child, 0)
+        os.close(self._write)
+        os.close(self._read)
+
+    def go_on(self, number: int | None = None, delay: float = 0.0) -> Ended:
+        """Let it go on to its end; send it a signal after some time [s]."""
+        os.write(self._write, _GO)
+        child, begin = self._answer(), time.perf_counter()
+        assert child is not None
+        if number is not None:
+            time.sleep(delay)
+            with suppress(ProcessLookupError):  # it has ended
+                os.kill(child, number)
+        status = self._answer()
+        if status is None:  # it hangs: its status tells
+            os.kill(child, signal.SIGKILL)
+            status = self._answer()
+        assert status is not None
+        return Ended(status, time.perf_counter() - begin)
+
+    def _answer(self) -> int | None:
+        if not select.select([self._read], [], [], _LONGEST)[0]:
+            return None
+        answer = os.read(self._read, _NUMBER.size)
+        return int(_NUMBER.unpack(answer)[0]) if answer else None
 
 
 class Stage(Enum):
@@ -218,6 +289,35 @@ class Runs:
         return Ended(process.returncode, time.perf_counter() - begin)
 
 
+@contextmanager
+def silenced() -> Iterator[None]:
+    """Let nothing be printed."""
+    kept = os.dup(1)
+    sink = os.open(os.devnull, os.O_WRONLY)
+    try:
+        sys.stdout.flush()
+        os.dup2(sink, 1)
+        yield
+    finally:
+        sys.stdout.flush()
+        os.dup2(kept, 1)
+        os.close(sink)
+        os.close(kept)
+
+
+def _serve(request: int, answer: int) -> None:
+    """Wait to be told to go on; return in the process that does."""
+    os.write(answer, _NUMBER.pack(os.getpid()))
+    while os.read(request, 1) == _GO:
+        child = os.fork()
+        if child == 0:
+            return
+        os.write(answer, _NUMBER.pack(child))
+        _, status = os.waitpid(child, 0)
+        os.write(answer, _NUMBER.pack(os.waitstatus_to_exitcode(status)))
+    os._exit(0)
+
+
 def _redirect(place: Place) -> None:
     """Let this process print into files."""
     for descriptor, name in ((1, "stdout"), (2, "stderr")):
@@ -234,19 +334,3 @@ def _opening(folder: Path, begun: Callable[[], object]) -> Callable[[str, tuple[
             waiting.pop()()
 
     return hook
-
-
-@contextmanager
-def silenced() -> Iterator[None]:
-    """Let nothing be printed."""
-    kept = os.dup(1)
-    sink = os.open(os.devnull, os.O_WRONLY)
-    try:
-        sys.stdout.flush()
-        os.dup2(sink, 1)
-        yield
-    finally:
-        sys.stdout.flush()
-        os.dup2(kept, 1)
-        os.close(sink)
-        os.close(kept)

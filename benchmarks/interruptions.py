@@ -1,4 +1,4 @@
-"""Every command that writes files, ended at random moments, and on disks that are full or locked.
+"""What does a command leave that is ended at any moment, or whose disk is full or locked?
 
     python benchmarks/interruptions.py [--moments 100] [--lives 5] [--only plan,view] [--seed 1]
 
@@ -14,6 +14,7 @@ anything is wrong. The folder of a wrong run is kept and named.
 """
 
 import argparse
+import json
 import os
 import random
 import shutil
@@ -27,13 +28,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from interruption_cases import CASES, MOTION, PROBLEM, TEXTS, TRAIL, Case
-from interruption_faults import faults, faults_without_room
-from interruption_pauses import Pause
-from interruption_runs import Place, Runs, Stage, silenced
+from interruption_runs import Answer, Ended, Pause, Place, Runs, Stage, old_content, silenced
 from tubeplanner.commands.cli import main as run_command
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 ROOMS = (0, 1, 4, 16, 64)  # what a full disk has left [KiB]
+INTERRUPTED, BAD_INPUT = 130, 2
 
 
 class Table:
@@ -86,12 +86,6 @@ def interrupted(runs: Runs, moments: int, numbers: random.Random, table: Table) 
                     table.add(number.name, place, faults(runs, place, ended, number))
 
 
-def _whole_length(runs: Runs, run: Pause) -> float:
-    """Return how long a run takes from its stage to its end [s]."""
-    runs.place()
-    return run.go_on().length
-
-
 def ended_lives(runs: Runs, moments: int, numbers: random.Random, table: Table) -> None:
     """Let signals meet runs at any time."""
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -115,6 +109,94 @@ def without_room(runs: Runs, table: Table) -> None:
         subprocess.run(["mount", "-o", "remount,ro", place.out], check=True)
         ended = runs.forked(place)
         table.add("read only", place, faults_without_room(runs, place, ended, "another folder"))
+
+
+def main() -> int:
+    """Print the table and return the exit status."""
+    options = _parsed()
+    only = None if options.only is None else options.only.split(",")
+    kept = Path(tempfile.mkdtemp(prefix="interruptions-"))
+    table = Table(kept)
+    with tempfile.TemporaryDirectory() as scratch:
+        inputs = Path(scratch)
+        _prepare(inputs)
+        for case in CASES:
+            if only is not None and case.name not in only:
+                continue
+            runs = Runs(case, inputs, inputs / "runs")
+            numbers = random.Random(f"{options.seed} {case.name}")
+            interrupted(runs, options.moments, numbers, table)
+            ended_lives(runs, options.lives, numbers, table)
+            if os.geteuid() == 0:
+                without_room(runs, table)
+            table.print_rows(case)
+    print(f"{table.wrong} wrong" + (f", kept in {kept}" if table.wrong else ""))
+    return int(table.wrong > 0)
+
+
+def faults(runs: Runs, place: Place, ended: Ended, number: int, *, exact: bool = True) -> list[str]:
+    """Return what is wrong with a run that met a signal.
+
+    Args:
+        runs: Of the command.
+        place: Where it ran.
+        ended: How it ended.
+        number: The signal.
+        exact: Whether what it computes is what is kept, so that new files are known.
+    """
+    killed = number == signal.SIGKILL
+    found, faults = place.found(), []
+    journal = found.pop(runs.case.journal or "", b"")
+    if exact and not runs.new.get(runs.case.journal or "", b"").startswith(journal):
+        faults.append("journal is torn inside")
+    if not killed and journal and not journal.endswith(b"\n"):
+        faults.append("journal ends inside a line")
+    left = set(found) - set(runs.case.files)
+    allowed = {_temporary(name) for name in runs.case.files} if killed else set()
+    # A folder that a killed run had just made is taken by the next.
+    allowed |= {f"{Path(name).parent}/" for name in runs.case.files if killed and "/" in name}
+    if left - allowed:
+        faults.append("files are left")
+    answer = Answer(runs.new) if killed else _nearest(runs, found)
+    states = _states(runs, answer.files, found, exact)
+    if "torn" in states:
+        faults.append("an output is torn")
+    if not killed:
+        faults += _faults_of_words(ended, place.printed, states, answer.status)
+        is_shortened = answer.files is not runs.new and "new" in states
+        if is_shortened and "interrupt" not in place.printed[0]:
+            faults.append("not said to be shortened")
+    if killed and left:
+        faults += _faults_of_next(runs, place)
+    return faults
+
+
+def faults_without_room(runs: Runs, place: Place, ended: Ended, remedy: str) -> list[str]:
+    """Return what is wrong with a run that could not write."""
+    found, faults, (_, err) = place.found(), [], place.printed
+    found.pop("filler", None)
+    found.pop(runs.case.journal or "", None)
+    if found == {name: runs.new[name] for name in runs.case.files} and ended.status == 0:
+        return []  # there was room
+    if set(found) - set(runs.case.files):
+        faults.append("files are left")
+    names = runs.case.files
+    if _states(runs, runs.new, found, True) != {"old"}:
+        faults.append("an output is changed")
+    if ended.status != BAD_INPUT or "Traceback" in err:
+        faults.append(f"status {ended.status}")
+    named = [*(name.split("/")[0] for name in names), *[runs.case.journal] * 1]
+    if not any(name and name in err for name in named):
+        faults.append("no file is named")
+    if remedy not in err:
+        faults.append("no remedy is named")
+    return faults
+
+
+def _whole_length(runs: Runs, run: Pause) -> float:
+    """Return how long a run takes from its stage to its end [s]."""
+    runs.place()
+    return run.go_on().length
 
 
 @contextmanager
@@ -154,27 +236,69 @@ def _parsed() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def main() -> int:
-    """Print the table and return the exit status."""
-    options = _parsed()
-    only = None if options.only is None else options.only.split(",")
-    kept = Path(tempfile.mkdtemp(prefix="interruptions-"))
-    table = Table(kept)
-    with tempfile.TemporaryDirectory() as scratch:
-        inputs = Path(scratch)
-        _prepare(inputs)
-        for case in CASES:
-            if only is not None and case.name not in only:
-                continue
-            runs = Runs(case, inputs, inputs / "runs")
-            numbers = random.Random(f"{options.seed} {case.name}")
-            interrupted(runs, options.moments, numbers, table)
-            ended_lives(runs, options.lives, numbers, table)
-            if os.geteuid() == 0:
-                without_room(runs, table)
-            table.print_rows(case)
-    print(f"{table.wrong} wrong" + (f", kept in {kept}" if table.wrong else ""))
-    return int(table.wrong > 0)
+def _nearest(runs: Runs, found: dict[str, bytes]) -> Answer:
+    """Return the one answer, whole or shortened, that the files are of."""
+
+    def same(answer: Answer) -> int:
+        return sum(
+            found.get(name) == answer.files.get(name, _old(name)) for name in runs.case.files
+        )
+
+    return max([Answer(runs.new), *runs.shortened], key=same)
+
+
+def _states(runs: Runs, new: dict[str, bytes], found: dict[str, bytes], exact: bool) -> set[str]:
+    """Return what its files are: old, new or torn; those that an answer lacks must be old."""
+    states = set()
+    for name in runs.case.files:
+        is_old = found.get(name) == _old(name)
+        if name not in new:
+            states |= set() if is_old else {"torn"}
+        elif is_old:
+            states.add("old")
+        else:
+            is_new = found.get(name) == new[name] or (found.get(name) and not exact)
+            states.add("new" if is_new else "torn")
+    return states
+
+
+def _old(name: str) -> bytes | None:
+    """Return what a file had before a run; None: it was not there."""
+    return None if "/" in name else old_content(name)
+
+
+def _faults_of_next(runs: Runs, place: Place) -> list[str]:
+    """Run it again where SIGKILL left something."""
+    if runs.case.journal is not None:
+        (place.out / runs.case.journal).unlink(missing_ok=True)
+    ended = runs.forked(place)
+    clean = ended.status == 0 and place.found() == runs.new
+    return [] if clean else ["what is left stays"]
+
+
+def _faults_of_words(
+    ended: Ended, printed: tuple[str, str], states: set[str], status: int
+) -> list[str]:
+    """Return where the words and the exit status of an interrupted run do not fit its files."""
+    faults, (out, err) = [], printed
+    if "Traceback" in err or "internal error" in err + out:
+        faults.append("traceback")
+    if ended.status not in (status, INTERRUPTED):
+        faults.append(f"status {ended.status}")
+    elif states != {"new" if ended.status == status else "old"}:
+        faults.append(f"status {ended.status} with {' and '.join(sorted(states))} files")
+    if out.startswith("{"):
+        try:
+            json.loads(out)
+        except ValueError:
+            faults.append("no JSON object")
+    return faults
+
+
+def _temporary(name: str) -> str:
+    """Return the one name that what SIGKILL leaves of a file may have."""
+    path = Path(name)
+    return str(path.with_name(f".{path.name}.tmp"))
 
 
 if __name__ == "__main__":

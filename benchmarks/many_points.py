@@ -1,4 +1,4 @@
-"""Whether a path of many points is planned as fast as one of few, and becomes as fast a motion.
+"""Is a path of many points planned as fast as one of few, and does it become as fast a motion?
 
     python benchmarks/many_points.py [--against CHECKOUT] [--only SUBSTRING] [--limit SECONDS]
 
@@ -12,18 +12,14 @@ plan as 12.
 """
 
 import argparse
-import json
 import math
-import os
 import random
-import subprocess
-import sys
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from checkout import HERE, SHORTEST
+from shared import HERE, asked_once, figure
 
 COUNTS = (12, 25, 50, 100, 200, 250, 500, 1000, 2000)
 RADII = (0.010, 0.002)
@@ -33,8 +29,7 @@ NOISE = 0.001  # [m], standard deviation
 LEGS = (40, 60)
 MOST_SLOWER, MOST_CPU = 1.01, 2.5
 ENOUGH = 25  # points, from which on all must be equally fast
-# Planned by either checkout's own package, through names that do not change; the second of two
-# plans counts, so that libraries are loaded and covers known.
+# The second of two plans counts, so that libraries are loaded and covers known.
 DRIVER = """
 import json, resource, sys, time
 from dataclasses import replace
@@ -208,27 +203,7 @@ def on_points(points: list[list[float]], radius: float) -> dict[str, Any]:
 
 def planned(checkout: Path, case: Case, limit: float) -> dict[str, Any]:
     """Return what a checkout plans; nothing if it takes longer than the limit [s]."""
-    environment = os.environ | {"PYTHONPATH": str(checkout / "src"), "OPENBLAS_NUM_THREADS": "1"}
-    question = json.dumps(asdict(case) | {"parts": case.count})
-    try:
-        run = subprocess.run(
-            [sys.executable, "-c", SHORTEST + DRIVER],
-            input=question,
-            stdout=subprocess.PIPE,
-            env=environment,
-            text=True,
-            timeout=limit,
-            check=True,
-        )
-    except subprocess.TimeoutExpired:
-        return {}
-    answer: dict[str, Any] = json.loads(run.stdout)
-    return answer
-
-
-def figure(value: float | None, places: int = 4) -> str:
-    """Return a number for the table."""
-    return "-" if value is None else f"{value:.{places}f}"
+    return asked_once(checkout, DRIVER, asdict(case) | {"parts": case.count}, limit)
 
 
 def faults(answers: dict[Case, dict[str, Any]]) -> list[str]:
@@ -259,7 +234,7 @@ def faults(answers: dict[Case, dict[str, Any]]) -> list[str]:
 
 def main() -> int:
     """Plan and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--against", type=Path, help="another checkout")
     parser.add_argument("--only", default="", help="problems whose name contains this")
     parser.add_argument("--limit", type=float, default=120.0, help="for every plan [s]")

@@ -1,26 +1,24 @@
-"""Whether narrow tubes are planned as well as wide ones, beside baselines and another checkout.
+"""Are narrow tubes planned as well as wide ones, and as well as by another checkout?
 
     python benchmarks/never_stuck.py [--against CHECKOUT] [--only SUBSTRING]
 
-Plans every problem of `narrow_cases.py` with the default method and prints its duration beside the
-mark that was once reached, the fastest baseline that passes the certificate and, plan by plan in
-turns, another checkout's duration and processor time. Exit status 1 if a plan is not certified,
-slower than a baseline, or more than 2 % above its mark.
+Bundled problems, the same with tubes of 0.5 to 5 mm, and paths that a Z1 draws on a table are
+planned by the default method. Each duration stands beside the mark that was once reached, the
+fastest baseline that passes the certificate and, plan by plan in turns, another checkout's duration
+and processor time. Exit status 1 if a plan is not certified, slower than a baseline, or more than
+2 % above its mark.
 """
 
 import argparse
-from dataclasses import asdict
+import math
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-
-from checkout import HERE, SHORTEST, Checkout
-from narrow_cases import Case, cases
+from shared import HERE, Checkout, figure, geometric_mean
 
 SMOOTHED = ("smoothed-arc-corners", "smoothed-bang-bang")
 MOST_ABOVE_MARK = 1.02
-# Planned by either checkout's own package, through names that do not change; the second of two
-# plans counts, so that libraries are loaded and covers known.
 DRIVER = """
 import json, sys, time
 from dataclasses import replace
@@ -42,21 +40,58 @@ for line in sys.stdin:
         answer["baseline"] = min(fastest, default=None)
     print(json.dumps(answer), flush=True)
 """
+# A tool of 15 cm that a Z1 holds down, above a table.
+Z1: dict[str, Any] = {
+    "robot": {
+        "urdf": "example:z1",
+        "tool_frame": "gripperStator",
+        "tool_offset": {"position": [0.15, 0, 0]},
+    },
+    "start": {"seed": [0, 1.5, -1, -0.54, 0, 0]},
+    "obstacles": [{"name": "table", "box": [0.6, 0.6, 0.02], "position": [0.4, 0, 0]}],
+}
+_HEIGHT = 0.10
+_BEAD = (
+    *((0.30, -0.10), (0.36, -0.12), (0.42, -0.10), (0.45, -0.05), (0.45, 0.0), (0.45, 0.05)),
+    *((0.42, 0.10), (0.36, 0.12), (0.30, 0.10), (0.27, 0.05), (0.27, -0.05), (0.30, -0.10)),
+)
+BUNDLED = {
+    "ur5/over_the_wall": {0.5: 0.648, 1: 0.640, 2: 0.633, 5: 0.607},
+    "panda/between_shelves": {0.5: 0.792, 1: 0.786, 2: 0.777, 5: 0.758},
+    "ur10/onto_a_conveyor": {0.5: 1.049, 1: 1.037, 2: 1.018, 5: 0.989},
+    "xarm7/from_crate_to_crate": {0.5: 0.660, 1: 0.644, 2: 0.626, 5: None},
+}
+WIDE = (*BUNDLED, "ur5/level_tray", "two_link/around_a_post")
+PAPER = tuple(f"two_link/paper_{i}_{radius}mm" for i in range(1, 6) for radius in (10, 30, 50))
+
+
+@dataclass(frozen=True)
+class Case:
+    """One problem.
+
+    Attributes:
+        name: What the table calls it.
+        bundled: The bundled problem that it is, or None.
+        radius: Its tube's radius instead of its own [m], or None.
+        data: What its problem file holds, if it is no bundled one.
+        mark: A duration that was reached [s], or None.
+    """
+
+    name: str
+    bundled: str | None = None
+    radius: float | None = None
+    data: dict[str, Any] = field(default_factory=dict)
+    mark: float | None = None
+
+    @property
+    def is_narrow(self) -> bool:
+        """Whether its tube is one of millimetres."""
+        return self.radius is not None or bool(self.data)
 
 
 def planned(checkout: Checkout, case: Case, baselines: tuple[str, ...] = ()) -> dict:
     """Return what a checkout plans, and its fastest baseline."""
     return checkout.ask(asdict(case) | {"baselines": baselines})
-
-
-def geometric_mean(ratios: list[float]) -> float:
-    """Return the geometric mean; nan of none."""
-    return float(np.exp(np.mean(np.log(ratios)))) if ratios else float("nan")
-
-
-def figure(value: float | None, places: int = 4) -> str:
-    """Return a number for the table."""
-    return "-" if value is None else f"{value:.{places}f}"
 
 
 def fault(case: Case, answer: dict) -> str:
@@ -72,12 +107,12 @@ def fault(case: Case, answer: dict) -> str:
 
 def main() -> int:
     """Plan and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--against", type=Path, help="another checkout")
     parser.add_argument("--only", default="", help="problems whose name contains this")
     arguments = parser.parse_args()
-    here = Checkout(HERE, SHORTEST + DRIVER)
-    other = Checkout(arguments.against.resolve(), SHORTEST + DRIVER) if arguments.against else None
+    here = Checkout(HERE, DRIVER)
+    other = Checkout(arguments.against.resolve(), DRIVER) if arguments.against else None
     names = ("T [s]", "mark", "baseline", "other T", "CPU", "other")
     print(f"{'problem':32}" + "".join(f"{name:>10}" for name in names))
     faults, ratios = 0, {}
@@ -106,6 +141,66 @@ def main() -> int:
             mean = geometric_mean(found)
             print(f"{name}: {what}: geometric mean {mean:.4f}, largest {max(found):.4f}")
     return 1 if faults else 0
+
+
+def cases() -> list[Case]:
+    """Return all problems, the narrow ones first."""
+    narrowed = [
+        Case(f"{name} {radius:g} mm", name, radius / 1000, mark=mark)
+        for name, marks in BUNDLED.items()
+        for radius, mark in marks.items()
+    ]
+    wide = [Case(name, name) for name in (*WIDE, *PAPER)]
+    return [*narrowed, *drawn(), *wide]
+
+
+def drawn() -> list[Case]:
+    """Return what the Z1 draws."""
+    return [
+        _drawn("bead 2 mm", _BEAD, 0.002, 0.426),
+        _drawn("circle of 48 chords 1.5 mm", _circle(48, 0.08), 0.0015, 0.348),
+        _drawn("circle of 60 chords 1 mm", _circle(60, 0.08), 0.001, 0.356),
+        _drawn("lawn 1 mm", _lawn(6, 0.01), 0.001),
+        _drawn("lawn 2 mm", _lawn(6, 0.005), 0.002),
+        _drawn("hairpin 1 mm", [(0.36, -0.08), (0.44, 0.0), (0.36, -0.06)], 0.001),
+        _drawn("spiral 1 mm", _spiral(40), 0.001),
+        _drawn("star 1 mm", _star(5), 0.001),
+    ]
+
+
+def _drawn(name: str, path: Any, radius: float, mark: float | None = None) -> Case:
+    points = [[round(x, 6), round(y, 6), _HEIGHT] for x, y in path]
+    return Case(name, data={**Z1, "tube": {"points": points, "radius": radius}}, mark=mark)
+
+
+def _circle(chords: int, radius: float) -> list[tuple[float, float]]:
+    angles = [math.pi - 2 * math.pi * i / chords for i in range(chords + 1)]
+    return [(0.36 + radius * math.cos(a), radius * math.sin(a)) for a in angles]
+
+
+def _lawn(lines: int, apart: float) -> list[tuple[float, float]]:
+    path = []
+    for i in range(lines):
+        ends = [(0.32 + apart * i, -0.06), (0.32 + apart * i, 0.06)]
+        path += ends if i % 2 == 0 else ends[::-1]
+    return path
+
+
+def _spiral(chords: int) -> list[tuple[float, float]]:
+    turns = [i / chords for i in range(chords + 1)]
+    return [
+        (
+            0.36 + (0.02 + 0.06 * t) * math.cos(6 * math.pi * t),
+            (0.02 + 0.06 * t) * math.sin(6 * math.pi * t),
+        )
+        for t in turns
+    ]
+
+
+def _star(corners: int) -> list[tuple[float, float]]:
+    angles = [math.pi * i / corners for i in range(2 * corners + 1)]
+    radii = [0.08 if i % 2 == 0 else 0.035 for i in range(2 * corners + 1)]
+    return [(0.36 + r * math.cos(a), r * math.sin(a)) for r, a in zip(radii, angles, strict=True)]
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Judge a trajectory with Pinocchio and coal alone, at samples, apart from the certificate.
+"""Is a trajectory right by Pinocchio and coal alone, at samples, apart from the certificate?
 
     python benchmarks/outside_judge.py PROBLEM.yaml TRAJECTORY.json [--json] [--tolerance 1e-5]
 

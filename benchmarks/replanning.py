@@ -1,4 +1,4 @@
-"""Planning again after a change, beside a fresh plan: durations and processor times, in turns.
+"""How good is planning again after a change, and how much quicker than a fresh plan?
 
     python benchmarks/replanning.py [--repeats 3] [--far] [--chain 20] [--only NAME ...]
 
@@ -15,20 +15,17 @@ import gc
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from ruamel.yaml import YAML
 
-from cases import ARMS, paper_example
+from shared import ARMS, HERE, geometric_mean, paper_example
 from tubeplanner import Planner, PlanningProblem, PlanOptions, PlanResult, parse_problem, plan
 from tubeplanner.planning import plan_result
 
-HERE = Path(__file__).resolve().parent.parent
-SHORTEST = PlanOptions(slack=0.0)
 MAX_LONGER, MIN_GAIN = 1.003, 1.3
 SHORTEST = PlanOptions().shortest
 NAMES = (*ARMS, *(paper_example(k, radius) for k in range(1, 6) for radius in (10, 50)))
@@ -206,16 +203,12 @@ def chained(name: str, moves: int) -> float:
     return longer
 
 
-def mean(values: Sequence[float]) -> float:
-    """Return the geometric mean."""
-    return math.exp(sum(map(math.log, values)) / len(values))
-
-
 def summed_up(what: str, rows: list[tuple[float, float, float]]) -> tuple[float, float]:
     """Print and return the longest duration and the mean gain."""
     longer, gains, whole = zip(*rows, strict=True)
-    longest, gain = max(longer), mean(gains)
-    print(f"{what}longest {longest:.5f}; gain {gain:.2f}, with certificate {mean(whole):.2f}")
+    longest, gain = max(longer), geometric_mean(gains)
+    with_certificate = geometric_mean(whole)
+    print(f"{what}longest {longest:.5f}; gain {gain:.2f}, with certificate {with_certificate:.2f}")
     return longest, gain
 
 

@@ -1,77 +1,71 @@
-"""Whether two checkouts give the same answers: durations, trajectories and certificates.
+"""Does another checkout give the same answers, bit for bit, and how much quicker is this one?
 
-    python benchmarks/same_answers.py OTHER_CHECKOUT [--tolerance 0] [--rows] [--in-turn]
+    python benchmarks/same_answers.py OTHER_CHECKOUT [--tolerance 0] [--only SUBSTRING]
+        [--random 0] [--rows]
 
-Plans every bundled problem with the default method, and the paper's cells with the two phases of
-Suh & Bishop (1988) as well, with the sources of this checkout and of another one, both in one run.
-With tolerance 0 the trajectories' coefficients and all margins must be equal bit for bit; otherwise
-durations and margins may differ by that much, relative or absolute. Exit status 1 if any differs.
-Prints how durations and processor times compare; on a busy machine, compare times in turn.
+Every bundled problem is planned by the default method, the paper's cells by the two phases of
+Suh & Bishop (1988) as well, and with `--random` so many problems of the campaign
+(`campaign_problems.py`). Both checkouts plan each in turns, in processes that live as long as the
+run. With tolerance 0 the trajectories' coefficients and all margins must be equal bit for bit;
+otherwise durations and margins may differ by that much, relative or absolute. Exit status 1 if any
+differs. Durations and processor times, certificates included, are compared in the end.
 """
 
 import argparse
-import json
 import math
-import os
-import subprocess
-import sys
+import tempfile
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
-from checkout import HERE, SHORTEST
+from campaign_problems import build
+from campaign_witness import Unsuitable
+from shared import HERE, Checkout, geometric_mean, names_with_tube
 
 PAPER_METHODS = ("branch-and-bound", "suh-bishop")
-# Planned by either checkout's own package, through names that do not change.
 DRIVER = """
 from dataclasses import replace
 import hashlib, json, sys, time
 from tubeplanner import load_problem, plan
-for name, method in json.load(sys.stdin):
-    problem, begin = load_problem(f"example:{name}"), time.process_time()
+for line in sys.stdin:
+    path, method = json.loads(line)
+    problem = load_problem(path)
+    problem.collision  # geometry is built before planning begins
+    begin = time.process_time()
     result = plan(problem, replace(SHORTEST, method=method))
     seconds = time.process_time() - begin
     margins = {} if result.certificate is None else {
         condition: judged.margin for condition, judged in result.certificate.conditions.items()}
-    found = result.trajectory
-    content = b"" if found is None else found.breakpoints.tobytes() + found.coefficients.tobytes()
-    print(json.dumps({"name": name, "method": method, "status": result.status,
-        "duration": result.duration, "margins": margins, "seconds": seconds,
-        "trajectory": hashlib.sha256(content).hexdigest()}), flush=True)
+    motion = result.trajectory
+    parts = () if motion is None else (motion.breakpoints, motion.coefficients)
+    content = b"".join(part.tobytes() for part in parts)
+    print(json.dumps({"status": result.status, "duration": result.duration, "margins": margins,
+        "seconds": seconds, "trajectory": hashlib.sha256(content).hexdigest()}), flush=True)
 """
+Answer = dict[str, Any]
 
 
-def bundled_plans() -> list[tuple[str, str]]:
-    """Return every bundled problem that has a tube, with the methods it is planned by."""
-    plans = []
-    for path in sorted((HERE / "robots").glob("*/*.yaml")):
-        text = path.read_text()
-        if "tube:" not in text or "format: tubeplanner/cycle" in text:
-            continue
-        name = f"{path.parent.name}/{path.stem}"
-        plans.append((name, "refinement"))
-        if path.stem.startswith("paper_"):
-            plans += [(name, method) for method in PAPER_METHODS]
-    return plans
+def bundled_plans() -> Iterator[tuple[str, str]]:
+    """Yield every bundled problem that has a tube, with the methods it is planned by."""
+    for name in names_with_tube():
+        yield f"example:{name}", "refinement"
+        if name.split("/")[1].startswith("paper_"):
+            yield from ((f"example:{name}", method) for method in PAPER_METHODS)
 
 
-def answers(checkout: Path) -> list[dict]:
-    """Return what the sources of a checkout plan."""
-    environment = os.environ | {"PYTHONPATH": str(checkout / "src"), "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run(
-        [sys.executable, "-c", SHORTEST + DRIVER],
-        input=json.dumps(bundled_plans()),
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
-    if done.returncode != 0:
-        raise SystemExit(f"{checkout}: {done.stderr}")
-    return [json.loads(line) for line in done.stdout.splitlines()]
+def random_plans(count: int, folder: Path) -> Iterator[tuple[str, str]]:
+    """Write random problems that have a solution, as many as can be built; yield their plans."""
+    for seed in range(count):
+        own = folder / f"seed_{seed}"
+        own.mkdir()
+        try:
+            yield str(build(seed, own).path), "refinement"
+        except Unsuitable as reason:
+            print(f"seed {seed}: {reason}")
 
 
-def difference(one: dict, other: dict, tolerance: float) -> str:
-    """Say in what two answers differ; empty if in nothing that counts."""
+def difference(one: Answer, other: Answer, tolerance: float) -> str:
+    """Return in what two answers differ; empty if in nothing that counts."""
     if one["status"] != other["status"]:
         return f"{one['status']}, the other {other['status']}"
     if tolerance == 0:
@@ -79,8 +73,7 @@ def difference(one: dict, other: dict, tolerance: float) -> str:
         return "" if same else "not bit for bit"
     pairs = {"duration": (one["duration"], other["duration"])}
     pairs |= {name: (margin, other["margins"][name]) for name, margin in one["margins"].items()}
-    wrong = [name for name, (a, b) in pairs.items() if not _close(a, b, tolerance)]
-    return ", ".join(wrong)
+    return ", ".join(name for name, (a, b) in pairs.items() if not _close(a, b, tolerance))
 
 
 def _close(a: float | None, b: float | None, tolerance: float) -> bool:
@@ -89,42 +82,52 @@ def _close(a: float | None, b: float | None, tolerance: float) -> bool:
     return abs(a - b) <= tolerance * max(1.0, abs(a), abs(b))
 
 
-def main() -> int:
-    """Plan with both checkouts and compare."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("other", type=Path, help="the other checkout")
-    parser.add_argument("--tolerance", type=float, default=0.0)
-    parser.add_argument("--rows", action="store_true", help="print equal rows too")
-    parser.add_argument("--in-turn", action="store_true", help="one checkout after the other")
-    arguments = parser.parse_args()
-    with ThreadPoolExecutor(1 if arguments.in_turn else 2) as pool:
-        here, there = pool.map(answers, (HERE, arguments.other.resolve()))
-    different = 0
-    for one, other in zip(here, there, strict=True):
-        found = difference(one, other, arguments.tolerance)
-        different += bool(found)
-        if found or arguments.rows:
-            durations = f"{one['duration']!r} here, {other['duration']!r} there"
-            print(f"{one['name']} ({one['method']}): {durations}; {found or 'equal'}")
-    print(f"{len(here)} plans, {different} differ")
-    print(*comparison(here, there), sep="\n")
-    return 1 if different else 0
-
-
-def comparison(here: list[dict], there: list[dict]) -> Iterator[str]:
+def comparison(pairs: list[tuple[Answer, Answer]]) -> Iterator[str]:
     """Yield how durations and processor times here compare with those there."""
-    ratios = [_ratio(one, other) for one, other in zip(here, there, strict=True)]
-    mean = math.exp(math.fsum(map(math.log, ratios)) / len(ratios))
+    ratios = [_ratio(one, other) for one, other in pairs]
     least, most = min(ratios) - 1, max(ratios) - 1
-    yield f"durations: {mean - 1:+.2g} in the mean, {least:+.2g} to {most:+.2g}"
-    spent, other = (sum(row["seconds"] for row in rows) for rows in (here, there))
-    yield f"processor time: {spent:.1f} s here, {other:.1f} s there, ratio {spent / other:.3f}"
+    yield f"durations: {geometric_mean(ratios) - 1:+.2g} in the mean, {least:+.2g} to {most:+.2g}"
+    here, there = (sum(pair[side]["seconds"] for pair in pairs) for side in (0, 1))
+    gains = [one["seconds"] / other["seconds"] for one, other in pairs]
+    yield (
+        f"processor time: {here:.1f} s here, {there:.1f} s there, ratio {here / there:.3f}; "
+        f"geometric mean of ratios {geometric_mean(gains):.3f}, largest {max(gains):.2f}"
+    )
 
 
-def _ratio(one: dict, other: dict) -> float:
+def _ratio(one: Answer, other: Answer) -> float:
     if one["duration"] is None or other["duration"] is None:
         return 1.0 if one["duration"] == other["duration"] else math.inf
     return one["duration"] / other["duration"]
+
+
+def main() -> int:
+    """Plan with both checkouts and compare; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("other", type=Path, help="the other checkout")
+    parser.add_argument("--tolerance", type=float, default=0.0)
+    parser.add_argument("--only", default="", help="bundled problems whose name contains this")
+    parser.add_argument("--random", type=int, default=0, help="problems of the campaign as well")
+    parser.add_argument("--rows", action="store_true", help="print equal rows too")
+    options = parser.parse_args()
+    checkouts = [Checkout(folder, DRIVER) for folder in (HERE, options.other.resolve())]
+    for checkout in checkouts:  # libraries are loaded before time counts
+        checkout.ask(("example:two_link/paper_1_30mm", "refinement"))
+    pairs, different = [], 0
+    with tempfile.TemporaryDirectory() as folder:
+        plans = [plan for plan in bundled_plans() if options.only in plan[0]]
+        for plan in (*plans, *random_plans(options.random, Path(folder))):
+            one, other = (checkout.ask(plan) for checkout in checkouts)
+            pairs.append((one, other))
+            what = difference(one, other, options.tolerance)
+            different += bool(what)
+            if what or options.rows:
+                durations = f"{one['duration']!r} here, {other['duration']!r} there"
+                print(f"{plan[0]} ({plan[1]}): {durations}; {what or 'equal'}", flush=True)
+    print(f"{len(pairs)} plans, {different} differ")
+    if pairs:
+        print(*comparison(pairs), sep="\n")
+    return 1 if different else 0
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
-"""How smooth the motion becomes within a slack, what that costs, and what it keeps.
+"""How smooth do motions become within a slack, what does that cost, and what do they keep?
 
     python benchmarks/smooth.py [--slack 0.005] [--repeats 1] [--only SUBSTRING]
-                                [--plot docs/effort_curves.png]
 
 Plans bundled problems as `plan` does by default, and prints of every one the shortest motion and
 the smooth one that is written instead: durations, how far the effort that swings most moves (in
@@ -9,19 +8,17 @@ limits), largest effort rate (in limits per second), jerk, acceleration of a joi
 the tool's least room in its tube, and how much less room than before it has in some segment, as a
 share of the tolerance. CPU is the processor time of the second stage with its
 certificate, as a share of the first stage's with its own, both of the same plan; of repeated plans
-the least of each. Exit status 1 if one of six problems misses a goal of `_faults`. --plot draws the
-efforts of the first problem, before and after.
+the least of each. Exit status 1 if one of six problems misses a goal of `_faults`.
 """
 
 import argparse
 import sys
 import time
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
-from cases import ARMS
+from shared import ARMS, geometric_mean
 from tubeplanner import PlanningProblem, PlanOptions, Progress, load_problem, plan, verify
 from tubeplanner.arrays import FloatArray
 from tubeplanner.constraints.effort_variation import effort_variation
@@ -31,8 +28,6 @@ from tubeplanner.planning.jerk_note import largest_jerk
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.robot.effort_rate import effort_rate
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.views.figure_files import new_figure, saved
-from tubeplanner.views.panels import draw_efforts, mark_segments, trajectory_curves
 
 # Goals are about these; the others are shown beside them.
 JUDGED = (*ARMS[1:], "ur5/level_tray", "two_link/paper_5_10mm")
@@ -176,17 +171,13 @@ def _print_row(row: Row) -> None:
     )
 
 
-def _mean(values: list[float]) -> float:
-    return float(np.exp(np.mean(np.log(values))))
-
-
 def _print_means(title: str, rows: list[Row]) -> None:
     if not rows:
         return
-    means = {name: _mean([row.ratios[name] for row in rows]) for name in rows[0].ratios}
-    jerk = _mean([row.measures[1].jerk for row in rows])
+    means = {name: geometric_mean([row.ratios[name] for row in rows]) for name in rows[0].ratios}
+    jerk = geometric_mean([row.measures[1].jerk for row in rows])
     shown = ", ".join(f"{name} {mean:.3f}" for name, mean in means.items())
-    cpu = _mean([row.cpu for row in rows])
+    cpu = geometric_mean([row.cpu for row in rows])
     print(f"geometric means, {title}: {shown}; jerk {jerk:.2g}, CPU {cpu:.2f}")
 
 
@@ -212,35 +203,9 @@ def _faults(rows: list[Row]) -> list[str]:
         ("share of variation", [row.ratios["variation"] for row in rows], MAX_MEAN_VARIATION),
         ("jerk", [row.measures[1].jerk for row in rows], MAX_MEAN_JERK),
     ):
-        if len(rows) == len(JUDGED) and _mean(values) > most:
-            faults.append(f"geometric mean: {what} {_mean(values):.3g} is above {most:g}")
+        if len(rows) == len(JUDGED) and geometric_mean(values) > most:
+            faults.append(f"geometric mean: {what} {geometric_mean(values):.3g} is above {most:g}")
     return faults
-
-
-def draw(name: str, slack: float, path: Path) -> None:
-    """Draw the efforts of a problem's shortest motion above those of its smooth one."""
-    problem = load_problem(f"example:{name}")
-    result = plan(problem, PlanOptions(slack=slack))
-    assert result.shortest is not None and result.trajectory is not None
-    figure = new_figure(8.0, 6.0)
-    axes = figure.subplots(2, 1, sharex=True)
-    motions = {"shortest": result.shortest, "smooth": result.trajectory}
-    for axis, (title, trajectory) in zip(axes, motions.items(), strict=True):
-        curves = trajectory_curves(problem, trajectory)
-        draw_efforts(axis, curves)
-        mark_segments(axis, curves)
-        swings = effort_variation(problem.robot, trajectory)
-        joint = problem.robot.joint_names[swings.argmax()]
-        axis.set_title(
-            f"{title}, {trajectory.duration:.4f} s: the effort of {joint} moves through "
-            f"{swings.max():.1f} limits",
-            loc="left",
-            fontsize=9,
-        )
-    axes[0].set_xlabel("")
-    names, place = problem.robot.joint_names, "outside upper center"
-    figure.legend(axes[0].lines[: len(names)], names, ncols=3, fontsize=8, loc=place)
-    saved(figure, path)
 
 
 def main() -> int:
@@ -249,7 +214,6 @@ def main() -> int:
     parser.add_argument("--slack", type=float, default=0.005, help="share of the duration")
     parser.add_argument("--repeats", type=int, default=1, help="plans of every problem")
     parser.add_argument("--only", default="", help="problems whose name contains this")
-    parser.add_argument("--plot", type=Path, help="picture of the efforts before and after")
     asked = parser.parse_args()
     if not asked.slack > 0:
         parser.error(f"--slack {asked.slack:g}: must be positive")
@@ -267,8 +231,6 @@ def main() -> int:
     _print_means("six problems", judged)
     _print_means("all", rows)
     faults += _faults(judged)
-    if asked.plot:
-        draw(JUDGED[0], asked.slack, asked.plot)
     print("\n".join(faults) or "all goals met")
     return 1 if faults else 0
 

@@ -1,11 +1,11 @@
-"""How many plans a minute many workers make, beside processes that each loop over `plan`.
+"""How many plans a minute do many workers make, beside processes that each loop over `plan`?
 
     python benchmarks/studies.py [--count 200] [--chunk 30] [--workers 2] [--without-dask]
-        [--scaling] [--costs]
+        [--costs]
 
 Problems of the bundled two-link arm and UR5 in turns, with tubes of many widths, quality fast,
 slack 0: short plans, for which what is around them weighs most. Planned by as many plain loops as
-there are workers (`study_loop.py`: a robot is loaded once), by `plan_many` in its own processes,
+there are workers (a robot is loaded once), by `plan_many` in its own processes,
 and by `plan_many` through a Dask cluster of this machine, chunk by chunk in turns, so that other
 work on the machine slows all of them. Processes are started and have planned each problem before
 time counts; how long that takes is printed apart. The loops do not wait for each other at the end
@@ -13,7 +13,7 @@ of a chunk, the others do. `plan_many` gets problems as their files hold them, c
 path, as studies do. Processor times are those of all processes together: they tell work apart from
 what else the machine does. Exit status 1 if answers differ in a bit, or if `plan_many` makes less
 than 0.9 of the plans that the loops make.
-With --scaling, `plan_many` with 1 to 4 processes; with --costs, what one plan costs beside
+With --costs, what one plan costs beside
 planning: bytes, and milliseconds of the parent, of Dask's scheduler and of the journal's disk.
 """
 
@@ -29,18 +29,37 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import psutil
 from distributed import LocalCluster
 
-from study_loop import OPTIONS, problem_of
-from tubeplanner import PosedProblem, WorkerProcesses, dask_executor, plan_many
+from tubeplanner import (
+    PlanningProblem,
+    PlanOptions,
+    PosedProblem,
+    WorkerProcesses,
+    dask_executor,
+    load_problem,
+    plan_many,
+)
 from tubeplanner.many.parcel import Packer
 from tubeplanner.many.plan_many import _answer
 from tubeplanner.many.run_many import run_many
 
+# One of the processes that a user would start by hand.
+LOOP = """
+import json, sys, time
+from studies import OPTIONS, problem_of
+from tubeplanner import plan
+for line in sys.stdin:
+    begin = time.perf_counter()
+    durations = [plan(problem_of(*point), OPTIONS).duration for point in json.loads(line)]
+    print(json.dumps({"seconds": time.perf_counter() - begin, "durations": durations}), flush=True)
+"""
+OPTIONS = PlanOptions(quality="fast", slack=0.0)
 NAMES = (
     "example:two_link/paper_1_50mm",
     "example:two_link/around_a_post",
@@ -77,6 +96,17 @@ class Chunk:
         )
 
 
+@cache
+def _loaded(name: str) -> PlanningProblem:
+    return load_problem(name)
+
+
+def problem_of(name: str, share: float) -> PlanningProblem:
+    """Return a bundled problem, loaded once, with another width of its tube."""
+    problem = _loaded(name)
+    return problem.with_tube(replace(problem.tube, radius=share * problem.tube.radius))
+
+
 def points(count: int) -> list[Point]:
     """Return problems and the widths of their tubes."""
     shares = (1 - (1 - NARROWEST) * k / count for k in range(count))
@@ -87,14 +117,16 @@ class Loops:
     """Processes that each loop over `plan`."""
 
     def __init__(self, count: int) -> None:
-        command = [sys.executable, str(Path(__file__).with_name("study_loop.py"))]
+        command = [sys.executable, "-c", LOOP]
+        folders = (str(Path(__file__).parent), os.environ.get("PYTHONPATH", ""))
+        path = os.pathsep.join(filter(None, folders))
         self._loops = [
             subprocess.Popen(
                 command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 text=True,
-                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": path},
                 # As worker processes: the kernel may share processors out by session.
                 start_new_session=True,
             )
@@ -213,23 +245,6 @@ def _is_as_good(totals: dict[str, Chunk], count: int) -> bool:
     return same and max(first.seconds) >= LEAST * max(totals["plan_many"].seconds)
 
 
-def scaling(count: int, size: int) -> None:
-    """Print plans a minute against numbers of processes."""
-    print(f"processes of plan_many, {count} points, {os.cpu_count()} processors:")
-    with ExitStack() as stack:
-        ways: Ways = {
-            f"{n} processes": Many(stack.enter_context(WorkerProcesses(n))).planned
-            for n in (1, 2, 3, 4)
-        }
-        for n, planned in enumerate(ways.values(), 1):
-            planned([(each, 1.0) for each in NAMES for _ in range(2 * n)])
-        totals = in_turns(ways, points(count), size)
-    one = totals["1 processes"].seconds[0]
-    for name, total in totals.items():
-        rate, gain = 60 * count / total.seconds[0], one / total.seconds[0]
-        print(f"{name}: {rate:.1f} plans/min, {gain:.2f} times one's")
-
-
 def costs() -> None:
     """Print what one plan costs beside planning."""
     for name in NAMES:
@@ -299,17 +314,13 @@ def main() -> int:
     parser.add_argument("--chunk", type=int, default=30, help="points before the next way's turn")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--without-dask", action="store_true")
-    parser.add_argument("--scaling", action="store_true", help="1 to 4 processes instead")
     parser.add_argument("--costs", action="store_true", help="what one plan costs instead")
     asked = parser.parse_args()
     if asked.costs:
         costs()
-    elif asked.scaling:
-        scaling(asked.count, asked.chunk)
-    else:
-        with_dask = not asked.without_dask
-        return 0 if beside_loops(asked.count, asked.chunk, asked.workers, with_dask) else 1
-    return 0
+        return 0
+    keeps_up = beside_loops(asked.count, asked.chunk, asked.workers, not asked.without_dask)
+    return 0 if keeps_up else 1
 
 
 if __name__ == "__main__":
