@@ -1,149 +1,144 @@
-"""Whether a test notices when a line that a promise rests on is wrong.
+"""Do the tests notice when a line that they run is wrong?
 
-    python benchmarks/mutants.py [--only SUBSTRING] [--list] [--processes N]
+    python benchmarks/mutants.py --sample 150 --seed 1 [--folder collision]
+    python benchmarks/mutants.py --by-hand
 
-Every mutant of `mutant_list.py` changes one fragment of one function of the judge, of its geometry,
-of what the planner is constrained by, or of simulation. The package is copied, one mutant is
-applied, and the test files of its module are run until one test fails: killed. A mutant that lives
-although it is not listed as equivalent, only stricter or only slower is a line without a guard.
-Exit status 1 if there is one, if a listed one dies, if a fragment no longer matches, or if the
-tests fail as they are.
+Mutants are drawn from all changes that `mutant_operators.py` makes in lines that tests run, or
+are those of `hand_mutants.py`, which no operator makes. One at a time is put into a copy of the
+checkout, and the tests that run its statement are run, cheapest first, until one fails: killed.
+A mutant that keeps them busy for too long is noticed as well. Survivors are printed with their
+lines: each is a missing test, or a change that nobody could notice.
+
+Which test runs which line is known from one run of all quick tests, `output/mutants`, which is
+made where it is not; remove it once sources have changed. `--write` saves mutants, and `--read`
+puts the same into another `--checkout`, by their function and their line, wherever that now is.
+Exit status 1 if a test fails without any mutant, or if fewer than `--fail-under` are noticed.
+
+Why not mutmut 3.8 or cosmic-ray 8.7: mutmut draws no sample, leaves out properties and most
+other decorated functions (a tenth of ours), chooses tests by function, not by line, and makes
+its mutants of the functions of one checkout, so that no two suites see the same ones. cosmic-ray
+runs one command for all mutants, knows nothing of coverage, drops no statements, swaps no
+arguments, and draws without a seed. Either would still need this map, drawing and running.
 """
 
 import argparse
 import ast
+import json
 import os
-import shutil
-import subprocess
-import sys
+import random
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from multiprocessing import get_context
+from dataclasses import asdict, dataclass
+from itertools import islice
 from pathlib import Path
 from queue import SimpleQueue
 
-import pytest
-
-from mutant_list import MUTANTS, TESTS, Mutant
+from hand_mutants import HAND_MUTANTS
+from mutant_copy import CRASH, TIMEOUT, Copy
+from mutant_map import CoverageMap, bits_of, make_map
+from mutant_operators import Fragment, Source
 
 HERE = Path(__file__).resolve().parent.parent
-PACKAGE = Path("src", "tubeplanner")
-COPIED = ("src", "tests", "robots", "benchmarks")
-PROCESSES = 2
-# A mutant that keeps its tests busy for so long [s] is noticed as well; they take half of it.
-TIME_LIMIT = 240.0
-PASSED, FAILED, INTERRUPTED = 0, 1, 2  # pytest's exit statuses; a module that breaks interrupts
-# Tests run in forks of a process that has the libraries, but nothing of the package.
-LIBRARIES = (
-    *(
-        "click",
-        "coal",
-        "fcl",
-        "hypothesis",
-        "lazy_loader",
-        "numpy.polynomial",
-        "ompl",
-        "pinocchio",
-        "piqp",
-        "pydantic",
-    ),
-    *("pytest", "ruamel.yaml", "scipy.interpolate", "scipy.optimize", "scipy.sparse.linalg"),
-    *("scipy.spatial.transform", "scipy.special", "toppra", "trimesh", "yourdfpy"),
-)
-LOG = "log.txt"
-_CONTEXT = get_context("forkserver")
-_CONTEXT.set_forkserver_preload(list(LIBRARIES))
+BY_HAND = "by hand"
+ANY = ""  # module of mutants by hand: functions may move
+ONLY = -1
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where a mutant is.
+class Mutant:
+    """One wrong fragment of one function.
 
     Attributes:
-        module: Path of its module below the package.
-        begin: Where in its text the fragment begins.
+        module: Path of its module below the package when it was drawn; `ANY`.
+        line: Where it began then; 0: not known.
+        operator: The kind of the change.
+        where: Qualified name of the function.
+        before: The fragment.
+        after: What stands there instead.
+        number: Which of the function's equal fragments it is; `ONLY`: there must be no other.
     """
 
-    module: Path
-    begin: int
+    module: str
+    line: int
+    operator: str
+    where: str
+    before: str
+    after: str
+    number: int
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a mutant.
-
-    Attributes:
-        mutant: The mutant.
-        module: Its module.
-        killed: Whether a test failed.
-        seconds: How long the tests took.
-    """
+    """What became of a mutant: its place, the test that noticed it ("": none), and seconds."""
 
     mutant: Mutant
-    module: Path
-    killed: bool
+    place: str
+    killer: str
     seconds: float
 
-    @property
-    def is_expected(self) -> bool:
-        """Whether it lives if and only if there is a reason."""
-        return self.killed == (not self.mutant.reason)
+    def __str__(self) -> str:
+        """Say it in a line."""
+        is_test = self.killer not in ("", TIMEOUT, CRASH)
+        state = "killed" if is_test else self.killer or "survived"
+        by = f", by {self.killer}" if is_test else ""
+        mutant = f"{self.mutant.operator} in {self.mutant.where}"
+        return f"{state:8} {self.seconds:6.1f} s  {self.place} {mutant}{by}"
 
 
 class Sources:
-    """The modules of the package, and where in them everything is defined."""
+    """The modules of a package, by their paths below it."""
 
     def __init__(self, package: Path) -> None:
-        self.texts: dict[Path, str] = {}
-        self._definitions: dict[str, list[tuple[Path, int, int]]] = {}
-        for path in sorted(package.rglob("*.py")):
-            module, text = path.relative_to(package), path.read_text()
-            self.texts[module] = text
-            for name, begin, end in _definitions(text):
-                self._definitions.setdefault(name, []).append((module, begin, end))
+        paths = sorted(package.rglob("*.py"))
+        self.modules = {p.relative_to(package).as_posix(): Source(p.read_text()) for p in paths}
 
-    def place(self, mutant: Mutant) -> Place:
-        """Return where a mutant's fragment is.
+    def place(self, mutant: Mutant) -> tuple[str, int]:
+        """Return the module of a mutant's fragment, and its first character.
 
         Raises:
             ValueError: It is nowhere, or in several places.
         """
-        found = [
-            Place(module, begin + at)
-            for module, begin, end in self._definitions.get(mutant.where, [])
-            for at in _occurrences(self.texts[module][begin:end], mutant.old)
-        ]
-        if len(found) != 1:
-            raise ValueError(f"{mutant}: the fragment is found {len(found)} times, not once")
-        return found[0]
+        places = []
+        for module, source in self.modules.items():
+            for begin, end in source.spans(mutant.where):
+                at = list(_occurrences(source.text[begin:end], mutant.before))
+                at = at if mutant.number == ONLY else at[mutant.number :][:1]
+                places += [(module, begin + offset) for offset in at]
+        places = [place for place in places if place[0] == mutant.module] or places
+        if len(places) != 1:
+            fragment = f"{mutant.where}: `{mutant.before}`"
+            raise ValueError(f"{fragment}: the fragment is in {len(places)} places, not in one")
+        return places[0]
 
-    def mutated(self, mutant: Mutant, place: Place) -> str:
+    def mutated(self, mutant: Mutant) -> str:
         """Return the text of a mutant's module."""
-        text = self.texts[place.module]
-        return text[: place.begin] + mutant.new + text[place.begin + len(mutant.old) :]
+        module, at = self.place(mutant)
+        text = self.modules[module].text
+        return text[:at] + mutant.after + text[at + len(mutant.before) :]
 
+    def drawn(self, coverage: CoverageMap, folder: str, seed: int) -> Iterator[Mutant]:
+        """Yield mutants of covered lines in a folder, each as likely as any other."""
+        fragments = []
+        for module, source in self.modules.items():
+            if module.startswith(f"{folder}/" if folder else ""):
+                covered = coverage.covered(module)
+                own = [each for each in source.fragments() if bits_of(each.lines) & covered]
+                fragments += [(module, fragment) for fragment in own]
+        random.Random(seed).shuffle(fragments)
+        for module, fragment in fragments:
+            mutant = self._mutant(module, fragment)
+            if _means_something_else(self.modules[module].text, self.mutated(mutant)):
+                yield mutant
 
-def _definitions(text: str) -> Iterator[tuple[str, int, int]]:
-    """Yield the functions, methods and constants of a module: name, begin and end in its text."""
-    lines = text.splitlines(keepends=True)
-    starts = [0]
-    for line in lines:
-        starts.append(starts[-1] + len(line))
-
-    def walk(body: list[ast.stmt], prefix: str) -> Iterator[tuple[str, int, int]]:
-        for node in body:
-            span = starts[node.lineno - 1], starts[node.end_lineno or node.lineno]
-            if isinstance(node, ast.FunctionDef):
-                yield prefix + node.name, *span
-            elif isinstance(node, ast.ClassDef):
-                yield from walk(node.body, f"{prefix}{node.name}.")
-            elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-                yield prefix + node.targets[0].id, *span
-
-    yield from walk(ast.parse(text).body, "")
+    def _mutant(self, module: str, fragment: Fragment) -> Mutant:
+        source = self.modules[module]
+        where, operator, at, before, after, _ = fragment
+        begin, end = next(span for span in source.spans(where) if span[0] <= at < span[1])
+        number = [*_occurrences(source.text[begin:end], before)].index(at - begin)
+        return Mutant(module, source.line(at), operator, where, before, after, number)
 
 
 def _occurrences(text: str, fragment: str) -> Iterator[int]:
@@ -153,170 +148,163 @@ def _occurrences(text: str, fragment: str) -> Iterator[int]:
         at = text.find(fragment, at + 1)
 
 
-def tests_of(module: Path) -> tuple[str, ...]:
-    """Return the test files of a module: its own, then those that the table names."""
-    folder = HERE / "tests" / module.parent
-    own = [
-        *sorted(folder.glob(f"test_{module.stem}.py")),
-        *sorted(folder.glob(f"test_{module.stem}_*.py")),
-    ]
-    names = [str(path.relative_to(HERE)) for path in own]
-    named = [f"tests/{name}" for name in TESTS.get(module.with_suffix("").as_posix(), ())]
-    files = tuple(dict.fromkeys([*names, *named]))
-    missing = [name for name in files if not (HERE / name).is_file()]
-    if missing or not files:
-        raise ValueError(f"{module}: no tests{''.join(f', {name} is missing' for name in missing)}")
-    return files
+def _means_something_else(before: str, after: str) -> bool:
+    try:
+        return ast.dump(ast.parse(before)) != ast.dump(ast.parse(after))
+    except SyntaxError:
+        return False
 
 
-class Copy:
-    """A copy of the checkout in which one mutant at a time is tested."""
+class Run:
+    """The tests of mutants, in copies of a checkout.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        for name in COPIED:
-            ignored = shutil.ignore_patterns("__pycache__", ".*")
-            shutil.copytree(HERE / name, folder / name, ignore=ignored)
-        shutil.copy(HERE / "pyproject.toml", folder)
-        # Compiled once: what is read from then on is the module that changes.
-        subprocess.run(
-            [sys.executable, "-m", "compileall", "-q", "src", "tests"], cwd=folder, check=True
-        )
-
-    @property
-    def log(self) -> str:
-        """What the last tests printed."""
-        return (self._folder / LOG).read_text()
-
-    def killed(self, module: Path, text: str, tests: tuple[str, ...]) -> bool:
-        """Return whether tests fail while a module has another text."""
-        path = self._folder / PACKAGE / module
-        original = path.read_text()
-        for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
-            compiled.unlink()
-        path.write_text(text)
-        try:
-            return not self.passes(tests)
-        finally:
-            path.write_text(original)
-
-    def passes(self, tests: tuple[str, ...], time_limit: float | None = TIME_LIMIT) -> bool:
-        """Return whether tests pass, in time.
-
-        Raises:
-            RuntimeError: pytest could not run them.
-        """
-        process = _CONTEXT.Process(target=_run_tests, args=(self._folder, tests))
-        process.start()
-        process.join(time_limit)
-        if process.exitcode is None:
-            process.kill()
-            process.join()
-            return False
-        if process.exitcode not in (PASSED, FAILED, INTERRUPTED):
-            raise RuntimeError(self.log)
-        return process.exitcode == PASSED
-
-
-def _run_tests(folder: Path, tests: tuple[str, ...]) -> None:
-    """Run test files of a copy of the checkout; end with pytest's exit status."""
-    sys.dont_write_bytecode = True
-    os.chdir(folder)
-    os.environ |= {"PYTHONPATH": str(folder / "src"), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
-    sys.path.insert(0, str(folder / "src"))
-    log = os.open(LOG, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-    os.dup2(log, 1)
-    os.dup2(log, 2)
-    # What is asserted counts, not how a failure reads.
-    options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "pytest_timeout", "--assert=plain"]
-    status = pytest.main([*options, *tests])
-    os._exit(int(status))
-
-
-def run(sources: Sources, mutants: list[tuple[Mutant, Place]], processes: int) -> list[Outcome]:
-    """Return what becomes of mutants, each printed as soon as it is known.
-
-    Raises:
-        RuntimeError: The tests fail without any mutant.
+    Attributes:
+        broken: Tests that fail without any mutant; they notice nothing.
     """
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(processes) as pool:
+
+    def __init__(
+        self, sources: Sources, coverage: CoverageMap, budget: float, time_limit: float
+    ) -> None:
+        self.broken: set[str] = set()
+        self._passing: set[str] = set()
+        self._sources, self._coverage = sources, coverage
+        self._budget, self._time_limit = budget, time_limit
+
+    def outcomes(self, mutants: list[Mutant], checkout: Path, processes: int) -> list[Outcome]:
+        """Return what becomes of mutants, each printed as soon as it is known."""
         copies: SimpleQueue[Copy] = SimpleQueue()
-        for number in range(processes):
-            copies.put(Copy(Path(folder, str(number))))
 
-        def require_passed(tests: tuple[str, ...]) -> None:
-            copy = copies.get()
-            try:
-                if not copy.passes(tests, None):
-                    raise RuntimeError(f"the tests fail without any mutant:\n{copy.log}")
-            finally:
-                copies.put(copy)
-
-        def outcome(mutant: Mutant, place: Place) -> Outcome:
+        def outcome(mutant: Mutant) -> Outcome:
             copy, begin = copies.get(), time.perf_counter()
             try:
-                text = sources.mutated(mutant, place)
-                killed = copy.killed(place.module, text, tests_of(place.module))
+                module, at = self._sources.place(mutant)
+                killer = self._killer(copy, mutant, module, at)
             finally:
                 copies.put(copy)
-            found = Outcome(mutant, place.module, killed, time.perf_counter() - begin)
-            print(row(found), flush=True)
-            return found
+            place = f"{module}:{self._sources.modules[module].line(at)}"
+            result = Outcome(mutant, place, killer, time.perf_counter() - begin)
+            print(result, flush=True)
+            return result
 
-        files = sorted({name for _, place in mutants for name in tests_of(place.module)})
-        halves = [tuple(files[i::processes]) for i in range(min(processes, len(files)))]
-        list(pool.map(require_passed, halves))
-        return list(pool.map(lambda pair: outcome(*pair), mutants))
+        with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(processes) as pool:
+            for number in range(processes):
+                copies.put(Copy(Path(folder, str(number)), checkout))
+            return list(pool.map(outcome, mutants))
+
+    def _killer(self, copy: Copy, mutant: Mutant, module: str, at: int) -> str:
+        lines = self._sources.modules[module].statement(at)
+        covering = self._coverage.tests(module, lines)
+        while tests := self._coverage.within(covering - self.broken, self._budget):
+            with copy.changed(module, self._sources.mutated(mutant)):
+                killer = copy.failure(tests, self._limit(*tests))
+            suspect = next((test for test in tests if killer and test.startswith(killer)), tests[0])
+            if killer in ("", TIMEOUT) or self._passes(copy, suspect):
+                return killer
+        return ""
+
+    def _passes(self, copy: Copy, test: str) -> bool:
+        """Return whether a test passes without any mutant."""
+        if test not in self._passing | self.broken:
+            if copy.failure([test], self._limit(test)):
+                print(f"{test} fails without any mutant:\n{copy.log}", flush=True)
+                self.broken.add(test)
+            else:
+                self._passing.add(test)
+        return test in self._passing
+
+    def _limit(self, *tests: str) -> float:
+        return self._time_limit + 3 * self._coverage.cost(*tests)
 
 
-def row(outcome: Outcome) -> str:
-    """Return a row of the table."""
-    state = "killed" if outcome.killed else "survived"
-    reason = f"  ({outcome.mutant.reason})" if outcome.mutant.reason else ""
-    mark = "" if outcome.is_expected else "  <-- not expected"
-    return f"{state:8} {outcome.seconds:6.1f} s  {outcome.mutant}{reason}{mark}"
+def report(outcomes: list[Outcome]) -> Iterator[str]:
+    """Yield the survivors with their lines, and how many of each operator are noticed."""
+    for each in outcomes:
+        if not each.killer:
+            yield f"survived: {each.place} in {each.mutant.where} ({each.mutant.operator})"
+            yield from (f"  - {line}" for line in each.mutant.before.splitlines())
+            yield from (f"  + {line}" for line in each.mutant.after.splitlines())
+    yield f"{'operator':20}{'mutants':>8}{'noticed':>8}{'survived':>9}"
+    every = Counter(each.mutant.operator for each in outcomes)
+    noticed = Counter(each.mutant.operator for each in outcomes if each.killer)
+    for operator, count in sorted(every.items()):
+        yield f"{operator:20}{count:8}{noticed[operator]:8}{count - noticed[operator]:9}"
+    late = sum(each.killer == TIMEOUT for each in outcomes)
+    share = f"{noticed.total()} of {len(outcomes)} mutants ({noticed_share(outcomes):.1%})"
+    yield f"{share} are noticed, {late} of them by the time limit"
 
 
-def summary(outcomes: list[Outcome]) -> Iterator[str]:
-    """Yield a row per module: how many mutants there are, and how many survived."""
-    yield f"{'module':44}{'mutants':>8}{'killed':>8}{'survived':>9}{'time [s]':>9}"
-    for module in sorted({outcome.module for outcome in outcomes}):
-        own = [outcome for outcome in outcomes if outcome.module == module]
-        killed, seconds = sum(o.killed for o in own), sum(o.seconds for o in own)
-        name = module.as_posix()
-        yield f"{name:44}{len(own):8}{killed:8}{len(own) - killed:9}{seconds:9.0f}"
+def noticed_share(outcomes: list[Outcome]) -> float:
+    """Return the share of mutants that are noticed."""
+    return sum(each.killer != "" for each in outcomes) / max(len(outcomes), 1)
+
+
+def hand_mutants() -> list[Mutant]:
+    """Return the mutants by hand."""
+    return [
+        Mutant(ANY, 0, BY_HAND, where, old, new, ONLY)
+        for where, changes in HAND_MUTANTS.items()
+        for old, new in changes
+    ]
+
+
+def _placed(sources: Sources, mutants: list[Mutant]) -> Iterator[Mutant]:
+    """Yield the mutants of another checkout whose fragment is in this one; print the others."""
+    for mutant in mutants:
+        try:
+            sources.place(mutant)
+        except ValueError as error:
+            print(f"left out: {error}")
+        else:
+            yield mutant
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--sample", type=int, help="how many; 150, with --read all")
+    parser.add_argument("--seed", type=int, default=0, help="of the drawing")
+    parser.add_argument("--folder", default="", help="one of src/tubeplanner; else all")
+    parser.add_argument("--by-hand", action="store_true", help="those of hand_mutants.py")
+    parser.add_argument("--write", type=Path, help="write them to this file; run nothing")
+    parser.add_argument("--read", type=Path, help="those that --write wrote")
+    parser.add_argument("--checkout", type=Path, default=HERE, help="whose tests are run")
+    parser.add_argument("--coverage", type=Path, help="its map of coverage")
+    parser.add_argument("--processes", type=int, default=2, help="how many at a time")
+    parser.add_argument("--budget", type=float, default=60.0, help="of a mutant's tests [s]")
+    parser.add_argument(
+        "--time-limit", type=float, default=30.0, help="and 3 times its tests [s, cpu]"
+    )
+    parser.add_argument("--fail-under", type=float, default=0.0, help="least share noticed")
+    return parser
 
 
 def main() -> int:
-    """Apply the mutants and run their tests."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="mutants whose row contains this")
-    parser.add_argument("--list", action="store_true", help="print them; run nothing")
-    parser.add_argument("--processes", type=int, default=PROCESSES, help="how many at a time")
-    arguments = parser.parse_args()
+    """Make the mutants and run their tests."""
+    arguments = _parser().parse_args()
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    sources = Sources(HERE / PACKAGE)
-    mutants = [(mutant, sources.place(mutant)) for mutant in MUTANTS]
-    chosen = [
-        (mutant, place)
-        for mutant, place in mutants
-        if arguments.only in f"{place.module.as_posix()} {mutant}"
-    ]
-    if arguments.list:
-        for mutant, place in chosen:
-            print(f"{place.module.as_posix():40} {mutant}")
-        print(f"{len(chosen)} mutants")
+    checkout = arguments.checkout.resolve()
+    coverage_file = arguments.coverage or checkout / "output" / "mutants" / "coverage.sqlite"
+    if not coverage_file.exists():
+        make_map(coverage_file, checkout, arguments.processes)
+    sources, coverage = Sources(checkout / "src" / "tubeplanner"), CoverageMap(coverage_file)
+    if arguments.by_hand:
+        mutants = hand_mutants()
+        for mutant in mutants:
+            sources.place(mutant)
+    elif arguments.read:
+        rows = json.loads(arguments.read.read_text())[: arguments.sample]
+        mutants = list(_placed(sources, [Mutant(**row) for row in rows]))
+    else:
+        draw = sources.drawn(coverage, arguments.folder, arguments.seed)
+        mutants = list(islice(draw, arguments.sample or 150))
+    if arguments.write:
+        arguments.write.write_text(json.dumps([asdict(mutant) for mutant in mutants], indent=1))
         return 0
-    begin = time.perf_counter()
-    outcomes = run(sources, chosen, arguments.processes)
-    print(*summary(outcomes), sep="\n")
-    unexpected = [outcome for outcome in outcomes if not outcome.is_expected]
-    killed = sum(outcome.killed for outcome in outcomes)
-    minutes = (time.perf_counter() - begin) / 60
-    print(f"{len(outcomes)} mutants, {killed} killed, {len(unexpected)} not as expected; ", end="")
-    print(f"{minutes:.1f} minutes")
-    print(*(row(outcome) for outcome in unexpected), sep="\n")
-    return 1 if unexpected else 0
+    run = Run(sources, coverage, arguments.budget, arguments.time_limit)
+    outcomes = run.outcomes(mutants, checkout, arguments.processes)
+    print(*report(outcomes), sep="\n")
+    return int(bool(run.broken) or noticed_share(outcomes) < arguments.fail_under)
 
 
 if __name__ == "__main__":

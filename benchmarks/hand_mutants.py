@@ -1,0 +1,75 @@
+"""Mutants of physics and geometry that `mutant_operators.py` cannot make.
+
+A wrong frame, a wrong order of indices, a term left out, an extremum of the other kind. A function
+is named by its qualified name, so that it may move; a fragment occurs once in it.
+"""
+
+HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
+    # Rotations and rigid bodies
+    "matrix_of_rpy": [("z @ y @ x", "x @ y @ z")],
+    "BodyInertia.placed": [
+        ("rotation @ self.inertia @ rotation.T", "rotation.T @ self.inertia @ rotation"),
+        ("origin + rotation @ self.com", "origin + self.com"),
+    ],
+    "BodyInertia.plus": [("part.com - com", "part.com")],
+    "BodyInertia.moment": [("eigvalsh(self.inertia)", "diag(self.inertia)")],
+    "payload_body": [(".placed(robot.link_placement[robot.tool_frame])", "")],
+    "RobotModel.in_root_frame": [("[:3, :3]", "[:3, :3].T")],
+    # Kinematics
+    "_stand_at": [("pose * frame.placement", "frame.placement * pose")],
+    "frame_jacobian": [("pin.LOCAL_WORLD_ALIGNED", "pin.LOCAL")],
+    "frame_velocities": [("rotation @ by_q[..., :3, :]", "rotation @ by_q[..., 3:, :]")],
+    "BodyChain._in_parents": [("sine * across", "angle[..., None, None] * across")],
+    "ToolChain._jacobians_of_many": [(" * carried[:, None]", "")],
+    "effort_rate_derivatives": [("change[1] + mean[0]", "change[1]")],
+    # Shapes and distances
+    "ConvexShape.transformed": [("placement[:3, :3].T", "placement[:3, :3]")],
+    "ConvexShape.reach": [(" + self.radius", "")],
+    "cylinder": [("radius / np.cos(np.pi / _PRISM_SIDES)", "radius")],
+    "_part": [("robot.link_placement[link] @ element.placement", "element.placement")],
+    "BodyShapes._in_second": [('"pij,pi->pj", frames', '"pij,pj->pi", frames')],
+    "BodyShapes.gaps_of_spheres": [(" - radii[second]", "")],
+    "PlacedShapes._core_poses": [("rotation @ core[:, :, :3, :3]", "rotation")],
+    "PlacedShapes._apart": [("np.maximum(ahead, behind)", "ahead")],
+    "separating_directions": [("(local @ first.T).argmax", "(local @ first.T).argmin")],
+    # Tubes
+    "passing_radius": [("np.minimum", "np.maximum")],
+    "Capsules._away": [("share[..., None] * axis", "0 * axis")],
+    "BoxRegions.half": [(" - self.tool_radius", "")],
+    "BoxRegions.margin": [(".min(axis=-1)", ".max(axis=-1)")],
+    "BoxRegions.outward": [("side[:, None] * normal", "normal")],
+    # Friction, motors and speeds along a path
+    "directed_friction": [("* abs(effort)", "* effort")],
+    "blended_friction": [("-motors.backwards_friction", "-motors.forwards_friction")],
+    "JointEffort.used": [("(at.effort - at.gravity)", "at.effort")],
+    "SidedEffort.terms": [(" + unsure[:, self.joints]", "")],
+    "MotorCurve.used": [(" / self._no_load", "")],
+    "coulomb_effort": [("np.where(moves, velocity, beside)", "velocity")],
+    "EffortRate.used": [("rate - gravity - viscous", "rate - gravity")],
+    "EffortCosts.work": [("np.maximum(power, 0.0)", "abs(power)")],
+    "_needed_and_allowed": [("-gravity - friction.least", "-gravity")],
+    "SpeedPolynomial.largest_speed": [("np.minimum.reduce", "np.maximum.reduce")],
+    "ToolSpeed.__init__": [("np.minimum(free, tube.tool_speed)", "free")],
+    "speed_by_path": [(" / np.maximum(size, np.finfo(float).tiny)", "")],
+    # Bounds between samples
+    "rigid_body_majorant": [
+        ("inertia.mass * gravity", "0.0"),
+        (" + _product(arm, force)", ""),
+        ("moments[i] if robot.body_turns[i] else forces[i]", "moments[i]"),
+    ],
+    "_motions": [("parent.origin + link", "link")],
+    "joint_bounds": [("comb(degree, k) * ", "")],
+    "_taylor_coefficients": [("(width**power)", "(width**degree)")],
+    "least_concave_margin": [("margin.min(axis=0) - error", "margin.min(axis=0)")],
+    "_bounded": [("nearest_branch(last, first, _ALL)", "last")],
+    "_chord_distance": [("spin + turn * rate", "spin"), ("/ 8 + jump", "/ 8")],
+    "_Search._lower_bounds": [("distance - less[batch]", "distance")],
+    "_point_velocity": [("place = rotation[:, body] @ in_body[:3] + ", "place = ")],
+    "ToolSpeedMargin._speed": [("np.linalg.norm(velocity, axis=1)", "abs(velocity[:, 1])")],
+    # Simulation
+    "Plant.tool_pose": [("rotation @ self.tool", "self.tool"), (" + self.base", "")],
+    "ComputedTorque.effort": [(" + self._plan.friction[k]", "")],
+    "_feedback": [("plan.start.velocity[k] - v", "-v")],
+    "_drawn_bodies": [(".shifted(by)", "")],
+    "_in_ball": [("random.uniform() ** (1 / 3)", "random.uniform()")],
+}
