@@ -1,7 +1,10 @@
 """Robots and problems that many tests share; loaded once."""
 
+import fcntl
 import os
+import pickle
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +22,42 @@ from tubeplanner import (
 )
 from tubeplanner.commands.cli import main
 
-os.environ["TUBEPLANNER_CACHE"] = "off"  # tests neither use nor change the user's
+# Tests neither use nor change the user's covers; theirs stay warm from run to run.
+COVERS = Path(__file__).parents[1] / "output" / "test-covers"
+os.environ["TUBEPLANNER_CACHE"] = str(COVERS)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items):
+    """Put cheap tests first, so that a run with `-x` fails early."""
+    items.sort(key=lambda item: [bool(item.get_closest_marker(mark)) for mark in ("slow", "dear")])
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory):
+    """Return a function from a key and a maker to what is made, once for all workers.
+
+    The first worker that asks makes it and pickles it, the others wait and read it. Whoever gets it
+    only looks at it.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    read = {}
+
+    def of(key, make):
+        if key not in read:
+            path = folder / f"shared.{key.replace('/', '.')}.pickle"
+            with open(path, "a+b") as file:
+                fcntl.flock(file, fcntl.LOCK_EX)
+                if not path.stat().st_size:
+                    file.write(pickle.dumps(make()))
+                    file.flush()
+                file.seek(0)
+                read[key] = pickle.load(file)
+        return read[key]
+
+    return of
 
 
 @pytest.fixture(scope="session")
@@ -90,15 +128,16 @@ def stored(bundled):
 
 
 @pytest.fixture(scope="session")
-def planned(bundled):
-    """Return a function from a bundled problem's name to the problem and its plan, made once.
+def planned(bundled, shared):
+    """Return a function from a bundled problem's name to the problem and its shortest plan.
 
-    For tests of planning the shortest motion.
+    One plan a session for all tests of all workers; they only look at it.
     """
 
-    @cache
     def of(name, method=STOP):
-        return bundled(name), plan(bundled(name), PlanOptions(method, slack=0.0))
+        problem = bundled(name)
+        key = f"{name}.{method}"
+        return problem, shared(key, lambda: plan(problem, PlanOptions(method, slack=0.0)))
 
     return of
 
