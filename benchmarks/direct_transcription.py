@@ -3,7 +3,6 @@
     pip install '.[bench]'
     OMP_NUM_THREADS=1 python benchmarks/direct_transcription.py [--problems NAME ...]
         [--intervals 80] [--starts 6] [--time-per-problem 300] [--grids clustered uniform]
-        [--from-ours] [--radius MM]
 
 An independent yardstick, of the same problem without obstacles: one phase per tube segment with
 free durations, cubic splines (constant jerk in every interval), start and goal where the default
@@ -43,6 +42,7 @@ from tubeplanner.branches.reference_branch import redundancy_rules, reference_br
 from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.outcome import Infeasible
 from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.trajectory.b_spline import BSpline
 from tubeplanner.trajectory.joint_trajectory import from_spline
 
 PROBLEMS = (*(paper_example(e, r) for e in EXAMPLES for r in RADII), *ARMS)
@@ -146,14 +146,6 @@ class MultiStart:
         ]
         best = min(attempts, key=_rank, default=None)
         return Study(best, len(good), used, time.perf_counter() - begin, len(different))
-
-    def run_finely(self, name: str, start: PhasedTrajectory) -> Study:
-        """Return the best of one start that is good enough for the fine grids."""
-        begin = time.perf_counter()
-        attempts = list(self._finely(name, start))
-        best = min(attempts, key=_rank, default=None)
-        found = int(best is not None)
-        return Study(best, found, 1, time.perf_counter() - begin, found)
 
     def _finely(self, name: str, phased: PhasedTrajectory) -> Iterator[Attempt]:
         """Yield the trajectories that a coarse one becomes on fine grids."""
@@ -266,29 +258,15 @@ def _perturbed(start: PhasedTrajectory, seed: int) -> PhasedTrajectory:
 
 def _through(start: PhasedTrajectory, q: np.ndarray) -> PhasedTrajectory:
     times = np.linspace(0, start.switching_times[-1], len(q))
-    spline = make_interp_spline(times, q, k=3, bc_type="clamped")
-    return PhasedTrajectory(
-        from_spline(start.trajectory.joint_names, spline), start.switching_times
-    )
-
-
-def ours_as_start(problem: PlanningProblem, result: PlanResult) -> PhasedTrajectory:
-    """Return the default plan, switching in the middle of where the tool may change capsules."""
-    trajectory, tube = result.trajectory, problem.tube
-    times = np.linspace(0, trajectory.duration, 4001)
-    margin = tube.margin(problem.robot.tool_position(trajectory.position(times)))
-    switching_times = [0.0]
-    for k in range(tube.segment_count - 1):
-        both = np.minimum(margin[:, k], margin[:, k + 1])
-        switching_times.append(float(times[both.argmax()]))
-    return PhasedTrajectory(trajectory, np.array([*switching_times, trajectory.duration]))
+    fitted = make_interp_spline(times, q, k=3, bc_type="clamped")
+    spline = BSpline(fitted.t, fitted.c, fitted.k)
+    trajectory = from_spline(start.trajectory.joint_names, spline)
+    return PhasedTrajectory(trajectory, start.switching_times)
 
 
 def studied(name: str, options: argparse.Namespace) -> tuple[Study, PlanResult]:
     """Return what direct transcription and the default plan make of a problem."""
     loaded = load_problem(f"example:{name}")
-    if options.radius is not None:
-        loaded = replace(loaded, tube=loaded.tube.with_radius(options.radius / 1000))
     # Pairs that may touch name obstacles, too.
     problem = replace(loaded, obstacles=(), ignore_collisions=_without_obstacles(loaded))
     ours = plan(problem, PlanOptions(slack=0.0))
@@ -296,8 +274,6 @@ def studied(name: str, options: argparse.Namespace) -> tuple[Study, PlanResult]:
         raise SystemExit(f"{name}: {ours.message}")
     ends = ours.trajectory.position([0.0, ours.trajectory.duration])
     search = MultiStart(problem, ends, options.intervals, options.grids, options.time_per_problem)
-    if options.from_ours:
-        return search.run_finely("the default plan", ours_as_start(problem, ours)), ours
     return search.run(starts_of(problem, ends, options.starts)), ours
 
 
@@ -328,12 +304,10 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--problems", nargs="+", default=PROBLEMS, metavar="NAME")
-    parser.add_argument("--radius", type=float, metavar="MM", help="of all tubes instead of theirs")
     parser.add_argument("--intervals", type=int, default=80)
     parser.add_argument("--starts", type=int, default=6)
     parser.add_argument("--time-per-problem", type=float, default=300.0, metavar="S")
     parser.add_argument("--grids", nargs="+", default=GRIDS, choices=GRIDS)
-    parser.add_argument("--from-ours", action="store_true", help="start from the default plan")
     options = parser.parse_args()
     print(
         "| problem | direct transcription [s] | default plan [s] | ratio | its time [s] | "

@@ -418,18 +418,10 @@ KINDS: Mapping[str, Kind] = {
         lambda: {"part.stl": part()},
         ("json",),
     ),
-    "include": _part(
-        "cell.yaml",
-        CELL,
-        lambda path: load_problem("problem.yaml"),
-        INCLUDING,
-    ),
+    "include": _part("cell.yaml", CELL, lambda path: load_problem("problem.yaml"), INCLUDING),
     "preset": _part("arm.yaml", PRESET, read_preset, with_robot("preset: arm.yaml")),
     "joint-limits": _part(
-        "joint_limits.yaml",
-        LIMITS,
-        read_limits_file,
-        with_robot("limits_file: joint_limits.yaml"),
+        "joint_limits.yaml", LIMITS, read_limits_file, with_robot("limits_file: joint_limits.yaml")
     ),
     "points": Kind(
         "points.csv",

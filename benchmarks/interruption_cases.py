@@ -13,6 +13,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 PROBLEM = "example:two_link/around_a_post"
 STUDY = f"""format: tubeplanner/study
 study:
@@ -60,120 +62,82 @@ class Case:
         return [word.format(inputs=inputs, out=out) for word in self.words.split()]
 
 
-CASES = (
-    Case(
-        "plan",
-        f"plan {PROBLEM} --quality fast -o {{out}}/a.json --csv {{out}}/a.csv --ros {{out}}/a.yaml "
-        "--plot {out}/a.png --html {out}/a.html",
-        ("a.json", "a.csv", "a.yaml", "a.png", "a.html"),
-        ("tubeplanner.planning.planner:plan",),
-    ),
-    Case(
-        "plan cycle",
-        "plan {inputs}/cycle.yaml --quality fast -o {out}/a.json --csv {out}/a.csv "
-        "--ros {out}/a.yaml --plot {out}/a.png --html {out}/a.html",
-        ("a.json", "a.csv", "a.yaml", "a.png", "a.html"),
-        ("tubeplanner.cycle_planning.cycle_planner:plan_cycle",),
-    ),
-    Case(
-        "view",
-        f"view {PROBLEM} {{inputs}}/{MOTION} --html {{out}}/a.html",
-        ("a.html",),
-        ("tubeplanner.commands.view_command:load_either_timed",),
-    ),
-    Case(
-        "plot",
-        f"plot {PROBLEM} {{inputs}}/{MOTION} -o {{out}}/a.svg",
-        ("a.svg",),
-        ("tubeplanner.commands.study_commands:load_either_timed",),
-    ),
-    Case(
-        "info",
-        f"info {PROBLEM} --plot {{out}}/a.png",
-        ("a.png",),
-        ("tubeplanner.commands.info_command:_problem_info",),
-    ),
-    Case(
-        "simulate",
-        f"simulate {PROBLEM} {{inputs}}/{MOTION} --runs 3 --plot {{out}}/a.png "
-        "--html {out}/a.html",
-        ("a.png", "a.html"),
-        (
-            "tubeplanner.simulation.execution:executed",
-            "tubeplanner.simulation.judged_runs:judged_runs",
-        ),
-    ),
-    Case(
-        "explain",
-        f"explain {PROBLEM} --quality fast --time-limit 4 --processes 1 --html {{out}}/a.html",
-        ("a.html",),
-        ("tubeplanner.explanation.explain:explain",),
-    ),
-    Case(
-        "study",
-        "study {inputs}/study.yaml -o {out}/a.csv --plot {out}/a.png --processes 1",
-        ("a.csv", "a.png"),
-        ("tubeplanner.studies.study_run:planned_answer",),
-        "a.jsonl",
-    ),
-    Case(
-        "sweep",
-        f"sweep {PROBLEM} --radius-scale 0.5,1 --quality fast "
-        "-o {out}/a.csv --plot {out}/a.pdf",
-        ("a.csv", "a.pdf"),
-        ("tubeplanner.studies.tolerance_sweep:sweep",),
-    ),
-    Case(
-        "compare",
-        f"compare {PROBLEM} --methods refinement,bang-bang --quality fast -o {{out}}/a.json "
-        "--plot {out}/a.png --trajectories {out}/all",
-        ("a.json", "a.png", "all/refinement.json", "all/bang-bang.json"),
-        ("tubeplanner.studies.comparison:_row",),
-    ),
-    Case(
-        "measure",
-        f"measure {PROBLEM} -o {{out}}/a.yaml",
-        ("a.yaml",),
-        ("tubeplanner.measurement.tube_measurement:measure_tube",),
-    ),
-    Case(
-        "place",
-        f"place {PROBLEM} --region=-0.02,0.02,0,0 --stands-on none --points 8 --quality fast "
-        "--processes 1 -o {out}/a.yaml --plot {out}/a.png",
-        ("a.yaml", "a.png"),
-        (
-            "tubeplanner.studies.placement:plan",
-            "tubeplanner.studies.placement_trials:tried",
-        ),
-        "a.jsonl",
-    ),
-    Case(
-        "route",
-        "route example:two_link/through_the_gap --tries 1 --samples 200 -o {out}/a.yaml "
-        "--measured {out}/b.yaml",
-        ("a.yaml", "b.yaml"),
-        ("tubeplanner.tube_sources.route:find_route",),
-        late=("b.yaml",),
-    ),
-    Case(
-        "teach",
-        f"teach {{inputs}}/{TRAIL} --problem {PROBLEM} --samples 200 -o {{out}}/a.yaml",
-        ("a.yaml",),
-        ("tubeplanner.tube_sources.teach:teach",),
-    ),
-    Case(
-        "init",
-        "init example:two_link -o {out}/a.yaml",
-        ("a.yaml",),
-        ("tubeplanner.tube_sources.starter_problem:starter_problem",),
-    ),
-    Case(
-        "reproduce",
-        "reproduce -o {out}/all",
-        ("all/the_paper.md", *(f"all/figure_{number}.png" for number in (3, 7, 8, 9))),
-        ("tubeplanner.studies.reproduction:reproduce",),
-    ),
-)
+# Words, and names with spaces between; functions without the package's name.
+_TABLE = """
+plan: [plan PROBLEM ALL, a.json a.csv a.yaml a.png a.html, planning.planner:plan]
+plan cycle:
+  - plan {inputs}/cycle.yaml ALL
+  - a.json a.csv a.yaml a.png a.html
+  - cycle_planning.cycle_planner:plan_cycle
+view: [view PROBLEM MOTION HTML, a.html, commands.view_command:load_either_timed]
+plot: [plot PROBLEM MOTION -o OUT/a.svg, a.svg, commands.study_commands:load_either_timed]
+info: [info PROBLEM PNG, a.png, commands.info_command:_problem_info]
+simulate:
+  - simulate PROBLEM MOTION --runs 3 PNG HTML
+  - a.png a.html
+  - simulation.execution:executed simulation.judged_runs:judged_runs
+explain:
+  - explain PROBLEM --quality fast --time-limit 4 --processes 1 HTML
+  - a.html
+  - explanation.explain:explain
+study:
+  - study {inputs}/study.yaml -o OUT/a.csv PNG --processes 1
+  - a.csv a.png
+  - studies.study_run:planned_answer
+  - a.jsonl
+sweep:
+  - sweep PROBLEM --radius-scale 0.5,1 --quality fast -o OUT/a.csv --plot OUT/a.pdf
+  - a.csv a.pdf
+  - studies.tolerance_sweep:sweep
+compare:
+  - compare PROBLEM --methods refinement,bang-bang --quality fast -o OUT/a.json PNG
+    --trajectories OUT/all
+  - a.json a.png all/refinement.json all/bang-bang.json
+  - studies.comparison:_row
+measure: [measure PROBLEM -o OUT/a.yaml, a.yaml, measurement.tube_measurement:measure_tube]
+place:
+  - place PROBLEM --region=-0.02,0.02,0,0 --stands-on none --points 8 --quality fast --processes 1
+    -o OUT/a.yaml PNG
+  - a.yaml a.png
+  - studies.placement:plan studies.placement_trials:tried
+  - a.jsonl
+route:
+  - route example:two_link/through_the_gap --tries 1 --samples 200 -o OUT/a.yaml
+    --measured OUT/b.yaml
+  - a.yaml b.yaml
+  - tube_sources.route:find_route
+  - null
+  - b.yaml
+teach:
+  - teach {inputs}/TRAIL --problem PROBLEM --samples 200 -o OUT/a.yaml
+  - a.yaml
+  - tube_sources.teach:teach
+init: [init example:two_link -o OUT/a.yaml, a.yaml, tube_sources.starter_problem:starter_problem]
+reproduce:
+  - reproduce -o OUT/all
+  - all/the_paper.md all/figure_3.png all/figure_7.png all/figure_8.png all/figure_9.png
+  - studies.reproduction:reproduce
+"""
+_SHORT = {
+    "ALL": "--quality fast -o OUT/a.json --csv OUT/a.csv --ros OUT/a.yaml PNG HTML",
+    **{"PNG": "--plot OUT/a.png", "HTML": "--html OUT/a.html", "OUT": "{out}"},
+    **{"PROBLEM": PROBLEM, "MOTION": f"{{inputs}}/{MOTION}", "TRAIL": TRAIL},
+}
+
+
+def _cases() -> Iterator[Case]:
+    """Yield the cases of the table."""
+    for name, (words, files, computed, *more) in yaml.safe_load(_TABLE).items():
+        for short, long in _SHORT.items():
+            words = words.replace(short, long)
+        functions = tuple(f"tubeplanner.{function}" for function in computed.split())
+        journal, late = (*more, None, None)[:2]
+        yield Case(
+            name, words, tuple(files.split()), functions, journal, tuple((late or "").split())
+        )
+
+
+CASES = tuple(_cases())
 
 
 class Kept:

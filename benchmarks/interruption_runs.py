@@ -262,10 +262,7 @@ class Runs:
     def lived(self, place: Place, number: int, delay: float) -> Ended:
         """Run it in a process that computes all, and send it a signal so long after it began."""
         begun, tell = os.pipe()
-        with (
-            open(place.folder / "stdout", "w") as out,
-            open(place.folder / "stderr", "w") as err,
-        ):
+        with open(place.folder / "stdout", "w") as out, open(place.folder / "stderr", "w") as err:
             process = subprocess.Popen(
                 [sys.executable, "-c", _LIFE, *self.case.arguments(self._inputs, place.out)],
                 stdout=out,

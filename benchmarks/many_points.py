@@ -15,7 +15,6 @@ import argparse
 import math
 import random
 from dataclasses import asdict, dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -96,10 +95,6 @@ def cases() -> list[Case]:
         Case(f"scan {1000 * radius:g} mm", 200, scan(200, radius)) for radius in (0.005, 0.002)
     ]
     found.append(Case("wave of 2.5 mm bends, 10 mm", 400, wave(400, 0.010)))
-    found += [
-        Case(f"meander of 2.5 mm bends, {1000 * radius:g} mm", 400, meander(400, radius))
-        for radius in (0.010, 0.005)
-    ]
     return found + [
         Case(f"zigzag of {legs} legs, {1000 * radius:g} mm", legs, zigzag(legs, radius))
         for radius in (0.005, 0.002)
@@ -159,31 +154,6 @@ def wave(count: int, radius: float) -> dict[str, Any]:
             [0.35 + x, fade * amplitude * math.sin(x / math.sqrt(0.0025 * amplitude)), 0.3]
         )
     return on_points(points, radius)
-
-
-def meander(count: int, radius: float) -> dict[str, Any]:
-    """Return a UR5 on eight legs of 3 cm, 1 cm apart, their corners rounded by 2.5 mm."""
-    corners = zigzag(15, radius)["tube"]["points"]
-    dense = [corners[0]]
-    for before, at, after in zip(corners, corners[1:], corners[2:], strict=False):
-        back, onward = toward(at, before), toward(at, after)
-        for angle in (math.radians(5 * i) for i in range(19)):
-            b, o = 0.0025 * (1 - math.sin(angle)), 0.0025 * (1 - math.cos(angle))
-            dense.append([p + b * u + o * v for p, u, v in zip(at, back, onward, strict=True)])
-    dense.append(corners[-1])
-    lengths = [math.dist(*pair) for pair in pairwise(dense)]
-    step, rest, points = sum(lengths) / count, 0.0, [dense[0]]
-    for (begin, end), length in zip(pairwise(dense), lengths, strict=True):
-        while rest + step <= length and len(points) < count:
-            rest += step
-            points.append([a + rest / length * (b - a) for a, b in zip(begin, end, strict=True)])
-        rest -= length
-    return on_points([*points, dense[-1]], radius)
-
-
-def toward(point: list[float], other: list[float]) -> list[float]:
-    """Return the unit vector from one point to another."""
-    return [(b - a) / math.dist(point, other) for a, b in zip(point, other, strict=True)]
 
 
 def zigzag(legs: int, radius: float) -> dict[str, Any]:

@@ -6,8 +6,7 @@
 Every problem is one of the campaign's making for that arm (`campaign_problems.py`): it is built
 round a trajectory that solves it by the outside judge's verdict. None is left out because planning
 fails. In the end, for some of them, the default plan beside the best of ten starts of refinement.
-Arms: the bundled ones by default, and those of `ARMS`, of other makers, on walls, with sliding
-joints.
+Arms: the bundled ones by default, and those of `ARMS`, of other makers and on walls.
 """
 
 import argparse
@@ -41,26 +40,6 @@ STARTS = 10
 STARTING_INTERVALS = (8, 12, 16, 10, 6, 14, 20, 9, 7, 18)
 MAX_INTERVALS = 72  # about what a start's knots are divided to: the default quality's
 MAX_OBJECTIONS = 5
-GANTRY = """<robot name="gantry"><link name="base"/>
-<link name="carriage"><inertial><mass value="20"/>
-  <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
-<link name="column"><inertial><origin xyz="0 0 -0.2"/><mass value="8"/>
-  <inertia ixx="0.2" iyy="0.2" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="arm"><inertial><origin xyz="0.2 0 0"/><mass value="4"/>
-  <inertia ixx="0.02" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.06 0.06"/></geometry></collision>
-</link><link name="tip"/>
-<joint name="slide" type="prismatic"><parent link="base"/><child link="carriage"/>
-  <origin xyz="0 0 1"/><axis xyz="1 0 0"/>
-  <limit lower="-1" upper="1" effort="300" velocity="1.5"/></joint>
-<joint name="lift" type="prismatic"><parent link="carriage"/><child link="column"/>
-  <axis xyz="0 0 1"/><limit lower="-0.6" upper="0" effort="400" velocity="1"/></joint>
-<joint name="turn" type="revolute"><parent link="column"/><child link="arm"/>
-  <origin xyz="0 0 -0.4"/><axis xyz="0 0 1"/>
-  <limit lower="-3" upper="3" effort="60" velocity="3"/></joint>
-<joint name="end" type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="0.4 0 0"/>
-</joint></robot>"""
 # Sections `robot` of problem files.
 ARMS: dict[str, dict[str, Any]] = {name: bundled_arm(name) for name in BUNDLED} | {
     "ur3": {"urdf": "example:ur3", "tool_frame": "tool0"},
@@ -82,7 +61,6 @@ ARMS: dict[str, dict[str, Any]] = {name: bundled_arm(name) for name in BUNDLED} 
             "position": {"joint1": [-3.0, 3.0], "joint2": [-3.0, 3.0]},
         },
     },
-    "gantry": {"urdf": "gantry.urdf", "tool_frame": "tip"},
 }
 
 
@@ -99,7 +77,6 @@ def outcomes(arm: str, seeds: range, options: PlanOptions) -> Iterator[Outcome]:
     """Make and plan the problems of an arm, one after the other, and print a line for each."""
     for seed in seeds:
         with tempfile.TemporaryDirectory() as folder:
-            (Path(folder) / "gantry.urdf").write_text(GANTRY)
             try:
                 problem = load_problem(build(seed, Path(folder), robot=ARMS[arm]).path)
             except Unsuitable as reason:

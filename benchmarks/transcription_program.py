@@ -2,8 +2,7 @@
 
 Unknown are position, velocity and acceleration at the nodes, the durations of the phases, and for
 every tube sample a place on the capsule's axis. Jerk is constant in every interval. Constraints are
-the same small function again and again, applied to other unknowns: its exact derivatives are
-generated once, and put together to sparse matrices.
+the same small function again and again, applied to other unknowns; CasADi derives it.
 """
 
 from dataclasses import dataclass
@@ -12,7 +11,6 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pinocchio as pin
-from scipy import sparse
 
 from tubeplanner import JointTrajectory, PlanningProblem, RobotModel
 
@@ -142,36 +140,9 @@ def _clean(values: np.ndarray) -> np.ndarray:
     return np.where(abs(values) < 1e-14, 0.0, values)
 
 
-@dataclass(frozen=True, eq=False)
-class Rule:
-    """A small constraint function with its derivatives, of unknowns z and given numbers p.
-
-    Attributes:
-        value: (z, p) to c.
-        jacobian: (z, p) to the nonzeros of dc/dz.
-        hessian: (z, p, multipliers) to the nonzeros of the second derivatives by z.
-        jacobian_places: Rows and columns of those nonzeros.
-        hessian_places: Rows and columns of those nonzeros.
-    """
-
-    value: ca.Function
-    jacobian: ca.Function
-    hessian: ca.Function
-    jacobian_places: tuple[np.ndarray, np.ndarray]
-    hessian_places: tuple[np.ndarray, np.ndarray]
-
-
-def _rule(z: ca.SX, p: ca.SX, c: ca.SX) -> Rule:
-    multipliers = ca.SX.sym("multipliers", c.numel())
-    jacobian = ca.jacobian(c, z)
-    hessian = ca.hessian(ca.dot(multipliers, c), z)[0]
-    return Rule(
-        ca.Function("value", [z, p], [ca.densify(c)]),
-        ca.Function("jacobian", [z, p], [ca.vertcat(*jacobian.nonzeros())]),
-        ca.Function("hessian", [z, p, multipliers], [ca.vertcat(ca.SX(0), *hessian.nonzeros())]),
-        tuple(np.array(places, dtype=int) for places in jacobian.sparsity().get_triplet()),
-        tuple(np.array(places, dtype=int) for places in hessian.sparsity().get_triplet()),
-    )
+def _rule(unknowns: ca.SX, numbers: ca.SX, value: ca.SX) -> ca.Function:
+    """Return a small constraint function of unknowns and given numbers."""
+    return ca.Function("rule", [unknowns, numbers], [ca.densify(value)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,11 +152,11 @@ class ArmRules:
     Time is counted in a unit of about the trajectory's duration: all unknowns are near 1 then.
     """
 
-    gap: Rule  # p: width; z has all of the next node
-    ranges: Rule  # p: width, place
-    motors: Rule  # p: width, place, time unit [s]
-    jerk: Rule  # p: width
-    tube: Rule  # p: width, place, A, B - A, radius; z has the share of the axis too
+    gap: ca.Function  # p: width; z has all of the next node
+    ranges: ca.Function  # p: width, place
+    motors: ca.Function  # p: width, place, time unit [s]
+    jerk: ca.Function  # p: width
+    tube: ca.Function  # p: width, place, A, B - A, radius; z has the share of the axis too
 
 
 @cache
@@ -342,7 +313,7 @@ class Solution:
 class _Block:
     """A rule applied B times: unknowns (z, B), numbers (p, B), bounds (c, B)."""
 
-    rule: Rule
+    rule: ca.Function
     unknowns: np.ndarray
     numbers: np.ndarray
     lower: np.ndarray
@@ -356,12 +327,7 @@ class Transcription:
     """
 
     def __init__(
-        self,
-        problem: PlanningProblem,
-        ends: np.ndarray,
-        grid: Grid,
-        unit: float,
-        samples: Samples,
+        self, problem: PlanningProblem, ends: np.ndarray, grid: Grid, unit: float, samples: Samples
     ) -> None:
         """Set the program up.
 
@@ -383,23 +349,23 @@ class Transcription:
         self._blocks = self._all_blocks()
 
     def solved(self, start: PhasedTrajectory, seconds: float, options: dict) -> Solution:
-        """Return what the solver finds from a start within some seconds of wall time."""
-        unknown, functions = self._functions()
+        """Return what the solver makes of a start within some seconds of wall time."""
+        unknown = ca.MX.sym("x", self._size)
+        values = [_applied(block, unknown) for block in self._blocks]
+        duration = ca.sum1(unknown[self._durations.tolist()])
         settings = {"max_wall_time": max(seconds, 1.0), **options}
         solver = ca.nlpsol(
             "solver",
             "ipopt",
-            {"x": unknown, "f": ca.sum1(unknown[self._durations.tolist()]), "g": functions["g"]},
+            {"x": unknown, "f": duration, "g": ca.vertcat(*values)},
             {
-                "jac_g": functions["jac_g"],
-                "hess_lag": functions["hess_lag"],
                 "print_time": False,
                 "error_on_fail": False,
                 **{f"ipopt.{name}": value for name, value in settings.items()},
             },
         )
         lower, upper = self._bounds()
-        found = solver(
+        answer = solver(
             x0=np.clip(self._guess(start), lower, upper),
             lbx=lower,
             ubx=upper,
@@ -407,7 +373,7 @@ class Transcription:
             ubg=np.concatenate([block.upper.ravel(order="F") for block in self._blocks]),
         )
         stats = solver.stats()
-        phased = self._trajectory(np.array(found["x"]).ravel())
+        phased = self._trajectory(np.array(answer["x"]).ravel())
         return Solution(phased, bool(stats["success"]), int(stats["iter_count"]))
 
     def broken_between_samples(self, phased: PhasedTrajectory) -> Samples:
@@ -453,7 +419,7 @@ class Transcription:
             blocks.append(_block(rules.jerk, unknowns, width, -jerk, jerk))
         return [*blocks, self._tube_block(rules.tube, n)]
 
-    def _tube_block(self, rule: Rule, n: int) -> _Block:
+    def _tube_block(self, rule: ca.Function, n: int) -> _Block:
         interval, place = self._tube_at
         tube, phase = self._problem.tube, self._grid.phase[interval]
         numbers = np.vstack(
@@ -468,7 +434,7 @@ class Transcription:
         unknowns = np.vstack([self._sample_unknowns(interval), self._axis_shares])
         return _block(rule, unknowns, numbers, -np.inf, numbers[-1:])
 
-    def _motor_block(self, rule: Rule) -> _Block:
+    def _motor_block(self, rule: ca.Function) -> _Block:
         interval, place = self._samples.motors
         numbers = [self._grid.width[interval], place, np.full(len(place), self._unit)]
         return _block(rule, self._sample_unknowns(interval), np.vstack(numbers), -1.0, 1.0)
@@ -524,73 +490,16 @@ class Transcription:
         trajectory = JointTrajectory(self._problem.robot.joint_names, times, rows)
         return PhasedTrajectory(trajectory, np.concatenate([[0.0], np.cumsum(durations)]))
 
-    def _functions(self) -> tuple[ca.MX, dict[str, object]]:
-        """Return the unknowns and the functions that the solver needs."""
-        x, p = ca.MX.sym("x", self._size), ca.MX.sym("p", 0)
-        rows = np.cumsum([0, *(block.lower.size for block in self._blocks)])
-        objective_multiplier, multipliers = ca.MX.sym("f"), ca.MX.sym("g", int(rows[-1]))
-        values, slopes, curvatures = [], [], []
-        for block, begin, end in zip(self._blocks, rows[:-1], rows[1:], strict=True):
-            times = block.unknowns.shape[1]
-            z = ca.reshape(x[block.unknowns.ravel(order="F").tolist()], block.unknowns.shape)
-            weights = ca.reshape(multipliers[int(begin) : int(end)], block.lower.shape)
-            values.append(ca.vec(block.rule.value.map(times)(z, block.numbers)))
-            slopes.append(ca.vec(block.rule.jacobian.map(times)(z, block.numbers)))
-            curvatures.append(ca.vec(block.rule.hessian.map(times)(z, block.numbers, weights)))
-        g = ca.vertcat(*values)
-        jacobian = _assembled(
-            ca.vertcat(*slopes), self._jacobian_triplets(rows), (int(rows[-1]), self._size)
-        )
-        hessian = _assembled(
-            ca.vertcat(*curvatures), self._hessian_triplets(), (self._size, self._size)
-        )
-        return x, {
-            "g": g,
-            "jac_g": ca.Function("nlp_jac_g", [x, p], [g, jacobian]),
-            "hess_lag": ca.Function(
-                "nlp_hess_l", [x, p, objective_multiplier, multipliers], [hessian]
-            ),
-        }
-
-    def _jacobian_triplets(self, first_rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        rows, columns = [], []
-        for block, begin in zip(self._blocks, first_rows[:-1], strict=True):
-            row, column = block.rule.jacobian_places
-            first = begin + np.arange(block.lower.shape[1]) * block.lower.shape[0]
-            rows.append((first[:, None] + row).ravel())
-            columns.append(block.unknowns[column].T.ravel())
-        return np.concatenate(rows), np.concatenate(columns)
-
-    def _hessian_triplets(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return places of all second derivatives, -1 for the zero that every rule begins with."""
-        rows, columns = [], []
-        for block in self._blocks:
-            none = np.full((block.unknowns.shape[1], 1), -1)
-            row, column = block.rule.hessian_places
-            rows.append(np.hstack([none, block.unknowns[row].T]).ravel())
-            columns.append(np.hstack([none, block.unknowns[column].T]).ravel())
-        row, column = np.concatenate(rows), np.concatenate(columns)
-        below = row > column  # only the upper triangle is asked for
-        return np.where(below, -1, row), np.where(below, -1, column)
-
 
 def _block(
-    rule: Rule, unknowns: np.ndarray, numbers: np.ndarray, lower: object, upper: object
+    rule: ca.Function, unknowns: np.ndarray, numbers: np.ndarray, lower: object, upper: object
 ) -> _Block:
-    shape = (rule.value.size1_out(0), unknowns.shape[1])
+    shape = (rule.size1_out(0), unknowns.shape[1])
     bounds = (np.array(np.broadcast_to(bound, shape), dtype=float) for bound in (lower, upper))
     return _Block(rule, unknowns, numbers, *bounds)
 
 
-def _assembled(
-    values: ca.MX, triplets: tuple[np.ndarray, np.ndarray], shape: tuple[int, int]
-) -> ca.MX:
-    """Return a sparse matrix of values at triplets; those at the same place are added."""
-    rows, columns = triplets
-    used = np.flatnonzero(rows >= 0)
-    keys, target = np.unique(columns[used] * shape[0] + rows[used], return_inverse=True)
-    pattern = ca.Sparsity.triplet(*shape, (keys % shape[0]).tolist(), (keys // shape[0]).tolist())
-    adding = sparse.csc_matrix(
-        (np.ones(len(used)), (target, used)), shape=(len(keys), values.shape[0])
-    )
-    return ca.MX(pattern, ca.DM(adding) @ values)
+def _applied(block: _Block, unknown: ca.MX) -> ca.MX:
+    """Return the values of a rule that is applied many times, one below the other."""
+    columns = ca.reshape(unknown[block.unknowns.ravel(order="F").tolist()], block.unknowns.shape)
+    return ca.vec(block.rule.map(block.unknowns.shape[1])(columns, block.numbers))
