@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import SLIDE
+from small_cycle import planned_cycle
 from stored_trajectories import STOP, stored_trajectory
 
-from cases import SLIDE
 from tubeplanner import (
     LimitOverrides,
     PlanningProblem,
@@ -140,6 +141,12 @@ def planned(bundled, shared):
         return problem, shared(key, lambda: plan(problem, PlanOptions(method, slack=0.0)))
 
     return of
+
+
+@pytest.fixture(scope="session")
+def small_plan(shared):
+    """The plan of the small cycle, once a session for all tests of all workers."""
+    return shared("small_cycle", planned_cycle)
 
 
 @pytest.fixture
