@@ -12,31 +12,16 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from refusals import RefusalCase, refusal_cases
+from refusals import refusal_cases
 from tubeplanner import load_problem, plan
 from tubeplanner.commands.explanation_report import explanation_text
 from tubeplanner.explanation.explain import explain
 from tubeplanner.explanation.explanation import Explanation
 from tubeplanner.explanation.remedy import Remedy
-from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.many.worker_processes import WorkerProcesses
 from tubeplanner.planning.plan_options import PlanOptions
 
 OPTIONS = PlanOptions(quality="fast", slack=0.0)
-
-
-def changes_of(case: RefusalCase, bundled: str) -> dict[str, Any]:
-    """Return a case's changes by field path, as `explain` takes them."""
-    obstacles = PosedProblem.read(bundled).document.get("obstacles") or []
-    changes: dict[str, Any] = {}
-    for section, value in case.changes.items():
-        if section == "obstacles":
-            changes[section] = [*obstacles, *value]
-        elif isinstance(value, Mapping) and section != "start":
-            changes |= {f"{section}.{key}": kept for key, kept in value.items()}
-        else:
-            changes[section] = value
-    return changes
 
 
 def faults(found: Explanation, bundled: str, changes: Mapping[str, Any]) -> list[str]:
@@ -71,7 +56,7 @@ def main() -> int:
         if asked.only not in f"{case.name} {case.bundled}" or (numbers and number not in numbers):
             continue
         bundled = f"example:{case.bundled}"
-        changes, begun = changes_of(case, bundled), time.monotonic()
+        changes, begun = case.field_changes(), time.monotonic()
         with WorkerProcesses(asked.processes) as executor:
             found = explain(
                 bundled, changes=changes, time_limit=asked.time_limit, executor=executor

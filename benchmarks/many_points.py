@@ -3,12 +3,11 @@
     python benchmarks/many_points.py [--against CHECKOUT] [--only SUBSTRING] [--limit SECONDS]
 
 Plans a circle and a spline, each of 12 to 2,000 points, bundled problems whose segments are cut
-into short ones, scans that run backwards, bends more sharply than the tube is wide, and zigzags of
-many sharp corners. Prints durations, processor times and peaks of memory (every plan is a process
-of its own) beside another checkout's, plan by plan in turns; where that takes longer than the
-limit, nothing. Exit status 1 if a plan is not certified, if a path of 25 points or more becomes
-more than 1 % slower than the fastest of them, or if 500 points take more than 2.5 times as long to
-plan as 12.
+into short ones, scans that run backwards, and a wave. Prints durations, processor times and peaks
+of memory (every plan is a process of its own) beside another checkout's, plan by plan in turns;
+where that takes longer than the limit, nothing. Exit status 1 if a plan is not certified, if a path
+of 25 points or more becomes more than 1 % slower than the fastest of them, or if 500 points take
+more than 2.5 times as long to plan as 12.
 """
 
 import argparse
@@ -25,7 +24,6 @@ RADII = (0.010, 0.002)
 CUT = ("ur5/over_the_wall", "panda/between_shelves", "xarm7/from_crate_to_crate")
 PARTS = (1, 4, 16)
 NOISE = 0.001  # [m], standard deviation
-LEGS = (40, 60)
 MOST_SLOWER, MOST_CPU = 1.01, 2.5
 ENOUGH = 25  # points, from which on all must be equally fast
 # The second of two plans counts, so that libraries are loaded and covers known.
@@ -95,11 +93,7 @@ def cases() -> list[Case]:
         Case(f"scan {1000 * radius:g} mm", 200, scan(200, radius)) for radius in (0.005, 0.002)
     ]
     found.append(Case("wave of 2.5 mm bends, 10 mm", 400, wave(400, 0.010)))
-    return found + [
-        Case(f"zigzag of {legs} legs, {1000 * radius:g} mm", legs, zigzag(legs, radius))
-        for radius in (0.005, 0.002)
-        for legs in LEGS
-    ]
+    return found
 
 
 def circle(count: int, radius: float) -> dict[str, Any]:
@@ -153,19 +147,6 @@ def wave(count: int, radius: float) -> dict[str, Any]:
         points.append(
             [0.35 + x, fade * amplitude * math.sin(x / math.sqrt(0.0025 * amplitude)), 0.3]
         )
-    return on_points(points, radius)
-
-
-def zigzag(legs: int, radius: float) -> dict[str, Any]:
-    """Return a UR5 that goes to and fro by 3 cm at right angles, 1 cm ahead each time."""
-    points = [
-        [0.35 + 0.01 * (k // 2), 0.03 * ((k + 1) // 2 % 2) - 0.015, 0.3] for k in range(legs + 1)
-    ]
-    return on_points(points, radius)
-
-
-def on_points(points: list[list[float]], radius: float) -> dict[str, Any]:
-    """Return the UR5 of the spline on other points."""
     data = spline(1, radius)
     data["tube"]["points"] = points
     return data

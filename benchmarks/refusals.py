@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-
 from shared import HERE, Checkout
+from tubeplanner.many.posed_problem import PosedProblem
 
 # How much of a plan's processor time a refusal may take: seen before anything is planned, or not.
 MOST_EARLY, MOST_LATE = 0.3, 5.0
@@ -31,11 +30,11 @@ _BLOCKED, _FAR, _HEAVY = "tube_blocked", "unreachable", "gravity_exceeds_effort"
 # Planned by either checkout's own package; the least of the times counts.
 DRIVER = """
 import json, sys, time
-from tubeplanner import parse_problem, plan
+from tubeplanner import load_problem, plan
 for line in sys.stdin:
-    question = json.loads(line)
-    problem, times = parse_problem(question["data"]), []
-    for _ in range(question["repeats"]):
+    name, changes, repeats = json.loads(line)
+    problem, times = load_problem(name, changes=changes), []
+    for _ in range(repeats):
         begun = time.process_time()
         result = plan(problem, SHORTEST)
         times.append(time.process_time() - begun)
@@ -67,19 +66,18 @@ class RefusalCase:
         """The largest share of a plan's processor time."""
         return MOST_EARLY if self.is_early else MOST_LATE
 
-
-def changed(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a problem file's content with a case's changes."""
-    merged = dict(data)
-    for key, value in changes.items():
-        before = merged.get(key)
-        if isinstance(before, Mapping) and isinstance(value, Mapping) and key != "start":
-            merged[key] = {**before, **value}
-        elif key == "obstacles":
-            merged[key] = [*(before or []), *value]
-        else:
-            merged[key] = value
-    return merged
+    def field_changes(self) -> dict[str, Any]:
+        """Return the changes by field path, obstacles together with those of the bundled one."""
+        obstacles = PosedProblem.read(f"example:{self.bundled}").document.get("obstacles") or []
+        changes: dict[str, Any] = {}
+        for section, value in self.changes.items():
+            if section == "obstacles":
+                changes[section] = [*obstacles, *value]
+            elif isinstance(value, Mapping):
+                changes |= {f"{section}.{key}": each for key, each in value.items()}
+            else:
+                changes[section] = value
+        return changes
 
 
 def refusal_cases() -> tuple[RefusalCase, ...]:
@@ -95,20 +93,15 @@ class Planning:
         self._checkout = Checkout(folder, DRIVER)
         self._times: dict[str, float] = {}
 
-    def plan(self, data: dict, repeats: int = 1) -> dict:
-        """Return status, message, place and processor time [s] of a problem's plan."""
-        return self._checkout.ask({"data": data, "repeats": repeats})
+    def plan(self, bundled: str, changes: dict[str, Any], repeats: int) -> dict[str, Any]:
+        """Return status, message, place and processor time [s] of a changed problem's plan."""
+        return self._checkout.ask((f"example:{bundled}", changes, repeats))
 
     def time_of(self, bundled: str) -> float:
         """Return the processor time [s] of a bundled problem's plan, measured once."""
         if bundled not in self._times:
-            self._times[bundled] = self.plan(bundled_data(bundled), repeats=3)["cpu"]
+            self._times[bundled] = self.plan(bundled, {}, repeats=3)["cpu"]
         return self._times[bundled]
-
-
-def bundled_data(name: str) -> dict:
-    """Return the content of a bundled problem's file."""
-    return YAML(typ="safe").load((HERE / "robots" / f"{name}.yaml").read_text())
 
 
 def fault(case: RefusalCase, answer: dict, share: float) -> str:
@@ -134,10 +127,10 @@ def main() -> int:
     for case in refusal_cases():
         if options.only not in f"{case.name} {case.bundled}":
             continue
-        data, row = changed(bundled_data(case.bundled), case.changes), ""
+        changes, row = case.field_changes(), ""
         for checkout in checkouts:
             planned = checkout.time_of(case.bundled)
-            answer = checkout.plan(data, 2 if case.is_early else 1)
+            answer = checkout.plan(case.bundled, changes, 2 if case.is_early else 1)
             share = answer["cpu"] / planned
             row += f"{planned:9.2f}{answer['cpu']:9.2f}{share:9.2f}"
         wrong = fault(case, answer, share)
