@@ -1,19 +1,17 @@
 """Answers of the planner: bundled problems, bases, persistence, tiny motions."""
 
-import copy
-import time
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from cases import PROBLEMS, SHORTEST
 from gantry import gantry
 from placed_problem import SHIFT, TURN, bundled_fields, placed_fields
 from ruamel.yaml import YAML
 from stored_trajectories import REFINEMENT
 
-from cases import PROBLEMS, SHORTEST, slow_but
 from tubeplanner import (
+    LimitOverrides,
     Obstacle,
     OptionError,
     Payload,
@@ -46,40 +44,57 @@ from tubeplanner.progress import PlanningClock
 from tubeplanner.resources import bundled_problems
 
 STOP, SEARCH = "stop-at-corners", "branch-and-bound"
-QUICK = "panda/between_shelves"  # its search is the shortest
+FEW = PlanOptions(SEARCH, candidate_points=15)  # a quick search
+# Durations [s], refinement at its default quality: the shortest over the processor types Haswell,
+# Prescott, Zen and SandyBridge (OPENBLAS_CORETYPE) and a processor with AVX-512. They round
+# differently and end a little elsewhere, those of panda/between_shelves by up to 0.15 %. Those of
+# the paper's examples are 1 to 5 % below what a direct transcription with a general solver reached
+# on 80 intervals.
+BEST = {
+    "two_link/around_a_post": 0.82896,
+    "two_link/paper_1_10mm": 0.69881,
+    "two_link/paper_1_50mm": 0.66398,
+    "two_link/paper_2_30mm": 0.34860,
+    "two_link/paper_3_10mm": 0.68537,
+    "two_link/paper_4_50mm": 0.62935,
+    "two_link/paper_5_10mm": 1.00817,
+    "two_link/paper_5_50mm": 0.95534,
+    "ur5/over_the_wall": 0.49888,
+    "ur5/level_tray": 0.65726,
+    "ur10/onto_a_conveyor": 0.82789,
+    "panda/between_shelves": 0.58605,
+    "xarm7/from_crate_to_crate": 0.48494,
+}
+EACH, TOGETHER = 1.006, 1.002
 
 
-@pytest.mark.parametrize(
-    ("name", "method"),
-    [(name, "refinement") for name in PROBLEMS]
-    + slow_but([(QUICK, SEARCH)], [(name, SEARCH) for name in PROBLEMS]),
-)
-def test_bundled_problems_are_planned_and_certified(name, method, planned):
-    problem, result = planned(name, method)
-    assert result.status is PlanStatus.SUCCESS
+def dear_arms(names, why):
+    """Return names for `parametrize`: those of arms with more than two joints are dear."""
+    dear = pytest.mark.dear(why)
+    return [pytest.param(name, marks=() if "two_link" in name else dear) for name in names]
+
+
+@pytest.mark.parametrize("name", dear_arms(BEST, "plans a problem"))
+def test_a_plan_is_certified_and_takes_no_longer_than_the_best_known(name, planned):
+    problem, result = planned(name, REFINEMENT)
+    assert (result.status, result.method) == (PlanStatus.SUCCESS, REFINEMENT)
     assert result.certificate.passed
-    assert verify(problem, result.trajectory).passed
     assert 0 < result.certificate_time < result.planning_time
+    assert result.duration <= EACH * BEST[name]
+    if name.endswith("10mm"):  # the narrower, the longer it takes: nothing of it is given away
+        margin = result.certificate.conditions["tube"].margin
+        assert 0 <= margin <= 0.01 * problem.tube.radius.min()
 
 
-@pytest.mark.parametrize("name", slow_but([QUICK], PROBLEMS))
-def test_the_result_says_which_method_was_faster(name, planned):
-    _, stopping = planned(name)
-    _, result = planned(name, "branch-and-bound")
-    assert (stopping.method, stopping.search, stopping.phase1_duration) == (STOP, None, None)
-    assert not result.search.budget_reached
-    if result.method == STOP:
-        assert result.duration == stopping.duration
-        assert result.phase1_duration is None
-        assert result.message.endswith("; branch and bound found nothing faster")
-    else:
-        assert result.method == "branch-and-bound"
-        assert result.phase1_duration == result.duration < stopping.duration
+@pytest.mark.dear("plans all of them, where no other test did")
+def test_nor_do_all_of_them_together(planned):
+    ratios = [planned(name, REFINEMENT)[1].duration / best for name, best in BEST.items()]
+    assert np.exp(np.mean(np.log(ratios))) <= TOGETHER
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", dear_arms(PROBLEMS, "plans a problem"))
 def test_bundled_problems_are_worth_looking_at(name, planned):
-    """A turn of 90 degrees, a radius of at most 3 cm, an obstacle within 5 cm of a link."""
+    """A turn of 90 degrees, at most 3 cm, an obstacle within 5 cm; refined, far faster."""
     problem, result = planned(name)
     along = np.diff(problem.tube.points, axis=0)
     along /= np.linalg.norm(along, axis=1)[:, None]
@@ -87,8 +102,32 @@ def test_bundled_problems_are_worth_looking_at(name, planned):
     assert turn.max() >= 90 - 1e-9
     assert problem.tube.radius.min() <= 0.03
     assert result.certificate.conditions["obstacles"].margin + problem.clearance < 0.05
+    assert (result.method, result.search, result.phase1_duration) == (STOP, None, None)
+    assert planned(name, REFINEMENT)[1].duration < 0.6 * result.duration
 
 
+@pytest.mark.slow  # searches, of seconds each
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_the_search_says_which_method_was_faster(name, planned):
+    _, stopping = planned(name)
+    problem, result = planned(name, SEARCH)
+    assert verify(problem, result.trajectory).passed
+    assert not result.search.budget_reached
+    require_said(result, stopping)
+
+
+def require_said(result, stopping):
+    """Raise unless the search's answer says which method was faster."""
+    if result.method == STOP:
+        assert result.duration == stopping.duration
+        assert result.phase1_duration is None
+        assert "; branch and bound found nothing faster" in result.message
+    else:
+        assert result.method == SEARCH
+        assert result.phase1_duration == result.duration < stopping.duration
+
+
+@pytest.mark.dear("plans a problem")
 def test_a_problem_with_every_field_is_planned():
     """The sample has every field of the format, whether at its default or not."""
     path = bundled_problems()["ur5/every_field"]
@@ -98,8 +137,7 @@ def test_a_problem_with_every_field_is_planned():
     assert set(fields) == set(ProblemFields.model_fields)
     kinds = {key for obstacle in fields["obstacles"] for key in obstacle}
     assert kinds == set(ObstacleFields.model_fields)
-    result = plan(load_problem("example:ur5/every_field"))
-    assert result.succeeded
+    assert plan(load_problem("example:ur5/every_field"), PlanOptions(quality="fast")).succeeded
 
 
 def two_link_problem(two_link, obstacles=(), radius=0.03, **more):
@@ -122,7 +160,7 @@ def test_an_obstacle_in_the_tube_is_named_with_link_place_and_depth(two_link):
 
 def test_branch_and_bound_may_pass_what_blocks_the_reference_path(two_link):
     ball = Obstacle.sphere("ball", 0.04, placement_of([0.36, 0.0, 0.05]))
-    result = plan(two_link_problem(two_link, [ball]), PlanOptions(SEARCH))
+    result = plan(two_link_problem(two_link, [ball]), FEW)
     assert result.succeeded
     assert result.method == SEARCH
     assert 0 < result.certificate.conditions["obstacles"].margin < 0.01
@@ -212,23 +250,20 @@ def test_a_time_limit_ends_planning(two_link):
     result = plan(two_link_problem(two_link), PlanOptions(time_limit=1e-9))
     assert result.status is PlanStatus.TIME_LIMIT
     assert "time limit of 1e-09 s" in result.message
+    assert result.path_minimum is None
 
 
-def test_stages_are_announced(two_link):
-    stages = []
-    plan(two_link_problem(two_link), PlanOptions(STOP), stages.append)
-    assert [str(progress) for progress in stages] == [
+def test_stages_and_the_progress_of_the_search_are_announced(two_link):
+    told = []
+    result = plan(two_link_problem(two_link), PlanOptions(SEARCH, candidate_points=20), told.append)
+    search = [progress for progress in told if progress.nodes is not None]
+    assert [str(progress) for progress in told[: told.index(search[0])]] == [
         "start and goal",
         "inverse kinematics along the reference path",
         "trajectory along it, stopping at corners",
         "certificate",
+        "candidate points on the reference path",
     ]
-
-
-def test_the_progress_of_the_search_is_told(two_link):
-    told = []
-    result = plan(two_link_problem(two_link), PlanOptions(SEARCH), told.append)
-    search = [progress for progress in told if progress.nodes is not None]
     assert [progress.nodes for progress in search] == sorted(p.nodes for p in search)
     bounds = [p.lower_bound for p in search if p.lower_bound is not None]
     assert bounds == sorted(bounds)
@@ -236,15 +271,17 @@ def test_the_progress_of_the_search_is_told(two_link):
     assert best == sorted(best, reverse=True)
     assert best[-1] == result.duration < best[0]
     assert str(search[3]).startswith(f"branch and bound, {search[3].nodes} nodes, at least 0.")
+    assert (result.method, result.phase1_duration) == (SEARCH, result.duration)
 
 
 class Clock:
-    """Stands for the module `time`: it goes on only when told to."""
+    """Stands for the module `time`: it goes on only when told to, or by so much at each look."""
 
     def __init__(self):
-        self.now = 0.0
+        self.now, self.step = 0.0, 0.0
 
     def perf_counter(self):
+        self.now += self.step
         return self.now
 
 
@@ -269,24 +306,41 @@ def test_the_time_limit_keeps_the_best_that_is_certified(two_link, clock):
     assert clock.now < 2.0
 
 
-@pytest.mark.parametrize("method", [STOP, "branch-and-bound"])
-def test_an_interrupt_keeps_the_best_that_is_certified(method):
+def test_the_time_limit_holds_while_the_search_is_prepared(two_link, clock):
+    stages = []
+
+    def hasten(progress):
+        stages.append(progress.stage)
+        if progress.stage == "candidate points on the reference path":
+            clock.step = 0.01
+
+    options = PlanOptions(SEARCH, candidate_points=1000, time_limit=1.0)
+    result = plan(two_link_problem(two_link), options, hasten)
+    assert (result.succeeded, result.method) == (True, STOP)
+    assert (result.stopped_by, result.search) == ("time_limit", None)
+    assert "branch and bound" not in stages
+
+
+@pytest.mark.parametrize(
+    ("stage", "method"),
+    [("candidate points on the reference path", STOP), ("branch and bound", STOP), ("", SEARCH)],
+)
+def test_an_interrupt_keeps_the_best_that_is_certified(two_link, stage, method):
     """Ctrl-C before and after the search has an answer of its own."""
     durations = []
 
     def interrupt(progress):
         if progress.nodes is not None:
             durations.append(progress.best_duration)
-            if method == STOP or durations[-1] < durations[0]:
-                raise KeyboardInterrupt
+        if progress.stage == stage or (durations and durations[-1] < durations[0]):
+            raise KeyboardInterrupt
 
-    problem = load_problem("example:two_link/around_a_post")
-    result = plan(problem, PlanOptions(SEARCH), interrupt)
+    result = plan(two_link_problem(two_link), PlanOptions(SEARCH), interrupt)
     assert result.succeeded
     assert result.stopped_by == "interrupt"
     assert result.certificate.passed
     assert result.method == method
-    assert result.duration == durations[-1]
+    assert durations[-1:] in ([], [result.duration])
 
 
 def test_an_interrupt_before_anything_is_certified_is_passed_on(two_link):
@@ -298,11 +352,15 @@ def test_an_interrupt_before_anything_is_certified_is_passed_on(two_link):
 
 
 def test_the_node_budget_is_reported_when_it_binds(two_link):
-    result = plan(two_link_problem(two_link), PlanOptions(SEARCH, node_budget=64))
+    problem = two_link_problem(two_link)
+    result = plan(problem, PlanOptions(SEARCH, node_budget=64))
     assert result.succeeded
     assert result.search.budget_reached
     assert 64 <= result.search.nodes < 100
     assert result.message.endswith("; the search ended at its budget of 64 nodes")
+    require_said(result, plan(problem, PlanOptions(STOP)))
+    short = plan(problem, PlanOptions(SEARCH, candidate_points=2))
+    assert (short.method, short.message.endswith("found nothing faster")) == (STOP, True)
 
 
 def test_options_are_checked_when_they_are_made():
@@ -320,10 +378,8 @@ def test_options_are_checked_when_they_are_made():
         PlanOptions(node_budget=0)
 
 
-def test_limits_scaled_down_slow_the_trajectory_down(planned, two_link):
+def test_limits_scaled_down_slow_the_trajectory_down(two_link):
     """Half the effort, no gravity: the same shape takes sqrt(2) times as long."""
-    from tubeplanner import LimitOverrides
-
     unlimited = {"joint1": np.inf, "joint2": np.inf}
     half = LimitOverrides(velocity=unlimited, scale={"effort": 0.5})
     weak = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=half)
@@ -348,59 +404,6 @@ def test_a_closed_loop_is_planned(two_link, given_goal):
     nearest = np.linalg.norm(path - points[1], axis=1).min()
     assert ("; it passes reference point 1 at" in result.message) == (nearest > 0.06)
     assert nearest <= far
-
-
-@pytest.mark.parametrize("stage", ["candidate points on the reference path", "branch and bound"])
-def test_an_interrupt_at_any_later_stage_keeps_what_is_certified(two_link, stage):
-    def interrupt(progress):
-        if progress.stage == stage:
-            raise KeyboardInterrupt
-
-    result = plan(two_link_problem(two_link), PlanOptions(SEARCH), interrupt)
-    assert result.succeeded
-    assert result.stopped_by == "interrupt"
-
-
-def test_the_time_limit_holds_while_the_search_is_prepared(monkeypatch):
-    """In processor time, of which other work on the machine takes nothing."""
-    problem = load_problem("example:xarm7/from_crate_to_crate")
-    own = SimpleNamespace(perf_counter=time.process_time)
-    monkeypatch.setattr("tubeplanner.progress.time", own)
-    begin = time.process_time()
-    result = plan(problem, PlanOptions(SEARCH, candidate_points=1000, time_limit=0.25))
-    assert time.process_time() - begin < 1.25
-    assert result.succeeded
-    assert result.method == STOP
-    assert result.stopped_by == "time_limit"
-    assert result.search is None
-
-
-# What a direct transcription with a general solver reached [s], 80 intervals, by example and mm.
-POSSIBLE = {
-    (1, 10): 0.706,
-    (1, 50): 0.671,
-    (2, 30): 0.353,
-    (3, 10): 0.693,
-    (4, 50): 0.636,
-    (5, 10): 1.057,
-    (5, 50): 0.956,
-}
-
-
-@pytest.mark.parametrize(("example", "radius"), list(POSSIBLE))
-def test_refinement_reaches_what_is_possible_on_the_papers_examples(example, radius, planned):
-    _, result = planned(f"two_link/paper_{example}_{radius}mm", "refinement")
-    assert result.method == "refinement"
-    assert result.duration < 1.005 * POSSIBLE[example, radius]
-
-
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_refinement_is_far_faster(name, planned):
-    """Also where a carried box would meet its pallet, and where a tray must stay level."""
-    _, stopping = planned(name)
-    _, result = planned(name, "refinement")
-    assert result.method == "refinement"
-    assert result.duration < 0.6 * stopping.duration
 
 
 def test_the_duration_falls_while_refining(two_link):
@@ -446,7 +449,7 @@ def test_stopping_at_corners_is_provided_when_a_quarter_of_the_time_has_passed(t
     assert (result.succeeded, result.method, result.stopped_by) == (True, STOP, "time_limit")
 
 
-@pytest.mark.parametrize("steps", range(1, 40, 4))
+@pytest.mark.parametrize("steps", [1, 13, 37])
 def test_whatever_refinement_has_when_it_is_stopped_is_an_answer(two_link, steps):
     """Also between coarse and fine knots: with its certificate, its sensitivities, its notes."""
     count = 0
@@ -466,6 +469,7 @@ def test_whatever_refinement_has_when_it_is_stopped_is_an_answer(two_link, steps
     assert any(knots in note for note in result.notes) == refined
 
 
+@pytest.mark.dear("plans with the best quality")
 def test_fewer_knots_are_a_little_slower_and_more_a_little_faster(two_link):
     problem = two_link_problem(two_link)
     fast, balanced, best = (
@@ -476,11 +480,7 @@ def test_fewer_knots_are_a_little_slower_and_more_a_little_faster(two_link):
     assert 0.98 * balanced < best <= balanced
 
 
-def test_the_same_problem_gives_the_same_refinement(two_link):
-    first, second = (plan(two_link_problem(two_link), SHORTEST) for _ in range(2))
-    np.testing.assert_array_equal(first.trajectory.coefficients, second.trajectory.coefficients)
-
-
+@pytest.mark.dear("plans a problem")
 def test_a_machine_with_acceleration_and_jerk_limits_keeps_them(planned):
     """The Panda as its manufacturer specifies it: slower than without, and certified."""
     problem, result = planned("panda/between_shelves_as_specified", "refinement")
@@ -495,8 +495,8 @@ def test_a_machine_with_acceleration_and_jerk_limits_keeps_them(planned):
 def test_any_order_of_visits_is_searched(two_link):
     """Phases are visited in order; a union takes the other road."""
     tube = Tube([[0.3, -0.3, 0], [0.3, 0.3, 0]], 0.03, joint_signs={"joint2": "-"}, visit="any")
-    result = plan(PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0]))), SHORTEST)
-    assert result.method == SEARCH
+    problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
+    assert plan(problem, PlanOptions(candidate_points=15, slack=0.0)).method == SEARCH
 
 
 # A problem whose cell is moved together with its robot is the same problem.
@@ -504,22 +504,27 @@ def test_any_order_of_visits_is_searched(two_link):
 
 # FCL finds a distance this well [m].
 ROUNDING = 1e-5
-PLACES = {"shifted": SHIFT, "turned": TURN}
 
 
-def placed(name, place):
+def placed(name, place=TURN):
     folder = bundled_problems()[name].parent
-    return parse_problem(placed_fields(bundled_fields(name), PLACES[place]), folder)
+    return parse_problem(placed_fields(bundled_fields(name), place), folder)
 
 
-@pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_the_judge_finds_the_same_margins(name, place, bundled, stored):
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("two_link/around_a_post", SHIFT),
+        pytest.param("ur5/level_tray", TURN, marks=pytest.mark.dear("two covers and verdicts")),
+        pytest.param("ur10/onto_a_conveyor", TURN, marks=pytest.mark.dear("two verdicts")),
+    ],
+)
+def test_the_judge_has_the_same_margins_elsewhere(name, place, bundled, stored):
     _, trajectory = stored(name, REFINEMENT)
     expected = verify(bundled(name), trajectory).conditions
-    found = verify(placed(name, place), trajectory).conditions
-    assert found.keys() == expected.keys()
-    for condition, one in found.items():
+    moved = verify(placed(name, place), trajectory).conditions
+    assert moved.keys() == expected.keys()
+    for condition, one in moved.items():
         if one.margin is None:  # nothing is asked
             assert expected[condition].margin is None
         else:
@@ -527,12 +532,11 @@ def test_the_judge_finds_the_same_margins(name, place, bundled, stored):
             assert one.margin == pytest.approx(expected[condition].margin, rel=1e-6, abs=rounding)
 
 
-@pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("name", ["two_link/around_a_post", "ur5/over_the_wall", "ur5/level_tray"])
-def test_it_has_the_same_answer(name, place, bundled):
-    result, other = plan(bundled(name), SHORTEST), plan(placed(name, place), SHORTEST)
-    assert other.duration == pytest.approx(result.duration, rel=2e-4)
-    start, begun = (each.trajectory.position(0.0) for each in (result, other))
+def test_the_plan_is_the_same_elsewhere(planned):
+    name = "two_link/around_a_post"
+    result, moved = planned(name, REFINEMENT)[1], plan(placed(name), SHORTEST)
+    assert moved.duration == pytest.approx(result.duration, rel=2e-4)
+    start, begun = (each.trajectory.position(0.0) for each in (result, moved))
     np.testing.assert_allclose(begun, start, rtol=0, atol=1e-9)
 
 
@@ -545,15 +549,13 @@ def test_a_moved_base_alone_is_another_problem(bundled):
     assert problem_hash(parse_problem(fields)) != problem_hash(bundled(name))
 
 
-def test_covers_and_pairs_of_links_are_those_of_the_arm_alone(bundled):
-    plain, turned = bundled("ur5/over_the_wall"), placed("ur5/over_the_wall", "turned")
+@pytest.mark.dear("covers an arm")
+def test_links_are_covered_and_seen_as_those_of_the_arm_alone(bundled):
+    """Those that stand too, by those that move."""
+    plain, turned = bundled("ur5/over_the_wall"), placed("ur5/over_the_wall")
     assert turned.collision.left_out == plain.collision.left_out
     np.testing.assert_array_equal(turned.collision.pairs, plain.collision.pairs)
     assert link_covers(turned.collision) == link_covers(plain.collision)
-
-
-def test_links_that_stand_are_seen_by_those_that_move(bundled):
-    plain, turned = bundled("ur5/over_the_wall"), placed("ur5/over_the_wall", "turned")
     q = np.random.default_rng(3).uniform(-2, 2, (20, 6))
     distances = []
     for problem in (plain, turned):
@@ -564,54 +566,10 @@ def test_links_that_stand_are_seen_by_those_that_move(bundled):
 
 
 def test_a_base_that_is_none_names_the_problem():
-    fields = copy.deepcopy(bundled_fields("ur5/over_the_wall"))
+    fields = bundled_fields("ur5/over_the_wall")
     fields["robot"]["base"] = {"rpy": [0, 0, 0], "quaternion": [0, 0, 0, 1]}
     with pytest.raises(RobotError, match=r"problem: robot\.base takes rpy or quaternion, not both"):
         parse_problem(fields)
-
-
-# How long the bundled problems take, beside the best that is known of each.
-
-
-# Durations [s], refinement at its default quality: the shortest over the processor types Haswell,
-# Prescott, Zen and SandyBridge (OPENBLAS_CORETYPE) and a processor with AVX-512. They round
-# differently and end a little elsewhere, those of panda/between_shelves by up to 0.15 %.
-BEST = {
-    "two_link/around_a_post": 0.82896,
-    "two_link/paper_1_10mm": 0.69881,
-    "two_link/paper_1_50mm": 0.66398,
-    "two_link/paper_2_30mm": 0.34860,
-    "two_link/paper_3_10mm": 0.68537,
-    "two_link/paper_4_50mm": 0.62935,
-    "two_link/paper_5_10mm": 1.00817,
-    "two_link/paper_5_50mm": 0.95534,
-    "ur5/over_the_wall": 0.49888,
-    "ur5/level_tray": 0.65726,
-    "ur10/onto_a_conveyor": 0.82789,
-    "panda/between_shelves": 0.58605,
-    "xarm7/from_crate_to_crate": 0.48494,
-}
-EACH, TOGETHER = 1.006, 1.002
-
-
-@pytest.mark.parametrize("name", BEST)
-def test_no_problem_takes_longer_than_the_best_known(name, planned):
-    _, result = planned(name, "refinement")
-    assert result.method == "refinement"
-    assert result.duration <= EACH * BEST[name]
-
-
-def test_nor_do_all_of_them_together(planned):
-    ratios = [planned(name, "refinement")[1].duration / best for name, best in BEST.items()]
-    assert np.exp(np.mean(np.log(ratios))) <= TOGETHER
-
-
-@pytest.mark.parametrize("name", ["two_link/paper_1_10mm", "two_link/paper_5_10mm"])
-def test_the_radius_is_used_to_its_last_hundredth(name, planned):
-    """The narrower the tube, the longer it takes: nothing of it is given away."""
-    problem, result = planned(name, "refinement")
-    margin = result.certificate.conditions["tube"].margin
-    assert 0 <= margin <= 0.01 * problem.tube.radius.min()
 
 
 # Planning that gives up early: quick refusals, and the same answers.
@@ -629,9 +587,11 @@ def stages_of(problem, options):
     return result, list(dict.fromkeys(stages))
 
 
-def test_an_answer_is_the_same():
-    problem = load_problem(POST)
+def test_an_answer_is_the_same_and_other_methods_take_no_notice():
+    problem = load_problem("example:two_link/paper_2_30mm")
     assert plan(problem, EARLY).duration == plan(problem, FAST).duration
+    early, stopping = (plan(problem, replace(each, method=STOP)) for each in (EARLY, FAST))
+    assert early.duration == stopping.duration
 
 
 def test_a_place_without_a_configuration_ends_it_at_once():
@@ -640,13 +600,6 @@ def test_a_place_without_a_configuration_ends_it_at_once():
     assert (result.proved, result.place.obstacle) == (False, "ball")
     assert result.starts_tried
     assert not [stage for stage in stages if "refinement" in stage]
-
-
-@pytest.mark.parametrize("method", ["stop-at-corners", "branch-and-bound"])
-def test_other_methods_take_no_notice(method):
-    problem = load_problem(POST)
-    durations = [plan(problem, replace(each, method=method)).duration for each in (EARLY, FAST)]
-    assert durations[0] == durations[1]
 
 
 def test_the_tool_may_pass_anywhere_in_the_tube():
@@ -669,7 +622,7 @@ POINTS = 0.1 + np.array(
 ACCELERATION, JERK = 4.0, np.array([30.0, 60.0])  # [m/s^2], [m/s^3]
 
 
-def problem(folder, scale, points=POINTS):
+def gantry_problem(folder, scale, points=POINTS):
     """Return the problem of that size: all lengths times the scale, from the same first point."""
     limits = {
         "effort": dict.fromkeys(("along", "across"), float("inf")),
@@ -687,15 +640,12 @@ def problem(folder, scale, points=POINTS):
     return load_problem(gantry(folder, **fields))
 
 
-@pytest.mark.parametrize("scale", [0.1, 0.01, 0.001])
-def test_it_takes_as_long(tmp_path, scale):
-    large, small = (plan(problem(tmp_path, size), SHORTEST) for size in (1.0, scale))
+@pytest.mark.dear("plans three problems")
+def test_a_motion_of_a_thousandth_takes_as_long_there_and_back(tmp_path):
+    large, small, back = (
+        plan(gantry_problem(tmp_path, scale, points), FAST)
+        for scale, points in ((1.0, POINTS), (0.001, POINTS), (0.001, POINTS[::-1]))
+    )
     assert large.succeeded and small.succeeded
     assert small.duration == pytest.approx(large.duration, rel=5e-3)
-
-
-def test_it_takes_as_long_backwards(tmp_path):
-    there, back = (
-        plan(problem(tmp_path, 0.001, points), SHORTEST) for points in (POINTS, POINTS[::-1])
-    )
-    assert there.duration == pytest.approx(back.duration, rel=5e-3)
+    assert small.duration == pytest.approx(back.duration, rel=5e-3)
