@@ -5,41 +5,62 @@ VENV := .venv
 BIN := $(VENV)/bin
 PROBLEM ?= example:ur5/over_the_wall
 JOBS ?= 2
+SEED ?= 1
+# A budget of `make study` for each of its parts [s].
+SECONDS ?= 1800
 NUMERICS := planning refinement verification collision branches trajectory constraints robot native
-# One thread of linear algebra per worker: more would fight for the same cores.
-PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
+# One thread of linear algebra per worker: more would fight for the same cores. Small pieces of the
+# tests are handed out in their order, cheap ones first.
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist load --maxschedchunk 16
+# At the desk the first failure ends a run; CI shows up to twenty.
+FAILURES := --maxfail $(if $(CI),20,1)
+CHEAP := -m "not slow and not dear"
 
-.PHONY: demo test test-slow test-all test-processors test-pure trajectories lint notebooks docs gallery wheel clean
+.PHONY: demo test quick test-slow test-all test-processors test-pure study trajectories
+.PHONY: lint style types layers notebooks docs gallery wheel clean
 
 demo: $(VENV)/.installed
 	mkdir -p output
 	$(BIN)/tubeplanner plan $(PROBLEM) -o output/trajectory.json --csv output/trajectory.csv --plot output/trajectory.png --html output/trajectory.html
 
-test: $(VENV)/.installed-test lint
-	$(PYTEST) -m "not slow"
+# Style, types and layers are checked beside the tests.
+test: $(VENV)/.installed-test
+	$(MAKE) --no-print-directory -j 4 lint quick
+
+quick: $(VENV)/.installed-test
+	$(PYTEST) -q $(FAILURES) -m "not slow"
 
 test-slow: $(VENV)/.installed-test
-	$(PYTEST) -m slow
+	$(PYTEST) -q $(FAILURES) --durations 5 -m slow
 
-test-all: $(VENV)/.installed-test lint
-	$(PYTEST)
+test-all: test test-slow
 
-# The numerics again, rounded as other processors round.
+# The cheap tests of numerics again, rounded as another processor rounds.
 test-processors: $(VENV)/.installed-test
-	$(BIN)/python tests/other_processors.py "$(PYTEST)"
+	$(BIN)/python tests/helpers/other_processors.py '$(PYTEST) -q $(FAILURES) $(CHEAP)' $(PROCESSORS)
 
-# The numerics again, by numpy alone, as where there is no compiler.
+# The cheap tests of numerics again, by NumPy alone, as where there is no compiler.
 test-pure: $(VENV)/.installed-test
-	TUBEPLANNER_PURE=1 $(PYTEST) -m "not slow" $(addprefix tests/,$(NUMERICS))
+	TUBEPLANNER_PURE=1 $(PYTEST) -q $(FAILURES) $(CHEAP) $(addprefix tests/,$(NUMERICS))
+
+# Before a release: what is too long for CI, each part with a seed and a budget in seconds.
+study: $(VENV)/.installed-test
+	STUDY
 
 # Those that tests only look at, planned again; needed when a bundled problem changes.
 trajectories: $(VENV)/.installed-test
-	$(BIN)/python tests/refresh_trajectories.py
+	$(BIN)/python tests/helpers/refresh_trajectories.py
 
-lint: $(VENV)/.installed-test
+lint: style types layers
+
+style: $(VENV)/.installed-test
 	$(BIN)/ruff check src tests benchmarks notebooks docs
 	$(BIN)/ruff format --check src tests benchmarks notebooks docs
+
+types: $(VENV)/.installed-test
 	$(BIN)/mypy
+
+layers: $(VENV)/.installed-test
 	$(BIN)/lint-imports --no-cache --no-logo
 
 # Every notebook runs from its first cell to its last, and becomes a page in output/notebooks.

@@ -1,4 +1,6 @@
-"""Runs the tests of numerics as other processors round; arguments: the command that runs pytest.
+"""Run the tests of numerics as other processors round.
+
+    python tests/helpers/other_processors.py "PYTEST COMMAND" [PROCESSOR ...]
 
 OpenBLAS and NumPy choose their kernels by processor; both can be told to choose an older one's. A
 processor that cannot run a newer one's kernels leaves these out, and says so. That the choice takes
@@ -49,12 +51,12 @@ def environment_of(processor: str, has: list[str]) -> dict[str, str]:
     return {**os.environ, "OPENBLAS_CORETYPE": processor, **more}
 
 
-def main(pytest: str) -> int:
+def main(pytest: str, *processors: str) -> int:
     own, has, build = kernels(dict(os.environ))
     numpy = ", ".join(has) or "its baseline"
     print(f"this processor: OpenBLAS for {own[0]}, NumPy with {numpy}; {build}")
     failed = []
-    for processor in PROCESSORS:
+    for processor in processors or PROCESSORS:
         if processor == "SkylakeX" and "X86_V4" not in has:
             print(f"{processor}: left out, this processor has no AVX-512", flush=True)
             continue
@@ -64,7 +66,7 @@ def main(pytest: str) -> int:
         assert processor != OLDEST or "native" not in build or "baseline" in build, build
         print(f"{processor}: NumPy with {', '.join(numpy) or 'its baseline'}; {build}", flush=True)
         folders = " ".join(f"tests/{folder}" for folder in FOLDERS)
-        command = f'{pytest} -q -m "not slow" {folders}'
+        command = f"{pytest} {folders}"
         if subprocess.run(command, shell=True, env=environment).returncode:
             failed.append(processor)
     print(f"failed: {', '.join(failed)}" if failed else "passed as all of them")
@@ -72,4 +74,4 @@ def main(pytest: str) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main(" ".join(sys.argv[1:])))
+    raise SystemExit(main(*sys.argv[1:]))
