@@ -2,8 +2,7 @@
 
 import ast
 import json
-import subprocess
-import sys
+from functools import cache
 from itertools import combinations_with_replacement
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from follower_arm import RULES, follower_arm
 
 import outside_judge
 from outside.arm import Arm
+from outside.conditions import judge_ends
 from outside.distances import Poses, least_margin, signed_distance
 from outside.files import BadInput, find_urdf
 from outside.problem import read_problem
@@ -29,6 +29,7 @@ from tubeplanner.resources import bundled_problems, example_robot_names, find_de
 BENCHMARKS = Path(outside_judge.__file__).parent
 CASES = Path(__file__).parents[1] / "data/cases"
 SLIGHTLY = 1e-3
+SAMPLES = 500  # divided further where it matters
 
 FOLDING = """<robot name="folding"><link name="base"/>
 {links}<link name="tip"/><joint name="end" type="fixed"><parent link="link3"/><child link="tip"/>
@@ -43,6 +44,9 @@ FOLDING_LINK = """<link name="link{k}"><inertial><origin xyz="0.15 0 0"/><mass v
 
 
 REST_TO_REST = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])  # a unit step in a unit time
+
+
+ARM = cache(lambda frame: load_robot("example:two_link", frame))
 
 
 def limit(upper=9.0, velocity=99.0):
@@ -100,9 +104,23 @@ class Case:
         trajectory.write_text(json.dumps(fields))
         return problem, trajectory
 
+    def judged(self, folder, count=SAMPLES):
+        problem = folder / "problem.yaml"
+        problem.write_text(yaml.safe_dump(self.fields))
+        return Judge(problem).judge(self.trajectory, count)
+
+    def verified(self, folder):
+        """Return the package's own conditions, of the problem that was judged last."""
+        ours = self.trajectory
+        trajectory = JointTrajectory(ours.joint_names, ours.breakpoints, ours.coefficients)
+        return verify(load_problem(folder / "problem.yaml"), trajectory).conditions
+
     def broken(self, folder):
-        found = outside_judge.judge(*self.write(folder))
-        return {n for n, one in found.items() if not one.holds(outside_judge.TOLERANCE)}
+        return {
+            name
+            for name, each in self.judged(folder).items()
+            if not each.holds(outside_judge.TOLERANCE)
+        }
 
 
 @pytest.fixture(scope="session")
@@ -121,17 +139,16 @@ def case(certified):
     return Case(yaml.safe_load(text), trajectory)
 
 
-def bump(case):
-    x = np.poly1d([1.0, 0.0])
-    case.add(len(case.trajectory.breakpoints) // 2, 30.0 * ((x * (1 - x)) ** 3).coeffs)
+def stand_at_its_ends(case):
+    q = case.positions()
+    case.fields["start"], case.fields["goal"] = ({"joints": end.tolist()} for end in (q[0], q[-1]))
 
 
 def beside(case):
     """The tool stays inside the wider segments, and leaves the first by a millimetre."""
     aside = case.tube["radius"][0] + SLIGHTLY
     case.tube["points"] = [[x, y, z + aside] for x, y, z in case.tube["points"]]
-    q = case.positions()
-    case.fields["start"], case.fields["goal"] = ({"joints": end.tolist()} for end in (q[0], q[-1]))
+    stand_at_its_ends(case)
 
 
 def wrong_side(case):
@@ -148,16 +165,8 @@ def too_far(case):
     case.limit("position", {"joint1": [-6.0, highest - SLIGHTLY]})
 
 
-def too_fast(case):
-    case.limit("velocity", {"joint1": case.peak(1) * (1 - SLIGHTLY)})
-
-
-def too_quick(case):
-    case.limit("acceleration", {"joint1": case.peak(2) * (1 - SLIGHTLY)})
-
-
-def too_jerky(case):
-    case.limit("jerk", {"joint1": case.peak(3) * (1 - SLIGHTLY)})
+def less_than_used(quantity, order):
+    return lambda case: case.limit(quantity, {"joint1": case.peak(order) * (1 - SLIGHTLY)})
 
 
 def too_strong(case):
@@ -167,9 +176,10 @@ def too_strong(case):
 
 def too_abrupt(case):
     """The fastest change of an effort, between two samples that are held against each other."""
-    robot = load_robot("example:two_link", case.robot["tool_frame"])
     samples = case.trajectory.samples(20_001)
-    efforts = robot.inverse_dynamics(*(case.trajectory.at(samples, k) for k in range(3)))
+    efforts = ARM(case.robot["tool_frame"]).inverse_dynamics(
+        *(case.trajectory.at(samples, k) for k in range(3))
+    )
     step = np.diff(samples.time)
     inside = (np.diff(samples.piece) == 0) & (step > 0)
     fastest = abs(np.diff(efforts, axis=0)[inside] / step[inside, None]).max(axis=0)
@@ -220,16 +230,14 @@ def turned(case):
 def other_way_round(case):
     for key in ("points", "radius"):
         case.tube[key] = case.tube[key][::-1]
-    q = case.positions()
-    case.fields["start"], case.fields["goal"] = ({"joints": end.tolist()} for end in (q[0], q[-1]))
+    stand_at_its_ends(case)
 
 
 def spur(case, length):
     """Give the tube a way out of its plane and back, from a line where the tool passes by."""
     points, radius = np.array(case.tube["points"]), list(case.tube["radius"])
     begin, along = points[1], points[2] - points[1]
-    arm_tool = load_robot("example:two_link", case.robot["tool_frame"]).tool_position
-    tools = arm_tool(case.positions())
+    tools = ARM(case.robot["tool_frame"]).tool_position(case.positions())
     middle = tools[abs((tools - begin) @ along / (along @ along) - 0.5).argmin()]
     foot = begin + (middle - begin) @ along / (along @ along) * along
     new = [*points[:2], foot, np.add(foot, [0.0, 0.0, length]), foot, *points[2:]]
@@ -240,9 +248,8 @@ def spur(case, length):
 
 def tool_speed(case):
     """Return how fast the tool is at samples [m/s]."""
-    arm = load_robot("example:two_link", case.robot["tool_frame"])
     samples = case.trajectory.samples(2000)
-    jacobian = arm.tool_jacobian(case.trajectory.at(samples))[1][:, :3]
+    jacobian = ARM(case.robot["tool_frame"]).tool_jacobian(case.trajectory.at(samples))[1][:, :3]
     v = case.trajectory.at(samples, 1)
     return np.linalg.norm(np.einsum("nij,nj->ni", jacobian, v), axis=1)
 
@@ -273,10 +280,6 @@ def law_left(case, share):
     case.limit("velocity_by_position", {"joint1": law})
 
 
-def too_fast_near_an_end(case):
-    law_left(case, -SLIGHTLY)
-
-
 def tool_point(case, share):
     """Limit the tool's place as a point of its link, and one that is never so fast."""
     fastest = float(tool_speed(case).max())
@@ -293,7 +296,7 @@ def motors(case, **values):
 
 def first_joint(case):
     """Return position, velocity, acceleration and effort of the first joint at samples."""
-    arm = load_robot("example:two_link", case.robot["tool_frame"])
+    arm = ARM(case.robot["tool_frame"])
     samples = case.trajectory.samples(20_000)
     states = [case.trajectory.at(samples, order) for order in range(3)]
     return *(state[:, 0] for state in states), arm.inverse_dynamics(*states)[:, 0]
@@ -354,10 +357,6 @@ def weaker_in_one_place(case):
     case.limit("effort", {"joint1": table})
 
 
-def point_too_fast(case):
-    tool_point(case, 1 - SLIGHTLY)
-
-
 def misses_a_point(case):
     assert spur(case, 0.2) < -0.01
 
@@ -374,57 +373,54 @@ def above_a_box(case):
     """The tool stays inside the walls, and above the top by a millimetre."""
     boxes(case, height=0.02)
     case.tube["points"] = [[x, y, z - 0.01 - SLIGHTLY] for x, y, z in case.tube["points"]]
-    q = case.positions()
-    case.fields["start"], case.fields["goal"] = ({"joints": end.tolist()} for end in (q[0], q[-1]))
+    stand_at_its_ends(case)
 
 
-# The condition that each fault breaks, and whether it is to break no other.
+# By name: a fault, and the condition that it breaks.
 FAULTS = {
-    bump: ("tube", False),
-    beside: ("tube", True),
-    above_a_box: ("tube", True),
-    other_way_round: ("tube", True),
-    wrong_side: ("joint_signs", True),
-    out_of_range: ("joint_signs", True),
-    too_far: ("position", True),
-    too_fast: ("velocity", True),
-    too_quick: ("acceleration", True),
-    too_jerky: ("jerk", True),
-    too_strong: ("effort", True),
-    too_abrupt: ("effort_rate", True),
-    jump: ("continuity", False),
-    kink: ("continuity", False),
-    moves_at_the_end: ("rest", False),
-    wrong_start: ("start", True),
-    wrong_goal: ("goal", True),
-    through_a_ball: ("obstacles", True),
-    too_near: ("obstacles", True),
-    turned: ("rotation", True),
-    misses_a_point: ("points", True),
-    tool_too_fast: ("tool_speed", True),
-    tool_too_fast_in_a_segment: ("tool_speed", True),
-    too_fast_near_an_end: ("velocity", True),
-    point_too_fast: ("point_speed", True),
-    friction_unpaid: ("effort", True),
-    friction_unpaid_at_worst: ("effort", True),
-    rotor_unpaid: ("effort", True),
-    beyond_a_line: ("motor_curve", True),
-    weaker_backwards: ("effort", True),
-    weaker_in_one_place: ("effort", True),
+    "beside": (beside, "tube"),
+    "above a box": (above_a_box, "tube"),
+    "other way round": (other_way_round, "tube"),
+    "wrong side": (wrong_side, "joint_signs"),
+    "out of range": (out_of_range, "joint_signs"),
+    "too far": (too_far, "position"),
+    "too fast": (less_than_used("velocity", 1), "velocity"),
+    "too quick": (less_than_used("acceleration", 2), "acceleration"),
+    "too jerky": (less_than_used("jerk", 3), "jerk"),
+    "too strong": (too_strong, "effort"),
+    "too abrupt": (too_abrupt, "effort_rate"),
+    "jump": (jump, "continuity"),
+    "kink": (kink, "continuity"),
+    "moves at the end": (moves_at_the_end, "rest"),
+    "wrong start": (wrong_start, "start"),
+    "wrong goal": (wrong_goal, "goal"),
+    "through a ball": (through_a_ball, "obstacles"),
+    "too near": (too_near, "obstacles"),
+    "turned": (turned, "rotation"),
+    "misses a point": (misses_a_point, "points"),
+    "tool too fast": (tool_too_fast, "tool_speed"),
+    "tool too fast in a segment": (tool_too_fast_in_a_segment, "tool_speed"),
+    "friction unpaid": (friction_unpaid, "effort"),
+    "friction unpaid at worst": (friction_unpaid_at_worst, "effort"),
+    "rotor unpaid": (rotor_unpaid, "effort"),
+    "beyond a line": (beyond_a_line, "motor_curve"),
+    "weaker backwards": (weaker_backwards, "effort"),
+    "weaker in one place": (weaker_in_one_place, "effort"),
 }
+WITH_OTHERS = {"jump", "kink", "moves at the end"}  # they break what follows from it as well
 
 
 def test_a_certified_trajectory_passes(case, tmp_path):
     assert case.broken(tmp_path) == set()
 
 
-@pytest.mark.parametrize("plant", FAULTS, ids=lambda plant: plant.__name__)
-def test_a_planted_fault_is_found(plant, case, tmp_path):
-    condition, alone = FAULTS[plant]
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_planted_fault_is_found(name, case, tmp_path):
+    plant, condition = FAULTS[name]
     plant(case)
     broken = case.broken(tmp_path)
     assert condition in broken
-    assert not alone or broken == {condition}
+    assert name in WITH_OTHERS or broken == {condition}
 
 
 def test_a_trajectory_the_other_way_round_is_in_the_union(case, tmp_path):
@@ -475,14 +471,13 @@ def test_limits_from_files_are_those_of_the_package(tmp_path):
     np.testing.assert_array_equal(found.upper, expected.upper_position)
 
 
-@pytest.mark.parametrize("points", [3, 4, 5])
+@pytest.mark.parametrize("points", [3, 4])
 @pytest.mark.parametrize("tolerance", [[0.1, 0.2, 0.3], [[0.1, 0.2, 0.3]], 0.2])
 def test_one_triple_serves_as_in_the_package(points, tolerance):
-    turned = [[0, 0, 0, 1]] * points
-    corners = [[k % 2, k // 2, 0] for k in range(points)]
-    tube = Tube(corners, 0.1, orientations=turned, rotation_tolerance=tolerance)
-    found = bounds_of(tolerance, points - 1)
-    np.testing.assert_array_equal(found, tube.rotation.bounds)
+    corners = [[k, k**2, 0] for k in range(points)]
+    turns = [[0, 0, 0, 1]] * points
+    tube = Tube(corners, 0.1, orientations=turns, rotation_tolerance=tolerance)
+    np.testing.assert_array_equal(bounds_of(tolerance, points - 1), tube.rotation.bounds)
 
 
 def test_a_rotation_tolerance_that_is_kept_is_no_fault(case, tmp_path):
@@ -496,70 +491,78 @@ def test_a_tools_speed_that_is_kept_is_no_fault(case, tmp_path):
     fastest = float(tool_speed(case).max())
     case.tube["tool_speed"] = [None, fastest * (1 + SLIGHTLY), None]
     case.robot.setdefault("limits", {})["tool_speed"] = fastest * (1 + SLIGHTLY / 2)
-    assert case.broken(tmp_path) == set()
-    found = outside_judge.judge(*case.write(tmp_path))["tool_speed"]
-    assert found.margin == pytest.approx(SLIGHTLY / 2, abs=5e-6)
-    assert found.unit == "relative"
+    conditions = case.judged(tmp_path)
+    assert passes(conditions)
+    assert conditions["tool_speed"].margin == pytest.approx(SLIGHTLY / 2, abs=5e-6)
+    assert conditions["tool_speed"].unit == "relative"
     case.tube["tool_speed"] = fastest * (1 + SLIGHTLY / 4)
-    found = outside_judge.judge(*case.write(tmp_path))["tool_speed"]
-    assert found.margin == pytest.approx(SLIGHTLY / 4, abs=5e-6)
+    margin = case.judged(tmp_path)["tool_speed"].margin
+    assert margin == pytest.approx(SLIGHTLY / 4, abs=5e-6)
+
+
+LIMITS = [
+    ({"point_speed": [{"link": "no", "position": [0, 0, 0], "speed": 1.0}]}, "not known"),
+    ({"point_speed": [{"link": "link1", "position": [0, 0, 0]}]}, "not known"),
+    ({"point_speed": [{"link": "link1", "position": [0, 0, 0], "speed": 0}]}, "point_speed"),
+    ({"velocity_by_position": {"no": {}}}, "no is no joint"),
+    ({"velocity_by_position": {"joint1": {"deceleration": 1.0, "o": 1}}}, "o is not known"),
+    ({"velocity_by_position": {"joint1": {"deceleration": 0.0, "offset": 1.0}}}, "joint1 has"),
+    ({"effort": {"joint1": [1.0, 0.0]}}, "has the effort limit"),
+    ({"effort": {"joint1": [1.0, 2.0, 3.0]}}, "has the effort limit|JointError|many"),
+    ({"effort": {"joint1": {"position": [0], "effort": []}}}, "the effort limit"),
+    ({"effort": {"joint1": {"position": [1, 0], "effort": [1, 1]}}}, "do not rise"),
+]
+NO_MOTORS = [
+    ({"gear": 3}, "robot.motors.gear is not known"),
+    ({"armature": {"no": 1.0}}, "no is no joint"),
+    ({"armature": [1.0]}, "1 values for 2 joints"),
+    ({"viscous_friction": {"joint1": -1.0}}, "joint 'joint1' has -1"),
+    ({"saturation_effort": {"joint1": 9.0}}, "one end alone"),
+]
+TUBES = [
+    ({"tool_speed": [1.0]}, "1 entries for 3"),
+    ({"tool_speed": 0}, "is 0"),
+    ({"tool_speed": True}, "is True"),
+    ({"tool_speed": "fast"}, "is fast"),
+    ({"cross_section": [None]}, "1 entries for 3 segments"),
+    ({"cross_section": {"box": [1, 1]}}, "has box and up"),
+    ({"cross_section": {"box": [1, 0], "up": [0, 0, 1]}}, "must be two lengths"),
+    ({"cross_section": {"box": [1, 1], "up": [0, 0, 1]}}, "segment 0 has a box"),
+    ({"radius": None}, "segment 0 has neither a radius nor a box"),
+    ({"radius": [0.1]}, "1 values for 3 segments"),
+]
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
-    [([1.0], "1 entries for 3"), (0, "is 0"), (True, "is True"), ("fast", "is fast")],
-)
-def test_a_tools_speed_that_is_none_is_refused(case, tmp_path, given, message):
-    case.tube["tool_speed"] = given
-    with pytest.raises(BadInput, match=message):
-        case.broken(tmp_path)
-
-
-def test_laws_that_are_kept_are_no_fault(case, tmp_path):
-    law_left(case, SLIGHTLY)
-    found = outside_judge.judge(*case.write(tmp_path))["velocity"]
-    assert found.margin == pytest.approx(SLIGHTLY, abs=5e-6)
-    assert (found.unit, found.where) == ("relative", "joint joint1")
-
-
-def test_points_that_are_slow_enough_are_no_fault(case, tmp_path):
-    tool_point(case, 1 + SLIGHTLY)
-    found = outside_judge.judge(*case.write(tmp_path))["point_speed"]
-    assert found.margin == pytest.approx(SLIGHTLY, abs=5e-6)
-    assert (found.unit, found.where) == ("relative", f"point 1 on {case.robot['tool_frame']}")
-
-
-@pytest.mark.parametrize(
-    ("limits", "message"),
+    ("section", "changes", "message"),
     [
-        ({"point_speed": [{"link": "no", "position": [0, 0, 0], "speed": 1.0}]}, "not known"),
-        ({"point_speed": [{"link": "link1", "position": [0, 0, 0]}]}, "not known"),
-        ({"point_speed": [{"link": "link1", "position": [0, 0, 0], "speed": 0}]}, "point_speed"),
-        ({"velocity_by_position": {"no": {}}}, "no is no joint"),
-        ({"velocity_by_position": {"joint1": {"deceleration": 1.0, "o": 1}}}, "o is not known"),
-        (
-            {"velocity_by_position": {"joint1": {"deceleration": 0.0, "offset": 1.0}}},
-            "joint1 has",
-        ),
+        *(("limits", *each) for each in LIMITS),
+        *(("motors", *each) for each in NO_MOTORS),
+        *(("tube", *each) for each in TUBES),
     ],
 )
-def test_limits_by_place_that_are_none_are_refused(case, tmp_path, limits, message):
-    case.robot.setdefault("limits", {}).update(limits)
+def test_what_says_nothing_is_refused(case, tmp_path, section, changes, message):
+    fields = case.tube if section == "tube" else case.robot.setdefault(section, {})
+    fields.update(changes)
     with pytest.raises(BadInput, match=message):
         case.broken(tmp_path)
 
 
-def test_both_judges_have_the_same_limits_by_place(case, tmp_path):
-    """Of a certified trajectory, at several shares of what it uses."""
-    for share in (-0.02, 0.0, 0.03):
-        law_left(case, share)
-        tool_point(case, 1 + share)
-        outside = outside_judge.judge(*case.write(tmp_path))
-        problem, ours = load_problem(tmp_path / "problem.yaml"), case.trajectory
-        trajectory = JointTrajectory(ours.joint_names, ours.breakpoints, ours.coefficients)
-        inside = verify(problem, trajectory).conditions
-        for name in ("velocity", "point_speed"):
-            assert outside[name].margin == pytest.approx(inside[name].margin, abs=1e-3)
+@pytest.mark.parametrize("share", [-SLIGHTLY, SLIGHTLY])
+def test_both_judges_have_the_same_limits_by_place(case, tmp_path, share):
+    """Of a certified trajectory that leaves some share of them."""
+    law_left(case, share)
+    tool_point(case, 1 + share)
+    outside = case.judged(tmp_path)
+    inside = case.verified(tmp_path)
+    for name in ("velocity", "point_speed"):
+        assert outside[name].margin == pytest.approx(share, abs=5e-6)
+        assert outside[name].margin == pytest.approx(inside[name].margin, abs=1e-3)
+        assert outside[name].unit == "relative"
+    assert outside["velocity"].where == "joint joint1"
+    assert outside["point_speed"].where == f"point 1 on {case.robot['tool_frame']}"
+    broken = {name for name, each in outside.items() if not each.holds(outside_judge.TOLERANCE)}
+    assert broken == ({"velocity", "point_speed"} if share < 0 else set())
 
 
 def test_motors_that_have_enough_are_no_fault(case, tmp_path):
@@ -567,10 +570,11 @@ def test_motors_that_have_enough_are_no_fault(case, tmp_path):
     motors(case, saturation_effort={"joint1": 95.0 * used}, no_load_velocity={"joint1": 40 * used})
     motors(case, coulomb_friction={"joint2": [0.3, 0.2]}, friction_uncertainty=0.5)
     case.limit("effort", {"joint2": 27.5})
-    assert case.broken(tmp_path) == set()
-    found = outside_judge.judge(*case.write(tmp_path))["motor_curve"]
-    assert found.margin == pytest.approx(SLIGHTLY, abs=5e-6)
-    assert (found.unit, found.where) == ("relative", "joint joint1")
+    conditions = case.judged(tmp_path)
+    assert passes(conditions)
+    curve = conditions["motor_curve"]
+    assert curve.margin == pytest.approx(SLIGHTLY, abs=5e-6)
+    assert (curve.unit, curve.where) == ("relative", "joint joint1")
 
 
 MOTORS = [
@@ -585,16 +589,15 @@ EFFORTS = [
 ]
 
 
-@pytest.mark.parametrize("given", MOTORS)
-@pytest.mark.parametrize("efforts", EFFORTS)
-def test_both_judges_have_the_same_motors(case, tmp_path, given, efforts):
-    case.robot["motors"] = given
+@pytest.mark.parametrize(
+    ("motors", "efforts"),
+    [(MOTORS[0], EFFORTS[1]), (MOTORS[1], EFFORTS[0]), (MOTORS[2], EFFORTS[1])],
+)
+def test_both_judges_have_the_same_motors(case, tmp_path, motors, efforts):
+    case.robot["motors"] = motors
     case.limit("effort", efforts)
     case.limit("scale", {"effort": 0.9})
-    outside = outside_judge.judge(*case.write(tmp_path))
-    problem, ours = load_problem(tmp_path / "problem.yaml"), case.trajectory
-    trajectory = JointTrajectory(ours.joint_names, ours.breakpoints, ours.coefficients)
-    inside = verify(problem, trajectory).conditions
+    outside, inside = case.judged(tmp_path), case.verified(tmp_path)
     for name in ("effort", "motor_curve"):
         if inside[name].margin is None:
             assert outside[name].margin is None
@@ -664,41 +667,21 @@ def test_friction_of_followers_is_felt_by_their_masters(following, tmp_path):
     assert (mine.dry[1] > 0.7).any()
 
 
-@pytest.mark.parametrize(
-    ("section", "given", "message"),
-    [
-        ("motors", {"gear": 3}, "robot.motors.gear is not known"),
-        ("motors", {"armature": {"no": 1.0}}, "no is no joint"),
-        ("motors", {"armature": [1.0]}, "1 values for 2 joints"),
-        ("motors", {"viscous_friction": {"joint1": -1.0}}, "joint 'joint1' has -1"),
-        ("motors", {"saturation_effort": {"joint1": 9.0}}, "one end alone"),
-        ("limits", {"effort": {"joint1": [1.0, 0.0]}}, "has the effort limit"),
-        ("limits", {"effort": {"joint1": [1.0, 2.0, 3.0]}}, "has the effort limit|JointError|many"),
-        ("limits", {"effort": {"joint1": {"position": [0], "effort": []}}}, "the effort limit"),
-        (
-            "limits",
-            {"effort": {"joint1": {"position": [1, 0], "effort": [1, 1]}}},
-            "do not rise",
-        ),
-    ],
-)
-def test_motors_that_are_none_are_refused(case, tmp_path, section, given, message):
-    case.robot.setdefault(section, {}).update(given)
-    with pytest.raises(BadInput, match=message):
-        case.broken(tmp_path)
-
-
-def test_boxes_about_discs_are_kept(case, tmp_path):
-    before = outside_judge.judge(*case.write(tmp_path))["tube"].margin
+def test_boxes_about_discs_are_kept_and_a_divided_line_of_them_is_one(case, tmp_path):
+    before = case.judged(tmp_path)["tube"].margin
     boxes(case)
-    found = outside_judge.judge(*case.write(tmp_path))
-    assert passes(found)
-    assert found["tube"].margin >= before + 0.01 - 1e-9
+    conditions = case.judged(tmp_path)
+    assert passes(conditions)
+    assert conditions["tube"].margin >= before + 0.01 - 1e-9
+    case.tube["points"].insert(1, np.mean(case.tube["points"][:2], axis=0).tolist())
+    case.tube["cross_section"].insert(0, dict(case.tube["cross_section"][0]))
+    divided = case.judged(tmp_path)["tube"].margin
+    assert divided == pytest.approx(conditions["tube"].margin, abs=1e-12)
     case.tube["tool_radius"] = 0.005
-    assert outside_judge.judge(*case.write(tmp_path))["tube"].margin >= before + 0.005 - 1e-9
+    assert case.judged(tmp_path)["tube"].margin >= before + 0.005 - 1e-9
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_both_judges_have_the_same_boxes(seed):
     rng = np.random.default_rng(seed)
     points, sides, up = rng.uniform(-1, 1, (2, 3)), rng.uniform(0.1, 0.5, 2), rng.normal(size=3)
@@ -708,33 +691,6 @@ def test_both_judges_have_the_same_boxes(seed):
     (mine,) = read_sections(section, 1)
     np.testing.assert_allclose(box_margin(*points, mine, 0.02, p), tube.margin(p)[:, 0], atol=1e-12)
     assert radii(None, [mine]) == pytest.approx(tube.radius)
-
-
-def test_a_divided_line_of_boxes_is_one(case, tmp_path):
-    boxes(case)
-    before = outside_judge.judge(*case.write(tmp_path))
-    points = case.tube["points"]
-    points.insert(1, ((np.array(points[0]) + points[1]) / 2).tolist())
-    case.tube["cross_section"].insert(0, dict(case.tube["cross_section"][0]))
-    after = outside_judge.judge(*case.write(tmp_path))
-    assert after["tube"].margin == pytest.approx(before["tube"].margin, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"cross_section": [None]}, "1 entries for 3 segments"),
-        ({"cross_section": {"box": [1, 1]}}, "has box and up"),
-        ({"cross_section": {"box": [1, 0], "up": [0, 0, 1]}}, "must be two lengths"),
-        ({"cross_section": {"box": [1, 1], "up": [0, 0, 1]}}, "segment 0 has a box"),
-        ({"radius": None}, "segment 0 has neither a radius nor a box"),
-        ({"radius": [0.1]}, "1 values for 3 segments"),
-    ],
-)
-def test_boxes_that_say_nothing_are_refused(change, message, case, tmp_path):
-    case.tube.update(change)
-    with pytest.raises(BadInput, match=message):
-        case.broken(tmp_path)
 
 
 @pytest.fixture
@@ -759,33 +715,51 @@ def cart(tmp_path):
     return slowed_at
 
 
-@pytest.mark.parametrize(("place", "passes"), [(0.2, True), (0.3195, True), (0.3205, False)])
-@pytest.mark.parametrize("visit", ["ordered", "any"])
-def test_hand_overs_are_where_the_tool_is_slow_enough(cart, tmp_path, place, passes, visit):
+@pytest.mark.parametrize(
+    ("place", "visit", "passes"),
+    [
+        (0.2, "any", True),
+        (0.3195, "ordered", True),
+        (0.3205, "ordered", False),
+        (0.3205, "any", False),
+    ],
+)
+def test_hand_overs_are_where_the_tool_is_slow_enough(cart, tmp_path, place, visit, passes):
     """The first capsule, where it may be fast, ends 20 mm behind the middle."""
     case = cart(place, tool_speed=[None, 0.5], visit=visit)
     found = case.broken(tmp_path) & {"tube", "tool_speed", "points"}
     assert found == (set() if passes else {"tool_speed"})
 
 
-def test_segments_of_one_line_with_other_speeds_are_two(cart, tmp_path):
-    assert "tool_speed" in cart(0.2, tool_speed=[0.5, 0.5]).broken(tmp_path)
-    assert "tool_speed" in cart(0.2, tool_speed=0.5).broken(tmp_path)
-    assert "tool_speed" not in cart(0.2, tool_speed=[1.1, 0.5]).broken(tmp_path)
+@pytest.mark.parametrize(("speeds", "count"), [([0.5, 0.5], 1), (0.5, 1), ([0.5, 0.6], 2)])
+def test_segments_of_one_line_with_one_speed_are_one(cart, tmp_path, speeds, count):
+    problem, _ = cart(0.2, tool_speed=speeds).write(tmp_path)
+    assert len(read_problem(problem).tube.radius) == count
+
+
+@pytest.mark.parametrize(
+    ("turn", "margin"),
+    [({}, -0.001), ({"rpy": [0, 0, 0.01]}, -0.01), ({"quaternion": [0, 0, 0, 1]}, -0.001)],
+)
+def test_a_pose_is_where_the_tool_is_and_how_it_is_turned(turn, margin, cart, tmp_path):
+    case = cart(0.2)
+    case.fields["goal"] = {"pose": {"position": [0.6, 0, 0.001], **turn}}
+    goal = case.judged(tmp_path, 10)["goal"]
+    assert goal.margin == pytest.approx(margin, abs=1e-9)
 
 
 def test_a_point_that_is_passed_or_not_asked_is_no_fault(case, tmp_path):
     inside = spur(case, 0.02)
-    found = outside_judge.judge(*case.write(tmp_path))["points"]
+    found = case.judged(tmp_path)["points"]
     assert 0.0 < found.margin <= inside + 1e-4
     assert found.where == "point 3"
     case.tube["pass_through_points"] = "none"
-    assert outside_judge.judge(*case.write(tmp_path))["points"].margin is None
+    assert case.judged(tmp_path)["points"].margin is None
 
 
-@pytest.mark.parametrize("parts", [1, 2, 7])
+@pytest.mark.parametrize("parts", [1, 3])
 def test_a_divided_line_is_one(parts, case, tmp_path):
-    before = outside_judge.judge(*case.write(tmp_path))
+    before = case.judged(tmp_path)
     points, count = np.array(case.tube["points"]), len(case.tube["radius"])
     places = np.arange(count * parts + 1) / parts
     divided = np.array([np.interp(places, np.arange(count + 1), c) for c in points.T]).T
@@ -795,7 +769,7 @@ def test_a_divided_line_is_one(parts, case, tmp_path):
     case.tube["points"] = "path.csv"
     radius = np.repeat(case.tube["radius"], parts).tolist()
     case.tube["radius"] = [radius[0], *radius]
-    after = outside_judge.judge(*case.write(tmp_path))
+    after = case.judged(tmp_path)
     assert [one.margin for one in after.values()] == [one.margin for one in before.values()]
 
 
@@ -806,7 +780,7 @@ def test_a_segment_of_no_length_is_lost_only_if_it_asks_nothing_else(case, tmp_p
         case.broken(tmp_path)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(4))
 def test_visits_that_pass_points_are_the_best_there_are(seed):
     rng = np.random.default_rng(seed)
     least = np.round(rng.normal(size=(7, 4)), 1)
@@ -824,15 +798,14 @@ def test_visits_that_pass_points_are_the_best_there_are(seed):
     assert worst(found) == max(worst(choice) for choice in choices)
 
 
-def test_many_small_jumps_are_added_up(case, tmp_path):
-    trajectory = case.trajectory
-    at = np.linspace(0, trajectory.duration, 2001)
-    q = trajectory.at(trajectory.samples(2001))[:2000]
+def test_many_small_jumps_are_added_up():
+    at = np.linspace(0, 1.0, 301)
     stairs = Trajectory(
-        trajectory.joint_names, at, q[None] * 0 + 8e-7 * np.arange(2000)[None, :, None]
+        ["joint1", "joint2"], at, 8e-7 * np.ones((1, 300, 2)) * np.arange(300)[:, None]
     )
-    case.trajectory = stairs
-    assert "continuity" in case.broken(tmp_path)
+    judge = Judge(bundled_problems()["two_link/around_a_post"])
+    margin = judge_ends(judge.problem, judge.arm, stairs)["continuity"].margin
+    assert margin == pytest.approx(-299 * 8e-7)
 
 
 def test_a_solid_that_encloses_the_arm_is_met(case, tmp_path):
@@ -945,19 +918,13 @@ def test_concave_links_that_pass_through_each_other_are_found():
     assert all(one.holds(1e-5) for name, one in found.items() if name != "self_collision")
 
 
-def test_the_trajectory_of_an_arm_with_meshes_passes(stored, tmp_path):
-    _, trajectory = stored("ur5/over_the_wall")
-    path = tmp_path / "trajectory.json"
-    path.write_text(trajectory_json(trajectory))
-    assert main([str(bundled_problems()["ur5/over_the_wall"]), str(path)]) == 0
-
-
-def test_the_least_distance_is_that_of_all_samples(stored, tmp_path):
+def test_an_arm_with_meshes_passes_and_its_least_distance_is_that_of_all_samples(stored, tmp_path):
     _, trajectory = stored("ur5/over_the_wall")
     path = tmp_path / "trajectory.json"
     path.write_text(trajectory_json(trajectory))
     judge, trajectory = Judge(bundled_problems()["ur5/over_the_wall"]), read_trajectory(path)
-    poses = Poses(*judge.arm.poses(trajectory.at(trajectory.samples(25))))
+    assert passes(judge.judge(trajectory, 100))
+    poses = Poses(*judge.arm.poses(trajectory.at(trajectory.samples(2))))
     for pairs in (judge.clearance.link_pairs, judge.clearance.obstacle_pairs):
         rows = range(len(poses.position))
         every = min(signed_distance(pair, poses, row) for pair in pairs for row in rows)
@@ -1005,33 +972,35 @@ def test_joints_may_come_in_another_order(case, tmp_path):
 
 
 def test_names_of_robots_mean_the_same_to_both():
-    for name in example_robot_names():
+    for name in example_robot_names()[::3]:
         try:
-            mine = find_urdf(f"example:{name}", Path(), [])
+            path = find_urdf(f"example:{name}", Path(), [])
         except BadInput:
             continue  # it does not guess
         try:
-            assert mine == find_description(f"example:{name}", Path()).resolve()
+            assert path == find_description(f"example:{name}", Path()).resolve()
         except RobotError:
             pytest.fail(name)
 
 
 def test_nothing_of_tubeplanner_is_imported():
+    """Neither by the judge nor by what it imports, which is its own folder's."""
+    others = {path.stem for path in BENCHMARKS.glob("*.py")}
     for path in [BENCHMARKS / "outside_judge.py", *(BENCHMARKS / "outside").glob("*.py")]:
         for node in ast.walk(ast.parse(path.read_text())):
-            names = [alias.name for alias in getattr(node, "names", [])]
-            assert not any("tubeplanner" in n for n in [*names, getattr(node, "module", "") or ""])
-    code = "import outside_judge, sys; sys.exit(any('tubeplanner' in n for n in sys.modules))"
-    subprocess.run([sys.executable, "-c", code], cwd=BENCHMARKS, check=True)
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                names = [getattr(node, "module", None), *(alias.name for alias in node.names)]
+                roots = {name.partition(".")[0] for name in names if name}
+                assert not roots & {"tubeplanner", *others}
 
 
-@pytest.mark.parametrize(("tolerance", "holds"), [(0.0, False), (0.004, False), (0.006, True)])
+@pytest.mark.parametrize(("tolerance", "holds"), [(0.004, False), (0.006, True)])
 def test_a_ball_that_the_tool_ends_in_or_not(tolerance, holds, case, tmp_path):
     x, y, z = case.tube["points"][-1]
     case.fields["goal"] = {"position": [x + 0.003, y - 0.004, z], "tolerance": tolerance}
-    found = outside_judge.judge(*case.write(tmp_path))
-    assert found["goal"].margin == pytest.approx(tolerance - 0.005, abs=1e-6)
-    assert case.broken(tmp_path) == (set() if holds else {"goal"})
+    goal = case.judged(tmp_path)["goal"]
+    assert goal.margin == pytest.approx(tolerance - 0.005, abs=1e-6)
+    assert goal.holds(outside_judge.TOLERANCE) == holds
 
 
 def test_the_end_is_turned_as_far_as_the_goal_allows(case, tmp_path):
@@ -1043,9 +1012,9 @@ def test_the_end_is_turned_as_far_as_the_goal_allows(case, tmp_path):
     ball = {"position": case.tube["points"][-1]}
     for bound in (turned + 0.1, [9.0, 9.0, turned - 0.1]):
         case.fields["goal"] = ball | {"rotation_tolerance": bound}
-        rotation = outside_judge.judge(*case.write(tmp_path))["rotation"]
+        rotation = case.judged(tmp_path)["rotation"]
         assert rotation.margin == pytest.approx(0.1 if isinstance(bound, float) else -0.1, abs=1e-9)
         assert rotation.where == "at the goal"
     del case.tube["orientations"], case.tube["rotation_tolerance"]
     with pytest.raises(BadInput, match=r"goal\.rotation_tolerance needs tube\.orientations"):
-        outside_judge.judge(*case.write(tmp_path))
+        case.judged(tmp_path)
