@@ -66,13 +66,17 @@ class BrowserPage:
 
     def open(self, url, width, height):
         """Open an address in a window of so many pixels, and wait until the page is drawn."""
-        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-        self._ask("Emulation.setDeviceMetricsOverride", **size)
+        self.resize(width, height)
         self._ask("Page.navigate", url="about:blank")  # else another time alone loads nothing
         self._ask("Page.navigate", url=url)
         ready = "document.readyState === 'complete' && typeof viewer !== 'undefined' && !!viewer"
         self.wait(f"{ready} && byId('views').children.length > 3")
         self.settle()
+
+    def resize(self, width, height):
+        """Give the window so many pixels."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self._ask("Emulation.setDeviceMetricsOverride", **size)
 
     def run(self, script):
         """Return what an expression of JavaScript gives, promises awaited."""

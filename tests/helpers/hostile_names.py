@@ -43,7 +43,8 @@ def explained(folder, names):
     problem = load_problem(path)
     remedies = tuple(_remedy(name) for name in names)
     in_vain = tuple(f"obstacles.{name}.position" for name in others)
-    return Explanation(link, problem, plan(problem, PlanOptions()), None, remedies, in_vain)
+    result = plan(problem, PlanOptions(quality="fast"))
+    return Explanation(link, problem, result, None, remedies, in_vain)
 
 
 def _remedy(name):

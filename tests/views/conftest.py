@@ -1,19 +1,59 @@
-"""The browser in which pages are opened."""
+"""How fine pictures are, views that several tests look at, and the browser that opens pages."""
 
 import os
 import shutil
+from functools import cache
 
 import pytest
+from browser_page import BrowserPage
+from stored_trajectories import STOP
 
-TOLD = "no Chromium found (Debian: apt-get install --no-install-recommends chromium)"
+from tubeplanner import view
+from tubeplanner.views import figure_files, rendered_solids
+
+NO_BROWSER = "no Chromium found (Debian: apt-get install --no-install-recommends chromium)"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def coarse_pictures():
+    """Draw figures with few pixels: what is on them is the same, and quicker drawn."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figure_files, "_DPI", 40)
+        patch.setattr(rendered_solids, "_PIXELS", 250)
+        yield
 
 
 @pytest.fixture(scope="session")
-def browser():
-    """Return where Chromium is; skip without one, unless TUBEPLANNER_NEEDS_BROWSER asks for it."""
+def shown(stored):
+    """Return a function from a bundled problem's name to the view of a stored trajectory."""
+    return cache(lambda name, method=STOP: view(*stored(name, method)))
+
+
+@pytest.fixture(scope="session")
+def browser_page(tmp_path_factory):
+    """The one Chromium of all tests, its page empty: started once, it takes seconds."""
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
     if path is None and os.environ.get("TUBEPLANNER_NEEDS_BROWSER"):
-        pytest.fail(TOLD)
+        pytest.fail(NO_BROWSER)
     if path is None:
-        pytest.skip(TOLD)
-    return path
+        pytest.skip(NO_BROWSER)
+    page = BrowserPage(path, tmp_path_factory.mktemp("profile"))
+    yield page
+    page.close()
+
+
+@pytest.fixture
+def opened(browser_page):
+    """Return a function that opens a file in a window of a size, at a time [s] if one is given.
+
+    No page may complain of anything.
+    """
+    browser_page.complaints.clear()
+
+    def of(file, time=None, width=800, height=600):
+        fragment = "" if time is None else f"#t={time}"
+        browser_page.open(f"{file.as_uri()}{fragment}", width, height)
+        return browser_page
+
+    yield of
+    assert browser_page.complaints == []

@@ -1,5 +1,7 @@
 """What binds when, of one motion and of several one after the other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -11,26 +13,26 @@ from tubeplanner.views.strip_panel import draw_strip, percent
 
 
 @pytest.fixture(scope="module")
-def wall(stored):
-    return stored("ur5/over_the_wall", "refinement")
+def motion(stored):
+    """A fast motion over a wall, and what limits it."""
+    return limited_motion(*stored("ur5/over_the_wall", "refinement"))
 
 
-def test_a_fast_motion_is_at_some_limit_nearly_all_the_time(wall):
-    problem, trajectory = wall
-    strip = binding_strip([limited_motion(problem, trajectory)], trajectory.duration)
+def test_a_fast_motion_is_at_some_limit_nearly_all_the_time(motion, stored):
+    problem, trajectory = stored("ur5/over_the_wall", "refinement")
+    strip = binding_strip([motion], motion.duration)
     assert list(strip.rows) == [*problem.robot.joint_names, "tool", "links"]
     assert strip.joint_count == problem.robot.joint_count
     assert 0.98 < strip.speed_share <= 1.0
     slow = limited_motion(problem, trajectory.scaled(2.0))
-    assert binding_strip([slow], 2 * trajectory.duration).speed_share == 0.0
+    assert slow.duration == pytest.approx(2 * motion.duration)
+    assert binding_strip([slow], slow.duration).speed_share == 0.0
 
 
-def test_motions_one_after_the_other_share_the_time(wall):
-    problem, trajectory = wall
-    duration = trajectory.duration
-    once = binding_strip([limited_motion(problem, trajectory)], duration)
-    motions = [limited_motion(problem, trajectory, begin) for begin in (0.0, 2 * duration)]
-    twice = binding_strip(motions, 4 * duration)
+def test_motions_one_after_the_other_share_the_time(motion):
+    duration = motion.duration
+    once = binding_strip([motion], duration)
+    twice = binding_strip([motion, replace(motion, begin=2 * duration)], 4 * duration)
     assert twice.speed_share == pytest.approx(once.speed_share / 2)
     for kind, share in once.shares.items():
         assert twice.shares[kind] == pytest.approx(share / 2)
@@ -41,28 +43,20 @@ def test_motions_one_after_the_other_share_the_time(wall):
 
 def test_the_strip_has_a_bar_for_every_stretch_and_names_its_kind():
     rows = {"joint1": [Span("effort", 0.0, 0.5)], "tool": [Span("tube", 0.5, 0.502)], "links": []}
-    strip = BindingStrip(rows, {"tube": 0.002, "effort": 0.5}, 0.5, 1.0, 1)
+    strip = BindingStrip(rows, {"tube": 0.002, "effort": 0.5, "new": 0.01}, 0.5, 1.0, 1)
     draw_strip(axis := Figure().subplots(), strip)
     bars = [patch for patch in axis.patches if patch.get_zorder() == 2]
-    assert [(bar.get_x(), bar.get_width()) for bar in bars] == [
-        (0.0, 0.5),
-        (0.5, pytest.approx(0.002)),
-    ]
+    spans = [(bar.get_x(), bar.get_width()) for bar in bars]
+    assert spans == [(0.0, 0.5), (0.5, pytest.approx(0.002))]
     assert bars[0].get_facecolor() != bars[1].get_facecolor()
     said = [text.get_text() for text in axis.texts]
     assert "effort" in said  # in its bar; the other one is too short
     assert "tube" not in said
     assert any("50 % of the time" in text for text in said)
     legend = [text.get_text() for text in axis.get_legend().get_texts()]
-    assert legend == ["effort 50 %", "tube 0.2 %"]
+    assert legend == ["effort 50 %", "new 1 %", "tube 0.2 %"]  # "new": a kind that is not known
     low, high = axis.get_ylim()
     assert low > 2 > 0 > high  # the first row is on top
-
-
-def test_a_kind_that_is_not_known_is_drawn_too():
-    strip = BindingStrip({"tool": [Span("new", 0.0, 1.0)]}, {"new": 1.0}, 1.0, 1.0, 0)
-    draw_strip(axis := Figure().subplots(), strip)
-    assert [text.get_text() for text in axis.get_legend().get_texts()] == ["new 100 %"]
 
 
 def test_shares_are_never_rounded_to_all_or_nothing():
@@ -70,15 +64,13 @@ def test_shares_are_never_rounded_to_all_or_nothing():
     assert shown == ["0 %", "0.1 %", "23 %", "98 %", "99.9 %", "100 %"]
 
 
-def test_the_clearance_panel_names_the_nearest_pairs(wall):
-    problem, trajectory = wall
-    motion = limited_motion(problem, trajectory, 1.0)
-    draw_clearance(axis := Figure().subplots(), [motion])
+def test_the_clearance_panel_names_the_nearest_pairs(motion):
+    draw_clearance(axis := Figure().subplots(), [replace(motion, begin=1.0)])
     obstacles, links = motion.closest
     drawn = axis.lines[0]
     np.testing.assert_allclose(drawn.get_xdata(), 1.0 + obstacles.time)
     np.testing.assert_allclose(drawn.get_ydata(), 1000 * obstacles.distance)
-    np.testing.assert_allclose(axis.lines[1].get_ydata(), 1000 * problem.clearance)
+    np.testing.assert_allclose(axis.lines[1].get_ydata(), 1000 * motion.problem.clearance)
     texts = [text.get_text() for text in axis.get_legend().get_texts()]
     for pairs, text in zip((obstacles, links), texts, strict=True):
         k = pairs.margin.argmin()

@@ -5,18 +5,22 @@ Pictures are compared where something must have changed, and nothing may be comp
 
 import numpy as np
 import pytest
-from browser_page import BrowserPage
+from cases import followed
+from shown_cycle import motion_of, shown_cycle
 from stored_trajectories import REFINEMENT, STOP
 
 from tubeplanner import PlanningProblem, view
 from tubeplanner.collision.obstacle import Obstacle
+from tubeplanner.views.cycle_view import view_cycle
+from tubeplanner.views.palette import CARRIED_COLOR, SEGMENT_COLORS, WARNING_COLOR, rgb
 
-SIZES = [
-    pytest.param(1400, 900, marks=pytest.mark.slow),
-    pytest.param(800, 700, marks=pytest.mark.slow),
-    (500, 900),
-]
+pytestmark = pytest.mark.slow  # a browser that draws without a graphics card
+USUAL, NARROW = (800, 600), (500, 900)
 NAME = "<i>post</i>"  # names are text, never markup
+RESET = (
+    "setPanel(true); setOverlaid(false); setFollowing(false); setPlaying(false); setTime(0.3); "
+    "see([1, 1, 1])"
+)
 HIDDEN_AT_FIRST = ("swept", "axes", "ghosts")
 
 
@@ -38,23 +42,20 @@ def file(stored, tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="module")
-def started(browser, tmp_path_factory):
-    page = BrowserPage(browser, tmp_path_factory.mktemp("profile"))
-    yield page
-    page.close()
-
-
 @pytest.fixture
-def opened(started, file):
-    """Return a function that opens the page in a window of a size, standing still."""
-
-    def of(width=1400, height=900, path=file):
-        started.open(f"{path.as_uri()}#t=0.3", width, height)
-        return started
-
-    yield of
-    assert started.complaints == []
+def page(browser_page, file):
+    """The page that most tests look at: opened once, then as it was at first."""
+    browser_page.complaints.clear()
+    address = f"{file.as_uri()}#t=0.3"
+    if browser_page.run("location.href") != address:
+        browser_page.open(address, *USUAL)
+        assert browser_page.run("time") == pytest.approx(0.3)
+        assert browser_page.run("byId('panel').classList.contains('open')")
+    browser_page.resize(*USUAL)
+    browser_page.run(RESET)
+    browser_page.settle()
+    yield browser_page
+    assert browser_page.complaints == []
 
 
 def scene_of(page):
@@ -64,58 +65,32 @@ def scene_of(page):
     return page.picture()[round(room["above"]) : height - round(room["below"]), room["left"] :]
 
 
+def at(page, time):
+    """Return the scene at a time [s]."""
+    page.run(f"setTime({time})")
+    return scene_of(page)
+
+
+def colours(picture):
+    """Return how many colours a picture has; a blank one has one."""
+    return len(np.unique(picture @ [1 << 16, 1 << 8, 1]))
+
+
+def near(picture, color, most):
+    """Return how many points are nearly of a colour."""
+    return (abs(picture - 255 * rgb(color)).max(axis=2) < most).sum()
+
+
 def changed(before, after):
     """Return the share of points that differ."""
-    return (abs(before - after).max(axis=2) > 20).mean()
+    height = min(len(before), len(after))
+    return (abs(before[:height] - after[:height]).max(axis=2) > 20).mean()
 
 
-@pytest.mark.parametrize(("width", "height"), SIZES)
-def test_every_button_is_pressed_and_every_layer_hidden(width, height, opened):
-    page = opened(width, height)
-    count = page.run("document.querySelectorAll('button').length")
-    assert count > 14
-    for k in range(count):
-        page.run(f"document.querySelectorAll('button')[{k}].click()")
-        page.run("stopRecording()")
-    page.run(
-        "setPanel(true); setOverlaid(false); setFollowing(false); setTime(0.3); see([1, 1, 1])"
-    )
-    assert page.run("playing") is False
-    for layer in page.run("data.layers.map(({name}) => name)"):
-        box = f"document.querySelectorAll('.layer input')[{page_index(page, layer)}]"
-        shown = page.run(f"{box}.checked")
-        assert shown == (layer not in HIDDEN_AT_FIRST)
-        before = scene_of(page)
-        page.run(f"{box}.click()")
-        assert page.run(f"objectAt('{layer}').visible") is not shown
-        assert changed(before, scene_of(page)) > 0
-        page.run(f"{box}.click()")
-
-
-def page_index(page, layer):
-    """Return which box is that of a layer."""
-    return page.run(f"data.layers.findIndex(({{name}}) => name === '{layer}')")
-
-
-@pytest.mark.parametrize(("width", "height"), SIZES)
-def test_the_slider_is_dragged(width, height, opened):
-    page = opened(width, height)
-    duration = page.run("data.duration")
-    before = scene_of(page)
-    page.run("setPlaying(true)")
-    page.drag("#slider", 0.3 / duration, 0.7)
-    assert page.run("playing") is False
-    assert page.run("time") == pytest.approx(0.7 * duration, abs=0.05 * duration)
-    assert changed(before, scene_of(page)) > 0.002
-    told = page.run("byId('readout').textContent")
-    assert told.startswith(f"{1000 * page.run('time'):.0f} ms of")
-    page.drag(".line", 0.2, 0.4)
-    assert page.run("time") == pytest.approx(0.4 * duration, abs=0.01 * duration)
-
-
-@pytest.mark.parametrize(("width", "height"), SIZES)
-def test_all_is_legible_and_the_arm_is_seen(width, height, opened):
-    page = opened(width, height)
+@pytest.mark.parametrize(("width", "height"), [(1400, 900), (800, 700), NARROW])
+def test_all_is_legible_and_the_arm_is_seen(width, height, page):
+    page.resize(width, height)
+    page.settle()
     narrow = page.run(
         "[...document.querySelectorAll('#panel *, #controls *, #tools *')].filter((each) => "
         "!each.children.length && each.textContent.length > 5 && each.offsetWidth > 0 && "
@@ -132,12 +107,10 @@ def test_all_is_legible_and_the_arm_is_seen(width, height, opened):
     assert outside == []
     scene = scene_of(page)
     assert scene[..., 0].size > 0.2 * width * height
-    assert len(np.unique(scene @ [1 << 16, 1 << 8, 1])) > 300
-    assert page.run("byId('panel').classList.contains('open')") is (width > 640)
+    assert colours(scene) > 300
 
 
-def test_the_eye_looks_from_where_a_button_says(opened):
-    page = opened()
+def test_the_eye_looks_from_where_a_button_says(page):
     away = "viewer.camera.position.clone().sub(viewer.controls.target).normalize().toArray()"
     for k, direction in enumerate(([0, 1, 0], [1, 0, 0], [0, 0, 1]), 1):  # the viewer has y up
         page.press(f"#views button:nth-child({k})")
@@ -153,8 +126,7 @@ def test_the_eye_looks_from_where_a_button_says(opened):
     assert page.run("followed") is None
 
 
-def test_motions_are_laid_over_each_other(opened):
-    page = opened()
+def test_motions_are_laid_over_each_other(page):
     beside = page.run("objectAt('arm', '1').position.toArray()")
     assert beside == pytest.approx(page.run("data.offset"))
     colors = "objectAt('arm', '1').getObjectByProperty('isMesh', true).material.color.getHex()"
@@ -172,33 +144,30 @@ def test_motions_are_laid_over_each_other(opened):
     assert changed(before, scene_of(page)) < 0.001
 
 
-def test_curves_say_what_the_data_say(opened):
-    page = opened()
+def test_curves_say_what_the_data_say(page):
     page.press("#tabs [data-tab=speed]")
-    told = page.run("[...document.querySelectorAll('.value')].map((each) => each.textContent)")
+    text = page.run("[...document.querySelectorAll('.value')].map((each) => each.textContent)")
     speeds = page.run("data.trajectories.map(({speed, duration}) => at(speed, time, duration))")
-    assert told == [f"{name} {v:.2f} m/s" for name, v in zip(("fast", "slow"), speeds, strict=True)]
+    assert text == [f"{name} {v:.2f} m/s" for name, v in zip(("fast", "slow"), speeds, strict=True)]
     page.press("#tabs [data-tab=clearance]")
-    told = page.run("byId('values').textContent")
-    assert f"to obstacles {page.run('gaps[0].label.textContent')}"[:-5] in told
-    assert NAME in told
+    text = page.run("byId('values').textContent")
+    assert f"to obstacles {page.run('gaps[0].label.textContent')}"[:-5] in text
+    assert NAME in text
     before = page.picture()
     page.press("#curves")
     assert page.run("byId('plot').offsetHeight") == 0
     assert changed(before, page.picture()) > 0.05
 
 
-def test_the_line_between_the_closest_points_is_as_long_as_it_says(opened):
-    page = opened()
+def test_the_line_between_the_closest_points_is_as_long_as_it_says(page):
     for time in (0.1, 0.4):
         page.run(f"setTime({time})")
         length = page.run("gaps[0].line.scale.y")
-        told = float(page.run("gaps[0].label.textContent").removesuffix(" mm"))
-        assert 1000 * length == pytest.approx(told, abs=0.6)  # points are rounded to 0.1 mm
+        text = float(page.run("gaps[0].label.textContent").removesuffix(" mm"))
+        assert 1000 * length == pytest.approx(text, abs=0.6)  # points are rounded to 0.1 mm
 
 
-def test_what_is_under_the_pointer_is_named(opened):
-    page = opened()
+def test_what_is_under_the_pointer_is_named(page):
     page.run("see([0, -0.001, 1])")
     page.settle()
     box = "new MeshCat.THREE.Box3().setFromObject(objectAt('obstacles', '0'))"
@@ -216,9 +185,7 @@ def test_what_is_under_the_pointer_is_named(opened):
     assert page.run("byId('pointed').hidden")
 
 
-@pytest.mark.slow
-def test_a_video_of_one_run_is_recorded(opened):
-    page = opened()
+def test_a_video_of_one_run_is_recorded(page):
     page.run("save = (blob) => { window.saved = [blob.size, blob.type]; }; true")
     page.press("#record")
     assert page.run("byId('record').textContent").startswith("Recording")
@@ -232,12 +199,41 @@ def test_a_video_of_one_run_is_recorded(opened):
     )
 
 
-@pytest.mark.slow
+def test_every_button_is_pressed_every_layer_hidden_and_the_slider_dragged(opened, file):
+    page = opened(file, 0.29, *NARROW)
+    assert not page.run("byId('panel').classList.contains('open')")
+    before, duration = scene_of(page), page.run("data.duration")
+    page.run("setPlaying(true)")
+    page.drag("#slider", 0.3 / duration, 0.7)
+    assert page.run("playing") is False
+    assert page.run("time") == pytest.approx(0.7 * duration, abs=0.05 * duration)
+    assert changed(before, scene_of(page)) > 0.002
+    text = page.run("byId('readout').textContent")
+    assert text.startswith(f"{1000 * page.run('time'):.0f} ms of")
+    page.drag(".line", 0.2, 0.4)
+    assert page.run("time") == pytest.approx(0.4 * duration, abs=0.01 * duration)
+    count = page.run("document.querySelectorAll('button').length")
+    assert count > 14
+    for k in range(count):
+        page.run(f"document.querySelectorAll('button')[{k}].click()")
+        page.run("stopRecording()")
+    page.run(RESET)
+    for k, layer in enumerate(page.run("data.layers.map(({name}) => name)")):
+        box = f"document.querySelectorAll('.layer input')[{k}]"
+        shown = page.run(f"{box}.checked")
+        assert shown == (layer not in HIDDEN_AT_FIRST)
+        before = scene_of(page)
+        page.run(f"{box}.click()")
+        assert page.run(f"objectAt('{layer}').visible") is not shown
+        assert changed(before, scene_of(page)) > 0
+        page.run(f"{box}.click()")
+
+
 def test_pages_of_a_cone_and_of_ghosts(opened, stored, tmp_path):
     """Of an arm with many triangles: what moves is drawn where it is at that time."""
     path = tmp_path / "tray.html"
     view(*stored("ur5/level_tray", REFINEMENT)).save(path)
-    page = opened(path=path)
+    page = opened(path, 0.3)
     tip = "objectAt('rotation', '0').children[{}].matrixWorld.elements.slice(12, 15)"
     assert page.run("objectAt('rotation', '0').children.length") == 2
     page.run("viewer.render()")
@@ -247,3 +243,60 @@ def test_pages_of_a_cone_and_of_ghosts(opened, stored, tmp_path):
     page.run("show('ghosts', true)")
     assert changed(before, scene_of(page)) > 0.02
     assert page.run("objectAt('ghosts', '0').children.length") == 2
+
+
+def test_the_arm_is_seen_and_moves_beside_panel_and_controls(opened, stored, tmp_path):
+    problem, trajectory = stored("ur5/over_the_wall")
+    path = tmp_path / "wall.html"
+    view(problem, trajectory).save(path)
+    page = opened(path, 0.2)
+    text = page.run("byId('panel').textContent").replace("\u200b", "")
+    for words in ("over_the_wall", "segment 2: radius 30 mm", "Space the links sweep"):
+        assert words in text
+    assert "0.25\u00d7" in page.run("byId('controls').textContent")
+    lasts = f"200 ms of {1000 * trajectory.duration:.0f} ms"
+    assert lasts in page.run("byId('readout').textContent")
+    assert "cannot show" not in page.run("document.body.innerText")
+    start, middle = (at(page, t) for t in (0, trajectory.duration / 2))
+    assert min(colours(start), colours(middle)) > 2000
+    assert changed(start, middle) > 0.01
+    # Blue first, orange second: both tints must be in the picture.
+    first, second = np.array([rgb(color) for color in SEGMENT_COLORS[:2]]).argmax(axis=1)
+    assert (first, second) == (2, 0)
+    red, blue = start[..., 0], start[..., 2]
+    assert (red - blue > 25).mean() > 0.003
+    assert (blue - red > 25).mean() > 0.003
+
+    runs = followed(problem, trajectory, [[0.02, 0, 0], [0.04, 0, 0], [0.05, 0, 0]])
+    view(problem, trajectory, execution=runs).save(path)
+    page = opened(path, 0)
+    assert near(scene_of(page), WARNING_COLOR, 25) > 100  # where they leave the tube
+    assert near(start, WARNING_COLOR, 25) < 20
+    assert "Executed paths of the tool: 3 runs" in page.run("byId('panel').textContent")
+
+
+def test_a_motion_plays_by_itself_and_a_problem_alone_has_no_controls(opened, file, bundled):
+    page = opened(file)
+    assert page.run("byId('play').textContent") == "Pause"
+    alone = file.with_name("alone.html")
+    view(bundled("two_link/around_a_post")).save(alone)
+    page = opened(alone)
+    assert page.run("byId('controls').hidden")
+    assert "at its start" in page.run("document.body.textContent")
+
+
+def test_the_present_step_of_a_cycle_is_marked_and_parts_come_and_go(opened, tmp_path):
+    """A cap, 2 % of all that is brown, is there only while it is carried."""
+    cycle, path = shown_cycle(tmp_path), tmp_path / "cycle.html"
+    view_cycle(cycle, [motion_of(cycle)]).save(path)
+    present = "[...document.querySelectorAll('.band.present')].map((each) => each.textContent)"
+    page = opened(path, 0)
+    for time, bands, step in ((1.3, ["carry"], "carry"), (2.2, [], "grip 'open' (0.2 s)")):
+        page.run(f"setTime({time})")
+        assert page.run(present) == bands
+        readout = page.run("byId('readout').textContent")
+        assert f"{1000 * time:.0f} ms of 3300 ms, {step}, tool at" in readout
+    assert page.run("document.querySelectorAll('[class=mark]').length") == 6
+    before, during, after = (near(at(page, time), CARRIED_COLOR, 60) for time in (1.0, 1.2, 3.0))
+    assert during > 1.2 * max(before, after)
+    assert min(before, after) > 50

@@ -16,9 +16,6 @@ from tubeplanner.views.palette import LINE_COLORS, SEGMENT_COLORS
 from tubeplanner.views.problem_timeline import binding_marks, problem_timeline, segment_bands
 from tubeplanner.views.stretch import Stretch
 
-# The curves of a page: what they say of limits and clearance, and where they say nothing.
-
-
 STEPS = 240
 
 
@@ -32,8 +29,13 @@ def curves_of(stretch):
     return time, page_curves([stretch], time)
 
 
-def test_a_line_is_the_largest_share_of_a_joints_limits(stretch):
-    time, curves = curves_of(stretch)
+@pytest.fixture(scope="module")
+def curves(stretch):
+    return curves_of(stretch)
+
+
+def test_a_line_is_the_largest_share_of_a_joints_limits(stretch, curves):
+    time, curves = curves
     lines = {line["name"]: line for line in curves["limits"]["lines"]}
     assert [*lines] == [*stretch.problem.robot.joint_names, "tool"]
     own = stretch.uses.samples.time
@@ -61,8 +63,8 @@ def test_the_very_end_of_a_range_counts(stored):
     assert curves["limits"]["kinds"][line["kind"][STEPS // 2 - 10]] == POSITION
 
 
-def test_the_closest_pairs_are_those_of_then(stretch):
-    time, curves = curves_of(stretch)
+def test_the_closest_pairs_are_those_of_then(curves):
+    time, curves = curves
     obstacles, links = curves["clearance"]
     assert [obstacles["name"], links["name"]] == ["to obstacles", "between links"]
     assert "points" not in links
@@ -76,21 +78,21 @@ def test_the_closest_pairs_are_those_of_then(stretch):
     assert len(obstacles["distance"]) == len(time)
 
 
-def test_a_limit_on_the_tools_speed_is_that_of_the_segment(stored):
+def test_a_limit_on_the_tools_speed_is_that_of_the_segment(stored, curves):
     problem, trajectory = stored("ur5/over_the_wall")
     tube = problem.tube
     slow = Tube(tube.points, tube.radius, tool_speed=[None, 3.0, None])
     limited = PlanningProblem(problem.robot, slow, problem.start, self_collision=False)
-    _, curves = curves_of(Stretch(limited, trajectory))
-    speeds = curves["speedLimit"]
+    _, limited_curves = curves_of(Stretch(limited, trajectory))
+    speeds = limited_curves["speedLimit"]
     assert [speeds[0], speeds[STEPS // 2], speeds[-1]] == [None, 3.0, None]
-    assert "clearance" not in curves
-    assert "speedLimit" not in curves_of(Stretch(problem, trajectory))[1]
+    assert "clearance" not in limited_curves
+    assert "speedLimit" not in curves[1]
 
 
-def test_between_the_legs_of_a_cycle_nothing_is_said(tmp_path):
+def test_between_the_legs_of_a_cycle_nothing_is_said_and_marks_have_its_time(tmp_path):
     cycle = shown_cycle(tmp_path)
-    motion = motion_of(cycle)
+    motion = motion_of(cycle, 0.2)  # fast: limits bind
     stretches = cycle_stretches(cycle, motion)
     assert [stretch.begin for stretch in stretches] == [begin for begin, _ in motion.leg_times]
     time = np.linspace(0, motion.trajectory.duration, STEPS)
@@ -99,14 +101,17 @@ def test_between_the_legs_of_a_cycle_nothing_is_said(tmp_path):
     for begin, end in motion.leg_times:
         rests &= (time < begin) | (time > end)
     assert 0 < rests.sum() < STEPS
-    for line in curves["limits"]["lines"]:
-        missing = [share is None for share in line["share"]]
-        np.testing.assert_array_equal(missing, rests)
-    missing = [distance is None for distance in curves["clearance"][0]["distance"]]
-    np.testing.assert_array_equal(missing, rests)
-
-
-# The time line of a problem's motion: segments in turn, and what binds when.
+    shares = [line["share"] for line in curves["limits"]["lines"]]
+    for said in (*shares, curves["clearance"][0]["distance"]):
+        np.testing.assert_array_equal([each is None for each in said], rests)
+    spans = [s for mark in binding_marks(stretches) for s in mark["spans"]]
+    inside = [
+        any(begin - 1e-4 <= s["begin"] <= s["end"] <= end + 1e-4 for begin, end in motion.leg_times)
+        for s in spans
+    ]
+    assert len(spans) > 1
+    assert all(inside)
+    assert max(s["end"] for s in spans) > motion.leg_times[-1][0]
 
 
 def test_segments_follow_each_other_in_their_colours(stretch):
@@ -141,16 +146,3 @@ def test_marks_are_where_a_limit_binds(stretch):
         assert [span["begin"] for span in spans] == pytest.approx(
             [each.begin for each in expected[name]], abs=1e-5
         )
-
-
-def test_marks_of_a_cycle_have_its_time(tmp_path):
-    cycle = shown_cycle(tmp_path)
-    motion = motion_of(cycle, 0.2)  # fast: limits bind
-    spans = [s for mark in binding_marks(cycle_stretches(cycle, motion)) for s in mark["spans"]]
-    inside = [
-        any(begin - 1e-4 <= s["begin"] <= s["end"] <= end + 1e-4 for begin, end in motion.leg_times)
-        for s in spans
-    ]
-    assert len(spans) > 1
-    assert all(inside)
-    assert max(s["end"] for s in spans) > motion.leg_times[-1][0]

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import SHORTEST, with_motors
 from matplotlib.figure import Figure
 
-from cases import SHORTEST, with_motors
 from tubeplanner import load_problem, plan, plot_trajectory
 from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.views.motor_panels import draw_motor, draw_motors, motor_joints
@@ -28,13 +28,17 @@ def motion():
 
 
 @pytest.fixture(scope="module")
-def panels(motion):
-    """Return the panels of both motors, and the curves that they show."""
-    curves = trajectory_curves(*motion)
+def curves(motion):
+    return trajectory_curves(*motion)
+
+
+@pytest.fixture(scope="module")
+def panels(curves):
+    """Return the panels of both motors."""
     axes = Figure().subplots(1, 2)
     for joint, axis in enumerate(axes):
         draw_motor(axis, curves, joint)
-    return axes, curves
+    return axes
 
 
 def lines(axis):
@@ -43,20 +47,15 @@ def lines(axis):
     return limits, (backwards, forwards), friction, motion
 
 
-def test_a_motor_has_its_own_effort_each_way(panels):
-    axes, curves = panels
-    (forwards, backwards), _, _, motion = lines(axes[0])
+def test_a_motor_has_its_own_effort_each_way_and_friction_by_direction(panels, curves):
+    (forwards, backwards), _, friction, motion = lines(panels[0])
     assert set(forwards.get_ydata()) == {95.0}
     assert set(backwards.get_ydata()) == {-70.0}
     assert motion.get_ydata().max() == pytest.approx(95, rel=1e-3)
     assert motion.get_ydata().min() == pytest.approx(-70, rel=1e-3)
     np.testing.assert_array_equal(motion.get_xdata(), curves.samples.velocity[:, 0])
     np.testing.assert_array_equal(motion.get_ydata(), curves.effort[:, 0])
-
-
-def test_friction_is_drawn_by_direction(panels):
-    axes, _ = panels
-    x, y = lines(axes[0])[2].get_data()
+    x, y = friction.get_data()
     np.testing.assert_allclose(y, 1.5 * x + np.where(x > 0, 8.0, -4.0))
     assert (x[1:] > x[:-1]).all()
     assert abs(x).min() < 1e-6  # it jumps at zero, and nowhere else
@@ -64,8 +63,7 @@ def test_friction_is_drawn_by_direction(panels):
 
 def test_a_torque_speed_line_cuts_the_corners(panels):
     """Driving, 40 (1 - |v| / 12) is left; braking, the limit."""
-    axes, _ = panels
-    (forwards, backwards), _, friction, motion = lines(axes[1])
+    (forwards, backwards), _, friction, motion = lines(panels[1])
     v = forwards.get_xdata()
     np.testing.assert_allclose(forwards.get_ydata(), np.minimum(27, 40 * (1 - v / 12)))
     np.testing.assert_allclose(backwards.get_ydata(), -np.minimum(27, 40 * (1 + v / 12)))
@@ -76,13 +74,10 @@ def test_a_torque_speed_line_cuts_the_corners(panels):
     assert abs(y).max() <= 27 * (1 + 1e-6)
 
 
-def test_limits_of_velocity_end_what_a_motor_has():
-    problem = load_problem(
-        "example:ur5/over_the_wall", changes={"robot.motors.coulomb_friction": 3.0}
-    )
-    trajectory = plan(problem, SHORTEST).trajectory
-    curves = trajectory_curves(problem, trajectory)
-    draw_motor(axis := Figure().subplots(), curves, 2)
+def test_limits_of_velocity_end_what_a_motor_has(stored):
+    problem, trajectory = stored("ur5/over_the_wall", "refinement")
+    problem = replace(problem, robot=with_motors(problem.robot, forwards_friction=3.0))
+    draw_motor(axis := Figure().subplots(), trajectory_curves(problem, trajectory), 2)
     _, ends, _, _ = lines(axis)
     most = problem.robot.limits.velocity[2]
     assert [end.get_xdata()[0] for end in ends] == [-most, most]
@@ -102,14 +97,11 @@ def test_only_joints_whose_motors_are_known_have_a_panel(motion):
     assert motor_joints(with_motors(robot, armature=1.0)).tolist() == []
     lines_of_one = {"saturation_effort": [5.0, np.inf], "no_load_velocity": [5.0, np.inf]}
     assert motor_joints(with_motors(robot, forwards_friction=none, **lines_of_one)).tolist() == [0]
-    figure = plot_trajectory(problem, trajectory)
-    assert [axis.get_title() for axis in figure.axes[-2:]] == ["joint1", "joint2"]
-    plain = load_problem("example:two_link/paper_3_50mm")
-    assert len(plot_trajectory(plain, trajectory).axes) == len(figure.axes) - 2
+    titles = [axis.get_title() for axis in plot_trajectory(problem, trajectory).axes]
+    assert titles[-2:] == ["joint1", "joint2"]
 
 
-def test_motors_are_drawn_in_rows_and_explained_once(panels):
-    _, curves = panels
+def test_motors_are_drawn_in_rows_and_explained_once(curves):
     figure = Figure(layout="constrained")
     draw_motors(figure, curves, np.array([0, 1, 0]), columns=2)
     assert [bool(axis.get_ylabel()) for axis in figure.axes] == [True, False, True]
@@ -127,8 +119,7 @@ def test_efforts_by_position_have_their_most_and_least(motion):
     assert [set(line.get_ydata()) for line in limits] == [{27.0}, {-27.0}, {20.0}, {-20.0}]
 
 
-def test_limits_by_direction_are_drawn_over_time_where_they_are_less(panels, motion):
-    _, curves = panels
+def test_limits_by_direction_are_drawn_over_time_where_they_are_less(curves):
     draw_efforts(axis := Figure().subplots(), curves)
     forwards, backwards = (line.get_ydata() for line in axis.lines[-2:])
     assert np.isnan(forwards).all()  # as the limit of 100 %

@@ -19,7 +19,7 @@ CORNERS = [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)]
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
+def placement(tmp_path_factory):
     """A placement of which every cell has something else to say."""
     folder = tmp_path_factory.mktemp("gantry")
     problem = load_problem(gantry(folder, [FLOOR, POST]))
@@ -39,8 +39,8 @@ def found(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def axes(found):
-    return plot_placement(found).axes[0]
+def axes(placement):
+    return plot_placement(placement).axes[0]
 
 
 def hatched(axes):
@@ -71,7 +71,7 @@ def test_a_cell_without_a_motion_has_the_reason_of_the_angle_that_came_farthest(
     assert words.count("obstacle") == words.count("what it stands on") == 1
 
 
-def test_the_cell_is_seen_from_above_in_equal_scale(axes, found):
+def test_the_cell_is_seen_from_above_in_equal_scale(axes, placement):
     assert axes.get_aspect() == 1
     lines = {line.get_label(): line for line in axes.lines}
     outline = lines["obstacle"].get_xydata()
@@ -80,7 +80,7 @@ def test_the_cell_is_seen_from_above_in_equal_scale(axes, found):
     )
     assert lines["what it stands on"].get_linestyle() == "--"
     np.testing.assert_allclose(
-        lines["reference path of the tool"].get_xydata(), found.problem.tube.points[:, :2]
+        lines["reference path of the tool"].get_xydata(), placement.problem.tube.points[:, :2]
     )
     assert {"floor", "post"} <= {text.get_text() for text in axes.texts}
     (low, high), (left, right) = axes.get_ylim(), axes.get_xlim()
@@ -98,13 +98,12 @@ def test_stands_have_arrows_along_their_yaw_and_the_search_has_dots(axes):
     assert lines["best"] == [[-0.4, 0.25]]
 
 
-def test_a_map_without_any_motion_and_of_one_place_is_drawn(found, tmp_path):
-    none = [replace(row, status="unreachable", duration=None) for row in found.rows[:32]]
-    figure = plot_placement(replace(found, rows=tuple(none), best=None), tmp_path / "map.png")
+def test_a_map_without_any_motion_and_of_one_place_is_drawn(placement, tmp_path):
+    none = [replace(row, status="unreachable", duration=None) for row in placement.rows[:32]]
+    figure = plot_placement(replace(placement, rows=tuple(none), best=None))
     assert len(figure.axes) == 1
     assert len(hatched(figure.axes[0])) == 4
-    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     region = Region.of([0.2, 0.2, 0.3, 0.3], 0.0)
-    one = replace(found, region=region, grid=region.grid(8, 0.0), rows=(), best=None)
+    one = replace(placement, region=region, grid=region.grid(8, 0.0), rows=(), best=None)
     plot_placement(one, tmp_path / "one.png")
-    assert (tmp_path / "one.png").stat().st_size > 10_000
+    assert (tmp_path / "one.png").read_bytes().startswith(b"\x89PNG")

@@ -1,10 +1,10 @@
-"""Tool axes and cones: where they are, and that tools within their tolerance are in the cone."""
+"""Scenes: tool axes and cones where they are, tools within tolerance in the cone, notes."""
 
 import numpy as np
 import pytest
 from stored_trajectories import REFINEMENT
 
-from tubeplanner import view
+from tubeplanner import load_problem, view
 from tubeplanner.tube.rotations import rotation_matrix, rotation_vector
 from tubeplanner.views.orientation_items import cone_axis, cone_rim
 from tubeplanner.views.scene import Layer
@@ -13,8 +13,8 @@ INF = np.inf
 
 
 @pytest.fixture(scope="module")
-def tray(stored):
-    return view(*stored("ur5/level_tray", REFINEMENT)).scene
+def tray(shown):
+    return shown("ur5/level_tray", REFINEMENT).scene
 
 
 def named(scene, layer, name):
@@ -30,7 +30,6 @@ def named(scene, layer, name):
         ((INF, INF, INF, 0.2), 2),
         ((0.1, 0.1, 0.1, INF), 2),
         ((INF, 4.0, 0.1, INF), None),
-        ((INF, INF, 0.1, INF), None),
         ((INF, INF, INF, INF), None),
     ],
 )
@@ -109,6 +108,17 @@ def test_at_rest_cones_stand_at_the_reference_points(bundled):
     np.testing.assert_allclose(tips, scene.problem.tube.points)
 
 
-def test_without_orientations_there_is_no_cone(stored):
-    scene = view(*stored("two_link/around_a_post")).scene
-    assert Layer.ROTATION not in scene.layers
+def test_without_orientations_there_is_no_cone(shown):
+    assert Layer.ROTATION not in shown("two_link/around_a_post").scene.layers
+
+
+def test_given_notes_come_first_and_an_empty_hand_stays_empty(stored):
+    trajectory = stored("two_link/around_a_post")[1]
+    part = {"name": "part", "sphere": 0.03, "touch_links": ["link2"]}
+    problem = load_problem("example:two_link/around_a_post", changes={"robot.attached": [part]})
+    scene = view(
+        problem, trajectory, trajectory, names=["a", "b"], notes=["a: fails"], empty_handed=["b"]
+    ).scene
+    carried = [item.trajectory for item in scene.items if item.layer is Layer.CARRIED]
+    assert carried == [0]
+    assert scene.notes[0] == "a: fails"

@@ -1,10 +1,13 @@
-"""Pictures of solids: what is in front is seen, what is translucent is laid over it."""
+"""Pictures of solids: what is in front is seen, translucent ones over it, the cell cut to size."""
 
 import numpy as np
 import pytest
 
+from tubeplanner import Obstacle, placement_of
 from tubeplanner.collision.convex_shape import box
+from tubeplanner.views.palette import CARRIED_COLOR, rgb
 from tubeplanner.views.rendered_solids import RenderedSolid, rendered
+from tubeplanner.views.space_solids import obstacle_solids
 from tubeplanner.views.space_view import SpaceView
 from tubeplanner.views.surface import shape_surface
 
@@ -28,12 +31,12 @@ def pixel(picture, x, y):
     return picture.pixels[row, column]
 
 
-@pytest.mark.parametrize("order", [1, -1])
-def test_what_is_in_front_is_seen(order):
-    solids = [plate(0.0, RED, 2.0), plate(1.0, BLUE)][::order]
-    picture = rendered(solids, ABOVE)
-    assert pixel(picture, 0.0, 0.0)[2] > 0.5 > pixel(picture, 0.0, 0.0)[0]
-    assert pixel(picture, 0.8, 0.0)[0] > 0.5 > pixel(picture, 0.8, 0.0)[2]
+def test_what_is_in_front_is_seen():
+    solids = [plate(0.0, RED, 2.0), plate(1.0, BLUE)]
+    for ordered in (solids, solids[::-1]):
+        picture = rendered(ordered, ABOVE)
+        assert pixel(picture, 0.0, 0.0)[2] > 0.5 > pixel(picture, 0.0, 0.0)[0]
+        assert pixel(picture, 0.8, 0.0)[0] > 0.5 > pixel(picture, 0.8, 0.0)[2]
     below = SpaceView(np.array([0.0, 0.6, -0.8]))
     assert pixel(rendered(solids, below), 0.0, 0.0)[0] > 0.5
 
@@ -77,3 +80,36 @@ def test_of_faces_in_one_plane_the_last_is_seen():
     solids = [plate(0.0, RED), plate(0.0, BLUE, 2.0), plate(0.0, RED, 0.5)]
     picture = rendered(solids, ABOVE)
     assert [pixel(picture, x, 0.0)[0] > 0.5 for x in (0.1, 0.4, 0.8)] == [True, False, False]
+
+
+LOW, HIGH = np.zeros(3), np.ones(3)
+
+
+def drawn(*boxes, handed_over=()):
+    obstacles = [
+        Obstacle.box(f"box{k}", sides, placement_of(at)) for k, (sides, at) in enumerate(boxes)
+    ]
+    return obstacle_solids(obstacles, handed_over, LOW, HIGH)
+
+
+def test_what_stands_beside_the_box_is_drawn_whole_and_what_is_farther_is_not():
+    (beside,) = drawn(((0.2, 0.2, 0.2), (0.5, 1.25, 0.5)))
+    np.testing.assert_allclose(np.ptp(beside.surface.vertices, axis=0), 0.2)
+    assert not drawn(((0.2, 0.2, 0.2), (0.5, 1.45, 0.5)))
+
+
+def test_a_floor_is_cut_where_the_last_of_the_others_ends():
+    floor, shelf = drawn(((9, 9, 0.1), (0.5, 0.5, -0.05)), ((0.2, 0.2, 0.4), (0.5, 1.2, 0.5)))
+    np.testing.assert_allclose(floor.surface.vertices[:, :2].min(axis=0), [0, 0], atol=1e-9)
+    np.testing.assert_allclose(floor.surface.vertices[:, :2].max(axis=0), [1, 1.3], atol=1e-9)
+    assert shelf.surface.vertices[:, 1].max() == pytest.approx(1.3)
+
+
+def test_what_the_arm_takes_has_a_colour_of_its_own():
+    taken, left = drawn(
+        ((0.1, 0.1, 0.1), (0.5, 0.5, 0.5)),
+        ((0.1, 0.1, 0.1), (0.2, 0.5, 0.5)),
+        handed_over=["box0"],
+    )
+    np.testing.assert_array_equal(taken.color, rgb(CARRIED_COLOR))
+    assert taken.alpha == 1.0 and left.alpha < 1.0

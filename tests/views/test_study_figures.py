@@ -13,8 +13,6 @@ from tubeplanner.studies.study_points import Latin
 from tubeplanner.studies.study_result import StudyResult
 from tubeplanner.views.comparison_plot import plot_comparison
 
-# The figures of studies: what is drawn for one field, two and more.
-
 
 def marks(axis):
     """Return what lines are drawn, by label."""
@@ -33,15 +31,9 @@ def test_one_field_is_a_line_with_its_gaps():
     assert axis.get_xlabel() == RADIUS
     assert figure.get_suptitle() == "small: duration against tube.radius"
     assert "shortest that was found" not in marks(axis)
-
-
-def test_the_shortest_is_drawn_where_the_objective_is_varied():
     (axis,) = plot_study(some_result({"objective.slack": [0, 0.1]})).axes
     np.testing.assert_allclose(marks(axis)["shortest that was found"], [[0, 0.5], [0.1, 0.5]])
-
-
-def test_many_gaps_are_marks_with_a_legend():
-    radii = [0.001 * k for k in range(1, 60)]
+    radii = [0.001 * k for k in range(1, 60)]  # many gaps are marks with a legend
     (axis,) = plot_study(some_result({RADIUS: radii}, blocked=narrow)).axes
     gaps = marks(axis)["no plan: tube blocked (19)"]
     np.testing.assert_allclose(gaps[:, 0], radii[:19])
@@ -66,14 +58,11 @@ def test_two_fields_of_a_grid_are_a_map():
     assert bar.get_ylabel() == "duration [s]"
 
 
-def test_a_large_map_is_legible():
-    values = {RADIUS: np.linspace(0.02, 0.1, 50).tolist(), MASS: list(range(30))}
+def test_a_large_map_is_legible_and_one_without_any_plan_has_no_bar():
+    values = {RADIUS: np.linspace(0.02, 0.1, 30).tolist(), MASS: list(range(22))}
     axis, _ = plot_study(some_result(values)).axes
     assert not axis.texts
     assert len(axis.get_xticks()) <= 20
-
-
-def test_a_map_without_any_plan_has_no_bar():
     figure = plot_study(some_result({RADIUS: [1, 2], MASS: [1, 2]}, blocked=lambda _: True))
     assert len(figure.axes) == 1
     assert len(figure.axes[0].patches) == 4
@@ -102,17 +91,9 @@ def test_more_fields_have_a_panel_each(count):
     assert [axis.get_xlabel() for axis in figure.axes] == paths
     assert figure.get_suptitle() == f"small: duration against {count} fields"
     for axis in figure.axes:
-        planned, gaps = axis.lines
-        assert len(planned.get_xdata()) == 6
-        assert len(gaps.get_xdata()) == 3
-
-
-def test_a_study_without_a_row_has_no_figure():
+        assert [len(line.get_xdata()) for line in axis.lines] == [6, 3]  # planned, and gaps
     with pytest.raises(OptionError, match="no point of the study was done"):
         plot_study(StudyResult(small_study(), ()))
-
-
-# The figure of a comparison: a row per method that says how long it takes and whether it holds.
 
 
 METHODS = ("stop-at-corners", "bang-bang", "smoothed-bang-bang")
@@ -139,15 +120,12 @@ def panels(compared):
     return figure.axes
 
 
-def test_rows_are_sorted_by_duration_and_those_without_a_motion_come_last(compared, panels):
+def test_rows_are_sorted_by_duration_and_what_fails_is_hatched_and_named(compared, panels):
+    """Those without a motion come last."""
     rows = sorted(compared.rows[1:], key=lambda row: row.duration)
     names = [label.get_text() for label in panels[0].get_yticklabels()]
     assert names == [*(row.method for row in rows), "lost"]
     assert [bar.get_width() for bar in panels[0].patches] == [row.duration for row in rows]
-
-
-def test_what_fails_is_hatched_and_named(compared, panels):
-    rows = sorted(compared.rows[1:], key=lambda row: row.duration)
     texts = [text.get_text().replace("\n", " ") for text in panels[0].texts]
     for row, bar, text in zip(rows, panels[0].patches, texts, strict=False):
         assert bool(bar.get_hatch()) == (not row.certified)

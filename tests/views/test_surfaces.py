@@ -16,9 +16,6 @@ from tubeplanner.views.surface import (
 )
 from tubeplanner.views.viewpoint import best_direction, floor_grid, outline
 
-# What is drawn: triangles of the tube and of lines.
-
-
 CORNERS = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.4, 0.0], [0.5, 0.4, 0.3]]
 
 
@@ -39,15 +36,12 @@ def test_the_parts_of_a_tube_are_its_boundary(radius):
         assert margin.max() < 0.03 * tube.radius[k]  # nothing of it is inside another capsule
 
 
-def test_the_skin_of_a_tube_is_closed():
+def test_the_skin_of_a_tube_is_closed_and_one_segment_is_a_capsule():
     parts = tube_surfaces(Tube(CORNERS[:3], 0.05))
     legs, elbow = 0.9 * np.pi * 0.05**2, 4 / 3 * np.pi * 0.05**3
     # At the corner the two cylinders share a wedge of 2/3 r^3 and have a quarter of a ball beside.
     expected = legs + elbow * 1.25 - 2 / 3 * 0.05**3
     assert volume(joined(parts)) == pytest.approx(expected, rel=0.02)
-
-
-def test_one_segment_is_a_capsule():
     (capsule,) = tube_surfaces(Tube(CORNERS[:2], 0.1))
     assert volume(capsule) == pytest.approx(np.pi * 0.1**2 * (0.5 + 4 / 3 * 0.1), rel=0.01)
 
@@ -58,34 +52,25 @@ def test_a_pipe_has_its_thickness_and_remembers_its_points():
     assert volume(surface) == pytest.approx(np.pi * 0.01**2, rel=0.08)
     assert np.linalg.norm(surface.vertices - line[owner], axis=1).max() == pytest.approx(0.01)
     assert set(owner) == set(range(11))
-
-
-def test_a_tool_that_stands_still_has_no_path():
-    surface, owner = pipe(np.zeros((5, 3)), 0.01)
+    surface, owner = pipe(np.zeros((5, 3)), 0.01)  # of a tool that stands still
     assert len(surface.faces) == len(owner) == 0
-
-
-def test_a_line_that_turns_back_is_drawn():
     there_and_back = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 1.0]])
-    surface, _ = pipe(there_and_back, 0.01)
-    assert np.isfinite(surface.vertices).all()
-
-
-def test_dashes_cover_about_half_of_a_line():
-    covered = volume(dashes(np.array(CORNERS), 0.002, 0.04))
+    assert np.isfinite(pipe(there_and_back, 0.01)[0].vertices).all()
+    covered = volume(dashes(np.array(CORNERS), 0.002, 0.04))  # of dashes, about half of a line
     assert covered == pytest.approx(0.6 * 1.2 * np.pi * 0.002**2, rel=0.1)
 
 
-@pytest.mark.parametrize("kind", ["box", "sphere", "capsule"])
-def test_shapes_face_outwards(kind):
-    sizes = {"box": [[0.1, 0.2, 0.3]], "sphere": [0.1], "capsule": [0.1, 0.2]}
-    exact = {
-        "box": 0.006,
-        "sphere": 4 / 3 * np.pi * 1e-3,
-        "capsule": np.pi * 0.01 * (0.2 + 0.4 / 3),
-    }
-    obstacle = getattr(Obstacle, kind)("it", *sizes[kind], placement_of([1, 2, 3]))
-    assert volume(shape_surface(obstacle.shapes[0])) == pytest.approx(exact[kind], rel=0.05)
+@pytest.mark.parametrize(
+    ("kind", "sizes", "exact"),
+    [
+        ("box", [[0.1, 0.2, 0.3]], 0.006),
+        ("sphere", [0.1], 4 / 3 * np.pi * 1e-3),
+        ("capsule", [0.1, 0.2], np.pi * 0.01 * (0.2 + 0.4 / 3)),
+    ],
+)
+def test_shapes_face_outwards(kind, sizes, exact):
+    obstacle = getattr(Obstacle, kind)("it", *sizes, placement_of([1, 2, 3]))
+    assert volume(shape_surface(obstacle.shapes[0])) == pytest.approx(exact, rel=0.05)
 
 
 def test_a_box_is_drawn_as_one():
@@ -107,26 +92,13 @@ def test_the_parts_of_boxes_are_their_boundary():
     assert walls == pytest.approx(both, rel=0.02)
 
 
-# The ball of a goal in the scene: as large as its tolerance, about its position.
-
-
-def test_it_is_the_ball_itself(bundled):
-    problem = bundled("two_link/around_a_post")
-    position = problem.tube.points[-1] + np.array([0.0, 0.01, 0.0])
+def test_the_ball_of_a_goal_is_as_large_as_its_tolerance_and_a_point_has_none():
+    position = np.array([0.2, 0.01, 0.3])
     (ball,) = goal_ball(GoalRegion(position, 0.02))
     away = np.linalg.norm(ball.vertices - position, axis=1)
     np.testing.assert_allclose(away, 0.02, rtol=1e-5)
     np.testing.assert_allclose(ball.vertices.mean(axis=0), position, atol=1e-3)
-
-
-@pytest.mark.parametrize("tolerance", [None, 0.0])
-def test_a_point_has_none(tolerance, bundled):
-    problem = bundled("two_link/around_a_post")
-    end = None if tolerance is None else GoalRegion(problem.tube.points[-1], tolerance)
-    assert goal_ball(end) == []
-
-
-# From where a scene is looked at, and the floor it stands on.
+    assert goal_ball(None) == goal_ball(GoalRegion(position, 0.0)) == []
 
 
 def test_whoever_looks_is_not_behind_a_wall():

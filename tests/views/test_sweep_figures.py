@@ -1,34 +1,28 @@
-"""plot_convergence, plot_sweep, plot_field_sweep: durations over one value; status marks."""
+"""plot_field_sweep: durations over one value; marks, scales and files of figures."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from cases import simulated_sweep
-from tubeplanner import PlanOptions, plot_field_sweep, sweep_field
+
+from tubeplanner import OptionError, PlanOptions, plot_field_sweep, sweep_field
 from tubeplanner.outcome import PlanStatus
-from tubeplanner.views.figure_files import new_figure
+from tubeplanner.views.figure_files import figure_file, new_figure, saved
 from tubeplanner.views.palette import LINE_COLORS
 from tubeplanner.views.status_marks import status_mark, status_words
 from tubeplanner.views.value_scale import ValueScale, value_label
 
-# Every reason for no plan has a mark of its own.
-
-
 WITH_PLAN = {PlanStatus.SUCCESS, PlanStatus.INTERRUPTED}
 
 
-@pytest.mark.parametrize("kind", ["color", "marker", "hatch"])
-def test_no_two_reasons_look_the_same(kind):
-    drawn = [getattr(status_mark(status), kind) for status in set(PlanStatus) - WITH_PLAN]
-    assert len(set(drawn)) == len(drawn) == len(PlanStatus) - 2
-    assert LINE_COLORS[0] not in drawn
-
-
-def test_a_status_in_words():
+def test_no_two_reasons_look_the_same():
+    marks = [status_mark(status) for status in set(PlanStatus) - WITH_PLAN]
+    for kind in ("color", "marker", "hatch"):
+        drawn = [getattr(mark, kind) for mark in marks]
+        assert len(set(drawn)) == len(drawn) == len(PlanStatus) - 2
+        assert LINE_COLORS[0] not in drawn
     assert status_words(PlanStatus.TUBE_BLOCKED) == "tube blocked"
-
-
-# Where values stand on an axis.
 
 
 @pytest.mark.parametrize(
@@ -55,7 +49,6 @@ def test_numbers_and_factors_are_to_scale_others_in_a_row(values, places, is_sca
         ([1, 10, 100], True),
         ([0.01, 0.02, 0.05, 0.1, 0.2], True),
         (["x0.1", "x1", "x10"], True),
-        ([0.1, 1, 2], False),
         ([1, 2, 4], False),
         ([0, 10, 100], False),
         ([1, 100], False),
@@ -71,22 +64,14 @@ def test_values_that_are_even_by_ratio_are_on_a_logarithmic_axis(values, expecte
     assert axis.get_ylabel() == scale.label
 
 
-def test_values_in_a_row_have_labels():
+def test_values_in_a_row_have_labels_of_which_long_ones_keep_their_end():
     axis = new_figure(4, 3).add_subplot()
     ValueScale.of("problem", ["example:ur5/a", "example:ur5/b", "example:ur5/a"]).draw(axis)
     assert [label.get_text() for label in axis.get_xticklabels()] == ["ur5/a", "ur5/b"]
     assert axis.get_xlim() == (-0.5, 1.5)
-
-
-def test_long_labels_keep_their_end():
-    assert (
-        value_label("folder/of/folders/problem.yaml")
-        == "..." + "folder/of/folders/problem.yaml"[-21:]
-    )
+    path = "folder/of/folders/problem.yaml"
+    assert value_label(path) == "..." + path[-21:]
     assert value_label([0.6, 0]) == "[0.6, 0]"
-
-
-# The figure of a sweep over a field: where values stand, and what is drawn where there is none.
 
 
 PROBLEM = "example:two_link/paper_1_30mm"
@@ -123,13 +108,11 @@ def test_numbers_and_factors_are_drawn_to_scale(values, places, label):
     assert "no plan: bad input" in axes.texts[0].get_text()
 
 
-@pytest.mark.parametrize("values", [[0.02, "x1"], ["x1", [0.02]], [0.02, float("inf")]])
+@pytest.mark.parametrize("values", [[0.02, "x1"], ["x1", [0.02]]])
 def test_other_values_stand_in_a_row_by_name(values):
     axes, _ = drawn("tube.radius", values)
     np.testing.assert_array_equal(axes.get_xticks(), [0, 1])
-    names = {"x1": "x1", 0.02: "0.02"}
-    first = values[0]
-    assert axes.get_xticklabels()[0].get_text() == names[first]
+    assert axes.get_xticklabels()[0].get_text() == str(values[0])
     assert axes.get_xlabel() == "tube.radius"
 
 
@@ -150,8 +133,44 @@ def test_answers_of_which_runs_failed_are_marked():
     said = {text.get_text(): text.xy for text in axes.texts}
     assert list(said) == ["0 of 200 failed", "3 of 200 failed", "200 of 200 failed"]
     np.testing.assert_array_equal(list(said.values()), points[[0, 1, 3]])
+    none = replace(swept, rows=swept.rows[:1])
+    assert list(lines(plot_field_sweep(none).axes[0])[0]) == ["certified trajectory"]
 
 
-def test_nothing_is_marked_where_no_run_failed():
-    series, _ = lines(plot_field_sweep(simulated_sweep([0, 0])).axes[0])
-    assert list(series) == ["certified trajectory"]
+def labelled(label="duration of the motion"):
+    figure = new_figure(2.0, 1.5)
+    axis = figure.add_subplot()
+    axis.barh(0, 1.0, hatch="//", label=label)
+    axis.set_title(label)
+    axis.legend()
+    return figure
+
+
+@pytest.mark.parametrize(
+    ("ending", "begin", "text"),
+    [
+        (".png", b"\x89PNG", b""),
+        (".PDF", b"%PDF", b"/FontFile2"),  # TrueType, not outlines
+        (".svg", b"<?xml", b">duration of the motion</text>"),
+    ],
+)
+def test_the_ending_says_what_is_written_and_equal_figures_are_equal_files(
+    ending, begin, text, tmp_path
+):
+    path = tmp_path / f"first{ending}"
+    figure = saved(labelled(), path)
+    content = path.read_bytes()
+    assert content.startswith(begin)
+    assert text in content
+    assert content == figure_file(labelled(), path) == figure_file(figure, path)
+    assert content != figure_file(labelled("another"), path)
+    assert b"Date" not in content
+
+
+def test_another_ending_is_refused_and_nothing_written(tmp_path):
+    path = tmp_path / "a.jpg"
+    with pytest.raises(
+        OptionError, match=r"a\.jpg: name a file that ends in \.png, \.pdf or \.svg"
+    ):
+        saved(labelled(), path)
+    assert not path.exists()
