@@ -44,7 +44,7 @@ def limited(robot_name):
     )
 
 
-@pytest.fixture(scope="module", params=["two_link", "ur5", "panda"])
+@pytest.fixture(scope="module", params=["ur5"])
 def case(request):
     robot = limited(request.param)
     grid = knot_grid(SWITCHING_TIMES, 10)

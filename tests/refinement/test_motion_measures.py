@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import INERTIA, one_joint
 from measured_motions import RUN_IN, at_knots, bar, curve, monotone, motion, unbounded
 
-from cases import INERTIA, one_joint
 from tubeplanner.constraints.effort_costs import EffortCosts
 from tubeplanner.refinement.effort_measures import Energy, Work
 from tubeplanner.refinement.smoothness_measures import smoothness_measures
@@ -96,7 +96,7 @@ def test_the_model_of_work_bends_more_than_power(tmp_path):
     model, rng = work.model(at, 1.0), np.random.default_rng(5)
     own, points = model.slope.any(axis=0), spline.control_points
     missed = []
-    for _ in range(20):
+    for _ in range(6):
         step = np.zeros_like(points)
         step[3:-3] = 1e-4 * rng.normal(size=step[3:-3].shape)
         sides = [

@@ -20,9 +20,6 @@ from tubeplanner.refinement.spline_start import knot_grid, subdivided
 NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
 
 
-# Compiled splines against those in numpy, at samples of phases with few and many knots.
-
-
 TIMES = np.array([0.0, 0.1, 0.3, 0.34, 0.7, 1.0])
 # A phase of one interval: knots of its neighbours' samples lie in three phases and more.
 SHARES = [[0, 0.5, 1], [0, 1], [0, 0.3, 1], [0, 0.1, 0.5, 0.6, 1], [0, 1]]
@@ -71,24 +68,22 @@ def test_all_changes_by_switching_times_are_within_those_that_are_named():
 
 
 SWITCHING_TIMES = np.array([0.0, 0.3, 0.55, 1.0])
-PHASED_SPLINE_GRID = KnotGrid(
+SMALL_GRID = KnotGrid(
     (np.array([0, 0.3, 0.5, 1.0]), np.array([0, 0.2, 1.0]), np.array([0, 0.5, 0.8, 1.0]))
 )
 
 
 def control_points(seed=0, joints=2):
-    points = np.random.default_rng(seed).normal(
-        size=(PHASED_SPLINE_GRID.control_point_count, joints)
-    )
+    points = np.random.default_rng(seed).normal(size=(SMALL_GRID.control_point_count, joints))
     points[:3], points[-3:] = points[0], points[-1]
     return points
 
 
 def test_the_basis_is_that_of_scipys_spline():
-    samples = PHASED_SPLINE_GRID.samples(np.array([0.1, 0.45, 0.9]))
+    samples = SMALL_GRID.samples(np.array([0.1, 0.45, 0.9]))
     points = control_points()
-    phased = sampled(PhasedSpline(PHASED_SPLINE_GRID, SWITCHING_TIMES, points), samples)
-    spline = BSpline(PHASED_SPLINE_GRID.knots(SWITCHING_TIMES), points, DEGREE)
+    phased = sampled(PhasedSpline(SMALL_GRID, SWITCHING_TIMES, points), samples)
+    spline = BSpline(SMALL_GRID.knots(SWITCHING_TIMES), points, DEGREE)
     x = SWITCHING_TIMES[samples.phase] + np.diff(SWITCHING_TIMES)[samples.phase] * samples.share
     np.testing.assert_allclose(samples.times(SWITCHING_TIMES), x)
     for order in range(4):
@@ -96,18 +91,18 @@ def test_the_basis_is_that_of_scipys_spline():
 
 
 def test_samples_are_found_by_their_times():
-    samples = PHASED_SPLINE_GRID.samples(np.array([0.1, 0.45, 0.9]))
-    found = PHASED_SPLINE_GRID.samples_at(SWITCHING_TIMES, samples.times(SWITCHING_TIMES))
+    samples = SMALL_GRID.samples(np.array([0.1, 0.45, 0.9]))
+    found = SMALL_GRID.samples_at(SWITCHING_TIMES, samples.times(SWITCHING_TIMES))
     np.testing.assert_array_equal(found.phase, samples.phase)
     np.testing.assert_array_equal(found.interval, samples.interval)
     np.testing.assert_allclose(found.share, samples.share, atol=1e-12)
-    ends = PHASED_SPLINE_GRID.samples_at(SWITCHING_TIMES, np.array([0.0, 1.0]))
-    assert ends.interval.tolist() == [0, PHASED_SPLINE_GRID.interval_count - 1]
+    ends = SMALL_GRID.samples_at(SWITCHING_TIMES, np.array([0.0, 1.0]))
+    assert ends.interval.tolist() == [0, SMALL_GRID.interval_count - 1]
     assert ends.phase.tolist() == [0, 2]
 
 
 def test_samples_at_a_switching_time_belong_to_the_phases_on_both_sides():
-    samples = PHASED_SPLINE_GRID.samples(np.array([0.0, 1.0]))
+    samples = SMALL_GRID.samples(np.array([0.0, 1.0]))
     at_switch = [
         (int(phase), float(share))
         for phase, share in zip(samples.phase, samples.share, strict=True)
@@ -117,9 +112,9 @@ def test_samples_at_a_switching_time_belong_to_the_phases_on_both_sides():
 
 
 def test_the_velocity_stays_within_its_hull_and_touches_it():
-    hull = VelocityHull(PHASED_SPLINE_GRID.control_point_count)
+    hull = VelocityHull(SMALL_GRID.control_point_count)
     for seed in range(20):
-        phased = PhasedSpline(PHASED_SPLINE_GRID, SWITCHING_TIMES, control_points(seed))
+        phased = PhasedSpline(SMALL_GRID, SWITCHING_TIMES, control_points(seed))
         bound = sampled(phased, hull).by_x[1]
         velocity = phased.bspline()(np.linspace(0, 1, 2000), 1)
         assert (velocity.max(axis=0) <= bound.max(axis=0) + 1e-12).all()
@@ -129,37 +124,15 @@ def test_the_velocity_stays_within_its_hull_and_touches_it():
 
 
 def test_it_rests_at_both_ends():
-    spline = BSpline(PHASED_SPLINE_GRID.knots(SWITCHING_TIMES), control_points(), DEGREE)
+    spline = BSpline(SMALL_GRID.knots(SWITCHING_TIMES), control_points(), DEGREE)
     for order in (1, 2):
         np.testing.assert_allclose(spline(np.array([0.0, 1.0]), order), 0, atol=1e-11)
 
 
-@pytest.mark.parametrize(
-    "samples",
-    [
-        PHASED_SPLINE_GRID.samples(np.array([0.5])),
-        VelocityHull(PHASED_SPLINE_GRID.control_point_count),
-    ],
-    ids=["samples", "hull"],
-)
-def test_switching_times_move_knots_and_samples_with_them(samples):
-    by_switching = basis_by_switching(samples, PHASED_SPLINE_GRID, SWITCHING_TIMES)
-    step = 1e-4
-    for column, switching in enumerate((1, 2)):
-        sides = []
-        for sign in (1, -1):
-            moved = SWITCHING_TIMES.copy()
-            moved[switching] += sign * step
-            sides.append(samples.basis(PHASED_SPLINE_GRID, moved))
-        expected = (sides[0] - sides[1]) / (2 * step)
-        scale = np.maximum(abs(expected).max(axis=(1, 2), keepdims=True), 1e-9)
-        np.testing.assert_allclose(by_switching[column] / scale, expected / scale, atol=1e-4)
-
-
 def test_times_change_with_both_ends_of_their_phase():
     """Linearly: a finite difference is exact."""
-    samples = PHASED_SPLINE_GRID.samples(np.array([0.0, 0.3, 1.0]))
-    found = samples.times_by_switching(PHASED_SPLINE_GRID.switch_count)
+    samples = SMALL_GRID.samples(np.array([0.0, 0.3, 1.0]))
+    found = samples.times_by_switching(SMALL_GRID.switch_count)
     for column, switching in enumerate((1, 2)):
         moved = SWITCHING_TIMES.copy()
         moved[switching] += 0.01
@@ -169,8 +142,8 @@ def test_times_change_with_both_ends_of_their_phase():
 
 
 def test_on_a_fixed_grid_no_switching_time_moves():
-    fixed = KnotGrid(PHASED_SPLINE_GRID.shares, PHASED_SPLINE_GRID.chains, is_fixed=True)
-    assert (PHASED_SPLINE_GRID.switch_count, fixed.switch_count) == (2, 0)
+    fixed = KnotGrid(SMALL_GRID.shares, SMALL_GRID.chains, is_fixed=True)
+    assert (SMALL_GRID.switch_count, fixed.switch_count) == (2, 0)
     samples = fixed.samples(np.array([0.5]))
     assert basis_by_switching(samples, fixed, SWITCHING_TIMES).shape[0] == 0
     found = sampled(PhasedSpline(fixed, SWITCHING_TIMES, control_points()), samples)
@@ -178,12 +151,12 @@ def test_on_a_fixed_grid_no_switching_time_moves():
 
 
 def test_pieces_are_of_their_phases_first_segment():
-    chained = KnotGrid(PHASED_SPLINE_GRID.shares, (range(0, 2), range(2, 5), range(5, 6)))
+    chained = KnotGrid(SMALL_GRID.shares, (range(0, 2), range(2, 5), range(5, 6)))
     assert segments_of_pieces(chained).tolist() == [0, 0, 0, 2, 2, 5, 5, 5]
-    assert segments_of_pieces(PHASED_SPLINE_GRID).tolist() == [0, 0, 0, 1, 1, 2, 2, 2]
+    assert segments_of_pieces(SMALL_GRID).tolist() == [0, 0, 0, 1, 1, 2, 2, 2]
 
 
-@pytest.mark.parametrize("intervals", [8, 24, 64])
+@pytest.mark.parametrize("intervals", [8, 64])
 def test_knots_cluster_at_the_ends_and_have_about_the_number_asked_for(intervals):
     grid = knot_grid(SWITCHING_TIMES, intervals)
     assert abs(grid.interval_count - intervals) <= 2
@@ -191,7 +164,7 @@ def test_knots_cluster_at_the_ends_and_have_about_the_number_asked_for(intervals
     assert width[0] < 0.5 * width[len(width) // 2] > width[-1]
 
 
-@pytest.mark.parametrize("parts", [2, 3, 4])
+@pytest.mark.parametrize("parts", [2, 3])
 def test_divided_knots_hold_the_same_trajectory(parts):
     grid = knot_grid(SWITCHING_TIMES, 12)
     points = np.random.default_rng(0).normal(size=(grid.control_point_count, 2))

@@ -7,11 +7,9 @@ import pytest
 
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_polynomial import SpeedPolynomial
-from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.speed_limit_rows import EvaluatedSpeedLimit
 
-STEP = 1e-6
 NUMBERS = np.array([7, 4])  # of the limit's two keys
 
 
@@ -60,34 +58,6 @@ def evaluate(request, case):
     return SimpleNamespace(at=at, spline=case[1])
 
 
-def test_rows_have_the_derivatives_of_their_slack(evaluate):
-    """By control points, switching times and the duration together, along a random direction."""
-    spline, duration = evaluate.spline, 0.8
-    rows = evaluate.at(spline).rows(duration, None)
-    rng = np.random.default_rng(5)
-    change = rng.normal(size=spline.control_points.shape)
-    switching, eta = rng.normal(size=1), 0.7
-    taken = change[rows.first[:, None] + np.arange(4)]
-    expected = np.einsum("rkj,rkj->r", rows.control, taken)
-    expected += rows.switching @ switching + rows.duration * eta
-    sides = []
-    for sign in (STEP, -STEP):
-        times = spline.switching_times + sign * np.array([0, switching[0], 0])
-        moved = PhasedSpline(spline.grid, times, spline.control_points + sign * change)
-        sides.append(evaluate.at(moved).slack(duration, 1 + sign * eta)[rows.index])
-    numeric = -(sides[0] - sides[1]) / (2 * STEP)
-    scale = abs(expected).max()
-    np.testing.assert_allclose(numeric / scale, expected / scale, atol=3e-4)
-
-
-def test_what_the_duration_gives_each_row_is_its_own(evaluate):
-    """Without any step: alone, where it is not hidden by what larger coefficients give."""
-    limit, duration = evaluate.at(evaluate.spline), 0.8
-    rows = limit.rows(duration, None)
-    more, less = (limit.slack(duration, 1 + sign * STEP)[rows.index] for sign in (1, -1))
-    np.testing.assert_allclose(-(more - less) / (2 * STEP), rows.duration, atol=1e-7, rtol=1e-7)
-
-
 @pytest.mark.parametrize("longer", [0.7, 1.0, 1.3])
 def test_slack_in_another_duration_is_that_of_its_own_rows(evaluate, longer):
     """Multiplied by the highest power of the ratio of the durations, by which rows are told."""
@@ -95,13 +65,6 @@ def test_slack_in_another_duration_is_that_of_its_own_rows(evaluate, longer):
     there = limit.rows(longer * duration, None)
     slack = limit.slack(duration, longer**2)
     np.testing.assert_allclose(slack[there.index], longer**3 * there.slack, rtol=1e-12, atol=1e-12)
-
-
-def test_there_are_as_many_rows_as_slacks_and_each_has_its_keys_number(evaluate):
-    limit = evaluate.at(evaluate.spline)
-    rows = limit.rows(0.8, None)
-    assert len(rows) == limit.row_count == len(limit.slack(0.8, 1.0))
-    assert rows.limit.tolist() == NUMBERS[[1, 0]].tolist() * (len(rows) // 2)
 
 
 def test_the_least_duration_just_keeps_every_side(evaluate):

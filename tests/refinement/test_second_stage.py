@@ -16,7 +16,6 @@ from tubeplanner.refinement.second_stage import SecondStage
 
 TRAVEL = 0.6  # [m], of the slider
 LEAST_JERK, LEAST_VARIATION = 720.0, 16.0  # of one metre from rest to rest in one second
-POST = "two_link/around_a_post"
 
 
 @pytest.fixture(scope="module")
@@ -35,18 +34,11 @@ def smoothed(problem, shortest, slack):
     return found
 
 
-def squared_jerk(trajectory):
-    """Return the integral of the squared jerk of one metre, in one second."""
+def integral(trajectory, power):
+    """Return the integral of a power of the jerk of one metre, in one second."""
     jerk = trajectory.scaled(1 / trajectory.duration).derivative_coefficients(3)[-1]
     width = trajectory.breakpoints[1:] - trajectory.breakpoints[:-1]
-    return ((jerk / TRAVEL) ** 2 * width[:, None]).sum() / trajectory.duration
-
-
-def fourth_power(trajectory):
-    """Return the integral of the fourth power of the jerk of one metre, in one second."""
-    jerk = trajectory.scaled(1 / trajectory.duration).derivative_coefficients(3)[-1]
-    width = trajectory.breakpoints[1:] - trajectory.breakpoints[:-1]
-    return ((jerk / TRAVEL) ** 4 * width[:, None]).sum() / trajectory.duration
+    return ((jerk / TRAVEL) ** power * width[:, None]).sum() / trajectory.duration
 
 
 def variation(trajectory):
@@ -72,26 +64,22 @@ def least_fourth_power():
     return (jerk**4).mean() / ((1 - x) ** 2 / 2 * jerk).mean() ** 4
 
 
-@pytest.mark.parametrize("slack", [2.0, 3.0])
-def test_with_time_enough_the_least_jerk_is_what_calculus_says(slack, slider, sliding, monkeypatch):
+def test_with_time_enough_the_least_jerk_is_what_calculus_says(slider, sliding, monkeypatch):
     """The jerk alone, dear: it has one minimum, from rest to rest with zero acceleration.
 
     Where jerk vanishes its fourth power is flat: the last tenths are found slowly, if at all.
     """
     monkeypatch.setattr(smoothness_measures, "_WEIGHTS", (0.0, 0.0, 4.0))
-    found = smoothed(slider, sliding, slack).trajectory
+    found = smoothed(slider, sliding, 2.0).trajectory
     least = least_fourth_power()
-    assert least <= fourth_power(found) < 1.3 * least
+    assert least <= integral(found, 4) < 1.3 * least
 
 
-@pytest.mark.parametrize("slack", [1.0, 3.0])
-def test_the_mixture_is_no_worse_than_the_quintic_and_within_what_is_possible(
-    slack, slider, sliding
-):
+def test_the_mixture_is_no_worse_than_the_quintic_and_within_what_is_possible(slider, sliding):
     """No motion has less jerk than the quintic, nor less variation than a bang-bang one."""
-    longest = sliding.duration * (1 + slack)
-    found = smoothed(slider, sliding, slack)
-    assert squared_jerk(found.trajectory) >= LEAST_JERK
+    longest = 4 * sliding.duration
+    found = smoothed(slider, sliding, 3.0)
+    assert integral(found.trajectory, 2) >= LEAST_JERK
     assert variation(found.trajectory) >= LEAST_VARIATION
     grid, objective = sliding.motion.spline.grid, found._objective
     knots, count = grid.knots(np.array([0.0, 1.0])), grid.control_point_count
@@ -106,7 +94,7 @@ def test_the_mixture_is_no_worse_than_the_quintic_and_within_what_is_possible(
 
 def test_little_time_brings_the_jerk_most_of_the_way(slider, sliding):
     before, little, some = (
-        squared_jerk(each)
+        integral(each, 2)
         for each in (
             sliding.trajectory,
             smoothed(slider, sliding, 0.005).trajectory,
@@ -117,8 +105,8 @@ def test_little_time_brings_the_jerk_most_of_the_way(slider, sliding):
 
 
 @pytest.fixture(scope="module")
-def post(bundled):
-    return bundled(POST), plan(bundled(POST), PlanOptions(slack=0))
+def post(planned):
+    return planned("two_link/around_a_post", "refinement")
 
 
 def test_it_runs_in_its_time_between_samples_too(post):
@@ -135,7 +123,7 @@ def test_it_runs_in_its_time_between_samples_too(post):
 
 @pytest.mark.parametrize(
     ("excess", "longer", "is_answer"),
-    [(0.0, 0.9998, True), (0.01, 0.9998, False), (0.0, 1.0, False), (0.01, 1.001, False)],
+    [(0.0, 0.9998, True), (0.01, 0.9998, False), (0.0, 1.0, False)],
 )
 def test_what_is_outside_or_late_between_samples_is_no_answer(excess, longer, is_answer, post):
     problem, shortest = post
@@ -208,9 +196,7 @@ def test_a_motion_that_motors_cannot_hold_is_no_start(post):
     assert caught.value.status is PlanStatus.NO_TRAJECTORY
 
 
-@pytest.mark.parametrize(
-    ("clearance", "kept"), [(-0.01, 0.0), (0.0, 0.0), (0.01, 0.009), (0.5, 0.018)]
-)
+@pytest.mark.parametrize(("clearance", "kept"), [(-0.01, 0.0), (0.01, 0.009), (0.5, 0.018)])
 def test_most_of_the_distance_from_obstacles_is_kept(clearance, kept, post, monkeypatch):
     """A tenth of it may go, and of more than 2 cm all that is beyond."""
     problem, shortest = post

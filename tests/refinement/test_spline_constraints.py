@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from cases import with_motors
+
 from tubeplanner import GoalRegion, PlanningProblem, Seed, Tube
 from tubeplanner.constraints.coulomb_friction import CoulombFriction, blended_friction
 from tubeplanner.constraints.effort_rate import EffortRate
@@ -32,7 +32,7 @@ from tubeplanner.trajectory.joint_trajectory import from_spline
 # Conditions of the optimisation: against what they stand for and against finite differences.
 
 
-SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
+ENDS = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
 LIMITS = (
     "effort",
@@ -75,9 +75,7 @@ class Kinds:
                 self.problem, robot=with_motors(self.problem.robot, **MOTORS[kind])
             )
         self.links = LinkConstraints(self.problem)
-        self.links.look_at(
-            spline, spline.grid.samples_at(SWITCHING_TIMES, np.linspace(0.2, 0.8, 9))
-        )
+        self.links.look_at(spline, spline.grid.samples_at(ENDS, np.linspace(0.2, 0.8, 9)))
 
     def at(self, spline):
         if self.kind == "links":
@@ -136,7 +134,7 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     )
     sides = []
     for sign in (STEP, -STEP):
-        switching_times = SWITCHING_TIMES + sign * np.array([0, switching[0], 0])
+        switching_times = ENDS + sign * np.array([0, switching[0], 0])
         moved = PhasedSpline(spline.grid, switching_times, spline.control_points + sign * change)
         sides.append(kinds.slack(moved, duration, sign * eta)[rows.index])
     numeric = -(sides[0] - sides[1]) / (2 * STEP)
@@ -145,26 +143,18 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_their_slack_at_the_trajectory_itself_is_theirs(case, kind):
-    kinds, spline = Kinds(kind, case), case[1]
-    rows = kinds.rows(spline, 0.8)
-    there = kinds.slack(spline, 0.8, 0.0)
-    np.testing.assert_allclose(there[rows.index], rows.slack, atol=1e-12)
-    bounded = np.flatnonzero(np.isfinite(there) & (there < 1 - 0.005 - 1e-12))
-    assert set(bounded.tolist()) <= set(rows.index.tolist()) <= set(range(len(there)))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
+def test_rows_have_the_slack_of_the_trajectory_and_those_left_out_cannot_be_broken(case, kind):
+    """By every control point and switching time, either way."""
     kinds, spline = Kinds(kind, case), case[1]
     size = StepSize(0.01, np.array([0.005]))
     every, some = kinds.rows(spline, 0.8), kinds.rows(spline, 0.8, size)
+    there = kinds.slack(spline, 0.8, 0.0)
+    np.testing.assert_allclose(there[every.index], every.slack, atol=1e-12)
+    bounded = np.flatnonzero(np.isfinite(there) & (there < 1 - 0.005 - 1e-12))
+    assert set(bounded.tolist()) <= set(every.index.tolist()) <= set(range(len(there)))
     left_out = ~np.isin(every.index, some.index)
-    farthest = StepSize(
-        0.01, np.array([0.005])
-    )  # every control point and switching time, either way
-    worst = farthest.control * np.einsum("rkj,rkj->r", every.control, np.sign(every.control))
-    worst += abs(every.switching) @ farthest.switching
+    worst = size.control * np.einsum("rkj,rkj->r", every.control, np.sign(every.control))
+    worst += abs(every.switching) @ size.switching
     np.testing.assert_allclose(every.reach(size), worst, rtol=1e-12)
     assert (every.slack[left_out] >= worst[left_out]).all()
     np.testing.assert_array_equal(every.where(~left_out).slack, some.slack)
@@ -254,10 +244,9 @@ def test_effort_rates_count_on_both_sides_of_every_knot(case):
     assert iterate.squared_duration >= slowest.max() * (1 - 1e-6)
 
 
-@pytest.mark.parametrize("margin", [0.0, 0.1])
-def test_the_rotations_rows_and_its_ball_are_its_margin(case, margin):
+def test_the_rotations_rows_and_its_ball_are_its_margin(case):
     """The tightest of components and angle has the slack that the tube's own margin says."""
-    problem, spline, samples = case
+    (problem, spline, samples), margin = case, 0.1
     tube, at = problem.tube.rotation, sampled(spline, samples)
     path = PathSamples(problem, at.by_x, lambda: samples.phase)
     evaluated = EvaluatedRotation(tube, at, path, margin, np.arange(2), samples.phase)
@@ -364,8 +353,7 @@ def test_segments_that_a_motion_missed_are_asked_for_from_then_on(case, monkeypa
 # Blended friction in the optimisation, beside what is exact: on whole splines.
 
 
-ENDS = np.array([0.0, 0.4, 1.0])
-MOTORS_FRICTION = {"backwards_friction": [0.0, 14.0], "forwards_friction": [0.0, 1.0]}
+BRAKING_FRICTION = {"backwards_friction": [0.0, 14.0], "forwards_friction": [0.0, 1.0]}
 
 
 def step(x):
@@ -406,7 +394,7 @@ def beyond(constraints, spline, intervals, near=0.15):
 
 def test_blended_over_fewer_intervals_it_comes_nearer_to_what_is_exact(two_link):
     """And is never less."""
-    constraints, spline = constraints_and_spline(two_link, True, **MOTORS_FRICTION)
+    constraints, spline = constraints_and_spline(two_link, True, **BRAKING_FRICTION)
     wide, narrow, least = (beyond(constraints, spline, k) for k in (WIDELY_BLENDED, BLENDED, 1.0))
     assert least.min() > -1e-9
     assert (narrow - least).min() > -1e-9
@@ -418,7 +406,7 @@ def test_blended_over_fewer_intervals_it_comes_nearer_to_what_is_exact(two_link)
 
 def test_where_nothing_reverses_it_is_exact_in_the_end(two_link):
     """From the start to the goal: there joints are slow, but their directions are known."""
-    constraints, spline = constraints_and_spline(two_link, False, **MOTORS_FRICTION)
+    constraints, spline = constraints_and_spline(two_link, False, **BRAKING_FRICTION)
     blended = constraints.between_samples(spline).duration
     shape = from_spline(two_link.joint_names, spline.bspline())
     assert blended == pytest.approx(minimum_duration(constraints._problem, shape), rel=1e-3)
@@ -428,7 +416,7 @@ def test_where_nothing_reverses_it_is_exact_in_the_end(two_link):
 
 def test_widely_blended_only_the_outermost_intervals_know_their_direction(two_link):
     """In the end, all in which joints get fast."""
-    constraints, spline = constraints_and_spline(two_link, False, **MOTORS_FRICTION)
+    constraints, spline = constraints_and_spline(two_link, False, **BRAKING_FRICTION)
     unsure = {}
     for intervals in (WIDELY_BLENDED, BLENDED):
         constraints.blend(intervals)
@@ -443,7 +431,7 @@ def test_widely_blended_only_the_outermost_intervals_know_their_direction(two_li
 
 
 def test_blending_changes_something_only_once_and_only_with_coulomb_friction(two_link):
-    constraints, _ = constraints_and_spline(two_link, True, **MOTORS_FRICTION)
+    constraints, _ = constraints_and_spline(two_link, True, **BRAKING_FRICTION)
     assert not constraints.blend(BLENDED)
     assert constraints.blend(WIDELY_BLENDED)
     assert not constraints.blend(WIDELY_BLENDED)
@@ -454,7 +442,7 @@ def test_blending_changes_something_only_once_and_only_with_coulomb_friction(two
 
 def test_few_knots_are_blended_all_over(two_link):
     """More intervals than there are: the share is all of the largest velocity, and no more."""
-    constraints, spline = constraints_and_spline(two_link, True, intervals=8, **MOTORS_FRICTION)
+    constraints, spline = constraints_and_spline(two_link, True, intervals=8, **BRAKING_FRICTION)
     found = []
     for intervals in (len(spline.control_points), 50.0):
         constraints.blend(intervals)
@@ -463,7 +451,7 @@ def test_few_knots_are_blended_all_over(two_link):
 
 
 def test_a_second_stage_has_time_by_exact_scaling_and_watches_reversals_where_it_has_not(two_link):
-    constraints, spline = constraints_and_spline(two_link, True, **MOTORS_FRICTION)
+    constraints, spline = constraints_and_spline(two_link, True, **BRAKING_FRICTION)
     problem = constraints._problem
     shape = from_spline(two_link.joint_names, spline.bspline())
     least = minimum_duration(problem, shape)
