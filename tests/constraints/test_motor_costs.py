@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from cases import ANGLE, INERTIA, PEAK_ACCELERATION, PEAK_VELOCITY, one_joint, quintic, with_motors
 from follower_arm import follower_arm
 from scipy.integrate import quad
 
-from cases import ANGLE, INERTIA, PEAK_ACCELERATION, PEAK_VELOCITY, one_joint, quintic, with_motors
-from tubeplanner import JointTrajectory, LimitOverrides, PlanOptions, load_robot, plan
+from tubeplanner import JointTrajectory, LimitOverrides, load_robot
 from tubeplanner.constraints.effort_costs import EffortCosts
 from tubeplanner.constraints.effort_variation import effort_variation
 from tubeplanner.constraints.motor_effort import coulomb_effort, motor_effort
@@ -157,7 +157,7 @@ def simulated(model, place, state):
 def test_where_friction_is_saturated_efforts_are_mujocos(arms):
     robot, model, place = arms
     rng = np.random.default_rng(7)
-    for _ in range(40):
+    for _ in range(10):
         q, v, a = rng.uniform(-2, 2, (3, len(JOINTS)))
         v = np.sign(v) * (0.5 + abs(v))
         expected, saturated = simulated(model, place, (q, v, a))
@@ -197,8 +197,8 @@ def divided(trajectory):
     return JointTrajectory(trajectory.joint_names, breakpoints, np.array(pieces).T[:, :, None])
 
 
-@pytest.mark.parametrize("duration", [1.0, 2.5])
-def test_a_bar_in_free_rotation_has_closed_forms(duration, tmp_path):
+def test_a_bar_in_free_rotation_has_closed_forms(tmp_path):
+    duration = 2.5
     costs = EffortCosts(one_joint(tmp_path), divided(quintic(ANGLE, duration)))
     energy = 3.0 * (INERTIA * ANGLE) ** 2 * SQUARED_ACCELERATION / duration**3
     assert costs.energy(np.array([3.0])) == pytest.approx(energy, rel=1e-5)
@@ -215,10 +215,10 @@ def test_other_durations_are_those_of_the_motion_run_slower(tmp_path):
     assert costs.work(1.7) != pytest.approx(costs.work(), rel=0.1)
 
 
-def test_of_a_planned_motion_they_are_adaptive_quadratures_of_pinocchios_efforts(bundled):
+def test_of_a_planned_motion_they_are_adaptive_quadratures_of_pinocchios_efforts(stored):
     """Piece by piece, of the two-link arm, whose joints Pinocchio has in the same order."""
-    problem = bundled("two_link/around_a_post")
-    robot, trajectory = problem.robot, plan(problem, PlanOptions(slack=0.05)).trajectory
+    problem, trajectory = stored("two_link/around_a_post", "refinement")
+    robot, trajectory = problem.robot, trajectory.between(0.0, 0.25 * trajectory.duration)
     model = pin.buildModelFromUrdf(str(robot.urdf.path))
     model.gravity.linear = np.asarray(robot.gravity)
     data, weights = model.createData(), np.array([0.3, 2.0])
@@ -247,10 +247,9 @@ def out_and_back(duration):
     return divided(motion.scaled(duration))
 
 
-@pytest.mark.parametrize("duration", [1.0, 2.5])
-def test_friction_is_what_work_overcomes_and_motors_heat_for(duration, tmp_path):
+def test_friction_is_what_work_overcomes_and_motors_heat_for(tmp_path):
     """Against quadratures of the law, split where the joint reverses; run slower they agree too."""
-    viscous, back, forth, armature = 0.8, 0.9, 0.3, 0.4
+    viscous, back, forth, armature, duration = 0.8, 0.9, 0.3, 0.4, 2.5
     robot = with_motors(
         one_joint(tmp_path, mass=0.5),
         armature=armature,
@@ -284,9 +283,9 @@ def test_friction_is_what_work_overcomes_and_motors_heat_for(duration, tmp_path)
 MASS, LEVER, GRAVITY, EFFORT = 2.0, 0.5, 9.81, 5.0
 
 
-@pytest.mark.parametrize("duration", [1.0, 0.4])
-def test_a_rest_to_rest_quintic_moves_its_effort_up_down_and_back(duration, tmp_path):
+def test_a_rest_to_rest_quintic_moves_its_effort_up_down_and_back(tmp_path):
     """From 0 to the peak, to the opposite one, and to 0: four peaks."""
+    duration = 0.4
     peak = INERTIA * PEAK_ACCELERATION * ANGLE / duration**2
     found = effort_variation(one_joint(tmp_path), quintic(duration=duration))
     assert found == pytest.approx([4 * peak / EFFORT], rel=5e-3)

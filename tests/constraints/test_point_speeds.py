@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from cases import anywhere, limited_tool, one_joint, quintic
+
 from tubeplanner import LimitOverrides, PointSpeed, load_robot
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.point_speed import PointSpeedLimit
@@ -14,24 +14,6 @@ from tubeplanner.constraints.time_scaling import scaled_to_limits, scaling_facto
 from tubeplanner.constraints.tool_speed import ToolSpeed
 
 # How multiples of a point's speed change with an arm's path.
-
-
-STEP = 1e-6
-
-
-def test_they_are_the_derivatives_of_the_speed(ur5):
-    q, v = np.random.default_rng(1).uniform(-1, 1, (2, 6, 6))
-    scale = np.linspace(0.5, 2.0, 6)
-
-    def speed(q, v):
-        return scale * np.linalg.norm(ur5.tool_velocity(q, v)[0], axis=1)
-
-    by_q, by_v = speed_by_path(ur5.tool_velocity(q, v), scale)
-    for j, direction in enumerate(np.eye(6)):
-        along_q = (speed(q + STEP * direction, v) - speed(q - STEP * direction, v)) / (2 * STEP)
-        along_v = (speed(q, v + STEP * direction) - speed(q, v - STEP * direction)) / (2 * STEP)
-        np.testing.assert_allclose(by_q[:, j], along_q, atol=1e-7)
-        np.testing.assert_allclose(by_v[:, j], along_v, atol=1e-7)
 
 
 def test_where_the_point_rests_there_is_none(ur5):

@@ -4,9 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from directed_samples import random_motion, random_motors
-from scipy.interpolate import CubicSpline
-
 from cases import (
     ANGLE,
     INERTIA,
@@ -18,6 +15,9 @@ from cases import (
     quintic,
     with_motors,
 )
+from directed_samples import random_motion, random_motors
+from scipy.interpolate import CubicSpline
+
 from tubeplanner import JointTrajectory, LimitOverrides, Payload, load_robot, verify
 from tubeplanner.constraints.time_scaling import (
     estimated_duration,
@@ -78,7 +78,7 @@ def test_gravity_takes_its_share_of_the_effort(tmp_path):
     assert abs(effort).max() <= 5.0 * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("acceleration", [np.inf, 1.0, 0.1])
+@pytest.mark.parametrize("acceleration", [np.inf, 0.1])
 def test_scaling_factor_says_how_much_faster_each_sample_could_be_run(tmp_path, acceleration):
     robot = one_joint(tmp_path, mass=0.5, acceleration=acceleration)
     samples = quintic(duration=2.0).at(np.array([0.4, 1.1]))
@@ -209,7 +209,7 @@ def test_a_peak_of_an_effort_rate_between_samples_counts(tmp_path):
     assert 0.1 < t[abs(rate).argmax()] / scaled.duration < 0.9
 
 
-@pytest.mark.parametrize("turned", [0.0, 1e-17, -1e-17])
+@pytest.mark.parametrize("turned", [0.0, -1e-17])
 def test_what_rounding_makes_of_standing_still_has_no_friction(slide, turned):
     """A joint that gravity and friction together would stop, and that does not move."""
     held = float(slide.gravity_effort(np.array([[0.0, 0.0, 0.3]]))[0, 2])
@@ -225,7 +225,7 @@ def test_what_rounding_makes_of_standing_still_has_no_friction(slide, turned):
 # Time scaling with motors: random states tried at all speeds, and reversals in closed form.
 
 
-SPEEDS = np.linspace(0, 1, 201)
+SPEEDS = np.linspace(0, 1, 101)
 BACK, FORTH = 0.9, 0.3
 FRICTION = {"backwards_friction": BACK, "forwards_friction": FORTH}
 
@@ -234,9 +234,6 @@ def course(powers, *more, width=1.0):
     """Return a joint's motion by polynomials of the time in each piece, highest power first."""
     rows = np.array([powers, *more]).T[:, :, None]
     return JointTrajectory(["turn"], width * np.arange(1 + rows.shape[1]), rows)
-
-
-# --- every state, at every speed -----------------------------------------------------------------
 
 
 def worst(robot, plain, state, speed):
@@ -265,23 +262,22 @@ def worst(robot, plain, state, speed):
     return found.max(axis=1)
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("name", ["two_link", "ur5"])
+@pytest.mark.parametrize(("name", "seed"), [("two_link", 0), ("two_link", 1), ("ur5", 2)])
 def test_it_is_the_first_speed_that_breaks_a_limit(request, name, seed):
-    """Of 1,500 states: all slower ones keep all limits, one just faster does not.
+    """Of 600 states: all slower ones keep all limits, one just faster does not.
 
     Beyond it some are fast enough again that velocity helps: braking by friction, islands that a
     robot which is slowed down would fall off.
     """
     plain, rng = request.getfixturevalue(name), np.random.default_rng(seed)
-    robot, count = random_motors(plain, rng), 1500
+    robot, count = random_motors(plain, rng), 600
     q, v, a = rng.normal(size=(3, count, plain.joint_count))
     a *= rng.choice([0.0, 0.3, 3.0], (count, 1))
     factor = scaling_factor(anywhere(robot), q, v, a)
     can_move = worst(robot, plain, (q, v, a), np.full(count, 1e-9)) < 0
     np.testing.assert_array_equal(factor > 0, can_move)
     state, factor = (q[can_move], v[can_move], a[can_move]), factor[can_move]
-    assert len(factor) > 300
+    assert len(factor) > 120
     slower = [worst(robot, plain, state, share * factor) for share in SPEEDS[1:]]
     assert np.max(slower) < 1e-9
     assert (worst(robot, plain, state, factor * (1 + 1e-6)) > 0).all()
@@ -308,11 +304,7 @@ def test_a_hump_that_stays_below_the_limit_limits_nothing(tmp_path):
     assert factor == pytest.approx(max(np.roots([INERTIA, -2.0, -5.0])))
 
 
-# --- whole motions -------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("at", [0.371, 0.9993, 2e-4])
-@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("at", "way"), [(0.371, 1.0), (0.9993, -1.0), (2e-4, 1.0)])
 def test_a_reversal_between_samples_is_seen(tmp_path, at, way):
     """Constant acceleration: what is left beside the friction of the way that needs more."""
     robot = with_motors(one_joint(tmp_path, velocity=1e3), **FRICTION)
@@ -359,8 +351,8 @@ def test_at_start_and_goal_the_friction_of_the_motion_counts(tmp_path, way, dry)
     assert minimum_duration(anywhere(robot), braking) == pytest.approx(expected, rel=1e-7)
 
 
-@pytest.mark.parametrize("armature", [0.0, 0.5])
-def test_armature_is_inertia(tmp_path, armature):
+def test_armature_is_inertia(tmp_path):
+    armature = 0.5
     robot = with_motors(one_joint(tmp_path, velocity=np.inf), armature=armature)
     ideal = minimum_duration(anywhere(one_joint(tmp_path, velocity=np.inf)), quintic())
     found = minimum_duration(anywhere(robot), quintic())
@@ -401,8 +393,7 @@ def test_a_way_on_which_less_is_left_than_needed_is_refused(tmp_path):
     assert minimum_duration(anywhere(robot), quintic(0.7)) > 0
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("name", ["two_link", "ur5"])
+@pytest.mark.parametrize(("name", "seed"), [("two_link", 0), ("two_link", 1), ("ur5", 2)])
 def test_random_motions_pass_the_judge_with_nothing_to_spare(request, name, seed):
     """With reversals, at breakpoints too, tables, lines and uncertain friction."""
     plain, rng = request.getfixturevalue(name), np.random.default_rng(20 + seed)
