@@ -13,40 +13,31 @@ from outside_judge import passes
 
 # A two-link arm, and a random chain with a sliding joint and obstacles: quick to build.
 QUICK, WITH_OBSTACLES = 2, 10
-OPTIONS = campaign.Options(pairs=True, baselines=False, motors=True, time_limit=30.0, keep=None)
 
 
-@pytest.mark.parametrize("seed", [QUICK, WITH_OBSTACLES])
-def test_a_seed_is_always_the_same_problem_and_its_witness_solves_it(seed, tmp_path):
-    texts = []
-    for name in ("first", "second"):
-        (tmp_path / name).mkdir()
-        built = build(seed, tmp_path / name)
-        texts.append(built.path.read_text())
-        assert passes(built.judge.judge(built.witness.trajectory), 1e-9)
-    assert texts[0] == texts[1]
-    assert yaml.safe_load(texts[0]) == built.fields
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    return build(WITH_OBSTACLES, tmp_path_factory.mktemp("built"))
 
 
-def test_a_problem_is_planned_and_its_answer_judged():
-    line = campaign.examine(QUICK, OPTIONS)
-    assert line["status"] == "success"
-    assert line["judged"]
-    assert not campaign.is_wrong(line)
-    assert json.loads(json.dumps(line)) == line
+@pytest.mark.dear("builds a problem twice")
+def test_a_seed_is_always_the_same_problem_and_its_witness_solves_it(built, tmp_path):
+    again = build(WITH_OBSTACLES, tmp_path)
+    assert again.path.read_text() == built.path.read_text()
+    assert yaml.safe_load(built.path.read_text()) == built.fields
+    assert passes(built.judge.judge(built.witness.trajectory, 500), 1e-9)
 
 
-def test_the_other_way_round_twice_is_the_same(tmp_path):
-    fields = build(WITH_OBSTACLES, tmp_path).fields
-    fields["goal"] = {"joints": [0.0] * 4}
+def test_the_other_way_round_twice_is_the_same(built):
+    fields = built.fields | {"goal": {"joints": [0.0] * 4}}
     turned = campaign_problems.reversed_problem(fields)
     assert turned["start"] == fields["goal"]
     assert turned["tube"]["points"] == fields["tube"]["points"][::-1]
     assert campaign_problems.reversed_problem(turned) == fields
 
 
-def test_narrower_is_all_the_same_but_for_the_radii(tmp_path):
-    fields = build(QUICK, tmp_path).fields
+def test_narrower_is_all_the_same_but_for_the_radii(built):
+    fields = built.fields
     narrower = campaign_examine.narrower_problem(fields)
     assert narrower["tube"]["radius"] == [0.9 * radius for radius in fields["tube"]["radius"]]
     assert narrower["tube"]["points"] == fields["tube"]["points"]
@@ -118,7 +109,9 @@ def test_a_seed_that_raises_is_a_line_of_its_own(tmp_path, monkeypatch, capsys):
     assert "   1  crash: ZeroDivisionError: in a test [seeds 1]" in printed
 
 
-def test_processes_examine_too(tmp_path, monkeypatch, capsys):
+# It builds, plans and judges a random problem in processes: 12 s.
+@pytest.mark.slow
+def test_a_problem_is_planned_by_processes_and_its_answer_judged(tmp_path, monkeypatch, capsys):
     output = tmp_path / "lines.jsonl"
     arguments = ["--seed", str(QUICK), "--count", "1", "--processes", "2", "--output", str(output)]
     monkeypatch.setattr("sys.argv", ["campaign.py", *arguments])
@@ -126,7 +119,8 @@ def test_processes_examine_too(tmp_path, monkeypatch, capsys):
     found = marks(capsys.readouterr().out)
     assert "0 of 1 solved" in found["wrong"]
     assert "1 of 1, 100.00%" in found["solved"]
-    assert json.loads(output.read_text())["row"]["seed"] == QUICK
+    line = json.loads(output.read_text())["row"]
+    assert (line["seed"], line["status"], line["judged"]) == (QUICK, "success", True)
 
 
 def test_seeds_that_are_done_are_skipped_unless_they_were_done_otherwise(

@@ -7,10 +7,10 @@ import pytest
 from stored_trajectories import REFINEMENT, stored_trajectory
 
 import executed
-from tubeplanner import Robustness, load_problem
+from executed import MOST, Arms, least_factor
+from tubeplanner import Robustness
 from tubeplanner.simulation.plant import Draw
 from tubeplanner.simulation.simulated_runs import simulated_runs
-from uniform_slowing import MOST, Arms, least_factor
 
 ARMS = Arms(search=(4, 50), found=(200,))
 KEPT = executed.Executed(1.0, True, 200, 0, {}, -0.001, None, None)
@@ -59,18 +59,25 @@ def test_goals_that_are_missed_are_said(row, said):
     assert all(words in fault for words, fault in zip(said, faults, strict=True))
 
 
+@pytest.fixture(scope="module")
+def tray(bundled):
+    """A motion of a levelled tray, and two runs that follow it."""
+    problem = bundled("ur5/level_tray")
+    motion = stored_trajectory("ur5/level_tray", REFINEMENT).trajectory
+    return problem, motion, simulated_runs(problem.joined, motion, Robustness(), Draw(2))
+
+
+@pytest.mark.dear("two runs of a UR5 are simulated")
 @pytest.mark.parametrize(("factor", "certified"), [(1.0, True), (0.9, False)])
-def test_a_motion_is_executed_and_certified(factor, certified):
-    problem = load_problem("example:ur5/level_tray")
-    motion = stored_trajectory("ur5/level_tray", REFINEMENT).trajectory.scaled(factor)
-    runs = simulated_runs(problem.joined, motion, Robustness(), Draw(2))
-    found = executed.judged(problem, motion, runs)
-    assert found.certified is certified
-    assert ("!" in str(found)) is not certified
-    assert found.failed == sum(not run.survives for run in runs)
-    assert found.tube == max(run.tube.value for run in runs)
-    assert found.rotation == max(run.rotation.value for run in runs)
-    assert found.obstacles == problem.clearance - min(run.obstacles.value for run in runs)
+def test_a_motion_is_executed_and_certified(factor, certified, tray):
+    problem, motion, runs = tray
+    judged = executed.judged(problem, motion.scaled(factor), runs)
+    assert judged.certified is certified
+    assert ("!" in str(judged)) is not certified
+    assert judged.failed == sum(not run.survives for run in runs)
+    assert judged.tube == max(run.tube.value for run in runs)
+    assert judged.rotation == max(run.rotation.value for run in runs)
+    assert judged.obstacles == problem.clearance - min(run.obstacles.value for run in runs)
 
 
 def test_what_is_not_asked_is_not_shown():
@@ -85,6 +92,7 @@ def test_problems_with_a_tube_are_run_those_that_tell_most_first():
     assert "panda/shelf_to_shelf" not in names
 
 
+# It plans one problem with both options and simulates: 15 s.
 @pytest.mark.slow
 def test_a_problem_is_planned_and_executed(tmp_path, monkeypatch, capsys):
     output = tmp_path / "lines.jsonl"

@@ -1,7 +1,7 @@
 """Commands that write files, interrupted at lines of the code that writes them.
 
-What they compute is kept from a first run: `benchmarks/interruptions.py` does the same at hundreds
-of moments, and with SIGKILL.
+What they compute is kept from a first run: `benchmarks/interruptions.py` does the same for all
+commands at hundreds of moments, and with SIGKILL.
 """
 
 import json
@@ -18,8 +18,7 @@ from tubeplanner import load_problem, read_trajectory
 from tubeplanner.commands.cli import cli
 from tubeplanner.files.export import trajectory_csv
 
-QUICK = ("plan", "view", "info", "study", "compare", "init", "measure")
-MOMENTS = 4
+BY_NAME = {case.name: case for case in CASES}
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +70,9 @@ def test_every_command_that_writes_files_is_among_them():
     assert {case.words.split()[0] for case in CASES} == writing
 
 
+@pytest.mark.slow  # it runs a study: 2 s
 def test_what_is_computed_several_times_is_given_back_by_numbers(run, inputs, tmp_path):
-    case = next(case for case in CASES if case.name == "study")
+    case = BY_NAME["study"]
     kept, numbers = Kept(case), []
     for replaced in (kept.recorded(), kept.given_back(numbers.append)):
         words = case.arguments(inputs, Place.new(tmp_path / "place", case).out)
@@ -82,23 +82,20 @@ def test_what_is_computed_several_times_is_given_back_by_numbers(run, inputs, tm
 
 
 @pytest.mark.parametrize(
-    "case",
+    "name",
     [
-        pytest.param(case, id=case.name, marks=() if case.name in QUICK else pytest.mark.slow)
-        for case in CASES
+        "init",
+        # Studies and comparisons plan several times before: 3 s each.
+        pytest.param("study", marks=pytest.mark.slow),
+        pytest.param("compare", marks=pytest.mark.slow),
     ],
 )
-def test_files_are_all_new_with_the_answer_or_as_they_were(command, case, tmp_path):
+def test_files_are_all_new_with_the_answer_or_as_they_were(command, name, tmp_path):
+    case = BY_NAME[name]
     call, old = command(case), Place.new(tmp_path / "old", case).found()
     new, status, count = call()
     assert status == 0
     assert set(new) == {*case.files, *[case.journal] * (case.journal is not None)}
-    ends = []
-    for moment in range(MOMENTS):
-        number = (signal.SIGINT, signal.SIGTERM)[moment % 2]
-        found, status, _ = call(moment * (count - 1) // (MOMENTS - 1), number)
-        assert (status, found) in [(0, new), (130, old)], moment
-        ends.append(status)
     # The first lines are those that look whether files can be written, before there is an answer.
-    assert ends[0] == 130
-    assert ends[-2:] == [0, 0]
+    assert call(0, signal.SIGINT)[:2] == (old, 130)
+    assert call(count - 1, signal.SIGTERM)[:2] == (new, 0)
