@@ -25,8 +25,6 @@ from tubeplanner.studies.leading_seeds import leading_seeds
 from tubeplanner.studies.movable_problem import MovableProblem
 from tubeplanner.studies.placement_region import Region
 
-# Regions for a robot's base: what they hold, and the stands spread over them.
-
 
 def test_a_grid_stands_in_the_middles_of_cells_and_turns_all_the_way():
     grid = Region.of([0.0, 1.0, -1.0, 1.0], 0.25).grid(8 * 8, 0.5)
@@ -47,11 +45,9 @@ def test_a_grid_stands_in_the_middles_of_cells_and_turns_all_the_way():
     [
         ([0, 0, 0, 2], 80, (1, 10, 1, 8)),
         ([0, 2, 1, 1], 80, (10, 1, 1, 8)),
-        ([1, 1, 1, 1], 80, (1, 1, 1, 8)),
         ([1, 1, 1, 1], 3, (1, 1, 1, 3)),
         ([0, 1, 0, 1, 0, 1], 9 * 24, (3, 3, 3, 8)),
         ([0, 1, 0, 1, 0, 1], 8, (1, 1, 1, 8)),
-        ([0, 9, 0, 1], 72, (9, 1, 1, 8)),
         ([0, 900, 0, 1], 72, (9, 1, 1, 8)),
     ],
 )
@@ -90,9 +86,6 @@ def test_what_is_no_region_is_refused(bounds, message):
         Region.of(bounds, 0.0)
 
 
-# Links that no joint moves against obstacles, in a cell where distances are known.
-
-
 # The base is a cube of 0.1 m whose top is at -0.05: its bottom is at that of the floor's top.
 ON_FLOOR = ("floor",)
 
@@ -111,10 +104,7 @@ def test_a_base_that_stands_in_an_obstacle_is_refused_by_name_and_depth(tmp_path
     assert refused.value.place.links == ("base",)
     assert refused.value.place.obstacle == "post"
     assert refused.value.status == "tube_blocked"
-
-
-def test_a_base_beside_an_obstacle_stands_well(tmp_path):
-    require_base_free(at(tmp_path, -0.14, 0.3), ON_FLOOR)
+    require_base_free(at(tmp_path, -0.14, 0.3), ON_FLOOR)  # beside it, it stands well
     require_base_free(at(tmp_path, -0.17, 0.3), ("floor", "post"))
     require_base_free(load_problem(gantry(tmp_path)))
 
@@ -124,10 +114,7 @@ def test_what_it_stands_on_counts_unless_it_is_named(tmp_path):
     require_base_free(problem, ON_FLOOR)
     with pytest.raises(Infeasible, match=r"touches 'floor' .clearance 4 mm.$"):
         require_base_free(problem)
-
-
-def test_touching_is_standing(tmp_path):
-    require_base_free(at(tmp_path, 0.3, 0.3))
+    require_base_free(at(tmp_path, 0.3, 0.3))  # touching is standing
 
 
 @pytest.mark.parametrize(
@@ -157,9 +144,6 @@ def test_ignored_pairs_and_moving_links_do_not_count(tmp_path):
     require_base_free(load_problem(hits))
 
 
-# Problems whose robot may stand elsewhere: what becomes of their ends and of their base.
-
-
 THERE = Stand(-0.2, -0.3, 0.0, -0.5)
 
 
@@ -181,6 +165,10 @@ def test_joints_become_seeds_and_the_tube_stays(tmp_path):
     np.testing.assert_array_equal(loaded.tube.points[-1], [0.5, 0.0, 0.0])
     other = problem.load(THERE, {"start": [0.1, 0.2]})
     np.testing.assert_array_equal(other.start.joints, [0.1, 0.2])
+    path = gantry(tmp_path, start={"joints": [0.9, 0.9]})  # as given it cannot be posed
+    with pytest.raises(ProblemError, match="outside the capsule"):
+        PosedProblem.read(path).load()
+    np.testing.assert_array_equal(movable(path).load(THERE).start.joints, [0.9, 0.9])
 
 
 def test_ends_that_are_of_the_tool_stay_as_they_are(tmp_path):
@@ -208,21 +196,11 @@ def test_a_base_keeps_its_roll_and_pitch(tmp_path):
     )
 
 
-def test_ends_of_a_start_that_cannot_be_posed_as_given_are_seeds_too(tmp_path):
-    path = gantry(tmp_path, start={"joints": [0.9, 0.9]})
-    with pytest.raises(ProblemError, match="outside the capsule"):
-        PosedProblem.read(path).load()
-    np.testing.assert_array_equal(movable(path).load(THERE).start.joints, [0.9, 0.9])
-
-
 def test_what_contradicts_itself_is_refused(tmp_path):
     with pytest.raises(ProblemError, match="gantry: start takes either joints or seed"):
         movable(gantry(tmp_path, start={"joints": [0, 0], "seed": [0, 0]}))
     with pytest.raises(ProblemError, match="this is a cycle"):
         movable("example:ur5/through_the_door")
-
-
-# Seeds of a robot that stands elsewhere: its own where they lead somewhere, else others.
 
 
 POINTS = [[0.4, 0.0, 0.0], [0.35, 0.0, 0.0]]
@@ -237,9 +215,11 @@ def post(y):
     return Obstacle.cylinder("post", 0.03, 0.4, placement_of((0.2, y, 0.0)))
 
 
-def test_a_seed_that_leads_to_a_free_configuration_stays(two_link):
+def test_a_seed_that_leads_to_a_free_configuration_or_nowhere_stays(two_link):
     assert leading_seeds(problem(two_link), ("start", "goal")) == {}
     assert leading_seeds(problem(two_link, obstacles=[post(0.22)]), ("start", "goal")) == {}
+    far = [[0.9, 0.0, 0.0], [0.8, 0.0, 0.0]]
+    assert leading_seeds(problem(two_link, points=far), ("start",)) == {}
 
 
 def test_a_seed_that_leads_into_an_obstacle_gives_way_to_the_nearest_that_does_not(two_link):
@@ -253,8 +233,3 @@ def test_a_seed_that_leads_into_an_obstacle_gives_way_to_the_nearest_that_does_n
         assert q[1] < 0
         others = q + 2 * np.pi * np.array([[1, 0], [-1, 0]])
         assert np.linalg.norm(q - BELOW) < np.linalg.norm(others - BELOW, axis=1).min()
-
-
-def test_where_nothing_leads_there_the_seed_stays(two_link):
-    far = [[0.9, 0.0, 0.0], [0.8, 0.0, 0.0]]
-    assert leading_seeds(problem(two_link, points=far), ("start",)) == {}

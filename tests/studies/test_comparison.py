@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import ANGLE, PEAK_JERK, quintic
 from stored_trajectories import STOP
 
-from cases import ANGLE, PEAK_JERK, quintic
 from tubeplanner import JointTrajectory, OptionError, PlanOptions, Tube, compare, load_problem, plan
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
@@ -17,8 +17,6 @@ from tubeplanner.studies import comparison as module
 from tubeplanner.studies.trajectory_measures import smoothness_class, trajectory_measures
 from tubeplanner.trajectory.joint_trajectory import concatenate
 from tubeplanner.trajectory.trajectory_file import read_trajectory
-
-# What a trajectory is measured by, against known cases.
 
 
 def push(*rows, widths):
@@ -52,18 +50,14 @@ def test_shares_of_time_at_limits(slider):
     assert idle.at_limit == 0.0
 
 
-@pytest.mark.parametrize(
-    ("offset", "tool_radius", "expected"), [(0.03, 0.0, 0.3), (0.03, 0.04, 0.5)]
-)
-def test_a_tool_beside_the_axis_uses_its_share_of_the_tube(slider, offset, tool_radius, expected):
-    points = [[0, offset, 0], [0.6, offset, 0]]
-    beside = slider.with_tube(Tube(points, 0.1, tool_radius=tool_radius))
-    trajectory = push(5.0, -5.0, widths=(0.3, 0.3))
-    assert trajectory_measures(beside, trajectory).tube_use == pytest.approx(expected, abs=1e-12)
-
-
-def test_the_use_of_the_tube_is_averaged_over_time(slider):
-    """At rest half of the time on the axis, then the axis ends and the tool goes on at 1 m/s."""
+def test_a_tool_beside_the_axis_uses_its_share_of_the_tube_averaged_over_time(slider):
+    points, trajectory = [[0, 0.03, 0], [0.6, 0.03, 0]], push(5.0, -5.0, widths=(0.3, 0.3))
+    for tool_radius, expected in ((0.0, 0.3), (0.04, 0.5)):
+        beside = slider.with_tube(Tube(points, 0.1, tool_radius=tool_radius))
+        assert trajectory_measures(beside, trajectory).tube_use == pytest.approx(
+            expected, abs=1e-12
+        )
+    # At rest half of the time on the axis, then the axis ends and the tool goes on at 1 m/s.
     short = slider.with_tube(Tube([[-0.5, 0, 0], [0.0, 0, 0]], 0.1))
     trajectory = JointTrajectory(["slide"], [0, 0.1, 0.2], [[[0], [1.0]], [[0], [0]]])
     assert trajectory_measures(short, trajectory).tube_use == pytest.approx(0.25, abs=1e-9)
@@ -77,9 +71,6 @@ def test_the_peak_of_the_jerk_is_exact(slider):
     assert measures.peak_jerk_joint == "slide"
 
 
-# Methods compared: one row for each, and the command.
-
-
 PROBLEM = "example:two_link/paper_5_50mm"
 KEYS = (
     *("method", "kind", "status", "certified", "answered_by", "duration", "planning_time"),
@@ -87,20 +78,20 @@ KEYS = (
 )
 
 
-@pytest.fixture(scope="module", params=["quick", pytest.param("whole", marks=pytest.mark.slow)])
-def compared(request):
-    """All methods; in the quick one, what stops at corners stands for the searching methods."""
+@pytest.fixture(scope="module")
+def compared():
+    """All methods; what stops at corners stands for the searching methods."""
 
     def quick(problem, options, progress):
         searches = options.method in ("branch-and-bound", "suh-bishop")
         return plan(problem, replace(options, method=STOP) if searches else options, progress)
 
     with pytest.MonkeyPatch.context() as patch:
-        if request.param == "quick":
-            patch.setattr(module, "plan", quick)
+        patch.setattr(module, "plan", quick)
         return compare(load_problem(PROBLEM), options=PlanOptions(quality="fast"))
 
 
+@pytest.mark.dear("plans by every method")
 def test_every_method_and_baseline_has_its_row(compared):
     assert [row.method for row in compared.rows] == [*METHODS, *BASELINES]
     assert compared.succeeded
@@ -147,19 +138,7 @@ def test_one_that_fails_never_stops_the_others(slider, monkeypatch):
     assert not compare(slider, names[:2]).succeeded
 
 
-def test_ctrl_c_ends_the_comparison(slider):
-    said = []
-
-    def interrupt(what):
-        said.append(str(what))
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        compare(slider, ["bang-bang"], progress=interrupt)
-    assert said == ["bang-bang: start and goal"]
-
-
-def test_ctrl_c_keeps_the_rows_that_are_done(slider):
+def test_ctrl_c_keeps_the_rows_that_are_done_or_ends_the_comparison(slider):
     def interrupt(what):
         if str(what).startswith("bang-bang"):
             raise KeyboardInterrupt
@@ -167,6 +146,8 @@ def test_ctrl_c_keeps_the_rows_that_are_done(slider):
     result = compare(slider, ["conventional", "bang-bang"], progress=interrupt)
     assert [row.method for row in result.rows] == ["conventional"]
     assert result.as_dict()["stopped_by"] == "interrupt"
+    with pytest.raises(KeyboardInterrupt):
+        compare(slider, ["bang-bang"], progress=interrupt)
 
 
 def test_a_wrong_name_lists_those_there_are(slider):
@@ -176,22 +157,15 @@ def test_a_wrong_name_lists_those_there_are(slider):
         compare(slider, [])
 
 
+@pytest.mark.dear("draws a figure and checks two trajectories")
 def test_the_command_prints_writes_and_draws(run, tmp_path):
     table, figure, folder = tmp_path / "c.csv", tmp_path / "c.png", tmp_path / "trajectories"
     methods = "stop-at-corners,bang-bang,smoothed-bang-bang"
     files = ("-o", table, "--plot", figure, "--trajectories", folder)
     status, out, err = run("compare", PROBLEM, "--methods", methods, *files)
     assert (status, err) == (0, "")
-    for words in (
-        "passes",
-        "FAILS: rest",
-        "continuity",
-        "C1",
-        "unbounded",
-        str(table),
-        str(figure),
-    ):
-        assert words in out
+    for words in ("passes", "FAILS: rest", "continuity", "C1", "unbounded", table, figure):
+        assert str(words) in out
     assert "bang-bang: slowed by" in out
     assert len(table.read_text().splitlines()) == 4
     assert figure.read_bytes().startswith(b"\x89PNG")

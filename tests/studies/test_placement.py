@@ -2,8 +2,8 @@
 
 import json
 import math
-import random
-import time
+import pickle
+import threading
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 
@@ -16,15 +16,13 @@ from tubeplanner.errors import OutputError
 from tubeplanner.files.problem_file import with_placement
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.studies import placement as module
 from tubeplanner.studies.movable_problem import MovableProblem
 from tubeplanner.studies.pattern_search import pattern_search
 from tubeplanner.studies.placement import _neighbours, _starts
 from tubeplanner.studies.placement_region import Region
 from tubeplanner.studies.placement_row import PlacementRow, grouped, tried
 from tubeplanner.studies.placement_trials import SEARCH_OPTIONS
-
-# The pattern search on functions whose minimum is known.
-
 
 LOW, HIGH = -2.0, 3.0
 
@@ -36,39 +34,36 @@ def neighbours(point, share):
     return [tuple(min(max(v, LOW), HIGH) for v in each) for each in moved]
 
 
-def found(function, starts, halvings=8):
+def lowest(function, starts, halvings=8):
     """Return the best point that the search finds, and all that it tried."""
-    tried = []
+    points_tried = []
 
     def values(points):
-        tried.extend(points)
+        points_tried.extend(points)
         return [function(*point) for point in points]
 
-    given = [(start, function(*start)) for start in starts]
-    ends = pattern_search(given, neighbours, values, halvings)
+    ends = pattern_search([(s, function(*s)) for s in starts], neighbours, values, halvings)
     assert [value for _, value in ends] == [function(*point) for point, _ in ends]
-    return min(ends, key=lambda end: end[1])[0], tried
+    return min(ends, key=lambda end: end[1])[0], points_tried
 
 
-def test_it_finds_the_bottom_of_a_bowl():
-    point, tried = found(lambda x, y: 1 + (x - 0.7) ** 2 + 3 * (y + 0.4) ** 2, [(3.0, 3.0)])
+def test_the_search_finds_the_bottom_within_bounds_and_round_what_has_no_value():
+    def bowl(x, y):
+        return 1 + (x - 0.7) ** 2 + 3 * (y + 0.4) ** 2
+
+    point, points_tried = lowest(bowl, [(3.0, 3.0)])
     assert point == pytest.approx((0.7, -0.4), abs=0.02)
-    assert len(tried) < 150
-
-
-def test_it_stays_within_its_neighbours_bounds():
-    point, tried = found(lambda x, y: 10 + x + y, [(0.3, 0.2)])
+    assert len(points_tried) < 150
+    point, points_tried = lowest(lambda x, y: 10 + x + y, [(0.3, 0.2)])
     assert point == (LOW, LOW)
-    assert all(LOW <= value <= HIGH for each in tried for value in each)
+    assert all(LOW <= value <= HIGH for each in points_tried for value in each)
 
-
-def test_it_goes_round_what_has_no_value():
     def walled(x, y):
         return math.inf if abs(x) < 0.4 and y > -1 else 2 + (x - 1) ** 2 + y**2
 
-    point, _ = found(walled, [(-1.0, 1.0), (2.0, -2.0)])
+    point, _ = lowest(walled, [(-1.0, 1.0), (2.0, -2.0)])
     assert point == pytest.approx((1.0, 0.0), abs=0.05)
-    point, _ = found(lambda x, y: 1.0 if (x, y) == (0.5, 0.5) else math.inf, [(0.5, 0.5)])
+    point, _ = lowest(lambda x, y: 1.0 if (x, y) == (0.5, 0.5) else math.inf, [(0.5, 0.5)])
     assert point == (0.5, 0.5)
 
 
@@ -76,18 +71,15 @@ def test_every_way_goes_down_its_own_valley():
     def two_valleys(x, y):
         return 2 + min((x + 1) ** 2, (x - 2) ** 2 - 0.5) + y**2
 
-    assert found(two_valleys, [(-1.5, 0.0), (2.2, 0.0)])[0] == pytest.approx((2.0, 0.0), abs=0.05)
-    assert found(lambda x, y: 1.0, [(1.0, 0.0), (2.0, 0.0)])[0] == (1.0, 0.0)
+    assert lowest(two_valleys, [(-1.5, 0.0), (2.2, 0.0)])[0] == pytest.approx((2.0, 0.0), abs=0.05)
+    assert lowest(lambda x, y: 1.0, [(1.0, 0.0), (2.0, 0.0)])[0] == (1.0, 0.0)
 
 
 def test_steps_halve_so_often_and_gains_too_small_do_not_count():
-    tries = [len(found(lambda x, y: 1.0, [(0.0, 0.0)], halvings)[1]) for halvings in (0, 1, 5)]
+    tries = [len(lowest(lambda x, y: 1.0, [(0.0, 0.0)], halvings)[1]) for halvings in (0, 1, 5)]
     assert tries == [4, 8, 24]
-    assert found(lambda x, y: 10 - 0.005 * x, [(0.0, 0.0)], 0)[0] == (0.0, 0.0)
-    assert found(lambda x, y: 10 - 0.02 * x, [(0.0, 0.0)], 0)[0] == (HIGH, 0.0)
-
-
-def test_all_ways_go_on_side_by_side():
+    assert lowest(lambda x, y: 10 - 0.005 * x, [(0.0, 0.0)], 0)[0] == (0.0, 0.0)
+    assert lowest(lambda x, y: 10 - 0.02 * x, [(0.0, 0.0)], 0)[0] == (HIGH, 0.0)
     sizes = []
 
     def values(points):
@@ -95,15 +87,23 @@ def test_all_ways_go_on_side_by_side():
         return [1.0] * len(points)
 
     pattern_search([((0.0, 0.0), 1.0), ((2.0, 2.0), 1.0)], neighbours, values, 2)
-    assert sizes == [8, 8, 8]
+    assert sizes == [8, 8, 8]  # all ways go on side by side
     assert pattern_search([], neighbours, values, 2) == []
-
-
-# Where a gantry is to stand: its best angle is known, and so is what stands in its way.
 
 
 FEW = PlaceOptions(points=8, quality="fast", slack=0.0)
 HERE = [-0.3, -0.3, 0.0, 0.0]  # one place: only the angle is open
+
+
+ANSWERS = {}
+
+
+def answer(fn, *args):
+    """Return what a call gives, made once: many searches try the same places."""
+    key = pickle.dumps((fn, args))
+    if key not in ANSWERS:
+        ANSWERS[key] = fn(*args)
+    return ANSWERS[key]
 
 
 class Here(Executor):
@@ -116,7 +116,7 @@ class Here(Executor):
         self.calls += 1
         future = Future()
         if self.calls != self._fails_at:
-            future.set_result(fn(*args))
+            future.set_result(answer(fn, *args))
         elif self._error is not None:
             future.set_exception(self._error)
         else:
@@ -130,122 +130,116 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def placement_found(folder):
+def placement(folder):
     return place(gantry(folder), HERE, options=FEW, executor=Here())
 
 
-def test_the_best_angle_is_the_one_that_uses_both_axes_fully(placement_found):
-    assert placement_found.best.stand.yaw == pytest.approx(BEST_YAW, abs=0.05)
-    assert placement_found.best.stand[:3] == (-0.3, 0.0, 0.0)
-    assert BEST_DURATION < placement_found.duration < 1.015 * BEST_DURATION
-    assert placement_found.duration == min(
-        row.duration for row in placement_found.rows if row.is_feasible
-    )
-    assert placement_found.succeeded
-    assert placement_found.stopped_by is None
-
-
-def test_what_was_tried_is_the_grid_and_then_downhill(placement_found):
-    grid = {row.stand for row in placement_found.rows[:8]}
-    assert grid == set(placement_found.grid.stands)
-    assert len(placement_found.rows) > 12
-    assert len({row.stand for row in placement_found.rows}) == len(placement_found.rows)
-    assert all(placement_found.region.holds(row.stand) for row in placement_found.rows)
-
-
-def test_the_gain_is_that_over_the_problem_as_given(placement_found, folder):
-    given = plan(load_problem(gantry(folder)), PlanOptions(quality="fast", slack=0.0))
-    assert placement_found.given.stand == Stand(0, 0, 0, 0)
-    assert placement_found.given.duration == given.duration
-    assert placement_found.gain == pytest.approx(1 - placement_found.duration / given.duration)
-    assert placement_found.gain > 0.2
-
-
-def test_angles_out_of_reach_have_their_reason(placement_found):
-    others = [row for row in placement_found.rows if not row.is_feasible]
+@pytest.mark.dear("plans at some twenty places, for all tests of this file")
+def test_the_best_angle_is_the_one_that_uses_both_axes_fully(placement):
+    assert placement.best.stand.yaw == pytest.approx(BEST_YAW, abs=0.05)
+    assert placement.best.stand[:3] == (-0.3, 0.0, 0.0)
+    assert BEST_DURATION < placement.duration < 1.015 * BEST_DURATION
+    feasible = [row.duration for row in placement.rows if row.is_feasible]
+    assert placement.duration == min(feasible)
+    assert placement.succeeded
+    assert placement.stopped_by is None
+    # What was tried is the grid, and then downhill.
+    assert {row.stand for row in placement.rows[:8]} == set(placement.grid.stands)
+    assert len(placement.rows) > 12
+    assert len({row.stand for row in placement.rows}) == len(placement.rows)
+    assert all(placement.region.holds(row.stand) for row in placement.rows)
+    others = [row for row in placement.rows if not row.is_feasible]
     assert {row.status for row in others} == {"unreachable"}
-    ((reason, count, example),) = placement_found.reasons
+    ((reason, count, example),) = placement.reasons
     assert (reason, count) == ("unreachable: segment 0", len(others))
     assert "position limits are in the way" in example
+    unplanned = replace(placement, result=None, best=None)
+    text = f"none of the {placement.feasible_count} places that have a mo"
+    assert unplanned.message.startswith(text)
 
 
-def test_the_best_is_planned_again_to_the_same_bits(placement_found, folder):
+def test_the_gain_is_that_over_the_problem_as_given(placement, folder):
+    given = plan(load_problem(gantry(folder)), PlanOptions(quality="fast", slack=0.0))
+    assert placement.given.stand == Stand(0, 0, 0, 0)
+    assert placement.given.duration == given.duration
+    assert placement.gain == pytest.approx(1 - placement.duration / given.duration)
+    assert placement.gain > 0.2
+
+
+def test_the_best_is_planned_again_to_the_same_bits(placement, folder):
     path = gantry(folder)
     (folder / "there").mkdir()
     target = folder / "there" / "best.yaml"
-    target.write_bytes(with_placement(path, target, placement_found.changes))
-    for problem in (load_problem(target), load_problem(path, changes=placement_found.changes)):
+    target.write_bytes(with_placement(path, target, placement.changes))
+    best = placement.result.trajectory
+    for problem in (load_problem(target), load_problem(path, changes=placement.changes)):
         again = plan(problem, PlanOptions(quality="fast", slack=0.0)).trajectory
-        np.testing.assert_array_equal(
-            again.coefficients, placement_found.result.trajectory.coefficients
-        )
-        np.testing.assert_array_equal(
-            again.breakpoints, placement_found.result.trajectory.breakpoints
-        )
+        np.testing.assert_array_equal(again.coefficients, best.coefficients)
+        np.testing.assert_array_equal(again.breakpoints, best.breakpoints)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_nothing_depends_on_the_order_of_work(seed, placement_found, folder):
-    with ThreadPoolExecutor(3) as threads:
-        other = place(gantry(folder), HERE, options=FEW, executor=_Shuffled(threads, seed))
-    assert [row.as_dict() for row in other.rows] == [row.as_dict() for row in placement_found.rows]
-    assert other.changes == placement_found.changes
-    assert other.duration == placement_found.duration
+class Backwards(Executor):
+    """Makes calls in threads that wait for the calls that come after them."""
 
-
-class _Shuffled(Executor):
-    """Another executor's, each call held up for a time of its own."""
-
-    def __init__(self, threads, seed):
-        self._threads, self._draw = threads, random.Random(seed)
+    def __init__(self, threads):
+        self._threads, self._next = threads, threading.Event()
+        self._next.set()
 
     def submit(self, fn, /, *args):
-        return self._threads.submit(_late, self._draw.uniform(0, 0.2), fn, *args)
+        before, self._next = self._next, threading.Event()
+        return self._threads.submit(self._late, before, self._next, fn, *args)
+
+    @staticmethod
+    def _late(own, later, fn, *args):
+        result = answer(fn, *args)
+        later.wait(0.05)  # there is none after the last one
+        own.set()
+        return result
 
 
-def _late(seconds, fn, *args):
-    time.sleep(seconds)
-    return fn(*args)
+def test_nothing_depends_on_the_order_of_work(placement, folder):
+    with ThreadPoolExecutor(8) as threads:
+        other = place(gantry(folder), HERE, options=FEW, executor=Backwards(threads))
+    assert [row.as_dict() for row in other.rows] == [row.as_dict() for row in placement.rows]
+    assert other.changes == placement.changes
+    assert other.duration == placement.duration
 
 
-def test_a_journal_goes_on_where_a_run_was_ended(placement_found, folder, tmp_path):
+@pytest.mark.dear("three searches")
+def test_a_journal_goes_on_where_a_run_was_ended(placement, folder, tmp_path):
     journal = tmp_path / "best.jsonl"
-    first = Here(fails_at=11)
-    ended = place(gantry(folder), HERE, options=FEW, executor=first, journal=journal)
+
+    def searched(executor):
+        return place(gantry(folder), HERE, options=FEW, executor=executor, journal=journal)
+
+    rows = [row.as_dict() for row in placement.rows]
+    ended = searched(Here(fails_at=11))
     assert ended.stopped_by == "interrupt"
-    assert [row.as_dict() for row in ended.rows] == [
-        row.as_dict() for row in placement_found.rows[:10]
-    ]
+    assert [row.as_dict() for row in ended.rows] == rows[:10]
     assert ended.best.duration == min(row.duration for row in ended.rows if row.is_feasible)
     assert ended.duration == ended.best.duration
-    second, third = Here(), Here()
-    again = place(gantry(folder), HERE, options=FEW, executor=second, journal=journal)
-    assert second.calls == len(placement_found.rows) - 10
-    assert again.restored == 10
-    assert [row.as_dict() for row in again.rows] == [row.as_dict() for row in placement_found.rows]
-    once_more = place(gantry(folder), HERE, options=FEW, executor=third, journal=journal)
-    assert (third.calls, once_more.restored) == (0, len(placement_found.rows))
+    again = searched(second := Here())
+    assert (second.calls, again.restored) == (len(rows) - 10, 10)
+    assert [row.as_dict() for row in again.rows] == rows
+    once_more = searched(third := Here())
+    assert (third.calls, once_more.restored) == (0, len(rows))
     assert json.loads(json.dumps(once_more.as_dict())) == {
-        **json.loads(json.dumps(placement_found.as_dict())),
-        "restored": len(placement_found.rows),
+        **json.loads(json.dumps(placement.as_dict())),
+        "restored": len(rows),
     }
 
 
 def test_ended_before_the_first_place_there_is_no_answer_but_what_a_journal_has(folder, tmp_path):
     journal = tmp_path / "best.jsonl"
-    asked = {"options": FEW, "journal": journal}
+    fields = {"options": FEW, "journal": journal}
     with pytest.raises(KeyboardInterrupt):
-        place(gantry(folder), HERE, executor=Here(fails_at=1), **asked)
-    place(gantry(folder), HERE, executor=Here(fails_at=2), **asked)
-    ended = place(gantry(folder), HERE, executor=Here(fails_at=1), **asked)
+        place(gantry(folder), HERE, executor=Here(fails_at=1), **fields)
+    place(gantry(folder), HERE, executor=Here(fails_at=2), **fields)
+    ended = place(gantry(folder), HERE, executor=Here(fails_at=1), **fields)
     assert (ended.stopped_by, ended.restored, len(ended.rows)) == ("interrupt", 1, 1)
-
-
-def test_places_that_cannot_be_planned_once_more_are_told(placement_found):
-    planned = replace(placement_found, result=None, best=None)
-    assert planned.message.startswith(
-        f"none of the {placement_found.feasible_count} places that have a mo"
-    )
+    journal.write_text(journal.read_text().replace('"yaw": ', '"yaw": "up", "_": ', 1))
+    with pytest.raises(OutputError, match=r"best\.jsonl: the line of key .* holds no answer"):
+        place(gantry(folder), HERE, executor=Here(), **fields)
 
 
 def test_a_journal_knows_what_a_robot_stands_on(folder, tmp_path):
@@ -258,7 +252,8 @@ def test_a_journal_knows_what_a_robot_stands_on(folder, tmp_path):
     assert {row.status for row in other.rows} == {"base_in_obstacle"}
 
 
-def test_a_place_at_which_a_worker_fails_is_one_row(folder):
+def test_a_place_at_which_a_worker_fails_is_one_row(folder, monkeypatch):
+    monkeypatch.setattr(module, "_HALVINGS", 0)
     workers = Here(fails_at=2, error=RuntimeError("out of memory"))
     result = place(gantry(folder), HERE, options=FEW, executor=workers)
     assert result.rows[1].status == "crashed"
@@ -268,10 +263,10 @@ def test_a_place_at_which_a_worker_fails_is_one_row(folder):
 
 @pytest.fixture(scope="module")
 def blocked(folder):
-    """A region all around the post, in which the base stands where it is not nearer than 50 mm."""
+    """Two places, in the post and beside it, with eight angles each."""
     path = gantry(folder, [FLOOR, POST], "blocked")
-    options = PlaceOptions(points=9 * 8, quality="fast")
-    region = [-0.45, -0.15, 0.15, 0.45]
+    options = PlaceOptions(points=2 * 8, quality="fast")
+    region = [-0.6, -0.3, 0.3, 0.3]
     return place(path, region, stands_on=["floor"], options=options, executor=Here())
 
 
@@ -299,26 +294,30 @@ def test_no_place_at_all_is_an_answer(folder):
     assert json.loads(json.dumps(result.as_dict()))["best"] is None
 
 
-def test_a_problem_that_cannot_be_posed_as_given_is_placed(folder):
+def test_a_problem_that_cannot_be_posed_as_given_is_placed(folder, monkeypatch):
+    monkeypatch.setattr(module, "_HALVINGS", 0)
     path = gantry(folder, name="elsewhere", start={"joints": [0.9, 0.9]})
-    result = place(path, HERE, options=FEW, executor=Here())
+    one = PlaceOptions(points=1, quality="fast", slack=0.0)
+    result = place(path, HERE, options=one, executor=Here())
     assert result.given.result is None
     assert "outside the capsule of segment 0" in result.given.message
     assert result.gain is None
-    assert result.duration < 1.015 * BEST_DURATION
+    assert result.succeeded
 
 
-def test_the_given_place_counts_if_it_is_in_the_region(folder):
+def test_the_given_place_counts_if_it_is_in_the_region(folder, monkeypatch):
+    monkeypatch.setattr(module, "_HALVINGS", 0)
     path = gantry(folder, name="turned")
     base = {"robot.base": {"position": [0.0, 0.0, 0.0], "rpy": [0, 0, -0.9272952]}}
     one = PlaceOptions(points=1, quality="fast", slack=0.0)
+    given = Stand(0.0, 0.0, 0.0, -0.927295)
     result = place(path, [-0.3, 0.0, -0.3, 0.0], changes=base, options=one, executor=Here())
-    assert result.rows[1].stand == Stand(0.0, 0.0, 0.0, -0.927295)
+    assert result.rows[1].stand == given
     outside = place(path, HERE, changes=base, options=one, executor=Here())
-    assert Stand(0.0, 0.0, 0.0, -0.927295) not in {row.stand for row in outside.rows}
+    assert given not in {row.stand for row in outside.rows}
 
 
-def test_names_of_what_it_stands_on_are_asked_for_and_checked(folder):
+def test_what_cannot_be_searched_is_refused(folder):
     path = gantry(folder, [FLOOR, POST], "blocked")
     with pytest.raises(OptionError, match=r"stands_on is required .* .floor, post.: name what"):
         place(path, HERE)
@@ -326,9 +325,6 @@ def test_names_of_what_it_stands_on_are_asked_for_and_checked(folder):
         place(path, HERE, stands_on=["floor", "flour"])
     with pytest.raises(OptionError, match=r"unknown obstacle 'floor'.*there is: none"):
         place(gantry(folder), HERE, stands_on=["floor"])
-
-
-def test_what_cannot_be_searched_is_refused(folder):
     with pytest.raises(ProblemError, match="this is a cycle"):
         place("example:ur5/through_the_door", HERE)
     with pytest.raises(OptionError, match="points is 0"):
@@ -395,11 +391,3 @@ def test_a_given_base_in_an_obstacle_is_said(folder):
     assert result.given.message.startswith("'base', which no joint moves, stands")
     on_post = place(path, region, stands_on=["post"], changes=base, options=one, executor=Here())
     assert "which no joint moves" not in on_post.given.message
-
-
-def test_an_answer_that_was_edited_is_refused_with_its_file(folder, tmp_path):
-    journal = tmp_path / "best.jsonl"
-    place(gantry(folder), HERE, options=FEW, executor=Here(fails_at=3), journal=journal)
-    journal.write_text(journal.read_text().replace('"yaw": ', '"yaw": "up", "_": ', 1))
-    with pytest.raises(OutputError, match=r"best\.jsonl: the line of key .* holds no answer"):
-        place(gantry(folder), HERE, options=FEW, executor=Here(), journal=journal)

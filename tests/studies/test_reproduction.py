@@ -48,27 +48,23 @@ def reproduced():
     return reproduced_with(plan=quick, judged_baseline=lambda problem, name: switched(problem))
 
 
-@pytest.mark.slow
-def test_every_printed_cell_is_planned(reproduced):
-    result, told = reproduced
+@pytest.mark.slow  # plans all paths of the paper
+def test_every_printed_cell_is_planned_and_times_of_paths_are_those_of_the_paper(reproduced):
+    result, texts = reproduced
     for example, row in TABLE_TWO.items():
         assert all((example, radius) in result.cells for radius in row.phases)
     for table in (TABLE_THREE, TABLE_FOUR):
         assert all((table.example, radius) in result.cells for radius in table.durations)
     assert all(cell.default.succeeded for cell in result.cells.values())
-    assert any(str(what).startswith("example 3, no tube (") for what in told)
-
-
-@pytest.mark.slow
-def test_conventional_and_bang_bang_times_are_those_of_the_paper(reproduced):
-    paths = reproduced[0].paths
+    assert any(str(what).startswith("example 3, no tube (") for what in texts)
+    paths = result.paths
     conventional = [paths[k].duration(module.CONVENTIONAL) for k in (1, 2, 5)]
     assert np.round(conventional, 2).tolist() == [1.96, 1.00, 3.74]
     assert paths[1].duration("bang-bang") == pytest.approx(TABLE_THREE.bang_bang, abs=0.005)
     assert paths[3].duration("bang-bang") == pytest.approx(TABLE_FOUR.bang_bang, abs=0.005)
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # plans all cells of the paper
 def test_the_default_method_beats_the_printed_second_phase_everywhere():
     def quick(problem, options, progress):
         method = STOP if options.method == SUH_BISHOP else options.method
@@ -91,36 +87,25 @@ def test_without_a_tube_the_elbow_is_free():
     assert problem.tube.points.tolist() == paper_problem(3, 0.01).tube.points.tolist()
 
 
-@pytest.mark.slow
-def test_the_page_has_every_cell_with_its_ratio(reproduced):
+@pytest.mark.slow  # draws the figures of all paths
+def test_the_command_writes_the_page_and_its_figures(reproduced, tmp_path, run, monkeypatch):
     result, _ = reproduced
     page = reproduction_page(result, {"Figure 3": "figure_3.png"})
     cell = result.cell(5, 0.01)
     line = next(line for line in page.splitlines() if line.startswith("| 5 | 10 |"))
     ours, ratio = cell.default.duration, cell.default.duration / 1.52
-    assert line.endswith(
-        f"| 1.52 | {cell.published.duration / 1.52:.2f} | {ours:.3f} | {ratio:.2f} |"
-    )
+    phases = f"| 1.52 | {cell.published.duration / 1.52:.2f} | {ours:.3f} | {ratio:.2f} |"
+    assert line.endswith(phases)
     assert "| - | 1.91 | - |" in line  # what stops at corners has no phase 1
     assert "1.93 s is printed where the formula gives 1.82 s" in page
     assert "![Figure 3](figure_3.png)" in page
-
-
-@pytest.mark.slow
-def test_the_command_writes_the_page_and_its_figures(reproduced, tmp_path, run, monkeypatch):
-    monkeypatch.setattr(module, "reproduce", lambda progress: reproduced[0])
-    code, out, _ = run("reproduce", "-o", str(tmp_path / "paper"), "--json")
+    monkeypatch.setattr(module, "reproduce", lambda progress: result)
+    code, out, _ = run("reproduce", "-o", tmp_path / "paper", "--json")
     assert code == 0
     written = sorted(path.name for path in (tmp_path / "paper").iterdir())
-    assert written == [
-        "figure_3.png",
-        "figure_7.png",
-        "figure_8.png",
-        "figure_9.png",
-        "the_paper.md",
-    ]
+    assert written == [*(f"figure_{k}.png" for k in (3, 7, 8, 9)), "the_paper.md"]
     report = json.loads(out)
-    assert len(report["cells"]) == len(reproduced[0].cells)
+    assert len(report["cells"]) == len(result.cells)
     assert {cell["radius"] for cell in report["cells"]} >= {None, 0.005, 0.07}
 
 

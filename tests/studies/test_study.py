@@ -4,15 +4,13 @@ from itertools import product
 
 import numpy as np
 import pytest
-from studied import MASS, PROBLEM, RADIUS, between, small_study
+from studied import MASS, RADIUS, between, small_study
 
 from tubeplanner.errors import ProblemError
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.studies.axes import Levels, interval
 from tubeplanner.studies.study import Study
 from tubeplanner.studies.study_points import MOST_POINTS, Latin, StudyPoints
-
-# Values between two others: evenly spaced by difference or ratio, as short as can be.
 
 
 @pytest.mark.parametrize(
@@ -35,28 +33,20 @@ def test_values_between_two_include_both(ends, log, values):
     assert list(map(type, axis.levels(6).values)) == list(map(type, values))
 
 
-def test_any_value_between_two_goes_by_its_share_of_the_way():
+def test_any_value_goes_by_its_share_of_the_way():
     assert interval("a", 2, 4, is_logarithmic=False).at(0.25) == 2.5
     assert interval("a", 1, 10_000, is_logarithmic=True).at(0.25) == 10
     assert interval("a", "x1", "x2", is_logarithmic=False).at(0.123456789) == "x1.123456789"
-
-
-def test_a_share_of_given_values_is_one_of_them():
     levels = Levels("a", ("p", "q", "r"))
     assert [levels.at(share) for share in (0, 0.33, 0.34, 0.99)] == ["p", "p", "q", "r"]
-
-
-def test_millions_of_values_are_made_one_by_one():
-    levels = interval("a", 0, 1, is_logarithmic=False).levels(10**7 + 1)
-    assert len(levels.values) == 10**7 + 1
-    assert (levels.values[10**6], levels.at(0.9999999)) == (0.1, 0.9999999)
+    millions = interval("a", 0, 1, is_logarithmic=False).levels(10**7 + 1)  # made one by one
+    assert len(millions.values) == 10**7 + 1
+    assert (millions.values[10**6], millions.at(0.9999999)) == (0.1, 0.9999999)
     with pytest.raises(IndexError):
-        levels.values[10**7 + 1]
-
-
-def test_one_value_without_parts_shows_whether_others_can_be_set():
-    given = (1, 2, "x0.5", "p", "x2", [1], None, [1], {"a": 1})
-    assert Levels("a", given).ends == (1, "x0.5", [1], [1], {"a": 1})
+        millions.values[10**7 + 1]
+    # One value without parts shows whether others can be set.
+    values = (1, 2, "x0.5", "p", "x2", [1], None, [1], {"a": 1})
+    assert Levels("a", values).ends == (1, "x0.5", [1], [1], {"a": 1})
 
 
 @pytest.mark.parametrize(
@@ -74,10 +64,7 @@ def test_what_has_nothing_between_is_refused(ends, log, message):
     assert str(caught.value) == message
 
 
-# Which values go together: all of a grid, or as many as asked of a Latin hypercube.
-
-
-def test_a_grid_has_all_pairs_the_last_field_first():
+def test_a_grid_has_all_pairs_the_last_field_first_made_one_by_one():
     first, second, third = (1, 2), ("a", "b", "c"), (None,)
     points = StudyPoints([Levels("p", first), Levels("q", second), Levels("r", third)], None)
     assert len(points) == 6
@@ -87,6 +74,9 @@ def test_a_grid_has_all_pairs_the_last_field_first():
     assert points[4].values == {"p": 2, "q": "b", "r": None}
     with pytest.raises(IndexError):
         points[6]
+    many = StudyPoints([Levels("p", range(3000)), Levels("q", range(3000))], None)
+    assert len(many) == 9_000_000
+    assert many[8_999_999].values == {"p": 2999, "q": 2999}
 
 
 def test_a_latin_hypercube_has_one_point_in_every_part_of_every_field():
@@ -102,12 +92,6 @@ def test_a_latin_hypercube_has_one_point_in_every_part_of_every_field():
     assert [point.values for point in other] != values
 
 
-def test_points_are_made_one_by_one():
-    many = StudyPoints([Levels("p", range(3000)), Levels("q", range(3000))], None)
-    assert len(many) == 9_000_000
-    assert many[8_999_999].values == {"p": 2999, "q": 2999}
-
-
 def test_what_cannot_be_counted_is_refused():
     with pytest.raises(ProblemError, match="p: count is required in a grid"):
         StudyPoints([between("p", 0, 1)], None)
@@ -120,22 +104,22 @@ def test_what_cannot_be_counted_is_refused():
         Latin(1, -1)
 
 
-# Studies: what they pose at each point, and paths that lead nowhere before anything is planned.
-
-
 def test_a_point_poses_its_problem_with_its_values():
-    problems = {"arm": PosedProblem.read(PROBLEM), "post": PosedProblem.read(POST)}
-    axes = [Levels("problem", ("arm", "post")), Levels(RADIUS, ("x2", 0.01)), Levels(MASS, (3,))]
-    study = Study("two", problems, axes)
+    names = ["two_link/paper_1_30mm", "two_link/around_a_post"]
+    arm, post = (PosedProblem.read(f"example:{name}") for name in names)
+    problems, both = {"arm": arm, "post": post}, Levels("problem", ("arm", "post"))
+    study = Study("two", problems, [both, Levels(RADIUS, ("x2", 0.01)), Levels(MASS, (3,))])
     posed = [study.posed(point) for point in study.points]
-    assert [each.name for each in posed] == ["two_link/paper_1_30mm"] * 2 + [POST_NAME] * 2
+    assert [each.name for each in posed] == [names[0]] * 2 + [names[1]] * 2
     assert [each.document["tube"]["radius"] for each in posed][1::2] == [0.01, 0.01]
     assert posed[0].document["tube"]["radius"] == 0.06
     assert {each.document["robot"]["payload"]["mass"] for each in posed} == {3}
-    assert problems["arm"].document["tube"]["radius"] == 0.03
-
-
-POST, POST_NAME = "example:two_link/around_a_post", "two_link/around_a_post"
+    assert arm.document["tube"]["radius"] == 0.03
+    with pytest.raises(ProblemError, match=r"^arm: obstacles\.post\.position: "):
+        Study("two", problems, [both, Levels("obstacles.post.position", ([0, 0, 0],))])
+    # Values that a later one builds upon are set in their order.
+    study = small_study({"robot.payload": [{"mass": 2, "com": [0, 0, 0]}], MASS: ["x2"]})
+    assert study.posed(study.points[0]).document["robot"]["payload"]["mass"] == 4
 
 
 @pytest.mark.parametrize(
@@ -154,15 +138,3 @@ def test_what_no_point_can_have_is_found_at_once(vary, message):
     with pytest.raises(ProblemError) as caught:
         small_study(vary)
     assert str(caught.value).startswith(message)
-
-
-def test_of_several_problems_the_one_without_the_field_is_named():
-    problems = {"arm": PosedProblem.read(PROBLEM), "post": PosedProblem.read(POST)}
-    axes = [Levels("problem", ("arm", "post")), Levels("obstacles.post.position", ([0, 0, 0],))]
-    with pytest.raises(ProblemError, match=r"^arm: obstacles\.post\.position: "):
-        Study("two", problems, axes)
-
-
-def test_values_that_a_later_one_builds_upon_are_set_in_their_order():
-    study = small_study({"robot.payload": [{"mass": 2, "com": [0, 0, 0]}], MASS: ["x2"]})
-    assert study.posed(study.points[0]).document["robot"]["payload"]["mass"] == 4

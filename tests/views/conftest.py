@@ -9,18 +9,43 @@ from browser_page import BrowserPage
 from stored_trajectories import STOP
 
 from tubeplanner import view
-from tubeplanner.views import figure_files, rendered_solids
+from tubeplanner.views import (
+    cycle_scene,
+    figure_files,
+    link_visuals,
+    problem_scene,
+    rendered_solids,
+    space_solids,
+)
 
 NO_BROWSER = "no Chromium found (Debian: apt-get install --no-install-recommends chromium)"
 
 
 @pytest.fixture(scope="session", autouse=True)
-def coarse_pictures():
-    """Draw figures with few pixels: what is on them is the same, and quicker drawn."""
+def quick_pictures():
+    """Draw with few pixels, and read the meshes of a robot once: what is seen is the same."""
+    known = {}
+
+    def link_parts(robot, max_faces):
+        placed = tuple((name, robot.link_placement[name].tobytes()) for name in robot.link_body)
+        key = robot.urdf.xml, robot.urdf.path, placed, max_faces
+        if key not in known:
+            known[key] = link_visuals.link_parts(robot, max_faces)
+        return known[key]
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figure_files, "_DPI", 40)
         patch.setattr(rendered_solids, "_PIXELS", 250)
+        for module in (problem_scene, cycle_scene, space_solids):
+            patch.setattr(module, "link_parts", link_parts)
         yield
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Save figures without drawing them, which takes a second or two; return what is saved."""
+    monkeypatch.setattr(figure_files, "figure_file", lambda figure, path: b"a figure")
+    return b"a figure"
 
 
 @pytest.fixture(scope="session")

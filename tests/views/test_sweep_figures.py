@@ -138,7 +138,7 @@ def test_answers_of_which_runs_failed_are_marked():
 
 
 def labelled(label="duration of the motion"):
-    figure = new_figure(2.0, 1.5)
+    figure = new_figure(4.0, 3.0)
     axis = figure.add_subplot()
     axis.barh(0, 1.0, hatch="//", label=label)
     axis.set_title(label)

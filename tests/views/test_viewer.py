@@ -167,7 +167,7 @@ def test_trajectories_stand_side_by_side(stored):
 
 
 def test_without_a_trajectory_the_arm_is_at_its_start_or_its_seed(bundled):
-    problem = bundled("two_link/around_a_post")
+    problem = bundled("ur5/over_the_wall")
     scene = view(problem).scene
     assert scene.duration == 0
     tool = problem.robot.tool_position(problem.start[None])[0]
@@ -175,7 +175,8 @@ def test_without_a_trajectory_the_arm_is_at_its_start_or_its_seed(bundled):
     assert not [c for c in recorded_commands(scene) if c["type"] == "set_animation"]
     assert "at its start" in panel_data(scene)["hint"]
     tube, seed = Tube([[2.0, 0, 0], [2.0, 0.3, 0]], 0.05), Seed(np.array([0.1, 0.2]))
-    scene = view(PlanningProblem(problem.robot, tube, seed)).scene  # it leads nowhere
+    robot = bundled("two_link/around_a_post").robot
+    scene = view(PlanningProblem(robot, tube, seed)).scene  # it leads nowhere
     assert "drawn at the seed" in scene.notes[0]
     assert panel_data(scene)["notes"] == list(scene.notes)
 
