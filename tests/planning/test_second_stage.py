@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from cases import INERTIA, one_joint
 from ruamel.yaml import YAML
 
-from cases import INERTIA, one_joint, slow_but
 from tubeplanner import (
     LimitOverrides,
     Objective,
@@ -35,6 +35,7 @@ from tubeplanner.resources import bundled_problems
 LINE, POST, WALL = "two_link/paper_1_30mm", "two_link/around_a_post", "ur5/over_the_wall"
 TRAY, SHELVES = "ur5/level_tray", "panda/between_shelves"
 SLACK = 0.005
+FAST = PlanOptions(quality="fast")
 # What is left of the effort variation of the busiest motor and of the largest jerk. In the plane,
 # the two motors must switch: there is less to gain.
 LEFT = {
@@ -47,26 +48,36 @@ LEFT = {
 
 
 @pytest.fixture(scope="module")
-def stages(bundled):
+def stages(planned, shared):
     """Return a function from a problem's name to it, its shortest motion and its smooth one."""
 
-    @cache
     def of(name):
-        problem = bundled(name)
-        return problem, plan(problem, PlanOptions(slack=0)), plan(problem)
+        problem, shortest = planned(name, "refinement")
+        return problem, shortest, shared(f"{name}.smooth", lambda: plan(problem))
 
     return of
+
+
+@pytest.fixture(scope="module")
+def quick(bundled):
+    """Return the problem of a line, its shortest motion and its smooth one, on few knots."""
+    problem = bundled(LINE)
+    return problem, plan(problem, replace(FAST, slack=0)), plan(problem, FAST)
 
 
 def jerk(trajectory):
     return abs(trajectory.derivative_coefficients(3)).max()
 
 
-PROBLEMS = slow_but((LINE, POST, WALL), list(LEFT))
-
-
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_it_takes_no_longer_than_it_may_and_is_certified(name, stages):
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(POST, marks=pytest.mark.dear("plans and smooths")),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in (LINE, WALL, TRAY, SHELVES)),
+    ],
+)
+def test_in_hardly_more_time_efforts_swing_less_and_jerk_falls_by_clear_factors(name, stages):
+    """It is certified, and keeps the distance from obstacles."""
     problem, shortest, smooth = stages(name)
     assert smooth.succeeded
     assert smooth.shortest_duration == shortest.duration
@@ -74,15 +85,7 @@ def test_it_takes_no_longer_than_it_may_and_is_certified(name, stages):
     assert smooth.duration == smooth.trajectory.duration
     assert verify(problem, smooth.trajectory).passed
     fields = smooth.as_dict()
-    assert (fields["duration"], fields["shortest_duration"]) == (
-        smooth.duration,
-        shortest.duration,
-    )
-
-
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_efforts_swing_less_and_jerk_falls_by_clear_factors(name, stages):
-    problem, shortest, smooth = stages(name)
+    assert (fields["duration"], fields["shortest_duration"]) == (smooth.duration, shortest.duration)
     swing, rough = LEFT[name]
     before, after = (
         effort_variation(problem.robot, stage.trajectory) for stage in (shortest, smooth)
@@ -94,11 +97,6 @@ def test_efforts_swing_less_and_jerk_falls_by_clear_factors(name, stages):
     swings = [f"{swing.max():.1f} limits ('{names[swing.argmax()]}')" for swing in (after, before)]
     assert " instead of ".join(swings) in note
     assert "in 0.50 % more time" in note
-
-
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_it_keeps_the_distance_from_obstacles(name, stages):
-    problem, shortest, smooth = stages(name)
     before, after = (
         stage.certificate.conditions["obstacles"].margin for stage in (shortest, smooth)
     )
@@ -107,8 +105,8 @@ def test_it_keeps_the_distance_from_obstacles(name, stages):
         assert after >= 0.9 * min(max(before, 0.0), 0.02) - 1e-4
 
 
-def test_the_shortest_motion_of_the_result_is_that_of_slack_zero(stages):
-    _, shortest, smooth = stages(POST)
+def test_the_shortest_motion_of_the_result_is_that_of_slack_zero(quick):
+    _, shortest, smooth = quick
     for field in ("breakpoints", "coefficients"):
         np.testing.assert_array_equal(
             getattr(smooth.shortest, field), getattr(shortest.trajectory, field)
@@ -124,28 +122,25 @@ def test_the_shortest_motion_of_the_result_is_that_of_slack_zero(stages):
     ]
 
 
-def test_the_same_input_gives_the_same_motion(stages):
-    problem, _, smooth = stages(POST)
-    again = plan(problem)
+def test_the_same_input_gives_the_same_motion(quick):
+    problem, _, smooth = quick
+    again = plan(problem, FAST)
     np.testing.assert_array_equal(again.trajectory.coefficients, smooth.trajectory.coefficients)
     assert again.notes == smooth.notes
 
 
-def test_the_problems_objective_holds_unless_options_say_another(stages):
-    problem, shortest, smooth = stages(LINE)
-    asks = replace(problem, objective=Objective(0.02))
-    assert plan(asks).duration == pytest.approx(1.02 * shortest.duration, rel=1e-9)
-    assert plan(asks, PlanOptions(slack=0)).duration == shortest.duration
-    assert plan(asks, PlanOptions(slack=SLACK)).duration == smooth.duration
-    never = replace(problem, objective=Objective(0.0))
-    assert plan(never).shortest is None
-    assert plan(never, PlanOptions(slack=SLACK)).duration == smooth.duration
-
-
-def test_more_time_makes_it_smoother(stages):
-    problem, _, smooth = stages(LINE)
-    slower = plan(problem, PlanOptions(slack=0.05))
+@pytest.mark.dear("plans and smooths five times")
+def test_the_problems_objective_holds_unless_options_say_another(quick):
+    problem, shortest, smooth = quick
+    asks = replace(problem, objective=Objective(0.05))
+    slower = plan(asks, FAST)
+    assert slower.duration == pytest.approx(1.05 * shortest.duration, rel=1e-9)
     assert jerk(slower.trajectory) < 0.5 * jerk(smooth.trajectory)
+    assert plan(asks, replace(FAST, slack=0)).duration == shortest.duration
+    assert plan(asks, replace(FAST, slack=SLACK)).duration == smooth.duration
+    never = replace(problem, objective=Objective(0.0))
+    assert plan(never, FAST).shortest is None
+    assert plan(never, replace(FAST, slack=SLACK)).duration == smooth.duration
 
 
 # --- room in the tube ----------------------------------------------------------------------------
@@ -167,18 +162,11 @@ def least_room(problem, trajectory):
     return 1 - np.linalg.norm(tool - begin - share[:, None] * along, axis=1).max() / radius
 
 
-@pytest.mark.parametrize(
-    ("start", "goal", "radius", "sign"),
-    [
-        ((-0.36, 0.17), (0.215, -0.333), 0.131, "0"),
-        ((-0.191, -0.23), (0.363, 0.381), 0.116, "-"),
-    ],
-)
-def test_it_keeps_the_room_that_the_shortest_motion_left(
-    start, goal, radius, sign, two_link, monkeypatch
-):
+@pytest.mark.dear("plans and smooths twice")
+def test_it_keeps_the_room_that_the_shortest_motion_left(two_link, monkeypatch):
     """Without being asked for it, it would not."""
-    problem, options = across(two_link, start, goal, radius, sign), PlanOptions(slack=0.05)
+    problem = across(two_link, (-0.36, 0.17), (0.215, -0.333), 0.131, "0")
+    options = PlanOptions(slack=0.05)
     smooth = plan(problem, options)
     before = least_room(problem, smooth.shortest)
     assert before > 0.1
@@ -220,20 +208,20 @@ def require_shortest(result, shortest, reason, stopped_by=None):
 
 
 @pytest.mark.parametrize("error", [None, Infeasible(PlanStatus.NO_TRAJECTORY, "", Place())])
-def test_where_nothing_smoother_is_found_the_answer_is_the_shortest(error, stages, monkeypatch):
+def test_where_nothing_smoother_is_found_the_answer_is_the_shortest(error, quick, monkeypatch):
     def run(self):
         if error is not None:
             raise error
         return False
 
-    problem, shortest, _ = stages(LINE)
+    problem, shortest, _ = quick
     monkeypatch.setattr(SecondStage, "run", run)
-    require_shortest(plan(problem), shortest, "no better one was found in the time")
+    require_shortest(plan(problem, FAST), shortest, "no better one was found in the time")
 
 
-def test_so_it_is_where_the_smoother_one_has_no_certificate(stages, monkeypatch):
+def test_so_it_is_where_the_smoother_one_has_no_certificate(quick, monkeypatch):
     """However often samples are added where it fails."""
-    problem, shortest, _ = stages(LINE)
+    problem, shortest, _ = quick
     judged = []
 
     def judge(problem, trajectory, *more):
@@ -259,23 +247,23 @@ def test_so_it_is_where_the_smoother_one_has_no_certificate(stages, monkeypatch)
             else certified_result(problem, trajectory, *more)
         ),
     )
-    require_shortest(plan(problem), shortest, "was not certified: it leaves the tube")
+    require_shortest(plan(problem, FAST), shortest, "was not certified: it leaves the tube")
     assert 1 < len(judged) <= 5
 
 
-def test_and_where_it_takes_too_long(stages, monkeypatch):
-    problem, shortest, _ = stages(LINE)
+def test_and_where_it_takes_too_long(quick, monkeypatch):
+    problem, shortest, _ = quick
     monkeypatch.setattr(
         "tubeplanner.planning.second_stage_plan.lengthened",
         lambda trajectory, duration, period: trajectory.scaled(2.0),
     )
-    require_shortest(plan(problem), shortest, " s, more than it may")
+    require_shortest(plan(problem, FAST), shortest, " s, more than it may")
 
 
-@pytest.mark.parametrize("after", [1, 2, 4])
-def test_an_interrupt_leaves_the_shortest_motion(after, stages):
+@pytest.mark.parametrize("after", [1, 4])
+def test_an_interrupt_leaves_the_shortest_motion(after, quick):
     """From the stage's first announcement on; what it has found by then has no certificate."""
-    problem, shortest, _ = stages(LINE)
+    problem, shortest, _ = quick
     counted = []
 
     def interrupt(progress):
@@ -283,13 +271,13 @@ def test_an_interrupt_leaves_the_shortest_motion(after, stages):
         if sum(counted) >= after:
             raise KeyboardInterrupt
 
-    result = plan(problem, progress=interrupt)
+    result = plan(problem, FAST, progress=interrupt)
     require_shortest(result, shortest, "stopped by interrupt", "interrupt")
 
 
-def test_a_time_limit_leaves_it_too(stages, monkeypatch):
-    problem, shortest, _ = stages(LINE)
-    options = PlanOptions(time_limit=1000.0)
+def test_a_time_limit_leaves_it_too(quick, monkeypatch):
+    problem, shortest, _ = quick
+    options = replace(FAST, time_limit=1000.0)
 
     def late(progress):
         if progress.stage == "smoothing":
@@ -301,8 +289,8 @@ def test_a_time_limit_leaves_it_too(stages, monkeypatch):
     require_shortest(result, shortest, "stopped by time limit", "time_limit")
 
 
-def test_an_interrupt_after_something_smoother_was_found_leaves_that(stages, monkeypatch):
-    problem, shortest, smooth = stages(LINE)
+def test_an_interrupt_after_something_smoother_was_found_leaves_that(quick, monkeypatch):
+    problem, shortest, smooth = quick
     run = SecondStage.run
 
     def interrupted(self):
@@ -310,14 +298,14 @@ def test_an_interrupt_after_something_smoother_was_found_leaves_that(stages, mon
         raise KeyboardInterrupt
 
     monkeypatch.setattr(SecondStage, "run", interrupted)
-    result = plan(problem)
+    result = plan(problem, FAST)
     assert (result.succeeded, result.stopped_by) == (True, "interrupt")
     assert result.shortest_duration == shortest.duration
     np.testing.assert_array_equal(result.trajectory.coefficients, smooth.trajectory.coefficients)
 
 
-def test_planning_that_was_stopped_is_not_smoothed(stages):
-    problem, _, _ = stages(LINE)
+def test_planning_that_was_stopped_is_not_smoothed(quick):
+    problem, _, _ = quick
     interrupts = []
 
     def interrupt_once(progress):
@@ -325,21 +313,22 @@ def test_planning_that_was_stopped_is_not_smoothed(stages):
             interrupts.append(progress.stage)
             raise KeyboardInterrupt
 
-    result = plan(problem, progress=interrupt_once)
+    result = plan(problem, FAST, progress=interrupt_once)
     assert (result.succeeded, result.stopped_by, result.shortest) == (True, "interrupt", None)
 
 
 # --- planning again ------------------------------------------------------------------------------
 
 
-def test_planning_again_begins_with_the_shortest_motion(stages):
+@pytest.mark.dear("plans and smooths five times")
+def test_planning_again_begins_with_the_shortest_motion(quick):
     """The motion that is kept has nothing to do with the smooth one."""
-    problem, shortest, smooth = stages(POST)
+    problem, shortest, smooth = quick
     assert smooth.motion is not None
     np.testing.assert_array_equal(
         smooth.motion.spline.control_points, shortest.motion.spline.control_points
     )
-    planners = [Planner(problem, PlanOptions(slack=slack)) for slack in (0, SLACK)]
+    planners = [Planner(problem, replace(FAST, slack=slack)) for slack in (0, SLACK)]
     wider = problem.with_tube(problem.tube.scaled(1.05))
     for planner in planners:
         planner.plan()
@@ -353,7 +342,6 @@ def test_planning_again_begins_with_the_shortest_motion(stages):
 # Energy and work saved: against physics, within a slack and in a fixed duration.
 
 
-PLAN_ENERGY_LINE, PLAN_ENERGY_POST = "two_link/paper_1_30mm", "two_link/around_a_post"
 TRAVEL = 1.7  # [rad], of the bar
 
 
@@ -386,13 +374,13 @@ COSTS = {"energy": energy_of, "work": work_of}
 
 
 @pytest.fixture(scope="module")
-def planned(bundled):
-    """Return a function from a problem's name and an objective's fields to the answer."""
+def saving(bundled):
+    """Return a function from an objective's fields to the problem of a line and its answer."""
 
     @cache
-    def of(name, *fields):
-        problem = replace(bundled(name), objective=Objective(*fields))
-        return problem, plan(problem)
+    def of(*fields):
+        problem = replace(bundled(LINE), objective=Objective(*fields))
+        return problem, plan(problem, FAST)
 
     return of
 
@@ -400,28 +388,27 @@ def planned(bundled):
 # --- physics -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("duration", [3.0, 6.0])
-def test_a_bar_in_free_rotation_takes_little_more_energy_than_any_motion_must(duration, tmp_path):
+def test_a_bar_in_free_rotation_takes_little_more_energy_than_any_motion_must(tmp_path):
     """12 (I angle)^2 / T^3: the cubic, which only motions with a jump of effort at both ends are.
 
     (Euler and Lagrange: the effort of least energy from rest to rest is a straight line.)
     """
+    duration = 3.0
     problem = turning(tmp_path, objective=Objective(None, "energy", duration))
-    result = plan(problem)
+    result = plan(problem, FAST)
     bound = 12 * (INERTIA * TRAVEL) ** 2 / duration**3
     found = energy_of(problem.robot, result.trajectory, np.ones(1))
     assert result.duration == pytest.approx(duration, rel=1e-12)
     assert bound < found < 1.03 * bound
-    smooth = plan(replace(problem, objective=Objective(duration=duration)))
+    smooth = plan(replace(problem, objective=Objective(duration=duration)), FAST)
     assert energy_of(problem.robot, smooth.trajectory, np.ones(1)) > 1.05 * bound
 
 
-@pytest.mark.parametrize("duration", [4.0, 8.0])
-def test_a_bar_that_is_lifted_takes_little_more_work_than_its_height(duration, tmp_path):
+def test_a_bar_that_is_lifted_takes_little_more_work_than_its_height(tmp_path):
     """m g h: what is put into speed is given back on the way up."""
     mass, start = 0.5, -1.2
-    problem = turning(tmp_path, start, mass, Objective(None, "work", duration))
-    result = plan(problem)
+    problem = turning(tmp_path, start, mass, Objective(None, "work", 8.0))
+    result = plan(problem, FAST)
     height = 0.5 * (np.sin(start + TRAVEL) - np.sin(start))
     bound = mass * 9.81 * height
     found = work_of(problem.robot, result.trajectory)
@@ -431,28 +418,30 @@ def test_a_bar_that_is_lifted_takes_little_more_work_than_its_height(duration, t
     assert work_of(problem.robot, result.shortest) > 1.5 * bound
 
 
+@pytest.mark.dear("plans and saves thrice")
 @pytest.mark.parametrize("minimise", COSTS)
-def test_it_falls_as_slack_grows_and_below_that_of_the_smooth_motion(minimise, planned):
+def test_it_falls_as_slack_grows_and_below_that_of_the_smooth_motion(minimise, saving, quick):
     cost = COSTS[minimise]
-    shortest = planned(PLAN_ENERGY_POST, 0.0)[1].trajectory
-    found = [cost(planned(PLAN_ENERGY_POST, 0.0)[0].robot, shortest)]
+    problem, shortest, _ = quick
+    costs = [cost(problem.robot, shortest.trajectory)]
     for slack in (0.005, 0.05, 0.2):
-        problem, result = planned(PLAN_ENERGY_POST, slack, minimise)
+        problem, result = saving(slack, minimise)
         assert result.succeeded
         assert verify(problem, result.trajectory).passed
         assert shortest.duration < result.duration <= (1 + slack) * shortest.duration * (1 + 1e-9)
-        found.append(cost(problem.robot, result.trajectory))
-        smooth = planned(PLAN_ENERGY_POST, slack)[1].trajectory
-        assert found[-1] < 0.98 * cost(problem.robot, smooth)
-    assert all(later < 0.95 * earlier for earlier, later in pairwise(found))
+        costs.append(cost(problem.robot, result.trajectory))
+    assert all(later < 0.95 * earlier for earlier, later in pairwise(costs))
+    smooth = saving(0.05)[1].trajectory
+    assert costs[2] < 0.98 * cost(problem.robot, smooth)
 
 
+@pytest.mark.dear("plans and saves twice")
 def test_what_weights_make_dear_is_spared(bundled):
-    problem = bundled(PLAN_ENERGY_POST)
+    problem = bundled(LINE)
     alone = []
     for weights in ({"joint1": 1.0, "joint2": 0.0}, {"joint1": 0.0, "joint2": 1.0}):
         asks = replace(problem, objective=Objective(0.05, "energy", weights=weights))
-        trajectory = plan(asks).trajectory
+        trajectory = plan(asks, FAST).trajectory
         alone.append([energy_of(problem.robot, trajectory, own) for own in np.eye(2)])
     assert alone[0][0] < 0.95 * alone[1][0]
     assert alone[1][1] < 0.95 * alone[0][1]
@@ -469,59 +458,61 @@ def test_what_weights_make_dear_is_spared(bundled):
         ("work", None, "J"),
     ],
 )
-def test_the_note_says_what_was_gained(minimise, weights, unit, bundled):
-    problem = bundled(PLAN_ENERGY_LINE)
-    robot = problem.robot
-    objective = Objective(0.05, minimise, weights=weights or {})
-    result = plan(replace(problem, objective=objective))
+def test_the_note_says_what_was_gained(minimise, weights, unit, bundled, saving):
+    if weights is None:
+        problem, result = saving(0.05, minimise)
+    else:
+        problem = replace(bundled(LINE), objective=Objective(0.05, minimise, weights=weights))
+        result = plan(problem, FAST)
     (note,) = [note for note in result.notes if note.startswith(f"{minimise} saved: ")]
     assert "in 5.00 % more time" in note
     after, before = map(float, re.search(r"is (\S+) instead of (\S+) ", note).groups())
     assert note.endswith(f" {unit}")
-    given = () if weights is None else (np.array([2.0, 3.0]),)
+    own = () if weights is None else (np.array([2.0, 3.0]),)
     for said, trajectory in ((after, result.trajectory), (before, result.shortest)):
-        assert said == pytest.approx(COSTS[minimise](robot, trajectory, *given), rel=1e-3)
+        assert said == pytest.approx(COSTS[minimise](problem.robot, trajectory, *own), rel=1e-3)
     assert after < before
 
 
 # --- a fixed duration ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("minimise", ["smoothness", *COSTS])
-def test_a_fixed_duration_is_kept_exactly(minimise, planned):
-    shortest = planned(PLAN_ENERGY_LINE, 0.0)[1].trajectory
-    for duration in (shortest.duration * 1.0005, 1.1, 2.0):
-        problem, result = planned(PLAN_ENERGY_LINE, None, minimise, duration)
-        assert result.succeeded
-        assert result.duration == pytest.approx(duration, rel=1e-12)
-        assert result.shortest_duration == shortest.duration
-        assert verify(problem, result.trajectory).passed
+@pytest.mark.parametrize(
+    ("minimise", "duration"), [("smoothness", None), ("energy", 1.1), ("work", 2.0)]
+)
+def test_a_fixed_duration_is_kept_exactly(minimise, duration, saving, quick):
+    _, shortest, _ = quick
+    duration = duration or shortest.duration * 1.0005
+    problem, result = saving(None, minimise, duration)
+    assert result.succeeded
+    assert result.duration == pytest.approx(duration, rel=1e-12)
+    assert result.shortest_duration == shortest.duration
+    assert verify(problem, result.trajectory).passed
 
 
-def test_a_slack_of_options_holds_before_it(planned):
-    problem, result = planned(PLAN_ENERGY_LINE, None, "energy", 1.1)
-    assert plan(problem, PlanOptions(slack=0)).duration == result.shortest_duration
+def test_a_slack_of_options_holds_before_it(saving):
+    problem, result = saving(None, "energy", 1.1)
+    assert plan(problem, replace(FAST, slack=0)).duration == result.shortest_duration
 
 
+@pytest.mark.dear("plans and saves thrice")
 @pytest.mark.parametrize("period", [None, 0.004])
 def test_less_than_the_shortest_is_no_trajectory(period, bundled):
     """The message has what must be given; that is enough."""
-    problem = replace(
-        bundled(PLAN_ENERGY_LINE), period=period, objective=Objective(None, "energy", 0.6)
-    )
-    result = plan(problem)
+    problem = replace(bundled(LINE), period=period, objective=Objective(None, "energy", 0.6))
+    result = plan(problem, FAST)
     assert (result.status, result.trajectory) == (PlanStatus.NO_TRAJECTORY, None)
-    shortest = plan(replace(problem, objective=Objective(0.0)))
+    shortest = plan(replace(problem, objective=Objective(0.0)), FAST)
     assert result.shortest_duration == shortest.duration
     assert f"takes {shortest.duration:.6g} s; give " in result.message
     least = float(re.search(r"give (\S+) s or more", result.message).group(1))
     assert shortest.duration * (1 - 1e-12) <= least < shortest.duration + 1.1e-4
-    enough = plan(replace(problem, objective=Objective(None, "energy", least)))
+    enough = plan(replace(problem, objective=Objective(None, "energy", least)), FAST)
     assert enough.duration == pytest.approx(least, rel=1e-12)
 
 
 def test_then_nothing_is_written(run, tmp_path):
-    data = YAML(typ="safe").load(bundled_problems()[PLAN_ENERGY_LINE].read_text())
+    data = YAML(typ="safe").load(bundled_problems()[LINE].read_text())
     problem, output = tmp_path / "problem.yaml", tmp_path / "t.json"
     with problem.open("w") as file:
         YAML(typ="safe").dump({**data, "objective": {"duration": 0.5}}, file)
@@ -533,19 +524,17 @@ def test_then_nothing_is_written(run, tmp_path):
 
 
 def test_with_a_period_all_breakpoints_are_multiples_of_it(bundled):
-    problem = replace(
-        bundled(PLAN_ENERGY_LINE), period=0.004, objective=Objective(None, "work", 0.88)
-    )
-    trajectory = plan(problem).trajectory
+    problem = replace(bundled(LINE), period=0.004, objective=Objective(None, "work", 0.88))
+    trajectory = plan(problem, FAST).trajectory
     periods = trajectory.breakpoints / 0.004
     assert trajectory.duration == pytest.approx(0.88, rel=1e-12)
     np.testing.assert_allclose(periods, np.round(periods), atol=1e-9)
 
 
-def test_where_nothing_better_is_found_the_shortest_motion_is_run_slower(planned, monkeypatch):
+def test_where_nothing_better_is_found_the_shortest_motion_is_run_slower(saving, monkeypatch):
     monkeypatch.setattr(SecondStage, "run", lambda self: False)
-    problem, _ = planned(PLAN_ENERGY_LINE, None, "energy", 1.1)
-    result = plan(problem)
+    problem, _ = saving(None, "energy", 1.1)
+    result = plan(problem, FAST)
     assert result.duration == pytest.approx(1.1, rel=1e-12)
     assert verify(problem, result.trajectory).passed
     assert "the answer is the shortest motion, not changed to save anything: no " in str(
@@ -554,8 +543,8 @@ def test_where_nothing_better_is_found_the_shortest_motion_is_run_slower(planned
     assert "run slower, in the duration that is asked for, 1.1 s" in result.notes[-1]
 
 
-def test_so_it_is_where_planning_was_stopped(planned):
-    problem, _ = planned(PLAN_ENERGY_LINE, None, "energy", 1.1)
+def test_so_it_is_where_planning_was_stopped(saving):
+    problem, _ = saving(None, "energy", 1.1)
     interrupts = []
 
     def interrupt_once(progress):
@@ -563,6 +552,6 @@ def test_so_it_is_where_planning_was_stopped(planned):
             interrupts.append(progress.stage)
             raise KeyboardInterrupt
 
-    result = plan(problem, progress=interrupt_once)
+    result = plan(problem, FAST, progress=interrupt_once)
     assert (result.succeeded, result.stopped_by) == (True, "interrupt")
     assert result.duration == pytest.approx(1.1, rel=1e-12)
