@@ -21,16 +21,14 @@ def checker(request):
 
 @pytest.fixture(scope="module")
 def q():
-    share = np.linspace(0, 1, 70)[:, None]  # across the wall, through it
+    share = np.linspace(0, 1, 25)[:, None]  # across the wall, through it
     return (1 - share) * [-1.2, -0.9, 1.5, -2.1, -1.5, 0] + share * [1.2, -0.5, 1.4, -2.4, -1.5, 0]
 
 
 def every_distance(checker, q):
     rotation, position = checker.robot.body_poses(q)
-    found = [
-        checker.distances(*pose, checker.pairs) for pose in zip(rotation, position, strict=True)
-    ]
-    return np.array(found)
+    poses = zip(rotation, position, strict=True)
+    return np.array([checker.distances(*pose, checker.pairs) for pose in poses])
 
 
 def test_distances_are_exact_where_they_matter_and_lower_bounds_elsewhere(checker, q):
@@ -39,15 +37,13 @@ def test_distances_are_exact_where_they_matter_and_lower_bounds_elsewhere(checke
     found = near_distances(checker, q, checker.pairs, matters, np.full(exact.shape, -np.inf))
     near = exact < MATTERS - 1e-6
     assert (exact < 0).any()
-    assert near.sum() > 50
+    assert near.sum() > 20
     np.testing.assert_allclose(found[near], exact[near], rtol=0, atol=2e-5)
     assert (found <= exact + 2e-5).all()
     assert (found[~near] >= MATTERS - 2e-5).all()
 
 
 def test_what_is_known_to_be_far_enough_stays_as_it_is(checker, q):
-    exact = every_distance(checker, q)
-    matters = np.full(exact.shape, MATTERS)
-    known = np.full(exact.shape, MATTERS + 100.0)
-    found = near_distances(checker, q, checker.pairs, matters, known)
-    np.testing.assert_array_equal(found, known)
+    known = np.full((len(q), len(checker.pairs)), MATTERS + 100.0)
+    matters = np.full(known.shape, MATTERS)
+    np.testing.assert_array_equal(near_distances(checker, q, checker.pairs, matters, known), known)

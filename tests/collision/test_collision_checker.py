@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import coal
 import numpy as np
 import pytest
+from cases import SHORTEST
 from scipy.spatial.transform import Rotation
 
-from cases import SHORTEST, slow_but
 from tubeplanner import (
     AttachedSolid,
     LimitOverrides,
@@ -32,8 +33,9 @@ from tubeplanner.errors import ProblemError
 # Distances against coal, a second collision library; and which pairs are checked at all.
 
 
-CONFIGURATIONS = 1000  # of each arm
-SEEDS = {"ur5": 31, "panda": 31, "slide": 61}  # of obstacles that the arm can run into
+CASES = Path(__file__).parents[1] / "data/cases"
+CONFIGURATIONS = {"ur5": 150, "slide": 600}
+SEEDS = {"ur5": 31, "slide": 61}  # of obstacles that the arm can run into
 
 
 def random_placement(rng):
@@ -313,36 +315,22 @@ def test_names_that_clash_or_do_not_exist_are_refused(snake, obstacles, ignore, 
 
 
 @pytest.mark.parametrize(
-    ("kind", "sizes", "message"),
+    ("kind", "sizes", "size"),
     [
-        ("box", ([1, -2, 1],), "obstacle 'part': box has size -2 m; 1e-06 to 10000 m are accepted"),
-        (
-            "box",
-            ([1, 1, np.nan],),
-            "obstacle 'part': box has size nan m; 1e-06 to 10000 m are accepted",
-        ),
-        ("sphere", (0.0,), "obstacle 'part': sphere has size 0 m; 1e-06 to 10000 m are accepted"),
-        (
-            "sphere",
-            (np.inf,),
-            "obstacle 'part': sphere has size inf m; 1e-06 to 10000 m are accepted",
-        ),
-        (
-            "cylinder",
-            (0.1, 0.0),
-            "obstacle 'part': cylinder has size 0 m; 1e-06 to 10000 m are accepted",
-        ),
-        (
-            "capsule",
-            (-0.1, 1.0),
-            "obstacle 'part': capsule has size -0.1 m; 1e-06 to 10000 m are accepted",
-        ),
+        ("box", ([1, -2, 1],), "-2"),
+        ("box", ([1, 1, np.nan],), "nan"),
+        ("sphere", (0.0,), "0"),
+        ("sphere", (np.inf,), "inf"),
+        ("cylinder", (0.1, 0.0), "0"),
+        ("capsule", (-0.1, 1.0), "-0.1"),
     ],
 )
-def test_an_obstacle_without_a_size_is_refused(kind, sizes, message):
+def test_an_obstacle_without_a_size_is_refused(kind, sizes, size):
     with pytest.raises(ProblemError) as caught:
         getattr(Obstacle, kind)("part", *sizes, np.eye(4))
-    assert str(caught.value) == message
+    assert str(caught.value) == (
+        f"obstacle 'part': {kind} has size {size} m; 1e-06 to 10000 m are accepted"
+    )
 
 
 def test_a_placement_turns_by_urdf_angles_about_fixed_axes():
@@ -381,24 +369,26 @@ def test_a_senseless_rotation_is_refused(rotation, message):
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize("poses", [[np.nan] * 3, [0, np.inf, 0]])
-def test_a_pose_that_is_not_finite_never_reaches_fcl(ur5, poses):
+def test_a_pose_that_is_not_finite_never_reaches_fcl(snake):
     """FCL would end the process without a word."""
-    checker = CollisionChecker(ur5)
-    rotation, position = (array[0] for array in ur5.body_poses(np.zeros((1, 6))))
-    position[3] = poses
-    with pytest.raises(ValueError, match="poses must be finite"):
-        checker.distances(rotation, position, checker.link_pairs)
+    robot = snake()
+    checker = CollisionChecker(robot)
+    for wrong in ([np.nan] * 3, [0, np.inf, 0]):
+        rotation, position = (array[0] for array in robot.body_poses(np.zeros((1, 3))))
+        position[2] = wrong
+        with pytest.raises(ValueError, match="poses must be finite"):
+            checker.distances(rotation, position, checker.link_pairs)
 
 
-def test_pairs_are_not_lost_where_limits_lie_a_turn_away():
-    """The same arc of the same joint, described one turn apart."""
-    kept = []
+def test_pairs_are_not_lost_where_limits_lie_a_turn_away(snake):
+    """The same arc of the same joint, described one turn apart; bent little, a and c touch."""
+    pairs = []
     for turn in (0.0, -2 * np.pi):
-        limits = LimitOverrides(position={"wrist_1_joint": (0.28 + turn, 2.78 + turn)})
-        checker = CollisionChecker(load_robot("example:ur5", "tool0", limits=limits))
-        kept.append(len(checker.link_pairs))
-    assert kept[0] == kept[1]
+        limits = LimitOverrides(position={"to_b": (2.0 + turn, 4.0 + turn)})
+        checker = CollisionChecker(snake(radius=0.5, limits=limits))
+        pairs.append(owners(checker, checker.link_pairs))
+    assert pairs[0] == pairs[1]
+    assert ("a", "c") in pairs[0]
 
 
 @pytest.mark.parametrize("name", ["ur5", "slide"])
@@ -413,7 +403,7 @@ def test_a_separating_direction_separates_neighbouring_configurations_too(reques
     checker = CollisionChecker(robot, boxes, attached=CARRIED)
     pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
     rng = np.random.default_rng(3)
-    for _ in range(10):
+    for _ in range(4):
         q = rng.uniform(-2, 2, (2, robot.joint_count))
         q[1] = q[0] + rng.uniform(-0.05, 0.05, robot.joint_count)
         rotation, position = robot.body_poses(q)
@@ -455,7 +445,7 @@ def test_the_distance_gradient_is_that_of_central_differences(request, name):
 # --- against coal, in many configurations -------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["ur5", "panda", "slide"])
+@pytest.mark.parametrize("name", ["ur5", "slide"])
 def test_joint_moves_change_distances_by_no_more_than_the_motion_weights(request, name):
     robot = request.getfixturevalue(name)
     rng = np.random.default_rng(14)
@@ -464,9 +454,9 @@ def test_joint_moves_change_distances_by_no_more_than_the_motion_weights(request
     placed = coal_solids(checker, solids)
     pairs = np.vstack([checker.obstacle_pairs, checker.link_pairs])
     weights = checker.motion_weights(pairs)
-    before = random_configurations(robot, 40, seed=15)
-    move = rng.normal(size=before.shape) * rng.choice([0.01, 0.3], size=(40, 1))
-    move[::2] *= np.eye(robot.joint_count)[rng.integers(robot.joint_count, size=20)]
+    before = random_configurations(robot, 20, seed=15)
+    move = rng.normal(size=before.shape) * rng.choice([0.01, 0.3], size=(20, 1))
+    move[::2] *= np.eye(robot.joint_count)[rng.integers(robot.joint_count, size=10)]
     after = robot.limits.clip(before + move)
     distances = [
         all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
@@ -482,7 +472,7 @@ def test_joint_moves_change_distances_by_no_more_than_the_motion_weights(request
     assert (change[::2][bound[::2] == 0] < 1e-6).all()
 
 
-@pytest.fixture(scope="module", params=slow_but(["ur5", "slide"], ["ur5", "panda", "slide"]))
+@pytest.fixture(scope="module", params=["ur5", "slide"])
 def compared(request):
     """Ours, the bounding spheres' and coal's distances of links to obstacles of every kind.
 
@@ -495,7 +485,7 @@ def compared(request):
     kinds = np.array([checker.shapes[j].owner for _, j in pairs])
     del solids["cylinder"]
     placed = coal_solids(checker, solids)
-    q = random_configurations(robot, CONFIGURATIONS, seed=32)
+    q = random_configurations(robot, CONFIGURATIONS[request.param], seed=32)
     ours = all_distances(lambda r, p: checker.distances(r, p, pairs), robot, q)
     exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
     return kinds, ours, exact, checker.sphere_distances(*robot.body_poses(q), pairs)
@@ -519,14 +509,14 @@ def test_sphere_distances_are_never_above_the_distances(compared):
     assert spheres.max() > 0.3
 
 
-@pytest.mark.parametrize("name", ["panda", "slide"])
+@pytest.mark.parametrize("name", ["ur5", "slide"])
 def test_a_cylinder_is_never_farther_than_it_is_and_hardly_nearer(request, name):
     robot = request.getfixturevalue(name)
     obstacles, solids = random_obstacles(np.random.default_rng(33))
     (cylinder,) = (obstacle for obstacle in obstacles if obstacle.name == "cylinder")
     checker = CollisionChecker(robot, [cylinder], self_collision=False)
     placed, pairs = coal_solids(checker, solids), checker.obstacle_pairs
-    q = random_configurations(robot, 200, seed=34)
+    q = random_configurations(robot, 100, seed=34)
     ours = all_distances(lambda r, p: checker.distances(r, p, pairs), robot, q)
     exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
     apart = exact > 0
@@ -541,7 +531,7 @@ def test_link_to_link_distances_agree_with_coal(request, name):
     robot = request.getfixturevalue(name)
     checker = CollisionChecker(robot)
     placed = coal_solids(checker, {})
-    q, pairs = random_configurations(robot, 50, seed=13), checker.link_pairs
+    q, pairs = random_configurations(robot, 25, seed=13), checker.link_pairs
     ours = all_distances(lambda r, p: checker.distances(r, p, pairs), robot, q)
     exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
     assert (exact < 0).any()
@@ -564,7 +554,6 @@ def problem(two_link, attached=(), points=((0.3, -0.3, 0), (0.3, 0.3, 0)), **mor
 
 
 def test_what_is_carried_must_clear_the_obstacles(two_link):
-    assert plan(problem(two_link, obstacles=[POST]), SHORTEST).succeeded
     carried = AttachedSolid("bar", BAR)
     result = plan(problem(two_link, [carried], obstacles=[POST]), STOPPING)
     assert result.status is PlanStatus.TUBE_BLOCKED
@@ -611,11 +600,10 @@ def test_the_file_says_the_same():
         },
         "tube": {"points": [[0.3, -0.3, 0], [0.3, 0.3, 0]], "radius": 0.03},
         "start": {"seed": [0, -1]},
-        "obstacles": [{"name": "post", "cylinder": [0.02, 0.3], "position": [0.42, 0.05, 0]}],
     }
-    result = plan(parse_problem(fields), STOPPING)
-    assert result.status is PlanStatus.TUBE_BLOCKED
-    assert result.place.links == ("bar",)
+    bar, tail = parse_problem(fields).attached
+    assert (bar.name, bar.touch_links, tail.touch_links) == ("bar", (), ("link1",))
+    np.testing.assert_allclose(bar.shapes[0].vertices, BAR[0].vertices)
 
 
 @pytest.mark.parametrize(
@@ -631,15 +619,12 @@ def test_names_must_be_unique_and_known(two_link, solid, message):
         _ = problem(two_link, [solid], obstacles=[POST]).collision
 
 
-def test_what_is_carried_is_never_excused_by_touching_always(ur5):
-    """A ball so large that it is inside the forearm in every configuration."""
-    q = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
-    tool = ur5.tool_position(q[None])[0]
-    ball = AttachedSolid("ball", Obstacle.sphere("b", 0.25, placement_of()).shapes)
-    tube = Tube(tool + np.array([[0, 0, 0], [0, 0, 0.1]]), 0.05)
-    result = plan(PlanningProblem(ur5, tube, q, attached=[ball]), SHORTEST)
-    assert result.status is PlanStatus.TUBE_BLOCKED
-    assert "ball" in result.place.links
+def test_what_is_carried_is_never_excused_by_touching_always(two_link):
+    """A ball so large that it is inside the first link in every configuration."""
+    solid = AttachedSolid("ball", Obstacle.sphere("b", 0.7, placement_of()).shapes)
+    checker = CollisionChecker(two_link, attached=[solid])
+    pairs = [checker.owners(pair)[0] for pair in checker.link_pairs]
+    assert {"link1", "ball"} in [set(pair) for pair in pairs]
 
 
 def ball():
@@ -701,8 +686,11 @@ def test_primitives_stand_off_by_what_a_prism_adds(tmp_path, geometry, error):
     assert tip.outer_error == pytest.approx(error, abs=1e-4)
 
 
-def test_meshes_stand_off_by_what_points_on_their_covers_show():
-    robot = load_robot("example:finger_edu", "finger_tip_link")
+def test_meshes_stand_off_by_what_points_on_their_covers_show(tmp_path):
+    links = LINK.format(name="base", geometry=f'<mesh filename="{CASES / "mesh_ring.obj"}"/>')
+    links += LINK.format(name="tip", geometry=f'<mesh filename="{CASES / "mesh_U.obj"}"/>')
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{JOINT}</robot>')
+    robot = load_robot(tmp_path / "arm.urdf", "tip")
     checker = CollisionChecker(robot)
     covers = {each.link: each for each in link_covers(checker)}
     for link, parts in link_parts(robot).items():

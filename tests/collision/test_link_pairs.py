@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-
 from cases import SHORTEST
+
 from tubeplanner import Obstacle, load_problem, load_robot, placement_of, plan, verify
 from tubeplanner.collision.collision_checker import CollisionChecker, LeftOutPair
 from tubeplanner.trajectory.trajectory_file import read_trajectory
@@ -72,8 +72,8 @@ def test_what_is_ignored_is_named(axle):
     assert len(checker.link_pairs) == 0
 
 
-def test_links_of_one_body_are_not_listed():
-    left_out = CollisionChecker(load_robot("example:ur5", "tool0")).left_out
+def test_links_of_one_body_are_not_listed(ur5):
+    left_out = CollisionChecker(ur5).left_out
     assert LeftOutPair(("shoulder_link", "upper_arm_link"), "neighbours") in left_out
     assert not any(set(pair.links) == {"wrist_3_link", "ee_link"} for pair in left_out)
 

@@ -44,7 +44,7 @@ def test_what_is_no_mesh_file_is_not_opened(tmp_path, kind):
         mesh_bytes(path)
 
 
-@pytest.mark.parametrize("kind", ["pipe", "zeros", "huge"])
+@pytest.mark.parametrize("kind", ["pipe", "huge"])
 def test_nor_is_what_a_mesh_names(tmp_path, kind):
     put(tmp_path / "paint.mtl", kind)
     path = tmp_path / "part.obj"
@@ -154,7 +154,6 @@ def test_a_scale_that_leads_too_far_is_refused(tmp_path):
     "triangle",
     [
         [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
-        [[0, 0, 0], [1, 0, 1], [0, 1, 0.5]],
         [[0, 0, 0], [1, 0, 0], [0, 1, 1e-9]],
         [[0, 0, 0], [1, 0, 0], [2, 0, 0]],
         [[1, 1, 1]] * 3,

@@ -37,9 +37,9 @@ def shortest(first, second):
 def hulls():
     rng = np.random.default_rng(8)
     first, second = rng.uniform(-0.2, 0.2, (2, 8, 3))
-    turned = Rotation.random(30, random_state=9).as_matrix()
-    moved = rng.normal(size=(30, 3))
-    moved *= rng.uniform(0.5, 1.0, (30, 1)) / np.linalg.norm(moved, axis=1, keepdims=True)
+    turned = Rotation.random(12, random_state=9).as_matrix()
+    moved = rng.normal(size=(12, 3))
+    moved *= rng.uniform(0.5, 1.0, (12, 1)) / np.linalg.norm(moved, axis=1, keepdims=True)
     return first, second, turned, moved
 
 
@@ -51,7 +51,7 @@ def test_distances_are_those_of_a_quadratic_program(hulls):
         first, second, turned, moved, gap, max_steps=3000, loose=1e-5
     )
     exact = np.array([shortest(points, second) for points in placed])
-    assert (exact > 0.01).sum() > 20
+    assert (exact > 0.01).sum() > 8
     apart = exact > 0.01
     assert distance[apart] == pytest.approx(exact[apart], abs=2e-5)
     along = np.einsum("vi,ni->nv", second, direction).min(axis=1)
@@ -91,8 +91,8 @@ def on_the_table(gap, tilt, turn=0.3):
     return rotation, np.array([0.1, -0.2, TABLE[2] / 2 - lowest + gap])
 
 
-@pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-6, 3e-6, 1e-4, 0.05])
-@pytest.mark.parametrize("gap", [0.0, 1e-12, -1e-12, 1e-9, -1e-9, -1e-7, -1e-6, -1e-4, -1e-3])
+@pytest.mark.parametrize("tilt", [0.0, 1e-9, 3e-6, 0.05])
+@pytest.mark.parametrize("gap", [0.0, 1e-12, -1e-9, -1e-6, -1e-3])
 def test_a_part_on_a_table_is_as_deep_as_its_lowest_corner(gap, tilt):
     """FCL ends the process on some of these, and its direction is off on most."""
     found = separation(box(TABLE), box(PART), *on_the_table(gap, tilt))
@@ -102,7 +102,7 @@ def test_a_part_on_a_table_is_as_deep_as_its_lowest_corner(gap, tilt):
 
 def test_no_pose_of_solids_that_touch_ends_the_process():
     rng = np.random.default_rng(2)
-    for _ in range(300):
+    for _ in range(100):
         rotation, position = on_the_table(
             rng.choice([0, 1e-7, -1e-7, -2e-6]), rng.choice([0, 1e-6, 2e-6]), rng.uniform(-3, 3)
         )
@@ -126,7 +126,7 @@ def test_crossed_edges_are_as_deep_as_the_edges():
 
 
 @pytest.mark.parametrize("shape", [sphere(0.02), capsule(0.02, 0.1)], ids=["ball", "capsule"])
-@pytest.mark.parametrize("deep", [0.0, 0.005, 0.01])
+@pytest.mark.parametrize("deep", [0.0, 0.005])
 def test_balls_and_capsules_whose_centre_is_inside(shape, deep):
     turned = Rotation.from_euler("x", 90, True).as_matrix()
     found = separation(box(TABLE), shape, turned, [0.1, 0.2, TABLE[2] / 2 - deep])
@@ -142,7 +142,7 @@ def test_the_points_lie_on_the_faces_across_from_each_other():
     np.testing.assert_allclose(found.first[0][:2], found.second[0][:2], atol=1e-5)
 
 
-@pytest.mark.parametrize("gap", [0.0, -1e-9, -1e-6])
+@pytest.mark.parametrize("gap", [0.0, -1e-6])
 def test_an_edge_on_a_face_that_no_other_is_parallel_to(gap):
     """The normal of the second shape's face alone is exact."""
     corners = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0.2, 0.1, -1]]
@@ -154,9 +154,9 @@ def test_an_edge_on_a_face_that_no_other_is_parallel_to(gap):
     np.testing.assert_allclose(turned @ found.direction[0], [0, 0, -1], atol=1e-9)
 
 
-@pytest.mark.parametrize("corners", [250, 300, 1000])
-def test_a_disc_of_many_corners_is_as_deep_as_it_is(corners):
+def test_a_disc_of_many_corners_is_as_deep_as_it_is():
     """Its faces' triangles all meet at one corner; Coal takes at most 255 of them."""
+    corners = 300
     angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
     rim = np.column_stack([0.1 * np.cos(angle), 0.1 * np.sin(angle)])
     disc = convex_hull(np.vstack([np.c_[rim, np.full(corners, z)] for z in (-0.02, 0.02)]))
