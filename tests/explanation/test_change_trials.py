@@ -14,9 +14,6 @@ from tubeplanner.explanation.size_bracket import CLOSE, SizeBracket, try_sizes
 from tubeplanner.explanation.trials import Asked, Trial, Trials, planned
 from tubeplanner.progress import PlanningClock, TimeLimitReached
 
-# What planning with a change shows, and when it is not known.
-
-
 QUICK = PlanOptions(quality="fast", slack=0.0)
 LINE = {"tube.points": [[0.3, -0.5, 0], [0.3, 0.5, 0]], "obstacles": []}
 NO_LIMIT = float("inf")
@@ -94,14 +91,11 @@ def test_planning_goes_on_only_if_it_is_to_be_thorough(given_options, is_thoroug
     assert found.is_thorough == is_thorough
 
 
-def test_the_slack_that_is_asked_stays(given_options):
+def test_the_slack_that_is_asked_stays_and_short_searches_leave_each_plan_some_time(given_options):
     list(trials_of(line(), slack=0.1).of([with_effort(0.5)], True))
-    assert given_options[0].slack == 0.1
-
-
-def test_short_searches_leave_each_plan_some_time(given_options):
     list(trials_of(line(), limit=5.0).of([with_effort(0.5)], True))
-    assert given_options[0].time_limit == 2.0
+    assert given_options[0].slack == 0.1
+    assert given_options[1].time_limit == 2.0
 
 
 @pytest.mark.parametrize(("duration", "is_possible"), [(0.3, False), (1.0, True)])
@@ -148,9 +142,6 @@ def test_ctrl_c_while_it_is_planned_is_ctrl_c(monkeypatch):
     monkeypatch.setattr(module, "plan_either", lambda problem, options: kept)
     with pytest.raises(KeyboardInterrupt):
         list(trials_of(line()).of([with_effort(1.0)], True))
-
-
-# The bracket about where a change begins to matter.
 
 
 def trial(size, succeeded):
@@ -219,10 +210,7 @@ def test_a_bracket_is_done_when_close_or_nothing_is_left_to_try(known, is_close,
 def test_of_a_loss_what_is_left_is_close_too(smaller, larger, is_close):
     assert bracket(smaller, larger, scale=60.0, most=60.0, is_loss=True).is_close == is_close
     assert bracket(smaller, larger, scale=60.0, most=60.0).is_close
-
-
-def test_the_search_ends_where_figures_do():
-    assert bracket(10.2, 10.3, scale=12.0, most=12.0, is_loss=True).is_close
+    assert bracket(10.2, 10.3, scale=12.0, most=12.0, is_loss=True).is_close  # as figures are
 
 
 @pytest.mark.parametrize("helps", [True, False])
@@ -244,13 +232,10 @@ def test_what_is_found_after_all_opens_the_bracket_again(helps, size):
     assert known.open_size(is_thorough=False) == size
 
 
-def test_a_smaller_size_in_vain_says_no_more_than_a_larger_one():
+def test_a_smaller_size_in_vain_says_no_more_and_the_cost_is_the_larger_over_the_scale():
     known = bracket(smaller=2.0)
     known.keep(trial(1.0, succeeded=False))
     assert known.smaller.size == 2.0
-
-
-def test_the_cost_is_the_larger_size_over_the_scale():
     assert bracket(0.2, 0.8, scale=4.0).cost == 0.2
     assert bracket(0.2).cost == float("inf")
 

@@ -1,7 +1,9 @@
 """explain: reason of an infeasibility, remedies or headroom, in words."""
 
 import json
+import pickle
 import shlex
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,9 +22,6 @@ from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 
-# What is known of a problem that cannot be posed, and what can be drawn of it.
-
-
 APART = [{"joint2": [-2, -1]}, {"joint2": [0, 1]}, {}]
 
 
@@ -34,24 +33,18 @@ def unposed(**changes):
     return Unposed.of(question, raised.value)
 
 
-def test_a_start_outside_a_limit_has_its_place_and_is_drawn():
+def test_an_end_outside_has_its_place_and_is_drawn():
     known = unposed(start={"joints": [0.2, 4.0]})
     assert known.message.startswith("start: joint 'joint2' at 4 is outside")
     assert (known.place.joint, known.place.segment, known.proved) == ("joint2", 0, None)
     np.testing.assert_array_equal(known.configuration, [0.2, 4.0])
     np.testing.assert_array_equal(known.drawn.tube.points, POINTS)
     assert [each.name for each in known.drawn.obstacles] == ["post.1"]
-
-
-def test_a_start_outside_its_segment_has_the_tool_as_its_place():
-    known = unposed(start={"joints": [0.0, -0.5]})
+    known = unposed(start={"joints": [0.0, -0.5]})  # outside its segment: the tool is its place
     tool = known.drawn.robot.tool_position(np.array([[0.0, -0.5]]))[0]
     assert known.place.position == pytest.approx(tool)
     assert (known.place.segment, known.place.point) == (0, 0)
     np.testing.assert_array_equal(known.configuration, [0.0, -0.5])
-
-
-def test_a_goal_outside_its_segment_is_shown_there():
     known = unposed(goal={"joints": [0.0, -0.5]})
     assert (known.place.segment, known.place.point) == (2, 3)
     np.testing.assert_array_equal(known.configuration, [0.0, -0.5])
@@ -66,29 +59,17 @@ def test_ranges_that_do_not_meet_are_proved_and_the_tube_is_drawn_without(signs)
     assert known.drawn.tube.joint_ranges == ({}, {}, {})
 
 
-def test_of_a_union_of_capsules_one_may_be_left_out():
-    known = unposed(tube__joint_signs={"joint2": [4, 5]}, tube__visit="any")
-    assert known.proved is None
-
-
 def test_a_tube_is_drawn_without_what_it_contradicts():
-    known = unposed(tube__tool_radius=0.04)
-    assert known.drawn.tube.tool_radius == 0
-    assert known.drawn.tube.radius.tolist() == [0.03, 0.05, 0.05]
-
-
-def test_a_tube_of_no_size_cannot_be_drawn():
-    known = unposed(tube__radius=-1.0)
-    assert known.drawn is None
-    assert known.place.joint is None
-
-
-def test_a_solid_that_cannot_be_read_is_refused_as_by_a_plan():
+    union = unposed(tube__joint_signs={"joint2": [4, 5]}, tube__visit="any")
+    assert union.proved is None  # one capsule may be left out
+    thick = unposed(tube__tool_radius=0.04)
+    assert thick.drawn.tube.tool_radius == 0
+    assert thick.drawn.tube.radius.tolist() == [0.03, 0.05, 0.05]
+    none = unposed(tube__radius=-1.0)
+    assert none.drawn is None
+    assert none.place.joint is None
     with pytest.raises(ProblemError, match=r"no\.stl"):
         unposed(obstacles=[{"name": "part", "mesh": "no.stl"}])
-
-
-# What was found out, as properties and as JSON.
 
 
 PROBLEM = parse_problem(PLANAR)
@@ -109,13 +90,10 @@ def test_a_problem_without_an_answer_says_where_and_why():
     assert fields["where"]["joint"] == "joint2"
     assert fields["in_vain"] == ["a"]
     assert fields["method"] == "refinement"
-
-
-def test_a_change_that_helps_is_a_success():
-    found = Explanation("name", PROBLEM, ended(PlanStatus.UNREACHABLE), None, (REMEDY,), tried=7)
-    assert found.succeeded
-    assert not found.is_possible
-    fields = found.as_dict()
+    helped = replace(found, remedies=(REMEDY,), tried=7)
+    assert helped.succeeded
+    assert not helped.is_possible
+    fields = helped.as_dict()
     assert fields["remedies"] == [REMEDY.as_dict()]
     assert (fields["status"], fields["tried"], fields["stopped_by"]) == ("unreachable", 7, None)
 
@@ -140,15 +118,12 @@ def test_a_problem_with_an_answer_has_room():
     json.dumps(fields, allow_nan=False)
 
 
-# Explanations of problems whose remedies and room are known in closed form, to 5 %.
-
-
 HEAD = 0.02  # [m]
 NEAREST = 0.2  # of the post, along x and along y, to where the tool starts [m]
 DISTANCE = np.hypot(NEAREST, NEAREST) - HEAD
 CLEARANCE = 0.4
 # How far from the post's edge, along one axis, the clearance lets the tool be.
-EXPLAIN_APART = np.sqrt((CLEARANCE + HEAD) ** 2 - NEAREST**2)
+WIDE_APART = np.sqrt((CLEARANCE + HEAD) ** 2 - NEAREST**2)
 QUICK = PlanOptions(quality="fast")
 GRAVITY, HEAD_MASS = 9.81, 1.0
 PAYLOAD = {"mass": 0.5, "com": [0, 0, 0], "inertia": [0, 0, 0, 0, 0, 0]}
@@ -177,12 +152,29 @@ def require_certified(path, remedy, changes=None):
     assert result.duration == pytest.approx(remedy.duration, rel=1e-6)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def planned_once():
+    """Plan what several searches try only once."""
+    known, plan_one = {}, trials_module.planned
+
+    def planned(trial):
+        key = pickle.dumps((trial.posed, replace(trial.options, time_limit=None)))
+        if key not in known:
+            known[key] = plan_one(trial)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trials_module, "planned", planned)
+        yield
+
+
 @pytest.fixture(scope="module")
 def near_the_post(tmp_path_factory):
     path = gantry(tmp_path_factory.mktemp("near"), [POST])
     return path, explained(path, {"clearance": CLEARANCE})
 
 
+@pytest.mark.dear("tries changes that several tests look at")
 def test_the_clearance_at_the_start_is_found(near_the_post):
     path, found = near_the_post
     assert found.status is PlanStatus.TUBE_BLOCKED
@@ -198,11 +190,11 @@ def test_the_clearance_at_the_start_is_found(near_the_post):
 def test_how_far_an_obstacle_must_move_is_found(near_the_post):
     path, found = near_the_post
     known = {
-        "in -x": (0, -(EXPLAIN_APART - NEAREST)),
-        "in +y": (1, EXPLAIN_APART - NEAREST),
+        "in -x": (0, -(WIDE_APART - NEAREST)),
+        "in +y": (1, WIDE_APART - NEAREST),
         "in -z": (2, -(np.sqrt((CLEARANCE + HEAD) ** 2 - 2 * NEAREST**2) + 0.05)),
         "in +z": (2, np.sqrt((CLEARANCE + HEAD) ** 2 - 2 * NEAREST**2) + 0.35),
-        "in -y": (1, -(EXPLAIN_APART + 0.4)),
+        "in -y": (1, -(WIDE_APART + 0.4)),
     }
     for way, (axis, size) in known.items():
         remedy = remedy_of(found, way)
@@ -214,18 +206,16 @@ def test_how_far_an_obstacle_must_move_is_found(near_the_post):
     require_certified(path, remedy_of(found, "in -x"), {"clearance": CLEARANCE})
 
 
-def test_the_smallest_change_for_its_scale_comes_first(near_the_post):
-    costs = [remedy.cost for remedy in near_the_post[1].remedies]
+def test_the_smallest_change_for_its_scale_comes_first_and_what_helps_nothing_is_said(
+    near_the_post,
+):
+    found = near_the_post[1]
+    costs = [remedy.cost for remedy in found.remedies]
     assert costs == sorted(costs)
-    assert near_the_post[1].remedies[0].text.startswith("clearance 400 -> ")
-
-
-def test_what_helps_nothing_is_said(near_the_post):
-    in_vain = near_the_post[1].in_vain
-    assert set(in_vain) == {
-        *("start", "start.joints", "tube.points.0", "tube.points.1", "tube.radius"),
-    }
-    assert not {remedy.field for remedy in near_the_post[1].remedies} & set(in_vain)
+    assert found.remedies[0].text.startswith("clearance 400 -> ")
+    vain = {"start", "start.joints", "tube.points.0", "tube.points.1", "tube.radius"}
+    assert set(found.in_vain) == vain
+    assert not {remedy.field for remedy in found.remedies} & vain
 
 
 def test_the_effort_and_the_payload_that_gravity_allows_are_found(tmp_path):
@@ -311,8 +301,8 @@ def stopped_at(count, error):
     return callback
 
 
-def test_ctrl_c_keeps_what_was_found(tmp_path):
-    path = gantry(tmp_path, [POST])
+def test_ctrl_c_keeps_what_was_found(near_the_post):
+    path, _ = near_the_post
     callback = stopped_at(7, KeyboardInterrupt)
     found = explained(path, {"clearance": CLEARANCE}, progress=callback)
     assert found.stopped_by == "interrupt"
@@ -323,16 +313,14 @@ def test_ctrl_c_keeps_what_was_found(tmp_path):
     room = explained(path, progress=stopped_at(3, KeyboardInterrupt))
     assert (room.stopped_by, room.is_possible, len(room.rooms)) == ("interrupt", True, 2)
 
-
-def test_ctrl_c_before_anything_is_known_is_ctrl_c(tmp_path):
-    def callback(progress):
+    def at_once(progress):
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        explained(gantry(tmp_path), progress=callback)
+    with pytest.raises(KeyboardInterrupt):  # before anything is known
+        explained(path, progress=at_once)
 
 
-def test_the_time_limit_keeps_what_was_found(tmp_path, monkeypatch):
+def test_the_time_limit_keeps_what_was_found(near_the_post, monkeypatch):
     tried = []
 
     def limited(asked, plan_one=trials_module.planned):
@@ -340,7 +328,7 @@ def test_the_time_limit_keeps_what_was_found(tmp_path, monkeypatch):
         return plan_one(asked) if len(tried) < 8 else trials_module.Answer(is_cut_short=True)
 
     monkeypatch.setattr(trials_module, "planned", limited)
-    found = explained(gantry(tmp_path, [POST]), {"clearance": CLEARANCE})
+    found = explained(near_the_post[0], {"clearance": CLEARANCE})
     assert (found.stopped_by, found.tried) == ("time_limit", 7)
     assert [remedy.field for remedy in found.remedies] == ["clearance"]
     assert "obstacles.post.position" not in found.in_vain
@@ -363,7 +351,7 @@ def test_a_time_limit_that_is_none_is_refused(tmp_path, limit):
         explain(gantry(tmp_path), time_limit=limit)
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # tries changes of three segments
 def test_the_radius_about_a_point_out_of_reach_is_found(tmp_path):
     beyond = 0.02
     points = [[0.0, 0.0, 0.0], [1 + beyond, 0.0, 0.0], [0.5, 0.0, 0.0]]
@@ -374,80 +362,33 @@ def test_the_radius_about_a_point_out_of_reach_is_found(tmp_path):
     assert radius.field == "tube.radius.0"
     require_known(0.01, radius.after, beyond)
     require_known(1.0, remedy_of(found, "along: upper limit").after[1], 1 + beyond - 0.01)
-    (nearer,) = [
-        each for each in found.remedies if "point 1 by" in each.text and "in -x" in each.text
-    ]
+    texts = [each for each in found.remedies if "point 1 by" in each.text]
+    (nearer,) = [each for each in texts if "in -x" in each.text]
     require_known(points[1], nearer.after, [1.01, 0, 0])
     assert "tube.radius.1" in found.in_vain
     require_certified(path, radius)
 
 
-# Explanations of what is wrong with a UR5 that lifts over a wall, where the remedy is known.
-
-
-EXPLAIN_UR5_PROBLEM = "example:ur5/over_the_wall"
-LIFT = "robot.limits.effort.shoulder_lift_joint"
-ELBOW = "robot.limits.position.elbow_joint"
-EXPLAIN_UR5_QUICK = PlanOptions(quality="fast", slack=0.0)
-
-
-def explain_ur5_explained(changes):
-    return explain(
-        EXPLAIN_UR5_PROBLEM, changes=changes, options=EXPLAIN_UR5_QUICK, time_limit=1000.0
-    )
-
-
-def require_planned(changes, remedy):
-    result = plan(
-        load_problem(EXPLAIN_UR5_PROBLEM, changes={**changes, **remedy.changes}), EXPLAIN_UR5_QUICK
-    )
-    assert result.succeeded
-    assert result.duration == pytest.approx(remedy.duration, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_the_effort_that_holds_the_arm_at_its_start_is_found():
-    changes = {LIFT: 25.0}
-    problem = load_problem(EXPLAIN_UR5_PROBLEM)
+@pytest.mark.slow  # plans for a UR5 with change after change
+def test_a_sign_that_keeps_a_ur5_on_one_side_is_freed():
+    """And the effort is found that holds it at its start."""
+    name, lift = "example:ur5/over_the_wall", "robot.limits.effort.shoulder_lift_joint"
+    problem = load_problem(name)
     needed = abs(problem.robot.gravity_effort(np.array([problem.start]))[0, 1])
-    found = explain_ur5_explained(changes)
-    assert (found.status, found.place.joint) == (
-        PlanStatus.GRAVITY_EXCEEDS_EFFORT,
-        "shoulder_lift_joint",
-    )
+    found = explained(name, {lift: 25.0})
+    assert found.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
+    assert found.place.joint == "shoulder_lift_joint"
     (remedy,) = found.remedies
-    assert remedy.field == LIFT
+    assert remedy.field == lift
     assert 25.0 < remedy.too_little < needed <= remedy.after <= 25 + 1.06 * (needed - 25)
-    require_planned(changes, remedy)
-
-
-@pytest.mark.slow
-def test_a_start_beyond_a_limit_is_mended_by_turning_it_or_by_the_limit():
-    start = load_problem(EXPLAIN_UR5_PROBLEM).start
-    changes = {ELBOW: [0.0, float(start[2]) - 0.03]}
-    found = explain_ur5_explained(changes)
-    assert (found.status, found.result) == (PlanStatus.BAD_INPUT, None)
-    assert {remedy.field for remedy in found.remedies} == {ELBOW, "start.joints", "start"}
-    for remedy in found.remedies:
-        if remedy.field == "start":
-            continue
-        size = np.abs(np.subtract(remedy.after, remedy.before)).max()
-        assert 0.03 * (1 - 1e-5) <= size <= 1.05 * 0.03
-        require_planned(changes, remedy)
-
-
-@pytest.mark.slow
-def test_a_sign_that_keeps_the_arm_on_one_side_is_freed():
+    require_certified(name, remedy, {lift: 25.0})
     kept = {"elbow_joint": "+", "shoulder_pan_joint": [-1.2, -0.2]}
-    found = explain_ur5_explained({"tube.joint_signs": kept})
+    found = explained(name, {"tube.joint_signs": kept})
     assert found.status is PlanStatus.UNREACHABLE
     first = found.remedies[0]
     assert first.field == "tube.joint_signs.shoulder_pan_joint"
     assert first.after == "0"
-    require_planned({}, first)
-
-
-# Values as a command takes them: read again they are the same.
+    require_certified(name, first)
 
 
 INFINITE = float("inf")
@@ -465,13 +406,9 @@ def test_a_value_is_read_again(value):
 
 
 def test_what_was_not_narrowed_says_so():
-    assert tried_text("", True) == ""
-    assert tried_text("3 mm", True) == "3 mm"
-    assert tried_text("", False) == "(not narrowed)"
-    assert tried_text("3 mm", False) == "3 mm (not narrowed)"
-
-
-# What helps nothing, in few words.
+    texts = {("", True): "", ("3 mm", True): "3 mm"}
+    texts |= {("", False): "(not narrowed)", ("3 mm", False): "3 mm (not narrowed)"}
+    assert {(value, close): tried_text(value, close) for value, close in texts} == texts
 
 
 @pytest.mark.parametrize(

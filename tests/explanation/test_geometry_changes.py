@@ -9,18 +9,12 @@ from tubeplanner.explanation.directions import AXES, along
 from tubeplanner.explanation.tube_changes import radius_changes, tube_changes
 
 
-def test_each_axis_has_two_ways():
+def test_each_axis_has_two_ways_and_a_position_is_moved_by_the_size():
     ways = {name: direction.tolist() for name, direction in AXES}
     assert len(ways) == 6
     assert (ways["in +y"], ways["in -z"]) == ([0, 1, 0], [0, 0, -1])
-
-
-def test_a_position_is_moved_by_the_size():
     way = np.array([0.6, 0.0, -0.8])
     assert along(np.array([0.1, 0.2, 0.3]), way, 0.5) == [0.4, 0.2, -0.1]
-
-
-# Changes of the tube load and do what they say, however a file gives what they change.
 
 
 BOX = {"box": [0.1, 0.06], "up": [0, 0, 1]}
@@ -143,12 +137,9 @@ def test_three_bounds_for_other_than_three_segments_are_one_triple():
     change = the(all_of(question), "tube.rotation_tolerance.1")
     wider = made(question, change, 0.15).tube.rotation_tolerance
     np.testing.assert_allclose(wider, [[0.2, 0.3, 0.4], [0.35, 0.35, 0.4]])
-
-
-def test_the_rotation_that_is_free_is_not_changed():
     question = asked({**HELD, "tube.rotation_tolerance": [0.2, float("inf"), 0.2]})
     fields = [each.field for each in all_of(question) if each.kind == "rotation_tolerance"]
-    assert fields == ["tube.rotation_tolerance.0", "tube.rotation_tolerance.2"]
+    assert fields == ["tube.rotation_tolerance.0", "tube.rotation_tolerance.2"]  # one is free
 
 
 def test_the_tool_is_smaller_down_to_a_point():
@@ -213,9 +204,6 @@ def test_points_need_not_be_passed():
     for less in ({"tube.pass_through_points": "none"}, {"tube.points": POINTS[:2]}):
         changes = tube_changes(asked({**less, "tube.radius": 0.05}))
         assert "tube.pass_through_points" not in [each.field for each in changes]
-
-
-# Changes of obstacles, of what the tool carries, and of clearances load and do what they say.
 
 
 PAIR = {"links": ["link2", "post.1"], "clearance": 0.02}

@@ -10,9 +10,6 @@ from tubeplanner.explanation.end_changes import end_changes
 from tubeplanner.explanation.limit_changes import effort_changes, limit_changes, payload_changes
 from tubeplanner.explanation.question import Question
 
-# Changes of limits and payload load and do what they say, however a file gives the limits.
-
-
 EFFORT, POSITION = "robot.limits.effort", "robot.limits.position"
 TABLE = {"position": [-1.0, 1.0], "effort": [20.0, 30.0]}
 PAYLOAD = {"mass": 5.0, "com": [0.0, 0.0, 0.0], "inertia": [0.01, 0.01, 0.01, 0, 0, 0]}
@@ -26,17 +23,16 @@ def sides(robot, joint=1, q=0.5):
     return [robot.limits.effort[joint]] * 2
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.5])
 @pytest.mark.parametrize(
-    ("given", "before", "value"),
+    ("given", "before", "value", "scale"),
     [
-        ({}, 27.0, 36.0),
-        ({"joint2": 20.0}, 20.0, 29.0),
-        ({"joint1": 80.0}, 27.0, 36.0),
-        (30.0, 30.0, {"joint1": 30.0, "joint2": 39.0}),
-        ([80.0, 20.0], 20.0, {"joint1": 80.0, "joint2": 29.0}),
-        ({"joint2": [20.0, 30.0]}, 30.0, [26.0, 39.0]),
-        ({"joint2": TABLE}, 30.0, TABLE | {"effort": [26.0, 39.0]}),
+        ({}, 27.0, 36.0, 1.0),
+        ({"joint2": 20.0}, 20.0, 29.0, 0.5),
+        ({"joint1": 80.0}, 27.0, 36.0, 0.5),
+        (30.0, 30.0, {"joint1": 30.0, "joint2": 39.0}, 1.0),
+        ([80.0, 20.0], 20.0, {"joint1": 80.0, "joint2": 29.0}, 0.5),
+        ({"joint2": [20.0, 30.0]}, 30.0, [26.0, 39.0], 0.5),
+        ({"joint2": TABLE}, 30.0, TABLE | {"effort": [26.0, 39.0]}, 0.5),
     ],
 )
 def test_one_joint_has_more_effort(given, before, value, scale):
@@ -114,9 +110,6 @@ def test_the_payload_is_lighter_or_heavier():
     assert list(payload_changes(asked(), -1)) == []
 
 
-# Changes of start, goal and duration load and do what they say.
-
-
 HERE = [0.1, -1.2]
 
 
@@ -161,11 +154,8 @@ def test_the_goal_is_turned_as_the_start_is():
     assert change.about == {"goal", "joint1"}
 
 
-def test_a_seed_is_no_place_to_move():
+def test_seeds_and_joints_that_are_not_there_have_no_changes():
     assert list(end_changes(asked())) == []
-
-
-def test_joints_that_are_not_there_have_no_changes():
     assert list(end_changes(asked({"start": {"joints": {"joint1": 0, "jiont2": 0}}}))) == []
 
 

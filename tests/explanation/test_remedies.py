@@ -10,43 +10,25 @@ from tubeplanner.explanation.room_search import RoomSearch, worsening_changes
 from tubeplanner.explanation.size_bracket import CLOSE
 from tubeplanner.progress import TimeLimitReached
 
-# Remedies and rooms as JSON, which other tools read.
-
-
-@pytest.mark.parametrize(
-    ("found", "keys"),
-    [
-        (
-            REMEDY,
-            [
-                *("field", "from", "to", "unit", "certified", "duration", "text", "changes"),
-                *("cost", "too_little", "too_little_text", "is_smallest"),
-            ],
-        ),
-        (
-            ROOM,
-            [
-                *("field", "from", "to", "unit", "duration", "text"),
-                *("too_much", "too_much_text", "is_exact"),
-            ],
-        ),
-    ],
+REMEDY_KEYS = (
+    *("field", "from", "to", "unit", "certified", "duration", "text", "changes"),
+    *("cost", "too_little", "too_little_text", "is_smallest"),
 )
-def test_json_has_the_keys_that_are_read_and_no_infinity(found, keys):
-    fields = found.as_dict()
-    assert list(fields) == keys
-    assert json.loads(json.dumps(fields, allow_nan=False)) == fields
+ROOM_KEYS = (
+    *("field", "from", "to", "unit", "duration", "text"),
+    *("too_much", "too_much_text", "is_exact"),
+)
 
 
-def test_infinity_is_a_word():
-    assert REMEDY.as_dict()["changes"] == {"tube.rotation_tolerance": [[0.3, 0.3, ".inf"]]}
-    assert REMEDY.as_dict()["certified"] is True
-    assert (REMEDY.as_dict()["from"], REMEDY.as_dict()["to"]) == (0.1, 0.3)
-    assert ROOM.as_dict()["from"] == ["-.inf", 1.0]
-    assert ROOM.as_dict()["to"] is None
-
-
-# The search for remedies, with trials whose answer is known.
+def test_json_has_the_keys_that_are_read_and_infinity_is_a_word():
+    remedy, room = REMEDY.as_dict(), ROOM.as_dict()
+    for fields, keys in ((remedy, REMEDY_KEYS), (room, ROOM_KEYS)):
+        assert tuple(fields) == keys
+        assert json.loads(json.dumps(fields, allow_nan=False)) == fields
+    assert remedy["changes"] == {"tube.rotation_tolerance": [[0.3, 0.3, ".inf"]]}
+    assert remedy["certified"] is True
+    assert (remedy["from"], remedy["to"]) == (0.1, 0.3)
+    assert (room["from"], room["to"]) == (["-.inf", 1.0], None)
 
 
 EVERYWHERE = {"a": 0.4, "b": 0.03, "c": 30.0, "d": 5.0}
@@ -115,19 +97,16 @@ def test_a_switch_is_tried_once_and_has_no_size():
     assert search.in_vain == ("a",)
 
 
-def test_a_size_is_not_tried_twice():
+def test_a_size_is_not_tried_twice_and_thoroughly_only_where_a_bracket_ends():
     search, trials = search_of(EVERYWHERE, ["abc", "d", ""])
     search.run()
     quick = trials.count - len(trials.thorough)
     assert len(set(trials.asked)) == quick
     assert len(set(trials.thorough)) == len(trials.thorough)
-
-
-def test_only_where_a_bracket_ends_is_it_tried_thoroughly():
     search, trials = search_of(EVERYWHERE, ["ab", "", ""])
     search.run()
-    too_little = [(remedy.field, remedy.too_little) for remedy in search.remedies]
-    assert trials.thorough == too_little
+    ends = [(remedy.field, remedy.too_little) for remedy in search.remedies]
+    assert trials.thorough == ends
 
 
 def test_what_helps_only_thoroughly_is_found_and_narrowed():
@@ -162,6 +141,12 @@ def test_what_was_found_is_kept_when_the_search_is_stopped(stop):
     assert all(remedy.after >= EVERYWHERE[remedy.field] for remedy in search.remedies)
     # It was not tried by as much as makes sense: nobody knows.
     assert search.in_vain == ()
+    changes = [simple_change(field) for field in "abc"]
+    search = RoomSearch(StubTrials({"a": 0.4}, budget=2, helps=False, stop=stop), changes)
+    with pytest.raises(stop):
+        search.run()
+    assert [room.field for room in search.rooms] == ["a", "b"]
+    assert not any(room.is_exact for room in search.rooms)
 
 
 def test_of_two_groups_both_are_tried_by_their_scale_before_either_by_more():
@@ -169,9 +154,6 @@ def test_of_two_groups_both_are_tried_by_their_scale_before_either_by_more():
     trials = StubTrials({})
     RemedySearch(trials, [tier, [[]], [[]]]).run()
     assert trials.asked[:4] == [("a", 1.0), ("b", 1.0), ("a", 100.0), ("b", 100.0)]
-
-
-# The search for room, with trials whose answer is known.
 
 
 PAYLOAD = {"mass": 5.0, "com": [0.0, 0.0, 0.0], "inertia": [0.01, 0.01, 0.01, 0, 0, 0]}
@@ -198,16 +180,6 @@ def test_where_there_is_no_room_the_mildest_change_is_named():
     assert (room.after, room.duration, room.is_exact) == (None, None, True)
     assert room.too_much <= 1e-3
     assert room.text == f"not even a to {room.too_much:g}"
-
-
-@pytest.mark.parametrize("stop", [TimeLimitReached, KeyboardInterrupt])
-def test_what_was_found_is_kept_when_the_search_is_stopped_of_room_search(stop):
-    changes = [simple_change(field) for field in "abc"]
-    search = RoomSearch(StubTrials({"a": 0.4}, budget=2, helps=False, stop=stop), changes)
-    with pytest.raises(stop):
-        search.run()
-    assert [room.field for room in search.rooms] == ["a", "b"]
-    assert not any(room.is_exact for room in search.rooms)
 
 
 def test_quantities_that_bound_the_motion_are_made_worse():

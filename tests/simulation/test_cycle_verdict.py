@@ -34,28 +34,22 @@ TAKEN = DURATION + DWELL
 LEFT = TAKEN + DWELL + DURATION + DWELL
 
 
-def test_a_leg_counts_while_the_tool_has_in_its_hand_what_it_has(tmp_path):
-    motion = motion_of(picking(tmp_path))
+def test_a_leg_counts_while_the_tool_has_in_its_hand_what_it_has(motion):
+    """It has the motion and the runs of its own time."""
     execution = followed_cycle(motion, period=PERIOD)
+    execution.velocity[:] = execution.time[:, None]
+    execution.effort[:] = 2 * execution.time[:, None]
+    execution.is_saturated[:] = (execution.time > TAKEN)[:, None]
     legs = executed_legs(motion, execution)
     assert [leg.begin for leg in legs] == pytest.approx([0.0, TAKEN, LEFT])
     lasts = [leg.begin + leg.execution.time[-1] for leg in legs]
     np.testing.assert_allclose(lasts, [TAKEN, LEFT, execution.time[-1]], atol=PERIOD + 1e-9)
     assert lasts[0] <= TAKEN + 1e-9
     assert lasts[1] <= LEFT + 1e-9
-    assert all(0 <= leg.execution.time[0] < PERIOD for leg in legs)
-    names = [leg.leg.name for leg in legs]
-    assert names == ["reach", "carry", "back"]
-
-
-def test_a_leg_has_the_motion_and_the_runs_of_its_own_time(tmp_path):
-    motion = motion_of(picking(tmp_path))
-    execution = followed_cycle(motion, period=PERIOD)
-    execution.velocity[:] = execution.time[:, None]
-    execution.effort[:] = 2 * execution.time[:, None]
-    execution.is_saturated[:] = (execution.time > TAKEN)[:, None]
-    for leg in executed_legs(motion, execution):
+    assert [leg.leg.name for leg in legs] == ["reach", "carry", "back"]
+    for leg in legs:
         time = leg.execution.time
+        assert 0 <= time[0] < PERIOD
         planned = leg.trajectory.position(np.minimum(time, leg.trajectory.duration))
         np.testing.assert_allclose(leg.execution.position[0], planned, atol=1e-9)
         np.testing.assert_allclose(leg.execution.velocity[0, :, 0], leg.begin + time)
@@ -63,8 +57,7 @@ def test_a_leg_has_the_motion_and_the_runs_of_its_own_time(tmp_path):
         assert leg.execution.is_saturated.any() == (leg.begin > 0)
 
 
-def test_the_part_stands_where_the_motion_leaves_it(tmp_path):
-    motion = motion_of(picking(tmp_path))
+def test_the_part_stands_where_the_motion_leaves_it(motion):
     before, with_it, after = executed_legs(motion, followed_cycle(motion))
     assert [len(leg.problem.obstacles) for leg in (before, with_it, after)] == [1, 0, 1]
     assert [len(leg.problem.attached) for leg in (before, with_it, after)] == [0, 1, 0]
@@ -81,6 +74,12 @@ def test_where_only_time_passes_a_leg_counts_until_the_next_begins(tmp_path):
     first, second = executed_legs(motion, followed_cycle(motion))
     assert second.begin == pytest.approx(TAKEN)
     assert first.execution.time[-1] == pytest.approx(TAKEN, abs=0.004)
+    # Between two that change hands nothing is any leg's.
+    steps = [Attach("one", PART), reach, Detach("one"), Event("change", dwell=DWELL)]
+    motion = motion_of(Cycle(SEAMS[0], [*steps, Attach("two", PART), carry]))
+    first, second = executed_legs(motion, followed_cycle(motion))
+    assert first.execution.time[-1] == pytest.approx(DURATION, abs=0.0041)
+    assert second.begin == pytest.approx(DURATION + DWELL)
 
 
 def test_what_happens_before_the_first_leg_and_after_the_last_is_not_theirs(tmp_path):
@@ -94,30 +93,22 @@ def test_what_happens_before_the_first_leg_and_after_the_last_is_not_theirs(tmp_
     assert leg.trajectory.duration == pytest.approx(DWELL + DURATION + DWELL)
 
 
-def test_between_two_that_change_hands_nothing_is_any_legs(tmp_path):
-    reach, carry, _ = moves_of(slide(tmp_path))
-    steps = [Attach("one", PART), reach, Detach("one"), Event("change", dwell=DWELL)]
-    steps.append(Attach("two", PART))
-    motion = motion_of(Cycle(SEAMS[0], [*steps, carry]))
-    first, second = executed_legs(motion, followed_cycle(motion))
-    assert first.execution.time[-1] == pytest.approx(DURATION, abs=0.0041)
-    assert second.begin == pytest.approx(DURATION + DWELL)
-
-
-@pytest.fixture
-def motion(tmp_path):
-    return motion_of(picking(tmp_path))
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory):
+    return motion_of(picking(tmp_path_factory.mktemp("slide")))
 
 
 def test_tools_that_are_where_they_should_be_are_off_by_nothing(motion):
     found = list(handover_errors(motion, followed_cycle(motion, 2)))
-    assert [(each.mark.kind, each.mark.name) for each in found] == [
-        ("attach", "part"),
-        ("detach", "part"),
-    ]
+    kinds = [(each.mark.kind, each.mark.name) for each in found]
+    assert kinds == [("attach", "part"), ("detach", "part")]
     assert [each.mark.time for each in found] == pytest.approx([TAKEN, LEFT])
     for each in found:
         np.testing.assert_allclose([each.distance, each.angle, each.speed], 0.0, atol=1e-9)
+    # The arm is seen before it goes on: the last control period that is no later.
+    execution = followed_cycle(motion)
+    execution.position[:, execution.time > LEFT + 1e-9] += 0.1
+    assert all(each.distance.max() < 1e-9 for each in handover_errors(motion, execution))
 
 
 def test_errors_of_base_and_tool_count(motion):
@@ -145,13 +136,6 @@ def test_a_joint_that_is_off_then_turns_the_tool(motion):
     assert left.angle.max() < 1e-7
 
 
-def test_the_arm_is_seen_before_it_goes_on(motion):
-    """The last control period that is no later."""
-    execution = followed_cycle(motion)
-    execution.position[:, execution.time > LEFT + 1e-9] += 0.1
-    assert all(each.distance.max() < 1e-9 for each in handover_errors(motion, execution))
-
-
 def test_the_worst_and_the_median_are_told(motion):
     execution = followed_cycle(motion, 3)
     for run, off in enumerate((0.004, 0.001, 0.002)):
@@ -168,14 +152,8 @@ CARRIED = TAKEN + DWELL + DURATION / 2  # [s], in the middle of the second move
 REACH, CARRY, BACK = ("reach",), ("carry",), ("back",)
 
 
-@pytest.fixture(scope="module")
-def cycle(tmp_path_factory):
-    return picking(tmp_path_factory.mktemp("slide"))
-
-
 @pytest.fixture
-def case(cycle):
-    motion = motion_of(cycle)
+def case(motion):
     return motion, followed_cycle(motion, 2)
 
 
@@ -189,15 +167,14 @@ def without_places(run):
 
 def test_a_cycle_of_one_move_is_judged_as_that_move_alone(tmp_path):
     cycle = Cycle(SEAMS[0], moves_of(slide(tmp_path), radius=0.05)[:1])
-    motion = motion_of(cycle)
-    execution = executed_cycle(motion, Robustness(), Draw(2))
+    motion = motion_of(cycle, 0.4)
+    execution = executed_cycle(motion, Robustness(), Draw(1))
     problem = cycle.problem(0, motion.seams, SEAMS[1])
-    alone = judged_runs(problem, motion.trajectory, execution)
+    (alone,) = judged_runs(problem, motion.trajectory, execution)
     judged = judged_cycle(motion, execution)
-    for found in (judged.runs, judged.legs[REACH]):
-        assert [without_places(run) for run in found] == [without_places(run) for run in alone]
-        for run, expected in zip(found, alone, strict=True):
-            assert run.tube.place == replace(expected.tube.place, move="reach")
+    for (found,) in (judged.runs, judged.legs[REACH]):
+        assert without_places(found) == without_places(alone)
+        assert found.tube.place == replace(alone.tube.place, move="reach")
     assert judged.handovers == []
 
 

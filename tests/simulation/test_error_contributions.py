@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import rest_to_rest
 from judged_run import judged_run
 
-from cases import rest_to_rest
 from tubeplanner import Robustness, Tube, load_problem
 from tubeplanner.outcome import Place
 from tubeplanner.simulation import blamed_errors
@@ -87,6 +87,10 @@ def test_the_same_in_every_run_is_what_is_short(problem):
     assert found.clearance == pytest.approx(0.003)
     assert found.position == pytest.approx(-np.ones((2, 2)))
     assert found.most("radius") == pytest.approx(0.004)
+    found = shown_shortfall(problem, [run(), run()])  # what nothing asks is never short
+    assert found.clearance == -1e3
+    assert found.self_collision == -1e3
+    assert (found.rotation == -1e3).all()
 
 
 def test_more_is_expected_of_others_than_was_seen(problem):
@@ -106,20 +110,10 @@ def test_a_compulsory_point_that_is_missed_asks_of_both_segments_beside_it(probl
     missed = Extreme(0.006, Place(point=5))
     found = shown_shortfall(problem, [run((0.001, 0.002, 0.02), points=missed)] * 2)
     assert found.radius == pytest.approx([0.001, 0.006, 0.02])
-
-
-def test_of_points_that_are_missed_the_worst_asks_for_what_is_expected_of_all(problem):
-    """Point 2 by 4 mm, point 5 by 6 mm: 5 mm and 2.5 deviations of 1 mm."""
-    missed = [Extreme(0.004, Place(point=2)), Extreme(0.006, Place(point=5))]
-    found = shown_shortfall(problem, [run((-1.0, -1.0, -1.0), points=one) for one in missed])
+    # Point 2 by 4 mm, point 5 by 6 mm: 5 mm and 2.5 deviations of 1 mm.
+    both = [Extreme(0.004, Place(point=2)), missed]
+    found = shown_shortfall(problem, [run((-1.0, -1.0, -1.0), points=one) for one in both])
     assert found.radius == pytest.approx([-1.0, 0.0075, 0.0075])
-
-
-def test_what_nothing_asks_is_never_short(problem):
-    found = shown_shortfall(problem, [run(), run()])
-    assert found.clearance == -1e3
-    assert found.self_collision == -1e3
-    assert (found.rotation == -1e3).all()
 
 
 def test_links_that_meet_are_short_of_room(problem):
@@ -129,24 +123,16 @@ def test_links_that_meet_are_short_of_room(problem):
     assert shown_shortfall(problem, [turned]).rotation == pytest.approx([0.01, -0.2, -0.2])
 
 
-# Which error is to blame, where what each does is known.
-
-
-TURNED = [[0, 0, 0, 1]] * 3
-BLAMED_ERRORS_POINTS = [[0.3, -0.5, 0], [0.3, 0, 0], [0.0, 0.3, 0]]
-
-
 @pytest.fixture
-def blamed_errors_problem():
-    """Two segments of 40 and 20 mm, tools turned by at most 0.2 and 0.1 rad."""
-    tube = Tube(
-        BLAMED_ERRORS_POINTS, [0.04, 0.02], orientations=TURNED, rotation_tolerance=[0.2, 0.1]
-    )
+def two_segments():
+    """Segments of 40 and 20 mm, tools turned by at most 0.2 and 0.1 rad."""
+    turns = {"orientations": [[0, 0, 0, 1]] * 3, "rotation_tolerance": [0.2, 0.1]}
+    tube = Tube(POINTS[:3], [0.04, 0.02], **turns)
     return load_problem("example:two_link/paper_1_30mm").with_tube(tube)
 
 
 @pytest.fixture
-def blame(monkeypatch, blamed_errors_problem):
+def blame(monkeypatch, two_segments):
     """Return a function from what is short with some errors, by kind, to who is to blame."""
 
     def found(errors, **short):
@@ -166,7 +152,7 @@ def blame(monkeypatch, blamed_errors_problem):
             blamed_errors, "simulated_runs", lambda problem, motion, present, draw, check: present
         )
         monkeypatch.setattr(blamed_errors, "shown_shortfall", shortfall)
-        return blamed_errors.blamed_errors(blamed_errors_problem, None, errors, lambda: None)
+        return blamed_errors.blamed_errors(two_segments, None, errors, lambda: None)
 
     return found
 

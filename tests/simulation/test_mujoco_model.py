@@ -6,17 +6,23 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from cases import INERTIA, SLIDE, one_joint, with_motors
 from follower_arm import follower_arm
 from scipy.integrate import solve_ivp
 
-from cases import INERTIA, PROBLEMS, SLIDE, one_joint, with_motors
-from tubeplanner import BasePose, OptionError, RobotError, load_problem, load_robot
+from tubeplanner import BasePose, OptionError, RobotError, load_robot
 from tubeplanner.problem.robustness import Robustness
 from tubeplanner.simulation.mujoco_model import ArmsTogether, mujoco_arms
 from tubeplanner.simulation.plant import Draw, drawn_plants
 
 STEP = 2.5e-4
 LEVER = 0.5  # [m]
+
+
+@pytest.fixture
+def slide(tmp_path):
+    (tmp_path / "slide.urdf").write_text(SLIDE)
+    return load_robot(tmp_path / "slide.urdf", "tip", joints=["lift", "turn", "extend"])
 
 
 def tree():
@@ -56,36 +62,29 @@ def assert_dynamics_agree(robot, low, high):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * abs(expected).max())
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_forward_dynamics_of_bundled_arms_are_pinocchios(name):
-    robot = load_problem(f"example:{name}").robot
+@pytest.mark.parametrize("name", ["ur10/onto_a_conveyor", "panda/between_shelves"])
+def test_forward_dynamics_of_bundled_arms_are_pinocchios(name, bundled):
+    robot = bundled(name).robot
     limits = robot.limits
     low, high = np.maximum(limits.lower_position, -3), np.minimum(limits.upper_position, 3)
     assert_dynamics_agree(robot, low, high)
 
 
-def test_and_of_an_arm_that_slides_with_motors_and_joints_in_another_order(tmp_path):
-    (tmp_path / "slide.urdf").write_text(SLIDE)
-    joints = ["lift", "turn", "extend"]
-    robot = load_robot(tmp_path / "slide.urdf", "tip", joints=joints, gravity=(1, 2, -9))
+def test_and_of_an_arm_that_slides_with_motors_and_joints_in_another_order(slide):
+    robot = load_robot(slide.urdf.path, "tip", joints=slide.joint_names, gravity=(1, 2, -9))
     motors = {"armature": [0.3, 2.0, 1.0], "viscous_friction": [1.0, 2.0, 3.0]}
     assert_dynamics_agree(with_motors(robot, **motors), -0.9, 0.9)
 
 
-def test_and_of_a_chest_with_two_arms(tmp_path):
-    (tmp_path / "tree.urdf").write_text(tree())
+def test_and_of_a_chest_with_two_arms_on_a_slope(tmp_path):
+    path = tmp_path / "tree.urdf"
+    path.write_text(tree())
     joints = ["turn", "right", "left", "wrist"]
-    robot = load_robot(tmp_path / "tree.urdf", "hand", joints=joints, gravity=(1, 2, -9))
-    assert_dynamics_agree(robot, -2, 2)
-
-
-def test_and_of_two_arms_on_a_slope(tmp_path):
-    (tmp_path / "tree.urdf").write_text(tree())
-    base = BasePose((0.3, -0.2, 1.1), (0.4, -1.2, 2.5))
-    robot = load_robot(tmp_path / "tree.urdf", "hand", base=base)
-    assert_dynamics_agree(robot, -2, 2)
-    level = load_robot(tmp_path / "tree.urdf", "hand")
-    states = [exact_arm(arm).acceleration(np.zeros(3)) for arm in (robot, level)]
+    assert_dynamics_agree(load_robot(path, "hand", joints=joints, gravity=(1, 2, -9)), -2, 2)
+    sloped = load_robot(path, "hand", base=BasePose((0.3, -0.2, 1.1), (0.4, -1.2, 2.5)))
+    assert_dynamics_agree(sloped, -2, 2)
+    level = load_robot(path, "hand")
+    states = [exact_arm(arm).acceleration(np.zeros(3)) for arm in (sloped, level)]
     assert abs(states[0] - states[1]).max() > 1
 
 
@@ -120,19 +119,14 @@ def test_a_swing_is_that_of_the_differential_equation(tmp_path):
     np.testing.assert_allclose([*arm.position, *arm.velocity], expected, atol=1e-9)
 
 
-def test_friction_differs_by_direction(tmp_path):
+@pytest.mark.parametrize(("effort", "sticks"), [(2.9, True), (-0.9, True), (3.2, False)])
+def test_friction_differs_by_direction_and_holds_a_joint_up_to_its_size(tmp_path, effort, sticks):
     robot = with_motors(one_joint(tmp_path), backwards_friction=1.0, forwards_friction=3.0)
     arm = exact_arm(robot)
     for way, friction in ((1.0, 3.0), (-1.0, -1.0)):
         arm.place(np.zeros(1), np.array([way]))
-        found = arm.acceleration(np.array([0.5]))
-        np.testing.assert_allclose(found, (0.5 - friction) / INERTIA, rtol=1e-6)
-
-
-@pytest.mark.parametrize(("effort", "sticks"), [(2.9, True), (-0.9, True), (3.2, False)])
-def test_friction_holds_a_joint_up_to_its_size(tmp_path, effort, sticks):
-    robot = with_motors(one_joint(tmp_path), backwards_friction=1.0, forwards_friction=3.0)
-    arm = exact_arm(robot)
+        rate = arm.acceleration(np.array([0.5]))
+        np.testing.assert_allclose(rate, (0.5 - friction) / INERTIA, rtol=1e-6)
     arm.place(np.zeros(1), np.zeros(1))
     for _ in range(4000):
         arm.step(np.array([effort]))
@@ -153,28 +147,24 @@ def test_friction_creeps_at_rest_and_is_whole_from_one_step_of_it_on(tmp_path):
         assert arm.acceleration(np.zeros(1)) == pytest.approx(-expected * whole, rel=1e-3)
 
 
-def test_followers_are_refused_by_name(tmp_path):
+def test_followers_are_refused_by_name_and_mujoco_is_needed(tmp_path, monkeypatch):
     (tmp_path / "arm.urdf").write_text(follower_arm())
     robot = load_robot(tmp_path / "arm.urdf", "tip")
     plants = drawn_plants(robot, Robustness.exact(), Draw(1))
     with pytest.raises(RobotError, match=r"joint 'lift' has 1 that follow it \(<mimic>\); MuJoCo"):
         mujoco_arms(robot, plants, STEP)
-
-
-def test_without_mujoco_it_is_said_how_to_get_it(tmp_path, monkeypatch):
-    robot = one_joint(tmp_path)
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(OptionError, match=r"pip install -e '\.\[simulate\]'"):
-        mujoco_arms(robot, drawn_plants(robot, Robustness.exact(), Draw(1)), STEP)
+        mujoco_arms(robot, plants, STEP)
 
 
-TOGETHER_STEP, STEPS, PERIODS = 2.5e-4, 4, 100
+STEPS, PERIODS = 4, 100
 
 
 def wrong_arms(robot, runs=5):
     """Arms in states of their own, and efforts for them, (PERIODS, STEPS, R, n)."""
     random = np.random.default_rng(3)
-    arms = mujoco_arms(robot, drawn_plants(robot, Robustness(), Draw(runs)), TOGETHER_STEP)
+    arms = mujoco_arms(robot, drawn_plants(robot, Robustness(), Draw(runs)), STEP)
     for arm in arms:
         arm.place(*random.uniform(-0.5, 0.5, (2, robot.joint_count)))
     most = np.minimum(robot.limits.effort, 30.0)
@@ -197,34 +187,21 @@ def together(robot):
         return np.stack([moved.position, moved.velocity], axis=1)
 
 
-@pytest.fixture
-def slide(tmp_path):
-    (tmp_path / "slide.urdf").write_text(SLIDE)
-    return load_robot(tmp_path / "slide.urdf", "tip", joints=["lift", "turn", "extend"])
-
-
-def test_without_friction_they_move_as_each_alone_to_the_last_bit():
-    robot = load_problem("example:ur5/over_the_wall").robot
-    np.testing.assert_array_equal(together(robot), alone(robot))
-
-
-def test_joints_may_be_in_another_order_than_on_the_arm(slide):
+def test_without_friction_they_move_as_each_alone_to_the_last_bit(slide):
+    """Joints may be in another order than on the arm."""
     np.testing.assert_array_equal(together(slide), alone(slide))
 
 
-def test_with_friction_they_differ_by_rounding(slide):
+def test_with_friction_they_differ_by_rounding_whatever_the_number_of_processors(
+    slide, monkeypatch
+):
     rubbing = with_motors(slide, backwards_friction=1.0, forwards_friction=3.0)
-    found, expected = together(rubbing), alone(rubbing)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
-    assert abs(found - alone(slide)).max() > 1e-3
-
-
-@pytest.mark.parametrize("processors", [1, 3, None])
-def test_the_number_of_processors_changes_nothing(slide, monkeypatch, processors):
-    rubbing = with_motors(slide, backwards_friction=1.0, forwards_friction=3.0)
-    expected = together(rubbing)
-    monkeypatch.setattr(os, "cpu_count", lambda: processors)
-    np.testing.assert_array_equal(together(rubbing), expected)
+    moved, expected = together(rubbing), alone(rubbing)
+    np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-12)
+    assert abs(moved - alone(slide)).max() > 1e-3
+    for processors in (1, 3, None):
+        monkeypatch.setattr(os, "cpu_count", lambda count=processors: count)
+        np.testing.assert_array_equal(together(rubbing), moved)
 
 
 def test_only_those_move_that_are_to(tmp_path):
@@ -247,7 +224,7 @@ def test_they_go_on_as_others_where_they_are(slide):
     others = with_motors(slide, backwards_friction=0.0, forwards_friction=0.0, armature=0.5)
     runs, effort = 3, np.ones((1, 3, 3))
     first, second = (
-        mujoco_arms(robot, drawn_plants(robot, Robustness(), Draw(runs, seed)), TOGETHER_STEP)
+        mujoco_arms(robot, drawn_plants(robot, Robustness(), Draw(runs, seed)), STEP)
         for robot, seed in ((slide, 0), (others, 1))
     )
     with closing(ArmsTogether(first)) as moved:

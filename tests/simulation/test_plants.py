@@ -4,22 +4,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from cases import one_joint, with_motors
-from tubeplanner import OptionError, load_problem
+
+from tubeplanner import OptionError, Payload, load_robot
 from tubeplanner.problem.robustness import Robustness
 from tubeplanner.simulation.plant import Draw, drawn_plants
 from tubeplanner.simulation.stage import first_instant, last_instant
 
 RUNS = 400
-NAME = "example:ur10/onto_a_conveyor"
-PAYLOAD = {"mass": 7.5, "com": [0.03, -0.02, 0.1], "inertia": [0.05, 0.06, 0.07, 0.01, 0, 0]}
+COM, INERTIA = (0.03, -0.02, 0.1), (0.05, 0.06, 0.07, 0.01, 0, 0)
 
 
 @pytest.fixture(scope="module")
 def robot():
     """A UR10 with a payload of 7.5 kg."""
-    return load_problem(NAME, changes={"robot.payload": PAYLOAD}).robot
+    return loaded()
+
+
+def loaded(share=1.0):
+    """Return a UR10 with a payload, or a share of it."""
+    weight = Payload(7.5 * share, COM, tuple(np.multiply(share, INERTIA)))
+    return load_robot("example:ur10", "tool0", payload=weight)
 
 
 def drawn(robot, **errors):
@@ -58,9 +63,7 @@ def test_the_payload_has_an_error_of_its_own(robot):
     assert abs(own - without - 7.5).max() <= 0.1 * without + 1e-9
     (plant,) = drawn_plants(robot, Robustness.exact(payload=0.5), Draw(1))
     share = 1 + (plant.bodies[-1].mass - robot.inertias[-1].mass) / 7.5
-    heavier = [*np.multiply(share, PAYLOAD["inertia"])]
-    loaded = {"mass": share * PAYLOAD["mass"], "com": PAYLOAD["com"], "inertia": heavier}
-    expected = load_problem(NAME, changes={"robot.payload": loaded}).robot.inertias[-1]
+    expected = loaded(share).inertias[-1]
     np.testing.assert_allclose(plant.bodies[-1].com, expected.com, atol=1e-9)
     np.testing.assert_allclose(plant.bodies[-1].inertia, expected.inertia, atol=1e-9)
 
@@ -132,12 +135,10 @@ TIME = np.arange(11) * 0.1  # 0.30000000000000004 among it
 
 @pytest.mark.parametrize(
     ("when", "first", "last"),
-    [(0.0, 0, 0), (0.3, 3, 3), (0.35, 4, 3), (1.0, 10, 10), (np.inf, 11, 10)],
+    [
+        *((0.0, 0, 0), (0.3, 3, 3), (0.35, 4, 3), (1.0, 10, 10), (np.inf, 11, 10)),
+        *((0.3 - 1e-12, 3, 3), (0.3 + 1e-12, 3, 3)),  # rounding makes no other instant
+    ],
 )
 def test_instants_beside_a_time(when, first, last):
     assert (first_instant(TIME, when), last_instant(TIME, when)) == (first, last)
-
-
-def test_rounding_makes_no_other_instant():
-    for when in (0.3 - 1e-12, 0.3 + 1e-12):
-        assert first_instant(TIME, when) == last_instant(TIME, when) == 3

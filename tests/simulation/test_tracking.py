@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from cases import INERTIA, one_joint, quintic, rest_to_rest, with_motors
+
 from tubeplanner import JointTrajectory, OptionError, load_robot
 from tubeplanner.problem.robustness import CONTROLLERS, Robustness
 from tubeplanner.robot.effort_range import EffortRange
@@ -28,22 +28,16 @@ def plan(tmp_path):
     return planned_motion(robot, quintic(), TIME, PERIOD)
 
 
-def test_it_is_the_plan_and_then_its_goal(plan):
+def test_it_is_the_plan_and_then_its_goal_by_the_middles_of_periods(plan):
     np.testing.assert_allclose(plan.start.position[::100], quintic().position(TIME[::100]))
     assert (plan.start.position[1000:] == plan.start.position[-1]).all()
     assert not plan.start.velocity[1000:].any()
     assert not plan.acceleration[1001:].any()
-
-
-def test_efforts_are_the_motors_in_the_middle_of_a_period(plan):
     middle = quintic().at(TIME[:1000] + PERIOD / 2)
     expected = (INERTIA + 0.3) * middle.acceleration + 0.5 * middle.velocity + 2.0
     np.testing.assert_allclose(plan.effort[:1000], expected, atol=1e-4)
     assert not plan.effort[1001:].any()  # friction holds nothing that does not pull
     np.testing.assert_allclose(plan.inertia, INERTIA + 0.3)
-
-
-def test_a_mean_acceleration_makes_up_the_velocity(plan):
     made = np.cumsum(plan.acceleration, axis=0) * PERIOD
     np.testing.assert_allclose(made[:-1], plan.start.velocity[1:], atol=1e-12)
 
@@ -110,12 +104,8 @@ def test_at_the_start_all_hold_the_weight(tmp_path, name):
 
 
 def bar(tmp_path):
-    return with_motors(
-        one_joint(tmp_path, mass=MASS),
-        viscous_friction=0.5,
-        backwards_friction=1.0,
-        forwards_friction=2.0,
-    )
+    friction = {"viscous_friction": 0.5, "backwards_friction": 1.0, "forwards_friction": 2.0}
+    return with_motors(one_joint(tmp_path, mass=MASS), **friction)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -181,16 +171,13 @@ def bounds(motor, q=0.0, v=0.0):
     return [given.item() for given, _ in found[:2]]
 
 
-def test_without_errors_motors_give_what_is_asked(tmp_path):
-    asked = [1.0, -2.0, 3.0]
-    assert answers(drives(one_joint(tmp_path)), asked).tolist() == asked
-
-
-def test_a_delay_holds_what_was_held_before(tmp_path):
-    motor = drives(one_joint(tmp_path), held=7.0, delay=3.1 * STEP)
-    assert answers(motor, [1.0, 2.0, 3.0, 4.0, 5.0]).tolist() == [7.0, 7.0, 7.0, 1.0, 2.0]
-    nearer = drives(one_joint(tmp_path), held=7.0, delay=2.9 * STEP)
-    assert answers(nearer, [1.0, 2.0, 3.0, 4.0]).tolist() == [7.0, 7.0, 7.0, 1.0]
+def test_without_errors_motors_give_what_is_asked_and_a_delay_holds_what_was_held(tmp_path):
+    robot, efforts = one_joint(tmp_path), [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert answers(drives(robot), [1.0, -2.0, 3.0]).tolist() == [1.0, -2.0, 3.0]
+    late = drives(robot, held=7.0, delay=3.1 * STEP)
+    assert answers(late, efforts).tolist() == [7.0, 7.0, 7.0, 1.0, 2.0]
+    nearer = drives(robot, held=7.0, delay=2.9 * STEP)
+    assert answers(nearer, efforts[:4]).tolist() == [7.0, 7.0, 7.0, 1.0]
 
 
 def test_each_arm_has_its_own_delay_and_lag(tmp_path):
@@ -221,6 +208,9 @@ def test_efforts_are_cut_to_the_limit_and_to_the_torque_speed_line(tmp_path):
     assert bounds(motor, v=1.0) == [5.0, -5.0]
     assert bounds(motor, v=3.0) == [2.0, -5.0]
     assert bounds(motor, v=-3.0) == [5.0, -2.0]
+    # And to what there is each way at a position.
+    at = EffortRange(0, np.array([0.0, 1.0]), np.array([2.0, 4.0]), np.array([6.0, 8.0]))
+    assert bounds(drives(with_motors(plain, effort_ranges=[at])), q=0.5) == [7.0, -3.0]
 
 
 def test_what_rounding_takes_is_not_called_saturation(tmp_path):
@@ -229,12 +219,6 @@ def test_what_rounding_takes_is_not_called_saturation(tmp_path):
     motors = Drives(one_joint(tmp_path), plants, np.zeros(1), STEP)
     _, is_cut = motors.bounded(asked, np.zeros((2, 1)), np.zeros((2, 1)))
     assert is_cut.tolist() == [[False], [True]]
-
-
-def test_and_to_what_there_is_each_way_at_a_position(tmp_path):
-    at = EffortRange(0, np.array([0.0, 1.0]), np.array([2.0, 4.0]), np.array([6.0, 8.0]))
-    motor = drives(with_motors(one_joint(tmp_path), effort_ranges=[at]))
-    assert bounds(motor, q=0.5) == [7.0, -3.0]
 
 
 def test_motors_go_on_with_other_limits_and_what_is_on_its_way(tmp_path):
