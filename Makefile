@@ -15,6 +15,8 @@ PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist load 
 # At the desk the first failure ends a run; CI shows up to twenty.
 FAILURES := --maxfail $(if $(CI),20,1)
 CHEAP := -m "not slow and not dear"
+# The last ones take longest, and begin first.
+NOTEBOOKS := $(patsubst notebooks/%.py,output/notebooks/%.html,$(shell ls -r notebooks/*.py))
 
 .PHONY: demo test quick test-slow test-all test-processors test-pure study trajectories
 .PHONY: lint style types layers notebooks docs gallery wheel clean
@@ -45,7 +47,12 @@ test-pure: $(VENV)/.installed-test
 
 # Before a release: what is too long for CI, each part with a seed and a budget in seconds.
 study: $(VENV)/.installed-test
-	STUDY
+	$(BIN)/python tests/helpers/other_processors.py '$(PYTEST) -q $(CHEAP)'
+	$(BIN)/python benchmarks/mutants.py --sample 100000 --seed $(SEED) --seconds $(SECONDS)
+	$(BIN)/python benchmarks/campaign.py --count 100000 --seed $(SEED)000 --pairs --processes $(JOBS) --seconds $(SECONDS)
+	$(BIN)/python benchmarks/fuzz.py --seed $(SEED)000 --minutes $$(( $(SECONDS) / 60 ))
+	$(BIN)/python benchmarks/interruptions.py --seed $(SEED) --seconds $(SECONDS)
+	TUBEPLANNER_EVERY_CALL=1 $(PYTEST) -q -m slow tests/native
 
 # Those that tests only look at, planned again; needed when a bundled problem changes.
 trajectories: $(VENV)/.installed-test
@@ -66,11 +73,14 @@ layers: $(VENV)/.installed-test
 # Every notebook runs from its first cell to its last, and becomes a page in output/notebooks.
 notebooks: $(VENV)/.installed-notebooks
 	mkdir -p output/notebooks
-	for source in notebooks/*.py; do \
-		target=output/notebooks/$$(basename $$source .py) && \
-		$(BIN)/jupytext --quiet --to ipynb --output $$target.ipynb $$source && \
-		$(BIN)/jupyter-nbconvert --log-level ERROR --execute --to html $$target.ipynb || exit 1; \
-	done
+	$(MAKE) --no-print-directory --jobs=$(JOBS) $(NOTEBOOKS)
+
+# Always run: what is in a page depends on all of the package. One thread of linear algebra each.
+$(NOTEBOOKS): output/notebooks/%.html: notebooks/%.py FORCE
+	$(BIN)/jupytext --quiet --to ipynb --output $(@:.html=.ipynb) $<
+	OPENBLAS_NUM_THREADS=1 $(BIN)/jupyter-nbconvert --log-level ERROR --execute --to html $(@:.html=.ipynb)
+
+FORCE:
 
 # Pages in output/docs; a name or a link that leads nowhere ends the build.
 docs: $(VENV)/.installed-docs

@@ -26,8 +26,10 @@ done again; --report prints what one has. Exit status 1 if an answer is wrong.
 import argparse
 import hashlib
 import json
+import math
 import re
 import sys
+import time
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
@@ -62,6 +64,7 @@ def main() -> int:
     parser.add_argument("--baselines", action="store_true", help="smoothed schemes as well")
     parser.add_argument("--motors", action="store_true", help="random motors")
     parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=math.inf, help="end after these")
     parser.add_argument("--time-limit", type=float, default=60.0, help="of every plan [s]")
     parser.add_argument("--slack", type=float, default=0.0, help="of every plan, to be smooth")
     parser.add_argument("--keep", type=Path, help="folder for problems that are wrong or refused")
@@ -79,6 +82,7 @@ def main() -> int:
         options.slack,
     )
     keys = {seed: _key(seed, how) for seed in seeds}
+    deadline = time.monotonic() + options.seconds
     with nullcontext() if options.output is None else Journal(options.output) as journal:
         known = {seed: journal[key] for seed, key in keys.items() if journal and key in journal}
         lines = list(known.values())
@@ -87,6 +91,8 @@ def main() -> int:
             print(_progress(line), flush=True)
             if journal is not None:
                 journal.add(keys[line["seed"]], {"seed": line["seed"]}, line)
+            if time.monotonic() > deadline:
+                break
     return _answered(lines)
 
 

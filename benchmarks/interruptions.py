@@ -15,6 +15,7 @@ anything is wrong. The folder of a wrong run is kept and named.
 
 import argparse
 import json
+import math
 import os
 import random
 import shutil
@@ -22,6 +23,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -117,10 +119,14 @@ def main() -> int:
     only = None if options.only is None else options.only.split(",")
     kept = Path(tempfile.mkdtemp(prefix="interruptions-"))
     table = Table(kept)
+    deadline = time.monotonic() + options.seconds
     with tempfile.TemporaryDirectory() as scratch:
         inputs = Path(scratch)
         _prepare(inputs)
         for case in CASES:
+            if time.monotonic() > deadline:
+                print(f"left out for lack of time: {case.name}")
+                continue
             if only is not None and case.name not in only:
                 continue
             runs = Runs(case, inputs, inputs / "runs")
@@ -233,6 +239,7 @@ def _parsed() -> argparse.Namespace:
     parser.add_argument("--lives", type=int, default=5, help="the same, over the whole life")
     parser.add_argument("--only", help="commands, with commas between")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=math.inf, help="begin none after these")
     return parser.parse_args()
 
 

@@ -24,6 +24,7 @@ arguments, and draws without a seed. Either would still need this map, drawing a
 import argparse
 import ast
 import json
+import math
 import os
 import random
 import tempfile
@@ -170,12 +171,18 @@ class Run:
         self._sources, self._coverage = sources, coverage
         self._budget, self._time_limit = budget, time_limit
 
-    def outcomes(self, mutants: list[Mutant], checkout: Path, processes: int) -> list[Outcome]:
-        """Return what becomes of mutants, each printed as soon as it is known."""
+    def outcomes(
+        self, mutants: list[Mutant], checkout: Path, processes: int, seconds: float = math.inf
+    ) -> list[Outcome]:
+        """Return the outcomes of the mutants begun within a budget [s]; each is printed at once."""
         copies: SimpleQueue[Copy] = SimpleQueue()
+        deadline = time.monotonic() + seconds
 
-        def outcome(mutant: Mutant) -> Outcome:
+        def outcome(mutant: Mutant) -> Outcome | None:
             copy, begin = copies.get(), time.perf_counter()
+            if time.monotonic() > deadline:
+                copies.put(copy)
+                return None
             try:
                 module, at = self._sources.place(mutant)
                 killer = self._killer(copy, mutant, module, at)
@@ -189,7 +196,7 @@ class Run:
         with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(processes) as pool:
             for number in range(processes):
                 copies.put(Copy(Path(folder, str(number)), checkout))
-            return list(pool.map(outcome, mutants))
+            return [each for each in pool.map(outcome, mutants) if each is not None]
 
     def _killer(self, copy: Copy, mutant: Mutant, module: str, at: int) -> str:
         lines = self._sources.modules[module].statement(at)
@@ -275,6 +282,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--time-limit", type=float, default=30.0, help="and 3 times its tests [s, cpu]"
     )
+    parser.add_argument("--seconds", type=float, default=math.inf, help="begin none after these")
     parser.add_argument("--fail-under", type=float, default=0.0, help="least share noticed")
     return parser
 
@@ -302,7 +310,7 @@ def main() -> int:
         arguments.write.write_text(json.dumps([asdict(mutant) for mutant in mutants], indent=1))
         return 0
     run = Run(sources, coverage, arguments.budget, arguments.time_limit)
-    outcomes = run.outcomes(mutants, checkout, arguments.processes)
+    outcomes = run.outcomes(mutants, checkout, arguments.processes, arguments.seconds)
     print(*report(outcomes), sep="\n")
     return int(bool(run.broken) or noticed_share(outcomes) < arguments.fail_under)
 

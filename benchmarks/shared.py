@@ -91,6 +91,12 @@ def asked_once(folder: Path, driver: str, question: Any, limit: float) -> dict[s
 
 
 def _environment(folder: Path) -> dict[str, str]:
+    """Return the variables of a process that works with a checkout's sources."""
+    if not any((folder / "src/tubeplanner/native").glob("*.so")):
+        # Without it answers are slower and differ in their last digits.
+        print(
+            f"{folder} has no native library: python -m tubeplanner.native.build", file=sys.stderr
+        )
     return os.environ | {"PYTHONPATH": str(folder / "src"), "OPENBLAS_NUM_THREADS": "1"}
 
 

@@ -78,11 +78,14 @@ _ = axes[0].legend()
 # ## Against the schemes it replaces
 #
 # Straight lines with stops at trapezoidal speed, bang-bang on the reference path (TOPP-RA), its smoothed variants, arcs at corners,
-# Taylor's bounded deviation: as ordinary trajectories, each with its certificate.
+# Taylor's bounded deviation: as ordinary trajectories, each with its certificate. `compare` without a list of methods adds the paper's
+# whole algorithm, `suh-bishop`, which is above; its phase 1 is here.
 
 # %%
+METHODS = ["refinement", "branch-and-bound", "stop-at-corners"]
+SCHEMES = ["conventional", "bang-bang", "smoothed-bang-bang", "arc-corners", "smoothed-arc-corners"]
 corners = load_problem("example:two_link/paper_5_30mm")
-comparison = compare(corners)
+comparison = compare(corners, [*METHODS, *SCHEMES, "bounded-deviation"])
 for row in comparison.rows:
     verdict = "certified" if row.certified else f"fails {', '.join(row.failures) or row.status}"
     duration = "    -  " if row.duration is None else f"{row.duration:.3f} s"

@@ -12,8 +12,8 @@
 # # A whole cycle
 #
 # An arm in a cell does the same over and over: it reaches, grips, carries, lets go and comes back. What does that take from start to start, and where does the
-# time go? This notebook plans cycles from their files, sees what it is worth to choose the configurations between moves together, and executes one from first
-# to last. It takes three to five minutes, and MuJoCo for the last part: `pip install -e '.[simulate]'` in a checkout.
+# time go? This notebook plans a cycle from its file, sees what it is worth to choose the configurations between moves together, and executes one from first
+# to last. It takes one to two minutes, and MuJoCo for the last part: `pip install -e '.[simulate]'` in a checkout.
 
 # %%
 # %matplotlib inline
@@ -198,11 +198,11 @@ plt.show()
 # %% [markdown]
 # A move may well become slower, where the next one gains more.
 #
-# ## Three cells
+# ## Beside what is usual
 #
-# The same for every bundled cycle, and beside what is usual: a stop after every move, or, along straight lines, even at every point. The first column, "lines", is TOPP-RA's
-# scheme exactly solved: the fastest run along the tool's straight lines with a stop at every point, between the configurations that the plan with stops has at its seams.
-# It may switch motors instantly, and knows neither jerk limits nor obstacles: what could really be driven along the lines is slower. All columns are whole cycles, rests included.
+# Usual is a stop after every move, or, along straight lines, even at every point. The first column, "lines", is TOPP-RA's scheme exactly solved: the fastest run along the tool's
+# straight lines with a stop at every point, between the configurations that the plan with stops has at its seams. It may switch motors instantly, and knows neither jerk limits nor
+# obstacles: what could really be driven along the lines is slower. In the last column moves pass through where the file says so.
 
 
 # %%
@@ -215,54 +215,43 @@ def with_stops(cycle):
     return replace(cycle, steps=steps)
 
 
-def along_lines(result):
-    """Return how long a planned cycle takes along lines [s], and why it cannot be, if so."""
-    duration, why = result.duration, []
-    problems = result.motion.cycle.problems(result.motion.seams)
-    for problem, leg in zip(problems, result.legs, strict=True):
-        (row,) = compare(problem, ["bang-bang"]).rows
-        if row.duration is None:
-            why.append(f"{problem.name}: {row.message}")
-        else:
-            duration += row.duration - leg.duration
-    return (np.nan if why else duration), why
+def durations(motion):
+    """Return how long every move takes [s]."""
+    return {name: end - begin for name, (begin, end) in motion.move_times.items()}
 
 
-def planned(cycle, stopping):
-    """Return the plan of a cycle with moves that pass through, if it has some."""
-    if cycle.name == tray.name:
-        return result
-    passes = any(isinstance(step, Move) and step.passes_through for step in cycle.steps)
-    return plan_cycle(cycle, QUICK) if passes else stopping
-
-
-CELLS = ["ur10/boxes_onto_a_pallet", "panda/tray_to_the_next_shelf", "ur5/through_the_door"]
-columns = ("lines, stops", "alone, stops", "together, stops", "alone", "together")
-print(f"{'cycle time [s]':30}", *(f"{column:>16}" for column in columns))
+stopping = plan_cycle(with_stops(tray), QUICK)
+stops, through = durations(stopping.motion), durations(result.motion)
+problems = stopping.motion.cycle.problems(stopping.motion.seams)
 blocked = []
-for name in CELLS:
-    cycle = load_cycle(f"example:{name}")
-    stopping = plan_cycle(with_stops(cycle), QUICK)
-    through = planned(cycle, stopping)
-    lines, why = along_lines(stopping)
-    plans = (stopping, through)
-    times = [lines, *(time for each in plans for time in (each.greedy_duration, each.duration))]
-    print(f"{cycle.name:30}", *(f"{time:16.4f}" for time in times))
-    blocked += why
+print(f"{'duration [s]':26} {'lines':>8} {'stops':>8} {'through':>8}")
+for name, problem in zip(stops, problems, strict=True):
+    (lines,) = compare(problem, ["bang-bang"]).rows
+    if lines.duration is None:
+        blocked.append(f"{name}: {lines.message}")
+    along = np.nan if lines.duration is None else lines.duration
+    print(f"{name:26} {along:8.4f} {stops[name]:8.4f} {through[name]:8.4f}")
 print(*blocked, sep="\n")
 
 # %% [markdown]
-# "alone" is what moves take that are planned one after the other, "together" what they take with configurations chosen in common; in the last two columns moves pass through
-# where the file says so. nan: some straight line cannot be run between the configurations that it is given, for the reason below the table. How much sharing gains
-# depends on how many ends are left open and how freely the hand may turn there; an arm of seven joints has more to choose than one of six.
+# nan: some straight line cannot be run between the configurations that it is given, for the reason below the table. The whole cycle, rests included, with moves that are planned
+# one after the other, and with configurations chosen in common:
+
+# %%
+for called, each in (("stops", stopping), ("through", result)):
+    print(f"{called:8} alone {each.greedy_duration:.4f} s, together {each.duration:.4f} s")
+
+# %% [markdown]
+# How much sharing gains depends on how many ends are left open and how freely the hand may turn there; an arm of seven joints has more to choose than one of six. The README has
+# the same of all bundled cycles.
 #
 # ## Executed as a whole
 #
-# Ten arms that differ from their model as carefully built ones do run the cycle without a break. The tray and the beaker are in the simulated hand from the
+# Ten arms that differ from their model as carefully built ones do run the cycle without a break, under control at 500 Hz. The tray and the beaker are in the simulated hand from the
 # instant on in which they are taken, each with an error of its own mass. `07_executed.py` says what is simulated, and how a single motion is planned that survives.
 
 # %%
-errors = Robustness()
+errors = Robustness(control_period=0.002)
 execution = executed_cycle(result.motion, errors, Draw(10))
 judged = judged_cycle(result.motion, execution)
 print(run_verdict(judged.runs))

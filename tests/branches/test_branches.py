@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import SHORTEST, changed, pose_at
 from scipy.spatial.transform import Rotation
 
-from cases import PROBLEMS, SHORTEST, changed, pose_at
 from tubeplanner import (
     GoalRegion,
     LimitOverrides,
@@ -17,7 +17,6 @@ from tubeplanner import (
     Seed,
     ToolPose,
     Tube,
-    load_problem,
     load_robot,
     placement_of,
     plan,
@@ -41,7 +40,9 @@ def two_link_problem(two_link, points, radius=0.03, signs=None, start=(0.0, -1.0
     return PlanningProblem(two_link, tube, Seed(np.array(start)), goal)
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize(
+    "name", ["two_link/around_a_post", "ur5/level_tray", "panda/between_shelves"]
+)
 def test_the_branch_follows_the_reference_path_in_small_steps(name, bundled):
     problem = bundled(name)
     branch = branch_of(problem)
@@ -194,9 +195,7 @@ def errors_of(problem, branch):
     return [problem.tube.rotation.error(*pose, k) for k, pose in enumerate(poses)]
 
 
-@pytest.mark.parametrize(
-    "rule", [RedundancyRule.AS_NEEDED, RedundancyRule.HELD, RedundancyRule.CENTRED]
-)
+@pytest.mark.parametrize("rule", [RedundancyRule.AS_NEEDED, RedundancyRule.CENTRED])
 def test_the_tool_is_turned_as_the_reference_is(rule, bundled):
     """In all components, or in two of them, while the reference turns by up to 1.6 rad a leg."""
     robot = bundled("ur5/level_tray").robot
@@ -227,7 +226,6 @@ def test_a_start_off_the_reference_comes_back_to_it_in_proportion_to_the_way(bun
     share = np.linspace(0, 1, len(errors[0]))[:, None]
     np.testing.assert_allclose(errors[0], (1 - share) * off, atol=1e-6)
     assert abs(np.concatenate(errors[1:])).max() < 1e-6
-    assert plan(asked, PlanOptions("stop-at-corners")).succeeded
 
 
 def test_a_goal_off_the_reference_is_met(bundled, stored):
@@ -337,9 +335,9 @@ def test_the_branch_ends_in_the_middle_of_a_goals_ball(two_link):
     )
 
 
-@pytest.mark.parametrize("position", [[0.45, 0.3, 0.2], [0.45, 0.3, 0.3]])
-def test_the_branch_ends_turned_as_a_goal_asks_that_alone_bounds_it(position, bundled):
-    """At the last point, and where the tube's own orientation is not yet the last."""
+def test_the_branch_ends_turned_as_a_goal_asks_that_alone_bounds_it(bundled):
+    """Where the tube's own orientation is not yet the last."""
+    position = [0.45, 0.3, 0.3]
     problem = bundled("ur5/level_tray")
     tube = problem.tube
     half = 0.1  # [rad] of the angle by which the last segment turns
@@ -364,9 +362,9 @@ def test_the_branch_ends_turned_as_a_goal_asks_that_alone_bounds_it(position, bu
 # Starts of refinement that no continuous branch of the inverse kinematics gives.
 
 
-@pytest.mark.parametrize("name", ["ur5/over_the_wall", "ur5/level_tray", "panda/between_shelves"])
-def test_they_join_configurations_at_the_reference_points(name):
-    problem = load_problem(f"example:{name}")
+@pytest.mark.parametrize("name", ["ur5/level_tray", "panda/between_shelves"])
+def test_they_join_configurations_at_the_reference_points(name, bundled):
+    problem = bundled(name)
     lines = joint_lines(problem)
     corners = np.array([lines.start, *(segment[-1] for segment in lines.segments)])
     tool = problem.robot.tool_position(corners)
@@ -402,6 +400,7 @@ def test_a_goal_on_another_branch_is_reached_through_the_stretched_arm(two_link)
     assert elbow.min() < -0.5 < 0.5 < elbow.max()
 
 
+@pytest.mark.dear("plans the motion of six joints from two goals")
 def test_an_open_goal_is_moved_out_of_a_collision(ur5):
     """The nearest goal has the forearm in a ball; another one has not."""
     start = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
@@ -412,19 +411,20 @@ def test_an_open_goal_is_moved_out_of_a_collision(ur5):
     body = ur5.link_body["wrist_1_link"]
     wrist = ur5.body_poses(goal[None])[1][0, body]
     ball = Obstacle.sphere("ball", 0.05, placement_of(wrist + np.array([0.0, 0.0, 0.06])))
-    result = plan(PlanningProblem(ur5, tube, start, obstacles=[ball]), SHORTEST)
+    problem = PlanningProblem(ur5, tube, start, obstacles=[ball])
+    poses, checker = (part[0] for part in ur5.body_poses(goal[None])), problem.collision
+    assert checker.distances(*poses, checker.obstacle_pairs).min() < 0
+    result = plan(problem, replace(SHORTEST, quality="fast"))
     assert result.succeeded
     assert result.method == "refinement"
-    blocked = plan(PlanningProblem(ur5, tube, start, goal, obstacles=[ball]), SHORTEST)
-    assert "in the goal configuration" in blocked.message
 
 
 # Start and goal from poses: the goal continues the start, and notes say what was taken.
 
 
 @pytest.fixture(scope="module")
-def wall():
-    return load_problem("example:ur5/over_the_wall")
+def wall(bundled):
+    return bundled("ur5/over_the_wall")
 
 
 @pytest.fixture(scope="module")
@@ -467,11 +467,10 @@ def _goes_on(problem, rule):
         return False
 
 
-def test_a_goal_that_nothing_continues_is_the_first_of_its_pose(wall, branch):
+def test_a_goal_that_nothing_continues_is_the_first_of_its_pose(two_link):
     """The elbow cannot be folded the other way without leaving the tube."""
-    signs = [{}] * (wall.tube.segment_count - 1) + [{"elbow_joint": "-"}]
-    tube = replace(wall.tube, joint_signs=signs)
-    problem = changed(wall, tube=tube, goal=pose_at(wall, branch.goal))
+    problem = other_elbow(two_link)
+    problem = changed(problem, goal=pose_at(problem, problem.goal))
     found, notes = configured_ends(problem)
     first = pose_configurations(problem, problem.goal, -1)[0]
     np.testing.assert_array_equal(found.goal, first)
@@ -490,7 +489,7 @@ def test_what_is_planned_keeps_both_poses(wall, branch):
     posed = changed(
         wall, start=pose_at(wall, wall.start), goal=pose_at(wall, branch.goal, branch.goal)
     )
-    result = plan(posed, replace(SHORTEST, quality="fast"))
+    result = plan(posed, PlanOptions("stop-at-corners", slack=0.0))
     assert result.succeeded
     certificate = verify(posed, result.trajectory)
     assert certificate.passed

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from cases import changed, pose_at
+
 from tubeplanner import LimitOverrides, Obstacle, ToolPose, load_problem, load_robot, placement_of
 from tubeplanner.branches.joint_middle import half_ranges, middle_of
 from tubeplanner.branches.outside_bounds import outside_bounds
@@ -34,8 +34,8 @@ def test_the_joint_farthest_outside_in_the_configuration_that_is_least_outside(t
 
 
 @pytest.fixture(scope="module")
-def wall():
-    return load_problem("example:ur5/over_the_wall")
+def wall(bundled):
+    return bundled("ur5/over_the_wall")
 
 
 def given(problem, pose, signs=None):
@@ -51,16 +51,21 @@ def refusal(problem):
     return str(caught.value)
 
 
-def test_all_have_the_tool_at_the_pose_inside_the_signs(wall):
+@pytest.fixture(scope="module")
+def found(wall):
+    """Return all configurations for the pose of the stored start."""
     pose = pose_at(wall, wall.start)
-    found = pose_configurations(given(wall, pose), pose, 0)
+    return pose_configurations(given(wall, pose), pose, 0)
+
+
+def test_all_have_the_tool_at_the_pose_inside_the_signs(wall, found):
+    pose = pose_at(wall, wall.start)
     assert len(found) > 3
     rotation, position = wall.robot.tool_pose(found)
     errors = [pose.errors(*each) for each in zip(rotation, position, strict=True)]
     assert np.max(errors) < 1e-7
     assert (found >= wall.joint_lower[0]).all()
     assert (found <= wall.joint_upper[0]).all()
-    np.testing.assert_array_equal(found, pose_configurations(given(wall, pose), pose, 0))
 
 
 def test_a_start_is_the_first_of_them(wall):
@@ -76,21 +81,15 @@ def test_signs_choose_the_branch(wall):
     assert q[2] < 0
 
 
-def test_a_seed_chooses_the_configuration(wall):
-    other = pose_configurations(
-        given(wall, pose_at(wall, wall.start)), pose_at(wall, wall.start), 0
-    )
-    seed = other[3] + 0.02
-    found = pose_configurations(wall, pose_at(wall, wall.start, seed), 0)
-    assert len(found) == 1
-    np.testing.assert_allclose(found[0], other[3], atol=1e-6)
+def test_a_seed_chooses_the_configuration(wall, found):
+    (chosen,) = pose_configurations(wall, pose_at(wall, wall.start, found[3] + 0.02), 0)
+    np.testing.assert_allclose(chosen, found[3], atol=1e-6)
 
 
-def test_free_ones_come_before_those_in_the_middle(wall):
+def test_free_ones_come_before_those_in_the_middle(wall, found):
     """A ball where the elbow is in the one that came first."""
     pose = pose_at(wall, wall.start)
-    free = changed(wall, tube=replace(wall.tube, joint_signs={}), start=pose)
-    first = pose_configurations(free, pose, 0)[0]
+    free, first = given(wall, pose), found[0]
     _, position = wall.robot.body_poses(first[None])
     elbow = wall.robot.joint_names.index("elbow_joint") + 1
     ball = Obstacle.sphere("ball", 0.05, placement_of(position[0, elbow]))
@@ -99,9 +98,8 @@ def test_free_ones_come_before_those_in_the_middle(wall):
     assert abs(other - first).max() > 0.1
 
 
-def test_motors_that_hold_come_before_the_middle():
+def test_motors_that_hold_come_before_the_middle(wall):
     """Only some of them with a joint that is weaker than the first of all needs."""
-    wall = load_problem("example:ur5/over_the_wall", changes={"tube.joint_signs": {}})
     pose = pose_at(wall, wall.start)
     free = changed(wall, start=pose, obstacles=(), self_collision=False)
     found = pose_configurations(free, pose, 0)

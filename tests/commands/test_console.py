@@ -1,6 +1,5 @@
 """Common to commands: options, exit status, progress, output, written answers, workers."""
 
-import csv
 import json
 import signal
 from contextlib import suppress
@@ -26,6 +25,8 @@ from tubeplanner.resources import bundled_problems
 # What reaches a terminal: one line, harmless and of bounded length.
 
 
+LINE, POST = "example:two_link/paper_1_30mm", "example:two_link/around_a_post"
+STOPS = ("--method", "stop-at-corners")
 EVIL = "a\x1b[31mred\n\x9b31m FAKE: passes\u202e"
 
 
@@ -45,16 +46,15 @@ def test_a_message_is_one_printable_line():
     assert len(printable("x" * 10**6)) < 6000
 
 
-@pytest.mark.parametrize("as_json", [False, True])
-def test_names_of_a_trajectory_cannot_speak_for_the_program(run, tmp_path, as_json):
+def test_names_of_a_trajectory_cannot_speak_for_the_program(run, run_json, tmp_path):
     path = tmp_path / "t.json"
     path.write_text(json.dumps(trajectory([EVIL, "b"])))
-    arguments = ["check", "example:two_link/around_a_post", path]
-    status, out, err = run(*arguments, *(["--json"] if as_json else []))
-    assert status == 2
-    text = json.loads(out)["message"] if as_json else err.removesuffix("\n")
-    assert text.isprintable()
-    assert "rename it" in text
+    status, _, err = run("check", POST, path)
+    other_status, answer = run_json("check", POST, path)
+    assert (status, other_status) == (2, 2)
+    for text in (err.removesuffix("\n"), answer["message"]):
+        assert text.isprintable()
+        assert "rename it" in text
 
 
 @pytest.mark.parametrize("section", ["obstacles", "attached"])
@@ -83,31 +83,14 @@ def test_a_key_of_a_megabyte_is_shown_short(run, tmp_path):
     assert len(err) < 500 + len(str(path))
 
 
-def test_an_answer_that_is_not_kept_says_what_keeps_it(run, tmp_path):
-    problem, path = "example:two_link/around_a_post", tmp_path / "t.json"
-    options = ["--method", "stop-at-corners"]
-    _, out, _ = run("plan", problem, *options)
-    assert out.splitlines()[-1] == (
-        "nothing written; to keep the answer, give -o T.json or --csv or --ros or --plot or --html"
-    )
-    _, out, _ = run("plan", problem, *options, "-o", path)
-    assert out.splitlines()[-1] == f"trajectory: {path}"
-    assert "nothing written" not in out
-    _, out, _ = run("sweep", problem, "--radius", "0.05", "--quality", "fast")
-    assert out.endswith("give -o TABLE.csv or --plot\n")
+# `--set` as a user meets it: every command, the files that are written, typos.
 
 
-# `--set` and `--vary` as a user meets them: every command, the files that are written, typos.
-
-
-LINE, POST = "example:two_link/paper_1_30mm", "example:two_link/around_a_post"
-STOPS = ("--method", "stop-at-corners")
 TAKES_NO_PROBLEM = {"study", "robots", "schema", "reproduce", "init"}
-PNG = b"\x89PNG"
 
 
 @pytest.fixture(scope="module")
-def changes_trajectory(tmp_path_factory):
+def narrow_motion(tmp_path_factory):
     """The motion of a hand in a tube of half the width, from another command's answer."""
     path = tmp_path_factory.mktemp("planned") / "t.json"
     arguments = ["plan", LINE, *STOPS, "--set", "tube.radius=x0.5", "-o", str(path)]
@@ -125,22 +108,23 @@ def test_every_command_that_takes_a_problem_takes_changes():
 
 
 @pytest.mark.parametrize("name", ["plan", "check", "plot", "view", "sweep", "compare", "measure"])
-@pytest.mark.parametrize("words", [(), ("--json",)])
-def test_a_typo_is_bad_input_everywhere(name, words, run, changes_trajectory, tmp_path):
+def test_a_typo_is_bad_input_everywhere(name, run, run_json, narrow_motion, tmp_path):
     more = {
-        "check": (changes_trajectory,),
-        "plot": (changes_trajectory, "-o", tmp_path / "t.png"),
-        "view": (changes_trajectory, "--html", tmp_path / "t.html"),
+        "check": (narrow_motion,),
+        "plot": (narrow_motion, "-o", tmp_path / "t.png"),
+        "view": (narrow_motion, "--html", tmp_path / "t.html"),
         "sweep": ("--radius", "0.01"),
     }
-    status, out, err = run(name, LINE, *more.get(name, ()), "--set", "tube.raduis=0.01", *words)
-    message = json.loads(out)["message"] if words else err
-    assert status == 2
-    assert "tube.raduis: unknown key 'raduis' (did you mean 'radius'?); there is:" in message
+    words = (name, LINE, *more.get(name, ()), "--set", "tube.raduis=0.01")
+    status, _, err = run(*words)
+    other_status, answer = run_json(*words)
+    assert (status, other_status) == (2, 2)
+    for message in (err, answer["message"]):
+        assert "tube.raduis: unknown key 'raduis' (did you mean 'radius'?); there is:" in message
     assert list(tmp_path.iterdir()) == []
 
 
-def test_links_route_and_configurations_are_of_the_changed_problem(run):
+def test_links_and_route_are_of_the_changed_problem(run):
     left_out = []
     for words in ((), ("--set", "collision.ignore=[[link1, post]]")):
         status, out, _ = run("links", POST, *words, "--json")
@@ -152,16 +136,13 @@ def test_links_route_and_configurations_are_of_the_changed_problem(run):
     assert status == 2 and "start has 3" in err
     status, _, err = run("route", POST, "--set", "tube.radius=1")
     assert status == 2 and "--set tube.radius: route gives tube; leave it out" in err
-    blocked = "obstacles.post.position=[0.45, -0.2, 0]"
-    status, _, _ = run("measure", POST, "--configurations", "--set", blocked)
-    assert status == 1
 
 
-def test_plan_and_check_agree_on_the_changed_problem(run, changes_trajectory):
+def test_plan_and_check_agree_on_the_changed_problem(run, narrow_motion):
     change = ("--set", "tube.radius=x0.5")
-    status, out, _ = run("check", LINE, changes_trajectory, *change)
+    status, out, _ = run("check", LINE, narrow_motion, *change)
     assert status == 0 and "another problem" not in out
-    status, out, _ = run("check", LINE, changes_trajectory, "--set", "robot.payload.mass=50")
+    status, out, _ = run("check", LINE, narrow_motion, "--set", "robot.payload.mass=50")
     assert status == 1 and "effort" in out
 
 
@@ -176,17 +157,15 @@ def test_changes_add_up_and_each_is_given_once(run):
     assert status == 2 and "--set tube.radius is given twice; give it once" in err
 
 
-def test_an_objective_that_is_set_works_like_the_files(run):
-    words = ("plan", LINE, "--quality", "fast", "--json")
-    _, plain, _ = run(*words, "--slack", "0")
-    _, slow, _ = run(*words, "--set", "objective.slack=0.05")
-    shortest, loose = json.loads(plain), json.loads(slow)
-    assert loose["shortest_duration"] == shortest["duration"]
-    assert 1.01 < loose["duration"] / shortest["duration"] <= 1.05 * (1 + 1e-9)
-    assert any(note.startswith("smoothed") for note in loose["notes"])
+def test_an_objective_that_is_set_works_like_the_files(run_json):
+    change = ("--set", "objective.slack=0.05")
+    _, answer = run_json("plan", LINE, "--quality", "fast", *change)
+    assert 1.01 < answer["duration"] / answer["shortest_duration"] <= 1.05 * (1 + 1e-9)
+    assert any(note.startswith("smoothed") for note in answer["notes"])
 
 
-def test_an_objective_that_would_count_for_nothing_is_refused(run):
+@pytest.mark.dear("plans three points of sweeps")
+def test_an_objective_that_would_count_for_nothing_is_refused(run, run_json):
     change = ("--set", "objective.slack=0.1")
     for words in (
         ("sweep", LINE, "--radius", "0.01"),
@@ -196,13 +175,13 @@ def test_an_objective_that_would_count_for_nothing_is_refused(run):
         status, _, err = run(*words, *change)
         assert status == 2
         assert "--set objective.slack: without --slack the shortest motions are planned" in err
-    given = ("--set", "objective.minimise=smoothness", "--slack", "0.02")
-    status, out, _ = run("sweep", LINE, "--radius", "0.03", *given, "--quality", "fast", "--json")
-    assert status == 0
-    varied = ("--vary", "objective.slack=0", "--set", "objective.minimise=smoothness")
-    status, shortest, _ = run("sweep", LINE, *varied, "--quality", "fast", "--json")
-    assert status == 0
-    durations = [json.loads(text)["rows"][0]["duration"] for text in (out, shortest)]
+    smooth = ("--set", "objective.minimise=smoothness", "--quality", "fast")
+    loose, varied = (
+        run_json("sweep", LINE, *words, *smooth)
+        for words in (("--radius", "0.03", "--slack", "0.02"), ("--vary", "objective.slack=0"))
+    )
+    assert (loose[0], varied[0]) == (0, 0)
+    durations = [answer["rows"][0]["duration"] for _, answer in (loose, varied)]
     assert durations[0] > 1.01 * durations[1]
 
 
@@ -210,7 +189,7 @@ def test_measure_writes_the_changed_file(run, tmp_path):
     source, target = bundled_problems()["two_link/around_a_post"], tmp_path / "m.yaml"
     words = ["obstacles.post.position=[0.4, 0.25, 0]", "robot.payload.mass=2", "clearance=0.01"]
     changes = [word for text in words for word in ("--set", text)]
-    status, _, err = run("measure", POST, "-o", target, "--max-radius", "0.06", *changes)
+    status, _, err = run("measure", POST, "-o", target, "--max-radius", "0.01", *changes)
     assert (status, err) == (0, "")
     text, measured = target.read_text(), load_problem(target)
     assert source.read_text().splitlines()[0] in text
@@ -219,6 +198,7 @@ def test_measure_writes_the_changed_file(run, tmp_path):
     assert measured.clearance == 0.01
 
 
+@pytest.mark.dear("loads OMPL and looks for a route")
 def test_route_writes_the_changed_file(run, tmp_path):
     fields = {
         "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
@@ -256,82 +236,9 @@ def test_teach_changes_the_cell_alone(run, tmp_path):
     assert json.loads(out)["where"]["obstacle"] == "post"
 
 
-def test_vary_prints_a_table_and_writes_what_was_asked(run, tmp_path):
-    table, figure = tmp_path / "s.csv", tmp_path / "s.png"
-    words = ("--vary", "tube.radius=x0.5,0.03,wide", "--quality", "fast", "-o", table)
-    status, out, err = run("sweep", LINE, *words, "--plot", figure)
-    assert (status, err) == (0, "")
-    rows = list(csv.DictReader(table.read_text().splitlines()))
-    assert [row["tube.radius"] for row in rows] == ["x0.5", "0.03", "wide"]
-    printed = [f"{float(row['duration']):.4f} s" for row in rows[:2]]
-    for words in ("duration against tube.radius", *printed, "2 of 3 planned", str(figure)):
-        assert words in out
-    assert "shortest" not in out.splitlines()[2]
-    assert "bad_input: tube.radius is 'wide'; it must be a number" in out
-    assert figure.read_bytes().startswith(PNG)
-
-
-def test_a_varied_slack_shows_the_shortest_beside(run):
-    words = ("sweep", LINE, "--vary", "objective.slack=0,0.02", "--quality", "fast")
-    status, out, _ = run(*words)
-    assert status == 0
-    assert "shortest" in out.splitlines()[2]
-    line = next(line for line in out.splitlines() if "0.02 " in line and "certified" in line)
-    durations = [float(word) for word in line.split() if word.startswith("0.") and len(word) == 6]
-    assert len(durations) == 2
-    assert durations[0] > 1.01 * durations[1]
-    assert "\nnote (0.02): smoothed: " in out
-
-
-def test_vary_as_json(run, tmp_path):
-    path = tmp_path / "s.json"
-    words = ("--vary", "robot.payload.mass=0, 5, -1", "--quality", "fast", "-o", path)
-    status, out, _ = run("sweep", LINE, *words, "--json")
-    fields, written = json.loads(out), json.loads(path.read_text())
-    assert status == 0
-    assert fields["message"] == "2 of 3 planned"
-    assert fields["quantity"] == "robot.payload.mass"
-    assert [row["value"] for row in fields["rows"]] == [0, 5, -1]
-    assert [row["status"] for row in fields["rows"]] == ["success", "success", "bad_input"]
-    assert fields["rows"][0]["duration"] < fields["rows"][1]["duration"]
-    assert fields["rows"] == written["rows"]
-    assert fields["loading_time"] == sum(row["loading_time"] for row in fields["rows"])
-
-
-def test_without_any_answer_a_sweep_fails(run):
-    status, out, _ = run("sweep", LINE, "--vary", "robot.payload.mass=-1", "--json")
-    assert status == 1
-    assert json.loads(out)["status"] == "no_trajectory"
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (
-            ("--vary", "tube.radius=1", "--radius", "1"),
-            "either --radius or --radius-scale or --vary",
-        ),
-        (
-            ("--vary", "tube.radius=1", "--vary", "clearance=0"),
-            "--vary clearance=0: a sweep varies one field; leave out the others",
-        ),
-        (("--vary", "tube.raduis=1"), "unknown key 'raduis'"),
-        (("--vary", "obstacles.post.sphere=1"), "obstacles is not given; give it as a whole"),
-        (("--vary", "tube.radius"), "--vary 'tube.radius': give FIELD.PATH=V1,V2,..."),
-        (("--vary", "tube.radius=1", "--set", "tube.radius=2"), "both varied and changed"),
-        (("--vary", "objective.slack=0", "--slack", "0"), "slack is given; leave out one of them"),
-    ],
-)
-def test_wrong_usage_of_vary_is_refused_by_name(words, message, run):
-    status, _, err = run("sweep", LINE, *words)
-    assert status == 2
-    assert message in err
-
-
 # What is written once there is an answer, and what is not.
 
 
-PROBLEM = "example:two_link/around_a_post"
 MOTION = stored_path("two_link/around_a_post", REFINEMENT)
 
 
@@ -363,7 +270,7 @@ def test_what_a_library_drew_that_swallowed_an_interrupt_is_not_written(
     command, *more = words.format(motion=MOTION).split()
     path = tmp_path / ("a.html" if "page" in spoiled else "a.png")
     path.write_text("precious")
-    assert run(command, PROBLEM, *more, path)[0] == 130
+    assert run(command, POST, *more, path)[0] == 130
     assert path.read_text() == "precious"
 
 
@@ -379,7 +286,7 @@ def test_an_answer_is_drawn_and_written_whole(run, tmp_path, monkeypatch):
     monkeypatch.setattr(study_plots, "plot_sweep", draw)
     table, figure = tmp_path / "a.csv", tmp_path / "a.png"
     options = ("--radius-scale", "1", "--quality", "fast", "-o", table, "--plot", figure)
-    assert run("sweep", PROBLEM, *options)[0] == 0
+    assert run("sweep", LINE, *options)[0] == 0
     assert table.exists()
     assert figure.read_bytes().startswith(b"\x89PNG")
 
@@ -398,28 +305,29 @@ def test_a_cluster_has_its_own_processes():
         both.__enter__()
 
 
-def test_a_study_says_that_there_is_no_scheduler(run, tmp_path):
-    table = tmp_path / "t.csv"
-    study = "example:ur5/tolerance_and_payload"
-    status, _, err = run("study", study, "-o", table, "--scheduler", "tcp://127.0.0.1:1")
-    assert status == 2
-    assert "there is no Dask scheduler at tcp://127.0.0.1:1" in err
-    assert not table.exists()
+def test_a_study_may_be_planned_by_a_cluster(run, here):
+    study, address = "example:ur5/tolerance_and_payload", "tcp://127.0.0.1:1"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tubeplanner.studies.study_run.run_study", interrupted)
+        assert run("study", study, "--scheduler", address)[0] == 130
+    assert here == [(None, address)]
+
+
+def interrupted(*_, **__):
+    raise KeyboardInterrupt
 
 
 # Which build runs: what `--version`, `plan --json` and `check --json` say, and files do not.
 
 
-@pytest.mark.parametrize("build", ["native (c++, baseline)", "pure Python (for a test)"])
-def test_the_version_names_the_build(build, run, monkeypatch):
-    monkeypatch.setattr(library, "LIBRARY", NativeLibrary(None, build))
-    assert run("--version") == (0, f"tubeplanner {tubeplanner.__version__}, {build}\n", "")
+def test_the_version_names_the_build(run, monkeypatch):
+    for build in ("native (c++, baseline)", "pure Python (for a test)"):
+        monkeypatch.setattr(library, "LIBRARY", NativeLibrary(None, build))
+        assert run("--version") == (0, f"tubeplanner {tubeplanner.__version__}, {build}\n", "")
 
 
-def test_plan_and_check_name_the_build_and_files_do_not(run, tmp_path):
+def test_plan_and_check_name_the_build_and_files_do_not(run_json, tmp_path):
     path = tmp_path / "t.json"
-    _, out, _ = run("plan", PROBLEM, "-o", path, "--json")
-    assert json.loads(out)["build"] == LIBRARY.build
-    _, out, _ = run("check", PROBLEM, path, "--json")
-    assert json.loads(out)["build"] == LIBRARY.build
+    assert run_json("plan", POST, *STOPS, "-o", path)[1]["build"] == LIBRARY.build
+    assert run_json("check", POST, path)[1]["build"] == LIBRARY.build
     assert "build" not in json.loads(path.read_text())

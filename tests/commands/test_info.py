@@ -1,9 +1,8 @@
-"""`info`: contents and gaps of a robot, problem or cycle."""
+"""`info`: contents and gaps of a robot, problem or cycle; `links`: how closely they are covered."""
 
 import json
 
 import pytest
-from small_cycle import SMALL
 
 from tubeplanner.commands.info_text import problem_text
 from tubeplanner.problem.problem_info import problem_info
@@ -37,23 +36,20 @@ def _json(run, *arguments):
 
 
 def test_a_robot_without_limits_is_described(run, bare):
-    found = _json(run, bare)
-    assert (found["name"], found["tool_frame"], found["tool_frame_is_given"]) == (
-        "bare",
-        "tip",
-        False,
-    )
-    turn, slide = found["joints"]
+    robot = _json(run, bare)
+    named = (robot["name"], robot["tool_frame"], robot["tool_frame_is_given"])
+    assert named == ("bare", "tip", False)
+    turn, slide = robot["joints"]
     assert turn["limits"]["position"] == {"value": [-1.0, 2.0], "source": "URDF"}
     assert turn["limits"]["velocity"] == {"value": 2.0, "source": "URDF"}
     assert turn["limits"]["effort"] == {"value": None, "source": "none"}
     assert slide["limits"]["position"] == {"value": None, "source": "none"}
     assert turn["limits"]["acceleration"] == {"value": None, "source": "none"}
-    assert found["mass"] == 1.5
-    arm = found["links"][1]
+    assert robot["mass"] == 1.5
+    arm = robot["links"][1]
     assert (arm["collision"], arm["visual"]) == ({"box": 1, "sphere": 1}, {})
     assert (arm["mass"], arm["is_leaf"]) == (1.5, False)
-    velocity, effort, position, mass = found["missing"]
+    velocity, effort, position, mass = robot["missing"]
     assert "slide (the URDF has none)" in velocity and "turn" not in velocity
     assert "turn (the URDF has 0), slide" in effort and "robot.limits.effort" in effort
     assert "slide" in position and "robot.limits.position" in position
@@ -95,19 +91,20 @@ def test_a_problem_has_start_tube_and_solids(run):
 
 def test_where_the_robot_stands_is_told(run):
     name = "example:two_link/around_a_post"
-    found = _json(run, name)
-    assert found["root_link"] == "base"
-    assert found["base"] is None
+    robot = _json(run, name)
+    assert (robot["root_link"], robot["base"]) == ("base", None)
     assert "stands at" not in run("info", name)[1]
-    at, turn = "robot.base.position=[0.1, 0, 2]", "robot.base.rpy=[0, 3.1, 0]"
-    base = _json(run, name, "--set", at, "--set", turn)["base"]
+    at = ("--set", "robot.base.position=[0.1, 0, 2]")
+    turns = {
+        "not turned": (),
+        "rpy [0, 3.1, 0] rad": ("--set", "robot.base.rpy=[0, 3.1, 0]"),
+        "quaternion [0, 0, 1, 0]": ("--set", "robot.base.quaternion=[0, 0, 1, 0]"),
+    }
+    for words, turn in turns.items():
+        text = run("info", name, *at, *turn)[1]
+        assert f"base: base stands at [0.1, 0, 2] m, {words}\n" in text
+    base = _json(run, name, *at, *turns["rpy [0, 3.1, 0] rad"])["base"]
     assert base == {"position": [0.1, 0, 2], "rpy": [0, 3.1, 0], "quaternion": None}
-    told = "base: base stands at [0.1, 0, 2] m, "
-    assert told + "not turned\n" in run("info", name, "--set", at)[1]
-    assert told + "rpy [0, 3.1, 0] rad\n" in run("info", name, "--set", at, "--set", turn)[1]
-    turn = "robot.base.quaternion=[0, 0, 1, 0]"
-    text = run("info", name, "--set", at, "--set", turn)[1]
-    assert told + "quaternion [0, 0, 1, 0]\n" in text
 
 
 def test_a_problem_that_does_not_load_is_described_and_says_why(run, bare):
@@ -125,13 +122,9 @@ def test_a_problem_that_does_not_load_is_described_and_says_why(run, bare):
 
 def test_changed_fields_count(run):
     change = "robot.limits.scale={velocity: 0.5}"
-    found = _json(run, "example:two_link/around_a_post", "--set", change)
-    assert found["task"]["name"] == "two_link/around_a_post"
-    found = _json(run, "example:ur5/over_the_wall", "--set", change)
-    assert found["joints"][0]["limits"]["velocity"] == {"value": 1.575, "source": "URDF x 0.5"}
-
-
-def test_changes_of_a_robot_are_refused(run):
+    problem = _json(run, "example:ur5/over_the_wall", "--set", change)
+    assert problem["task"]["name"] == "ur5/over_the_wall"
+    assert problem["joints"][0]["limits"]["velocity"] == {"value": 1.575, "source": "URDF x 0.5"}
     status, _, error = run("info", "example:ur5", "--set", "robot.urdf=x")
     assert status == 2 and "--set changes a problem file" in error
 
@@ -167,38 +160,54 @@ def test_what_is_not_there_is_refused(run, name):
 # `tubeplanner info` of cycles.
 
 
-@pytest.fixture
-def path(tmp_path):
-    path = tmp_path / "small.yaml"
-    path.write_text(SMALL)
-    return path
-
-
 def rows(text):
     """Return the cells of the rows of all tables, by the first."""
     cells = ([cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines())
     return {row[0]: row[1:] for row in cells if row}
 
 
-def test_moves_rests_and_what_is_carried_are_told(run, path):
-    status, text, _ = run("info", path)
+def test_moves_rests_and_what_is_carried_are_told(run, cycle_path):
+    status, text, _ = run("info", cycle_path)
     assert status == 0
     assert "4 moves in 3 legs (each without a stop); ends where it begins" in text
     table = rows(text)
     assert table["beside"] == ["1", "0.35 m", "in any configuration", "0.5 kg, part"]
     assert table["back"] == ["1", "0.7906 m", "as the cycle begins", "nothing"]
     assert "at rest: gripper 'open' (0.06 s), detach part" in table
-
-
-def test_an_open_cycle_ends_in_any_configuration(run, path):
-    _, text, _ = run("info", path, "--set", "closed=false")
+    _, text, _ = run("info", cycle_path, "--set", "closed=false")
     assert rows(text)["back"][2] == "in any configuration"
 
 
-def test_what_does_not_load_is_told_with_the_reason(run, path):
-    status, text, _ = run("info", path, "--set", "period=0.004")
+def test_what_does_not_load_is_told_with_the_reason(run, run_json, cycle_path):
+    words = ("info", cycle_path, "--set", "period=0.004")
+    status, text, _ = run(*words)
     assert status == 0
     assert text.rstrip().endswith("no multiple of the period, 0.004 s; give 0.048 or 0.052")
-    answer = json.loads(run("info", path, "--set", "period=0.004", "--json")[1])
+    _, answer = run_json(*words)
     assert answer["cycle"] is None
     assert "dwell is 0.05 s" in answer["refused"]
+
+
+# `tubeplanner links`: how closely links are covered, and what is not checked.
+
+
+def test_links_are_listed_with_what_their_covers_stand_off(run, run_json):
+    status, report = run_json("links", "example:two_link/around_a_post")
+    assert (status, report["status"]) == (0, "success")
+    assert {"link", "shapes", "outer_error", "closer_shapes", "closer_error"} == {
+        *report["links"][0]
+    }
+    assert all(each["outer_error"] >= 0 for each in report["links"])
+    for pair in report["left_out"]:
+        assert pair["reason"] in ("neighbours", "always touching", "ignored")
+    status, text, _ = run("links", "example:two_link/around_a_post")
+    assert status == 0
+    for each in report["links"]:
+        assert each["link"] in text
+    assert run("links", "nothing.yaml")[0] == 2
+
+
+@pytest.mark.dear("reads the meshes of an arm")
+def test_meshes_are_measured(run_json):
+    listed = run_json("links", "example:ur5/over_the_wall")[1]["links"]
+    assert any(each["outer_error"] > 1e-3 for each in listed)

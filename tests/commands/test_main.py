@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -10,40 +11,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gantry import gantry
 from ruamel.yaml import YAML
+from stored_trajectories import REFINEMENT, stored_path
 
-from cases import slow_but
-from tubeplanner import Place, PlanOptions, compare, load_problem, load_robot
+from tubeplanner import LimitOverrides, Place, PlanOptions, compare, load_problem, load_robot, plan
 from tubeplanner.baselines.baselines import BASELINES
+from tubeplanner.commands.cli import main
+from tubeplanner.commands.report import peaks_lines
+from tubeplanner.planning import planner
 from tubeplanner.planning.plan_options import METHODS
-from tubeplanner.resources import bundled_presets, bundled_problems
+from tubeplanner.resources import bundled_presets
 from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 
 # The command line as a user meets it: text, one JSON object, files, exit status.
 
 
-PROBLEM = "example:two_link/around_a_post"
+NAME, NARROW = "two_link/around_a_post", "two_link/paper_1_30mm"
+PROBLEM, LINE = f"example:{NAME}", f"example:{NARROW}"
+STOPS = ("--method", "stop-at-corners")
 FIELDS = {
-    "status",
-    "message",
-    "where",
-    "duration",
-    "phase1_duration",
-    "planning_time",
-    "loading_time",
-    "certificate_time",
-    "stopped_by",
-    "certificate",
+    *("status", "message", "where", "duration", "phase1_duration", "planning_time"),
+    *("loading_time", "certificate_time", "stopped_by", "certificate"),
 }
-
-
-@pytest.fixture
-def run_json(run):
-    def call(*arguments):
-        status, out, _ = run(*arguments, "--json")
-        return status, json.loads(out)
-
-    return call
 
 
 def problem_file(folder: Path, **sections):
@@ -67,38 +57,47 @@ def test_plan_writes_what_was_asked_and_says_where(run, tmp_path):
     files = {option: tmp_path / option.strip("-") for option in ("-o", "--csv", "--ros")}
     files["--plot"] = tmp_path / "figure.png"
     arguments = [word for pair in files.items() for word in pair]
-    status, out, err = run("plan", PROBLEM, *arguments)
+    status, out, err = run("plan", PROBLEM, *STOPS, *arguments)
     assert status == 0
     assert err == ""
     for path in files.values():
         assert path.stat().st_size > 1000
         assert str(path) in out
     assert "success: certified trajectory of" in out
+    lines = out.splitlines()
+    assert lines[1].startswith("peaks: joint acceleration ")
+    assert "tool speed" in lines[1]
+    assert lines[2].startswith("nothing limits acceleration or jerk; ")
+    assert "robot.limits.acceleration and robot.limits.jerk" in lines[2]
 
 
-def test_plan_without_an_output_option_writes_nothing(run, tmp_path, monkeypatch):
+def test_an_answer_that_is_not_kept_says_what_keeps_it(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert run("plan", PROBLEM)[0] == 0
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_json_is_one_object_with_every_field(run_json):
-    status, fields = run_json("plan", PROBLEM)
+    status, out, _ = run("plan", PROBLEM, *STOPS)
     assert status == 0
-    assert set(fields) >= FIELDS
-    assert fields["status"] == "success"
-    assert fields["phase1_duration"] is None
-    assert fields["search"] is None
-    _, fields = run_json("plan", PROBLEM, "--method", "branch-and-bound")
-    assert fields["phase1_duration"] == fields["duration"]
-    assert fields["search"]["nodes"] > 0
-    assert set(fields["where"]) == set(Place().as_dict())
-    assert fields["certificate"]["passed"] is True
+    assert out.splitlines()[-1] == (
+        "nothing written; to keep the answer, give -o T.json or --csv or --ros or --plot or --html"
+    )
+    assert list(tmp_path.iterdir()) == []
+    _, out, _ = run("plan", PROBLEM, *STOPS, "-o", "t.json")
+    assert out.splitlines()[-1] == "trajectory: t.json"
+    assert "nothing written" not in out
 
 
-def test_the_answer_is_smooth_unless_the_shortest_is_asked_for(run_json):
-    _, smooth = run_json("plan", PROBLEM)
-    _, shortest = run_json("plan", PROBLEM, "--slack", 0)
+@pytest.mark.dear("plans twice, smoothed and not")
+def test_json_is_one_object_and_the_answer_smooth_unless_the_shortest_is_asked_for(run_json):
+    status, smooth = run_json("plan", LINE)
+    assert (status, smooth["status"]) == (0, "success")
+    assert set(smooth) >= FIELDS
+    assert smooth["phase1_duration"] is smooth["search"] is None
+    assert set(smooth["where"]) == set(Place().as_dict())
+    assert smooth["certificate"]["passed"] is True
+    assert smooth["peak_acceleration"]["joint"] in {"joint1", "joint2"}
+    for name, unit in (("tool_speed", "m/s"), ("tool_acceleration", "m/s^2")):
+        assert smooth[name]["unit"] == unit
+        assert smooth[name]["value"] > 0
+        assert 0 <= smooth[name]["time"] <= smooth["duration"]
+    _, shortest = run_json("plan", LINE, "--slack", 0)
     least = shortest["duration"]
     assert smooth["shortest_duration"] == shortest["shortest_duration"] == least
     assert least < smooth["duration"] <= 1.005 * least * (1 + 1e-9)
@@ -109,58 +108,35 @@ def test_the_answer_is_smooth_unless_the_shortest_is_asked_for(run_json):
     assert smoothed == [True, False]
 
 
-def test_the_first_lines_are_the_peaks_and_what_nothing_limits(run, run_json, tmp_path):
-    lines = run("plan", PROBLEM)[1].splitlines()
-    assert lines[1].startswith("peaks: joint acceleration ")
-    assert "tool speed" in lines[1]
-    assert lines[2].startswith("nothing limits acceleration or jerk; ")
-    assert "robot.limits.acceleration and robot.limits.jerk" in lines[2]
-    _, fields = run_json("plan", PROBLEM)
-    assert fields["peak_acceleration"]["joint"] in {"joint1", "joint2"}
-    for name, unit in (("tool_speed", "m/s"), ("tool_acceleration", "m/s^2")):
-        assert fields[name]["unit"] == unit
-        assert fields[name]["value"] > 0
-        assert 0 <= fields[name]["time"] <= fields["duration"]
+@pytest.mark.slow  # searches
+def test_a_search_says_what_it_did(run_json, tmp_path):
+    words = ("--method", "branch-and-bound", "--slack", "0")
+    _, fields = run_json("plan", problem_file(tmp_path), *words)
+    assert fields["phase1_duration"] == fields["duration"]
+    assert fields["search"]["nodes"] > 0
 
 
 @pytest.mark.parametrize(
-    ("quantities", "line"),
+    ("limits", "line"),
     [
-        ({"acceleration": {"joint1": 90.0, "joint2": 90.0}}, "nothing limits jerk; "),
+        ({"acceleration": ("joint1", "joint2")}, "nothing limits jerk; "),
         (
-            {"acceleration": {"joint1": 90.0, "joint2": 90.0}, "jerk": {"joint1": 9000.0}},
+            {"acceleration": ("joint1", "joint2"), "jerk": ("joint1",)},
             "nothing limits jerk of joint2; ",
         ),
-        (
-            {
-                "acceleration": {"joint1": 90.0, "joint2": 90.0},
-                "jerk": {"joint1": 9000.0, "joint2": 9000.0},
-            },
-            "loaded in ",
-        ),
+        ({"acceleration": ("joint1", "joint2"), "jerk": ("joint1", "joint2")}, None),
     ],
 )
-def test_limits_that_are_given_are_not_asked_for(run, tmp_path, quantities, line):
-    robot = {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]}
-    limits = {"velocity": {"joint1": 50.0, "joint2": 50.0}, **quantities}
-    path = problem_file(tmp_path, robot={**robot, "limits": limits})
-    status, text, _ = run("plan", path, "--method", "stop-at-corners")
-    assert status == 0
-    assert text.splitlines()[2].startswith(line)
+def test_limits_that_are_given_are_not_asked_for(limits, line):
+    overrides = {name: dict.fromkeys(joints, 90.0) for name, joints in limits.items()}
+    robot = load_robot("example:two_link", "hand", limits=LimitOverrides(**overrides))
+    lines = peaks_lines(robot, "the peaks")
+    assert lines[0] == "peaks: the peaks"
+    assert [each.startswith(line) for each in lines[1:]] == ([] if line is None else [True])
 
 
-def test_a_refusal_has_no_peaks(run_json, tmp_path):
-    path = problem_file(tmp_path, tube={"points": [[0.3, -0.3, 0], [9.0, 0, 0]], "radius": 0.03})
-    status, fields = run_json("plan", path)
-    assert status == 1
-    assert (
-        fields["peak_acceleration"] is fields["tool_speed"] is fields["tool_acceleration"] is None
-    )
-
-
-def test_a_planned_file_passes_check_and_a_faster_one_fails(run, run_json, tmp_path):
-    good, fast = tmp_path / "good.json", tmp_path / "fast.json"
-    run("plan", PROBLEM, "-o", good, "--slack", 0)
+def test_a_file_that_plan_writes_passes_check_and_a_faster_one_fails(run, run_json, tmp_path):
+    good, fast = stored_path(NAME, REFINEMENT), tmp_path / "fast.json"
     status, out, _ = run("check", PROBLEM, good)
     assert status == 0
     assert "passes every condition" in out
@@ -191,10 +167,10 @@ def test_an_infeasible_problem_is_an_answer(run, run_json, tmp_path):
     assert "unreachable: " in out
     assert output.read_text() == "precious"
     status, fields = run_json("plan", path)
-    assert status == 1
-    assert fields["status"] == "unreachable"
+    assert (status, fields["status"]) == (1, "unreachable")
     assert fields["where"]["segment"] == 0
-    assert fields["duration"] is None
+    absent = ("duration", "peak_acceleration", "tool_speed", "tool_acceleration")
+    assert {fields[name] for name in absent} == {None}
 
 
 @pytest.mark.parametrize(
@@ -243,10 +219,11 @@ def test_an_interrupt_before_anything_is_certified_exits_with_130(run, run_json,
         raise KeyboardInterrupt
 
     monkeypatch.setattr("tubeplanner.planning.plan_result.verify", interrupt)
-    assert run("plan", PROBLEM)[0] == 130
-    status, fields = run_json("plan", PROBLEM)
-    assert status == 130
-    assert fields["status"] == "interrupted"
+    status, out, err = run("plan", PROBLEM, *STOPS)
+    assert (status, out) == (130, "")
+    assert "interrupted before there was an answer" in err
+    status, fields = run_json("plan", PROBLEM, *STOPS)
+    assert (status, fields["status"]) == (130, "interrupted")
 
 
 def test_an_interrupt_while_a_certified_answer_is_written_loses_nothing(
@@ -262,15 +239,15 @@ def test_an_interrupt_while_a_certified_answer_is_written_loses_nothing(
 
     monkeypatch.setattr(output_files, "write_files", interrupted_write)
     path = tmp_path / "t.json"
-    status, fields = run_json("plan", PROBLEM, "-o", path)
-    assert status == 0
-    assert fields["status"] == "success"
+    status, fields = run_json("plan", PROBLEM, *STOPS, "-o", path)
+    assert (status, fields["status"]) == (0, "success")
     assert fields["stopped_by"] == "interrupt"
     assert path.exists()
 
 
-def test_an_interrupt_that_a_library_swallows_still_counts(run_json, monkeypatch):
-    """trimesh catches everything while it imports; here, loading does."""
+@pytest.mark.parametrize("breaks", [False, True])
+def test_an_interrupt_that_a_library_swallows_still_counts(run_json, monkeypatch, breaks):
+    """trimesh catches everything while it imports, and may be left half imported."""
     from tubeplanner.cycle import problem_or_cycle
 
     load = problem_or_cycle.load_problem
@@ -278,24 +255,13 @@ def test_an_interrupt_that_a_library_swallows_still_counts(run_json, monkeypatch
     def swallowing_load(*names, **options):
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
+        if breaks:
+            raise TypeError("a half imported library")
         return load(*names, **options)
 
     monkeypatch.setattr(problem_or_cycle, "load_problem", swallowing_load)
     status, fields = run_json("plan", PROBLEM)
-    assert status == 130
-    assert fields["status"] == "interrupted"
-
-
-def test_what_an_interrupt_breaks_in_a_library_is_no_error(run_json, monkeypatch):
-    def breaking_load(*names, **options):
-        with contextlib.suppress(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
-        raise TypeError("a half imported library")
-
-    monkeypatch.setattr("tubeplanner.cycle.problem_or_cycle.load_problem", breaking_load)
-    status, fields = run_json("plan", PROBLEM)
-    assert status == 130
-    assert fields["status"] == "interrupted"
+    assert (status, fields["status"]) == (130, "interrupted")
 
 
 def test_an_error_of_our_own_is_one_line_and_not_a_verdict(run_json, monkeypatch):
@@ -303,27 +269,24 @@ def test_an_error_of_our_own_is_one_line_and_not_a_verdict(run_json, monkeypatch
         raise ZeroDivisionError("oops")
 
     monkeypatch.setattr("tubeplanner.planning.plan_result.verify", broken)
-    status, fields = run_json("plan", PROBLEM)
+    status, fields = run_json("plan", PROBLEM, *STOPS)
     assert status == 2
     assert "internal error, please report it" in fields["message"]
     assert "ZeroDivisionError: oops" in fields["message"]
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-@pytest.mark.parametrize("words", [("robots",), ("info", PROBLEM), ("info", PROBLEM, "--json")])
-def test_a_full_disk_under_standard_output_is_no_error_of_ours(words):
-    code = "import sys; from tubeplanner.commands.cli import main; sys.exit(main(sys.argv[1:]))"
-    with Path("/dev/full").open("w") as full:
-        ended = subprocess.run(
-            [sys.executable, "-c", code, *words],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
-    assert ended.returncode != 0
-    assert "standard output cannot be written: No space left on device" in ended.stderr
-    assert "internal error" not in ended.stderr
+@pytest.mark.parametrize("words", [("robots",), ("info", PROBLEM, "--json")])
+def test_a_full_disk_under_standard_output_is_no_error_of_ours(words, monkeypatch, capsys):
+    full = os.open("/dev/full", os.O_WRONLY)
+    with monkeypatch.context() as patch:
+        stream = os.fdopen(full, "w", closefd=False)
+        patch.setattr(sys, "stdout", stream)
+        assert main(list(words)) == 2
+        with contextlib.suppress(OSError):
+            stream.close()
+    os.close(full)
+    assert "standard output cannot be written: No space left" in capsys.readouterr().err
 
 
 def test_obstacles_that_nothing_can_meet_are_pointed_out(run, tmp_path):
@@ -341,7 +304,7 @@ def test_obstacles_that_nothing_can_meet_are_pointed_out(run, tmp_path):
         "obstacles": [ball],
     }
     path.write_text(json.dumps(fields))
-    status, out, _ = run("plan", path)
+    status, out, _ = run("plan", path, *STOPS)
     assert status == 0
     assert "no collision geometry; the obstacles were NOT checked" in out
 
@@ -350,7 +313,7 @@ def test_a_name_is_printed_as_it_is(run, tmp_path):
     """Square brackets are markup to the library that draws the table."""
     ball = {"name": "b [red]x[/red]", "sphere": 0.01, "position": [0.3, 0, 0]}
     path = problem_file(tmp_path, obstacles=[ball])
-    assert "b [red]x[/red]" in run("plan", path)[1]
+    assert "b [red]x[/red]" in run("plan", path, *STOPS)[1]
 
 
 def test_robots_and_schema_are_listed(run, run_json):
@@ -394,104 +357,40 @@ def test_the_installed_command_runs():
 # Robots out of the ordinary: every method, baseline and command has an answer or a reason.
 
 
-POST = {"name": "post", "cylinder": [0.03, 0.5], "position": [-0.7, -0.7, 0]}
-
-
-def link(name, size, at=0.15):
-    """Return a link of 2 kg; without a size [m] it has no collision geometry."""
-    inertia = '<inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/>'
-    origin, shape = f'<origin xyz="{at} 0 0"/>', ""
-    if size is not None:
-        shape = f'<collision>{origin}<geometry><box size="{size}"/></geometry></collision>'
-    inertial = f'<inertial>{origin}<mass value="2"/>{inertia}</inertial>'
-    return f'<link name="{name}">{inertial}{shape}</link>'
-
-
-def joint(name, kind, parent, child, x, axis):
-    limit = '<limit lower="-3" upper="3" effort="60" velocity="3"/>'
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{x} 0 0"/><axis xyz="{axis}"/>{limit}</joint>'
-    )
-
-
-def turning(size, count):
-    names = ["base", *(f"l{k}" for k in range(count))]
-    joints = [
-        joint(f"j{k}", "revolute", names[k], names[k + 1], 0.3 * (k > 0), "0 0 1")
-        for k in range(count)
-    ]
-    hand = joint("fix", "fixed", names[-1], "hand", 0.3, "1 0 0")
-    links = [link(name, size) for name in names[1:]]
-    return "".join(['<link name="base"/>', *links, *joints, '<link name="hand"/>', hand])
-
-
-def sliding(size):
-    rails = joint("x", "prismatic", "base", "a", 0, "1 0 0")
-    rails += joint("y", "prismatic", "a", "hand", 0, "0 1 0")
-    return f'<link name="base"/>{link("a", size, 0)}{link("hand", size, 0)}{rails}'
-
-
-ELBOW = [[0.2, 0.9], [0.6, 0.9], [1.0, 0.7]]
-ROBOTS = {
-    "no collision geometry": (turning(None, 2), ELBOW, [], True),
-    "no collision geometry, an obstacle": (turning(None, 2), ELBOW, [POST], True),
-    "a single joint": (turning("0.2 0.04 0.04", 1), [[0.0], [0.2], [0.4]], [POST], True),
-    "sliding joints": (sliding("0.1 0.1 0.05"), [[0, 0], [0.4, 0], [0.4, 0.4]], [POST], True),
-    "no self-collision": (turning("0.2 0.04 0.04", 2), ELBOW, [POST], False),
-}
-
-
-# Each robot meets the methods or the commands quickly; the other half is slow.
-WITH_COMMANDS = ("no self-collision",)
-WITH_METHODS = [name for name in ROBOTS if name not in WITH_COMMANDS]
+POST = {"name": "post", "box": [0.1, 0.1, 0.5], "position": [-0.7, -0.7, 0]}
 
 
 @pytest.fixture
-def path(request, tmp_path):
-    """Return the file of a problem along the tool's way through three configurations."""
-    parts, q, obstacles, self_collision = ROBOTS[request.param]
-    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{parts}</robot>')
-    robot = load_robot("arm.urdf", "hand", directory=tmp_path)
-    points = robot.tool_position(np.array(q, dtype=float)).round(6)
-    fields = {
-        "robot": {"urdf": "arm.urdf", "tool_frame": "hand"},
-        "tube": {"points": points.tolist(), "radius": 0.05},
-        "start": {"joints": q[0]},
-        "goal": {"joints": q[-1]},
-        "obstacles": obstacles,
-        "collision": {"self": self_collision},
-    }
-    path = tmp_path / "p.json"
-    path.write_text(json.dumps(fields))
-    return path
+def odd(tmp_path):
+    """The problem file of an arm whose joints slide."""
+    return gantry(tmp_path, [POST])
 
 
-@pytest.mark.parametrize("path", slow_but(WITH_METHODS, ROBOTS), indirect=True)
-def test_every_method_and_baseline_has_an_answer(path):
+@pytest.mark.slow  # plans by a dozen methods
+def test_every_method_and_baseline_has_an_answer(odd):
     brief = SuhBishopOptions(node_budget=50)
-    options = PlanOptions(quality="fast", node_budget=100, suh_bishop=brief, time_limit=20)
-    compared = compare(load_problem(path), options=options)
+    options = PlanOptions(quality="fast", node_budget=100, suh_bishop=brief)
+    compared = compare(load_problem(odd), options=options)
     assert [row.method for row in compared.rows] == [*METHODS, *BASELINES]
     assert [row.message for row in compared.rows if "internal error" in row.message] == []
     assert all(row.trajectory is not None or row.message for row in compared.rows)
     assert compared.rows[0].certified
 
 
-@pytest.mark.parametrize("path", slow_but(WITH_COMMANDS, ROBOTS), indirect=True)
-def test_every_command_has_an_answer(path, run):
-    folder = path.parent
+@pytest.mark.slow  # gives seven commands
+def test_every_command_has_an_answer(odd, run):
+    folder = odd.parent
     files = {f"--{name}": folder / f"t.{name}" for name in ("csv", "html")}
     files |= {"-o": folder / "t.json", "--ros": folder / "t.yaml", "--plot": folder / "t.png"}
     outputs = [word for pair in files.items() for word in pair]
     for arguments in (
-        ("plan", path, "--quality", "fast", "--time-left", *outputs),
-        ("check", path, folder / "t.csv"),
-        ("check", path, folder / "t.yaml"),
-        ("plot", path, folder / "t.json", "-o", folder / "p.png"),
-        ("view", path, folder / "t.json", "--html", folder / "v.html"),
-        ("sweep", path, "--radius", "0.04", "--quality", "fast"),
-        ("measure", path, "--configurations"),
+        ("plan", odd, "--quality", "fast", "--time-left", *outputs),
+        ("check", odd, folder / "t.csv"),
+        ("check", odd, folder / "t.yaml"),
+        ("plot", odd, folder / "t.json", "-o", folder / "p.png"),
+        ("view", odd, folder / "t.json", "--html", folder / "v.html"),
+        ("sweep", odd, "--radius", "0.04", "--quality", "fast"),
+        ("measure", odd, "--configurations"),
     ):
         status, out, err = run(*arguments)
         assert status == 0, err
@@ -501,16 +400,12 @@ def test_every_command_has_an_answer(path, run):
 # Files in a controller's periods: what was planned, sample by sample, judged as our own.
 
 
-LINE, WALL = "two_link/paper_1_30mm", "ur5/over_the_wall"
-CASES = [(name, period) for name in (LINE, WALL) for period in (0.001, 0.004, 0.008)]
 TIGHT = ("--tolerance", "1e-6")
 
 
-def in_periods(folder, name, period):
-    data = YAML(typ="safe").load(bundled_problems()[name].read_text())
+def in_periods(folder, period):
     path = folder / "problem.yaml"
-    with path.open("w") as file:
-        YAML(typ="safe").dump({**data, "period": period}, file)
+    path.write_text(f"include: {LINE}\nperiod: {period}\n")
     return path
 
 
@@ -522,12 +417,21 @@ def last_times(sampled, ros):
     return float(rows[-1]["time"]), last["sec"] + 1e-9 * last["nanosec"]
 
 
-@pytest.mark.parametrize(("name", "period"), slow_but(CASES[1:3], CASES))
-def test_files_without_a_rate_are_the_motion_itself(name, period, run, tmp_path):
-    problem = in_periods(tmp_path, name, period)
+@pytest.fixture
+def in_steps(tmp_path, shared, monkeypatch):
+    """A problem with a period, which is planned already."""
+    path = in_periods(tmp_path, 0.004)
+    quick = PlanOptions(quality="fast", slack=0.0)
+    result = shared("narrow.in_periods", lambda: plan(load_problem(path), quick))
+    monkeypatch.setattr(planner, "plan", lambda *_: result)
+    return path
+
+
+@pytest.mark.dear("plans once and judges three files")
+def test_files_without_a_rate_are_the_motion_itself(in_steps, run, run_json, tmp_path):
     own, sampled, ros = (tmp_path / f"t.{kind}" for kind in ("json", "csv", "yaml"))
-    status, out, _ = run("plan", problem, "-o", own, "--csv", sampled, "--ros", ros, "--json")
-    answer = json.loads(out)
+    files = ("-o", own, "--csv", sampled, "--ros", ros)
+    status, answer = run_json("plan", in_steps, *files)
     assert status == 0
     assert not any("CSV" in note for note in answer["notes"])
     duration = json.loads(own.read_text())["duration"]
@@ -536,38 +440,34 @@ def test_files_without_a_rate_are_the_motion_itself(name, period, run, tmp_path)
     assert times[0] == pytest.approx(duration, abs=1e-12)
     assert times[1] == pytest.approx(duration, abs=1e-9)
     for path in (own, sampled, ros):
-        status, out, _ = run("check", problem, path, *TIGHT)
+        status, out, _ = run("check", in_steps, path, *TIGHT)
         assert (status, "passes every condition" in out) == (0, True)
 
 
-@pytest.mark.parametrize("rate", [250, 500])
-def test_rates_that_hit_every_breakpoint_are_the_motion_too(rate, run, tmp_path):
-    problem, sampled = in_periods(tmp_path, LINE, 0.004), tmp_path / "t.csv"
-    _, out, _ = run("plan", problem, "--csv", sampled, "--rate", rate, "--json")
-    answer = json.loads(out)
+@pytest.mark.dear("judges two files")
+def test_rates_that_hit_every_breakpoint_are_the_motion_and_others_averaged(
+    in_steps, run, run_json, tmp_path
+):
+    """Averaged as they are without a period: they pass as foreign files do."""
+    sampled = tmp_path / "t.csv"
+    words = ("plan", in_steps, "--csv", sampled, "--rate")
+    _, answer = run_json(*words, 500)
     assert not any("CSV" in note for note in answer["notes"])
     rows = sampled.read_text().splitlines()
-    assert len(rows) == 2 + round(answer["duration"] * rate)
-    assert run("check", problem, sampled, *TIGHT)[0] == 0
-
-
-@pytest.mark.parametrize("rate", [100, 240])
-def test_other_rates_are_averaged_with_a_note(rate, run, tmp_path):
-    """As they are without a period: they pass as foreign files do."""
-    problem, sampled = in_periods(tmp_path, LINE, 0.004), tmp_path / "t.csv"
-    _, out, _ = run("plan", problem, "--csv", sampled, "--rate", rate, "--slack", 0, "--json")
-    answer = json.loads(out)
-    assert f"CSV and ROS samples at {rate} Hz are averaged" in answer["notes"][-1]
+    assert len(rows) == 2 + round(answer["duration"] * 500)
+    assert run("check", in_steps, sampled, *TIGHT)[0] == 0
+    _, answer = run_json(*words, 240)
+    assert "CSV and ROS samples at 240 Hz are averaged" in answer["notes"][-1]
     assert np.genfromtxt(sampled, delimiter=",", names=True)["time"][-1] > answer["duration"]
-    assert run("check", problem, sampled)[0] == 0
+    assert run("check", in_steps, sampled)[0] == 0
 
 
-def test_slack_of_the_command_line_holds_before_the_files(run, tmp_path):
-    problem = in_periods(tmp_path, LINE, 0.008)
+@pytest.mark.slow  # plans twice
+def test_slack_of_the_command_line_holds_before_the_files(run_json, tmp_path):
+    problem = in_periods(tmp_path, 0.008)
     durations = {}
     for slack in ("0", "0.05"):
-        _, out, _ = run("plan", problem, "--slack", slack, "--json")
-        answer = json.loads(out)
+        _, answer = run_json("plan", problem, "--quality", "fast", "--slack", slack)
         durations[slack] = round(answer["duration"] / 0.008)
         shortest = round(answer["shortest_duration"] / 0.008)
     assert durations == {"0": shortest, "0.05": int(1.05 * shortest)}

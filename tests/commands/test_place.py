@@ -1,11 +1,16 @@
 """`place` as a user meets it."""
 
-import json
-
 import pytest
 from gantry import BEST_DURATION, FLOOR, POST, gantry
 
-HERE = ("--region", "-0.3,-0.3,0,0", "--points", "8", "--quality", "fast")
+from tubeplanner.studies import placement
+
+REGION = ("--region", "-0.3,-0.3,0,0", "--points", "8", "--quality", "fast")
+
+
+@pytest.fixture(autouse=True)
+def tried_here(here):
+    """Places are tried in this process, which has all that is needed loaded."""
 
 
 @pytest.fixture(scope="module")
@@ -13,21 +18,20 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("gantry")
 
 
-def test_the_best_place_is_written_and_planned_again(run, folder):
+def test_the_best_place_is_written_and_planned_again(run, run_json, here, folder):
     problem, best, figure = gantry(folder, [FLOOR, POST]), folder / "best.yaml", folder / "map.png"
-    options = ("--stands-on", "floor", "-o", best, "--plot", figure, "--processes", "1")
-    status, out, err = run("place", problem, *HERE, *options)
-    assert (status, err) == (0, "")
+    options = ("--stands-on", "floor", "-o", best, "--plot", figure, "--processes", "3")
+    status, out, err = run("place", problem, *REGION, *options)
+    assert (status, err, here) == (0, "", [(3,)])
     assert "places tried, 8 on the grid" in out
     assert "as given: [0, 0, 0] m, yaw 0 rad (0.0 deg): 0.8" in out
     assert "best: [-0.3, 0, 0] m, yaw -0.9" in out
     assert "less than as given" in out
     assert f"problem: {best}\nmap: {figure}\njournal: {best.with_suffix('.jsonl')}\n" in out
     assert figure.read_bytes().startswith(b"\x89PNG")
-    _, again, _ = run("plan", best, "--quality", "fast", "--json")
-    assert f"{json.loads(again)['duration']:.4f} s, " in out
-    status, out, _ = run("place", problem, *HERE, *options, "--json", "--slack", "0")
-    fields = json.loads(out)
+    _, again = run_json("plan", best, "--quality", "fast")
+    assert f"{again['duration']:.4f} s, " in out
+    status, fields = run_json("place", problem, *REGION, *options, "--slack", "0")
     assert (status, fields["status"]) == (0, "success")
     assert fields["restored"] == fields["tried"] == len(fields["rows"])
     assert BEST_DURATION < fields["duration"] < 1.015 * BEST_DURATION
@@ -35,18 +39,17 @@ def test_the_best_place_is_written_and_planned_again(run, folder):
     assert fields["certificate"] is not None
 
 
-def test_no_place_is_status_1_and_says_why(run, folder, tmp_path):
+def test_no_place_is_status_1_and_says_why(run, run_json, folder, tmp_path):
     problem, best = gantry(folder, [FLOOR, POST]), tmp_path / "best.yaml"
-    inside = ("--region=-0.3,-0.3,0.3,0.3", *HERE[2:], "--stands-on", "floor")
+    inside = ("--region=-0.3,-0.3,0.3,0.3", *REGION[2:], "--stands-on", "floor")
     elsewhere = ("--set", "start.joints=[0.9, 0.9]", "-o", best)
-    status, out, _ = run("place", problem, *inside, "--processes", "1", *elsewhere)
+    status, out, _ = run("place", problem, *inside, *elsewhere)
     assert status == 1
     assert "as given: [0, 0, 0] m, yaw 0 rad (0.0 deg): start: the tool is at [0.9, 0.9" in out
     assert "base in obstacle: 'base' in 'post'" in out
     assert "no place of 8 has a motion" in out
     assert not best.exists()
-    status, out, _ = run("place", problem, *inside, "--processes", "1", "--json")
-    fields = json.loads(out)
+    status, fields = run_json("place", problem, *inside)
     assert (status, fields["status"], fields["duration"]) == (1, "no_trajectory", None)
     assert fields["where"]["obstacle"] is None
 
@@ -54,12 +57,12 @@ def test_no_place_is_status_1_and_says_why(run, folder, tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (HERE, "stands_on is required where there are obstacles (floor, post)"),
-        ((*HERE, "--stands-on", "flour"), "unknown obstacle 'flour'"),
+        (REGION, "stands_on is required where there are obstacles (floor, post)"),
+        ((*REGION, "--stands-on", "flour"), "unknown obstacle 'flour'"),
         (("--region", "0,1,a,2"), "--region '0,1,a,2' is no list of numbers"),
         (("--region", "0,1"), "give X0, X1, Y0, Y1"),
-        ((*HERE, "-o", "best.txt"), "-o best.txt: name a file that ends in .yaml"),
-        ((*HERE, "--plot", "map.jpg"), "--plot map.jpg: name a file that ends in .png"),
+        ((*REGION, "-o", "best.txt"), "-o best.txt: name a file that ends in .yaml"),
+        ((*REGION, "--plot", "map.jpg"), "--plot map.jpg: name a file that ends in .png"),
         ((), "Missing option '--region'"),
     ],
 )
@@ -68,19 +71,19 @@ def test_bad_usage_is_status_2(run, folder, options, message):
     status, out, err = run("place", problem, *options)
     assert (status, out) == (2, "")
     assert message in err
-
-
-def test_the_problem_is_not_overwritten(run, folder):
-    problem = gantry(folder, [FLOOR, POST])
-    status, _, err = run("place", problem, *HERE, "--stands-on", "floor", "-o", problem)
+    status, _, err = run("place", problem, *REGION, "--stands-on", "floor", "-o", problem)
     assert status == 2
     assert "is the same file as" in err
 
 
-def test_a_robot_may_stand_on_none_of_the_obstacles(run, folder):
-    problem = gantry(folder, [POST], "post_alone")
-    one = ("--region", "-0.3,-0.3,0,0", "--points", "1", "--quality", "fast")
-    status, out, _ = run("place", problem, *one, "--stands-on", "none", "--processes", "1")
-    assert status in (0, 1)
-    assert "places tried, 1 on the grid" in out
-    assert "nothing written; to keep the answer, give -o BEST.yaml or --plot" in out
+def test_a_robot_may_stand_on_none_of_the_obstacles(run, folder, monkeypatch):
+    stood_on = []
+
+    def search(*_, stands_on, **__):
+        stood_on.append(stands_on)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(placement, "place", search)
+    for words in ((), ("--stands-on", "none"), ("--stands-on", "floor")):
+        assert run("place", gantry(folder, [FLOOR, POST]), *REGION, *words)[0] == 130
+    assert stood_on == [None, (), ("floor",)]

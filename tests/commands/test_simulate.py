@@ -15,34 +15,41 @@ from tubeplanner.files.trajectory_writer import TrajectoryFiles
 
 
 NAME = "two_link/around_a_post"
+EXACT = ("mass", "com", "payload", "unmodelled-friction", "lag", "delay", "noise", "tool")
 CASE = (f"example:{NAME}", str(stored_path(NAME, REFINEMENT)))
 
 
-def test_what_was_seen_is_printed_with_when_and_where(run):
-    status, text, _ = run("simulate", *CASE, "--runs", "2")
+@pytest.mark.dear("simulates, and makes a figure and a page")
+def test_what_was_seen_is_printed_and_files_are_written_and_named(run, tmp_path):
+    figure, page = tmp_path / "runs.png", tmp_path / "runs.html"
+    status, text, _ = run("simulate", *CASE, "--runs", "2", "--plot", figure, "--html", page)
     assert status == 0
     assert "seen in 2 runs" in text
     assert "beyond the tube [m]" in text
     assert "left the tube" in text
+    assert text.endswith(f"plot: {figure}\nview: {page}\n")
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "Executed paths of the tool: 2 runs" in page.read_text()
 
 
-def test_the_same_as_json_and_for_the_same_seed(run):
-    words = ("simulate", *CASE, "--runs", "3", "--seed", "4", "--json")
-    report, again = (json.loads(run(*words)[1]) for _ in range(2))
-    assert report["seen"] == again["seen"]
-    assert (report["status"], report["verdict"]["runs"]) == ("success", 3)
+@pytest.mark.dear("simulates twice")
+def test_the_same_as_json_and_of_other_runs_by_another_seed(run_json):
+    words = ("simulate", *CASE, "--runs", "2", "--seed")
+    _, report = run_json(*words, "4")
+    assert report["seen"] != run_json(*words, "5")[1]["seen"]
+    assert (report["status"], report["verdict"]["runs"]) == ("success", 2)
     assert report["seen"]["tube"]["worst"]["value"] == max(report["excursions"])
     assert report["seen"]["rotation"] is None
     assert report["verdict"]["broken"]["tube"] == sum(value > 0 for value in report["excursions"])
+    assert (report["plot"], report["html"]) == (None, None)
 
 
-def test_errors_are_those_that_are_given(run):
-    exact = ["mass", "com", "payload", "unmodelled-friction", "lag", "delay", "noise", "tool"]
-    words = [word for name in exact for word in (f"--{name}", "0")]
-    shifted = ("simulate", *CASE, "--runs", "4", "--base", "0.02", *words, "--json")
-    seen = json.loads(run(*shifted)[1])["seen"]
-    assert seen["tracking"]["worst"]["value"] < 1e-3
-    assert 0.005 < seen["tool_tracking"]["worst"]["value"] < 0.021
+@pytest.mark.dear("simulates")
+def test_errors_are_those_that_are_given(run_json):
+    words = [word for name in EXACT for word in (f"--{name}", "0")]
+    _, report = run_json("simulate", *CASE, "--runs", "2", "--base", "0.02", *words)
+    assert report["seen"]["tracking"]["worst"]["value"] < 1e-3
+    assert 0.005 < report["seen"]["tool_tracking"]["worst"]["value"] < 0.021
 
 
 @pytest.mark.parametrize(
@@ -57,18 +64,6 @@ def test_what_makes_no_sense_is_refused(run, words, message):
     status, _, error = run("simulate", *CASE, *words)
     assert status == 2
     assert message in error
-
-
-def test_figure_and_page_are_written_and_named(run, tmp_path):
-    figure, page = tmp_path / "runs.png", tmp_path / "runs.html"
-    words = ("simulate", *CASE, "--runs", "2", "--plot", figure, "--html", page)
-    status, text, _ = run(*words)
-    assert status == 0
-    assert text.endswith(f"plot: {figure}\nview: {page}\n")
-    assert figure.read_bytes().startswith(b"\x89PNG")
-    assert "Executed paths of the tool: 2 runs" in page.read_text()
-    report = json.loads(run(*words[:-2], "--json")[1])
-    assert (report["plot"], report["html"]) == (str(figure), None)
 
 
 @pytest.mark.parametrize(
@@ -113,9 +108,6 @@ def test_nothing_is_written_on_failure(run, tmp_path, monkeypatch):
     assert (status, text) == (2, "")
     assert "no page today" in error
     assert list(tmp_path.iterdir()) == []
-    other = stored_path("ur5/over_the_wall", REFINEMENT)
-    assert run("simulate", CASE[0], other, *files)[0] == 2
-    assert list(tmp_path.iterdir()) == []
 
 
 # `tubeplanner simulate` of whole cycles.
@@ -154,8 +146,10 @@ def case(tmp_path_factory):
     return cycle, trajectory
 
 
-def test_the_whole_the_moves_and_what_changes_hands_are_told(run, case):
-    status, text, _ = run("simulate", *case, "--runs", "2")
+@pytest.mark.slow  # simulates a cycle, and makes a figure and a page
+def test_the_whole_the_moves_and_what_changes_hands_are_told(run, case, tmp_path):
+    figure, page = tmp_path / "runs.png", tmp_path / "runs.html"
+    status, text, _ = run("simulate", *case, "--runs", "2", "--plot", figure, "--html", page)
     assert status == 0
     lines = text.splitlines()
     assert "seen in 2 runs" in lines[0]
@@ -167,11 +161,28 @@ def test_the_whole_the_moves_and_what_changes_hands_are_told(run, case):
     assert any(line.startswith("0 of 2 runs failed") for line in lines)
     assert "note: what is taken or let go stands where the planned motion has it" in text
     assert "made for another" not in text
+    assert text.endswith(f"plot: {figure}\nview: {page}\n")
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "Executed paths of the tool: 2 runs" in page.read_text()
 
 
-def test_the_same_as_json(run, case):
-    report = json.loads(run("simulate", *case, "--runs", "3", "--seed", "4", "--json")[1])
-    assert (report["status"], report["verdict"]["runs"]) == ("success", 3)
+@pytest.mark.dear("simulates a cycle")
+def test_the_cycle_may_be_changed_and_its_moves_are_told(run, case):
+    change = ("--set", "moves.carry.tube.radius=0.01")
+    status, text, _ = run("simulate", *case, "--runs", "1", *change)
+    assert status == 0
+    for move in ("reach", "carry", "back"):
+        assert any(line.startswith(f"{move} ") and "of 1" in line for line in text.splitlines())
+    assert f"\n{DURATION + DWELL:.4f} s: attach part " in text
+    assert "note: what is taken or let go stands where the planned motion has it" in text
+    assert "1 of 1 runs failed: 1 left the tube" in text
+    assert "the trajectory was made for another cycle" in text
+
+
+@pytest.mark.slow  # simulates a cycle
+def test_a_cycle_as_json(run_json, case):
+    _, report = run_json("simulate", *case, "--runs", "2", "--seed", "4")
+    assert (report["status"], report["verdict"]["runs"]) == ("success", 2)
     assert list(report["moves"]) == ["reach", "carry", "back"]
     whole, moves = report["seen"], [each["seen"] for each in report["moves"].values()]
     tubes = [seen["tube"]["worst"]["value"] for seen in moves]
@@ -181,26 +192,15 @@ def test_the_same_as_json(run, case):
     assert (attach["attach"], detach["detach"]) == ("part", "part")
     assert 0 < attach["distance"]["median"] <= attach["distance"]["worst"] < 0.05
     assert report["duration"] == pytest.approx(3 * DURATION + 3 * DWELL)
-    again = json.loads(run("simulate", *case, "--runs", "3", "--seed", "5", "--json")[1])
-    assert again["seen"] != whole
 
 
-def test_errors_are_those_that_are_given_of_command_cycle(run, case):
-    names = ["mass", "com", "payload", "unmodelled-friction", "lag", "delay", "noise", "tool"]
-    exact = [word for name in [*names, "base"] for word in (f"--{name}", "0")]
-    report = json.loads(run("simulate", *case, "--runs", "2", *exact, "--json")[1])
-    assert report["seen"]["tracking"]["worst"]["value"] < 1e-4
-    heavier = [*exact, "--payload", "0.5", "--controller", "feedforward-pd"]
-    report = json.loads(run("simulate", *case, "--runs", "2", *heavier, "--json")[1])
+@pytest.mark.dear("simulates a cycle")
+def test_errors_are_those_that_are_given_in_a_cycle(run_json, case):
+    words = [word for name in (*EXACT, "base") for word in (f"--{name}", "0")]
+    words += ["--payload", "0.5", "--controller", "feedforward-pd"]
+    _, report = run_json("simulate", *case, "--runs", "1", *words)
     assert report["moves"]["reach"]["seen"]["tracking"]["worst"]["value"] < 1e-3
     assert report["moves"]["carry"]["seen"]["tracking"]["worst"]["value"] > 1e-3
-
-
-def test_the_cycle_may_be_changed_and_the_note_says_so(run, case):
-    status, text, _ = run("simulate", *case, "--runs", "1", "--set", "moves.carry.tube.radius=0.01")
-    assert status == 0
-    assert "1 of 1 runs failed: 1 left the tube" in text
-    assert "the trajectory was made for another cycle" in text
 
 
 def test_a_trajectory_without_marks_is_none_of_a_cycle(run, case, tmp_path):
@@ -211,12 +211,3 @@ def test_a_trajectory_without_marks_is_none_of_a_cycle(run, case, tmp_path):
     status, _, error = run("simulate", case[0], path)
     assert status == 2
     assert f"{path} has no marks" in error
-
-
-def test_figure_and_page_are_written(run, case, tmp_path):
-    figure, page = tmp_path / "runs.png", tmp_path / "runs.html"
-    status, text, _ = run("simulate", *case, "--runs", "2", "--plot", figure, "--html", page)
-    assert status == 0
-    assert text.endswith(f"plot: {figure}\nview: {page}\n")
-    assert figure.read_bytes().startswith(b"\x89PNG")
-    assert "Executed paths of the tool: 2 runs" in page.read_text()

@@ -2,13 +2,13 @@
 
 import csv
 import json
-import os
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
+from studied import Here
 
 from tubeplanner import load_problem, plan
 from tubeplanner.planning.plan_options import PlanOptions
@@ -39,42 +39,43 @@ def rows(table):
     return list(csv.DictReader(table.read_text().splitlines()))
 
 
-def test_a_study_becomes_a_table_a_journal_and_a_figure(run, study, tmp_path):
+@pytest.mark.dear("plans twice and makes a figure")
+def test_a_study_becomes_a_table_a_journal_and_a_figure(run, here, study, tmp_path):
     table, figure = tmp_path / "t.csv", tmp_path / "t.png"
     path = study([0.03, -1, -2, "x0.5"])
-    status, out, err = run("study", path, "-o", table, "--plot", figure)
-    assert (status, err) == (0, "")
-    found = rows(table)
-    assert [row["tube.radius"] for row in found] == ["0.03", "-1", "-2", "x0.5"]
-    assert [row["status"] for row in found] == ["success", "bad_input", "bad_input", "success"]
+    words = ("-o", table, "--plot", figure, "--processes", "3")
+    status, out, err = run("study", path, *words)
+    assert (status, err, here) == (0, "", [(3, None)])
+    written = rows(table)
+    assert [row["tube.radius"] for row in written] == ["0.03", "-1", "-2", "x0.5"]
+    assert [row["status"] for row in written] == ["success", "bad_input", "bad_input", "success"]
     expected = plan(load_problem(PROBLEM), PlanOptions("stop-at-corners")).duration
-    assert float(found[0]["duration"]) == pytest.approx(expected, rel=1e-12)
+    assert float(written[0]["duration"]) == pytest.approx(expected, rel=1e-12)
     assert figure.read_bytes().startswith(b"\x89PNG")
     assert len((tmp_path / "t.jsonl").read_text().splitlines()) == 4
     assert f"shortest: {expected:.4f} s at tube.radius = 0.03" in out
     assert "2 of 4 points have a certified motion" in out
     assert "tube.radius = -1: tube.radius[0] is -1 m" in out
     assert "-2 m" not in out
-    for written in (table, tmp_path / "t.jsonl", figure):
-        assert str(written) in out
+    for path in (table, tmp_path / "t.jsonl", figure):
+        assert str(path) in out
 
 
-def test_as_json_and_without_files(run, study, tmp_path):
-    status, out, _ = run("study", study([0.03, -1]), "--json", "--processes", "1")
-    fields = json.loads(out)
+def test_as_json_and_without_files(run, run_json, here, study, tmp_path):
+    status, fields = run_json("study", study([0.03, -1]))
     assert (status, fields["status"]) == (0, "success")
     assert fields["message"] == "1 of 2 points have a certified motion"
     assert fields["counts"] == {"success": 1, "bad_input": 1}
     assert [row["point"] for row in fields["rows"]] == [0, 1]
     assert [path.name for path in tmp_path.iterdir()] == ["s.yaml"]
     table = tmp_path / "t.json"
-    _, out, _ = run("study", study([-1]), "-o", table)
+    run("study", study([-1]), "-o", table)
     assert json.loads(table.read_text())["rows"][0]["status"] == "bad_input"
 
 
-def test_a_study_without_any_answer_fails(run, study):
-    status, out, _ = run("study", study([-1]), "--json")
-    assert (status, json.loads(out)["status"]) == (1, "no_trajectory")
+def test_a_study_without_any_answer_fails(run, run_json, here, study):
+    status, fields = run_json("study", study([-1]))
+    assert (status, fields["status"]) == (1, "no_trajectory")
     status, out, _ = run("study", study([-1]))
     assert "shortest" not in out
     assert "nothing written; to keep the answer, give -o TABLE.csv or --plot" in out
@@ -115,51 +116,60 @@ def test_a_file_that_is_no_journal_stays(run, study, tmp_path):
     assert journal.read_text() == "mine\n"
 
 
-def begun(path, table):
-    """Begin a study in a process of its own; return it when some points are done."""
+def keys(table):
+    lines = table.with_suffix(".jsonl").read_text().splitlines()
+    return [json.loads(line)["key"] for line in lines]
+
+
+def test_a_killed_study_goes_on_nothing_lost_and_nothing_twice(run, here, study, tmp_path):
+    """What a kill leaves is a journal with a torn line."""
+    table, journal = tmp_path / "t.csv", tmp_path / "t.jsonl"
+    path = study([0.02, 0.03, 0.04, 0.05])
+    assert run("study", path, "-o", table)[0] == 0
+    whole = journal.read_bytes().splitlines(keepends=True)
+    assert len(whole) == 4
+    table.unlink()
+    journal.write_bytes(b"".join(whole[:2]) + b'{"key": "torn')
+    assert run("study", path, "-o", table)[0] == 0
+    assert journal.read_bytes().startswith(b"".join(whole[:2]))
+    assert len(keys(table)) == len(set(keys(table))) == 4
+    assert sorted(keys(table)) == sorted(row["key"] for row in rows(table))
+    assert [int(row["point"]) for row in rows(table)] == list(range(4))
+
+
+def test_ctrl_c_writes_the_table_of_what_is_done(run, here, study, tmp_path, monkeypatch):
+    table, path = tmp_path / "t.csv", study([0.02, 0.03, 0.04, 0.05])
+    submit = Here.submit
+
+    def pressed(executor, *arguments, **named):
+        if executor.calls == 2:
+            signal.raise_signal(signal.SIGINT)
+        return submit(executor, *arguments, **named)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Here, "submit", pressed)
+        status, out, _ = run("study", path, "-o", table)
+    assert (status, len(keys(table))) == (0, len(rows(table)))
+    done = len(rows(table))
+    assert 1 <= done <= 2
+    assert f"interrupted, {4 - done} of 4 are left: run the same command again to go on" in out
+    assert run("study", path, "-o", table)[0] == 0
+    assert len(rows(table)) == len(keys(table)) == 4
+
+
+@pytest.mark.slow  # a process starts others, which load the libraries
+def test_ctrl_c_ends_a_study_in_many_processes(study, tmp_path):
+    table, count = tmp_path / "t.csv", 200
+    path = study([round(0.01 + 0.0002 * k, 4) for k in range(count)])
     command = [sys.executable, "-c", PROGRAM, "study", str(path), "-o", str(table)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     journal = table.with_suffix(".jsonl")
     while not journal.exists() or journal.read_bytes().count(b"\n") < 3:
         assert process.poll() is None, process.communicate()
         time.sleep(0.01)
-    return process
-
-
-def keys(table):
-    lines = table.with_suffix(".jsonl").read_text().splitlines()
-    return [json.loads(line)["key"] for line in lines]
-
-
-def test_a_killed_study_goes_on_nothing_lost_and_nothing_twice(run, study, tmp_path):
-    table = tmp_path / "t.csv"
-    path = study([round(0.01 + 0.0002 * k, 4) for k in range(80)])
-    process = begun(path, table)
-    os.kill(process.pid, signal.SIGKILL)
-    process.communicate()
-    assert not table.exists()
-    kept = (tmp_path / "t.jsonl").read_bytes()
-    before = kept.splitlines(keepends=True)
-    whole = [line for line in before if line.endswith(b"\n")]
-    assert 3 <= len(whole) < 80
-    (tmp_path / "t.jsonl").write_bytes(b"".join(whole) + b'{"key": "torn')
-    status, _, _ = run("study", path, "-o", table)
-    assert status == 0
-    assert (tmp_path / "t.jsonl").read_bytes().startswith(b"".join(whole))
-    assert len(keys(table)) == len(set(keys(table))) == 80
-    assert sorted(keys(table)) == sorted(row["key"] for row in rows(table))
-    assert [int(row["point"]) for row in rows(table)] == list(range(80))
-
-
-def test_ctrl_c_writes_the_table_of_what_is_done(run, study, tmp_path):
-    table = tmp_path / "t.csv"
-    path = study([round(0.01 + 0.0002 * k, 4) for k in range(80)])
-    process = begun(path, table)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (0, "")
     done = len(rows(table))
-    assert 2 <= done < 80  # Ctrl-C may come when a line is written and not yet taken for done
-    assert f"interrupted, {80 - done} of 80 are left: run the same command again to go on" in out
-    status, _, _ = run("study", path, "-o", table)
-    assert (status, len(rows(table)), len(keys(table))) == (0, 80, 80)
+    assert 2 <= done < count  # Ctrl-C may come when a line is written and not yet taken for done
+    assert f"interrupted, {count - done} of {count} are left: " in out

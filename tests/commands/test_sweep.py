@@ -3,59 +3,77 @@
 import csv
 import json
 import re
+import shutil
 
 import pytest
+from cases import simulated_sweep
+from stored_trajectories import REFINEMENT, stored_path
 
-from cases import simulated_sweep, slow_but
-from tubeplanner.commands.cli import main
 from tubeplanner.commands.report import field_sweep_text
 
-PROBLEM = "example:two_link/paper_1_30mm"
+NAME = "two_link/paper_1_30mm"
+PROBLEM = f"example:{NAME}"
 PNG = b"\x89PNG"
+FAST = ("--quality", "fast")
 
 
-@pytest.fixture(scope="module")
-def trajectory(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("planned")
-    files = ["-o", folder / "t.json", "--csv", folder / "t.csv", "--ros", folder / "r.yaml"]
-    assert main(["plan", PROBLEM, *map(str, files)]) == 0
-    return folder / "t.json"
+@pytest.fixture
+def trajectory(tmp_path):
+    return shutil.copy(stored_path(NAME, REFINEMENT), tmp_path / "t.json")
 
 
-@pytest.mark.parametrize("name", slow_but(["t.json", "t.csv"], ["t.json", "t.csv", "r.yaml"]))
-def test_plot_draws_beside_the_trajectory_or_where_told(name, run, trajectory, tmp_path):
-    source = trajectory.with_name(name)
-    status, out, err = run("plot", PROBLEM, source)
-    beside = source.with_suffix(".png")
+# `plot`: the figure of a trajectory file.
+
+
+@pytest.mark.slow  # draws two figures
+def test_plot_draws_beside_the_trajectory_or_where_told(run, run_json, drawn, trajectory, tmp_path):
+    status, out, err = run("plot", PROBLEM, trajectory)
+    beside = trajectory.with_suffix(".png")
     assert (status, err) == (0, "")
     assert f"plot: {beside} (" in out
-    assert ("samples are joined by quintics" in out) == (name != "t.json")
+    assert "samples are joined by quintics" not in out
     assert beside.read_bytes().startswith(PNG)
     other = tmp_path / "other.png"
-    status, out, _ = run("plot", PROBLEM, source, "-o", other, "--json")
-    fields = json.loads(out)
+    status, _ = run_json("plot", PROBLEM, trajectory, "-o", other)
     assert status == 0
-    assert fields["status"] == "success"
-    assert fields["plot"] == str(other)
-    assert fields["duration"] == pytest.approx(0.685, abs=0.01)
-    assert other.stat().st_size > 20_000
+    assert other.stat().st_size > 10_000
 
 
-def test_what_plan_writes_passes_check(run, trajectory):
-    for name in ("t.json", "t.csv", "r.yaml"):
-        status, out, _ = run("check", PROBLEM, trajectory.with_name(name))
-        assert status == 0, out
+@pytest.mark.dear("makes a figure")
+def test_the_figure_of_samples_says_how_they_are_joined(run_json, stored, tmp_path):
+    problem, motion = stored(NAME, REFINEMENT)
+    samples, figure = tmp_path / "t.csv", tmp_path / "other.png"
+    motion.save(samples, problem)
+    status, answer = run_json("plot", PROBLEM, samples, "-o", figure)
+    assert (status, answer["status"], answer["plot"]) == (0, "success", str(figure))
+    assert answer["duration"] == pytest.approx(0.685, abs=0.01)
+    assert any("samples are joined by quintics" in note for note in answer["notes"])
+    assert figure.read_bytes().startswith(PNG)
 
 
-def test_plan_says_what_became_of_the_samples(run, tmp_path):
-    _, out, _ = run("plan", PROBLEM, "--csv", tmp_path / "t.csv")
+def test_plot_of_another_robots_trajectory_is_refused(run, trajectory):
+    status, _, err = run("plot", "example:ur5/over_the_wall", trajectory)
+    assert status == 2
+    assert "the trajectory moves the joints joint1, joint2" in err
+
+
+@pytest.mark.dear("plans twice")
+def test_samples_pass_check_and_it_is_said_what_became_of_them(run, run_json, tmp_path):
+    words = ("plan", PROBLEM, "--method", "stop-at-corners")
+    own, sampled = tmp_path / "t.json", tmp_path / "t.csv"
+    _, out, _ = run(*words, "--csv", sampled)
     assert "note: CSV and ROS samples at 500 Hz are averaged over neighbouring periods" in out
-    _, out, _ = run("plan", PROBLEM, "--csv", tmp_path / "t.csv", "--json")
-    assert any("longer than the trajectory" in note for note in json.loads(out)["notes"])
-    _, out, _ = run("plan", PROBLEM, "-o", tmp_path / "t.json", "--json")
-    assert not any("samples" in note for note in json.loads(out)["notes"])
+    assert "longer than the trajectory" in out
+    status, out, _ = run("check", PROBLEM, sampled)
+    assert status == 0, out
+    _, answer = run_json(*words, "-o", own)
+    assert not any("samples" in note for note in answer["notes"])
 
 
+# `sweep` over radii.
+
+
+@pytest.mark.dear("plans twice")
 def test_sweep_prints_a_table_and_writes_what_was_asked(run, tmp_path):
     table, figure = tmp_path / "s.csv", tmp_path / "s.png"
     radii = "0.01, 0.03,0.00000000000000001"
@@ -73,16 +91,14 @@ def test_sweep_prints_a_table_and_writes_what_was_asked(run, tmp_path):
     assert figure.read_bytes().startswith(PNG)
 
 
-def test_sweep_as_json(run, tmp_path):
+def test_sweep_as_json(run_json, tmp_path):
     path = tmp_path / "s.json"
-    arguments = ("sweep", PROBLEM, "--radius-scale", "1", "--quality", "fast", "-o", path)
-    status, out, _ = run(*arguments, "--json")
-    fields, written = json.loads(out), json.loads(path.read_text())
+    status, fields = run_json("sweep", PROBLEM, "--radius-scale", "1", *FAST, "-o", path)
     assert status == 0
     assert fields["message"] == "1 of 1 planned"
     assert fields["quantity"] == "radius_scale"
     assert fields["rows"][0]["radii"] == [0.03]
-    assert fields["rows"] == written["rows"]
+    assert fields["rows"] == json.loads(path.read_text())["rows"]
 
 
 def test_the_table_says_how_many_runs_failed():
@@ -92,12 +108,64 @@ def test_the_table_says_how_many_runs_failed():
     assert "runs failed" not in field_sweep_text(simulated_sweep([None]))
 
 
-def test_a_sweep_without_any_answer_fails(run):
-    status, out, _ = run("sweep", PROBLEM, "--radius", "20000", "--json")
-    fields = json.loads(out)
-    assert status == 1
-    assert fields["status"] == "no_trajectory"
-    assert "tube.radius[0] is 20000 m" in fields["rows"][0]["message"]
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--radius", "20000"), "tube.radius[0] is 20000 m"),
+        (("--vary", "robot.payload.mass=-1"), "mass"),
+    ],
+)
+def test_a_sweep_without_any_answer_fails(run, run_json, words, message):
+    status, fields = run_json("sweep", PROBLEM, *words)
+    assert (status, fields["status"]) == (1, "no_trajectory")
+    assert message in fields["rows"][0]["message"]
+    assert run("sweep", PROBLEM, *words)[1].endswith("give -o TABLE.csv or --plot\n")
+
+
+# `sweep --vary`: over any field.
+
+
+@pytest.mark.dear("plans once and makes a figure")
+def test_vary_prints_a_table_and_writes_what_was_asked(run, tmp_path):
+    table, figure = tmp_path / "s.csv", tmp_path / "s.png"
+    words = ("--vary", "tube.radius=x0.5,wide", *FAST, "-o", table)
+    status, out, err = run("sweep", PROBLEM, *words, "--plot", figure)
+    assert (status, err) == (0, "")
+    rows = list(csv.DictReader(table.read_text().splitlines()))
+    assert [row["tube.radius"] for row in rows] == ["x0.5", "wide"]
+    printed = f"{float(rows[0]['duration']):.4f} s"
+    for words in ("duration against tube.radius", printed, "1 of 2 planned", str(figure)):
+        assert words in out
+    assert "shortest" not in out.splitlines()[2]
+    assert "bad_input: tube.radius is 'wide'; it must be a number" in out
+    assert figure.read_bytes().startswith(PNG)
+
+
+@pytest.mark.dear("plans and smooths")
+def test_a_varied_slack_shows_the_shortest_beside(run):
+    status, out, _ = run("sweep", PROBLEM, "--vary", "objective.slack=0.02", *FAST)
+    assert status == 0
+    assert "shortest" in out.splitlines()[2]
+    line = next(line for line in out.splitlines() if "0.02 " in line and "certified" in line)
+    durations = [float(word) for word in line.split() if word.startswith("0.") and len(word) == 6]
+    assert len(durations) == 2
+    assert durations[0] > 1.01 * durations[1]
+    assert "\nnote (0.02): smoothed: " in out
+
+
+@pytest.mark.dear("plans twice")
+def test_vary_as_json(run_json, tmp_path):
+    path = tmp_path / "s.json"
+    words = ("--vary", "robot.payload.mass=0, 5, -1", *FAST, "-o", path)
+    status, fields = run_json("sweep", PROBLEM, *words)
+    assert status == 0
+    assert fields["message"] == "2 of 3 planned"
+    assert fields["quantity"] == "robot.payload.mass"
+    assert [row["value"] for row in fields["rows"]] == [0, 5, -1]
+    assert [row["status"] for row in fields["rows"]] == ["success", "success", "bad_input"]
+    assert fields["rows"][0]["duration"] < fields["rows"][1]["duration"]
+    assert fields["rows"] == json.loads(path.read_text())["rows"]
+    assert fields["loading_time"] == sum(row["loading_time"] for row in fields["rows"])
 
 
 @pytest.mark.parametrize(
@@ -120,7 +188,22 @@ def test_wrong_usage_is_refused_by_name(arguments, message, run):
     assert message in err
 
 
-def test_plot_of_another_robots_trajectory_is_refused(run, trajectory):
-    status, _, err = run("plot", "example:ur5/over_the_wall", trajectory)
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("tube.radius=1", "--radius", "1"), "either --radius or --radius-scale or --vary"),
+        (
+            ("tube.radius=1", "--vary", "clearance=0"),
+            "--vary clearance=0: a sweep varies one field; leave out the others",
+        ),
+        (("tube.raduis=1",), "unknown key 'raduis'"),
+        (("obstacles.post.sphere=1",), "obstacles is not given; give it as a whole"),
+        (("tube.radius",), "--vary 'tube.radius': give FIELD.PATH=V1,V2,..."),
+        (("tube.radius=1", "--set", "tube.radius=2"), "both varied and changed"),
+        (("objective.slack=0", "--slack", "0"), "slack is given; leave out one of them"),
+    ],
+)
+def test_wrong_usage_of_vary_is_refused_by_name(words, message, run):
+    status, _, err = run("sweep", PROBLEM, "--vary", *words)
     assert status == 2
-    assert "the trajectory moves the joints joint1, joint2" in err
+    assert message in err

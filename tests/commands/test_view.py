@@ -4,9 +4,8 @@ import json
 import re
 
 import pytest
-
 from cases import SLIDE, rest_to_rest
-from tubeplanner.commands.cli import main
+
 from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
 from tubeplanner.cycle.cycle_reader import load_cycle
 from tubeplanner.files.cycle_writer import cycle_contents
@@ -53,54 +52,58 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_a_page_has_the_motions_of_files_and_their_verdicts(folder, capsys):
+@pytest.mark.dear("makes a page of two motions")
+def test_a_page_has_the_motions_of_files_and_their_verdicts(folder, run):
     page = folder / "page.html"
-    names = [str(folder / name) for name in ("cycle.yaml", "slow.json", "fast.json")]
-    assert main(["view", *names, "--html", str(page)]) == 0
-    told = capsys.readouterr().out
-    assert "note: slow.json: passes every condition" in told
-    assert re.search(r"note: fast.json: fails: .*out: effort", told)
+    files = [folder / name for name in ("cycle.yaml", "slow.json", "fast.json")]
+    status, out, _ = run("view", *files, "--html", page)
+    assert status == 0
+    assert "note: slow.json: passes every condition" in out
+    assert re.search(r"note: fast.json: fails: .*out: effort", out)
     data = re.search(r'id="data">(.*?)</script>', page.read_text(), re.S).group(1)
     panel = json.loads(data)
     assert [each["name"] for each in panel["trajectories"]] == ["slow.json", "fast.json"]
     assert len(panel["timelines"]) == 2
 
 
-def test_a_motion_made_for_another_cycle_is_said_so(folder, capsys):
-    page = folder / "page.html"
-    narrower = ["--set", "moves.home.tube.radius=0.39", "--html", str(page)]
-    files = [str(folder / "cycle.yaml"), str(folder / "slow.json")]
-    assert main(["view", *files, *narrower, "--json"]) == 0
-    notes = json.loads(capsys.readouterr().out)["notes"]
-    assert [note for note in notes if "what differs: tube of move 'home'" in note]
-    assert main(["plot", *files, "--set", "moves.home.tube.radius=0.39"]) == 0
-    assert "note: the trajectory was made for another cycle" in capsys.readouterr().out
+@pytest.mark.dear("makes a page and a figure")
+def test_a_motion_made_for_another_cycle_is_said_so(folder, run, run_json):
+    words = (folder / "cycle.yaml", folder / "slow.json")
+    change = ("--set", "moves.home.tube.radius=0.39")
+    status, answer = run_json("view", *words, *change, "--html", folder / "page.html")
+    assert status == 0
+    assert [note for note in answer["notes"] if "what differs: tube of move 'home'" in note]
+    status, out, _ = run("plot", *words, *change)
+    assert status == 0
+    assert "note: the trajectory was made for another cycle" in out
 
 
-def test_a_cell_is_shown_before_anything_is_planned(folder, capsys):
+def test_a_cell_is_shown_before_anything_is_planned(folder, run):
     page = folder / "page.html"
-    assert main(["view", str(folder / "cycle.yaml"), "--html", str(page)]) == 0
+    assert run("view", folder / "cycle.yaml", "--html", page)[0] == 0
     assert "closed cycle" not in page.read_text()
     assert "The arm at its start" in page.read_text()
 
 
-def test_a_figure_is_drawn_also_of_what_fails(folder, capsys):
-    for name in ("slow", "fast"):
-        assert main(["plot", str(folder / "cycle.yaml"), str(folder / f"{name}.json")]) == 0
-        assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+@pytest.mark.slow  # draws a cycle
+def test_a_figure_is_drawn_also_of_what_fails(folder, run, drawn):
+    assert run("plot", folder / "cycle.yaml", folder / "fast.json")[0] == 0
+    assert (folder / "fast.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("command", ["view", "plot"])
-def test_a_file_without_marks_is_refused(command, folder, capsys):
+def test_a_file_without_marks_is_refused(command, folder, run):
     fields = json.loads((folder / "slow.json").read_text())
-    del fields["marks"]
     bare = folder / "bare.json"
-    bare.write_text(json.dumps(fields))
-    assert main([command, str(folder / "cycle.yaml"), str(bare)]) == 2
-    assert "bare.json has no marks" in capsys.readouterr().err
-    fields["marks"] = [{"time": 0.0, "move": "other"}]
-    bare.write_text(json.dumps(fields))
-    assert main([command, str(folder / "cycle.yaml"), str(bare)]) == 2
-    assert re.search(
-        r"bare.json: marks are move other; the cycle has move out", capsys.readouterr().err
-    )
+    for marks, message in (
+        ({}, "bare.json has no marks"),
+        (
+            {"marks": [{"time": 0.0, "move": "other"}]},
+            "bare.json: marks are move other; the ",
+        ),
+    ):
+        others = {name: value for name, value in fields.items() if name != "marks"}
+        bare.write_text(json.dumps({**others, **marks}))
+        status, _, error = run(command, folder / "cycle.yaml", bare)
+        assert status == 2
+        assert message in error

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from cases import PEAK_ACCELERATION, PEAK_JERK, PEAK_VELOCITY
+
 from tubeplanner import JointTrajectory, OptionError, load_robot
 from tubeplanner.controllers.controller_verdict import Effect
 from tubeplanner.controllers.franka_control import judged_by_franka
@@ -28,15 +28,13 @@ def test_the_velocity_is_limited_near_the_ends_of_the_second_joint():
         )
 
 
-def test_the_fourth_and_the_sixth_joint_have_other_ends_below_than_above():
+def test_of_the_fr3_some_joints_have_other_ends_below_than_above_and_the_panda_one_limit():
     q = np.array([[0, 0, 0, -3.0, 0, 0.6, 0]])
     lower, upper = FR3.velocity_bounds(q)
     assert upper[0, [3, 5]] == pytest.approx([2.62, 4.18])
     assert lower[0, 3] == pytest.approx(0.3 - np.sqrt(8 * (3.0481 - 3.0)))
     assert lower[0, 5] == pytest.approx(0.35 - np.sqrt(11 * (0.6 - 0.54092)))
 
-
-def test_the_panda_has_one_limit_everywhere():
     lower, upper = FER.velocity_bounds(np.full((3, 7), 2.8))
     assert upper == pytest.approx(np.tile(FER.velocity, (3, 1)))
     assert lower == pytest.approx(-upper)
@@ -54,15 +52,10 @@ FREE = replace(
 )
 START = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.5])
 SHAPE = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
-POSITION, VELOCITY, ACCELERATION, JERK = (
-    f"joint_motion_generator_{word}"
-    for word in (
-        "position_limits_violation",
-        "velocity_limits_violation",
-        "velocity_discontinuity",
-        "acceleration_discontinuity",
-    )
-)
+POSITION = "joint_motion_generator_position_limits_violation"
+VELOCITY = "joint_motion_generator_velocity_limits_violation"
+ACCELERATION = "joint_motion_generator_velocity_discontinuity"
+JERK = "joint_motion_generator_acceleration_discontinuity"
 
 
 def turning(robot, angle, duration, joint=2, start=START):
@@ -121,13 +114,12 @@ def test_differences_are_those_that_a_loop_over_commands_takes(panda):
     assert values == pytest.approx(list(worst.values()), rel=1e-5)
 
 
-@pytest.mark.parametrize(("angle", "below"), [(3.0, False), (-3.0, True)])
-def test_positions_beyond_a_limit_abort(panda, angle, below):
-    found = refusals(panda, turning(panda, angle, 20.0), FREE)[POSITION]
-    assert found.value == pytest.approx(angle)
-    assert found.limit == pytest.approx(-2.8973 if below else 2.8973)
-    assert ("<" if below else ">") in found.message
-    assert found.first_time < found.time <= 20.0
+@pytest.mark.parametrize(("angle", "limit", "sign"), [(3.0, 2.8973, ">"), (-3.0, -2.8973, "<")])
+def test_positions_beyond_a_limit_abort(panda, angle, limit, sign):
+    refusal = refusals(panda, turning(panda, angle, 20.0), FREE)[POSITION]
+    assert (refusal.value, refusal.limit) == pytest.approx((angle, limit))
+    assert sign in refusal.message
+    assert refusal.first_time < refusal.time <= 20.0
 
 
 @pytest.mark.parametrize("at_end", [False, True])
@@ -188,9 +180,11 @@ def test_joints_may_come_in_any_order(panda):
     other = motion.reordered(panda.joint_names[::-1])
     assert judged_by_franka("fer", panda, other, FER) == judged_by_franka("fer", panda, motion, FER)
     turned = load_robot("example:panda", "panda_hand_tcp", joints=panda.joint_names[::-1])
-    assert [
-        (each.error, each.joint) for each in judged_by_franka("fer", turned, motion, FER).findings
-    ] == [(each.error, each.joint) for each in judged_by_franka("fer", panda, motion, FER).findings]
+    findings = [
+        [(each.error, each.joint) for each in judged_by_franka("fer", arm, motion, FER).findings]
+        for arm in (turned, panda)
+    ]
+    assert findings[0] == findings[1]
 
 
 def test_an_arm_with_six_joints_is_no_panda(ur5):

@@ -1,4 +1,4 @@
-"""A JointTrajectoryController: files that it refuses, runs otherwise, and takes."""
+"""A JointTrajectoryController: files that it refuses, runs otherwise, takes; what verdicts say."""
 
 import json
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import JointTrajectory
-from tubeplanner.controllers.controller_verdict import Effect
+from tubeplanner.controllers.controller_verdict import ControllerFinding, ControllerVerdict, Effect
 from tubeplanner.controllers.joint_trajectory_controller import judged_by_jtc
 from tubeplanner.trajectory.trajectory_file import read_trajectory_file
 
@@ -91,15 +91,12 @@ def test_a_late_first_point_is_reached_by_a_segment_of_the_controller_s_own(judg
     assert verdict.findings[0].time == 2.0
 
 
-@pytest.mark.parametrize(
-    ("fields", "error"),
-    [
+def test_points_that_lack_derivatives_jump(judged):
+    for fields, error in (
         (("positions",), "points without velocities are joined by straight lines"),
         (("positions", "velocities"), "points without accelerations are joined by cubics"),
-    ],
-)
-def test_points_that_lack_derivatives_jump(judged, fields, error):
-    assert effects(judged(points(fields=fields))) == [(Effect.ALTERED, error)]
+    ):
+        assert effects(judged(points(fields=fields))) == [(Effect.ALTERED, error)]
 
 
 def test_efforts_are_refused(judged):
@@ -121,3 +118,31 @@ def test_what_plan_writes_is_accepted_and_of_polynomials_what_it_would_write(
     assert all(verdict.accepted for verdict in verdicts)
     assert [each.message for each in verdicts[0].findings] == list(notes)
     assert verdicts[1].findings == verdicts[2].findings == ()
+
+
+# What any controller says, as text and as JSON.
+
+
+def verdict(*effects):
+    findings = tuple(ControllerFinding(effect, "an error", "a message") for effect in effects)
+    return ControllerVerdict("fer", "an arm", "abort", findings)
+
+
+@pytest.mark.parametrize(
+    ("effects", "accepted", "summary"),
+    [
+        ((), True, "accepted"),
+        ((Effect.NOTED,), True, "accepted"),
+        ((Effect.ALTERED, Effect.NOTED), False, "would run otherwise"),
+        ((Effect.ALTERED, Effect.REFUSED), False, "would abort"),
+    ],
+)
+def test_the_gravest_finding_decides(effects, accepted, summary):
+    said = verdict(*effects)
+    assert (said.accepted, said.summary) == (accepted, summary)
+    assert said.lines()[0] == f"fer (an arm): {summary}"
+    assert len(said.lines()) == 1 + len(effects)
+    fields = json.loads(json.dumps(said.as_dict()))
+    assert fields["accepted"] is accepted
+    assert [each["effect"] for each in fields["findings"]] == [each.value for each in effects]
+    assert all(each["time"] is None for each in fields["findings"])

@@ -82,10 +82,13 @@ def test_a_tool_centre_point_moves_nothing_that_is_carried(arm):
     np.testing.assert_allclose(middle(other), middle(plain), atol=1e-12)
 
 
-def test_what_does_not_stay_is_gone(arm):
-    held = Cell((ball(arm),), ()).after(TAKE, arm, PICK)
-    gone = held.after(Detach("part", leaves_obstacle=False), arm, PLACE)
+def test_what_does_not_stay_is_gone_and_a_mass_alone_changes_nothing(arm):
+    cell = Cell((ball(arm),), ())
+    gone = cell.after(TAKE, arm, PICK).after(Detach("part", leaves_obstacle=False), arm, PLACE)
     assert (gone.obstacles, gone.attached) == ((), ())
+    heavy = cell.after(Attach("weight"), arm, PICK)
+    assert heavy is cell
+    assert heavy.after(Detach("weight"), arm, PLACE).obstacles == cell.obstacles
 
 
 def test_a_shape_in_the_tool_frame_is_carried_from_then_on(arm):
@@ -95,13 +98,6 @@ def test_a_shape_in_the_tool_frame_is_carried_from_then_on(arm):
     left = held.after(Detach("tray"), arm, HOME)
     expected = arm.tool_position(HOME) + np.array([0, 0, 0.3])
     np.testing.assert_allclose(middle(left.obstacles[0]), expected, atol=1e-12)
-
-
-def test_a_mass_alone_changes_nothing_in_the_cell(arm):
-    cell = Cell((ball(arm),), ())
-    held = cell.after(Attach("weight"), arm, PICK)
-    assert held is cell
-    assert held.after(Detach("weight"), arm, PLACE).obstacles == cell.obstacles
 
 
 @pytest.mark.parametrize(("gap", "touches"), [(0.0005, True), (0.002, False)])
@@ -121,13 +117,6 @@ def test_links_that_touch_what_is_taken_may(gap, touches):
     assert ("forearm_link" in held.attached[0].touch_links) == touches
 
 
-def test_cells_begin_each_with_what_changed_hands_before_their_leg():
-    cycle = pick_and_place()
-    cells = cycle.cells([HOME, PICK, PLACE, HOME])
-    assert [cell.handed_over for cell in cells] == [(), ("part",), ("part",)]
-    assert [len(cell.attached) for cell in cells] == [0, 1, 0]
-
-
 def test_what_changed_hands_before_the_leg_before_did_so_long_ago():
     cycle = pick_and_place()
     kept = [step for step in cycle.steps if not isinstance(step, Detach)]
@@ -142,20 +131,6 @@ CYCLE = pick_and_place(payload=weight(1.0))
 SEAMS = [HOME, PICK, PLACE, HOME]
 
 
-def test_a_cell_knows_what_was_handed_over_just_before():
-    """Not what was before an earlier leg."""
-    robot = CYCLE.robot
-    steps = [
-        move(robot, "to_pick", HOME, PICK),
-        Attach("part"),
-        move(robot, "to_place", PICK, PLACE),
-        Event("gripper", "look"),
-        move(robot, "back", PLACE, HOME),
-    ]
-    cells = Cycle(HOME, steps, [ball(robot)]).cells(SEAMS[:3])
-    assert [cell.handed_over for cell in cells] == [(), ("part",), ()]
-
-
 def test_each_leg_has_the_cell_and_the_arm_of_then():
     problems = CYCLE.problems(SEAMS)
     assert [len(problem.obstacles) for problem in problems] == [1, 0, 1]
@@ -167,19 +142,9 @@ def test_each_leg_has_the_cell_and_the_arm_of_then():
     assert [problem.name for problem in problems] == [f"cycle, {leg.name}" for leg in CYCLE.legs]
 
 
-def test_what_was_put_down_is_in_the_way_where_it_was_put():
-    """A hand of no size would go through the ball: the distance to it is told by hand."""
-    problem = CYCLE.problem(2, SEAMS)
-    there = CYCLE.robot.tool_position(PLACE) + np.array([0, 0, 0.1])
-    np.testing.assert_allclose(problem.obstacles[0].shapes[0].center, there, atol=1e-12)
-
-
-def test_a_leg_ends_where_it_is_said_to_or_where_its_move_does():
+def test_a_leg_begins_and_ends_where_it_is_said_to():
     assert CYCLE.problem(1, SEAMS).given_goal is None
     np.testing.assert_array_equal(CYCLE.problem(1, SEAMS, PLACE).given_goal, PLACE)
-
-
-def test_a_cycle_begins_as_it_is_said_to():
     seeded = replace(CYCLE, start=Seed(HOME))
     assert isinstance(seeded.problem_from_anywhere(0).start, Seed)
     assert isinstance(CYCLE.problem_from_anywhere(1).start, Seed)
@@ -198,14 +163,13 @@ def test_what_is_given_for_something_that_is_not_there_waits_for_it():
     }
     for name, value in pairs.items():
         given = {name: value}
-        go, back = (move(robot, k, *e, **given) for k, e in (("go", (HOME, PICK)), ("back", HOME_)))
+        go, back = (
+            move(robot, k, *e, **given) for k, e in (("go", (HOME, PICK)), ("back", (PICK, HOME)))
+        )
         made = Cycle(HOME, [go, Attach("tray", None, solid), back], [wall])
         first, second = made.problems([HOME, PICK, HOME])
         assert len(getattr(first, name)) == 0
         assert len(getattr(second, name)) == 1
-
-
-HOME_ = (PICK, HOME)
 
 
 @pytest.mark.parametrize("name", ["contacts", "pair_clearances", "ignore_collisions"])
@@ -264,13 +228,10 @@ def test_what_is_carried_all_along_is_in_every_problem():
     assert held == [{"grip"}, {"grip", "part"}, {"grip"}]
 
 
-def test_what_happens_at_a_seam():
+def test_a_cycle_says_what_it_is_and_what_happens_at_its_seams():
     assert [len(CYCLE.rest_at(k).steps) for k in range(4)] == [0, 2, 2, 0]
     after = replace(CYCLE, steps=[*CYCLE.steps, Event("done")])
     assert [step.name for step in after.rest_at(3).steps] == ["done"]
-
-
-def test_a_cycle_says_what_it_is():
     assert repr(CYCLE) == "<Cycle cycle: 3 moves of two_link to hand in 3 legs, closed>"
     assert repr(replace(CYCLE, closed=False)).endswith("3 legs, open>")
     with pytest.raises(ProblemError, match="the cycle is 'a'; give a Cycle, as load_cycle returns"):

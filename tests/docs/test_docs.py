@@ -5,17 +5,21 @@ import json
 import re
 import shlex
 from contextlib import redirect_stdout
+from hashlib import sha256
 from io import StringIO
 from pathlib import Path
 
 import pytest
+from cases import slow_but
 from rail_arm import rail_arm
 from ruamel.yaml import YAML
 
 import tubeplanner
-from tubeplanner import load_cycle, load_study, parse_problem, plan, read_preset
+from tubeplanner import PlanOptions, load_cycle, load_study, parse_problem, plan, read_preset
 from tubeplanner.commands.cli import cli, main
 from tubeplanner.cycle.cycle_format import cycle_schema
+from tubeplanner.files.fingerprint import problem_hash
+from tubeplanner.planning import planner
 from tubeplanner.problem.problem_format import check_problem_fields, problem_schema
 from tubeplanner.studies.study_format import study_schema
 
@@ -31,10 +35,7 @@ BLOCK = re.compile(r"^(<!-- not run: .* -->\n)?```(\w+)\n(.*?)^```$", re.M | re.
 # What another processor's rounding may move: numbers with a point, and whole ones with a unit.
 NUMBER = r"-?\d+(?:\.\d*(?:e[+-]?\d+)?|(?= (?:ms|mm|%)))"
 NUMBER_TOLERANCE = 0.1  # relative
-# Planning and what plans take time; the README, which a reader meets first, has its own tests.
-PLANS = re.compile(
-    r"\b(?:plan|sweep|sweep_field|compare|measure_tube|run_study)\(|^\$ tubeplanner plan ", re.M
-)
+SLOW = ()
 # What a part of a problem file is completed with.
 REST = {
     "robot": {"urdf": "example:ur5", "tool_frame": "tool0"},
@@ -118,23 +119,29 @@ def sections(fields):
     return {name: value for name, value in fields.items() if isinstance(value, dict)}
 
 
-def pages_with_blocks():
-    """Return the pages by name; those that plan are slow."""
-    return [
-        pytest.param(page, marks=[pytest.mark.slow] * (bool(PLANS.search(text))))
-        for page, text in PAGES.items()
-        if BLOCK.search(text)
-    ]
+@pytest.fixture
+def planned_once(shared, monkeypatch):
+    """What several pages plan is planned once."""
+    planned = planner.plan
+
+    def once(problem, options=None, progress=None):
+        key = sha256(f"{problem_hash(problem)} {options or PlanOptions()}".encode()).hexdigest()
+        return shared(f"of_pages.{key}", lambda: planned(problem, options, progress))
+
+    monkeypatch.setattr(tubeplanner, "plan", once)
+    monkeypatch.setattr(planner, "plan", once)
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_the_blocks_of_a_page_can_be_read(page, tmp_path, monkeypatch):
+@pytest.mark.parametrize("page", SLOW)
+def test_the_blocks_of_a_slow_page_can_be_read(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert all(block for _, block in read_page(PAGES[page], page))
 
 
-@pytest.mark.parametrize("page", pages_with_blocks())
-def test_a_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "page", slow_but([page for page in PAGES if page not in SLOW], list(PAGES))
+)
+def test_a_page_runs_and_prints_what_it_shows(page, planned_once, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run_page(PAGES[page], page)
 

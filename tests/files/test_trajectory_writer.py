@@ -12,12 +12,12 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import pytest
 import yaml
+from cases import PROBLEMS, slow_but
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 from scipy.interpolate import PPoly
 from small_cycle import planned_cycle
 
-from cases import PROBLEMS, slow_but
 from tubeplanner import (
     CycleMotion,
     JointTrajectory,

@@ -3,8 +3,8 @@
 from itertools import pairwise
 
 import numpy as np
-
 from cases import rest_to_rest
+
 from tubeplanner import (
     Attach,
     Cycle,

@@ -1,8 +1,8 @@
 """Efforts with friction at dense samples of random motions, written out."""
 
 import numpy as np
-
 from cases import with_motors
+
 from tubeplanner import JointTrajectory
 from tubeplanner.robot.effort_range import EffortRange
 

@@ -1,9 +1,9 @@
 """Motions whose measures have closed forms, for the tests of the second stage's measures."""
 
 import numpy as np
+from cases import one_joint
 from scipy.interpolate import BSpline
 
-from cases import one_joint
 from tubeplanner import PlanningProblem, Tube
 from tubeplanner.refinement.interval_motion import IntervalMotion
 from tubeplanner.refinement.link_constraints import LinkConstraints

@@ -7,8 +7,8 @@ cap comes and goes with it. Nothing of it is certified: views judge nothing.
 from itertools import pairwise
 
 import numpy as np
-
 from cases import SLIDE, rest_to_rest
+
 from tubeplanner import Tube, load_robot
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
 from tubeplanner.cycle.cycle import Cycle

@@ -4,8 +4,8 @@ The arm is `cases.SLIDE`; the part hangs beside its tip, so that it pulls at the
 """
 
 import numpy as np
-
 from cases import SLIDE, rest_to_rest
+
 from tubeplanner import Tube, load_robot
 from tubeplanner.collision.obstacle import Obstacle
 from tubeplanner.cycle.cycle import Cycle

@@ -4,6 +4,7 @@ from functools import cache
 from pathlib import Path
 
 from cases import PROBLEMS
+
 from tubeplanner.trajectory.trajectory_file import TrajectoryFile, read_trajectory_file
 
 STOP, SEARCH, REFINEMENT = "stop-at-corners", "branch-and-bound", "refinement"

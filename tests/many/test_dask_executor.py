@@ -3,7 +3,6 @@
 import os
 import signal
 import sys
-import threading
 import time
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
@@ -18,8 +17,6 @@ from tubeplanner import OptionError, PlanOptions, PlanStatus, PosedProblem, dask
 from tubeplanner.many import dask_executor as module
 from tubeplanner.many.retried_alone import RetriedAlone
 from tubeplanner.many.run_many import run_many
-
-# Calls of lost workers: which one it was is found out by making each of them alone.
 
 
 class Lost(Exception):
@@ -107,12 +104,9 @@ def test_a_call_that_is_dropped_is_dropped_below_and_not_made_again(scripted, ex
     scripted.end(0)
     assert kept.result(0) == 1
     assert len(scripted.sent) == 2
-
-
-def test_what_the_executor_drops_is_dropped(scripted, executor):
-    future = executor.submit(abs, -1)
-    assert scripted.sent[0][0].cancel()
-    scripted.sent[0][0].set_running_or_notify_cancel()
+    future = executor.submit(abs, -1)  # and what the executor drops is dropped
+    assert scripted.sent[2][0].cancel()
+    scripted.sent[2][0].set_running_or_notify_cancel()
     with pytest.raises(CancelledError):
         future.result(0)
 
@@ -131,17 +125,14 @@ def test_an_executor_that_refuses_is_heard(scripted, executor):
 
 
 def test_every_item_comes_of_many(executor, scripted):
-    def lose_and_end():
+    def items():
+        yield from (-1, -2)
         scripted.lose(0)
         scripted.end(1)
         scripted.end(2)
 
-    threading.Timer(0.1, lose_and_end).start()
-    found = run_many(abs, [-1, -2], executor)
+    found = run_many(abs, items(), executor)
     assert sorted((done.index, done.value) for done in found) == [(0, 1), (1, 2)]
-
-
-# Dask clusters: every item once whoever dies, and what is wrong with a cluster is said.
 
 
 LINE = "example:two_link/paper_1_50mm"
@@ -168,36 +159,39 @@ def kill_a_worker(address):
         os.kill(min(client.run(os.getpid).values()), signal.SIGKILL)
 
 
-def test_calls_are_made_by_the_workers(small):
-    with dask_executor(small.scheduler_address) as executor:
-        found = {executor.submit(calls.process_id, k).result() for k in range(4)}
-        same = [executor.submit(pow, 2, 3).result() for _ in range(2)]
-    assert os.getpid() not in found
-    assert same == [8, 8]
-
-
-def test_the_same_call_twice_is_made_twice(small, tmp_path):
+@pytest.mark.slow  # starts a cluster
+def test_calls_are_made_by_the_workers_the_same_one_twice(small, tmp_path, monkeypatch):
     path = tmp_path / "calls"
     with dask_executor(small.scheduler_address) as executor:
+        made_by = {executor.submit(calls.process_id, k).result() for k in range(4)}
         for future in [executor.submit(calls.noted, path) for _ in range(3)]:
             future.result()
+    assert os.getpid() not in made_by
     assert len(path.read_text().splitlines()) == 3
+    # An error of the user stays what it is.
+    with pytest.raises(OptionError, match=r"^mine$"), dask_executor(small.scheduler_address):
+        raise OptionError("mine")
+    monkeypatch.setattr(module, "package_hash", lambda: "ours")
+    with (
+        pytest.raises(OptionError, match=r"2 of 2 workers .* one at tcp://\S+ has other sources"),
+        dask_executor(small.scheduler_address),
+    ):
+        pass
 
 
-@pytest.mark.slow
-def test_a_worker_that_dies_loses_nothing(tmp_path):
-    shares = [round(1 - 0.02 * k, 2) for k in range(12)]
-    line = PosedProblem.read(LINE)
-    path = tmp_path / "calls"
+@pytest.mark.slow  # plans on a cluster, and alone
+def test_a_worker_that_dies_loses_nothing(small, tmp_path):
+    shares = [round(1 - 0.05 * k, 2) for k in range(6)]
+    line, path = PosedProblem.read(LINE), tmp_path / "calls"
 
     def posed(share):
         changed = line.changed({"tube.radius": f"x{share}"})
         return SlowProblem(changed.document, changed.folder, changed.name, str(path))
 
-    with cluster() as made, dask_executor(made.scheduler_address) as executor:
+    with dask_executor(small.scheduler_address) as executor:
         items = plan_many(map(posed, shares), FAST, executor)
         found = [next(items), next(items)]
-        kill_a_worker(made.scheduler_address)
+        kill_a_worker(small.scheduler_address)
         found += items
     assert sorted(item.index for item in found) == list(range(len(shares)))
     found.sort(key=lambda item: item.index)
@@ -205,13 +199,13 @@ def test_a_worker_that_dies_loses_nothing(tmp_path):
     assert len(path.read_text().splitlines()) >= len(shares)  # some were begun twice
 
 
-@pytest.mark.slow
-def test_what_kills_every_worker_costs_its_item_alone():
+@pytest.mark.slow  # plans on a cluster
+def test_what_kills_every_worker_costs_its_item_alone(small):
     line = PosedProblem.read(LINE)
     deadly = DeadlyProblem(line.document, line.folder, line.name)
-    with cluster() as made, dask_executor(made.scheduler_address) as executor:
+    with dask_executor(small.scheduler_address) as executor:
         # So many that others are on the workers that it kills, and are blamed with it at first.
-        posed = [line, line, deadly, *[line] * 12]
+        posed = [line, line, deadly, *[line] * 6]
         items = list(plan_many(posed, FAST, executor))
     found = {item.index: item for item in items}
     assert len(items) == len(found) == len(posed)
@@ -221,8 +215,13 @@ def test_what_kills_every_worker_costs_its_item_alone():
     assert {item.status for item in found.values()} == {PlanStatus.SUCCESS}
 
 
-def test_a_scheduler_that_is_lost_is_told():
-    with cluster() as made:
+@pytest.mark.slow  # starts a cluster
+def test_a_cluster_without_workers_and_a_scheduler_that_is_lost_are_told():
+    none = pytest.raises(OptionError, match=r"has no workers after 0.5 s; start some.*--nthreads 1")
+    with cluster(workers=0) as made:
+        with none, dask_executor(made.scheduler_address, timeout=0.5):
+            pass
+        made.scale(1)
         lost = pytest.raises(OptionError, match=r"was lost.*begin again with what is left")
         with lost, dask_executor(made.scheduler_address) as executor:
             done = run_many(time.sleep, [0.2] * 40, executor)
@@ -231,11 +230,7 @@ def test_a_scheduler_that_is_lost_is_told():
             list(done)
 
 
-def test_an_error_of_the_user_stays_what_it_is(small):
-    with pytest.raises(OptionError, match=r"^mine$"), dask_executor(small.scheduler_address):
-        raise OptionError("mine")
-
-
+@pytest.mark.dear("waits for a scheduler with Dask's event loop")
 @pytest.mark.parametrize(
     ("address", "reason"),
     [
@@ -252,53 +247,24 @@ def test_an_address_without_a_scheduler_is_named(address, reason):
         pass
 
 
-def test_a_cluster_without_workers_is_told():
-    with (
-        cluster(workers=0) as made,
-        pytest.raises(OptionError, match=r"has no workers after 0.5 s; start some.*--nthreads 1"),
-        dask_executor(made.scheduler_address, timeout=0.5),
-    ):
-        pass
-
-
-WRONG = {
-    "threads": ({"threads": 2}, "has 2 threads, whose plans hold each other up"),
-    "linear algebra": (
-        {"env": {"OPENBLAS_NUM_THREADS": "4"}},
-        "has 4 threads for linear algebra, whose answers differ",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", WRONG)
-def test_workers_with_other_numbers_of_threads_are_named(name):
-    options, reason = WRONG[name]
-    with (
-        cluster(workers=1, **options) as made,
-        pytest.raises(OptionError, match=rf"1 of 1 workers .* one at tcp://\S+ {reason}"),
-        dask_executor(made.scheduler_address),
-    ):
-        pass
-
-
-def test_workers_with_other_sources_are_named(small, monkeypatch):
+@pytest.mark.parametrize(
+    ("worker", "threads", "reason"),
+    [
+        (ModuleNotFoundError("No module named 'a'"), 1, "cannot load tubeplanner (No module na"),
+        (("other", "1"), 1, "has other sources of tubeplanner; install there"),
+        (("ours", "1"), 2, "has 2 threads, whose plans hold each other up"),
+        (("ours", "4"), 1, "has 4 threads for linear algebra, whose answers differ"),
+        (("ours", None), 1, "has any number of threads for linear algebra"),
+    ],
+)
+def test_what_is_wrong_with_workers_is_said(worker, threads, reason, monkeypatch):
     monkeypatch.setattr(module, "package_hash", lambda: "ours")
-    with (
-        pytest.raises(OptionError, match=r"2 of 2 workers .* has other sources of tubeplanner"),
-        dask_executor(small.scheduler_address),
-    ):
-        pass
-
-
-def test_workers_without_tubeplanner_are_named():
-    said = module._wrong(ModuleNotFoundError("No module named 'tubeplanner'"), 1)
-    assert said.startswith("cannot load tubeplanner (No module named 'tubeplanner'); install")
+    assert module._wrong(worker, threads).startswith(reason)
+    assert module._wrong(("ours", "1"), 1) == ""
 
 
 def test_without_dask_the_command_that_installs_it_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with (
-        pytest.raises(OptionError, match=r"scheduler tcp://a:1 takes Dask.*\[dask\]"),
-        dask_executor("tcp://a:1"),
-    ):
+    missing = pytest.raises(OptionError, match=r"scheduler tcp://a:1 takes Dask.*\[dask\]")
+    with missing, dask_executor("tcp://a:1"):
         pass

@@ -19,9 +19,6 @@ from tubeplanner.many import posed_problem
 from tubeplanner.many.content_hash import content_hash, document_hash, package_hash
 from tubeplanner.resources import bundled_folder
 
-# What an answer depends on changes its hash, and nothing else does.
-
-
 URDF = """<robot name="arm">
   <link name="base"><collision><geometry><mesh filename="base.stl"/></geometry></collision></link>
   <link name="tip"/>
@@ -65,36 +62,21 @@ def hash_in(folder, held=None):
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_what_a_file_holds_counts(folder, name):
-    before = hash_in(folder)
-    path = folder / name
+def test_what_a_file_holds_counts_and_whether_it_is_there(folder, name):
+    before, path = hash_in(folder), folder / name
     path.write_text(path.read_text().replace("0", "1").replace("solid", "SOLID") + " ")
     assert hash_in(folder) != before
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_a_file_of_the_same_size_counts_too(folder, name):
-    before = hash_in(folder)
-    path = folder / name
-    path.write_text(path.read_text().swapcase())
+    path.write_text(FILES[name].swapcase())  # of the same size
     os.utime(path, ns=(1, 1))
     if path.suffix not in {".urdf", ".csv", ".json"}:
         assert hash_in(folder) != before
+    path.unlink()
+    assert hash_in(folder) != before
     path.write_text(FILES[name])
     assert hash_in(folder) == before
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_a_file_that_is_missing_counts(folder, name):
-    before = hash_in(folder)
-    (folder / name).unlink()
-    missing = hash_in(folder)
-    assert missing != before
-    (folder / name).write_text(FILES[name])
-    assert hash_in(folder) == before
-
-
-def test_neither_folder_nor_date_nor_the_order_of_keys_counts(folder):
+def test_neither_folder_nor_date_nor_names_nor_the_order_of_keys_count(folder):
     before = hash_in(folder)
     for name in FILES:
         os.utime(folder / name, ns=(0, 0))
@@ -105,29 +87,26 @@ def test_neither_folder_nor_date_nor_the_order_of_keys_counts(folder):
     turned = dict(reversed(document().items()))
     turned["robot"] = dict(reversed(turned["robot"].items()))
     assert hash_in(moved, turned) == before
-
-
-def test_nor_what_a_file_is_called(folder):
-    before = hash_in(folder)
-    (folder / "part.stl").rename(folder / "other.stl")
+    (moved / "part.stl").rename(moved / "other.stl")
     renamed = document()
     renamed["obstacles"][0]["mesh"] = "other.stl"
-    assert hash_in(folder, renamed) == before
+    assert hash_in(moved, renamed) == before
 
 
-def test_every_field_counts(folder):
+def test_every_field_counts_and_options_and_our_sources(folder, monkeypatch):
     before = hash_in(folder)
     for change in ({"clearance": 0.01}, {"tube": {"points": "points.csv", "radius": 0.06}}):
         assert hash_in(folder, document() | change) != before
     moved = document()
     moved["obstacles"][0]["position"] = [1, 0, 0.001]
     assert hash_in(folder, moved) != before
-
-
-def test_options_and_our_sources_count(folder, monkeypatch):
-    before = hash_in(folder)
     assert content_hash(document(), folder, replace(FAST, slack=0.0)) != before
     assert document_hash(document(), folder) == document_hash(document(), folder)
+    for held in (None, [], {"robot": 3}, {"robot": {"package_dirs": 7, "urdf": []}}):
+        assert len(hash_in(folder, held)) == 32  # what is no problem has a hash too
+    held = document()
+    hash_in(folder, held)
+    assert held == document()  # it is not changed
     monkeypatch.setattr(hashing, "package_hash", lambda: "another version")
     assert hash_in(folder) != before
 
@@ -150,17 +129,6 @@ def test_our_sources_and_presets_are_read(tmp_path, monkeypatch):
     found.append(package_hash.__wrapped__())
     assert len(set(found[:3])) == 3
     assert found[2] == found[3]
-
-
-def test_a_document_is_not_changed(folder):
-    held = document()
-    hash_in(folder, held)
-    assert held == document()
-
-
-def test_what_is_no_problem_has_a_hash_too(folder):
-    for held in (None, [], {"robot": 3}, {"robot": {"package_dirs": 7, "urdf": []}}):
-        assert len(hash_in(folder, held)) == 32
 
 
 def test_a_mesh_in_a_package_is_found(folder):
@@ -188,9 +156,6 @@ def test_the_files_of_a_cycle_count(folder):
 def test_bundled_problems_differ():
     names = ("two_link/around_a_post", "two_link/paper_1_30mm", "ur5/over_the_wall")
     assert len({PosedProblem.read(f"example:{n}").content_hash(FAST) for n in names}) == 3
-
-
-# Problems as their files hold them: read, changed, loaded with what this process knows.
 
 
 POST = "example:two_link/around_a_post"
@@ -231,22 +196,14 @@ def test_what_a_file_includes_is_read_too(tmp_path):
 
 def test_changes_are_those_of_set():
     posed = PosedProblem.read(POST)
-    narrow = posed.changed({"tube.radius": "x0.5", "obstacles.post.position": [0.5, 0.3, 0]})
-    expected = load_problem(
-        POST, changes={"tube.radius": "x0.5", "obstacles.post.position": [0.5, 0.3, 0]}
-    )
-    assert problem_hash(narrow.load()) == problem_hash(expected)
+    changes = {"tube.radius": "x0.5", "obstacles.post.position": [0.5, 0.3, 0]}
+    expected = load_problem(POST, changes=changes)
+    assert problem_hash(posed.changed(changes).load()) == problem_hash(expected)
     assert problem_hash(posed.load()) == problem_hash(load_problem(POST))
-
-
-def test_a_change_that_leads_nowhere_is_named():
     with pytest.raises(ProblemError, match=r"tube\.width"):
-        PosedProblem.read(POST).changed({"tube.width": 1.0})
-
-
-def test_what_contradicts_its_format_is_named():
+        posed.changed({"tube.width": 1.0})
     with pytest.raises(ProblemError, match=r"two_link/around_a_post.*radius"):
-        PosedProblem.read(POST).changed({"tube.radius": -1.0}).load()
+        posed.changed({"tube.radius": -1.0}).load()
 
 
 def test_robot_and_solids_are_built_once():

@@ -3,7 +3,7 @@
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from itertools import islice
 from multiprocessing import get_context
-from threading import Event, Timer
+from threading import Event
 
 import pytest
 import worker_calls as calls
@@ -13,8 +13,6 @@ from tubeplanner import OptionError, WorkerDied, WorkerProcesses
 from tubeplanner.many import run_many as run_many_module
 from tubeplanner.many.run_many import Done, run_many
 from tubeplanner.studies.swept_rows import swept_rows
-
-# One function for many items: what comes of each, as it comes.
 
 
 def inverse(number):
@@ -87,11 +85,12 @@ def test_results_come_while_items_are_still_sent():
 def test_of_many_items_only_some_are_taken_ahead(monkeypatch):
     monkeypatch.setattr(run_many_module, "_SUBMITTED", 5)
     event, taken = Event(), []
-    Timer(0.3, event.set).start()
 
     def items():
         while True:
             taken.append(event)
+            if len(taken) == 5:
+                event.set()
             yield event
 
     with ThreadPoolExecutor(1) as threads:
@@ -117,28 +116,24 @@ def test_what_has_not_begun_is_dropped_when_nobody_wants_more():
     )
 
 
+@pytest.mark.slow  # starts processes, again where they die
 def test_a_dead_process_costs_its_item_alone():
     items = [*range(6), -1, *range(6)]
     with WorkerProcesses(2) as workers:
-        found = {
-            done.index: done for done in run_many(calls.squared_or_deadly, iter(items), workers)
-        }
+        done_of = run_many(calls.squared_or_deadly, iter(items), workers)
+        found = {done.index: done for done in done_of}
     assert sorted(found) == list(range(13))
     assert isinstance(found.pop(6).error, WorkerDied)
     assert all(done.value == items[index] ** 2 for index, done in found.items())
 
 
+@pytest.mark.slow  # starts processes of another kind
 def test_a_pool_that_a_dead_process_breaks_is_told():
     pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
-    with pool, pytest.raises(OptionError, match=r"BrokenProcessPool.*WorkerProcesses goes on"):
-        list(run_many(calls.squared_or_deadly, [1, -1, 2, 3], pool))
-
-
-def test_a_pool_that_was_broken_before_is_told():
-    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
     with pool:
-        assert pool.submit(calls.deadly).exception() is not None
-        with pytest.raises(OptionError, match="BrokenProcessPool"):
+        with pytest.raises(OptionError, match=r"BrokenProcessPool.*WorkerProcesses goes on"):
+            list(run_many(calls.squared_or_deadly, [1, -1, 2, 3], pool))
+        with pytest.raises(OptionError, match="BrokenProcessPool"):  # it was broken before
             next(run_many(calls.squared_or_deadly, [1], pool))
 
 
@@ -152,9 +147,6 @@ def test_an_executor_that_drops_calls_is_told():
     with pytest.raises(OptionError, match="CancelledError"):
         list(islice(run_many(inverse, items(), executor), 3))
     assert executor.futures[1].cancelled()
-
-
-# Rows of sweeps: in order, wherever they are made.
 
 
 def doubled(item, progress=None):

@@ -38,66 +38,62 @@ def require_gone(processes):
         time.sleep(0.01)
 
 
-def test_calls_are_answered_by_other_processes_and_a_process_answers_many():
+@pytest.fixture(scope="module")
+def two():
+    """Two processes that are started once; who wants them to end takes others."""
+    with WorkerProcesses(2) as workers:
+        yield workers
+
+
+@pytest.mark.dear("starts a process")
+def test_calls_are_answered_by_other_processes_and_a_process_answers_many(capfd, monkeypatch):
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "4")
     with WorkerProcesses(1) as workers:
         found = [workers.submit(calls.process_id) for _ in range(3)]
         assert len({each.result() for each in found}) == 1
         assert found[0].result() != os.getpid()
         assert workers.submit(divmod, 7, 2).result() == (3, 1)
         assert workers.submit(sorted, [1, 2], reverse=True).result() == [2, 1]
+        for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+            assert workers.submit(calls.variable, name).result() == "1"  # linear algebra's
+        workers.submit(calls.printed, "a remark").result()
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "4"
+    assert "a remark" not in capfd.readouterr().out
     require_gone([found[0].result()])
+    with pytest.raises(RuntimeError, match="shut down"):
+        workers.submit(pow, 2, 2)
 
 
-def test_as_many_as_asked_for_work_at_once(tmp_path):
+def test_as_many_as_asked_for_work_at_once(two, tmp_path):
     path = tmp_path / "calls"
-    with WorkerProcesses(2) as workers:
-        wait([workers.submit(calls.noted, path, 0.5) for _ in range(6)])
+    wait([two.submit(calls.noted, path, 0.3) for _ in range(6)])
     assert len({process for process, *_ in lines(path)}) == 2
 
 
 def test_by_default_there_is_one_for_each_processor():
     assert WorkerProcesses().count == processors() == len(os.sched_getaffinity(0))
     assert repr(WorkerProcesses(3)) == "<WorkerProcesses: 3>"
+    for count in (0, -1, 1.5, "2"):
+        with pytest.raises(OptionError, match="whole number >= 1"):
+            WorkerProcesses(count)
 
 
-@pytest.mark.parametrize("count", [0, -1, 1.5, "2"])
-def test_a_count_is_a_whole_number_from_1(count):
-    with pytest.raises(OptionError, match="whole number >= 1"):
-        WorkerProcesses(count)
-
-
-def test_linear_algebra_has_one_thread(monkeypatch):
-    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "4")
-    with WorkerProcesses(1) as workers:
-        for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-            assert workers.submit(calls.variable, name).result() == "1"
-    assert os.environ["OPENBLAS_NUM_THREADS"] == "4"
-
-
-def test_what_is_printed_there_is_no_output_here(capfd):
-    with WorkerProcesses(1) as workers:
-        workers.submit(calls.printed, "a remark").result()
-    assert "a remark" not in capfd.readouterr().out
-
-
-def test_a_call_whose_process_dies_once_is_made_again(tmp_path):
-    with WorkerProcesses(2) as workers:
-        assert workers.submit(calls.deadly_once, tmp_path / "calls").result() == "alive"
-
-
-def test_one_that_dies_twice_is_given_up_and_loses_no_other(tmp_path):
+@pytest.mark.dear("starts processes again that die")
+def test_one_that_dies_twice_is_given_up_and_loses_no_other(two, tmp_path):
     deaths = tmp_path / "deaths"
-    with WorkerProcesses(2) as workers:
-        before = [workers.submit(pow, each, 2) for each in range(8)]
-        deadly = workers.submit(calls.deadly, deaths)
-        after = [workers.submit(pow, each, 3) for each in range(8)]
-        with pytest.raises(WorkerDied, match="was ended by SIGKILL"):
-            deadly.result()
-        assert [each.result() for each in before] == [each**2 for each in range(8)]
-        assert [each.result() for each in after] == [each**3 for each in range(8)]
+    before = [two.submit(pow, each, 2) for each in range(8)]
+    once = two.submit(calls.deadly_once, tmp_path / "calls")
+    deadly = two.submit(calls.deadly, deaths)
+    after = [two.submit(pow, each, 3) for each in range(8)]
+    with pytest.raises(WorkerDied, match="was ended by SIGKILL"):
+        deadly.result()
+    assert once.result() == "alive"  # it is made again
+    assert [each.result() for each in before] == [each**2 for each in range(8)]
+    assert [each.result() for each in after] == [each**3 for each in range(8)]
     assert len(lines(deaths)) == 2
 
 
+@pytest.mark.slow  # starts five processes
 def test_the_second_time_it_is_alone(tmp_path):
     deaths, others = [tmp_path / "first", tmp_path / "second"], tmp_path / "others"
     with WorkerProcesses(3) as workers:
@@ -114,12 +110,10 @@ def test_the_second_time_it_is_alone(tmp_path):
         assert not any(begin < alone < end for _, begin, end in lines(others))
 
 
-def test_a_process_that_ends_by_itself_is_told_by_its_status():
-    with (
-        WorkerProcesses(1) as workers,
-        pytest.raises(WorkerDied, match="ended with status 7"),
-    ):
-        workers.submit(calls.ended, 7).result()
+@pytest.mark.dear("starts processes again that end")
+def test_a_process_that_ends_by_itself_is_told_by_its_status(two):
+    with pytest.raises(WorkerDied, match="ended with status 7"):
+        two.submit(calls.ended, 7).result()
 
 
 def test_a_process_that_cannot_be_started_is_told(monkeypatch):
@@ -131,29 +125,23 @@ def test_a_process_that_cannot_be_started_is_told(monkeypatch):
         workers.submit(calls.process_id).result()
 
 
-def test_what_is_raised_there_is_raised_here_with_its_place():
-    with WorkerProcesses(1) as workers:
-        with pytest.raises(KeyError, match="no such") as caught:
-            workers.submit(calls.raised, KeyError, "no such").result()
-        assert any("worker_calls.py" in note for note in caught.value.__notes__)
-        for work in (calls.raised_with_lock, calls.returned_lock):
-            with pytest.raises((RuntimeError, TypeError), match="lock"):
-                workers.submit(work).result()
-        with pytest.raises(RuntimeError, match="Unpicklable: this and that"):
-            workers.submit(calls.raised, calls.Unpicklable, "this", "that").result()
-        with pytest.raises(RuntimeError, match="Turned: round"):
-            workers.submit(calls.raised, calls.Turned, "round").result()
-        assert workers.submit(pow, 2, 2).result() == 4
+def test_what_is_raised_there_is_raised_here_with_its_place(two):
+    with pytest.raises(KeyError, match="no such") as caught:
+        two.submit(calls.raised, KeyError, "no such").result()
+    assert any("worker_calls.py" in note for note in caught.value.__notes__)
+    for work in (calls.raised_with_lock, calls.returned_lock):
+        with pytest.raises((RuntimeError, TypeError), match="lock"):
+            two.submit(work).result()
+    with pytest.raises(RuntimeError, match="Unpicklable: this and that"):
+        two.submit(calls.raised, calls.Unpicklable, "this", "that").result()
+    with pytest.raises(RuntimeError, match="Turned: round"):
+        two.submit(calls.raised, calls.Turned, "round").result()
+    with pytest.raises(Exception, match="pickle"):
+        two.submit(lambda: 1).result()  # it cannot be sent, and costs itself alone
+    assert two.submit(pow, 2, 2).result() == 4
 
 
-def test_a_call_that_cannot_be_sent_costs_itself_alone():
-    with WorkerProcesses(1) as workers:
-        unsendable = workers.submit(lambda: 1)
-        with pytest.raises(Exception, match="pickle"):
-            unsendable.result()
-        assert workers.submit(pow, 2, 2).result() == 4
-
-
+@pytest.mark.dear("starts a process")
 def test_arguments_that_calls_share_are_not_copied_for_those_that_wait(tmp_path):
     class Counted:
         pickled = 0
@@ -171,13 +159,7 @@ def test_arguments_that_calls_share_are_not_copied_for_those_that_wait(tmp_path)
         assert [each.result() for each in rest] == ["0"] * 5
 
 
-def test_after_the_end_there_are_no_more_calls():
-    with WorkerProcesses(1) as workers:
-        pass
-    with pytest.raises(RuntimeError, match="shut down"):
-        workers.submit(pow, 2, 2)
-
-
+@pytest.mark.dear("starts processes")
 def test_the_end_waits_for_calls_unless_they_are_dropped(tmp_path):
     path = tmp_path / "calls"
     workers = WorkerProcesses(1)
@@ -192,6 +174,7 @@ def test_the_end_waits_for_calls_unless_they_are_dropped(tmp_path):
     assert [each.result(0) for each in futures] == [0, 1, 4, 9]
 
 
+@pytest.mark.dear("starts two processes")
 def test_an_exception_in_the_with_statement_ends_all_processes(tmp_path):
     path = tmp_path / "calls"
     with pytest.raises(KeyboardInterrupt), WorkerProcesses(2) as workers:
@@ -231,6 +214,7 @@ with WorkerProcesses(2) as workers:
 """
 
 
+@pytest.mark.slow  # starts scripts that start processes
 @pytest.mark.parametrize("way", ["standard input", "file", "argument"])
 def test_a_script_needs_no_guard(way, tmp_path):
     path = tmp_path / "script.py"

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tubeplanner import load_problem
 from tubeplanner.measurement import tool_moves
 from tubeplanner.measurement.configuration_set import ConfigurationSet
 from tubeplanner.measurement.folding_joints import folding_joints, is_determined
@@ -25,13 +24,17 @@ COUNT = 200
 
 
 @NEEDS_LIBRARY
-@pytest.mark.parametrize("close", [(0.0, 0.0), (0.02, 0.05)])
 @pytest.mark.parametrize(
-    "components", [None, (True, True, True), (True, False, True)], ids=["any", "all", "two"]
+    ("name", "components", "close"),
+    [
+        ("ur5/over_the_wall", None, (0.0, 0.0)),
+        ("ur5/over_the_wall", (True, True, True), (0.02, 0.05)),
+        ("panda/between_shelves", (True, False, True), (0.0, 0.0)),
+    ],
+    ids=["any", "all", "two"],
 )
-@pytest.mark.parametrize("name", ["ur5/over_the_wall", "panda/between_shelves"])
-def test_moves_are_those_of_numpy(name, components, close, monkeypatch):
-    problem, rng = load_problem(f"example:{name}"), np.random.default_rng(3)
+def test_moves_are_those_of_numpy(name, components, close, monkeypatch, bundled):
+    problem, rng = bundled(name), np.random.default_rng(3)
     robot, start = problem.robot, problem.start
     bounds = start - 0.5, start + 0.4
     q = rng.uniform(*bounds, (COUNT, len(start)))
@@ -53,8 +56,8 @@ def test_moves_are_those_of_numpy(name, components, close, monkeypatch):
 
 
 @NEEDS_LIBRARY
-def test_tools_get_where_they_are_wanted():
-    problem, rng = load_problem("example:panda/between_shelves"), np.random.default_rng(4)
+def test_tools_get_where_they_are_wanted(bundled):
+    problem, rng = bundled("panda/between_shelves"), np.random.default_rng(4)
     robot, start = problem.robot, problem.start
     rotation, tool = robot.tool_pose(start + rng.uniform(-0.1, 0.1, (COUNT, 7)))
     vector = rng.uniform(-0.1, 0.1, (COUNT, 3))
@@ -70,8 +73,8 @@ def test_tools_get_where_they_are_wanted():
 
 
 @pytest.fixture(scope="module")
-def tray():
-    return load_problem("example:ur5/level_tray")
+def tray(bundled):
+    return bundled("ur5/level_tray")
 
 
 def test_samples_keep_place_ranges_and_rotation(tray):
@@ -88,9 +91,8 @@ def test_samples_keep_place_ranges_and_rotation(tray):
     assert allowed.contains(moved).mean() > 0.9
 
 
-@pytest.mark.parametrize("name", ["ur5/over_the_wall", "panda/between_shelves"])
-def test_the_least_clearance_is_that_of_all_distances(name):
-    problem = load_problem(f"example:{name}")
+def test_the_least_clearance_is_that_of_all_distances(bundled):
+    problem = bundled("ur5/over_the_wall")
     clearance = PairClearance(problem, 0.0)
     q = problem.start + np.random.default_rng(0).normal(scale=0.7, size=(60, len(problem.start)))
     found = clearance.least(q, 0.02)

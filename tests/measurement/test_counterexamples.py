@@ -9,10 +9,8 @@ from tubeplanner.measurement.pair_clearance import PairClearance
 
 
 @pytest.fixture(scope="module")
-def post():
-    from tubeplanner import load_problem
-
-    return load_problem("example:two_link/around_a_post")
+def post(bundled):
+    return bundled("two_link/around_a_post")
 
 
 def allowed(problem, radius):

@@ -5,16 +5,17 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-
 from cases import SHORTEST
-from random_attack import random_attack
+from stored_trajectories import STOP
+
+from measured_tubes import random_attack
 from tubeplanner import (
     MeasureOptions,
     Obstacle,
     PlanningProblem,
+    PlanOptions,
     Seed,
     Tube,
-    load_problem,
     measure_tube,
     placement_of,
     plan,
@@ -27,8 +28,8 @@ LINK, POST, POST_RADIUS = 0.3, np.array([0.4, 0.22]), 0.03
 
 
 @pytest.fixture(scope="module")
-def post():
-    problem = load_problem("example:two_link/around_a_post")
+def post(bundled):
+    problem = bundled("two_link/around_a_post")
     return problem, measure_tube(problem, QUICK)
 
 
@@ -80,9 +81,10 @@ def test_the_radius_is_where_the_link_meets_the_post(post):
     )
 
 
-def test_a_measured_tube_is_planned_and_faster(post):
-    problem, result = post
-    before, after = plan(problem, SHORTEST), plan(result.problem, SHORTEST)
+def test_a_measured_tube_is_planned_and_faster(post, planned):
+    _, result = post
+    _, before = planned("two_link/around_a_post")
+    after = plan(result.problem, PlanOptions(STOP, slack=0.0))
     assert after.succeeded, after.message
     assert after.duration < before.duration
 
@@ -93,8 +95,8 @@ def test_a_random_attack_finds_nothing_but_would_in_a_wider_tube(post):
     wider = measured.with_tube(measured.tube.with_radius(2 * measured.tube.radius[:2].max()))
     rng = np.random.default_rng(7)
     for k in range(3):
-        assert random_attack(measured, k, 1000, rng).collisions == 0
-    assert random_attack(wider, 0, 1000, rng).collisions > 0
+        assert random_attack(measured, k, 300, rng).collisions == 0
+    assert random_attack(wider, 0, 300, rng).collisions > 0
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +108,7 @@ def beside_a_wall(ur5):
     return PlanningProblem(ur5, tube, Seed(seed), obstacles=[wall], clearance=0.01)
 
 
+# It measures a tube of a UR5, attacks it twice and plans in it: 5 s.
 @pytest.mark.slow
 def test_six_joints_get_ranges_that_survive(beside_a_wall):
     result = measure_tube(beside_a_wall, QUICK)
@@ -119,12 +122,6 @@ def test_six_joints_get_ranges_that_survive(beside_a_wall):
     signs_alone = beside_a_wall.with_tube(beside_a_wall.tube.with_radius(segment.radius))
     assert random_attack(signs_alone, 0, 200, np.random.default_rng(1)).collisions > 20
     assert plan(result.problem, SHORTEST).succeeded
-
-
-def test_the_same_seed_gives_the_same_tube(post):
-    problem, result = post
-    again = measure_tube(problem, QUICK)
-    assert [s.as_dict() for s in again.segments] == [s.as_dict() for s in result.segments]
 
 
 def test_a_blocked_centre_line_is_an_answer(post):
@@ -165,13 +162,13 @@ def test_the_tool_radius_must_fit(post):
 def test_too_many_segments_are_refused_at_once(post):
     """Not after minutes: nothing is measured before."""
     problem, _ = post
-    angles = np.linspace(0, np.pi, 201)[:, None]
+    angles = np.linspace(0, np.pi, 22)[:, None]
     arc = [0.4, 0, 0] + 0.1 * np.hstack([-np.cos(angles), -np.sin(angles), 0 * angles])
     many = problem.along(Tube(arc, 0.02, joint_signs={"joint2": "-"}), Seed(np.array([0, -1.0])))
     said = []
-    for asked in (measure_tube, survey_patterns):
-        with pytest.raises(OptionError, match="measure: 200 segments; at most 20 are measured"):
-            asked(many, QUICK, said.append)
+    for measure in (measure_tube, survey_patterns):
+        with pytest.raises(OptionError, match="measure: 21 segments; at most 20 are measured"):
+            measure(many, QUICK, said.append)
     assert not said
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tubeplanner import MeasureOptions, load_problem
+from tubeplanner import MeasureOptions
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.measurement.branch_neighbourhood import BranchNeighbourhood
 from tubeplanner.measurement.kept_segments import KeptSegments
@@ -12,8 +12,8 @@ QUICK = MeasureOptions(samples=300)
 
 
 @pytest.fixture(scope="module")
-def measured():
-    problem = load_problem("example:two_link/around_a_post")
+def measured(bundled):
+    problem = bundled("two_link/around_a_post")
     branch = reference_branch(problem, redundancy_rules(problem)[0])
     kept = KeptSegments()
     around = BranchNeighbourhood(problem, branch, QUICK)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tubeplanner import Obstacle, load_problem, parse_problem, placement_of
+from tubeplanner import Obstacle, parse_problem, placement_of
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.measurement import clearance_bounds
 from tubeplanner.measurement.pair_clearance import PairClearance
@@ -27,11 +27,10 @@ def checker_of(problem):
 
 @NEEDS_LIBRARY
 @pytest.mark.parametrize("near", [0.03, 0.0])
-@pytest.mark.parametrize("name", ["ur5/over_the_wall", "panda/between_shelves"])
-def test_bounds_are_those_of_numpy(name, near, monkeypatch):
-    problem = load_problem(f"example:{name}")
+def test_bounds_are_those_of_numpy(near, monkeypatch, bundled):
+    problem = bundled("ur5/over_the_wall")
     checker, rng = checker_of(problem), np.random.default_rng(0)
-    q = problem.start + rng.normal(scale=0.6, size=(150, len(problem.start)))
+    q = problem.start + rng.normal(scale=0.6, size=(60, len(problem.start)))
     poses = problem.robot.body_poses(q)
     required = rng.uniform(0, 0.02, len(checker.pairs))
     required[::5] = -np.inf  # may touch

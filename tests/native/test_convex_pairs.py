@@ -5,15 +5,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from tubeplanner import Obstacle, load_problem, placement_of
+from tubeplanner import Obstacle, placement_of
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.native.convex_pairs import IS_NATIVE
 
 pytestmark = pytest.mark.skipif(not IS_NATIVE, reason="the native library is left out")
 
-PAIRS = 2000  # of each arm
+PAIRS = 500  # of each arm
 NEAR = 0.15  # [m]: pairs with more room do not matter
-PROBLEMS = ("two_link/paper_1_30mm", "ur5/over_the_wall", "panda/between_shelves")
+PROBLEMS = ("two_link/paper_1_30mm", "ur5/over_the_wall")
 
 
 class Placed(NamedTuple):
@@ -28,8 +28,8 @@ class Placed(NamedTuple):
 
 
 @pytest.fixture(scope="module", params=PROBLEMS)
-def placed(request):
-    problem = load_problem(f"example:{request.param}")
+def placed(request, bundled):
+    problem = bundled(request.param)
     round_ones = (
         Obstacle.sphere("ball", 0.1, placement_of([0.3, 0.3, 0.3])),
         Obstacle.capsule("bar", 0.05, 0.4, placement_of([-0.3, 0.3, 0.4])),
@@ -38,7 +38,7 @@ def placed(request):
     native, other = CollisionChecker(*arguments), CollisionChecker(*arguments)
     vars(other)["_native"] = None
     rng = np.random.default_rng(5)
-    q = rng.uniform(-2.5, 2.5, (PAIRS // 10, native.robot.joint_count))
+    q = rng.uniform(-2.5, 2.5, (PAIRS // 5, native.robot.joint_count))
     pairs = native.pairs[rng.integers(0, len(native.pairs), PAIRS)]
     row = rng.integers(0, len(q), PAIRS)
     return Placed(native, other, *native.robot.body_poses(q), pairs, row)

@@ -60,11 +60,7 @@ RIGHT = {
     "PlanOptions": (PlanOptions, {}),
     "JointTrajectory": (
         JointTrajectory,
-        {
-            "joint_names": ["joint1"],
-            "breakpoints": [0.0, 1.0],
-            "coefficients": np.zeros((6, 1, 1)),
-        },
+        {"joint_names": ["joint1"], "breakpoints": [0.0, 1.0], "coefficients": np.zeros((6, 1, 1))},
     ),
     "Payload": (Payload, {"mass": 1.0}),
     "ToolOffset": (ToolOffset, {}),
@@ -81,7 +77,7 @@ def names_of(make):
 
 
 @pytest.mark.parametrize("what", RIGHT)
-@examples(150)
+@examples(15)
 @given(data=st.data())
 def test_any_value_makes_an_object_or_is_refused(what, data):
     make, right = RIGHT[what]
@@ -130,13 +126,13 @@ TEXTS = st.text(max_size=8) | st.sampled_from(
 OPTIONS = st.builds("{}={}".format, PATHS, TEXTS) | NAMES | st.text(max_size=10)
 
 
-@examples(200)
+@examples(20)
 @given(st.just(PROBLEM) | changed_documents(PROBLEM, problem_schema(), 1), CHANGES)
 def test_any_changes_of_a_problem_are_made_or_refused(document, changes):
     repr(accepted(parse_problem, document, changes=changes))
 
 
-@examples(100)
+@examples(10)
 @given(CHANGES)
 def test_any_changes_of_a_cycle_or_a_file_are_made_or_refused(changes):
     repr(accepted(parse_cycle, CYCLE, changes=changes))
@@ -150,7 +146,7 @@ def cycle_file(tmp_path_factory):
     return path
 
 
-@examples(150)
+@examples(15)
 @given(
     given=st.lists(OPTIONS, min_size=1, max_size=2),
     kind=st.sampled_from(["problem", "cycle", "robot"]),

@@ -1,6 +1,7 @@
 """Any arguments of a public function are taken or refused in one line; nothing is planned here."""
 
 import math
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +59,7 @@ from tubeplanner.measurement import sign_patterns, tube_measurement
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning import planner
 from tubeplanner.planning.plan_result import refused_result
-from tubeplanner.studies import comparison, field_sweep, placement, tolerance_sweep
+from tubeplanner.studies import comparison, field_sweep, placement, study_run, tolerance_sweep
 from tubeplanner.tube_sources import route
 from tubeplanner.tube_sources import teach as teach_module
 
@@ -175,6 +176,8 @@ def nothing_is_planned():
             patch.setattr(module, "plan", refused)
         for module in (trials, plan_many_module):
             patch.setattr(module, "plan_either", refused)
+        for module in (placement, plan_many_module, study_run):
+            patch.setattr(module, "WorkerProcesses", lambda: nullcontext(Here()))
         patch.setattr(planner, "_shortest", refused)
         patch.setattr(tube_measurement, "_segments_of_some_branch", raises)
         patch.setattr(teach_module, "_corners", raises)
@@ -184,7 +187,7 @@ def nothing_is_planned():
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)
-@examples(40)
+@examples(8)
 @given(data=st.data())
 def test_any_arguments_are_taken_or_refused(function, data):
     pairs = [word.split("=") for word in FUNCTIONS[function].split()]

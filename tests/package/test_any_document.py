@@ -58,31 +58,31 @@ def file(tmp_path_factory):
     return tmp_path_factory.mktemp("any") / "any.json"
 
 
-@examples(300)
+@examples(25)
 @given(changed_documents(PROBLEM, problem_schema()), st.booleans())
 def test_a_changed_problem_loads_or_is_refused(document, reads_tube):
     repr(accepted(parse_problem, document, reads_tube=reads_tube))
 
 
-@examples(60)
+@examples(10)
 @given(whole_documents(problem_schema()) | VALUES)
 def test_any_problem_loads_or_is_refused(document):
     accepted(parse_problem, document)
 
 
-@examples(200)
+@examples(15)
 @given(changed_documents(CYCLE, cycle_schema()))
 def test_a_changed_cycle_loads_or_is_refused(document):
     repr(accepted(parse_cycle, document))
 
 
-@examples(60)
+@examples(10)
 @given(whole_documents(cycle_schema()) | VALUES)
 def test_any_cycle_loads_or_is_refused(document):
     accepted(parse_cycle, document)
 
 
-@examples(150)
+@examples(15)
 @given(document=changed_documents(STUDY, study_schema()) | whole_documents(study_schema()))
 def test_any_study_poses_its_points_or_is_refused(file, document):
     if written(file, document) and (study := accepted(load_study, file)):
@@ -90,14 +90,14 @@ def test_any_study_poses_its_points_or_is_refused(file, document):
             accepted(study.posed, study.points[index])
 
 
-@examples(100)
+@examples(15)
 @given(document=changed_documents(PROBLEM, problem_schema()))
 def test_a_changed_file_loads_or_is_refused(file, document):
     if written(file, document):
         accepted(load_problem, file)
 
 
-@examples(300)
+@examples(25)
 @given(st.text() | st.binary() | VALUES.map(repr), st.sampled_from([".yaml", ".json"]))
 def test_any_file_is_read_or_refused(tmp_path_factory, content, suffix):
     path = tmp_path_factory.getbasetemp() / f"any{suffix}"
@@ -108,7 +108,7 @@ def test_any_file_is_read_or_refused(tmp_path_factory, content, suffix):
         assert str(path) in str(error)
 
 
-@examples(300)
+@examples(25)
 @given(st.integers(0, len(URDF)), st.integers(0, 12), st.text(max_size=6))
 def test_any_damage_to_a_urdf_is_harmless_or_named(tmp_path_factory, start, length, new):
     path = tmp_path_factory.getbasetemp() / "any.urdf"
@@ -163,7 +163,7 @@ def moves(name, points):
     )
 
 
-@examples(500)
+@examples(50)
 @given(some(OF_PROBLEMS, 4))
 def test_any_parts_make_a_problem_or_are_refused(given):
     tube = Tube(LINE, 0.03, joint_signs={"joint2": "-"})
@@ -175,14 +175,14 @@ def test_any_parts_make_a_problem_or_are_refused(given):
         assert problem.joined.distinct_joint_bounds[0].shape[1] == 2
 
 
-@examples(300)
+@examples(25)
 @given(st.tuples(moves("over", LINE), RESTS, moves("back", BACK), RESTS), some(OF_CYCLES, 2))
 def test_any_steps_make_a_cycle_or_are_refused(steps, given):
     right = {"start": SEED, "obstacles": [WALL], "steps": [each for each in steps if each]}
     repr(accepted(Cycle, **{**right, **given}))
 
 
-@examples(50)
+@examples(10)
 @given(VALUES | st.lists(RESTS, max_size=2) | moves("over", LINE))
 def test_what_are_no_steps_is_refused(steps):
     repr(accepted(Cycle, SEED, steps))

@@ -69,7 +69,7 @@ def file(tmp_path_factory):
 
 
 @pytest.mark.parametrize("command", ["explain", "measure"])
-@examples(40)
+@examples(4)
 @given(document=changed_documents(PROBLEM, problem_schema(), 2), as_json=st.booleans())
 def test_any_problem_is_answered(capfd, file, command, document, as_json):
     if written(file, document):
@@ -81,7 +81,7 @@ def test_any_problem_is_answered(capfd, file, command, document, as_json):
         require_told(status, out, err, as_json)
 
 
-@examples(150)
+@examples(15)
 @given(document=changed_documents(MOTION, TRAJECTORY), as_json=st.booleans())
 def test_any_trajectory_is_judged_or_refused(capfd, file, document, as_json):
     if written(file, document):

@@ -8,11 +8,12 @@ import threading
 import numpy as np
 import pytest
 
-from tubeplanner import load_problem, load_robot, parse_problem, plan, verify, view
+from tubeplanner import PlanOptions, load_robot, parse_problem, plan, verify, view
 from tubeplanner.errors import RobotError
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.resources import bundled_folder
 
+STOPS = PlanOptions("stop-at-corners", slack=0.0)
 COPIES = {"pickled": lambda kept: pickle.loads(pickle.dumps(kept)), "copied": copy.deepcopy}
 
 
@@ -21,10 +22,9 @@ def again(request):
     return COPIES[request.param]
 
 
-@pytest.fixture(scope="module")
-def post():
-    problem = load_problem("example:two_link/around_a_post")
-    return problem, plan(problem)
+@pytest.fixture
+def post(planned):
+    return planned("two_link/around_a_post")
 
 
 def test_a_robot_is_what_it_was(again):
@@ -41,7 +41,7 @@ def test_a_problem_plans_the_same(post, again):
     problem, result = post
     other = again(problem)
     assert problem_hash(other) == problem_hash(problem)
-    found = plan(other)
+    found = plan(other, STOPS)
     np.testing.assert_array_equal(found.trajectory.coefficients, result.trajectory.coefficients)
     assert found.certificate == result.certificate
 
@@ -92,10 +92,10 @@ def test_without_its_files_a_problem_is_planned_and_a_view_names_what_is_missing
     }
     problem = parse_problem(data)
     packed = again(problem)
-    before = plan(problem)
+    before = plan(problem, STOPS)
     assert before.succeeded
     shutil.rmtree(folder)
-    after = plan(packed)
+    after = plan(packed, STOPS)
     np.testing.assert_array_equal(after.trajectory.coefficients, before.trajectory.coefficients)
     assert verify(packed, before.trajectory) == before.certificate
     with pytest.raises(RobotError, match=r"mesh .*arm.stl.* does not exist"):
@@ -106,12 +106,12 @@ def test_two_threads_judge_against_one_problem_as_one_does(post):
     """Poses that one thread gives to links must not be measured by the other."""
     problem, result = post
     good = result.trajectory
-    slow = plan(problem, progress=None).trajectory.scaled(1.5)
+    slow = good.scaled(1.5)
     alone = {"good": verify(problem, good), "slow": verify(problem, slow)}
     found = {"good": [], "slow": []}
 
     def judge(name, trajectory):
-        for _ in range(15):
+        for _ in range(5):
             found[name].append(verify(problem, trajectory))
 
     threads = [
@@ -122,13 +122,15 @@ def test_two_threads_judge_against_one_problem_as_one_does(post):
     for thread in threads:
         thread.join()
     for name, certificates in found.items():
-        assert certificates == [alone[name]] * 15
+        assert certificates == [alone[name]] * 5
 
 
 def test_two_threads_plan_one_problem_as_one_does(post):
     problem, result = post
     found = []
-    threads = [threading.Thread(target=lambda: found.append(plan(problem))) for _ in range(2)]
+    threads = [
+        threading.Thread(target=lambda: found.append(plan(problem, STOPS))) for _ in range(2)
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:

@@ -49,30 +49,13 @@ def test_bundled_robots_and_problems_are_listed_by_name():
     assert {"ur5/over_the_wall", "two_link/around_a_post"} <= set(bundled_problems())
 
 
-def test_bundled_cycles_are_listed_apart_and_found_by_name():
-    name = "ur5/through_the_door"
-    assert name in bundled_cycles()
-    assert not set(bundled_cycles()) & set(bundled_problems())
-    path = find_problem(f"example:{name}", Path("nowhere"))
-    assert path == bundled_folder() / "ur5" / "through_the_door.yaml"
-
-
-def test_a_problem_that_speaks_of_cycles_is_none(tmp_path, monkeypatch):
-    write(tmp_path / "arm" / "problem.yaml", "# not format: tubeplanner/cycle\n")
-    write(tmp_path / "arm" / "cycle.yaml", "# a cell\nformat: tubeplanner/cycle\n")
-    write(tmp_path / "presets" / "limits.yaml", "format: tubeplanner/preset\n")
-    monkeypatch.setattr(resources, "bundled_folder", lambda: tmp_path)
-    assert list(bundled_problems()) == ["arm/problem"]
-    assert list(bundled_cycles()) == ["arm/cycle"]
-
-
 def test_bundled_cycles_and_studies_are_no_problems_and_found_by_name(tmp_path, monkeypatch):
-    (tmp_path / "arm").mkdir()
-    cycle, problem = tmp_path / "arm" / "cycle.yaml", tmp_path / "arm" / "problem.yaml"
-    study = tmp_path / "arm" / "study.yaml"
-    cycle.write_text("# moves\nformat: tubeplanner/cycle\nversion: 1\n")
-    problem.write_text("# not of the format: tubeplanner/cycle\nformat: tubeplanner/problem\n")
-    study.write_text("format: tubeplanner/study\n")
+    assert "ur5/through_the_door" in bundled_cycles()
+    arm = tmp_path / "arm"
+    cycle = write(arm / "cycle.yaml", "# moves\nformat: tubeplanner/cycle\nversion: 1\n")
+    problem = write(arm / "problem.yaml", "# not format: tubeplanner/cycle\n")
+    study = write(arm / "study.yaml", "format: tubeplanner/study\n")
+    write(tmp_path / "presets" / "limits.yaml", "format: tubeplanner/preset\n")
     monkeypatch.setattr(resources, "bundled_folder", lambda: tmp_path)
     assert bundled_cycles() == {"arm/cycle": cycle}
     assert bundled_studies() == {"arm/study": study}
@@ -105,16 +88,13 @@ def test_an_unknown_example_robot_gets_a_suggestion_and_the_list():
     assert all(name in message for name in ("two_link", "panda", "xarm7"))
 
 
-def test_a_relative_urdf_starts_at_the_given_folder(tmp_path):
-    path = write(tmp_path / "arm.urdf")
-    assert find_description("arm.urdf", tmp_path) == path
-    assert find_description(path, Path("elsewhere")) == path
-
-
-def test_a_missing_urdf_is_named_with_its_full_path(tmp_path):
+def test_a_relative_urdf_starts_at_the_given_folder_and_is_named_if_it_is_missing(tmp_path):
     with pytest.raises(RobotError) as caught:
         find_description("arm.urdf", tmp_path)
     assert str(caught.value) == f"robot description {tmp_path / 'arm.urdf'} does not exist"
+    path = write(tmp_path / "arm.urdf")
+    assert find_description("arm.urdf", tmp_path) == path
+    assert find_description(path, Path("elsewhere")) == path
 
 
 def test_a_problem_is_found_by_path_and_by_name(tmp_path):
@@ -155,16 +135,14 @@ def test_packages_are_found_where_the_user_or_ros_says(tmp_path, monkeypatch, va
     assert find_description("package://my_arm/urdf/arm.urdf", Path(), folders) == path
 
 
-def test_a_package_folder_may_be_the_package_itself(tmp_path):
-    path = write(tmp_path / "my_arm" / "arm.urdf")
-    assert find_description("package://my_arm/arm.urdf", Path(), (tmp_path / "my_arm",)) == path
-
-
-def test_folders_of_the_user_come_before_those_of_the_environment(tmp_path, monkeypatch):
+def test_a_package_folder_may_be_the_package_and_folders_of_the_user_come_first(
+    tmp_path, monkeypatch
+):
     mine = write(tmp_path / "mine" / "my_arm" / "arm.urdf")
     write(tmp_path / "ros" / "my_arm" / "arm.urdf")
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros"))
-    assert find_description("package://my_arm/arm.urdf", Path(), (tmp_path / "mine",)) == mine
+    for folder in (tmp_path / "mine", tmp_path / "mine" / "my_arm"):
+        assert find_description("package://my_arm/arm.urdf", Path(), (folder,)) == mine
 
 
 def test_a_missing_package_lists_the_folders_tried_and_what_to_do(tmp_path, no_ros):
@@ -184,13 +162,9 @@ def test_a_mesh_is_found_beside_its_urdf_by_every_kind_of_name(tmp_path, no_ros,
     urdf = write(tmp_path / "my_arm" / "arm.urdf")
     mesh = write(tmp_path / "my_arm" / "meshes" / "a.stl")
     assert find_mesh(filename.replace("FOLDER", str(tmp_path)), urdf) == mesh
-
-
-def test_a_missing_mesh_is_named_with_the_urdf_that_wants_it(tmp_path):
-    urdf = tmp_path / "arm.urdf"
     with pytest.raises(RobotError) as caught:
         find_mesh("a.stl", urdf)
-    expected = f"mesh {tmp_path / 'a.stl'}, named in {urdf}, does not exist"
+    expected = f"mesh {urdf.with_name('a.stl')}, named in {urdf}, does not exist"
     assert str(caught.value) == expected
 
 

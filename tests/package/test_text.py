@@ -5,7 +5,6 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
-from small_cycle import planned_cycle
 
 import tubeplanner as t
 from tubeplanner import ProblemError
@@ -128,10 +127,9 @@ FILLED = [
 
 
 @pytest.fixture(scope="module")
-def made():
+def made(planned, small_plan):
     """One instance of every public class, by name."""
-    problem = t.load_problem("example:two_link/around_a_post")
-    result = t.plan(problem)
+    problem, result = planned("two_link/around_a_post", "refinement")
     box = t.Obstacle.box("part", (0.1, 0.2, 0.3), np.eye(4))
     limits = t.LimitOverrides(effort={f"joint{k}": 1.0 for k in range(99)})
     peaks = t.trajectory_peaks(problem.robot, result.trajectory)
@@ -151,16 +149,15 @@ def made():
         *(t.WorkerProcesses(2), t.PosedProblem.read("example:two_link/around_a_post")),
         *t.plan_many(["no/such/file.yaml"], executor=ThreadPoolExecutor(1)),
         *(t.PlaceOptions(), *_of_places(problem, result)),
-        *_of_cycles(),
+        *_of_cycles(small_plan),
         *_of_explanations(problem, result),
     ]
     named = {type(each).__name__: each for each in found}
     return named | {name: _filled(getattr(t, name)) for name in FILLED}
 
 
-def _of_cycles():
+def _of_cycles(result):
     """Return a cycle, its steps and what planning makes of it."""
-    result = planned_cycle()
     cycle, motion = result.motion.cycle, result.motion
     steps = {type(step): step for step in cycle.steps}
     return [
@@ -220,9 +217,8 @@ def test_a_public_class_prints_a_short_line(made, name):
         assert words in text
 
 
-def test_a_failed_certificate_names_what_fails():
-    problem = t.load_problem("example:two_link/around_a_post")
-    trajectory = t.plan(problem).trajectory
+def test_a_failed_certificate_names_what_fails(stored):
+    problem, trajectory = stored("two_link/around_a_post")
     fast = t.JointTrajectory(
         trajectory.joint_names,
         trajectory.breakpoints / 2,

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from cases import PROBLEMS
 from gantry import URDF
 
-from cases import PROBLEMS
 from tubeplanner import (
     Obstacle,
     Payload,

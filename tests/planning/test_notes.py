@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from cases import ANGLE, INERTIA, SHORTEST, anywhere, one_joint, quintic
+
 from tubeplanner import (
     Contact,
     JointTrajectory,

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from cases import SLIDE
+
 from tubeplanner import LimitOverrides, MotorOverrides, load_robot
 from tubeplanner.robot.robot_notes import robot_notes
 from tubeplanner.robot.unused_note import unused_note

@@ -5,9 +5,9 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
+from cases import SLIDE, with_motors
 from scipy.spatial.transform import Rotation
 
-from cases import SLIDE, with_motors
 from tubeplanner import BasePose, LimitOverrides, Payload, PointSpeed, RobotError, load_robot
 from tubeplanner.files.fingerprint import robot_hash
 from tubeplanner.robot.body_inertia import BodyInertia

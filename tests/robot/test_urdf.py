@@ -6,7 +6,9 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from follower_arm import JOINTS, LINKS, RULES, follower_arm
+from numpy.testing import assert_allclose as close
 
+from refusals import refusal
 from tubeplanner import (
     LimitOverrides,
     Obstacle,
@@ -41,154 +43,76 @@ def robot(*parts):
     return f'<robot name="arm">{"".join(parts)}</robot>'
 
 
-def read(tmp_path, text):
-    path = tmp_path / "arm.urdf"
-    path.write_text(text, encoding="utf-8")
-    return read_urdf(path)
+@pytest.fixture
+def read(tmp_path):
+    """Return a function that reads a text or bytes as the description of an arm."""
+
+    def read(text):
+        path = tmp_path / "arm.urdf"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read_urdf(path)
+
+    return read
 
 
+XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="l"/></robot>'
+ENTITY = '<!DOCTYPE robot [<!ENTITY a "a">]><robot name="&a;"/>'
+BACK = joint("k", parent="b", child="a")
+ROOTS, LOOP = "the links must hang from one root; roots found: ", "the links form a loop through"
 FAULTS = {
-    "an empty file": ("", "cannot be read as URDF: no element found"),
-    "malformed XML": ("<robot><link></robot>", "cannot be read as URDF: mismatched tag: line 1"),
-    "a file cut off": ('<robot name="arm"><link', "cannot be read as URDF: unclosed token"),
-    "another root tag": ("<sdf/>", "the root element is <sdf>, not <robot>"),
-    "no link": (robot(), "the links must hang from one root; roots found: none"),
-    "a link without name": (robot("<link/>"), "a <link> element has no attribute 'name'"),
-    "a joint without name": (
-        robot(links("ab"), joint(name="")),
-        "a <joint> element has no attribute 'name'",
+    "": "cannot be read as URDF: no element found",
+    "<robot><link></robot>": "cannot be read as URDF: mismatched tag: line 1",
+    '<robot name="arm"><link': "cannot be read as URDF: unclosed token",
+    b"\xff\xfe\x00\x01": "cannot be read as URDF",
+    "<sdf/>": "the root element is <sdf>, not <robot>",
+    XACRO: "holds <xacro:property>: it must be expanded first, by xacro arm.urdf > arm.expanded.u",
+    ENTITY: "declares XML entities, which are not expanded; write them out",
+    robot(): f"{ROOTS}none",
+    robot(links("abc"), joint()): f"{ROOTS}['a', 'c']",
+    robot(links("ab"), joint(), BACK): f"{ROOTS}none",
+    robot(links("rab"), joint(), BACK): f"{LOOP} 'a'",
+    robot(links("ra"), joint(parent="a", child="a")): f"{LOOP} 'a'",
+    robot("<link/>"): "a <link> element has no attribute 'name'",
+    robot(links("ab"), joint(name="")): "a <joint> element has no attribute 'name'",
+    robot(links("ab"), joint(kind="")): "a <joint> element has no attribute 'type'",
+    robot(links("ab"), joint(parent="")): "a <parent> element has no attribute 'link'",
+    robot(links("aba"), joint()): "link 'a' is defined 2 times",
+    robot(links("abc"), joint(), joint(), joint(child="c")): "joint 'j' is defined 3 times",
+    robot(links(["arm", "b"]), joint(parent="arn")): (
+        "joint 'j': unknown link 'arn' (did you mean 'arm'?); there is: arm, b"
     ),
-    "a joint without type": (
-        robot(links("ab"), joint(kind="")),
-        "a <joint> element has no attribute 'type'",
+    robot(links("ab"), joint(child="c")): "joint 'j': unknown link 'c'",
+    robot(links("abc"), joint(child="c"), joint("k", parent="b", child="c")): (
+        "link 'c' is the child of more than one joint"
     ),
-    "a doubled link": (robot(links("aba"), joint()), "link 'a' is defined 2 times"),
-    "a doubled joint": (
-        robot(links("abc"), joint(), joint(), joint(child="c")),
-        "joint 'j' is defined 3 times",
-    ),
-    "an unknown parent": (
-        robot(links(["arm", "b"]), joint(parent="arn")),
-        "joint 'j': unknown link 'arn' (did you mean 'arm'?); there is: arm, b",
-    ),
-    "an unknown child": (robot(links("ab"), joint(child="c")), "joint 'j': unknown link 'c'"),
-    "two roots": (
-        robot(links("abc"), joint()),
-        "the links must hang from one root; roots found: ['a', 'c']",
-    ),
-    "nothing but a loop": (
-        robot(links("ab"), joint(), joint("k", parent="b", child="a")),
-        "the links must hang from one root; roots found: none",
-    ),
-    "a loop beside the root": (
-        robot(links("rab"), joint(), joint("k", parent="b", child="a")),
-        "the links form a loop through 'a'",
-    ),
-    "a link that is its own parent": (
-        robot(links("ra"), joint(parent="a", child="a")),
-        "the links form a loop through 'a'",
-    ),
-    "two parents": (
-        robot(links("abc"), joint(child="c"), joint("k", parent="b", child="c")),
-        "link 'c' is the child of more than one joint",
-    ),
-    "an unknown type": (
-        robot(links("ab"), joint(kind="revolut")),
+    robot(links("ab"), joint(kind="revolut")): (
         "joint 'j': unknown type 'revolut' (did you mean 'revolute'?); there is: revolute, "
-        "continuous, prismatic, fixed",
+        "continuous, prismatic, fixed"
     ),
-    "no parent": (
-        robot(links("ab"), '<joint name="j" type="fixed"><child link="b"/></joint>'),
-        "joint 'j' has no <parent>",
-    ),
-    "no child": (
-        robot(links("ab"), '<joint name="j" type="fixed"><parent link="a"/></joint>'),
-        "joint 'j' has no <child>",
-    ),
-    "a parent without link": (
-        robot(links("ab"), joint(parent="")),
-        "a <parent> element has no attribute 'link'",
-    ),
-    "a zero axis": (
-        robot(links("ab"), joint(inner='<axis xyz="0 0 0"/>' + LIMIT)),
-        "joint 'j': <axis> xyz=\"0 0 0\" is no direction",
-    ),
-    "an axis of two numbers": (
-        robot(links("ab"), joint(inner='<axis xyz="0 1"/>' + LIMIT)),
-        "joint 'j': <axis> xyz=\"0 1\" must be 3 finite numbers",
-    ),
-    "an axis of words": (
-        robot(links("ab"), joint(inner='<axis xyz="x y z"/>' + LIMIT)),
-        "joint 'j': <axis> xyz=\"x y z\" must be 3 finite numbers",
-    ),
-    "an axis that is not a number": (
-        robot(links("ab"), joint(inner='<axis xyz="0 nan 1"/>' + LIMIT)),
-        "joint 'j': <axis> xyz=\"0 nan 1\" must be 3 finite numbers",
-    ),
-    "a decimal comma": (
-        robot(links("ab"), joint(inner='<limit effort="10,5" velocity="1"/>')),
-        "joint 'j': effort=\"10,5\" is not a number",
-    ),
-    "an unexpanded xacro value": (
-        robot(links("ab"), joint(inner='<limit effort="1" velocity="${v}"/>')),
-        "joint 'j': velocity=\"${v}\" is not a number",
-    ),
-    "nan": (
-        robot(links("ab"), joint(inner='<limit lower="nan" effort="1" velocity="1"/>')),
-        "joint 'j': lower=\"nan\" is not a number",
-    ),
-    "a mimic of nothing": (
-        robot(links("ab"), joint(inner=LIMIT + "<mimic/>")),
-        "joint 'j': a <mimic> element has no attribute 'joint'",
-    ),
-    "two parents in one joint": (
-        robot(links("ab"), joint(inner='<parent link="b"/>')),
-        "joint 'j' has 2 <parent>; one is needed",
-    ),
-    "an origin of two numbers": (
-        robot(links("ab"), joint(inner='<origin xyz="1 2"/>' + LIMIT)),
-        "joint 'j': <origin> xyz=\"1 2\" must be 3 finite numbers",
-    ),
-    "an origin turned by a word": (
-        robot(links("ab"), joint(inner='<origin rpy="0 0 pi"/>' + LIMIT)),
-        "joint 'j': <origin> rpy=\"0 0 pi\" must be 3 finite numbers",
-    ),
-    "xacro": (
-        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="l"/></robot>',
-        "holds <xacro:property>: it must be expanded first, by xacro arm.urdf > arm.expanded.urdf",
-    ),
-    "XML entities": (
-        '<!DOCTYPE robot [<!ENTITY a "a">]><robot name="&a;"/>',
-        "declares XML entities, which are not expanded; write them out",
-    ),
-    "a mimic multiplier": (
-        robot(links("ab"), joint(inner=LIMIT + '<mimic joint="j" multiplier="x"/>')),
-        "joint 'j': multiplier=\"x\" is not a number",
+    robot(links("ab"), joint().replace('<parent link="a"/>', "")): "joint 'j' has no <parent>",
+    robot(links("ab"), joint().replace('<child link="b"/>', "")): "joint 'j' has no <child>",
+    robot(*(f'<link name="l{k}"/>' for k in range(2001))): (
+        "has 2001 links; at most 2000 are accepted"
     ),
 }
-
-
-@pytest.mark.parametrize(("text", "message"), FAULTS.values(), ids=FAULTS.keys())
-def test_a_fault_is_named_with_its_file(tmp_path, text, message):
-    with pytest.raises(RobotError) as caught:
-        read(tmp_path, text)
-    assert str(caught.value).startswith(str(tmp_path / "arm.urdf"))
-    assert message in str(caught.value)
-
-
-def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(RobotError) as caught:
-        read_urdf(tmp_path / "none.urdf")
-    assert str(caught.value).startswith(f"{tmp_path / 'none.urdf'} cannot be read: No such file")
-
-
-def test_a_file_that_is_no_text_is_named(tmp_path):
-    (tmp_path / "arm.urdf").write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(RobotError, match="cannot be read as URDF"):
-        read_urdf(tmp_path / "arm.urdf")
-
-
+# By what a joint has beside its limits.
+JOINT_FAULTS = {
+    '<axis xyz="0 0 0"/>': ': <axis> xyz="0 0 0" is no direction',
+    '<axis xyz="0 1"/>': ': <axis> xyz="0 1" must be 3 finite numbers',
+    '<axis xyz="x y z"/>': ': <axis> xyz="x y z" must be 3 finite numbers',
+    '<axis xyz="0 nan 1"/>': ': <axis> xyz="0 nan 1" must be 3 finite numbers',
+    '<limit effort="10,5" velocity="1"/>': ': effort="10,5" is not a number',
+    '<limit effort="1" velocity="${v}"/>': ': velocity="${v}" is not a number',
+    '<limit lower="nan" effort="1" velocity="1"/>': ': lower="nan" is not a number',
+    "<mimic/>": ": a <mimic> element has no attribute 'joint'",
+    '<mimic joint="j" multiplier="x"/>': ': multiplier="x" is not a number',
+    '<parent link="b"/>': " has 2 <parent>; one is needed",
+    '<origin xyz="1 2"/>': ': <origin> xyz="1 2" must be 3 finite numbers',
+    '<origin rpy="0 0 pi"/>': ': <origin> rpy="0 0 pi" must be 3 finite numbers',
+    '<origin xyz="0 0 1e308"/>': ": <origin> xyz has 1e+308 m; at most 10000 m are accepted",
+}
 INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+ONE = '<mass value="1"/>'
 
 
 def inertial(inner):
@@ -199,88 +123,113 @@ def collision(geometry, origin=""):
     return f"<collision>{origin}<geometry>{geometry}</geometry></collision>"
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (inertial(INERTIA), "<inertial> has no <mass>; one is needed"),
-        (inertial('<mass value="1"/>'), "<inertial> has no <inertia>; one is needed"),
-        (2 * inertial('<mass value="1"/>' + INERTIA), "has 2 <inertial>; one is needed"),
-        (inertial('<mass value="1 kg"/>' + INERTIA), '<mass> value="1 kg" must be one finite'),
-        (inertial('<mass value="nan"/>' + INERTIA), '<mass> value="nan" must be one finite number'),
-        (inertial('<mass value="-2"/>' + INERTIA), "mass -2 kg must be >= 0"),
+def ball(origin):
+    return collision('<sphere radius="1"/>', f"<origin {origin}/>")
+
+
+# By what a link holds.
+LINK_FAULTS = {
+    inertial(INERTIA): "<inertial> has no <mass>; one is needed",
+    inertial(ONE): "<inertial> has no <inertia>; one is needed",
+    2 * inertial(ONE + INERTIA): "has 2 <inertial>; one is needed",
+    inertial('<mass value="1 kg"/>' + INERTIA): '<mass> value="1 kg" must be one finite',
+    inertial('<mass value="nan"/>' + INERTIA): '<mass> value="nan" must be one finite number',
+    inertial('<mass value="-2"/>' + INERTIA): "mass -2 kg must be >= 0",
+    inertial(f'<mass value="{"x" * 10**6}"/>' + INERTIA): '..." must be one finite number',
+    inertial(ONE + INERTIA.replace('ixx="1"', 'ixx="${i}"')): (
+        '<inertia> ixx="${i}" must be one finite number'
+    ),
+    inertial(ONE + INERTIA.replace('iyz="0"', "")): '<inertia> iyz="" must be one finite number',
+    inertial(ONE + INERTIA.replace('ixy="0"', 'ixy="3"')): (
+        "the inertia has a principal moment of -2 kg m^2; no body has a negative one"
+    ),
+    inertial('<origin xyz="0 0"/>' + ONE + INERTIA): (
+        '<inertial>: <origin> xyz="0 0" must be 3 finite numbers'
+    ),
+    collision('<box size="1 1"/>'): '<box> size="1 1" must be 3 finite numbers',
+    collision('<box size="1 -1 1"/>'): '<box> size="1 -1 1" must be > 0 m',
+    collision('<box size="1e92 1 1"/>'): '<box> size="1e92 1 1" must be > 0 m and at most',
+    collision('<sphere radius="0"/>'): '<sphere> radius="0" must be > 0 m',
+    collision("<sphere/>"): '<sphere> radius="" must be one finite number',
+    collision('<cylinder radius="1"/>'): '<cylinder> length="" must be one finite number',
+    collision("<mesh/>"): "a <mesh> element has no attribute 'filename'",
+    collision('<mesh filename="a.stl" scale="1 0 1"/>'): 'scale="1 0 1" must not be 0',
+    collision('<capsule radius="1" length="2"/>'): (
+        "a <geometry> holds <capsule>; it must hold one of <box>, <sphere>, <cylinder>, <mesh>"
+    ),
+    collision(""): "a <geometry> holds nothing; it must hold one of <box>, <sphere>",
+    "<collision/>": "a <collision> has no <geometry>; one is needed",
+    ball('xyz="0 0 x"'): '<collision>: <origin> xyz="0 0 x" must be 3 finite numbers',
+    ball('xyz="1e308 0 0"'): "<origin> xyz has 1e+308 m; at most 10000 m are accepted",
+    ball('rpy="0 1e308 0"'): "<origin> rpy has 1e+308 rad; at most 10000 rad are accepted",
+}
+
+
+def of_joint(message):
+    return ": joint 'j'", message
+
+
+CASES = (
+    *((text, ("", message)) for text, message in FAULTS.items()),
+    *(
         (
-            inertial('<mass value="1"/>' + INERTIA.replace('ixx="1"', 'ixx="${i}"')),
-            '<inertia> ixx="${i}" must be one finite number',
-        ),
-        (
-            inertial('<mass value="1"/>' + INERTIA.replace('iyz="0"', "")),
-            '<inertia> iyz="" must be one finite number',
-        ),
-        (
-            inertial('<mass value="1"/>' + INERTIA.replace('ixy="0"', 'ixy="3"')),
-            "the inertia has a principal moment of -2 kg m^2; no body has a negative one",
-        ),
-        (
-            inertial('<origin xyz="0 0"/><mass value="1"/>' + INERTIA),
-            '<inertial>: <origin> xyz="0 0" must be 3 finite numbers',
-        ),
-        (collision('<box size="1 1"/>'), '<box> size="1 1" must be 3 finite numbers'),
-        (collision('<box size="1 -1 1"/>'), '<box> size="1 -1 1" must be > 0 m'),
-        (collision('<sphere radius="0"/>'), '<sphere> radius="0" must be > 0 m'),
-        (collision("<sphere/>"), '<sphere> radius="" must be one finite number'),
-        (collision('<cylinder radius="1"/>'), '<cylinder> length="" must be one finite number'),
-        (collision("<mesh/>"), "a <mesh> element has no attribute 'filename'"),
-        (collision('<mesh filename="a.stl" scale="1 0 1"/>'), 'scale="1 0 1" must not be 0'),
-        (
-            collision('<capsule radius="1" length="2"/>'),
-            "a <geometry> holds <capsule>; it must hold one of <box>, <sphere>, <cylinder>, <mesh>",
-        ),
-        (collision(""), "a <geometry> holds nothing; it must hold one of <box>, <sphere>"),
-        ("<collision/>", "a <collision> has no <geometry>; one is needed"),
-        (
-            collision('<sphere radius="1"/>', '<origin xyz="0 0 x"/>'),
-            '<collision>: <origin> xyz="0 0 x" must be 3 finite numbers',
-        ),
-    ],
+            robot(links("ab"), joint(inner=inner + LIMIT * ("<limit" not in inner))),
+            (": joint 'j'", m),
+        )
+        for inner, m in JOINT_FAULTS.items()
+    ),
+    *(
+        (robot(f'<link name="base">{content}</link>'), (": link 'base'", message))
+        for content, message in LINK_FAULTS.items()
+    ),
 )
-def test_a_fault_in_a_link_is_named_with_the_link(tmp_path, content, message):
-    with pytest.raises(RobotError) as caught:
-        read(tmp_path, robot(f'<link name="base">{content}</link>'))
-    assert str(caught.value).startswith(f"{tmp_path / 'arm.urdf'}: link 'base'")
-    assert message in str(caught.value)
 
 
-def test_a_link_seen_but_not_touched_may_have_any_visual(tmp_path):
+@pytest.mark.parametrize("case", CASES, ids=[message for _, (_, message) in CASES])
+def test_a_fault_is_named_with_its_file_and_part_in_a_short_message(tmp_path, read, case):
+    text, (part, message) = case
+    refused = refusal(RobotError, read, text)
+    assert refused.startswith(f"{tmp_path / 'arm.urdf'}{part}")
+    assert message in refused
+    assert len(refused) < 300 + len(str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("\u202e", "rename it"), ("&#10;FAKE", "rename it"), ("x" * 300, "shorten")],
+)
+def test_names_that_cannot_be_shown_are_refused(read, name, reason):
+    for text in (robot(f'<link name="{name}"/>'), robot(links("a")).replace("arm", name, 1)):
+        message = refusal(RobotError, read, text)
+        assert reason in message and message.isprintable()
+
+
+def test_a_file_that_is_not_there_and_a_pipe_are_refused_without_waiting(tmp_path):
+    path = tmp_path / "arm.urdf"
+    message = refusal(RobotError, read_urdf, path)
+    assert message.startswith(f"{path} cannot be read: No such file")
+    os.mkfifo(path)
+    assert "cannot be read: it is no regular file" in refusal(RobotError, read_urdf, path)
+
+
+def test_a_link_seen_but_not_touched_may_have_any_visual(read):
     visual = "<visual><geometry><capsule radius='1' length='x'/></geometry></visual>"
-    assert read(tmp_path, robot(f'<link name="base">{visual}</link>')).links == ("base",)
+    assert read(robot(f'<link name="base">{visual}</link>')).links == ("base",)
 
 
-def test_a_robot_without_a_name_is_called_after_its_file(tmp_path):
-    assert read(tmp_path, robot(links("a")).replace(' name="arm"', "", 1)).name == "arm"
-
-
-def test_planar_and_floating_joints_stand_still(tmp_path):
-    description = read(
-        tmp_path,
-        robot(
-            links("abcd"),
-            joint("rail", "planar", "a", "b"),
-            joint("float", "floating", "b", "c"),
-            joint("turn", "revolute", "c", "d"),
-        ),
-    )
-    assert description.movable() == description.chain("d") == ["turn"]
-
-
-def test_a_good_file_gives_links_and_joints_as_written(tmp_path):
-    description = read(tmp_path, robot(links("abc"), joint(), joint("k", "fixed", "b", "c", "")))
-    assert description.name == "arm"
-    assert description.links == ("a", "b", "c")
-    assert list(description.joints) == ["j", "k"]
-    j = description.joints["j"]
-    assert (j.type, j.parent, j.child) == ("revolute", "a", "b")
-    assert (j.lower, j.upper, j.effort, j.velocity) == (-1, 2, 10, 3)
-    assert description.movable() == ["j"]
+def test_a_good_file_gives_name_links_and_joints_as_written(read):
+    """With a byte order mark and a declared encoding; without a name it is called as the file."""
+    text = robot(links("abc"), joint(), joint("k", "fixed", "b", "c", ""))
+    declared = '<?xml version="1.0" encoding="utf-8"?>\n' + text
+    for description in (read(text), read(declared.encode("utf-8-sig"))):
+        assert description.name == "arm"
+        assert description.links == ("a", "b", "c")
+        assert list(description.joints) == ["j", "k"]
+        j = description.joints["j"]
+        assert (j.type, j.parent, j.child) == ("revolute", "a", "b")
+        assert (j.lower, j.upper, j.effort, j.velocity) == (-1, 2, 10, 3)
+        assert description.movable() == ["j"]
+    assert read(robot(links("a")).replace(' name="arm"', "", 1)).name == "arm"
 
 
 @pytest.mark.parametrize(
@@ -291,40 +240,26 @@ def test_a_good_file_gives_links_and_joints_as_written(tmp_path):
         ("revolute", '<limit effort="0" velocity="inf"/>', (0, 0, 0, np.inf)),
         ("prismatic", '<limit lower="-inf" upper="0.5"/>', (-np.inf, 0.5, None, None)),
         ("continuous", '<limit lower="-1" upper="1" effort="5"/>', (-np.inf, np.inf, 5, None)),
-        ("continuous", "", (-np.inf, np.inf, None, None)),
     ],
 )
-def test_limits_are_read_but_not_judged(tmp_path, kind, limit, expected):
-    description = read(tmp_path, robot(links("ab"), joint(kind=kind, inner=limit)))
-    j = description.joints["j"]
+def test_limits_are_read_but_not_judged(read, kind, limit, expected):
+    j = read(robot(links("ab"), joint(kind=kind, inner=limit))).joints["j"]
     assert (j.lower, j.upper, j.effort, j.velocity) == expected
 
 
-@pytest.mark.parametrize(
-    ("mimic", "expected"),
-    [
-        ('<mimic joint="k"/>', Mimic("k", 1.0, 0.0)),
-        ('<mimic joint="k" multiplier="-2" offset="0.5"/>', Mimic("k", -2.0, 0.5)),
-        ('<mimic joint="k" multiplier="0"/>', Mimic("k", 0.0, 0.0)),
-    ],
-)
-def test_a_mimic_joint_keeps_its_rule(tmp_path, mimic, expected):
+def test_a_mimic_joint_keeps_its_rule(read):
+    for rule, expected in (
+        ("", Mimic("k", 1.0, 0.0)),
+        ('multiplier="-2" offset="0.5"', Mimic("k", -2.0, 0.5)),
+        ('multiplier="0"', Mimic("k", 0.0, 0.0)),
+    ):
+        follower = joint(inner=f'{LIMIT}<mimic joint="k" {rule}/>')
+        joints = read(robot(links("abc"), follower, joint("k", child="c"))).joints
+        assert joints["j"].mimic == expected
+
+
+def test_the_chain_runs_from_the_root_and_skips_what_stands_still_and_branches(read):
     description = read(
-        tmp_path, robot(links("abc"), joint(inner=LIMIT + mimic), joint("k", child="c"))
-    )
-    assert description.joints["j"].mimic == expected
-
-
-def test_a_byte_order_mark_and_a_declared_encoding_do_no_harm(tmp_path):
-    text = robot(links("ab"), joint())
-    path = tmp_path / "arm.urdf"
-    path.write_text('<?xml version="1.0" encoding="utf-8"?>\n' + text, encoding="utf-8-sig")
-    assert read_urdf(path).movable() == ["j"]
-
-
-def test_the_chain_runs_from_the_root_and_skips_fixed_joints_and_branches(tmp_path):
-    description = read(
-        tmp_path,
         robot(
             links("fedcba"),
             joint("last", "prismatic", "d", "e"),
@@ -337,20 +272,17 @@ def test_the_chain_runs_from_the_root_and_skips_fixed_joints_and_branches(tmp_pa
     assert description.chain("f") == ["first", "last"]
     assert description.chain("c") == ["first", "branch"]
     assert description.chain("a") == []
+    message = f"{description.path}: unknown link 'x'; there is: f, e, d, c, b, a"
+    assert refusal(RobotError, description.chain, "x") == message
+    moving = (joint("rail", "planar"), joint("float", "floating", "b", "c"))
+    description = read(robot(links("abcd"), *moving, joint("turn", "revolute", "c", "d")))
+    assert description.movable() == description.chain("d") == ["turn"]
 
 
-def test_the_chain_to_an_unknown_link_lists_the_links(tmp_path):
-    description = read(tmp_path, robot(links("ab"), joint()))
-    with pytest.raises(RobotError) as caught:
-        description.chain("x")
-    assert str(caught.value) == f"{description.path}: unknown link 'x'; there is: a, b"
-
-
-def test_the_kinematic_copy_has_no_geometry_and_only_plain_bounded_joints(tmp_path):
+def test_the_kinematic_copy_has_no_geometry_and_only_plain_bounded_joints(read):
     solid = "<geometry><sphere radius='1'/></geometry>"
     extra = '<safety_controller k_velocity="1"/><calibration rising="0"/><mimic joint="k"/>'
     description = read(
-        tmp_path,
         robot(
             f'<link name="a"><visual>{solid}</visual><collision>{solid}</collision></link>',
             links("bcd"),
@@ -360,9 +292,8 @@ def test_the_kinematic_copy_has_no_geometry_and_only_plain_bounded_joints(tmp_pa
         ),
     )
     root = ElementTree.fromstring(description.kinematic_xml())
-    assert {element.tag for element in root.iter()} == {
-        "robot", "link", "joint", "parent", "child", "limit"
-    }  # fmt: skip
+    tags = {element.tag for element in root.iter()}
+    assert tags == {"robot", "link", "joint", "parent", "child", "limit"}
     assert [j.get("type") for j in root.findall("joint")] == ["revolute", "prismatic", "fixed"]
     limits = [element.attrib for element in root.iter("limit")]
     assert len(limits) == 2
@@ -370,57 +301,6 @@ def test_the_kinematic_copy_has_no_geometry_and_only_plain_bounded_joints(tmp_pa
         assert float(limit["lower"]) < float(limit["upper"])
         assert float(limit["effort"]) > 0
         assert float(limit["velocity"]) > 0
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (collision('<box size="1e92 1 1"/>'), '<box> size="1e92 1 1" must be > 0 m and at most'),
-        (
-            collision('<sphere radius="1"/>', '<origin xyz="1e308 0 0"/>'),
-            "<origin> xyz has 1e+308 m; at most 10000 m are accepted",
-        ),
-        (
-            collision('<sphere radius="1"/>', '<origin rpy="0 1e308 0"/>'),
-            "<origin> rpy has 1e+308 rad; at most 10000 rad are accepted",
-        ),
-        (inertial(f'<mass value="{"x" * 10**6}"/>' + INERTIA), '..." must be one finite number'),
-    ],
-)
-def test_what_no_link_could_be_is_refused_in_a_short_message(tmp_path, content, message):
-    with pytest.raises(RobotError) as caught:
-        read(tmp_path, robot(f'<link name="base">{content}</link>'))
-    assert message in str(caught.value)
-    assert len(str(caught.value)) < 300 + len(str(tmp_path))
-
-
-def test_a_joint_beyond_all_bounds_is_refused(tmp_path):
-    text = robot(links("ab"), joint(inner='<origin xyz="0 0 1e308"/>' + LIMIT))
-    with pytest.raises(RobotError, match=r"joint 'j': <origin> xyz has 1e\+308 m; at most"):
-        read(tmp_path, text)
-
-
-@pytest.mark.parametrize(
-    ("name", "reason"),
-    [("\u202e", "rename it"), ("&#10;FAKE", "rename it"), ("x" * 300, "shorten")],
-)
-def test_names_that_cannot_be_shown_are_refused(tmp_path, name, reason):
-    for text in (robot(f'<link name="{name}"/>'), robot(links("a")).replace("arm", name, 1)):
-        with pytest.raises(RobotError, match=reason) as caught:
-            read(tmp_path, text)
-        assert str(caught.value).isprintable()
-
-
-def test_a_pipe_is_refused_without_waiting(tmp_path):
-    os.mkfifo(tmp_path / "arm.urdf")
-    with pytest.raises(RobotError, match="cannot be read: it is no regular file"):
-        read_urdf(tmp_path / "arm.urdf")
-
-
-def test_more_links_than_any_arm_has_are_refused_at_once(tmp_path):
-    text = robot("".join(f'<link name="l{k}"/>' for k in range(2001)))
-    with pytest.raises(RobotError, match="has 2001 links; at most 2000 are accepted"):
-        read(tmp_path, text)
 
 
 # Joints that mimic planned ones, against the same arm with all joints planned.
@@ -477,23 +357,23 @@ def test_rules_are_followed_to_the_end(arms):
 def test_tool_and_bodies_are_where_they_are_with_every_joint_planned(arms, states):
     (robot, plain), (mine, full, matrix) = arms, states
     for one, other in zip(robot.tool_pose(mine[0]), plain.tool_pose(full[0]), strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-12)
+        close(one, other, atol=1e-12)
     rotation, position = robot.body_poses(mine[0])
     other_rotation, other_position = plain.body_poses(full[0])
     for link in LINKS:
         body, other = robot.link_body[link], plain.link_body[link]
-        np.testing.assert_allclose(rotation[:, body], other_rotation[:, other], atol=1e-12)
-        np.testing.assert_allclose(position[:, body], other_position[:, other], atol=1e-12)
+        close(rotation[:, body], other_rotation[:, other], atol=1e-12)
+        close(position[:, body], other_position[:, other], atol=1e-12)
     jacobian = robot.tool_jacobian(mine[0])[1]
-    np.testing.assert_allclose(jacobian, plain.tool_jacobian(full[0])[1] @ matrix, atol=1e-12)
+    close(jacobian, plain.tool_jacobian(full[0])[1] @ matrix, atol=1e-12)
 
 
 def test_efforts_of_followers_go_to_their_masters(arms, states):
     (robot, plain), (mine, full, matrix) = arms, states
     expected = plain.inverse_dynamics(*full) @ matrix
-    np.testing.assert_allclose(robot.inverse_dynamics(*mine), expected, atol=1e-10)
+    close(robot.inverse_dynamics(*mine), expected, atol=1e-10)
     gravity = plain.gravity_effort(full[0]) @ matrix
-    np.testing.assert_allclose(robot.gravity_effort(mine[0]), gravity, atol=1e-10)
+    close(robot.gravity_effort(mine[0]), gravity, atol=1e-10)
 
 
 def test_efforts_do_the_work_that_kinetic_and_potential_energy_gain(arms):
@@ -522,20 +402,6 @@ def test_efforts_do_the_work_that_kinetic_and_potential_energy_gain(arms):
     assert power == pytest.approx((energy(1e-5) - energy(-1e-5)) / 2e-5, rel=1e-6)
 
 
-def test_derivatives_are_those_of_differences(arms, states):
-    robot, (mine, _, _) = arms[0], states
-    step = 1e-6
-    for which, derivative in enumerate(robot.inverse_dynamics_derivatives(*mine)):
-        for joint in range(robot.joint_count):
-            moved = []
-            for sign in (1, -1):
-                state = [array.copy() for array in mine]
-                state[which][:, joint] += sign * step
-                moved.append(robot.inverse_dynamics(*state))
-            numeric = (moved[0] - moved[1]) / (2 * step)
-            np.testing.assert_allclose(derivative[:, :, joint], numeric, atol=2e-6)
-
-
 def test_points_move_as_their_jacobian_says(arms, states):
     robot, (mine, _, _) = arms[0], states
     q, step = mine[0], 1e-6
@@ -551,7 +417,7 @@ def test_points_move_as_their_jacobian_says(arms, states):
     for joint in range(robot.joint_count):
         ahead = step * np.eye(robot.joint_count)[joint]
         numeric = (points(q + ahead) - points(q - ahead)) / (2 * step)
-        np.testing.assert_allclose(jacobian[:, :, joint], numeric, atol=1e-8)
+        close(jacobian[:, :, joint], numeric, atol=1e-8)
 
 
 def test_distances_change_by_no_more_than_the_motion_weights(arms):
@@ -612,51 +478,45 @@ def test_limits_of_followers_bound_their_master(tmp_path):
     names = ["lift", "first", "wrist"]
     limited = load(tmp_path, RULES, limits, joints=names).limits
     # second = 0.3 - 2 first in [-1, 1.5]; slide = 0.1 + 0.5 lift in [0, 0.5]
-    np.testing.assert_allclose(limited.lower_position, [-0.2, -0.6, -2])
-    np.testing.assert_allclose(limited.upper_position, [0.8, 0.65, 2])
-    np.testing.assert_allclose(limited.velocity, [3, 2, 3])
-    np.testing.assert_allclose(limited.effort, 50)
+    close(limited.lower_position, [-0.2, -0.6, -2])
+    close(limited.upper_position, [0.8, 0.65, 2])
+    close(limited.velocity, [3, 2, 3])
+    close(limited.effort, 50)
     given = LimitOverrides(
         position={"second": (-9, 9)}, velocity={"second": 8}, acceleration={"tip_joint": 7}
     )
     limited = load(tmp_path, RULES, limits, joints=names, limits=given).limits
-    np.testing.assert_allclose(limited.velocity, [3, 3, 3])
-    np.testing.assert_allclose(limited.lower_position, [-0.2, -2, -2])
-    np.testing.assert_allclose(limited.acceleration, [np.inf, 7, np.inf])
+    close(limited.velocity, [3, 3, 3])
+    close(limited.lower_position, [-0.2, -2, -2])
+    close(limited.acceleration, [np.inf, 7, np.inf])
 
 
-REFUSED = {
-    "no range": (
-        {"limits": {"second": '<limit lower="7" upper="8" effort="1" velocity="4"/>'}},
-        r"joint 'second', which follows 'first', has position limits \[7, 8\]; they leave",
-    ),
-    "an effort of a follower": (
-        {"options": {"limits": LimitOverrides(effort={"second": 5})}},
-        "robot.limits.effort: unknown joint 'second'; there is: lift, first, wrist",
-    ),
-    "a follower that is locked": (
-        {"options": {"locked_joints": {"second": 0.3}}},
-        "robot.locked_joints: 'second' follows 'first', which is planned; remove it",
-    ),
-}
-
-
-@pytest.mark.parametrize(("changes", "message"), REFUSED.values(), ids=REFUSED)
-def test_what_contradicts_a_follower_is_named(tmp_path, changes, message):
-    options = changes.get("options", {})
-    with pytest.raises(RobotError, match=message):
-        load(tmp_path, RULES, changes.get("limits"), **options)
+def test_what_contradicts_a_follower_is_named(tmp_path):
+    limits = {"second": '<limit lower="7" upper="8" effort="1" velocity="4"/>'}
+    message = refusal(RobotError, load, tmp_path, RULES, limits)
+    assert (
+        "joint 'second', which follows 'first', has position limits [7, 8]; they leave" in message
+    )
+    for options, message in (
+        (
+            {"limits": LimitOverrides(effort={"second": 5})},
+            "robot.limits.effort: unknown joint 'second'; there is: lift, first, wrist",
+        ),
+        (
+            {"locked_joints": {"second": 0.3}},
+            "robot.locked_joints: 'second' follows 'first', which is planned; remove it",
+        ),
+    ):
+        assert message in refusal(RobotError, load, tmp_path, RULES, **options)
 
 
 def test_a_follower_of_multiplier_zero_stands_still(tmp_path):
     robot = load(tmp_path, {"second": ("first", 0.0, 0.3)})
     assert "second" not in robot.joint_names
     assert robot.body_count == robot.joint_count + 1
-    plain = load(tmp_path, {})
-    full = np.insert(np.zeros((1, robot.joint_count)), 2, 0.3, axis=1)
-    np.testing.assert_allclose(
-        robot.tool_position(np.zeros((1, robot.joint_count))), plain.tool_position(full), atol=1e-12
-    )
+    still = np.zeros((1, robot.joint_count))
+    full = np.insert(still, 2, 0.3, axis=1)
+    close(robot.tool_position(still), load(tmp_path, {}).tool_position(full), atol=1e-12)
 
 
 def test_a_mimic_joint_on_the_tools_chain_is_planned_by_its_master(tmp_path):
@@ -668,7 +528,6 @@ def test_a_mimic_joint_on_the_tools_chain_is_planned_by_its_master(tmp_path):
     ("tool", "last"),
     [
         ("arm_left_tool_link", "arm_left_7_joint"),
-        ("gripper_left_outer_finger_left_link", "gripper_left_finger_joint"),
         ("gripper_left_fingertip_left_link", "gripper_left_finger_joint"),
     ],
 )

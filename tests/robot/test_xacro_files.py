@@ -5,8 +5,8 @@ import os
 import sys
 
 import pytest
-
 from cases import SLIDE
+
 from tubeplanner import load_robot
 from tubeplanner.errors import RobotError
 from tubeplanner.files.fingerprint import robot_hash

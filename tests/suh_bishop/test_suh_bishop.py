@@ -29,14 +29,14 @@ from tubeplanner.waypoint_search.waypoint_interpolation import sequential_quarti
 
 METHOD = "suh-bishop"
 # Coarse, so that tests are quick: few directions, few numbers of knots.
-QUICK = SuhBishopOptions(ModificationOptions(halvings=2), 0, 1, 1, max_knots=13, node_budget=1500)
-OPTIONS = PlanOptions(METHOD, suh_bishop=QUICK)
+QUICK = SuhBishopOptions(ModificationOptions(halvings=1), 0, 1, 1, max_knots=11, node_budget=800)
+OPTIONS = PlanOptions(METHOD, candidate_points=20, suh_bishop=QUICK)
 
 
 @pytest.fixture(scope="module")
-def example():
-    problem = load_problem("example:two_link/paper_3_50mm")
-    return problem, plan(problem, OPTIONS)
+def example(bundled, shared):
+    problem = bundled("two_link/paper_3_50mm")
+    return problem, shared("suh-bishop.paper_3_50mm", lambda: plan(problem, OPTIONS))
 
 
 def test_example_three_is_certified_and_as_fast_as_printed(example):
@@ -114,9 +114,10 @@ def test_where_phase_one_finds_nothing_no_other_method_answers():
 
 
 def test_gravity_that_no_motor_holds_is_the_reason():
-    robot = load_robot("example:ur5", "tool0", payload=Payload(60.0))
-    free = load_problem("example:ur5/over_the_wall")
-    result = plan(PlanningProblem(robot, free.tube, free.start), OPTIONS)
+    gravity = (0, -9.81, 0)
+    robot = load_robot("example:two_link", "hand", payload=Payload(60.0), gravity=gravity)
+    tube = Tube([[0.45, -0.3, 0], [0.45, 0.2, 0]], 0.05, joint_signs={"joint2": "-"})
+    result = plan(PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0]))), OPTIONS)
     assert result.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
 
 

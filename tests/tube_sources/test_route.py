@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-
 from cases import SHORTEST
-from random_attack import random_attack
+
+from measured_tubes import random_attack
 from tubeplanner import PlanOptions, RouteOptions, find_route, load_problem, parse_problem, plan
 from tubeplanner.errors import OptionError
 from tubeplanner.progress import PlanningClock, TimeLimitReached

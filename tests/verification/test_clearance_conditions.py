@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from cases import changed
 from lifting_arm import CASES as ASKED_DISTANCES_CASES
 from lifting_arm import HALF, LIFT, POST, RISE, Case, at_height, contacts, lifting
 
-from cases import changed
 from tubeplanner import JointTrajectory, Obstacle, Tolerance, placement_of, verify
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.problem.required_distances import RequiredDistances

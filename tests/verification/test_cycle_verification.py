@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import rest_to_rest
 from rail_arm import rail_arm
 from small_cycle import planned_cycle, small_cycle
 
-from cases import rest_to_rest
 from cycles import (
     DWELL,
     HOME,

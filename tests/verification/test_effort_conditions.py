@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import INERTIA, PEAK_JERK, anywhere, changed, one_joint, quintic, unlimited, with_motors
 from directed_samples import random_motion, random_motors, worst_curve_use, worst_use
 
-from cases import INERTIA, PEAK_JERK, anywhere, changed, one_joint, quintic, unlimited, with_motors
 from tubeplanner import JointTrajectory, LimitOverrides, Tolerance, load_robot, verify
 from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.robot.effort_rate import effort_rate

@@ -4,8 +4,8 @@ from math import factorial
 
 import numpy as np
 import pytest
-
 from cases import SLIDE, one_joint, with_motors
+
 from tubeplanner import JointTrajectory, load_robot
 from tubeplanner.robot.effort_rate import effort_rate
 from tubeplanner.verification.enclosed_efforts import (

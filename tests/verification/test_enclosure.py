@@ -4,11 +4,11 @@ from math import factorial
 
 import numpy as np
 import pytest
+from cases import one_joint as pendulum
 from follower_arm import follower_arm
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebpts1
 
-from cases import one_joint as pendulum
 from tubeplanner import JointTrajectory, Payload, load_robot
 from tubeplanner.trajectory.bernstein import bernstein_coefficients
 from tubeplanner.verification.enclosed_efforts import enclosed_efforts

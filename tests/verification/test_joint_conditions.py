@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-
 from cases import anywhere, changed, one_joint, pose_at, quintic
+
 from tubeplanner import (
     GoalRegion,
     JointTrajectory,

@@ -5,9 +5,9 @@ import pickle
 
 import numpy as np
 import pytest
+from cases import PROBLEMS, anywhere, changed, falling_arm, rest_to_rest, with_motors
 from scipy.integrate import solve_ivp
 
-from cases import PROBLEMS, anywhere, changed, falling_arm, rest_to_rest, with_motors
 from tubeplanner import Certificate, JointTrajectory, Tolerance, load_robot, verify
 from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.robot.effort_rate import effort_rate

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import changed
 from scipy.spatial.transform import Rotation
 
-from cases import changed
 from tubeplanner import GoalRegion, JointTrajectory, PlanningProblem, Seed, Tube, verify
 from tubeplanner.verification.enclosed_pose import enclosed_pose
 from tubeplanner.verification.rotation_visits import least_rotation_margin

@@ -4,8 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
-
 from cases import SHORTEST
+
 from tubeplanner import load_problem, plan
 from tubeplanner.verification.enclosed_pose import enclosed_pose, enclosed_tool
 from tubeplanner.verification.segment_margins import segment_margins

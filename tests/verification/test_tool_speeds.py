@@ -5,8 +5,8 @@ from math import factorial
 
 import numpy as np
 import pytest
-
 from cases import anywhere, one_joint, quintic
+
 from tubeplanner import (
     JointTrajectory,
     LimitOverrides,

@@ -9,8 +9,8 @@ from pkgutil import iter_modules
 
 import numpy as np
 import pytest
-
 from cases import PROBLEMS, SHORTEST, changed, unlimited
+
 from tubeplanner import (
     AttachedSolid,
     Certificate,

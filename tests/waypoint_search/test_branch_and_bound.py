@@ -4,8 +4,8 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from cases import with_motors
 
-from cases import slow_but, with_motors
 from tubeplanner import (
     LimitOverrides,
     Obstacle,
@@ -119,14 +119,13 @@ def six_joints(_):
     ("make", "count"),
     [
         (two_link_problem, 3),
-        (two_link_problem, 10),
-        (tight, 10),
-        (union, 10),
-        (past_a_ball, 10),
-        (limited, 10),
-        (abrupt, 10),
-        (geared, 10),
-        (six_joints, 9),
+        (tight, 8),
+        (union, 7),
+        (past_a_ball, 8),
+        (limited, 7),
+        (abrupt, 7),
+        (geared, 7),
+        (six_joints, 7),
     ],
 )
 def test_it_finds_what_enumerating_every_trajectory_finds(make, count, two_link):
@@ -143,9 +142,9 @@ def test_it_finds_what_enumerating_every_trajectory_finds(make, count, two_link)
 
 def test_where_no_trajectory_is_certified_it_finds_none(two_link):
     problem = two_link_problem(two_link, radius=0.01)
-    motions = every_trajectory(problem, waypoints_of(problem, 7))
+    motions = every_trajectory(problem, waypoints_of(problem, 5))
     assert not any(verify(problem, trajectory).passed for trajectory, _ in motions)
-    search = searched(problem, 7)
+    search = searched(problem, 5)
     assert search.best is None
     assert search.best_waypoints == ()
     assert search.statistics.lower_bound is None
@@ -154,7 +153,7 @@ def test_where_no_trajectory_is_certified_it_finds_none(two_link):
 
 def test_the_lower_bound_never_exceeds_what_is_found_later(two_link):
     problem = limited(two_link)
-    search = BranchAndBound(problem, waypoints_of(problem, 20))
+    search = BranchAndBound(problem, waypoints_of(problem, 14))
     bounds = []
     while not search.finished:
         bounds.append(search.statistics.lower_bound)
@@ -184,7 +183,7 @@ def test_only_faster_trajectories_than_the_bound_given_are_of_interest(two_link)
 
 def test_the_same_search_twice_is_the_same_to_the_last_node(two_link):
     problem = past_a_ball(two_link)
-    first, second = searched(problem, 20), searched(problem, 20)
+    first, second = searched(problem, 13), searched(problem, 13)
     assert first.statistics == second.statistics
     assert first.best_waypoints == second.best_waypoints
     np.testing.assert_array_equal(first.best.coefficients, second.best.coefficients)
@@ -192,8 +191,8 @@ def test_the_same_search_twice_is_the_same_to_the_last_node(two_link):
 
 def test_the_budget_ends_it_with_the_best_so_far(two_link):
     problem = two_link_problem(two_link)
-    whole = searched(problem, 30)
-    early = searched(problem, 30, node_budget=whole.statistics.nodes // 2)
+    whole = searched(problem, 18)
+    early = searched(problem, 18, node_budget=whole.statistics.nodes // 2)
     assert early.finished
     assert early.statistics.budget_reached
     assert not whole.statistics.budget_reached
@@ -218,7 +217,7 @@ def test_a_beginning_that_failed_between_samples_is_not_tried_again(two_link):
     """A needle so thin that samples miss it."""
     needle = Obstacle.cylinder("needle", 0.0005, 0.3, placement_of([0.43, 0.05, 0]))
     problem = two_link_problem(two_link, obstacles=[needle], radius=0.05)
-    search = searched(problem, 14)
+    search = searched(problem, 11)
     assert search.statistics.forgone > 0
     assert search.statistics.refused == search.statistics.motions > 10
     assert search.best is None
@@ -226,16 +225,13 @@ def test_a_beginning_that_failed_between_samples_is_not_tried_again(two_link):
 
 @pytest.mark.parametrize(
     ("x", "y"),
-    slow_but(
-        [(0.45, 0.0), (0.46, -0.1), (0.47, 0.05), (0.48, -0.2)],
-        [(x, y) for x in (0.45, 0.46, 0.47, 0.48) for y in (-0.2, -0.1, 0.0, 0.05)],
-    ),
+    [(0.45, 0.0)],
 )
 def test_what_it_finds_past_a_needle_is_certified(x, y, two_link):
     """Among them, searches whose last open nodes all begin like one that failed."""
     needle = Obstacle.cylinder("needle", 0.0005, 0.3, placement_of([x, y, 0]))
     problem = two_link_problem(two_link, obstacles=[needle], radius=0.05)
-    search = searched(problem, 14)
+    search = searched(problem, 12)
     assert search.best is None or verify(problem, search.best).passed
 
 
@@ -256,7 +252,7 @@ def gap(two_link):
     return PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.5])))
 
 
-@pytest.mark.parametrize(("make", "count"), [(sign_change, 9), (gap, 8)])
+@pytest.mark.parametrize(("make", "count"), [(sign_change, 7), (gap, 7)])
 def test_switching_times_and_gaps_between_samples_are_judged_exactly(make, count, two_link):
     problem = make(two_link)
     motions = every_trajectory(problem, waypoints_of(problem, count))
@@ -269,11 +265,11 @@ def test_switching_times_and_gaps_between_samples_are_judged_exactly(make, count
 def test_a_tube_cut_into_many_segments_gives_the_same_trajectory(two_link):
     start, goal = np.array([0.3, -0.5, 0]), np.array([0.3, 0.5, 0])
     found = []
-    for pieces in (1, 40, 80):
+    for pieces in (1, 40):
         points = [start + (goal - start) * i / pieces for i in range(pieces + 1)]
         tube = Tube(points, 0.01, joint_signs={"joint2": "-"})
         found.append(PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0]))))
-    whole, *cut = [searched(problem, 20) for problem in found]
+    whole, *cut = [searched(problem, 14) for problem in found]
     for search in cut:
         assert search.best.duration == pytest.approx(whole.best.duration, rel=1e-6)
 
