@@ -158,7 +158,7 @@ def planned_once():
     known, plan_one = {}, trials_module.planned
 
     def planned(trial):
-        key = pickle.dumps((trial.posed, replace(trial.options, time_limit=None)))
+        key = pickle.dumps((trial.problem, replace(trial.options, time_limit=None)))
         if key not in known:
             known[key] = plan_one(trial)
         return known[key]
