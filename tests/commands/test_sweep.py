@@ -51,7 +51,7 @@ def test_the_figure_of_samples_says_how_they_are_joined(run_json, stored, tmp_pa
     assert figure.read_bytes().startswith(PNG)
 
 
-def test_plot_of_another_robots_trajectory_is_refused(run, trajectory):
+def test_plot_of_another_robots_trajectory_is_refused(run, drawn, trajectory):
     status, _, err = run("plot", "example:ur5/over_the_wall", trajectory)
     assert status == 2
     assert "the trajectory moves the joints joint1, joint2" in err
@@ -59,7 +59,7 @@ def test_plot_of_another_robots_trajectory_is_refused(run, trajectory):
 
 @pytest.mark.dear("plans twice")
 def test_samples_pass_check_and_it_is_said_what_became_of_them(run, run_json, tmp_path):
-    words = ("plan", PROBLEM, "--method", "stop-at-corners")
+    words = ("plan", PROBLEM, "--slack", "0", *FAST)
     own, sampled = tmp_path / "t.json", tmp_path / "t.csv"
     _, out, _ = run(*words, "--csv", sampled)
     assert "note: CSV and ROS samples at 500 Hz are averaged over neighbouring periods" in out

@@ -1,6 +1,7 @@
 """view_cycle: moved parts, scene, panel."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -225,7 +226,8 @@ def test_the_panel_says_what_is_seen(page):
     ]
     (line,) = panel["timelines"]
     assert [move["color"] for move in line["bands"]] == list(SEGMENT_COLORS)
-    assert json.loads(json.dumps(panel)) == panel
+    data = re.search(r'id="data">(.*?)</script>', page.html, re.S).group(1)
+    assert json.loads(data) == json.loads(json.dumps(panel))
 
 
 def test_motions_stand_side_by_side_with_a_line_each(cycle, motion):
