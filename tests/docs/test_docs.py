@@ -1,4 +1,4 @@
-"""Pages, README and troubleshooting say what is true."""
+"""Pages and README say what is true: what they show is run, what they quote is printed."""
 
 import ast
 import json
@@ -10,12 +10,11 @@ from io import StringIO
 from pathlib import Path
 
 import pytest
-from cases import slow_but
 from rail_arm import rail_arm
 from ruamel.yaml import YAML
 
 import tubeplanner
-from tubeplanner import PlanOptions, load_cycle, load_study, parse_problem, plan, read_preset
+from tubeplanner import PlanOptions, load_cycle, load_study, parse_problem, read_preset
 from tubeplanner.commands.cli import cli, main
 from tubeplanner.cycle.cycle_format import cycle_schema
 from tubeplanner.files.fingerprint import problem_hash
@@ -23,19 +22,28 @@ from tubeplanner.planning import planner
 from tubeplanner.problem.problem_format import check_problem_fields, problem_schema
 from tubeplanner.studies.study_format import study_schema
 
-# What the pages in docs/ show is run: Python, commands, problem files, and what they print.
-
-
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+README = (ROOT / "README.md").read_text()
 PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in sorted(DOCS.rglob("*.md"))}
-ALL_PAGES = {"README.md": (ROOT / "README.md").read_text(), **PAGES}
+ALL_PAGES = {"README.md": README, **PAGES}
+# Pages whose commands plan much: over 2 s, and over 0.5 s of processor time.
+SLOW = tuple(
+    f"docs/how_to/{name}.md"
+    for name in (
+        *("contacts", "cycles", "executed", "place", "smooth", "studies"),
+        "studies_on_a_cluster",
+    )
+)
+DEAR = (
+    *("docs/concepts/planning.md", "docs/concepts/sensitivities.md", "docs/first_plan.md"),
+    *("docs/how_to/plan_again.md", "docs/how_to/zones.md"),
+)
 
 BLOCK = re.compile(r"^(<!-- not run: .* -->\n)?```(\w+)\n(.*?)^```$", re.M | re.S)
 # What another processor's rounding may move: numbers with a point, and whole ones with a unit.
 NUMBER = r"-?\d+(?:\.\d*(?:e[+-]?\d+)?|(?= (?:ms|mm|%)))"
 NUMBER_TOLERANCE = 0.1  # relative
-SLOW = ()
 # What a part of a problem file is completed with.
 REST = {
     "robot": {"urdf": "example:ur5", "tool_frame": "tool0"},
@@ -138,9 +146,15 @@ def test_the_blocks_of_a_slow_page_can_be_read(page, tmp_path, monkeypatch):
     assert all(block for _, block in read_page(PAGES[page], page))
 
 
-@pytest.mark.parametrize(
-    "page", slow_but([page for page in PAGES if page not in SLOW], list(PAGES))
-)
+def page_case(page):
+    """Return a page as a parameter, marked by what its commands cost."""
+    if page in SLOW:
+        return pytest.param(page, marks=pytest.mark.slow)
+    marks = [pytest.mark.dear("runs the commands of a page")] if page in DEAR else []
+    return pytest.param(page, marks=marks)
+
+
+@pytest.mark.parametrize("page", [page_case(page) for page in PAGES])
 def test_a_page_runs_and_prints_what_it_shows(page, planned_once, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run_page(PAGES[page], page)
@@ -223,104 +237,98 @@ def draw():
     assert list(modules_of_the_package(code)) == found
 
 
-def test_every_public_name_is_documented_once(monkeypatch):
+@pytest.fixture
+def generators(monkeypatch):
+    """What makes parts of pages is found."""
     monkeypatch.syspath_prepend(DOCS)
+
+
+def test_every_public_name_is_documented_once(generators):
     from public_sections import public_sections
 
     documented = re.findall(r"^\.\. auto\w+:: (\w+)", public_sections(), re.M)
     assert sorted([*documented, "__version__"]) == tubeplanner.__all__
 
 
-def test_every_field_of_the_problem_file_is_documented(monkeypatch):
-    monkeypatch.syspath_prepend(DOCS)
+def require_described(page, sections):
+    """Check that a page has the text of every section and a row for every field."""
+    for section in sections:
+        assert section["description"] in page
+        assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
+
+
+def require_targets(page, *others):
+    """Check that what a page points to is there once, in it or in other pages."""
+    labels = re.findall(r"^\((field-[\w.]+)\)=$", "\n".join((page, *others)), re.M)
+    assert set(re.findall(r"\(#(field-[\w.]+)\)", page)) <= set(labels)
+    assert len(labels) == len(set(labels))
+
+
+def test_every_field_of_the_problem_file_is_documented(generators):
     from problem_fields import problem_fields
 
     schema = problem_schema()
     page = problem_fields(schema)
-    for section in (schema, *schema["$defs"].values()):
-        assert section["description"] in page
-        assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
-    assert "\n### start · goal\n" in page
-    assert "\n### tube.cross_section\n" in page
-    assert "\n| `radius` | number, or list of these | m | required | " in page
-    assert "\n| `gravity` | [3 numbers] | m/s² | `[0.0, 0.0, -9.81]` | base frame |" in page
-    assert "| [section](#field-robot.tool_offset) |" in page
-    assert "\n(field-robot.tool_offset)=\n" in page
+    require_described(page, (schema, *schema["$defs"].values()))
+    for text in (
+        "\n### start · goal\n",
+        "\n### tube.cross_section\n",
+        "\n| `radius` | number, or list of these | m | required | ",
+        "\n| `gravity` | [3 numbers] | m/s² | `[0.0, 0.0, -9.81]` | base frame |",
+        "| [section](#field-robot.tool_offset) |",
+        "\n(field-robot.tool_offset)=\n",
+    ):
+        assert text in page
 
 
-def test_every_field_of_the_cycle_file_is_documented(monkeypatch):
-    monkeypatch.syspath_prepend(DOCS)
+def test_every_field_of_the_cycle_file_is_documented(generators):
     from further_fields import further_fields
     from problem_fields import problem_fields
 
-    schema, shared = cycle_schema(), problem_schema()
-    page = further_fields("Cycle", schema, shared)
-    problem_page = problem_fields(shared)
-    own = [schema["$defs"][name] for name in schema["$defs"] if name not in shared["$defs"]]
+    schema, common = cycle_schema(), problem_schema()
+    page = further_fields("Cycle", schema, common)
+    own = [schema["$defs"][name] for name in schema["$defs"] if name not in common["$defs"]]
     assert {"MoveFields", "AttachFields"} <= set(schema["$defs"])
-    for section in (schema, *own):
-        assert section["description"] in page
-        assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
-    kinds = ", or ".join(f"[section](#field-{kind})" for kind in KINDS)
-    assert f"\n| `moves` | list of ({kinds}) |  | required | " in page
+    require_described(page, (schema, *own))
+    kinds = ("move", "event", "attach", "detach")
+    sections = ", or ".join(f"[section](#field-{kind})" for kind in kinds)
+    assert f"\n| `moves` | list of ({sections}) |  | required | " in page
     assert "\n| `dwell` | number | s | `0.0` | how long the arm stays |" in page
-    targets = set(re.findall(r"\(#(field-[\w.]+)\)", page))
-    labels = re.findall(r"^\((field-[\w.]+)\)=$", page + "\n" + problem_page, re.M)
-    assert targets <= set(labels)
-    assert len(labels) == len(set(labels))
+    require_targets(page, problem_fields(common))
 
 
-def test_every_field_of_the_study_file_is_documented(monkeypatch):
-    monkeypatch.syspath_prepend(DOCS)
+def test_every_field_of_the_study_file_is_documented(generators):
     from further_fields import further_fields
 
     schema = study_schema()
     page = further_fields("Study", schema, problem_schema())
-    for section in (schema, *schema["$defs"].values()):
-        assert section["description"] in page
-        assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
+    require_described(page, (schema, *schema["$defs"].values()))
     kinds = "(list of anything, or [section](#field-range))"
     assert f"\n| `vary` | map to {kinds} |  | `{{}}` | " in page
     assert '\n| `design` | `"grid"`, or [section](#field-latin) |  | `"grid"` | ' in page
-    targets = set(re.findall(r"\(#(field-[\w.]+)\)", page))
-    assert targets <= set(re.findall(r"^\((field-[\w.]+)\)=$", page, re.M))
+    require_targets(page)
 
 
-KINDS = ("move", "event", "attach", "detach")
+def first_block(language, text):
+    return re.search(rf"```{language}\n(.*?)```", text, re.S).group(1)
 
 
-# What the README shows is run.
-
-
-README = (Path(__file__).parents[2] / "README.md").read_text()
-
-
-def block(language):
-    return re.search(rf"```{language}\n(.*?)```", README, re.S).group(1)
-
-
-def test_the_ten_lines_run(capsys):
-    code = block("python")
+@pytest.mark.dear("plans for a UR5")
+def test_the_ten_lines_run_and_the_problem_file_is_planned(planned_once, capsys):
+    code = first_block("python", README)
     assert len([line for line in code.splitlines() if line.strip()]) <= 11
     exec(compile(code, "README.md", "exec"), {})
     assert "certified trajectory of" in capsys.readouterr().out
+    fields = YAML(typ="safe", pure=True).load(first_block("yaml", README))
+    assert tubeplanner.plan(parse_problem(fields)).succeeded
 
 
-def test_the_problem_file_is_planned():
-    assert plan(parse_problem(YAML(typ="safe", pure=True).load(block("yaml")))).succeeded
-
-
-def test_links_lead_to_files():
-    root = Path(__file__).parents[2]
+def test_links_of_the_readme_lead_to_files():
     for target in re.findall(r"\]\((?!http)([^)]+)\)", README):
-        assert (root / target).exists(), target
+        assert (ROOT / target).exists(), target
 
 
-# Every message that the page on refusals quotes is what its mistake gets.
-
-
-HOW_TO = Path(__file__).parents[2] / "docs/how_to"
-QUOTED = re.findall(r"^> `(.*)`$", (HOW_TO / "troubleshooting.md").read_text(), re.M)
+QUOTED = re.findall(r"^> `(.*)`$", PAGES["docs/how_to/troubleshooting.md"], re.M)
 RAIL = """\
 robot: {urdf: arm.urdf, tool_frame: flange}
 tube: {points: [[0.4, 0.5, 0.7], [0.4, 0.5, 0.5]], radius: 0.05}
@@ -340,8 +348,8 @@ obstacles:
   - {name: table, box: [0.9, 1.6, 0.04], position: [0.75, 0, -0.02]}
 clearance: 0.01
 """
-PICK = re.search(r"```yaml\n(.*?)```", (HOW_TO / "contacts.md").read_text(), re.S).group(1)
-CYCLE = re.search(r"```yaml\n(.*?)```", (HOW_TO / "cycles.md").read_text(), re.S).group(1)
+PICK = first_block("yaml", PAGES["docs/how_to/contacts.md"])
+CYCLE = first_block("yaml", PAGES["docs/how_to/cycles.md"])
 WEIGHT = re.search(r"part, payload: .*", CYCLE).group(0)
 CONTACTS = "contacts:\n  - {links: [part, table], within: 0.03}\n"
 XACRO = 'name="rail_arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename='
