@@ -15,12 +15,10 @@ from tubeplanner.tube.rotations import rotation_matrix
 NEEDS_LIBRARY = pytest.mark.skipif(
     LIBRARY.functions is None, reason="the native library is left out"
 )
+COUNT = 200
 
 
 # Configurations moved natively to where tools are wanted, against numpy.
-
-
-COUNT = 200
 
 
 @NEEDS_LIBRARY

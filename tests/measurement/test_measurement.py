@@ -6,7 +6,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from cases import SHORTEST
-from stored_trajectories import STOP
 
 from measured_tubes import random_attack
 from tubeplanner import (
@@ -35,56 +34,48 @@ def post(bundled):
 
 def post_in_box(frame, q, center, size):
     """Return the distance of the post's axis to a box carried by a planar frame, (N,)."""
-    local = POST - frame
-    turned = np.stack(
-        [
-            np.cos(q) * local[:, 0] + np.sin(q) * local[:, 1],
-            np.cos(q) * local[:, 1] - np.sin(q) * local[:, 0],
-        ],
-        axis=1,
-    )
+    (x, y), cosine, sine = (POST - frame).T, np.cos(q), np.sin(q)
+    turned = np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=1)
     outside = np.maximum(abs(turned - [center, 0]) - np.array(size) / 2, 0)
     return np.linalg.norm(outside, axis=1)
 
 
-def largest_radius(points, tip_sign):
+def largest_radius(a, b, most):
     """Return how far the tool may be from a segment before a link meets the post, by a grid."""
-    x, y = np.meshgrid(np.arange(-0.6, 0.6, 0.001), np.arange(-0.6, 0.6, 0.001))
+    lower, upper = np.minimum(a, b) - most, np.maximum(a, b) + most
+    x, y = np.meshgrid(*(np.arange(*bounds, 0.001) for bounds in zip(lower, upper, strict=True)))
     tool = np.stack([x.ravel(), y.ravel()], axis=1)
+    share = np.clip((tool - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+    away = np.linalg.norm(tool - a - share[:, None] * (b - a), axis=1)
     reach = np.linalg.norm(tool, axis=1)
-    tool, reach = tool[(reach > 0.01) & (reach < 2 * LINK)], reach[(reach > 0.01) & (reach < 0.6)]
-    bend = tip_sign * 2 * np.arccos(reach / (2 * LINK))
+    near = (away < most) & (reach > 0.01) & (reach < 2 * LINK)
+    tool, away, reach = tool[near], away[near], reach[near]
+    bend = -2 * np.arccos(reach / (2 * LINK))  # the elbow's sign
     first = np.arctan2(tool[:, 1], tool[:, 0]) - bend / 2
     elbow = LINK * np.stack([np.cos(first), np.sin(first)], axis=1)
-    near = np.minimum(
+    gap = np.minimum(
         post_in_box(np.zeros_like(tool), first, 0.15, (0.36, 0.05)),
         post_in_box(elbow, first + bend, 0.15, (0.34, 0.04)),
     )
-    hits = tool[near < POST_RADIUS]
-    a, b = points[0, :2], points[1, :2]
-    share = np.clip((hits - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
-    return np.linalg.norm(hits - a - share[:, None] * (b - a), axis=1).min()
+    return away[gap < POST_RADIUS].min(initial=most)
 
 
 def test_the_radius_is_where_the_link_meets_the_post(post):
     problem, result = post
     assert result.succeeded, result.message
-    for k, segment in enumerate(result.segments):
-        exact = min(largest_radius(problem.tube.points[k : k + 2], -1), 0.2)
+    for segment, (a, b) in zip(result.segments, pairwise(problem.tube.points[:, :2]), strict=True):
+        exact = largest_radius(a, b, 0.2)
         assert exact - 0.004 < segment.radius < exact + 1e-3
         assert segment.joint_ranges == {"joint2": (-np.inf, 0.0)}
     binding = result.segments[0].bindings[0]
-    assert (binding.bound, binding.place.links, binding.place.obstacle) == (
-        "radius",
-        ("link2",),
-        "post",
-    )
+    assert (binding.bound, binding.place.links) == ("radius", ("link2",))
+    assert binding.place.obstacle == "post"
 
 
-def test_a_measured_tube_is_planned_and_faster(post, planned):
-    _, result = post
-    _, before = planned("two_link/around_a_post")
-    after = plan(result.problem, PlanOptions(STOP, slack=0.0))
+def test_a_measured_tube_is_planned_and_faster(post):
+    problem, result = post
+    fast = PlanOptions(quality="fast", slack=0.0)
+    before, after = plan(problem, fast), plan(result.problem, fast)
     assert after.succeeded, after.message
     assert after.duration < before.duration
 
@@ -99,20 +90,14 @@ def test_a_random_attack_finds_nothing_but_would_in_a_wider_tube(post):
     assert random_attack(wider, 0, 300, rng).collisions > 0
 
 
-@pytest.fixture(scope="module")
-def beside_a_wall(ur5):
-    """Return one segment of a UR5 along a wall, its tool 10 cm away from it."""
+@pytest.mark.dear("measures a tube of six joints, attacks it twice and plans in it")
+def test_six_joints_get_ranges_that_survive(ur5):
+    """Along a wall, the tool 10 cm away from it."""
     tube = Tube([[0.45, -0.2, 0.4], [0.45, 0.1, 0.4]], 0.05, joint_signs={"elbow_joint": "+"})
     wall = Obstacle.box("wall", [0.6, 0.6, 0.05], placement_of([0.6, 0.0, 0.25]))
     seed = np.array([-0.9, -1.5, 1.8, -1.9, -1.6, 0.0])
-    return PlanningProblem(ur5, tube, Seed(seed), obstacles=[wall], clearance=0.01)
-
-
-# It measures a tube of a UR5, attacks it twice and plans in it: 5 s.
-@pytest.mark.slow
-def test_six_joints_get_ranges_that_survive(beside_a_wall):
+    beside_a_wall = PlanningProblem(ur5, tube, Seed(seed), obstacles=[wall], clearance=0.01)
     result = measure_tube(beside_a_wall, QUICK)
-    assert result.succeeded, result.message
     (segment,) = result.segments
     assert 0.005 < segment.radius <= 0.2
     assert len(segment.joint_ranges) == 6
@@ -128,11 +113,8 @@ def test_a_blocked_centre_line_is_an_answer(post):
     problem, _ = post
     ball = Obstacle.sphere("ball", 0.02, placement_of([0.45, -0.1, 0]))
     result = measure_tube(replace(problem, obstacles=[ball]), QUICK)
-    assert not result.succeeded
-    assert result.problem is None
-    assert result.status == "tube_blocked"
-    assert result.place.links == ("link2",)
-    assert result.place.obstacle == "ball"
+    assert (result.succeeded, result.status, result.problem) == (False, "tube_blocked", None)
+    assert (result.place.links, result.place.obstacle) == (("link2",), "ball")
     assert "the arm collides on the centre line of segment 0: link2, to 'ball'" in result.message
     assert "mm too close; move the reference points" in result.message
 
@@ -192,8 +174,8 @@ def test_parts_of_a_line_are_measured_as_one_where_there_are_too_many(post):
 
 
 @pytest.mark.parametrize("survey", [measure_tube, survey_patterns])
-def test_a_tube_of_boxes_is_refused_by_name(survey, bundled):
-    problem = bundled("two_link/around_a_post")
+def test_a_tube_of_boxes_is_refused_by_name(survey, post):
+    problem, _ = post
     section = {"box": [0.1, 0.04], "up": [0, 0, 1]}
     boxes = problem.with_tube(Tube(problem.tube.points, None, cross_section=section))
     with pytest.raises(ProblemError, match=r"segment 0 has a box.*leave out tube.cross_section"):
