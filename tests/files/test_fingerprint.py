@@ -1,4 +1,4 @@
-"""Hashes of robots, problems and cycles, whole and by part; origin of a trajectory."""
+"""Hashes of robots, problems and cycles: of what they hold, not how it is written or covered."""
 
 import copy
 import pickle
@@ -14,11 +14,12 @@ from tubeplanner import AttachedSolid, Obstacle, Seed, ToolPose, Tube, parse_pro
 from tubeplanner.collision import link_pairs, mesh_cover, mesh_file
 from tubeplanner.collision.convex_shape import box
 from tubeplanner.files.cycle_fingerprint import cycle_hash, cycle_part_hashes, differing_cycle_parts
+from tubeplanner.files.file_notes import notes_on_file
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
+from tubeplanner.files.former_fingerprint import former_problem_hash, is_former_hash
 from tubeplanner.problem.problem import PlanningProblem
-
-# A problem's hash comes from its contents: not from how they are written, covered or paired.
-
+from tubeplanner.resources import bundled_folder
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile
 
 MASS = '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 URDF = f"""<robot name="arm"><link name="base"/>
@@ -54,50 +55,6 @@ FIELDS = {
     "clearance": 0.01,
     "collision": {"ignore": [["upper", "post"], ["tip", "ball"]]},
 }
-
-
-@pytest.fixture
-def cell(tmp_path):
-    """A folder with an arm, its mesh and an obstacle's, both concave."""
-    (tmp_path / "arm.urdf").write_text(URDF)
-    angles = np.linspace(0, np.pi / 2, 9)
-    balls = [
-        trimesh.creation.icosphere(1, 0.03).apply_translation([np.cos(a) / 2, np.sin(a) / 2, 0])
-        for a in angles
-    ]
-    bow = trimesh.util.concatenate(balls)
-    bow.export(tmp_path / "upper.stl")
-    bow.export(tmp_path / "fixture.stl")
-    return tmp_path
-
-
-@pytest.fixture
-def covered_roughly(monkeypatch):
-    """Covers are hulls, and links are looked at in one configuration: quick, and no matter."""
-
-    def hull_alone(mesh):
-        return [mesh_cover.convex_hull(mesh.vertices)]
-
-    monkeypatch.setattr(mesh_file, "cover_mesh", hull_alone)
-    monkeypatch.setattr(mesh_file, "OUTER_ERROR", 1.0)  # [m]: no cover is refined
-    monkeypatch.setattr(link_pairs, "_TOUCH_SAMPLES", 1)
-
-
-def changed(**changes):
-    """Return the fields with other values, by path with `__` for dots."""
-    fields = copy.deepcopy(FIELDS)
-    for path, value in changes.items():
-        *keys, last = (int(key) if key.isdigit() else key for key in path.split("__"))
-        holder = fields
-        for key in keys:
-            holder = holder[key]
-        holder[last] = value
-    return fields
-
-
-def hash_of(fields, cell):
-    return problem_hash(parse_problem(fields, cell))
-
 
 SAME = {
     "a radius per segment": {"tube__radius": [0.1]},
@@ -149,87 +106,143 @@ SAME = {
         }
     },
 }
-OTHER = {
-    "a radius": {"tube__radius": 0.11},
-    "a box that holds the disc": {
-        "tube__radius": None,
-        "tube__cross_section": {"box": [0.2, 0.2], "up": [0, 0, 1]},
-    },
-    "a clearance": {"clearance": 0.02},
-    "an attached solid's size": {"robot__attached__0__box": [0.1, 0.02, 0.03]},
-    "an attached solid's place": {"robot__attached__0__position": [0, 0, 0.01]},
-    "a post's length": {"obstacles__2__cylinder": [0.05, 1.1]},
-    "a capsule instead": {
-        "obstacles__2": {"name": "post", "capsule": [0.05, 1.0], "position": [0, -1, 0]}
-    },
-    "the name of an obstacle": {"obstacles__2__name": "pole", "collision__ignore": []},
-    "a mesh's scale": {"obstacles__0__scale": 1.01},
-    "a mesh's turn": {"obstacles__0__rpy": [0, 0, 1.5]},
-    "pairs that are ignored": {"collision__ignore": [["upper", "post"]]},
-    "no self-collision": {"collision__self": False},
-    "an effort limit": {"robot__limits": {"effort": {"j1": 51}}},
-    "a limit on the tool's speed": {"robot__limits": {"tool_speed": 0.5}},
-    "a limit on the effort's rate": {"robot__limits": {"effort_rate": {"j2": 100}}},
-    "another joint's": {"robot__limits": {"effort_rate": {"j1": 100}}},
-    "a velocity by position": {
-        "robot__limits": {"velocity_by_position": {"j1": {"deceleration": 5, "offset": 0.1}}}
-    },
-    "another deceleration": {
-        "robot__limits": {"velocity_by_position": {"j1": {"deceleration": 6, "offset": 0.1}}}
-    },
-    "a point's speed": {
-        "robot__limits": {"point_speed": [{"link": "tip", "position": [0, 0, 0], "speed": 1}]}
-    },
-    "another point's": {
-        "robot__limits": {"point_speed": [{"link": "tip", "position": [0, 0, 1], "speed": 1}]}
-    },
-    "another link's": {
-        "robot__limits": {"point_speed": [{"link": "upper", "position": [0, 0, 0], "speed": 1}]}
-    },
-    "less effort backwards": {"robot__limits": {"effort": {"j1": [40, 50]}}},
-    "still less effort backwards": {"robot__limits": {"effort": {"j1": [30, 50]}}},
-    "less effort forwards": {"robot__limits": {"effort": {"j1": [50, 40]}}},
-    "still less effort forwards": {"robot__limits": {"effort": {"j1": [50, 30]}}},
-    "less effort of the other joint": {"robot__limits": {"effort": {"j2": [50, 40]}}},
-    "less effort at one end": {
-        "robot__limits": {"effort": {"j1": {"position": [-1, 1], "effort": [50, 40]}}}
-    },
-    "less effort at one end alone": {
-        "robot__limits": {"effort": {"j1": {"position": [0, 1], "effort": [50, 40]}}}
-    },
-    "a rotor": {"robot__motors": {"armature": {"j1": 0.1}}},
-    "friction that grows": {"robot__motors": {"viscous_friction": {"j1": 0.1}}},
-    "friction backwards": {"robot__motors": {"coulomb_friction": {"j1": [1, 0]}}},
-    "more friction backwards": {"robot__motors": {"coulomb_friction": {"j1": [2, 0]}}},
-    "friction forwards": {"robot__motors": {"coulomb_friction": {"j1": [0, 1]}}},
-    "more friction forwards": {"robot__motors": {"coulomb_friction": {"j1": [0, 2]}}},
-    "friction that may be more": {
-        "robot__motors": {"coulomb_friction": {"j1": [0, 1]}, "friction_uncertainty": 0.5}
-    },
-    "a torque-speed line": {"robot__motors": {"saturation_effort": 50, "no_load_velocity": 2}},
-    "a stronger one": {"robot__motors": {"saturation_effort": 60, "no_load_velocity": 2}},
-    "a flatter one": {"robot__motors": {"saturation_effort": 50, "no_load_velocity": 3}},
-    "one in the tube": {"tube__tool_speed": 0.5},
-    "another one in the tube": {"tube__tool_speed": [0.6]},
-}
+# Of the robot model.
+OTHER_ROBOTS = [
+    {"robot__tool_offset": {"position": [0.3, 0, 0], "rpy": [0, 0, 0.1]}},
+    {"robot__tool_offset": {"position": [0.3, 0, 0.01]}},
+    {"robot__gravity": [0, -1, 0]},
+    {"robot__payload": {"mass": 1.0}},
+    {"robot__limits": {"effort": {"j1": 51}}},
+    {"robot__limits": {"effort": {"j1": [40, 50]}}},
+    {"robot__limits": {"effort": {"j1": [30, 50]}}},
+    {"robot__limits": {"effort": {"j1": [50, 40]}}},
+    {"robot__limits": {"effort": {"j1": [50, 30]}}},
+    {"robot__limits": {"effort": {"j2": [50, 40]}}},
+    {"robot__limits": {"effort": {"j1": {"position": [-1, 1], "effort": [50, 40]}}}},
+    {"robot__limits": {"effort": {"j1": {"position": [0, 1], "effort": [50, 40]}}}},
+    {"robot__limits": {"tool_speed": 0.5}},
+    {"robot__limits": {"tool_speed": 0.6}},
+    {"robot__limits": {"effort_rate": {"j2": 100}}},
+    {"robot__limits": {"effort_rate": {"j1": 100}}},
+    {"robot__limits": {"velocity_by_position": {"j1": {"deceleration": 5, "offset": 0.1}}}},
+    {"robot__limits": {"velocity_by_position": {"j1": {"deceleration": 6, "offset": 0.1}}}},
+    {"robot__limits": {"point_speed": [{"link": "tip", "position": [0, 0, 0], "speed": 1}]}},
+    {"robot__limits": {"point_speed": [{"link": "tip", "position": [0, 0, 1], "speed": 1}]}},
+    {"robot__limits": {"point_speed": [{"link": "upper", "position": [0, 0, 0], "speed": 1}]}},
+    {"robot__motors": {"armature": {"j1": 0.1}}},
+    {"robot__motors": {"viscous_friction": {"j1": 0.1}}},
+    {"robot__motors": {"coulomb_friction": {"j1": [1, 0]}}},
+    {"robot__motors": {"coulomb_friction": {"j1": [2, 0]}}},
+    {"robot__motors": {"coulomb_friction": {"j1": [0, 1]}}},
+    {"robot__motors": {"coulomb_friction": {"j1": [0, 2]}}},
+    {"robot__motors": {"coulomb_friction": {"j1": [0, 1]}, "friction_uncertainty": 0.5}},
+    {"robot__motors": {"saturation_effort": 50, "no_load_velocity": 2}},
+    {"robot__motors": {"saturation_effort": 60, "no_load_velocity": 2}},
+    {"robot__motors": {"saturation_effort": 50, "no_load_velocity": 3}},
+]
+TURNED = {"orientations": [[0, 0, 0, 1]] * 2, "rotation_tolerance": 3.0}
 
 
-@pytest.mark.usefixtures("covered_roughly")
+def tube(**fields):
+    return {"tube": {**FIELDS["tube"], **fields}}
+
+
+def boxed(*sides, up=(0, 0, 1)):
+    return tube(radius=None, cross_section={"box": list(sides), "up": list(up)})
+
+
+# Of the rest of the problem.
+OTHER = [
+    tube(radius=0.11),
+    tube(joint_signs={}),
+    tube(visit="any"),
+    tube(tool_radius=0.01),
+    tube(tool_speed=0.5),
+    tube(tool_speed=[0.6]),
+    tube(**TURNED),
+    tube(**TURNED | {"rotation_tolerance": 3.1}),
+    tube(**TURNED | {"orientations": [[0.1, 0, 0, 0.995]] * 2}),
+    boxed(0.2, 0.2),
+    boxed(0.2, 0.3),
+    boxed(0.3, 0.2),
+    boxed(0.2, 0.2, up=(1, 1, 1)),
+    {"start__seed": [0.1, 0.501]},
+    {"clearance": 0.02},
+    {"robot__attached__0__box": [0.1, 0.02, 0.03]},
+    {"robot__attached__0__position": [0, 0, 0.01]},
+    {"obstacles__2__cylinder": [0.05, 1.1]},
+    {"obstacles__2": {"name": "post", "capsule": [0.05, 1.0], "position": [0, -1, 0]}},
+    {"obstacles__2__name": "pole", "collision__ignore": []},
+    {"obstacles": FIELDS["obstacles"][:2], "collision__ignore": [["tip", "ball"]]},
+    {"obstacles__0__scale": 1.01},
+    {"obstacles__0__rpy": [0, 0, 1.5]},
+    {"collision__ignore": [["upper", "post"]]},
+    {"collision__self": False},
+]
+
+
+@pytest.fixture(scope="module")
+def rough_covers(tmp_path_factory):
+    """A folder for rough covers: others look for exact ones."""
+    return tmp_path_factory.mktemp("covers")
+
+
+@pytest.fixture
+def cell(tmp_path, monkeypatch, rough_covers):
+    """A folder with an arm, its mesh and an obstacle's, both concave.
+
+    Covers are hulls, and links are looked at in one configuration: quick, and no matter.
+    """
+    (tmp_path / "arm.urdf").write_text(URDF)
+    angles = np.linspace(0, np.pi / 2, 9)
+    balls = [
+        trimesh.creation.icosphere(1, 0.03).apply_translation([np.cos(a) / 2, np.sin(a) / 2, 0])
+        for a in angles
+    ]
+    bow = trimesh.util.concatenate(balls)
+    bow.export(tmp_path / "upper.stl")
+    bow.export(tmp_path / "fixture.stl")
+    monkeypatch.setattr(mesh_file, "cover_mesh", lambda m: [mesh_cover.convex_hull(m.vertices)])
+    monkeypatch.setattr(mesh_file, "OUTER_ERROR", 1.0)  # [m]: no cover is refined
+    monkeypatch.setattr(link_pairs, "_TOUCH_SAMPLES", 1)
+    monkeypatch.setenv("TUBEPLANNER_CACHE", str(rough_covers))
+    return tmp_path
+
+
+def changed(**changes):
+    """Return the fields with other values, by path with `__` for dots."""
+    fields = copy.deepcopy(FIELDS)
+    for path, value in changes.items():
+        *keys, last = (int(key) if key.isdigit() else key for key in path.split("__"))
+        holder = fields
+        for key in keys:
+            holder = holder[key]
+        holder[last] = value
+    return fields
+
+
+def hash_of(fields, cell):
+    return problem_hash(parse_problem(fields, cell))
+
+
 @pytest.mark.parametrize("changes", SAME.values(), ids=SAME)
 def test_one_problem_written_in_two_ways_has_one_hash(changes, cell):
     assert hash_of(changed(**changes), cell) == hash_of(FIELDS, cell)
 
 
-@pytest.mark.usefixtures("covered_roughly")
-def test_no_two_changes_have_one_hash(cell):
-    hashes = {name: hash_of(changed(**changes), cell) for name, changes in OTHER.items()}
-    assert len(set(hashes.values())) == len(OTHER)
+def test_all_problems_have_their_own_hash_and_all_robots(cell):
+    problems, robots = {}, {}
+    for changes in ({}, *OTHER_ROBOTS, *OTHER):
+        problem = parse_problem(changed(**changes), cell)
+        twin = problems.setdefault(problem_hash(problem), changes)
+        assert twin is changes, (twin, changes)
+        robots.setdefault(robot_hash(problem.robot), []).append(changes)
+    assert list(robots.values()) == [[{}, *OTHER], *([changes] for changes in OTHER_ROBOTS)]
 
 
-@pytest.mark.usefixtures("covered_roughly")
-@pytest.mark.parametrize("changes", OTHER.values(), ids=OTHER)
-def test_another_problem_has_another_hash(changes, cell):
-    assert hash_of(changed(**changes), cell) != hash_of(FIELDS, cell)
+def test_the_length_of_the_axis_that_turns_a_box_does_not_count(cell):
+    one, other = boxed(0.2, 0.3), boxed(0.2, 0.3, up=(0, 0, 2))
+    assert hash_of(changed(**one), cell) == hash_of(changed(**other), cell)
 
 
 def test_a_problem_built_in_python_has_the_hash_of_its_file(cell):
@@ -251,7 +264,6 @@ def test_a_problem_built_in_python_has_the_hash_of_its_file(cell):
     assert problem_hash(built) == problem_hash(read)
 
 
-@pytest.mark.usefixtures("covered_roughly")
 def test_files_elsewhere_and_under_other_names_are_the_same_problem(cell, tmp_path_factory):
     other = tmp_path_factory.mktemp("elsewhere")
     text = (cell / "arm.urdf").read_text()
@@ -267,39 +279,37 @@ def test_files_elsewhere_and_under_other_names_are_the_same_problem(cell, tmp_pa
 @pytest.mark.parametrize("name", ["upper.stl", "fixture.stl"])
 def test_other_bytes_of_a_mesh_are_another_problem(name, cell):
     """Within its hull: only the bytes tell."""
-    before = hash_of(FIELDS, cell)
+    before = parse_problem(FIELDS, cell)
+    before_hash = problem_hash(before)
     mesh = trimesh.load(str(cell / name), force="mesh")
     mesh.update_faces(np.arange(len(mesh.faces)) != 7)
     mesh.export(cell / name)
     after = parse_problem(FIELDS, cell)
-    assert problem_hash(after) != before
-    assert robot_hash(after.robot) == robot_hash(parse_problem(FIELDS, cell).robot)
+    assert problem_hash(after) != before_hash
+    assert robot_hash(after.robot) == robot_hash(before.robot)
 
 
-def moved_collision(text):
-    return text.replace('<origin xyz="0.2 0 0"/><geometry>', '<origin xyz="0.2 0 0.01"/><geometry>')
-
-
-def longer_sphere(text):
-    return text.replace('radius="0.05"', 'radius="0.06"')
-
-
-@pytest.mark.usefixtures("covered_roughly")
-@pytest.mark.parametrize("change", [moved_collision, longer_sphere])
-def test_other_collision_elements_are_another_problem(change, cell):
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('<origin xyz="0.2 0 0"/><geometry>', '<origin xyz="0.2 0 0.01"/><geometry>'),
+        ('<sphere radius="0.05"/>', '<sphere radius="0.06"/>'),
+    ],
+)
+def test_other_collision_elements_are_another_problem(old, new, cell):
     before = hash_of(FIELDS, cell)
-    path = cell / "arm.urdf"
-    assert change(path.read_text()) != path.read_text()
-    path.write_text(change(path.read_text()))
+    assert old in URDF
+    (cell / "arm.urdf").write_text(URDF.replace(old, new))
     assert hash_of(FIELDS, cell) != before
 
 
-def test_covers_and_pairs_do_not_matter(cell, request):
-    before = parse_problem(FIELDS, cell)
-    request.getfixturevalue("covered_roughly")
-    after = parse_problem(FIELDS, cell)
-    assert len(after.collision.shapes) < len(before.collision.shapes)
-    assert problem_hash(after) == problem_hash(before)
+def test_covers_and_pairs_do_not_matter(cell, monkeypatch):
+    rough = parse_problem(FIELDS, cell)
+    monkeypatch.undo()
+    monkeypatch.setenv("TUBEPLANNER_CACHE", "off")
+    fine = parse_problem(FIELDS, cell)
+    assert len(fine.collision.shapes) > len(rough.collision.shapes)
+    assert problem_hash(fine) == problem_hash(rough)
 
 
 def test_a_pickled_problem_keeps_its_hash_without_the_files(cell):
@@ -324,36 +334,6 @@ def test_solids_given_as_shapes_are_known_by_them(cell):
     assert with_block(0.1, 0.2) != with_block(0.1, 0.3)
 
 
-@pytest.mark.usefixtures("covered_roughly")
-def test_another_problem_has_its_own_hash_each_time(cell):
-    hashes = {hash_of(changed(**changes), cell) for changes in OTHER.values()}
-    assert len(hashes) == len(OTHER)
-
-
-@pytest.mark.usefixtures("covered_roughly")
-def test_all_limits_on_the_tools_speed_have_their_own_hash(cell):
-    """In the robot or in the tube, and how large: none is taken for another."""
-    given = [{"tube__tool_speed": 0.5}, {"tube__tool_speed": 0.6}]
-    given += [{"robot__limits": {"tool_speed": speed}} for speed in (0.5, 0.6)]
-    problems = [parse_problem(changed(**changes), cell) for changes in [{}, *given]]
-    assert len({problem_hash(problem) for problem in problems}) == 5
-    robots = [robot_hash(problem.robot) for problem in problems]
-    assert robots[0] == robots[1] == robots[2]
-    assert len(set(robots)) == 3
-
-
-@pytest.mark.usefixtures("covered_roughly")
-def test_each_side_of_a_box_and_its_turn_count(cell):
-    boxes = [([0.2, 0.2], [0, 0, 1]), ([0.2, 0.3], [0, 0, 1]), ([0.3, 0.2], [0, 0, 1])]
-    boxes += [([0.2, 0.2], [1, 1, 1]), ([0.2, 0.3], [0, 0, 2])]
-    hashes = [
-        hash_of(changed(tube__radius=None, tube__cross_section={"box": b, "up": u}), cell)
-        for b, u in boxes
-    ]
-    assert len(set(hashes[:4])) == 4
-    assert hashes[4] == hashes[1]
-
-
 def test_a_pose_counts_with_its_seed(cell):
     """And is another end than the configuration that it leads to."""
     problem = parse_problem(FIELDS, cell)
@@ -368,12 +348,51 @@ def test_a_pose_counts_with_its_seed(cell):
     assert len(hashes) == len(ends)
 
 
-# Hashes of cycles: what changes them, and what is said to differ.
+# What files of these problems stated before hashes came from contents alone.
+POST = "two_link/around_a_post"
+FORMER = {
+    POST: "7b04bfdadbdc6b2f",
+    "ur5/over_the_wall": "9c4cfded44a2d088",
+    "xarm7/from_crate_to_crate": "e788c653c5d9322c",
+}
+EARLIER = "the trajectory was made by an earlier version of tubeplanner"
+
+
+@pytest.mark.parametrize("name", FORMER)
+def test_former_hashes_are_made_as_they_were(name, bundled):
+    """Whatever covers links and chooses pairs today."""
+    problem = bundled(name)
+    assert former_problem_hash(problem) == FORMER[name]
+    assert is_former_hash(FORMER[name])
+    assert not is_former_hash(problem_hash(problem))
+
+
+def test_a_file_of_an_earlier_version_is_told_from_one_of_another_problem(stored):
+    problem, trajectory = stored(POST)
+    made = {"robot_hash": robot_hash(problem.robot)}
+    earlier = TrajectoryFile(trajectory, problem_hash=FORMER[POST], **made)
+    notes = notes_on_file(problem, earlier, failed=False)
+    assert notes == [f"{EARLIER} for the same problem"]
+    notes = notes_on_file(replace(problem, clearance=0.001), earlier, failed=False)
+    assert notes == ["the trajectory was made for another problem with this robot"]
+
+
+def test_without_its_meshes_nobody_can_tell(stored, tmp_path):
+    problem, trajectory = stored(POST)
+    path = shutil.copy(bundled_folder() / "ur5" / "part.stl", tmp_path)
+    problem = replace(problem, obstacles=[Obstacle.mesh("part", path, placement_of([3, 0, 0]))])
+    made = {"robot_hash": robot_hash(problem.robot)}
+    earlier = TrajectoryFile(trajectory, problem_hash=former_problem_hash(problem), **made)
+    (note,) = notes_on_file(problem, earlier, failed=False)
+    assert note.endswith("for the same problem")
+    (tmp_path / "part.stl").unlink()
+    (note,) = notes_on_file(problem, earlier, failed=False)
+    assert note.startswith(f"{EARLIER}; whether")
 
 
 @pytest.fixture(scope="module")
-def stated():
-    return cycle_part_hashes(small_cycle())
+def cycle():
+    return small_cycle()
 
 
 @pytest.mark.parametrize(
@@ -391,19 +410,16 @@ def stated():
         ({"start__seed": [0.0, -0.9]}, ["start or goal of move 'over'"]),
     ],
 )
-def test_what_changes_the_answer_changes_the_hash_and_is_named(changes, differing, stated):
+def test_what_changes_the_answer_changes_the_hash_and_is_named(changes, differing, cycle):
     changed = small_cycle(**changes)
-    assert cycle_hash(changed) != cycle_hash(small_cycle())
-    found = differing_cycle_parts(changed, stated)
+    assert cycle_hash(changed) != cycle_hash(cycle)
+    found = differing_cycle_parts(changed, cycle_part_hashes(cycle))
     assert found
     assert differing is None or found == differing
 
 
-def test_the_same_cycle_has_the_same_hash(stated):
-    assert cycle_hash(small_cycle()) == cycle_hash(small_cycle())
-    assert differing_cycle_parts(small_cycle(), stated) == []
-    assert differing_cycle_parts(small_cycle(), {}) == []
-
-
-def test_what_an_event_sets_is_no_part_of_the_question():
-    assert cycle_hash(small_cycle(moves__1__set="shut")) == cycle_hash(small_cycle())
+def test_the_same_cycle_has_the_same_hash(cycle):
+    again = small_cycle(moves__1__set="shut")  # what an event sets is no part of the question
+    assert cycle_hash(again) == cycle_hash(cycle)
+    assert differing_cycle_parts(again, cycle_part_hashes(cycle)) == []
+    assert differing_cycle_parts(again, {}) == []
