@@ -6,29 +6,27 @@ import pytest
 from tubeplanner import load_robot
 from tubeplanner.tube_sources.starter_route import starter_routes
 
-Q = {"ur5": [0.3, -1.2, 1.4, -1.0, -0.9, 0.2], "two_link": [0.4, 1.1]}
-FRAMES = {"ur5": "ee_link", "two_link": "hand"}
+BAR = """<robot name="bar"><link name="base"/><link name="bar"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="tip"/>
+<joint name="turn" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 1 0"/>
+<limit lower="-2" upper="2" effort="9" velocity="1"/></joint>
+<joint name="end" type="fixed"><parent link="bar"/><child link="tip"/><origin xyz="0.5 0 0"/>
+</joint></robot>"""
 
 
-def _routes(name):
-    robot = load_robot(f"example:{name}", FRAMES[name])
-    return robot, list(starter_routes(robot, np.array(Q[name]), 0.8))
-
-
-@pytest.mark.parametrize("name", Q)
-def test_they_begin_at_the_tool(name):
-    robot, routes = _routes(name)
-    tool = robot.tool_position(np.array(Q[name]))
+def routes_from(robot, q):
+    """Return the routes of at most 0.8 rad from a configuration, which begin at its tool."""
+    routes = list(starter_routes(robot, np.array(q), 0.8))
     assert len(routes) >= 12
     for points in routes:
-        np.testing.assert_allclose(points[0], tool, atol=1e-4)
+        np.testing.assert_allclose(points[0], robot.tool_position(np.array(q)), atol=1e-4)
+    return routes
 
 
-def test_they_go_up_over_and_down_the_longest_first():
-    _, routes = _routes("ur5")
+def test_routes_go_up_over_and_down_the_longest_first(ur5):
+    routes = routes_from(ur5, [0.3, -1.2, 1.4, -1.0, -0.9, 0.2])
     up, over, down = np.diff(routes[0], axis=0)
-    np.testing.assert_allclose(up, [0, 0, 0.2], atol=2e-4)
-    np.testing.assert_allclose(down, -up, atol=2e-4)
+    np.testing.assert_allclose([up, -down], [[0, 0, 0.2]] * 2, atol=2e-4)
     assert over[2] == pytest.approx(0, abs=2e-4)
     assert np.linalg.norm(over) == pytest.approx(0.4, abs=1e-3)
     assert over @ routes[0][0] == pytest.approx(0, abs=1e-3)  # around the base
@@ -39,30 +37,21 @@ def test_they_go_up_over_and_down_the_longest_first():
     assert len(ends) == 4
 
 
-def test_an_arm_in_a_plane_stays_in_it():
-    robot, routes = _routes("two_link")
+def test_an_arm_in_a_plane_stays_in_it(two_link):
+    routes = routes_from(two_link, [0.4, 1.1])
     for points in routes:
         np.testing.assert_allclose(points[:, 2], routes[0][0, 2], atol=1e-8)
     up, over, _ = np.diff(routes[0], axis=0)
     assert up @ over == pytest.approx(0, abs=1e-6)
     # The last ones are where the joints take the tool.
-    stepped = robot.tool_position(np.array([Q["two_link"], [0.65, 1.1], [0.65, 1.35]]))
+    stepped = two_link.tool_position(np.array([[0.4, 1.1], [0.65, 1.1], [0.65, 1.35]]))
     np.testing.assert_allclose(routes[-2], stepped, atol=1e-8)
-
-
-BAR = """<robot name="bar"><link name="base"/><link name="bar"><inertial><mass value="1"/>
-<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="tip"/>
-<joint name="turn" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 1 0"/>
-<limit lower="-2" upper="2" effort="9" velocity="1"/></joint>
-<joint name="end" type="fixed"><parent link="bar"/><child link="tip"/><origin xyz="0.5 0 0"/>
-</joint></robot>"""
 
 
 def test_a_tool_on_a_circle_stays_on_it(tmp_path):
     (tmp_path / "bar.urdf").write_text(BAR)
     robot = load_robot(tmp_path / "bar.urdf", "tip")
-    routes = list(starter_routes(robot, np.array([0.2]), 0.5))
-    assert len(routes) == 2
-    for points, way in zip(routes, (1, -1), strict=True):
-        turned = robot.tool_position(0.2 + way * np.array([[0.0], [0.25], [0.5]]))
+    routes = starter_routes(robot, np.array([0.2]), 0.5)
+    for points, direction in zip(routes, (1, -1), strict=True):
+        turned = robot.tool_position(0.2 + direction * np.array([[0.0], [0.25], [0.5]]))
         np.testing.assert_allclose(points, turned, atol=1e-8)
