@@ -67,10 +67,6 @@ def problem_of(robot, points=((0.45, -0.3, 0), (0.45, 0.2, 0)), radius=0.12, **m
     return PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0])), **more)
 
 
-def line(two_link):
-    return problem_of(two_link)
-
-
 def tight(two_link):
     return problem_of(two_link, radius=0.03)
 
@@ -97,7 +93,7 @@ def past_a_ball(two_link):
 
 @pytest.mark.parametrize(
     ("make", "count"),
-    [(line, 3), (tight, 5), (corner, 4), (limited, 4), (past_a_ball, 4)],
+    [(problem_of, 3), (tight, 5), (corner, 4), (limited, 4), (past_a_ball, 4)],
 )
 def test_it_finds_what_trying_every_direction_finds(make, count, two_link):
     problem = make(two_link)
@@ -111,7 +107,7 @@ def test_it_finds_what_trying_every_direction_finds(make, count, two_link):
 
 def test_a_spline_s_direction_is_faster_and_at_most_the_best(two_link):
     """Segments of a spline depend on knots not yet chosen: the best may be lost."""
-    problem = line(two_link)
+    problem = problem_of(two_link)
     candidate = through_knots(problem, 4, quartic_spline)
     found, best = searched(problem, candidate).candidate, every_direction(problem, candidate)
     assert best.duration <= found.duration < candidate.duration
@@ -149,7 +145,7 @@ def test_sequential_quartics_depend_on_no_knot_after_the_one_they_aim_at():
 
 @pytest.mark.parametrize("construction", [sequential_quartics, quartic_spline])
 def test_moving_knots_never_makes_it_slower(construction, two_link):
-    problem = line(two_link)
+    problem = problem_of(two_link)
     work = KnotModification(
         problem, through_knots(problem, 5, construction), ModificationOptions(halvings=1)
     )
@@ -164,9 +160,7 @@ def test_moving_knots_never_makes_it_slower(construction, two_link):
 
 
 def test_two_knots_are_left_alone(two_link):
-    problem = PlanningProblem(
-        two_link, Tube([[0.45, 0, 0], [0.45, 0.01, 0]], 0.05), Seed(np.array([0.0, -1.0]))
-    )
+    problem = problem_of(two_link, [[0.45, 0, 0], [0.45, 0.01, 0]], 0.05)
     candidate = through_knots(problem, 2)
     work = KnotModification(problem, candidate, ModificationOptions())
     assert work.run(np.inf) is candidate
@@ -174,7 +168,7 @@ def test_two_knots_are_left_alone(two_link):
 
 
 def test_a_trajectory_through_an_obstacle_or_out_of_the_tube_is_refused(two_link):
-    free = line(two_link)
+    free = problem_of(two_link)
     knots = through_knots(free, 5).knots
     way = two_link.tool_position(knots)
     ball = Obstacle.sphere("ball", 0.02, placement_of(way[2]))

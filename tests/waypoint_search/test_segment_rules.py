@@ -1,3 +1,5 @@
+"""Links clear of obstacles and of each other near the waypoints, against every pair."""
+
 import numpy as np
 import pytest
 

@@ -15,6 +15,9 @@ from tubeplanner.waypoint_search.waypoint_interpolation import (
     sequential_quartics,
 )
 
+NAMES = ("first", "second")
+PRIMITIVES = (sequential_quartics, quartic_spline)
+
 
 @pytest.mark.parametrize(("name", "count"), [("two_link/around_a_post", 2), ("ur5/level_tray", 30)])
 def test_the_tools_are_equally_spaced_along_the_reference_path(name, count, bundled):
@@ -48,10 +51,6 @@ def test_where_only_redundant_joints_move_they_are_equally_spaced_themselves(pan
 
 
 # Trajectories through waypoints: the conditions of the paper, and what follows from them.
-
-
-NAMES = ("first", "second")
-PRIMITIVES = (sequential_quartics, quartic_spline)
 
 
 def waypoints(count, seed=0):
