@@ -168,8 +168,8 @@ SHARE = "give a share from 0, below 1"
             for value in (-1, [1, -1], [1], [1, 2, 3], [1, INF], [1, True], "12", None)
         ),
         *(
-            ({"friction_uncertainty": share}, f"friction_uncertainty is {share!r}; {SHARE}")
-            for share in (-0.1, 1, 1.0, np.nan, True, "a")
+            ({"friction_uncertainty": value}, f"friction_uncertainty is {shown}; {SHARE}")
+            for value, shown in ((-0.1, "-0.1"), (1.0, "1"), (np.nan, "nan"), (True, "True"))
         ),
     ],
 )
