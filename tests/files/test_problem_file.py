@@ -1,4 +1,4 @@
-"""Problem files with a new tube or base: comments kept, paths valid."""
+"""Problem files written from others: comments kept, paths valid, numbers as they are."""
 
 import copy
 import io
@@ -41,7 +41,8 @@ BELOW = {
     "robot": {"urdf": "a", "payload": {"mass": 1, "com": [0, 0, 1]}},
     "obstacles": [{"name": "a", "sphere": 1}, {"name": "b", "position": [1, 2, 3]}],
 }
-OWN = {"clearance": 0.1, "obstacles": [{"name": "b", "sphere": 2}, {"name": "c", "sphere": 3}]}
+BALL, OTHER_BALL = {"name": "b", "sphere": 2}, {"name": "c", "sphere": 3}
+OWN = {"clearance": 0.1, "obstacles": [BALL, OTHER_BALL]}
 
 
 @pytest.mark.parametrize(
@@ -52,20 +53,11 @@ OWN = {"clearance": 0.1, "obstacles": [{"name": "b", "sphere": 2}, {"name": "c",
         ("robot.payload.com.1", 5, {"robot": {"payload": {"com": [0, 5, 1]}}}),
         ("robot.payload", None, {"robot": {"payload": None}}),
         ("robot.limits.velocity", 2, {"robot": {"limits": {"velocity": 2}}}),
-        (
-            "obstacles.a.sphere",
-            "x2",
-            {"obstacles": [*OWN["obstacles"], {"name": "a", "sphere": 2}]},
-        ),
+        ("obstacles.a.sphere", "x2", {"obstacles": [BALL, OTHER_BALL, {"name": "a", "sphere": 2}]}),
         (
             "obstacles.b.position.0",
             9,
-            {
-                "obstacles": [
-                    {"name": "b", "sphere": 2, "position": [9, 2, 3]},
-                    {"name": "c", "sphere": 3},
-                ]
-            },
+            {"obstacles": [BALL | {"position": [9, 2, 3]}, OTHER_BALL]},
         ),
         ("robot.urdf", "a", {}),
     ],
@@ -78,7 +70,7 @@ def test_only_what_is_changed_is_written(path, value, written):
     assert merged_fields(BELOW, own) == wanted
 
 
-# Problem files written from others: comments kept, paths valid, numbers as they are.
+# A tube and ends in place of a file's, or with a file's cell.
 
 
 TEXT = """# A cell.
@@ -97,28 +89,33 @@ GOAL = np.array([np.pi / 2 - 0.5857, 1.1714])
 
 
 @pytest.fixture
-def problem_file_cell(tmp_path):
+def cell(tmp_path):
+    """The file of a cell, beside its robot and mesh and an empty folder."""
     (tmp_path / "arms").mkdir()
     (tmp_path / "other").mkdir()
     shutil.copy(bundled_folder() / "two_link" / "two_link.urdf", tmp_path / "arms")
     shutil.copy(bundled_folder() / "ur5" / "part.stl", tmp_path)
     (tmp_path / "cell.yaml").write_text(TEXT)
-    return tmp_path
+    return tmp_path / "cell.yaml"
 
 
 @pytest.fixture
-def found(problem_file_cell):
-    free = load_problem(problem_file_cell / "cell.yaml", reads_tube=False)
+def found(cell):
+    free = load_problem(cell, reads_tube=False)
     tube = Tube(POINTS, [0.1, 0.05], joint_signs=[{"joint2": (-1, 2)}, {"joint2": "+"}])
     return free.with_tube(tube, GOAL)
 
 
+def with_found(source, target, problem):
+    """Write the cell of a file with the tube and ends of a problem; return the text."""
+    target.write_bytes(with_problem(read_fields(source), source.parent, target, problem))
+    return target.read_text()
+
+
 @pytest.mark.parametrize("name", ["other/new.yaml", "new.json"])
-def test_what_is_written_is_read_as_the_same_problem(problem_file_cell, found, name):
-    target = problem_file_cell / name
-    target.write_bytes(
-        with_problem(read_fields(problem_file_cell / "cell.yaml"), problem_file_cell, target, found)
-    )
+def test_what_is_written_is_read_as_the_same_problem(cell, found, name):
+    target = cell.parent / name
+    with_found(cell, target, found)
     read = load_problem(target)
     np.testing.assert_array_equal(read.tube.points, found.tube.points)
     np.testing.assert_array_equal(read.tube.radius, found.tube.radius)
@@ -127,43 +124,15 @@ def test_what_is_written_is_read_as_the_same_problem(problem_file_cell, found, n
     np.testing.assert_array_equal(read.goal, found.goal)
 
 
-def test_presets_and_files_of_limits_are_found_from_elsewhere(problem_file_cell, found):
-    preset = {
-        "format": "tubeplanner/preset",
-        "joints": 2,
-        "limits": {"jerk": 500},
-        "sources": {"limits.jerk": "controller"},
-    }
-    (problem_file_cell / "arms" / "mine.yaml").write_text(json.dumps(preset))
-    (problem_file_cell / "limits.yaml").write_text("joint_limits: {joint1: {max_velocity: 2}}")
-    folder = problem_file_cell / "other"
-    for given, written in (
-        ("arms/mine.yaml", "../arms/mine.yaml"),
-        (["arms/mine.yaml"], ["../arms/mine.yaml"]),
-    ):
-        fields = read_fields(problem_file_cell / "cell.yaml")
-        fields["robot"] |= {"preset": given, "limits_file": "limits.yaml"}
-        target = folder / "new.yaml"
-        target.write_bytes(with_problem(fields, problem_file_cell, target, found))
-        robot = read_fields(target)["robot"]
-        assert (robot["preset"], robot["limits_file"]) == (written, "../limits.yaml")
-        limits = load_problem(target).robot.limits
-        assert limits.jerk.tolist() == [500, 500]
-        assert limits.velocity[0] == 2
-
-
 @pytest.mark.parametrize("given", ["fr3", ["fer", "fr3"]])
-def test_a_bundled_preset_stays_a_name(problem_file_cell, given):
+def test_a_bundled_preset_stays_a_name(tmp_path, given):
     fields = {"robot": {"preset": copy.deepcopy(given)}}
-    move_paths(fields, problem_file_cell, problem_file_cell / "other")
+    move_paths(fields, tmp_path, tmp_path / "other")
     assert fields["robot"]["preset"] == given
 
 
-def test_comments_and_order_are_kept(problem_file_cell, found):
-    target = problem_file_cell / "other" / "new.yaml"
-    text = with_problem(
-        read_fields(problem_file_cell / "cell.yaml"), problem_file_cell, target, found
-    ).decode()
+def test_comments_and_order_are_kept(cell, found):
+    text = with_found(cell, cell.parent / "other" / "new.yaml", found)
     assert text.splitlines()[:6] == [
         "# A cell.",
         "robot:",
@@ -176,47 +145,40 @@ def test_comments_and_order_are_kept(problem_file_cell, found):
     assert "  # brought along\n  - {name: part, mesh: ../part.stl, position: [5, 5, 0]}" in text
 
 
-def test_json_gets_the_tube_where_a_reader_expects_it(problem_file_cell, found):
-    plain = json.dumps(dict(read_fields(problem_file_cell / "cell.yaml")))
-    (problem_file_cell / "cell.json").write_text(plain)
-    target = problem_file_cell / "new.json"
-    fields = json.loads(
-        with_problem(read_fields(problem_file_cell / "cell.json"), problem_file_cell, target, found)
-    )
+def test_json_gets_the_tube_where_a_reader_expects_it(cell, found):
+    plain = cell.with_suffix(".json")
+    plain.write_text(json.dumps(dict(read_fields(cell))))
+    fields = json.loads(with_found(plain, cell.parent / "new.json", found))
     assert list(fields) == ["robot", "tube", "start", "goal", "obstacles"]
 
 
-def test_another_tube_changes_radii_and_signs_alone(problem_file_cell, found):
-    target = problem_file_cell / "new.yaml"
-    target.write_bytes(
-        with_problem(read_fields(problem_file_cell / "cell.yaml"), problem_file_cell, target, found)
-    )
+def test_another_tube_changes_radii_and_signs_alone(cell, found):
+    target = cell.parent / "new.yaml"
+    before = with_found(cell, target, found).splitlines()
     other = Tube(POINTS, 0.02, joint_signs={"joint2": "+"})
-    text = with_other_tube(target, problem_file_cell / "narrow.yaml", other).decode()
-    before, after = target.read_text().splitlines(), text.splitlines()
+    after = with_other_tube(target, cell.parent / "narrow.yaml", other).decode().splitlines()
     changed = [line.strip() for line in after if line not in before]
     assert changed == ["radius: [0.02, 0.02]", "joint_signs: {joint2: +}"]
 
 
 @pytest.mark.parametrize("in_file", [True, False])
-def test_points_are_written_where_the_file_has_others_or_more(problem_file_cell, in_file):
+def test_points_are_written_where_the_file_has_others_or_more(cell, in_file):
     """From a file of points, or with one that repeats another: what is written stands alone."""
     points = [POINTS[0], *POINTS]
-    fields = TEXT.replace("goal:", "g:").split("g:")[0] + "tube:\n  visit: ordered\n"
-    turned = "  orientations: [[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1]]\n"
-    fields += "  rotation_tolerance: 3.0\n"
+    fields = yaml.safe_load(TEXT)
+    fields["tube"] = {"visit": "ordered", "rotation_tolerance": 3.0}
     if in_file:
         rows = [",".join(map(str, [*point, 0, 0, 0, 1, 0.1])) for point in points]
-        (problem_file_cell / "path.csv").write_text("\n".join(rows))
-        fields += "  points: path.csv\n"
+        (cell.parent / "path.csv").write_text("\n".join(rows))
+        fields["tube"]["points"] = "path.csv"
     else:
-        fields += f"  points: {points}\n  radius: [0.1, 0.1, 0.1]\n{turned}"
-    (problem_file_cell / "many.yaml").write_text(fields)
-    tube = load_problem(problem_file_cell / "many.yaml").tube
-    target = problem_file_cell / "other" / "new.yaml"
-    target.write_bytes(
-        with_other_tube(problem_file_cell / "many.yaml", target, tube.with_radius([0.2, 0.3]))
-    )
+        orientations = [[0, 0, 0, 1]] * 4
+        fields["tube"] |= {"points": points, "radius": [0.1] * 3, "orientations": orientations}
+    del fields["goal"], fields["obstacles"]
+    source, target = cell.parent / "many.json", cell.parent / "other" / "new.yaml"
+    source.write_text(json.dumps(fields))
+    tube = load_problem(source).tube
+    target.write_bytes(with_other_tube(source, target, tube.with_radius([0.2, 0.3])))
     again = load_problem(target).tube
     np.testing.assert_array_equal(again.points, POINTS)
     assert again.radius.tolist() == [0.2, 0.3]
@@ -224,73 +186,63 @@ def test_points_are_written_where_the_file_has_others_or_more(problem_file_cell,
     assert again.notes == ()
 
 
-def test_the_tools_speed_is_kept_where_the_tube_is(problem_file_cell, found):
+def test_the_tools_speed_is_kept_where_the_tube_is(cell, found):
     """With another radius as it was written; with other points by segment; not in another tube."""
-    target, again = problem_file_cell / "new.json", problem_file_cell / "again.yaml"
+    target, again = cell.parent / "new.json", cell.parent / "again.yaml"
     tube = replace(found.tube, tool_speed=[None, 0.5])
-    problem = found.with_tube(tube, found.goal)
-    target.write_bytes(
-        with_problem(
-            dict(read_fields(problem_file_cell / "cell.yaml")), problem_file_cell, target, problem
-        )
-    )
-    assert json.loads(target.read_text())["tube"]["tool_speed"] == [None, 0.5]
+    fields = json.loads(with_found(cell, target, found.with_tube(tube, found.goal)))
+    assert fields["tube"]["tool_speed"] == [None, 0.5]
     assert load_problem(target).tube.tool_speed.tolist() == [np.inf, 0.5]
     again.write_bytes(with_other_tube(target, again, tube.with_radius([0.2, 0.3])))
     assert load_problem(again).tube.tool_speed.tolist() == [np.inf, 0.5]
-    fields = json.loads(target.read_text())
     twice = {key: [values[0], *values] for key, values in fields["tube"].items()}
     target.write_text(json.dumps(fields | {"tube": twice}))
     again.write_bytes(with_other_tube(target, again, load_problem(target).tube))
     assert load_problem(again).tube.tool_speed.tolist() == [np.inf, 0.5]
-    again.write_bytes(with_problem(read_fields(target), problem_file_cell, again, found))
+    with_found(target, again, found)
     assert load_problem(again).tube.tool_speed is None
 
 
-def test_a_file_of_obstacles_needs_no_more(problem_file_cell):
-    (problem_file_cell / "only.yaml").write_text(
-        "obstacles: [{name: ball, sphere: 0.1}]\nclearance: 0.01\n"
-    )
-    fields = new_fields("example:two_link", "hand", problem_file_cell / "only.yaml")
-    assert list(fields) == ["format", "version", "robot", "obstacles", "clearance"]
-
-
-def test_a_file_without_obstacles_is_refused(problem_file_cell):
-    (problem_file_cell / "none.yaml").write_text("clearance: 0.01\n")
-    with pytest.raises(ProblemError, match=r"none.yaml: obstacles is required: a list of solids"):
-        new_fields("example:two_link", "hand", problem_file_cell / "none.yaml")
-
-
-def test_a_malformed_file_is_refused_by_line(problem_file_cell):
-    (problem_file_cell / "bad.yaml").write_text("obstacles: [\n")
-    with pytest.raises(ProblemError, match=r"bad.yaml is malformed: line 1"):
-        read_fields(problem_file_cell / "bad.yaml")
-
-
-BOXES = [None, {"box": [0.1, 0.04], "up": [0, 0, 1]}]
-
-
-@pytest.mark.parametrize("name", ["new.yaml", "new.json"])
-def test_boxes_are_written_and_read(problem_file_cell, found, name):
-    tube = Tube(POINTS, [0.1, None], cross_section=BOXES, joint_signs={"joint2": "+"})
-    target = problem_file_cell / name
-    boxed = found.with_tube(tube, found.goal)
-    target.write_bytes(
-        with_problem(read_fields(problem_file_cell / "cell.yaml"), problem_file_cell, target, boxed)
-    )
+@pytest.mark.parametrize("suffix", ["yaml", "json"])
+def test_boxes_are_written_and_read(cell, found, suffix):
+    boxes = [None, {"box": [0.1, 0.04], "up": [0, 0, 1]}]
+    tube = Tube(POINTS, [0.1, None], cross_section=boxes, joint_signs={"joint2": "+"})
+    target, narrow = cell.parent / f"new.{suffix}", cell.parent / f"narrow.{suffix}"
+    with_found(cell, target, found.with_tube(tube, found.goal))
     fields = read_fields(target)["tube"]
-    assert fields["radius"] == [0.1, None]
-    assert fields["cross_section"] == BOXES
+    assert (fields["radius"], fields["cross_section"]) == ([0.1, None], boxes)
     again = load_problem(target).tube
     np.testing.assert_array_equal(again.cross_section, tube.cross_section)
     np.testing.assert_array_equal(again.radius, tube.radius)
-    narrow = with_other_tube(target, problem_file_cell / f"narrow_{name}", tube.scaled(0.5))
-    (problem_file_cell / f"narrow_{name}").write_bytes(narrow)
-    np.testing.assert_allclose(
-        load_problem(problem_file_cell / f"narrow_{name}").tube.radius, [0.05, 0.01]
-    )
-    discs = with_other_tube(target, problem_file_cell / f"discs_{name}", Tube(POINTS, 0.1))
+    narrow.write_bytes(with_other_tube(target, narrow, tube.scaled(0.5)))
+    np.testing.assert_allclose(load_problem(narrow).tube.radius, [0.05, 0.01])
+    discs = with_other_tube(target, narrow, Tube(POINTS, 0.1))
     assert "cross_section" not in discs.decode()
+
+
+def test_a_file_of_obstacles_needs_no_more(tmp_path):
+    only = tmp_path / "only.yaml"
+    only.write_text("obstacles: [{name: ball, sphere: 0.1}]\nclearance: 0.01\n")
+    fields = new_fields("example:two_link", "hand", only)
+    assert list(fields) == ["format", "version", "robot", "obstacles", "clearance"]
+    only.write_text("clearance: 0.01\n")
+    with pytest.raises(ProblemError, match=r"only.yaml: obstacles is required: a list of solids"):
+        new_fields("example:two_link", "hand", only)
+
+
+# What separates lines for one reader of YAML is a space to another.
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("obstacles: [\n", r"bad.yaml is malformed: line 1"),
+        ("robot: {urdf: a}\u2028tube: {}\u2028", r"bad.yaml cannot be rewritten with its comments"),
+    ],
+)
+def test_a_file_that_cannot_be_written_again_is_refused(tmp_path, text, message):
+    (tmp_path / "bad.yaml").write_text(text)
+    with pytest.raises(ProblemError, match=message) as caught:
+        read_fields(tmp_path / "bad.yaml")
+    assert str(caught.value).isprintable()
 
 
 SHARED = """# Twins.
@@ -323,19 +275,7 @@ def test_changes_are_written_as_they_are_read_and_comments_are_kept(changes, tmp
     assert "payload: {mass: 2, com: [0, 0, 1]}" in written or "robot.payload" not in changes
 
 
-def test_yaml_that_cannot_be_written_again_with_its_comments_is_refused(problem_file_cell):
-    # What separates lines for one reader is a space to another.
-    (problem_file_cell / "lines.yaml").write_text(
-        "robot: {urdf: example:two_link}\u2028tube: {radius: 1}\u2028"
-    )
-    with pytest.raises(
-        ProblemError, match=r"lines.yaml cannot be rewritten with its comments"
-    ) as e:
-        read_fields(problem_file_cell / "lines.yaml")
-    assert str(e.value).isprintable()
-
-
-# Rewritten problem files with included ones: they keep them and plan the same, from anywhere.
+# Files that include others keep them and say the same, from anywhere.
 
 
 CELL = """\
@@ -365,7 +305,7 @@ start: {trajectory: last.json}
 obstacles:
   - {name: part, position: [5, 6, 0]}  # moved
 """
-INCLUDE_POINTS = [[0.3 + 0.3 * np.cos(1), 0.3 * np.sin(1), 0], [0.4, 0.4, 0]]
+SHORT_POINTS = [[0.3 + 0.3 * np.cos(1), 0.3 * np.sin(1), 0], [0.4, 0.4, 0]]
 PRESET = {
     "format": "tubeplanner/preset",
     "joints": 2,
@@ -391,7 +331,7 @@ def folder(tmp_path):
     (tmp_path / "main.yaml").write_text(MAIN)
     last = JointTrajectory(["joint1", "joint2"], [0, 1], [[[0.0, 0.0]], [[0.0, 1.0]]])
     last.save(tmp_path / "last.json")
-    rows = [",".join(map(str, [*point, 0.1])) for point in INCLUDE_POINTS]
+    rows = [",".join(map(str, [*point, 0.1])) for point in SHORT_POINTS]
     (tmp_path / "path.csv").write_text("\n".join(rows))
     return tmp_path
 
@@ -421,6 +361,7 @@ def test_a_problem_with_included_files_is_the_merged_one(folder):
 def test_every_path_is_found_from_another_folder(folder, source, name, monkeypatch):
     alone = parse_yaml(CELL) | {"start": {"trajectory": "../last.json"}}
     alone["tube"] |= {"points": "../path.csv"}
+    alone["robot"]["preset"] = "presets/mine.yaml"
     (folder / "cells" / "alone.yaml").write_text(json.dumps(alone))
     path = folder / ("cells" if source == "alone.yaml" else "") / source
     problem = load_problem(path)
@@ -442,7 +383,7 @@ def test_a_measured_tube_changes_only_the_tube_of_the_file(folder):
 @pytest.mark.parametrize("signs", [{"joint2": "+"}, {}, {"joint1": "0"}])
 def test_signs_of_the_cell_do_not_come_back(folder, signs, monkeypatch):
     problem = load_problem(folder / "main.yaml")
-    tube = Tube(INCLUDE_POINTS, 0.05, joint_signs=signs)
+    tube = Tube(SHORT_POINTS, 0.05, joint_signs=signs)
     contents = with_other_tube(folder / "main.yaml", folder / "new.yaml", tube)
     read = written(folder, "new.yaml", contents, monkeypatch)
     names = problem.robot.joint_names
@@ -453,9 +394,7 @@ def test_a_box_of_the_cell_does_not_come_back(folder, monkeypatch):
     cell = folder / "cells" / "cell.yaml"
     box = "{box: [0.1, 0.1], up: [0, 0, 1]}"
     cell.write_text(CELL.replace("tool_radius: 0.001", f"cross_section: {box}"))
-    contents = with_other_tube(
-        folder / "main.yaml", folder / "new.yaml", Tube(INCLUDE_POINTS, 0.05)
-    )
+    contents = with_other_tube(folder / "main.yaml", folder / "new.yaml", Tube(SHORT_POINTS, 0.05))
     assert not written(folder, "new.yaml", contents, monkeypatch).tube.is_box.any()
 
 
@@ -464,9 +403,9 @@ def test_a_route_stands_above_the_tube_and_ends_of_the_cell(folder, monkeypatch)
     cell = folder / "cells" / "cell.yaml"
     cell.write_text(CELL + "goal: {seed: [0, 1]}\n")
     problem = load_problem(folder / "main.yaml")
-    found = problem.with_tube(Tube(INCLUDE_POINTS, [0.1]), np.array([0.5, 0.5]))
+    found = problem.with_tube(Tube(SHORT_POINTS, [0.1]), np.array([0.5, 0.5]))
     found = found.with_tube(
-        Tube([INCLUDE_POINTS[0], found.robot.tool_position(found.goal[None])[0]], 0.1)
+        Tube([SHORT_POINTS[0], found.robot.tool_position(found.goal[None])[0]], 0.1)
     )
     fields = read_fields(folder / "main.yaml")
     contents = with_problem(fields, folder, folder / "new.yaml", found)
@@ -479,7 +418,7 @@ def test_a_route_stands_above_the_tube_and_ends_of_the_cell(folder, monkeypatch)
 @pytest.mark.parametrize("text", ["include: main.yaml\nstart: {joints: [0, 1]}\n", "{}\n"])
 def test_a_tube_stands_where_a_reader_expects_it_though_the_robot_is_included(folder, text):
     found = load_problem(folder / "main.yaml")
-    found = found.with_tube(Tube(INCLUDE_POINTS, 0.4), found.start)
+    found = found.with_tube(Tube(SHORT_POINTS, 0.4), found.start)
     (folder / "short.yaml").write_text(text)
     fields = read_fields(folder / "short.yaml")
     contents = with_problem(fields, folder, folder / "new.yaml", found).decode()
@@ -511,7 +450,7 @@ def test_obstacles_of_a_file_are_those_with_its_included_ones(folder, monkeypatc
     assert meshes == ["../cells/part.stl", "package://parts/bin.stl"]
 
 
-# Problem files with the robot at another place.
+# The robot at another place.
 
 
 PLACE = {
@@ -521,55 +460,53 @@ PLACE = {
 }
 
 
-def placement_written(source, target, changes=None):
-    """Return what the file holds that a placement is written to."""
+@pytest.fixture
+def best(tmp_path):
+    """A file in another folder, to write to."""
+    (tmp_path / "other").mkdir()
+    return tmp_path / "other" / "best.yaml"
+
+
+def placed(source, target, changes=None):
+    """Write a placement to a file; return what that holds."""
     target.write_bytes(with_placement(source, target, PLACE, changes))
     return yaml.safe_load(target.read_text())
 
 
-@pytest.fixture
-def placement_other(tmp_path):
-    folder = tmp_path / "other"
-    folder.mkdir()
-    return folder
-
-
-def test_base_and_ends_are_others_and_all_else_stays(tmp_path, placement_other):
+def test_base_and_ends_are_others_and_all_else_stays(tmp_path, best):
     source = gantry(tmp_path, [FLOOR])
     source.write_text(source.read_text().replace("tube:", "tube:  # straight on"))
-    before, fields = (
-        yaml.safe_load(source.read_text()),
-        placement_written(source, placement_other / "best.yaml"),
-    )
+    before, fields = yaml.safe_load(source.read_text()), placed(source, best)
     assert fields["robot"].pop("base") == PLACE["robot.base"]
     assert (fields.pop("start"), fields.pop("goal")) == (PLACE["start"], PLACE["goal"])
     assert fields["robot"].pop("urdf") == "../gantry.urdf"
     before.pop("start")
     before["robot"].pop("urdf")
     assert fields == before
-    text = (placement_other / "best.yaml").read_text()
+    text = best.read_text()
     assert "tube:  # straight on" in text
     assert "  base: {position: [-0.3, 0.1, 0.0], rpy: [0.0, 0.0, -0.9]}\n" in text
-    assert load_problem(placement_other / "best.yaml").robot.base.position == (-0.3, 0.1, 0.0)
+    assert load_problem(best).robot.base.position == (-0.3, 0.1, 0.0)
 
 
-def test_what_an_included_file_says_of_base_and_ends_no_longer_counts(tmp_path, placement_other):
+def test_what_an_included_file_says_of_base_and_ends_no_longer_counts(tmp_path, best):
     cell = gantry(tmp_path, name="cell", goal={"position": [0.5, 0, 0], "tolerance": 0.001})
     fields = yaml.safe_load(cell.read_text())
     fields["robot"]["base"] = {"position": [1, 1, 1], "quaternion": [0, 0, 1, 1]}
     cell.write_text(yaml.safe_dump(fields))
     source = tmp_path / "problem.yaml"
     source.write_text("include: [cell.yaml]\ntube: {radius: 0.002}\nstart: {joints: [0, 0]}\n")
-    assert placement_written(source, placement_other / "best.yaml")["include"] == ["../cell.yaml"]
-    loaded = load_problem(placement_other / "best.yaml")
+    assert placed(source, best)["include"] == ["../cell.yaml"]
+    loaded = load_problem(best)
     assert loaded.robot.base.quaternion is None
     assert loaded.robot.base.rpy == (0, 0, -0.9)
     assert loaded.start.joints.tolist() == [0.1, 0.2]
     assert loaded.goal.joints.tolist() == [0.3, 0.4]
 
 
-def test_a_place_is_written_as_json_too_with_other_changes(tmp_path, placement_other):
-    placement_written(gantry(tmp_path), placement_other / "best.json", {"tube.radius": 0.002})
-    fields = json.loads((placement_other / "best.json").read_text())
+def test_a_place_is_written_as_json_too_with_other_changes(tmp_path, best):
+    target = best.with_suffix(".json")
+    placed(gantry(tmp_path), target, {"tube.radius": 0.002})
+    fields = json.loads(target.read_text())
     assert fields["robot"]["base"] == PLACE["robot.base"]
     assert fields["tube"]["radius"] == 0.002
