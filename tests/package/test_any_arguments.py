@@ -126,7 +126,8 @@ TEXTS = st.text(max_size=8) | st.sampled_from(
 OPTIONS = st.builds("{}={}".format, PATHS, TEXTS) | NAMES | st.text(max_size=10)
 
 
-@examples(20)
+@pytest.mark.dear("each change is made from a file and by the command line")
+@examples(15)
 @given(st.just(PROBLEM) | changed_documents(PROBLEM, problem_schema(), 1), CHANGES)
 def test_any_changes_of_a_problem_are_made_or_refused(document, changes):
     repr(accepted(parse_problem, document, changes=changes))

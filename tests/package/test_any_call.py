@@ -186,6 +186,7 @@ def nothing_is_planned():
         yield
 
 
+@pytest.mark.dear("eight calls of every function")
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)
 @examples(8)
 @given(data=st.data())

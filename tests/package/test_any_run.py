@@ -68,6 +68,7 @@ def file(tmp_path_factory):
     return tmp_path_factory.mktemp("any") / "any.json"
 
 
+@pytest.mark.dear("problems are explained and measured")
 @pytest.mark.parametrize("command", ["explain", "measure"])
 @examples(4)
 @given(document=changed_documents(PROBLEM, problem_schema(), 2), as_json=st.booleans())

@@ -258,7 +258,7 @@ NAMES = ("one.json", "two.json")
 
 
 @pytest.fixture
-def output_files_stopped_folder(tmp_path):
+def ready_folder(tmp_path):
     """Return a folder that is made ready again by a call, and has the files of `write`."""
     (tmp_path / "out").mkdir()
 
@@ -287,19 +287,17 @@ def count_of_lines(folder):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_at_any_line_leaves_the_old_files_or_the_new_ones(
-    output_files_stopped_folder, number
-):
+def test_a_signal_at_any_line_leaves_the_old_files_or_the_new_ones(ready_folder, number):
     def interrupt(*_):
         raise KeyboardInterrupt
 
     handlers = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
     seen = set()
     try:
-        for line in range(count_of_lines(output_files_stopped_folder())):
+        for line in range(count_of_lines(ready_folder())):
             for each in handlers:
                 signal.signal(each, interrupt)
-            out = output_files_stopped_folder()
+            out = ready_folder()
             with (
                 pytest.raises(KeyboardInterrupt),
                 at_line(line, lambda: signal.raise_signal(number)),
@@ -315,12 +313,13 @@ def test_a_signal_at_any_line_leaves_the_old_files_or_the_new_ones(
     assert seen == {OLD, NEW}
 
 
+@pytest.mark.slow  # a process is killed at each of some hundred lines
 def test_a_kill_at_any_line_leaves_whole_files_and_what_the_next_write_removes(
-    output_files_stopped_folder,
+    ready_folder,
 ):
     left = set()
-    for line in range(count_of_lines(output_files_stopped_folder())):
-        out = output_files_stopped_folder()
+    for line in range(count_of_lines(ready_folder())):
+        out = ready_folder()
         child = os.fork()
         if child == 0:
             with at_line(line, lambda: os.kill(os.getpid(), signal.SIGKILL)):
