@@ -17,6 +17,7 @@ from tubeplanner.studies import comparison as module
 from tubeplanner.studies.trajectory_measures import smoothness_class, trajectory_measures
 from tubeplanner.trajectory.joint_trajectory import concatenate
 from tubeplanner.trajectory.trajectory_file import read_trajectory
+from tubeplanner.views import figure_files
 
 
 def push(*rows, widths):
@@ -40,6 +41,12 @@ def test_smoothness_counts_what_does_not_jump():
     assert smoothness_class(concatenate([smooth, away.scaled(2.0)])) == "none"
 
 
+def test_the_peak_of_the_jerk_is_exact(slider):
+    measures = trajectory_measures(slider, quintic(duration=2.0, joint="slide"))
+    assert measures.peak_jerk == pytest.approx(PEAK_JERK * ANGLE / 8, rel=1e-9)
+    assert measures.peak_jerk_joint == "slide"
+
+
 def test_shares_of_time_at_limits(slider):
     """At 5 m/s^2 the force is at its limit, at 4.94 below 99 % of it."""
     full = trajectory_measures(slider, push(5.0, -5.0, widths=(0.3, 0.3)))
@@ -54,24 +61,15 @@ def test_a_tool_beside_the_axis_uses_its_share_of_the_tube_averaged_over_time(sl
     points, trajectory = [[0, 0.03, 0], [0.6, 0.03, 0]], push(5.0, -5.0, widths=(0.3, 0.3))
     for tool_radius, expected in ((0.0, 0.3), (0.04, 0.5)):
         beside = slider.with_tube(Tube(points, 0.1, tool_radius=tool_radius))
-        assert trajectory_measures(beside, trajectory).tube_use == pytest.approx(
-            expected, abs=1e-12
-        )
+        use = trajectory_measures(beside, trajectory).tube_use
+        assert use == pytest.approx(expected, abs=1e-12)
     # At rest half of the time on the axis, then the axis ends and the tool goes on at 1 m/s.
     short = slider.with_tube(Tube([[-0.5, 0, 0], [0.0, 0, 0]], 0.1))
     trajectory = JointTrajectory(["slide"], [0, 0.1, 0.2], [[[0], [1.0]], [[0], [0]]])
     assert trajectory_measures(short, trajectory).tube_use == pytest.approx(0.25, abs=1e-9)
 
 
-def test_the_peak_of_the_jerk_is_exact(slider):
-    trajectory = quintic(duration=2.0)
-    named = JointTrajectory(["slide"], trajectory.breakpoints, trajectory.coefficients)
-    measures = trajectory_measures(slider, named)
-    assert measures.peak_jerk == pytest.approx(PEAK_JERK * ANGLE / 8, rel=1e-9)
-    assert measures.peak_jerk_joint == "slide"
-
-
-PROBLEM = "example:two_link/paper_5_50mm"
+PROBLEM, LINE = "example:two_link/paper_5_50mm", "example:two_link/paper_1_30mm"
 KEYS = (
     *("method", "kind", "status", "certified", "answered_by", "duration", "planning_time"),
     *("failures", "smoothness", "peak_jerk", "peak_jerk_joint", "at_limit", "tube_use", "message"),
@@ -79,7 +77,7 @@ KEYS = (
 
 
 @pytest.fixture(scope="module")
-def compared():
+def compared(shared):
     """All methods; what stops at corners stands for the searching methods."""
 
     def quick(problem, options, progress):
@@ -88,7 +86,8 @@ def compared():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "plan", quick)
-        return compare(load_problem(PROBLEM), options=PlanOptions(quality="fast"))
+        problem, options = load_problem(PROBLEM), PlanOptions(quality="fast")
+        return shared("comparison.of_all", lambda: compare(problem, options=options))
 
 
 @pytest.mark.dear("plans by every method")
@@ -108,9 +107,6 @@ def test_every_method_and_baseline_has_its_row(compared):
     assert by_name["bang-bang"].measures.tube_use < 1e-4
     assert by_name["stop-at-corners"].failures == {}
     assert 0.05 < by_name["arc-corners"].measures.tube_use < by_name["refinement"].measures.tube_use
-
-
-def test_the_table_as_csv_says_what_the_dictionary_says(compared):
     rows = list(csv.DictReader(compared.csv().splitlines()))
     assert tuple(rows[0]) == KEYS
     for row, fields in zip(compared.rows, rows, strict=True):
@@ -157,18 +153,18 @@ def test_a_wrong_name_lists_those_there_are(slider):
         compare(slider, [])
 
 
-@pytest.mark.dear("draws a figure and checks two trajectories")
-def test_the_command_prints_writes_and_draws(run, tmp_path):
+def test_the_command_prints_writes_and_draws(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(figure_files, "figure_file", lambda figure, path: b"a figure")
     table, figure, folder = tmp_path / "c.csv", tmp_path / "c.png", tmp_path / "trajectories"
     methods = "stop-at-corners,bang-bang,smoothed-bang-bang"
     files = ("-o", table, "--plot", figure, "--trajectories", folder)
-    status, out, err = run("compare", PROBLEM, "--methods", methods, *files)
+    status, out, err = run("compare", LINE, "--methods", methods, *files)
     assert (status, err) == (0, "")
     for words in ("passes", "FAILS: rest", "continuity", "C1", "unbounded", table, figure):
         assert str(words) in out
     assert "bang-bang: slowed by" in out
     assert len(table.read_text().splitlines()) == 4
-    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert figure.read_bytes() == b"a figure"
     assert sorted(path.stem for path in folder.iterdir()) == sorted(methods.split(","))
     fields = json.loads((folder / "bang-bang.json").read_text())
     assert (fields["method"], fields["certified"]) == ("bang-bang", False)
@@ -176,22 +172,21 @@ def test_the_command_prints_writes_and_draws(run, tmp_path):
     smooth = folder / "smoothed-bang-bang.json"
     assert json.loads(smooth.read_text())["certified"] is True
     assert f"{read_trajectory(smooth).duration:.4f} s" in out
-    assert run("check", PROBLEM, smooth)[0] == 0
-    assert run("check", PROBLEM, folder / "bang-bang.json")[0] == 1
+    assert run("check", LINE, smooth)[0] == 0
+    assert run("check", LINE, folder / "bang-bang.json")[0] == 1
 
 
 def test_the_command_as_json_and_its_exit_status(run, tmp_path):
     path = tmp_path / "c.json"
-    status, out, _ = run("compare", PROBLEM, "--methods", "bang-bang", "-o", path, "--json")
-    fields = json.loads(out)
-    assert status == 1
-    assert (fields["status"], fields["message"]) == ("no_trajectory", "0 of 1 certified")
-    assert tuple(fields["rows"][0]) == KEYS
-    assert fields["rows"][0]["failures"]["rest"]["unit"] == "relative"
-    assert fields["rows"] == json.loads(path.read_text())["rows"]
-    status, out, _ = run("compare", PROBLEM, "--methods", "stop-at-corners", "--json")
-    assert status == 0
-    assert json.loads(out)["message"] == "1 of 1 certified"
+    for methods, certified in (("bang-bang", 0), ("stop-at-corners", 1)):
+        status, out, _ = run("compare", LINE, "--methods", methods, "-o", path, "--json")
+        fields = json.loads(out)
+        assert (status, fields["message"]) == (1 - certified, f"{certified} of 1 certified")
+        assert fields["status"] == ("success" if certified else "no_trajectory")
+        (row,) = fields["rows"]
+        assert tuple(row) == KEYS
+        assert certified or row["failures"]["rest"]["unit"] == "relative"
+        assert fields["rows"] == json.loads(path.read_text())["rows"]
 
 
 @pytest.mark.parametrize(
@@ -205,6 +200,6 @@ def test_the_command_as_json_and_its_exit_status(run, tmp_path):
     ],
 )
 def test_wrong_usage_is_refused_by_name(arguments, message, run):
-    status, _, err = run("compare", PROBLEM, *arguments)
+    status, _, err = run("compare", LINE, *arguments)
     assert status == 2
     assert message in err

@@ -3,7 +3,7 @@
 import json
 import math
 import pickle
-import threading
+import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 
@@ -92,9 +92,9 @@ def test_steps_halve_so_often_and_gains_too_small_do_not_count():
 
 
 FEW = PlaceOptions(points=8, quality="fast", slack=0.0)
+ONE = replace(FEW, points=1)
 HERE = [-0.3, -0.3, 0.0, 0.0]  # one place: only the angle is open
-
-
+IN_POST = [-0.3, -0.3, 0.3, 0.3]
 ANSWERS = {}
 
 
@@ -129,9 +129,20 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("gantry")
 
 
+def placed(path, region=HERE, executor=None, **others):
+    """Return what the search finds in a region, with few angles unless told otherwise."""
+    return place(path, region, executor=executor or Here(), **{"options": FEW, **others})
+
+
 @pytest.fixture(scope="module")
-def placement(folder):
-    return place(gantry(folder), HERE, options=FEW, executor=Here())
+def placement(folder, shared):
+    return shared("placement.of_gantry", lambda: placed(gantry(folder)))
+
+
+@pytest.fixture
+def grid_alone(monkeypatch):
+    """The search ends with the grid and first neighbours."""
+    monkeypatch.setattr(module, "_HALVINGS", 0)
 
 
 @pytest.mark.dear("plans at some twenty places, for all tests of this file")
@@ -141,12 +152,10 @@ def test_the_best_angle_is_the_one_that_uses_both_axes_fully(placement):
     assert BEST_DURATION < placement.duration < 1.015 * BEST_DURATION
     feasible = [row.duration for row in placement.rows if row.is_feasible]
     assert placement.duration == min(feasible)
-    assert placement.succeeded
-    assert placement.stopped_by is None
+    assert (placement.succeeded, placement.stopped_by) == (True, None)
     # What was tried is the grid, and then downhill.
     assert {row.stand for row in placement.rows[:8]} == set(placement.grid.stands)
-    assert len(placement.rows) > 12
-    assert len({row.stand for row in placement.rows}) == len(placement.rows)
+    assert len({row.stand for row in placement.rows}) == len(placement.rows) > 12
     assert all(placement.region.holds(row.stand) for row in placement.rows)
     others = [row for row in placement.rows if not row.is_feasible]
     assert {row.status for row in others} == {"unreachable"}
@@ -178,161 +187,136 @@ def test_the_best_is_planned_again_to_the_same_bits(placement, folder):
         np.testing.assert_array_equal(again.breakpoints, best.breakpoints)
 
 
-class Backwards(Executor):
-    """Makes calls in threads that wait for the calls that come after them."""
+class Late(ThreadPoolExecutor):
+    """Makes calls in threads; of four, the first answers last."""
 
-    def __init__(self, threads):
-        self._threads, self._next = threads, threading.Event()
-        self._next.set()
+    calls = 0
 
     def submit(self, fn, /, *args):
-        before, self._next = self._next, threading.Event()
-        return self._threads.submit(self._late, before, self._next, fn, *args)
+        self.calls += 1
+        return super().submit(self._late, 0.01 * (-self.calls % 4), fn, *args)
 
     @staticmethod
-    def _late(own, later, fn, *args):
-        result = answer(fn, *args)
-        later.wait(0.05)  # there is none after the last one
-        own.set()
-        return result
+    def _late(delay, fn, *args):
+        time.sleep(delay)
+        return answer(fn, *args)
 
 
 def test_nothing_depends_on_the_order_of_work(placement, folder):
-    with ThreadPoolExecutor(8) as threads:
-        other = place(gantry(folder), HERE, options=FEW, executor=Backwards(threads))
+    with Late(4) as threads:
+        other = placed(gantry(folder), executor=threads)
     assert [row.as_dict() for row in other.rows] == [row.as_dict() for row in placement.rows]
-    assert other.changes == placement.changes
-    assert other.duration == placement.duration
+    assert (other.changes, other.duration) == (placement.changes, placement.duration)
 
 
 @pytest.mark.dear("three searches")
 def test_a_journal_goes_on_where_a_run_was_ended(placement, folder, tmp_path):
     journal = tmp_path / "best.jsonl"
-
-    def searched(executor):
-        return place(gantry(folder), HERE, options=FEW, executor=executor, journal=journal)
-
     rows = [row.as_dict() for row in placement.rows]
-    ended = searched(Here(fails_at=11))
+    ended = placed(gantry(folder), executor=Here(fails_at=11), journal=journal)
     assert ended.stopped_by == "interrupt"
     assert [row.as_dict() for row in ended.rows] == rows[:10]
     assert ended.best.duration == min(row.duration for row in ended.rows if row.is_feasible)
     assert ended.duration == ended.best.duration
-    again = searched(second := Here())
+    again = placed(gantry(folder), executor=(second := Here()), journal=journal)
     assert (second.calls, again.restored) == (len(rows) - 10, 10)
     assert [row.as_dict() for row in again.rows] == rows
-    once_more = searched(third := Here())
+    once_more = placed(gantry(folder), executor=(third := Here()), journal=journal)
     assert (third.calls, once_more.restored) == (0, len(rows))
-    assert json.loads(json.dumps(once_more.as_dict())) == {
-        **json.loads(json.dumps(placement.as_dict())),
-        "restored": len(rows),
-    }
+    expected = placement.as_dict() | {"restored": len(rows), "problem": once_more.problem.name}
+    assert json.loads(json.dumps(once_more.as_dict())) == json.loads(json.dumps(expected))
 
 
 def test_ended_before_the_first_place_there_is_no_answer_but_what_a_journal_has(folder, tmp_path):
     journal = tmp_path / "best.jsonl"
-    fields = {"options": FEW, "journal": journal}
     with pytest.raises(KeyboardInterrupt):
-        place(gantry(folder), HERE, executor=Here(fails_at=1), **fields)
-    place(gantry(folder), HERE, executor=Here(fails_at=2), **fields)
-    ended = place(gantry(folder), HERE, executor=Here(fails_at=1), **fields)
+        placed(gantry(folder), executor=Here(fails_at=1), journal=journal)
+    placed(gantry(folder), executor=Here(fails_at=2), journal=journal)
+    ended = placed(gantry(folder), executor=Here(fails_at=1), journal=journal)
     assert (ended.stopped_by, ended.restored, len(ended.rows)) == ("interrupt", 1, 1)
     journal.write_text(journal.read_text().replace('"yaw": ', '"yaw": "up", "_": ', 1))
     with pytest.raises(OutputError, match=r"best\.jsonl: the line of key .* holds no answer"):
-        place(gantry(folder), HERE, executor=Here(), **fields)
+        placed(gantry(folder), journal=journal)
 
 
 def test_a_journal_knows_what_a_robot_stands_on(folder, tmp_path):
-    path, journal = gantry(folder, [FLOOR], "on_floor"), tmp_path / "best.jsonl"
-    common = {"options": PlaceOptions(points=1, quality="fast"), "journal": journal}
-    low = {"robot.base.position": [0, 0, -0.05]}
-    place(path, HERE, stands_on=["floor"], changes=low, executor=Here(), **common)
-    other = place(path, HERE, stands_on=[], changes=low, executor=Here(), **common)
+    path = gantry(folder, [FLOOR], "on_floor")
+    others = {"options": ONE, "journal": tmp_path / "best.jsonl"}
+    others |= {"changes": {"robot.base.position": [0, 0, -0.05]}}
+    placed(path, stands_on=["floor"], **others)
+    other = placed(path, stands_on=[], **others)
     assert other.restored == 0
     assert {row.status for row in other.rows} == {"base_in_obstacle"}
 
 
-def test_a_place_at_which_a_worker_fails_is_one_row(folder, monkeypatch):
-    monkeypatch.setattr(module, "_HALVINGS", 0)
+def test_a_place_at_which_a_worker_fails_is_one_row(folder, grid_alone):
     workers = Here(fails_at=2, error=RuntimeError("out of memory"))
-    result = place(gantry(folder), HERE, options=FEW, executor=workers)
+    result = placed(gantry(folder), executor=workers)
     assert result.rows[1].status == "crashed"
     assert result.rows[1].message == "RuntimeError: out of memory"
     assert result.succeeded
 
 
-@pytest.fixture(scope="module")
-def blocked(folder):
-    """Two places, in the post and beside it, with eight angles each."""
+def test_a_base_in_an_obstacle_is_refused_and_no_place_at_all_is_an_answer(folder):
     path = gantry(folder, [FLOOR, POST], "blocked")
-    options = PlaceOptions(points=2 * 8, quality="fast")
-    region = [-0.6, -0.3, 0.3, 0.3]
-    return place(path, region, stands_on=["floor"], options=options, executor=Here())
-
-
-def test_a_base_in_an_obstacle_is_refused_before_anything_is_planned(blocked):
-    rows = [row for row in blocked.rows if row.status == "base_in_obstacle"]
-    assert len(rows) >= 8
-    inside = [row for row in blocked.rows if max(abs(np.array(row.stand[:2]) - (-0.3, 0.3))) < 0.1]
-    assert {row.status for row in inside} == {"base_in_obstacle"}
-    assert {row.place.obstacle for row in rows} == {"post"}
-    reasons = {reason: example for reason, _, example in blocked.reasons}
-    assert "which no joint moves, stands" in reasons["base in obstacle: 'base' in 'post'"]
-
-
-def test_no_place_at_all_is_an_answer(folder):
-    path = gantry(folder, [FLOOR, POST], "blocked")
-    few = PlaceOptions(points=8, quality="fast")
-    result = place(path, [-0.3, -0.3, 0.3, 0.3], stands_on=["floor"], options=few, executor=Here())
+    result = placed(path, IN_POST, stands_on=["floor"])
     assert (result.succeeded, result.best, result.result, result.gain) == (False, None, None, None)
-    assert len(result.rows) == 8
-    assert result.reasons[0][:2] == ("base in obstacle: 'base' in 'post'", 8)
-    assert result.message.startswith(
-        "no place of 8 has a motion; the most frequent reason, 8 times"
-    )
+    assert [(row.status, row.place.obstacle) for row in result.rows] == [
+        ("base_in_obstacle", "post")
+    ] * 8
+    ((reason, count, example),) = result.reasons
+    assert (reason, count) == ("base in obstacle: 'base' in 'post'", 8)
+    assert "which no joint moves, stands" in example
+    text = "no place of 8 has a motion; the most frequent reason, 8 times"
+    assert result.message.startswith(text)
     assert result.changes == {}
     assert json.loads(json.dumps(result.as_dict()))["best"] is None
 
 
-def test_a_problem_that_cannot_be_posed_as_given_is_placed(folder, monkeypatch):
-    monkeypatch.setattr(module, "_HALVINGS", 0)
+def test_a_given_base_in_an_obstacle_is_said(folder):
+    path = gantry(folder, [POST], "inside", start={"seed": [0.5, 0.5]})
+    base = {"robot.base.position": [-0.3, 0.3, 0]}
+    given = placed(path, IN_POST, stands_on=(), changes=base, options=ONE).given
+    assert given.result is None
+    assert given.message.startswith("'base', which no joint moves, stands")
+    on_post = placed(path, IN_POST, stands_on=["post"], changes=base, options=ONE)
+    assert "which no joint moves" not in on_post.given.message
+
+
+def test_a_problem_that_cannot_be_posed_as_given_is_placed(folder, grid_alone):
     path = gantry(folder, name="elsewhere", start={"joints": [0.9, 0.9]})
-    one = PlaceOptions(points=1, quality="fast", slack=0.0)
-    result = place(path, HERE, options=one, executor=Here())
+    result = placed(path, options=ONE)
     assert result.given.result is None
     assert "outside the capsule of segment 0" in result.given.message
-    assert result.gain is None
-    assert result.succeeded
+    assert (result.gain, result.succeeded) == (None, True)
 
 
-def test_the_given_place_counts_if_it_is_in_the_region(folder, monkeypatch):
-    monkeypatch.setattr(module, "_HALVINGS", 0)
-    path = gantry(folder, name="turned")
+def test_the_given_place_counts_if_it_is_in_the_region(folder, grid_alone):
     base = {"robot.base": {"position": [0.0, 0.0, 0.0], "rpy": [0, 0, -0.9272952]}}
-    one = PlaceOptions(points=1, quality="fast", slack=0.0)
     given = Stand(0.0, 0.0, 0.0, -0.927295)
-    result = place(path, [-0.3, 0.0, -0.3, 0.0], changes=base, options=one, executor=Here())
-    assert result.rows[1].stand == given
-    outside = place(path, HERE, changes=base, options=one, executor=Here())
+    inside, outside = (
+        placed(gantry(folder), region, changes=base, options=ONE)
+        for region in ([-0.3, 0.0, -0.3, 0.0], HERE)
+    )
+    assert inside.rows[1].stand == given
     assert given not in {row.stand for row in outside.rows}
 
 
 def test_what_cannot_be_searched_is_refused(folder):
-    path = gantry(folder, [FLOOR, POST], "blocked")
-    with pytest.raises(OptionError, match=r"stands_on is required .* .floor, post.: name what"):
-        place(path, HERE)
-    with pytest.raises(OptionError, match=r"unknown obstacle 'flour'.*floor, post"):
-        place(path, HERE, stands_on=["floor", "flour"])
-    with pytest.raises(OptionError, match=r"unknown obstacle 'floor'.*there is: none"):
-        place(gantry(folder), HERE, stands_on=["floor"])
-    with pytest.raises(ProblemError, match="this is a cycle"):
-        place("example:ur5/through_the_door", HERE)
+    path, free = gantry(folder, [FLOOR, POST], "blocked"), gantry(folder)
+    for arguments, others, message in (
+        ((path, HERE), {}, r"stands_on is required .* .floor, post.: name what"),
+        ((path, HERE), {"stands_on": ["flour"]}, r"unknown obstacle 'flour'.*floor, post"),
+        ((free, HERE), {"stands_on": ["floor"]}, r"unknown obstacle 'floor'.*there is: none"),
+        (("example:ur5/through_the_door", HERE), {}, "this is a cycle"),
+        ((free, HERE), {"changes": {"tube.radius": -1}}, r"tube.radius"),
+    ):
+        with pytest.raises((OptionError, ProblemError), match=message):
+            place(*arguments, **others)
     with pytest.raises(OptionError, match="points is 0"):
         PlaceOptions(points=0)
     with pytest.raises(OptionError, match="unknown quality 'quick'"):
         PlaceOptions(quality="quick")
-    with pytest.raises(ProblemError, match=r"tube.radius"):
-        place(gantry(folder), HERE, changes={"tube.radius": -1})
 
 
 def test_the_search_goes_on_from_different_places_first():
@@ -380,14 +364,3 @@ def test_the_largest_group_comes_first():
     rows = [PlacementRow(Stand(x, 0, 0, 0), status, "") for x, status in enumerate("abbcbc")]
     groups = grouped(rows, lambda row: row.status)
     assert [(key, len(found)) for key, found in groups] == [("b", 3), ("c", 2), ("a", 1)]
-
-
-def test_a_given_base_in_an_obstacle_is_said(folder):
-    path = gantry(folder, [POST], "inside", start={"seed": [0.5, 0.5]})
-    base, one = {"robot.base.position": [-0.3, 0.3, 0]}, PlaceOptions(points=1, quality="fast")
-    region = [-0.3, -0.3, 0.3, 0.3]
-    result = place(path, region, stands_on=(), changes=base, options=one, executor=Here())
-    assert result.given.result is None
-    assert result.given.message.startswith("'base', which no joint moves, stands")
-    on_post = place(path, region, stands_on=["post"], changes=base, options=one, executor=Here())
-    assert "which no joint moves" not in on_post.given.message

@@ -86,8 +86,10 @@ def test_options_are_those_of_plan_and_every_field_has_a_description():
             assert field["description"], name
 
 
-HEAD = "format: tubeplanner/study\nstudy:\n  problem: example:two_link/around_a_post\n"
+POST = "example:two_link/around_a_post"
+HEAD = f"format: tubeplanner/study\nstudy:\n  problem: {POST}\n"
 VARY = "  vary: {tube.radius: [0.02, x2]}\n"
+BETWEEN = "  vary: {clearance: {from: 0, to: 1, count: COUNT}}\n"
 
 
 def read(tmp_path, text):
@@ -136,8 +138,7 @@ def test_several_problems_are_an_axis(tmp_path):
 
 def test_a_bundled_study_is_found_by_its_name():
     study = load_study("example:ur5/tolerance_and_payload")
-    assert study.name == "ur5/tolerance_and_payload"
-    assert len(study.points) == 9
+    assert (study.name, len(study.points)) == ("ur5/tolerance_and_payload", 9)
     with pytest.raises(ProblemError, match=r"nowhere\.yaml does not exist"):
         load_study("nowhere.yaml")
 
@@ -154,17 +155,11 @@ def test_a_bundled_study_is_found_by_its_name():
             "study.options: unknown option 'doubld' (did you mean 'doubled'?); there is: ",
         ),
         (HEAD + VARY + "  design: {latin: 0}", "study.design: latin is 0; it must be >= 1"),
-        (
-            HEAD + "  vary: {clearance: {from: 0, to: 1, count: 1}}",
-            "study.vary.clearance: count is 1; it must be >= 2",
-        ),
-        (
-            HEAD + "  vary: {clearance: {from: 0, to: 1, count: 1000000000000}}",
-            "study.vary.clearance: count is 1000000000000; it must be >= 2 and <= 10000000",
-        ),
+        (HEAD + BETWEEN.replace("COUNT", "1"), "study.vary.clearance: count is 1; it must be >= 2"),
+        (HEAD + BETWEEN.replace("COUNT", "10000001"), "it must be >= 2 and <= 10000000"),
         (HEAD.replace("example:", "no/") + VARY, "study.problem: problem file"),
-        (HEAD.replace("example:two_link/around_a_post", "[]") + VARY, "study.problem: give at"),
-        (HEAD.replace("example:two_link/around_a_post", "s.yaml") + VARY, "s.yaml is a study"),
+        (HEAD.replace(POST, "[]") + VARY, "study.problem: give at"),
+        (HEAD.replace(POST, "s.yaml") + VARY, "s.yaml is a study"),
         ("tube: {}", "this is a problem, where a study is needed"),
         ("moves: []", "this is a cycle, where a study is needed"),
     ],

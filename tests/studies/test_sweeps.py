@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -28,25 +29,17 @@ STOPS = PlanOptions("stop-at-corners")
 
 
 @pytest.fixture(scope="module")
-def steps():
-    """What was told of the progress of the sweep."""
-    return []
+def swept(bundled):
+    return sweep(bundled("two_link/paper_1_30mm"), [0.03, 0.01, 0.02, 0.01])
 
 
-@pytest.fixture(scope="module")
-def swept(bundled, steps):
-    return sweep(bundled("two_link/paper_1_30mm"), [0.03, 0.01, 0.02, 0.01], progress=steps.append)
-
-
-def test_rows_come_sorted_once_each_and_are_what_plan_answers(swept, steps, bundled):
+def test_rows_come_sorted_once_each_and_are_what_plan_answers(swept, bundled):
     assert [row.value for row in swept.rows] == [0.01, 0.02, 0.03]
     alone = plan(bundled("two_link/paper_1_30mm"), SHORTEST)
     assert swept.rows[2].duration == alone.duration
     for row in swept.rows:
         assert row.result.certificate.passed
         assert (row.problem.tube.radius == row.value).all()
-    assert steps[0].startswith("tolerance 1 of 3: ")
-    assert steps[-1].startswith("tolerance 3 of 3: ")
 
 
 def test_what_is_gained_lies_between_the_slopes_at_both_ends(swept):
@@ -93,9 +86,14 @@ def test_a_tolerance_that_cannot_be_posed_or_planned_has_its_reason(two_link):
     assert not sweep(problem, [0.01]).succeeded
 
 
+def table_of(result):
+    """Return the rows of the CSV, and the object that is written as JSON."""
+    table = list(csv.DictReader(io.StringIO(result.csv())))
+    return table, json.loads(json.dumps(result.as_dict(), allow_nan=False))
+
+
 def test_csv_and_json_say_the_same(swept):
-    table = list(csv.DictReader(io.StringIO(swept.csv())))
-    fields = json.loads(json.dumps(swept.as_dict(), allow_nan=False))
+    table, fields = table_of(swept)
     assert fields["quantity"] == "radius"
     assert len(table) == len(fields["rows"]) == 3
     for line, row in zip(table, fields["rows"], strict=True):
@@ -120,17 +118,6 @@ def test_csv_and_json_say_the_same(swept):
 def test_what_cannot_be_swept_is_refused_by_name(arguments, message, bundled):
     with pytest.raises(OptionError, match=message):
         sweep(bundled("two_link/paper_1_30mm"), **arguments)
-
-
-def test_ctrl_c_keeps_the_rows_that_are_done(bundled):
-    def interrupt(what):
-        if str(what).startswith("tolerance 2"):
-            raise KeyboardInterrupt
-
-    problem = bundled("two_link/paper_1_30mm")
-    result = sweep(problem, [0.03, 0.05], options=STOPS, progress=interrupt)
-    assert [row.value for row in result.rows] == [0.03]
-    assert result.as_dict()["stopped_by"] == "interrupt"
 
 
 def boxed(two_link, tool_radius=0.0):
@@ -188,28 +175,25 @@ def test_rows_are_what_plan_answers_in_the_order_given(field_swept):
     assert negative.notes == ()
 
 
-def test_csv_and_json_say_the_same_of_field_sweep(field_swept):
-    table = list(csv.DictReader(io.StringIO(field_swept.csv())))
-    fields = json.loads(json.dumps(field_swept.as_dict(), allow_nan=False))
-    assert fields["problem"] == "two_link/paper_1_30mm"
-    assert fields["quantity"] == "tube.radius"
+def test_csv_and_json_say_the_same_of_any_field(field_swept):
+    table, fields = table_of(field_swept)
+    assert (fields["problem"], fields["quantity"]) == ("two_link/paper_1_30mm", "tube.radius")
     assert [row["value"] for row in fields["rows"]] == [0.03, "x0.5", -1, [0.02], {"a": 1}, ".inf"]
     written = [line["tube.radius"] for line in table]
     assert written == ["0.03", "x0.5", "-1", "[0.02]", '{"a": 1}', ".inf"]
     for line, row in zip(table, fields["rows"], strict=True):
         for key in ("duration", "shortest_duration", "planning_time", "loading_time"):
             assert (float(line[key]) if line[key] else None) == row[key]
-        assert line["message"] == row["message"]
-        assert line["notes"] == "; ".join(row["notes"])
+        assert (line["message"], line["notes"]) == (row["message"], "; ".join(row["notes"]))
 
 
 def test_rows_say_how_many_runs_failed(field_swept):
     simulated = simulated_sweep([0, 3, None])
-    table = list(csv.DictReader(io.StringIO(simulated.csv())))
-    seen = [(row["runs"], row["runs_failed"]) for row in simulated.as_dict()["rows"]]
+    table, fields = table_of(simulated)
+    seen = [(row["runs"], row["runs_failed"]) for row in fields["rows"]]
     assert seen == [(200, 0), (200, 3), (None, None)]
-    assert [line["runs"] for line in table] == ["200", "200", ""]
-    assert [line["runs_failed"] for line in table] == ["0", "3", ""]
+    written = [(line["runs"], line["runs_failed"]) for line in table]
+    assert written == [("200", "0"), ("200", "3"), ("", "")]
     assert (simulated.is_simulated, field_swept.is_simulated) == (True, False)
 
 
@@ -222,18 +206,19 @@ def test_an_error_of_the_arm_is_varied_like_any_field():
     assert row.duration > row.shortest_duration
 
 
+@pytest.mark.dear("smooths motions")
 def test_the_objective_counts_only_where_it_is_varied():
     slacks = sweep_field(PROBLEM, "objective.slack", [0, 0.05], options=FAST)
     tight, loose = slacks.rows
     assert slacks.varies_objective
     assert tight.duration == tight.shortest_duration == loose.shortest_duration
     assert tight.duration < loose.duration <= 1.05 * tight.duration * (1 + 1e-9)
-    other = {"objective.slack": 0.05}
-    (row,) = sweep_field(PROBLEM, "tube.radius", [0.03], changes=other, options=FAST).rows
-    assert row.duration == tight.duration
-    given = PlanOptions(quality="fast", slack=0.05)
-    (row,) = sweep_field(PROBLEM, "tube.radius", [0.03], options=given).rows
-    assert row.duration == loose.duration
+    for others, expected in (
+        ({"changes": {"objective.slack": 0.05}, "options": FAST}, tight),
+        ({"options": PlanOptions(quality="fast", slack=0.05)}, loose),
+    ):
+        (row,) = sweep_field(PROBLEM, "tube.radius", [0.03], **others).rows
+        assert row.duration == expected.duration
 
 
 def test_changes_of_other_fields_are_made_first():
@@ -244,44 +229,47 @@ def test_changes_of_other_fields_are_made_first():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "more", "message"),
+    ("path", "values", "others", "message"),
     [
-        (("nowhere.yaml", "tube.radius", [1]), {}, "nowhere.yaml does not exist"),
-        ((PROBLEM, "tube.raduis", [1]), {}, "unknown key 'raduis'"),
-        ((PROBLEM, "robot.tool_frame", ["hand", "x2"]), {}, "x2 has no number to scale"),
-        ((PROBLEM, "tube.radius", []), {}, "tube.radius: give at least one value"),
-        (
-            (PROBLEM, "tube.radius", [1]),
-            {"changes": {"tube.radius": 2}},
-            r"tube\.radius is both varied and changed",
-        ),
-        (
-            (PROBLEM, "objective.slack", [1]),
-            {"options": PlanOptions(slack=0.1)},
-            r"objective\.slack is varied and slack is given",
-        ),
+        ("tube.raduis", [1], {}, "unknown key 'raduis'"),
+        ("robot.tool_frame", ["hand", "x2"], {}, "x2 has no number to scale"),
+        ("tube.radius", [], {}, "tube.radius: give at least one value"),
+        ("tube.radius", [1], {"changes": {"tube.radius": 2}}, "is both varied and changed"),
+        ("objective.slack", [1], {"options": PlanOptions(slack=0.1)}, "varied and slack is given"),
     ],
 )
-def test_what_concerns_all_values_is_refused_at_once(arguments, more, message):
+def test_what_concerns_all_values_is_refused_at_once(path, values, others, message):
     with pytest.raises((ProblemError, OptionError), match=message):
-        sweep_field(*arguments, **more)
+        sweep_field(PROBLEM, path, values, **others)
 
 
-def test_ctrl_c_keeps_the_values_that_are_done_and_progress_names_them():
+def test_a_problem_that_is_not_there_is_named():
+    with pytest.raises(ProblemError, match=r"nowhere.yaml does not exist"):
+        sweep_field("nowhere.yaml", "tube.radius", [1])
+
+
+@pytest.mark.parametrize(
+    ("swept_over", "first", "name"),
+    [
+        (lambda values, **others: sweep(load_problem(PROBLEM), values, **others), "", "tolerance"),
+        (partial(sweep_field, PROBLEM, "tube.radius"), "loading", "value"),
+    ],
+    ids=["radii", "field"],
+)
+def test_ctrl_c_keeps_what_is_done_and_progress_names_it(swept_over, first, name):
     texts = []
 
     def interrupt(what):
         texts.append(str(what))
-        if texts[-1].startswith(f"value {number}"):
+        if texts[-1].startswith(f"{name} {number}"):
             raise KeyboardInterrupt
 
     number = 2
-    arguments = (PROBLEM, "tube.radius", [0.03, 0.05])
-    result = sweep_field(*arguments, options=STOPS, progress=interrupt)
+    result = swept_over([0.03, 0.05], options=STOPS, progress=interrupt)
     assert [row.value for row in result.rows] == [0.03]
     assert result.as_dict()["stopped_by"] == "interrupt"
-    assert texts[0].startswith("value 1 of 2: loading")
-    assert texts[-1].startswith("value 2 of 2: ")
+    assert texts[0].startswith(f"{name} 1 of 2: {first}")
+    assert texts[-1].startswith(f"{name} 2 of 2: ")
     number = 1
     with pytest.raises(KeyboardInterrupt):
-        sweep_field(*arguments, options=STOPS, progress=interrupt)
+        swept_over([0.03, 0.05], options=STOPS, progress=interrupt)
