@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from cases import anywhere, changed, rest_to_rest
 from lifting_arm import CASES, HALF, POST, lifting
+from scipy.interpolate import PPoly
 
 from tubeplanner import (
     JointTrajectory,
@@ -29,45 +30,30 @@ BALL = """<robot name="ball"><link name="base"/><link name="arm">
 <limit lower="-9" upper="9" effort="5" velocity="4"/></joint></robot>"""
 
 
-def test_they_are_the_closest_of_all(stored):
-    problem, trajectory = stored("ur5/level_tray", "refinement")
-    clearance = 0.02
+@pytest.mark.parametrize("name", ["ur5/level_tray", "panda/between_shelves"])
+def test_they_are_the_closest_of_all_wherever_the_arm_is(name, bundled):
+    problem, random, clearance = bundled(name), np.random.default_rng(3), 0.02
     problem = changed(problem, clearance=clearance)
-    time = np.linspace(0, trajectory.duration, 25)
-    checker, poses = problem.collision, problem.robot.body_poses(trajectory.position(time))
-    every = np.array([checker.distances(*each, checker.pairs) for each in zip(*poses, strict=True)])
-    obstacles, links = closest_pairs(problem, trajectory, time)
-    count = len(checker.obstacle_pairs)
-    assert (obstacles.kind, links.kind) == ("obstacles", "self_collision")
-    for found, own, asked in (
-        (obstacles, every[:, :count], clearance),
-        (links, every[:, count:], 0),
-    ):
-        np.testing.assert_allclose(found.distance, own.min(axis=1), atol=1e-9)
-        np.testing.assert_allclose(found.margin, own.min(axis=1) - asked, atol=1e-9)
-        apart = np.linalg.norm(found.points[:, 1] - found.points[:, 0], axis=1)
-        np.testing.assert_allclose(apart, found.distance, atol=1e-4)
-    first = checker.pairs[:count][every[:, :count].argmin(axis=1)]
-    assert obstacles.names == tuple(
-        (checker.shapes[i].owner, checker.shapes[j].owner) for i, j in first
-    )
-
-
-def test_wherever_the_arm_is_they_are_the_closest(bundled):
-    problem, random = bundled("panda/between_shelves"), np.random.default_rng(3)
     lower, upper = problem.robot.limits.lower_position, problem.robot.limits.upper_position
     ends = random.uniform(lower, upper, (2, len(lower)))
     motion = rest_to_rest(problem.robot.joint_names, *ends, 1.0)
-    time = np.linspace(0, 1, 80)
+    time = np.linspace(0, 1, 50)
     checker, poses = problem.collision, problem.robot.body_poses(motion.position(time))
-    for found, pairs in zip(
-        closest_pairs(problem, motion, time),
-        (checker.obstacle_pairs, checker.link_pairs),
-        strict=True,
+    obstacles, links = closest_pairs(problem, motion, time)
+    assert (obstacles.kind, links.kind) == ("obstacles", "self_collision")
+    for closest, pairs, required in (
+        (obstacles, checker.obstacle_pairs, clearance),
+        (links, checker.link_pairs, 0),
     ):
-        every = [checker.distances(*each, pairs).min() for each in zip(*poses, strict=True)]
-        expected = np.array(every) - found.distance + found.margin
-        np.testing.assert_allclose(found.margin, expected, atol=1e-9)
+        every = np.array([checker.distances(*each, pairs) for each in zip(*poses, strict=True)])
+        np.testing.assert_allclose(closest.distance, every.min(axis=1), atol=1e-9)
+        np.testing.assert_allclose(closest.margin, every.min(axis=1) - required, atol=1e-9)
+        apart = np.linalg.norm(closest.points[:, 1] - closest.points[:, 0], axis=1)
+        free = closest.distance > 0
+        np.testing.assert_allclose(apart[free], closest.distance[free], atol=1e-4)
+        owners = [shape.owner for shape in checker.shapes]
+        first = pairs[every.argmin(axis=1)]
+        assert closest.names == tuple((owners[i], owners[j]) for i, j in first)
 
 
 @pytest.fixture
@@ -123,17 +109,11 @@ EFFORT, MASS = 10.0, 2.0  # of the slider on its rail [N], [kg]
 
 def bang_bang(cruise=0.0):
     """Return a move of the slider at full effort, then for a time at full speed, then braked."""
-    acceleration, rise = EFFORT / MASS, 0.2
-    speed = acceleration * rise
-    widths = [rise, cruise, rise] if cruise else [rise, rise]
-    state, pieces = [0.0, 0.0], []
-    for width, a in zip(
-        widths, [acceleration, 0.0, -acceleration][:: 1 if cruise else 2], strict=True
-    ):
-        pieces.append([a / 2, state[1], state[0]])
-        state = [state[0] + state[1] * width + a / 2 * width**2, state[1] + a * width]
-    breakpoints = np.append(0.0, np.cumsum(widths))
-    return JointTrajectory(["slide"], breakpoints, np.array(pieces).T[:, :, None]), speed
+    widths, signs = np.array([[0.2, cruise, 0.2], [1.0, 0.0, -1.0]])
+    kept = widths > 0
+    time = np.append(0.0, np.cumsum(widths[kept]))
+    position = PPoly(EFFORT / MASS * signs[None, kept], time).antiderivative(2)
+    return JointTrajectory(["slide"], time, position.c[:, :, None])
 
 
 def rows_of(problem, trajectory, closest=()):
@@ -141,37 +121,27 @@ def rows_of(problem, trajectory, closest=()):
     return binding_rows(problem.robot.joint_names, uses, closest), uses
 
 
-def test_effort_binds_all_along_a_bang_bang_move(slider):
-    trajectory, _ = bang_bang()
-    (slide, tool), uses = rows_of(slider, trajectory)
+def test_effort_binds_all_along_a_bang_bang_move_from_98_percent_on(slider):
+    (slide, tool), uses = rows_of(slider, bang_bang())
     (span,) = slide.spans
     assert (slide.name, span.kind, span.begin, span.end) == ("slide", "effort", 0.0, 0.4)
     assert (tool.name, tool.spans) == ("tool", [])
     assert bound_share(uses) == 1.0
-
-
-@pytest.mark.parametrize(("slower", "expected"), [(1.005, 1.0), (1.02, 0.0)])
-def test_a_limit_binds_from_98_percent_on(slider, slower, expected):
-    trajectory, _ = bang_bang()
-    _, uses = rows_of(slider, trajectory.scaled(slower))
-    assert bound_share(uses) == expected
+    assert bound_share(limit_uses(slider, bang_bang().scaled(1.005))) == 1.0
+    assert bound_share(limit_uses(slider, bang_bang().scaled(1.02))) == 0.0
 
 
 def test_where_the_speed_is_full_the_velocity_binds(slider):
-    trajectory, speed = bang_bang(cruise=0.6)
-    problem = replace(slider, robot=with_velocity(slider.robot, speed))
-    (slide, _), uses = rows_of(problem, trajectory)
+    robot = slider.robot
+    limits = replace(robot.limits, velocity=np.array([0.2 * EFFORT / MASS]))
+    problem = replace(slider, robot=robot.with_limits(limits, robot.motors))
+    (slide, _), uses = rows_of(problem, bang_bang(cruise=0.6))
     assert [span.kind for span in slide.spans] == ["effort", "velocity", "effort"]
     begins = [span.begin for span in slide.spans]
     np.testing.assert_allclose(begins, [0.0, 0.2, 0.8], atol=0.005)
     assert [span.end for span in slide.spans] == [*begins[1:], 1.0]
     assert bound_share(uses, uses.of("velocity")) == pytest.approx(0.6, abs=0.01)
     assert bound_share(uses, uses.of("effort")) == pytest.approx(0.4, abs=0.01)
-
-
-def with_velocity(robot, velocity):
-    limits = replace(robot.limits, velocity=np.array([velocity]))
-    return robot.with_limits(limits, robot.motors)
 
 
 def test_at_the_edge_of_the_tube_the_way_binds_and_not_the_speed(slider):
@@ -199,33 +169,24 @@ def pairs(time, margin, kind="obstacles"):
 
 
 def test_links_bind_where_less_than_a_millimetre_is_left(slider):
-    trajectory, _ = bang_bang()
-    time = limit_uses(slider, trajectory).samples.time
+    """Of several that bind the most used is shown."""
+    time = limit_uses(slider, bang_bang()).samples.time
     margin = np.where(time < 0.1, 0.0009, np.where(time > 0.3, 0.0011, 0.2))
-    (*_, links), _ = rows_of(slider, trajectory, [pairs(time, margin)])
+    (*_, links), _ = rows_of(slider, bang_bang(), [pairs(time, margin)])
     (span,) = links.spans
     assert (links.name, span.kind, span.begin) == ("links", "obstacles", 0.0)
     assert span.end == pytest.approx(0.1, abs=0.005)
-
-
-def test_of_several_that_bind_the_most_used_is_shown(slider):
-    trajectory, _ = bang_bang()
-    time = limit_uses(slider, trajectory).samples.time
-    closest = [
-        pairs(time, np.full(len(time), 0.0005)),
-        pairs(time, np.where(time < 0.2, 0.0001, 0.0008), "self_collision"),
-    ]
-    (*_, links), _ = rows_of(slider, trajectory, closest)
+    nearer = pairs(time, np.where(time < 0.2, 0.0001, 0.0008), "self_collision")
+    closest = [pairs(time, np.full(len(time), 0.0005)), nearer]
+    (*_, links), _ = rows_of(slider, bang_bang(), closest)
     assert [span.kind for span in links.spans] == ["self_collision", "obstacles"]
 
 
 def test_what_does_not_bind_is_not_shown_though_more_of_it_is_used(slider):
     """99 % of a range leave much of it; 98.5 % of an effort do not."""
-    trajectory, _ = bang_bang()
-    uses = limit_uses(slider, trajectory)
-    count = len(uses.samples.time)
-    given = {"position": 0.99, "effort": 0.985}
-    own = tuple(LimitUse(kind, "slide", np.full(count, x), 0) for kind, x in given.items())
+    uses = limit_uses(slider, bang_bang())
+    count, shares = len(uses.samples.time), {"position": 0.99, "effort": 0.985}
+    own = tuple(LimitUse(kind, "slide", np.full(count, x), 0) for kind, x in shares.items())
     (slide,) = binding_rows(["slide"], replace(uses, uses=own), ())
     assert [span.kind for span in slide.spans] == ["effort"]
 

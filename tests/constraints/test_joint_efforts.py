@@ -1,4 +1,4 @@
-"""Effort limits by direction, position and speed; effort rates; holding efforts at rest."""
+"""Effort limits by direction, position and speed; torque-speed lines; holding efforts at rest."""
 
 from dataclasses import replace
 
@@ -18,13 +18,64 @@ from tubeplanner.constraints.speed_limits import speed_limits
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.robot.effort_range import EffortRange
 
+SPEED = 1.7
+LEVER, GRAVITY = 0.5, 9.81
+HELD = GRAVITY * LEVER  # weight of 1 kg, the bar level [N m]; its effort limit is 5
+VISCOUS, BACK, FORTH, UNSURE, ARMATURE = 0.8, 0.9, 0.3, 0.2, 0.4
+DRY = {"backwards_friction": BACK, "forwards_friction": FORTH}
+BY_JOINT = {"backwards_friction": np.arange(6.0) + 11, "forwards_friction": np.arange(6.0) + 1}
+STALL, NO_LOAD = 6.0, 4.0
+LINE = {"saturation_effort": STALL, "no_load_velocity": NO_LOAD}
+
+
+def table(position, forwards, backwards=None):
+    """Return what the bar's motor has, by position."""
+    backwards = forwards if backwards is None else backwards
+    return EffortRange(0, *(np.array(each) for each in (position, backwards, forwards)))
+
+
+def pair(backwards, forwards):
+    return table([0.0], [forwards], [backwards])
+
+
+def dry(effort):
+    return {"forwards_friction": effort, "backwards_friction": effort}
+
+
+FALLING = table([0.0, 2.0], [4.0, 2.0])
+
+
+@pytest.fixture
+def bar(tmp_path):
+    """Return a function from mass [kg] and motor to a bar that turns about a level axis."""
+
+    def made(*ranges, mass=0.0, **motors):
+        return with_motors(one_joint(tmp_path, mass=mass), ranges, **motors)
+
+    return made
+
+
+def path(robot, q, v, a):
+    return PathSamples(anywhere(robot), np.array([[[q]], [[v]], [[a]]], dtype=float))
+
+
+def random_samples(robot, count, seed, low=-1.0):
+    states = np.random.default_rng(seed).uniform(low, 1, (3, count, robot.joint_count))
+    return PathSamples(anywhere(robot), states)
+
+
+def largest_speed(kind, robot, q, v, a):
+    limit = kind(robot.limits if kind is EffortLimit else robot.motors)
+    return float(limit.used(path(robot, q, v, a)).largest_speed(limit.signs).min())
+
+
 # What is said of a motor that is too weak.
 
 
 def said(robot, joint=0, sample=0, q=(0.0,)):
-    path = np.zeros((3, len(q), robot.joint_count))
-    path[0, :, 0] = q
-    return effort_refusal(PathSamples(anywhere(robot), path), sample, joint, 7.126, 5.0)
+    states = np.zeros((3, len(q), robot.joint_count))
+    states[0, :, 0] = q
+    return effort_refusal(PathSamples(anywhere(robot), states), sample, joint, 7.126, 5.0)
 
 
 @pytest.mark.parametrize(
@@ -35,26 +86,22 @@ def said(robot, joint=0, sample=0, q=(0.0,)):
         ({"backwards_friction": 1.0}, "gravity and friction"),
     ],
 )
-def test_friction_is_spoken_of_where_there_is_some(tmp_path, motors, against):
-    found = said(with_motors(one_joint(tmp_path), **motors))
-    assert found.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
+def test_friction_is_spoken_of_where_there_is_some(bar, motors, against):
+    refusal = said(bar(**motors))
+    assert refusal.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
     expected = f"joint 'turn' needs 7.13 N m against {against}, its effort limit is 5.00; lighten"
-    assert str(found).startswith(expected)
+    assert str(refusal).startswith(expected)
 
 
 def test_the_place_is_where_the_tool_is(slide):
     """Of the sample that is meant; forces have another unit than moments."""
-    found = said(slide, joint=1, sample=1, q=(0.0, np.pi / 2))
-    assert "needs 7.13 N against" in str(found)
-    np.testing.assert_allclose(found.place.position, [0.0, 0.6, 0.5], atol=1e-9)
-    assert found.place.joint == "extend"
+    refusal = said(slide, joint=1, sample=1, q=(0.0, np.pi / 2))
+    assert "needs 7.13 N against" in str(refusal)
+    np.testing.assert_allclose(refusal.place.position, [0.0, 0.6, 0.5], atol=1e-9)
+    assert refusal.place.joint == "extend"
 
 
-# Efforts of arms whose limits are the same both ways, by the powers of the speed.
-
-
-SPEED = 1.7
-BY_JOINT = {"backwards_friction": np.arange(6.0) + 11, "forwards_friction": np.arange(6.0) + 1}
+# Efforts by the powers of the speed: of arms whose limits are the same both ways, then of a side.
 
 
 @pytest.mark.parametrize(("counts", "viscous"), [(True, 3.0), (False, 0.0)])
@@ -65,48 +112,25 @@ def test_coulomb_friction_counts_where_it_is_asked_for(ur5, viscous, counts):
     v[1] *= 1e-9
     limit = np.array([150.0, np.inf, 150.0, 28.0, 28.0, 28.0])
     own = JointEffort(limit, with_coulomb_friction=counts)
-    found = own.used(PathSamples(anywhere(arm), np.stack([q, v, a]))).at(SPEED)
+    used = own.used(PathSamples(anywhere(arm), np.stack([q, v, a]))).at(SPEED)
     effort = ur5.inverse_dynamics(q, SPEED * v, SPEED**2 * a) + viscous * SPEED * v
-    dry = np.where(v > 0, np.arange(6) + 1, -np.arange(6) - 11) * counts
-    dry[1] = 0
+    rubbing = np.where(v > 0, np.arange(6) + 1, -np.arange(6) - 11) * counts
+    rubbing[1] = 0
     kept = [0, 2, 3, 4, 5]
-    np.testing.assert_allclose(found, ((effort + dry) / limit)[:, kept], rtol=1e-10, atol=1e-12)
-
-
-# What a bar's motor needs on either side, by the powers of the speed: closed forms.
-
-
-MASS, LEVER, GRAVITY = 0.5, 0.5, 9.81
-VISCOUS, BACK, FORTH, UNSURE, ARMATURE = 0.8, 0.9, 0.3, 0.2, 0.4
-DRY = {"backwards_friction": BACK, "forwards_friction": FORTH}
-
-
-@pytest.fixture
-def bar(tmp_path):
-    robot = one_joint(tmp_path, mass=MASS)
-    return with_motors(
-        robot,
-        armature=ARMATURE,
-        viscous_friction=VISCOUS,
-        friction_uncertainty=UNSURE,
-        **DRY,
-    )
-
-
-def path(robot, q, v, a):
-    return PathSamples(anywhere(robot), np.array([[[q]], [[v]], [[a]]], dtype=float))
+    np.testing.assert_allclose(used, ((effort + rubbing) / limit)[:, kept], rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.parametrize("v", [1.5, -1.5])
 def test_upwards_the_most_counts_and_downwards_the_least(bar, v):
-    q, a = 0.3, 2.0
-    terms = SidedEffort(np.array([0])).terms(path(bar, q, v, a))
-    held = MASS * GRAVITY * LEVER * np.cos(q)
-    dry = FORTH if v > 0 else -BACK
-    inertia = INERTIA + MASS * LEVER**2 + ARMATURE
+    q, a, mass = 0.3, 2.0, 0.5
+    unsure = {"friction_uncertainty": UNSURE, "viscous_friction": VISCOUS}
+    robot = bar(mass=mass, armature=ARMATURE, **unsure, **DRY)
+    terms = SidedEffort(np.array([0])).terms(path(robot, q, v, a))
+    rubbing = FORTH if v > 0 else -BACK
+    inertia = INERTIA + mass * LEVER**2 + ARMATURE
     for column, way in enumerate((1.0, -1.0)):
         expected = {
-            0: way * (held + dry) + UNSURE * abs(dry),
+            0: way * (mass * HELD * np.cos(q) + rubbing) + UNSURE * abs(rubbing),
             1: way * VISCOUS * v + UNSURE * VISCOUS * abs(v),
             2: way * inertia * a,
         }
@@ -117,12 +141,9 @@ def test_it_is_of_the_given_joints_forwards_and_then_backwards(ur5):
     own = SidedEffort(np.array([1, 4]))
     assert own.joints.tolist() == [1, 4, 1, 4]
     assert own.way.tolist() == [1.0, 1.0, -1.0, -1.0]
-    rng = np.random.default_rng(2)
-    arm = with_motors(ur5, **BY_JOINT)
-    state = rng.uniform(-1, 1, (3, 5, 6))
-    found = own.terms(PathSamples(anywhere(arm), state))
-    total = sum(term * SPEED**k for k, term in found.items())
-    q, v, a = state[0], SPEED * state[1], SPEED**2 * state[2]
+    at = random_samples(with_motors(ur5, **BY_JOINT), 5, seed=2)
+    total = sum(term * SPEED**k for k, term in own.terms(at).items())
+    q, v, a = (state * SPEED**k for k, state in enumerate(at.by_path))
     effort = ur5.inverse_dynamics(q, v, a) + np.where(v > 0, np.arange(6) + 1, -np.arange(6) - 11)
     np.testing.assert_allclose(total, np.hstack([effort[:, [1, 4]], -effort[:, [1, 4]]]))
 
@@ -130,39 +151,26 @@ def test_it_is_of_the_given_joints_forwards_and_then_backwards(ur5):
 # Effort limits that differ by direction or position, with friction: closed forms of a bar.
 
 
-PAIR = EffortRange(0, np.zeros(1), np.array([3.0]), np.array([8.0]))
-TABLE = EffortRange(0, np.array([0.0, 2.0]), np.array([4.0, 2.0]), np.array([4.0, 2.0]))
-
-
-def speed(robot, q, v, a):
-    limit = EffortLimit(robot.limits)
-    return float(limit.used(path(robot, q, v, a)).largest_speed(limit.signs).min())
-
-
 @pytest.mark.parametrize(
-    ("q", "v", "a", "available"),
+    ("ranges", "motors", "state", "available"),
     [
-        (0, 1, 2.0, 8 - FORTH),
-        (0, 1, -2.0, 3 + FORTH),
-        (0, -1, 2.0, 8 + BACK),
-        (0, -1, -2, 3 - BACK),
+        (pair(3.0, 8.0), DRY, (0, 1, 2.0), 8 - FORTH),
+        (pair(3.0, 8.0), DRY, (0, 1, -2.0), 3 + FORTH),
+        (pair(3.0, 8.0), DRY, (0, -1, 2.0), 8 + BACK),
+        (pair(3.0, 8.0), DRY, (0, -1, -2.0), 3 - BACK),
+        (FALLING, {}, (-1.0, 0.5, 2.0), 4.0),
+        (FALLING, {}, (0.5, 0.5, -2.0), 3.5),
+        (FALLING, {}, (1.75, 0.5, 2.0), 2.25),
+        (FALLING, {}, (3.0, 0.5, -2.0), 2.0),
     ],
 )
-def test_each_way_has_its_own_limit_and_friction(tmp_path, q, v, a, available):
-    robot = with_motors(one_joint(tmp_path), [PAIR], **DRY)
-    assert speed(robot, q, v, a) == pytest.approx(np.sqrt(available / (INERTIA * abs(a))))
+def test_each_way_and_place_has_its_own_limit_and_friction(bar, ranges, motors, state, available):
+    found = largest_speed(EffortLimit, bar(ranges, **motors), *state)
+    assert found == pytest.approx(np.sqrt(available / (INERTIA * 2.0)))
 
 
-@pytest.mark.parametrize(
-    ("q", "allowed", "a"), [(-1.0, 4.0, 2.0), (0.5, 3.5, -2.0), (1.75, 2.25, 2.0), (3.0, 2.0, -2.0)]
-)
-def test_a_table_is_what_the_motor_has_there(tmp_path, q, allowed, a):
-    robot = with_motors(one_joint(tmp_path), [TABLE])
-    assert speed(robot, q, 0.5, a) == pytest.approx(np.sqrt(allowed / (INERTIA * abs(a))))
-
-
-def test_shares_are_of_the_most_and_allowed_is_less(tmp_path):
-    robot = with_motors(one_joint(tmp_path), [TABLE], **DRY)
+def test_shares_are_of_the_most_and_allowed_is_less(bar):
+    robot = bar(FALLING, **DRY)
     used = EffortLimit(robot.limits).used(path(robot, 1.0, 1.0, 2.0))
     np.testing.assert_allclose(used.allowed, [[0.75, 0.75]])
     effort = np.array([1.0, -1.0]) * (INERTIA * 2.0 + FORTH)
@@ -178,34 +186,11 @@ def test_joints_without_a_limit_are_left_out(ur5):
     assert [key.joint for key in limit.keys] == [1, 3, 4]
     assert limit.joints.tolist() == [1, 3, 4, 1, 3, 4]
     assert limit.limit.tolist() == [100.0, 14.0, 28.0, 100.0, 7.0, 28.0]
-    at = PathSamples(anywhere(arm), np.random.default_rng(0).uniform(0.1, 1, (3, 2, 6)))
+    at = random_samples(arm, 2, seed=0, low=0.1)
     effort = ur5.inverse_dynamics(*at.by_path) + np.arange(6) + 1
     shares = np.hstack([effort[:, [1, 3, 4]], -effort[:, [1, 3, 4]]]) / limit.limit
     np.testing.assert_allclose(limit.used(at).at(1.0), shares)
     assert limit.key_of(at).tolist() == [[0, 1, 2, 0, 1, 2]]
-
-
-def test_what_cannot_be_moved_slowly_is_named_with_what_it_lacks(tmp_path):
-    """4.905 N m of weight and the friction of its way against what the table has there."""
-    robot = with_motors(one_joint(tmp_path, mass=1.0), [TABLE], **DRY)
-    at = path(robot, 0.0, 1.0, 0.0)
-    assert speed(robot, 0.0, 1.0, 0.0) == 0.0
-    assert speed(robot, 0.0, -1.0, 0.0) == 0.0
-    refusal = EffortLimit(robot.limits).refusal(at)
-    assert refusal.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
-    assert refusal.place.joint == "turn"
-    needed = f"needs {4.905 + FORTH:.2f} N m against gravity and friction"
-    assert f"{needed}, its effort limit is 4.00;" in str(refusal)
-    weak = with_motors(one_joint(tmp_path, mass=1.0), [TABLE], forwards_friction=1.0)
-    message = str(EffortLimit(weak.limits).refusal(path(weak, 1.0, 1.0, 0.0)))
-    assert f"needs {4.905 * np.cos(1.0) + 1:.2f} N m" in message
-    assert "its effort limit is 3.00;" in message
-    down = one_joint(tmp_path, mass=1.0)
-    pair = EffortRange(0, np.zeros(1), np.array([0.5]), np.array([9.0]))
-    blocked = with_motors(down, [pair], backwards_friction=6.0)
-    message = str(EffortLimit(blocked.limits).refusal(path(blocked, 0.0, -1.0, 0.0)))
-    assert f"needs {6.0 - 4.905:.2f} N m" in message
-    assert "its effort limit is 0.50;" in message
 
 
 @pytest.mark.parametrize(
@@ -216,18 +201,18 @@ def test_what_cannot_be_moved_slowly_is_named_with_what_it_lacks(tmp_path):
         ({"forwards_friction": 1.0}, [], "EffortLimit"),
         ({"backwards_friction": 1.0}, [], "EffortLimit"),
         ({"viscous_friction": 1.0, "friction_uncertainty": 0.1}, [], "EffortLimit"),
-        ({}, [PAIR], "EffortLimit"),
+        ({}, [pair(3.0, 8.0)], "EffortLimit"),
     ],
 )
-def test_it_is_asked_where_the_simpler_kind_does_not_serve(tmp_path, motors, ranges, name):
-    problem = anywhere(with_motors(one_joint(tmp_path), ranges, **motors))
+def test_it_is_asked_where_the_simpler_kind_does_not_serve(bar, motors, ranges, name):
+    problem = anywhere(bar(*ranges, **motors))
     (own,) = [limit for limit in speed_limits(problem) if limit.kind == "effort"]
     assert type(own).__name__ == name
 
 
 def test_where_both_kinds_serve_they_agree(ur5):
     arm = with_motors(ur5, viscous_friction=np.arange(6.0))
-    at = PathSamples(anywhere(arm), np.random.default_rng(1).uniform(-1, 1, (3, 50, 6)))
+    at = random_samples(arm, 50, seed=1)
     one, other = EffortLimit(arm.limits), JointEffort(arm.limits.effort)
     speeds = [limit.used(at).largest_speed(limit.signs).min(axis=1) for limit in (one, other)]
     np.testing.assert_allclose(*speeds, rtol=1e-12)
@@ -236,48 +221,29 @@ def test_where_both_kinds_serve_they_agree(ur5):
 # Torque-speed lines: closed forms of a bar, and which speeds a motor can have.
 
 
-STALL, NO_LOAD = 6.0, 4.0
-
-
-@pytest.fixture
-def motor_bar(tmp_path):
-    def made(mass=0.0, **motors):
-        line = {"saturation_effort": STALL, "no_load_velocity": NO_LOAD}
-        return with_motors(one_joint(tmp_path, mass=mass), **line | motors)
-
-    return made
-
-
-def motor_speed(robot, v, a):
-    limit = MotorCurve(robot.motors)
-    return float(limit.used(path(robot, 0.0, v, a)).largest_speed(limit.signs).min())
-
-
 @pytest.mark.parametrize(("way", "drives"), [(1.0, True), (-1.0, True), (1.0, False)])
-def test_who_drives_has_less_than_who_brakes(motor_bar, way, drives):
+def test_who_drives_has_less_than_who_brakes(bar, way, drives):
     """(I a) s^2 / S +- v s / V = 1, whose first root counts."""
-    assert motor_speed(motor_bar(), way * 2.0, 0.0) == pytest.approx(NO_LOAD / 2)
+    assert largest_speed(MotorCurve, bar(**LINE), 0.0, way * 2.0, 0.0) == pytest.approx(NO_LOAD / 2)
     v, a = way * 2.0, way * (3.0 if drives else -3.0)
     inertia, slope = INERTIA * 3.0 / STALL, 2.0 / NO_LOAD
     roots = np.roots([inertia, slope if drives else -slope, -1])
-    assert motor_speed(motor_bar(), v, a) == pytest.approx(max(roots))
+    assert largest_speed(MotorCurve, bar(**LINE), 0.0, v, a) == pytest.approx(max(roots))
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_friction_leaves_less_of_it(motor_bar, way):
-    dry = FORTH if way > 0 else BACK
-    robot = motor_bar(viscous_friction=VISCOUS, **DRY)
-    expected = (STALL - dry) / (STALL * 2 / NO_LOAD + VISCOUS * 2)
-    assert motor_speed(robot, way * 2.0, 0.0) == pytest.approx(expected)
+@pytest.mark.parametrize(("way", "friction"), [(1.0, FORTH), (-1.0, BACK)])
+def test_friction_leaves_less_of_it(bar, way, friction):
+    robot = bar(viscous_friction=VISCOUS, **LINE, **DRY)
+    expected = (STALL - friction) / (STALL * 2 / NO_LOAD + VISCOUS * 2)
+    assert largest_speed(MotorCurve, robot, 0.0, way * 2.0, 0.0) == pytest.approx(expected)
 
 
 def test_only_joints_with_a_line_have_one(ur5):
     stall, no_load = np.full((2, 6), np.inf)
     stall[[1, 4]], no_load[[1, 4]] = (300.0, 40.0), (3.0, 5.0)
     arm = with_motors(ur5, saturation_effort=stall, no_load_velocity=no_load)
-    limit = MotorCurve(arm.motors)
+    limit, at = MotorCurve(arm.motors), random_samples(arm, 7, seed=0)
     assert [key.joint for key in limit.keys] == [1, 4]
-    at = PathSamples(anywhere(arm), np.random.default_rng(0).uniform(-1, 1, (3, 7, 6)))
     effort, v = ur5.inverse_dynamics(*at.by_path)[:, [1, 4]], at.by_path[1][:, [1, 4]]
     shares = effort / [300.0, 40.0] + v / [3.0, 5.0]
     np.testing.assert_allclose(limit.used(at).at(1.0), np.hstack([shares, -shares]))
@@ -285,71 +251,67 @@ def test_only_joints_with_a_line_have_one(ur5):
     assert MotorCurve(ur5.motors).keys == ()
 
 
-@pytest.mark.parametrize(("v", "friction", "needed"), [(1.0, 1.2, "6.11"), (-1.0, 11.1, "6.20")])
-def test_a_motor_that_stalls_is_named(motor_bar, v, friction, needed):
-    """4.905 N m of weight, the friction of either way, and a stall effort of 6 N m."""
-    robot = motor_bar(mass=1.0, forwards_friction=friction, backwards_friction=friction)
-    assert motor_speed(robot, v, 0.0) == 0.0
-    refusal = MotorCurve(robot.motors).refusal(path(robot, 0.0, v, 0.0))
+@pytest.mark.parametrize(
+    ("kind", "ranges", "motors", "state", "needed", "limit"),
+    [
+        (EffortLimit, [FALLING], DRY, (0.0, 1.0), HELD + FORTH, 4.0),
+        (EffortLimit, [FALLING], DRY, (0.0, -1.0), HELD - BACK, 4.0),
+        (EffortLimit, [FALLING], dry(1.0), (1.0, 1.0), HELD * np.cos(1.0) + 1, 3.0),
+        (EffortLimit, [pair(0.5, 9.0)], dry(6.0), (0.0, -1.0), 6 - HELD, 0.5),
+        (MotorCurve, [], LINE | dry(1.203), (0.0, 1.0), HELD + 1.203, STALL),
+        (MotorCurve, [], LINE | dry(11.103), (0.0, -1.0), 11.103 - HELD, STALL),
+    ],
+)
+def test_what_cannot_be_moved_slowly_is_named_with_what_it_lacks(
+    bar, kind, ranges, motors, state, needed, limit
+):
+    """Weight and the friction of its way against what the motor has there."""
+    robot = bar(*ranges, mass=1.0, **motors)
+    assert largest_speed(kind, robot, *state, 0.0) == 0.0
+    own = kind(robot.limits if kind is EffortLimit else robot.motors)
+    refusal = own.refusal(path(robot, *state, 0.0))
     assert (refusal.status, refusal.place.joint) == (PlanStatus.GRAVITY_EXCEEDS_EFFORT, "turn")
-    assert f"needs {needed} N m against gravity and friction" in str(refusal)
-    assert "its effort limit is 6.00;" in str(refusal)
+    assert f"needs {needed:.2f} N m against gravity and friction" in str(refusal)
+    assert f"its effort limit is {limit:.2f};" in str(refusal)
 
 
 # What motors must hold: a bar against weight and friction, both ways and one way.
 
 
-HELD = 4.905  # weight of 1 kg at half a metre, the bar level [N m]; the limit is 5
 LEVEL = np.zeros(1)
-
-
-@pytest.fixture
-def held_bar(tmp_path):
-    def made(mass=1.0, ranges=(), **motors):
-        return with_motors(one_joint(tmp_path, mass=mass), ranges, **motors)
-
-    return made
-
-
-def dry(effort):
-    return {"forwards_friction": effort, "backwards_friction": effort}
-
-
-def pair(backwards, forwards):
-    return [EffortRange(0, np.zeros(1), np.array([backwards]), np.array([forwards]))]
 
 
 @pytest.mark.parametrize(
     ("mass", "ranges", "motors"),
     [
-        (1.0, (), dry(2.0)),  # upwards it is blocked, downwards not
-        (2.0, (), dry(5.0)),  # friction holds what the motor could not
-        (1.0, pair(5.0, 4.0), dry(1.0)),
-        (1.0, pair(0.1, 5.0), {"backwards_friction": 9.0}),  # downwards it is
-        (1.0, (), {"saturation_effort": 5.0, "no_load_velocity": 1.0}),
+        (1.0, [], dry(2.0)),  # upwards it is blocked, downwards not
+        (2.0, [], dry(5.0)),  # friction holds what the motor could not
+        (1.0, [pair(5.0, 4.0)], dry(1.0)),
+        (1.0, [pair(0.1, 5.0)], {"backwards_friction": 9.0}),  # downwards it is
+        (1.0, [], {"saturation_effort": 5.0, "no_load_velocity": 1.0}),
     ],
 )
-def test_one_way_is_enough(held_bar, mass, ranges, motors):
-    require_held(anywhere(held_bar(mass, ranges, **motors)), LEVEL)
+def test_one_way_is_enough(bar, mass, ranges, motors):
+    require_held(anywhere(bar(*ranges, mass=mass, **motors)), LEVEL)
 
 
 @pytest.mark.parametrize(
     ("mass", "ranges", "motors", "needed", "limit"),
     [
-        (2.0, (), dry(1.0), 2 * HELD - 1, 5.0),
-        (1.0, (), dry(12.0), 12 - HELD, 5.0),
-        (1.0, pair(2.0, 4.0), {}, HELD, 4.0),
-        (1.0, pair(2.0, 4.0), dry(7.0), 7.0 - HELD, 2.0),
-        (1.0, (), {"saturation_effort": 4.5, "no_load_velocity": 1.0}, HELD, 4.5),
+        (2.0, [], dry(1.0), 2 * HELD - 1, 5.0),
+        (1.0, [], dry(12.0), 12 - HELD, 5.0),
+        (1.0, [pair(2.0, 4.0)], {}, HELD, 4.0),
+        (1.0, [pair(2.0, 4.0)], dry(7.0), 7.0 - HELD, 2.0),
+        (1.0, [], {"saturation_effort": 4.5, "no_load_velocity": 1.0}, HELD, 4.5),
         # Less of both: what is lost is the same, and friction may hold less.
-        (2.0, (), dry(4.7) | {"friction_uncertainty": 0.5}, 2 * HELD - 4.7 * 0.5, 5.0),
+        (2.0, [], dry(4.7) | {"friction_uncertainty": 0.5}, 2 * HELD - 4.7 * 0.5, 5.0),
     ],
 )
 def test_blocked_both_ways_is_refused_with_joint_and_place(
-    held_bar, mass, ranges, motors, needed, limit
+    bar, mass, ranges, motors, needed, limit
 ):
     with pytest.raises(Infeasible) as caught:
-        require_held(anywhere(held_bar(mass, ranges, **motors)), LEVEL)
+        require_held(anywhere(bar(*ranges, mass=mass, **motors)), LEVEL)
     assert caught.value.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
     assert caught.value.place.joint == "turn"
     assert np.shape(caught.value.place.position) == (3,)
@@ -357,9 +319,8 @@ def test_blocked_both_ways_is_refused_with_joint_and_place(
     assert f"its effort limit is {limit:.2f};" in str(caught.value)
 
 
-def test_the_table_counts_where_the_joint_is(held_bar):
-    table = EffortRange(0, np.array([0.0, 1.0]), np.array([9.0, 1.0]), np.array([9.0, 1.0]))
-    problem = anywhere(held_bar(1.0, [table]))
+def test_the_table_counts_where_the_joint_is(bar):
+    problem = anywhere(bar(table([0.0, 1.0], [9.0, 1.0]), mass=1.0))
     require_held(problem, LEVEL)
     with pytest.raises(Infeasible, match=r"needs 2\.65 N m .* limit is 1\.00;"):
         require_held(problem, np.ones(1))
@@ -376,7 +337,7 @@ def test_the_joint_that_lacks_most_is_named(ur5):
     assert f"needs {400 - held:.2f} N m against gravity and friction" in str(caught.value)
 
 
-def test_planning_refuses_it(held_bar):
-    robot, tube = held_bar(2.0), Tube([[0.0, 0, 0], [1.0, 0, 0]], 1000.0)
-    problem = PlanningProblem(robot, tube, LEVEL, np.array([0.5]), self_collision=False)
+def test_planning_refuses_it(bar):
+    tube = Tube([[0.0, 0, 0], [1.0, 0, 0]], 1000.0)
+    problem = PlanningProblem(bar(mass=2.0), tube, LEVEL, np.array([0.5]), self_collision=False)
     assert plan(problem).status is PlanStatus.GRAVITY_EXCEEDS_EFFORT

@@ -60,17 +60,14 @@ def test_it_is_the_law_each_way(limited, q, up, down):
         np.testing.assert_allclose(used.allowed * FASTEST, [[up, down]], atol=1e-12)
 
 
-def test_the_largest_velocity_is_the_joints_limit_or_the_laws(limited):
-    assert limited()[1].largest.tolist() == [FASTEST, FASTEST]
+def test_where_it_falls_to_a_share_of_the_largest(limited):
+    """Of the joint's own limit, or of the law's largest."""
+    _, limit = limited()
+    assert limit.largest.tolist() == [FASTEST, FASTEST]
     free = limited(velocity=np.inf)[1].largest
     assert free.tolist() == [np.sqrt(2 * DECELERATION * (UPPER - LOWER))] * 2
-
-
-def test_where_it_falls_to_a_share_of_the_largest(limited):
-    _, limit = limited()
     np.testing.assert_allclose(limit.edge(), [UPPER - ZONE, LOWER + ZONE])
-    at_half = limit.edge(0.5)
-    for column, q in enumerate(at_half.tolist()):
+    for column, q in enumerate(limit.edge(0.5).tolist()):
         assert limit.allowed(np.array([[q]]))[0, column] == pytest.approx(0.5 * FASTEST)
 
 
@@ -113,20 +110,13 @@ def test_away_from_its_end_and_where_it_must_not_move_the_place_does_not_count(l
     rate = limit.by_path(at, 2.0)[1][..., 0] * FASTEST
     np.testing.assert_allclose(rate, [[2.0, -2.0]] * 3)
     assert limit.used(at).terms[0][0, 1] == 0.0
-
-
-def test_at_the_very_end_the_slope_is_finite(limited):
+    assert [(key.kind, key.joint) for key in limit.keys] == [("velocity_by_position", 0)]
+    assert limit.key_of(at).tolist() == [[0, 0]]
+    # At the very end of a law without an offset the slope is finite.
     problem, limit = limited(offset=0.0)
-    at = path(problem, [UPPER - 1e-15, LOWER + 1e-15], [0.1, -0.1])
-    slope = limit.by_path(at, 1.0)[0]
+    slope = limit.by_path(path(problem, [UPPER - 1e-15, LOWER + 1e-15], [0.1, -0.1]), 1.0)[0]
     assert np.isfinite(slope).all()
     assert 1.0 < slope[0, 0, 0] < 1e4
-
-
-def test_each_way_has_the_joints_key(limited):
-    problem, limit = limited()
-    assert [(key.kind, key.joint) for key in limit.keys] == [("velocity_by_position", 0)]
-    assert limit.key_of(path(problem, 0.0, 1.0)).tolist() == [[0, 0]]
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -135,19 +125,14 @@ def test_a_shape_is_run_as_fast_as_the_law_lets_it(limited, sign):
     problem, limit = limited()
     end = UPPER - ZONE if sign > 0 else LOWER + ZONE
     shape = quintic(0.9 * end, 1.0)
-    at = shape.at(np.linspace(0, 1, 200_001)[1:-1])
+    at = shape.at(np.linspace(0, 1, 50_001)[1:-1])
     allowed = limit.allowed(at.position)[:, 0 if sign > 0 else 1]
     slowest = (abs(at.velocity[:, 0]) / allowed).max()
-    found = scaling_factor(problem, at.position, at.velocity, at.acceleration)
-    assert found.min() == pytest.approx(1 / slowest)
-    scaled = scaled_to_limits(problem, shape)
-    assert scaled.duration == pytest.approx(slowest, rel=1e-6)
-
-
-def test_a_shape_that_goes_too_far_is_refused(limited):
-    problem, _ = limited()
-    with pytest.raises(Infeasible, match="moves up"):
-        scaled_to_limits(problem, quintic(UPPER - ZONE / 2, 1.0))
+    factor = scaling_factor(problem, at.position, at.velocity, at.acceleration)
+    assert factor.min() == pytest.approx(1 / slowest)
+    assert scaled_to_limits(problem, shape).duration == pytest.approx(slowest, rel=1e-6)
+    with pytest.raises(Infeasible, match="moves up" if sign > 0 else "moves down"):
+        scaled_to_limits(problem, quintic(end + sign * ZONE / 2, 1.0))
 
 
 # How near to their ends joints come whose velocity limits fall towards these.
@@ -160,26 +145,17 @@ def test_without_such_a_limit_there_is_no_bound(tmp_path):
     require_approachable(problem, np.zeros(1), np.full(1, 8.9))
 
 
-def test_it_ends_where_a_hundredth_of_the_largest_velocity_is_left(limited):
+def test_the_range_ends_where_a_hundredth_of_the_largest_velocity_is_left(limited):
+    """But start and goal are inside; a law that leaves no range bounds nothing."""
     problem, limit = limited()
     lower, upper = approachable_range(problem)
-    assert limit.allowed(upper[None])[0, 0] == pytest.approx(0.01 * 4.0)
-    assert limit.allowed(lower[None])[0, 1] == pytest.approx(0.01 * 4.0)
-
-
-@pytest.mark.parametrize(("start", "goal"), [(1.99, 0.0), (-0.99, 1.99)])
-def test_start_and_goal_are_inside(limited, start, goal):
-    plain = approachable_range(limited()[0])
-    ends = [start, goal]
-    problem = changed(limited()[0], start=np.array([start]), goal=np.array([goal]))
-    lower, upper = approachable_range(problem)
-    assert lower[0] == min(plain[0][0], *ends)
-    assert upper[0] == max(plain[1][0], *ends)
-
-
-def test_a_law_that_leaves_no_range_bounds_nothing(limited):
-    lower, upper = approachable_range(limited(offset=30.0)[0])
-    assert (lower[0], upper[0]) == (-np.inf, np.inf)
+    assert limit.allowed(upper[None])[0, 0] == pytest.approx(0.01 * FASTEST)
+    assert limit.allowed(lower[None])[0, 1] == pytest.approx(0.01 * FASTEST)
+    for start, goal in ((1.99, 0.0), (-0.99, 1.99)):
+        ends = changed(problem, start=np.array([start]), goal=np.array([goal]))
+        assert approachable_range(ends)[0][0] == min(lower[0], start, goal)
+        assert approachable_range(ends)[1][0] == max(upper[0], start, goal)
+    assert np.ravel(approachable_range(limited(offset=30.0)[0])).tolist() == [-np.inf, np.inf]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from cases import ANGLE, INERTIA, PEAK_ACCELERATION, PEAK_VELOCITY, one_joint, q
 from follower_arm import follower_arm
 from scipy.integrate import quad
 
-from tubeplanner import JointTrajectory, LimitOverrides, load_robot
+from tubeplanner import JointTrajectory, load_robot
 from tubeplanner.constraints.effort_costs import EffortCosts
 from tubeplanner.constraints.effort_variation import effort_variation
 from tubeplanner.constraints.motor_effort import coulomb_effort, motor_effort
@@ -42,20 +42,24 @@ PUMA = {
 }
 
 
-def there_and_back():
-    """0.5 (1 - 4 t^2)^2 from t = -1/2 to 1/2: out to 0.5 rad and back, at rest at both ends."""
-    rows = np.poly1d([-4.0, 4.0, 0.0]) ** 2 * 0.5
-    return JointTrajectory(["turn"], [0.0, 1.0], rows.c[:, None, None])
+# 1 rad (1 - 4 t^2)^2 from t = -1/2 to 1/2: out and back, at rest at both ends.
+OUT_AND_BACK = np.poly1d([-4.0, 4.0, 0.0]) ** 2
 
 
 def test_at_a_reversal_it_is_that_of_the_direction_taken_and_at_the_goal_of_its_approach(tmp_path):
-    robot, motion = with_motors(one_joint(tmp_path), **ALL), there_and_back()
+    robot = with_motors(one_joint(tmp_path), **ALL)
+    motion = one_piece(OUT_AND_BACK)
     samples = motion.at(np.array([0.0, 0.2, 0.5, 0.8, 1.0]))
     dry = coulomb_effort(robot, motion, samples)[:, 0]
     np.testing.assert_allclose(dry, [FORTH, FORTH, -BACK, -BACK, -BACK])
     expected = (INERTIA + ARMATURE) * samples.acceleration + VISCOUS * samples.velocity
-    found = motor_effort(robot, motion, samples)
-    np.testing.assert_allclose(found, expected + dry[:, None], atol=1e-12)
+    effort = motor_effort(robot, motion, samples)
+    np.testing.assert_allclose(effort, expected + dry[:, None], atol=1e-12)
+
+
+def one_piece(polynomial):
+    """Return a bar's motion in one second."""
+    return JointTrajectory(["turn"], [0.0, 1.0], polynomial.c[:, None, None])
 
 
 def test_at_instants_of_no_velocity_pieces_of_any_width_have_their_own_directions(tmp_path):
@@ -92,23 +96,18 @@ def test_without_coulomb_friction_it_is_what_the_arm_needs(ur5):
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_puma_560s_motors_are_what_they_are_behind_its_gears(way):
+def test_puma_560s_motors_are_what_they_are_behind_its_gears(way, ur5):
     """The law at the motors, taken through the gears: efforts grow by them, speeds fall."""
-    plain = load_robot("example:ur5", "tool0")
-    robot = with_motors(plain, **PUMA)
-    v, a = (
-        way * np.array([1.0, 0.8, 1.5, 3.0, 2.0, 4.0]),
-        np.array([2.0, -3.0, 1.0, 5.0, 4.0, -9.0]),
-    )
+    v = way * np.array([1.0, 0.8, 1.5, 3.0, 2.0, 4.0])
+    a = np.array([2.0, -3.0, 1.0, 5.0, 4.0, -9.0])
     rows = np.stack([a / 2, v, np.zeros(6)])[:, None]
-    motion = JointTrajectory(plain.joint_names, [0.0, 0.1], rows)
-    samples = motion.at(np.zeros(1))
-    size = abs(GEARS)
+    motion = JointTrajectory(ur5.joint_names, [0.0, 0.1], rows)
+    samples, size = motion.at(np.zeros(1)), abs(GEARS)
     spinning = AT_MOTORS * size * v + way * (FORTH_AT_MOTORS if way > 0 else BACK_AT_MOTORS)
     expected = size * (spinning + ROTORS * size * a)
     state = (samples.position, samples.velocity, samples.acceleration)
-    found = motor_effort(robot, motion, samples) - plain.inverse_dynamics(*state)
-    np.testing.assert_allclose(found[0], expected, rtol=0.01, atol=0.02)
+    effort = motor_effort(with_motors(ur5, **PUMA), motion, samples) - ur5.inverse_dynamics(*state)
+    np.testing.assert_allclose(effort[0], expected, rtol=0.01, atol=0.02)
 
 
 # Efforts of motors against MuJoCo's inverse dynamics, which reads the same URDF its own way.
@@ -127,13 +126,8 @@ def arms(tmp_path_factory):
     path.write_text(follower_arm({}))
     plain, rng = load_robot(path, "tip", joints=JOINTS), np.random.default_rng(6)
     armature, viscous, dry = rng.uniform(0.1, 2, (3, len(JOINTS)))
-    robot = with_motors(
-        plain,
-        armature=armature,
-        viscous_friction=viscous,
-        backwards_friction=dry,
-        forwards_friction=dry,
-    )
+    friction = {"backwards_friction": dry, "forwards_friction": dry}
+    robot = with_motors(plain, armature=armature, viscous_friction=viscous, **friction)
     model = mujoco.MjModel.from_xml_path(str(path))
     model.opt.disableflags |= LEFT_OUT
     place = [model.joint(name).dofadr[0] for name in JOINTS]
@@ -143,39 +137,29 @@ def arms(tmp_path_factory):
     return robot, model, place
 
 
-def simulated(model, place, state):
-    """Return the efforts of one state, and which joints' friction is saturated."""
+def assert_mujocos(arms, q, v, a, *, is_saturated):
+    """Compare the efforts of one state; assert whether all joints' friction is saturated."""
+    robot, model, place = arms
     data = mujoco.MjData(model)
-    for own, part in zip((data.qpos, data.qvel, data.qacc), state, strict=True):
+    for own, part in zip((data.qpos, data.qvel, data.qacc), (q, v, a), strict=True):
         own[place] = part
     mujoco.mj_inverse(model, data)
-    saturated = np.isin(data.efc_state, SATURATED)
-    assert len(saturated) == len(place)
-    return data.qfrc_inverse[place], saturated
+    assert np.isin(data.efc_state, SATURATED).tolist() == [is_saturated] * len(place)
+    motion = JointTrajectory(JOINTS, [0.0, 0.05], np.stack([a / 2, v, q])[:, None])
+    effort = motor_effort(robot, motion, motion.at(np.zeros(1)))
+    np.testing.assert_allclose(effort[0], data.qfrc_inverse[place], rtol=1e-8, atol=1e-8)
 
 
 def test_where_friction_is_saturated_efforts_are_mujocos(arms):
-    robot, model, place = arms
     rng = np.random.default_rng(7)
     for _ in range(10):
         q, v, a = rng.uniform(-2, 2, (3, len(JOINTS)))
-        v = np.sign(v) * (0.5 + abs(v))
-        expected, saturated = simulated(model, place, (q, v, a))
-        assert saturated.all()
-        motion = JointTrajectory(JOINTS, [0.0, 0.05], np.stack([a / 2, v, q])[:, None])
-        found = motor_effort(robot, motion, motion.at(np.zeros(1)))
-        np.testing.assert_allclose(found[0], expected, rtol=1e-8, atol=1e-8)
+        assert_mujocos(arms, q, np.sign(v) * (0.5 + abs(v)), a, is_saturated=True)
 
 
 def test_at_rest_what_remains_is_weight(arms):
-    robot, model, place = arms
-    q = np.random.default_rng(8).uniform(-1, 1, len(JOINTS))
-    still = np.zeros(len(JOINTS))
-    expected, saturated = simulated(model, place, (q, still, still))
-    assert not saturated.any()
-    motion = JointTrajectory(JOINTS, [0.0, 1.0], q[None, None])
-    found = motor_effort(robot, motion, motion.at(np.zeros(1)))
-    np.testing.assert_allclose(found[0], expected, atol=1e-8)
+    q, still = np.random.default_rng(8).uniform(-1, 1, len(JOINTS)), np.zeros(len(JOINTS))
+    assert_mujocos(arms, q, still, still, is_saturated=False)
 
 
 # What a motion takes from its motors: closed forms, and quadratures of something else.
@@ -183,7 +167,6 @@ def test_at_rest_what_remains_is_weight(arms):
 
 SQUARED_ACCELERATION = 120 / 7  # of the quintic of one radian in one second, integrated
 SEVERAL = 40
-HALVES = ((0.0, 0.5), (0.5, 1.0))
 
 
 def divided(trajectory):
@@ -240,41 +223,26 @@ def test_of_a_planned_motion_they_are_adaptive_quadratures_of_pinocchios_efforts
     assert costs.work() == pytest.approx(integral(power), rel=1e-4)
 
 
-def out_and_back(duration):
-    """A bar's motion of one radian out and back, at rest at both ends, in many pieces."""
-    rows = np.poly1d([-4.0, 4.0, 0.0]) ** 2
-    motion = JointTrajectory(["turn"], [0.0, 1.0], rows.c[:, None, None])
-    return divided(motion.scaled(duration))
-
-
 def test_friction_is_what_work_overcomes_and_motors_heat_for(tmp_path):
     """Against quadratures of the law, split where the joint reverses; run slower they agree too."""
-    viscous, back, forth, armature, duration = 0.8, 0.9, 0.3, 0.4, 2.5
-    robot = with_motors(
-        one_joint(tmp_path, mass=0.5),
-        armature=armature,
-        viscous_friction=viscous,
-        backwards_friction=back,
-        forwards_friction=forth,
-    )
-    q = np.poly1d([-4.0, 4.0, 0.0]) ** 2
+    robot = with_motors(one_joint(tmp_path, mass=0.5), **ALL)
+    q, duration, motion = OUT_AND_BACK, 2.5, one_piece(OUT_AND_BACK)
 
     def effort(x):
-        held = 0.5 * 9.81 * 0.5 * np.cos(q(x)) + (forth if x < 0.5 else -back)
-        inertia = INERTIA + 0.5 * 0.5**2 + armature
-        return held + viscous * q.deriv()(x) / duration + inertia * q.deriv(2)(x) / duration**2
+        held = 0.5 * 9.81 * 0.5 * np.cos(q(x)) + (FORTH if x < 0.5 else -BACK)
+        inertia = INERTIA + 0.5 * 0.5**2 + ARMATURE
+        return held + VISCOUS * q.deriv()(x) / duration + inertia * q.deriv(2)(x) / duration**2
 
     def integral(function):
-        return sum(quad(function, *part, epsabs=1e-11, limit=200)[0] for part in HALVES)
+        halves = ((0.0, 0.5), (0.5, 1.0))
+        return sum(quad(function, *part, epsabs=1e-11, limit=200)[0] for part in halves)
 
     energy = integral(lambda x: 3.0 * effort(x) ** 2) * duration
     work = integral(lambda x: max(effort(x) * q.deriv()(x), 0.0))
-    for costs, given in (
-        (EffortCosts(robot, out_and_back(duration)), None),
-        (EffortCosts(robot, out_and_back(0.7)), duration),
-    ):
-        assert costs.energy(np.array([3.0]), given) == pytest.approx(energy, rel=3e-4)
-        assert costs.work(given) == pytest.approx(work, rel=3e-4)
+    for run_in, asked in ((duration, None), (0.7, duration)):
+        costs = EffortCosts(robot, divided(motion.scaled(run_in)))
+        assert costs.energy(np.array([3.0]), asked) == pytest.approx(energy, rel=3e-4)
+        assert costs.work(asked) == pytest.approx(work, rel=3e-4)
 
 
 # Total variation of efforts against closed forms.
@@ -292,17 +260,13 @@ def test_a_rest_to_rest_quintic_moves_its_effort_up_down_and_back(tmp_path):
     assert found <= 4 * peak / EFFORT
 
 
-def pendulum_effort(q, acceleration):
-    """A bar about z, its centre 0.5 m along x, gravity along -y."""
-    inertia = INERTIA + MASS * LEVER**2
-    return inertia * acceleration + MASS * GRAVITY * LEVER * np.cos(q)
-
-
 def test_a_pendulums_effort_moves_with_gravity_too(tmp_path):
     """Its extremes are where the closed form turns, found on a fine grid."""
-    s = np.linspace(0, 1, 200_001)
+    s = np.linspace(0, 1, 50_001)
     q = ANGLE * s**3 * (10 - 15 * s + 6 * s**2)
-    effort = pendulum_effort(q, ANGLE * s * (60 - 180 * s + 120 * s**2))
+    acceleration = ANGLE * s * (60 - 180 * s + 120 * s**2)
+    weight = MASS * GRAVITY * LEVER * np.cos(q)
+    effort = (INERTIA + MASS * LEVER**2) * acceleration + weight
     expected = abs(np.diff(effort)).sum() / EFFORT
     found = effort_variation(one_joint(tmp_path, mass=MASS), quintic())
     assert found == pytest.approx([expected], rel=1e-2)
@@ -318,21 +282,14 @@ def test_jumps_between_pieces_count_and_the_hold_before_and_after_does_not(tmp_p
 
 
 def test_without_a_limit_the_largest_effort_is_the_unit(tmp_path):
-    robot = one_joint(tmp_path, effort=np.inf, acceleration=50.0)
-    assert effort_variation(robot, quintic()) == pytest.approx([4.0], rel=5e-3)
+    """Or that of another motion: twice as slow, a quarter of the effort and its variation."""
+    robot, slower = one_joint(tmp_path, effort=np.inf, acceleration=50.0), quintic().scaled(2.0)
+    whole = effort_variation(robot, quintic())
+    assert whole == pytest.approx([4.0], rel=5e-3)
+    assert effort_variation(robot, slower, quintic()) == pytest.approx(whole / 4, rel=1e-9)
+    assert effort_variation(robot, slower) == pytest.approx(whole, rel=1e-9)
 
 
-def test_beside_another_motion_that_ones_largest_effort_is_the_unit(tmp_path):
-    """Twice as slow, a quarter of the effort: its variation too is a quarter."""
-    robot = one_joint(tmp_path, effort=np.inf, acceleration=50.0)
-    slower = quintic().scaled(2.0)
-    beside, alone = (effort_variation(robot, slower, other) for other in (quintic(), None))
-    assert beside == pytest.approx(effort_variation(robot, quintic()) / 4, rel=1e-9)
-    assert alone == pytest.approx(effort_variation(robot, quintic()), rel=1e-9)
-
-
-def test_a_joint_at_rest_without_gravity_has_none():
-    limits = LimitOverrides(velocity={"joint1": np.inf, "joint2": np.inf})
-    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
-    still = JointTrajectory(robot.joint_names, [0.0, 1.0], np.zeros((4, 1, 2)))
-    np.testing.assert_array_equal(effort_variation(robot, still), [0.0, 0.0])
+def test_a_joint_at_rest_without_gravity_has_none(two_link):
+    still = JointTrajectory(two_link.joint_names, [0.0, 1.0], np.zeros((4, 1, 2)))
+    np.testing.assert_array_equal(effort_variation(two_link, still), [0.0, 0.0])

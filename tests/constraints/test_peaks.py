@@ -84,6 +84,8 @@ def test_a_peak_at_an_end_is_the_sample_there_and_soon_done_with():
     value = pieces_of(function, 100)
     assert refined_maximum_of_pieces(function, value, band=1.0) == value.max()
     assert evaluated[2:] == [9] * 5
+    unlimited = np.full((2, 4), -np.inf)
+    assert refined_maximum_of_pieces(lambda *_: np.zeros(1), unlimited, band=1.0) == -np.inf
 
 
 def test_of_many_peaks_the_highest_is_found():
@@ -95,11 +97,6 @@ def test_of_many_peaks_the_highest_is_found():
 
     found = refined_maximum_of_pieces(function, pieces_of(function, 200), band=1.0)
     assert found == pytest.approx(1e-3, abs=1e-8)
-
-
-def test_where_nothing_limits_nothing_is_refined():
-    value = np.full((2, 4), -np.inf)
-    assert refined_maximum_of_pieces(lambda *_: np.zeros(1), value, band=1.0) == -np.inf
 
 
 # Peaks of a trajectory: against closed forms, and against differences of the tool's path.
@@ -137,20 +134,18 @@ def test_a_turning_bar_has_the_peaks_of_its_quintic(bar):
 
 def test_turning_evenly_accelerates_the_tool_towards_the_axis(bar):
     rate = 3.0  # [rad/s]
-    even = JointTrajectory(["turn"], [0, 1.0], [[[rate]], [[0.0]]])
-    peaks = trajectory_peaks(bar, even)
+    peaks = trajectory_peaks(bar, JointTrajectory(["turn"], [0, 1.0], [[[rate]], [[0.0]]]))
     assert peaks.peak_acceleration.value == 0
     assert peaks.tool_acceleration.value == pytest.approx(rate**2 * LEVER)
 
 
-def test_a_jump_counts_on_both_its_sides(bar):
+@pytest.mark.parametrize(("first", "second"), [(6.0, 2.0), (2.0, 6.0)])
+def test_a_jump_counts_on_both_its_sides(bar, first, second):
     """The larger acceleration ends at the breakpoint, or begins there."""
-    for first, second in ((6.0, 2.0), (2.0, 6.0)):
-        pieces = [[[first / 2], [second / 2]], [[0.0], [0.0]], [[0.0], [0.0]]]
-        steps = JointTrajectory(["turn"], [0, 1e-3, 2e-3], pieces)
-        peaks = trajectory_peaks(bar, steps)
-        assert peaks.peak_acceleration.value == pytest.approx(6.0)
-        assert peaks.tool_acceleration.value == pytest.approx(6.0 * LEVER, rel=1e-3)
+    pieces = [[[first / 2], [second / 2]], [[0.0], [0.0]], [[0.0], [0.0]]]
+    peaks = trajectory_peaks(bar, JointTrajectory(["turn"], [0, 1e-3, 2e-3], pieces))
+    assert peaks.peak_acceleration.value == pytest.approx(6.0)
+    assert peaks.tool_acceleration.value == pytest.approx(6.0 * LEVER, rel=1e-3)
 
 
 def test_the_tool_s_peaks_are_those_of_its_path(stored):

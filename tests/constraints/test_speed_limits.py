@@ -1,18 +1,11 @@
-"""The list of all speed limits of a problem; use of each limit along a trajectory."""
+"""Speed limits of joints, tool and points of links; how much of each a trajectory uses."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import (
-    INERTIA,
-    anywhere,
-    limited_tool,
-    one_joint,
-    quintic,
-    rest_to_rest,
-    with_motors,
-)
+from cases import INERTIA, anywhere, limited_tool, one_joint, quintic, rest_to_rest, with_motors
+from scipy.interpolate import PPoly
 
 from tubeplanner import (
     JointTrajectory,
@@ -24,9 +17,112 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.constraints.limit_use import limit_uses
+from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.point_speed import PointSpeedLimit
+from tubeplanner.constraints.speed_of_points import speed_by_path
+from tubeplanner.constraints.time_scaling import scaled_to_limits, scaling_factor
+from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.constraints.unused_speed import unused_speed
 from tubeplanner.robot.effort_range import EffortRange
-from tubeplanner.robot.velocity_by_position import VelocityByPosition
+
+# The limit on the tool's speed: which one counts where.
+
+
+@pytest.mark.parametrize(
+    ("tube_speed", "robot_speed", "expected"),
+    [
+        (None, None, [np.inf] * 3),
+        (None, 0.7, [0.7] * 3),
+        (0.6, None, [0.6] * 3),
+        ([0.6, None, 0.8], 0.7, [0.6, 0.7, 0.7]),
+        ([0.6, None, 0.8], None, [0.6, np.inf, 0.8]),
+    ],
+)
+def test_of_the_robots_limit_and_the_tubes_the_smaller_one_counts(
+    tube_speed, robot_speed, expected
+):
+    """A sample has the key of its segment."""
+    problem = limited_tool(tube_speed, robot_speed)
+    limit = ToolSpeed(problem)
+    assert limit.limit.tolist() == expected
+    limited = np.flatnonzero(np.isfinite(expected)).tolist()
+    keys = [(key.kind, key.joint, key.segment) for key in limit.keys]
+    assert keys == [("tool_speed", None, k) for k in limited]
+    if limited:
+        at = PathSamples(problem, np.zeros((3, 3, 2)), lambda: np.array([2, 2, 0]))
+        assert limit.key_of(at).tolist() == [[limited.index(k)] for k in (2, 2, 0)]
+
+
+def tool_speed(robot, samples):
+    return np.linalg.norm(robot.tool_velocity(samples.position, samples.velocity)[0], axis=1)
+
+
+def test_a_shape_is_run_at_the_limit_of_each_segment(stored):
+    problem, trajectory = stored("two_link/around_a_post")
+    problem = problem.with_tube(replace(problem.tube, tool_speed=[None, 0.3, 0.4]))
+    at = trajectory.at(np.linspace(0, trajectory.duration, 50)[1:-1])
+    known, speed = (at.position, at.velocity, at.acceleration), tool_speed(problem.robot, at)
+    free = scaling_factor(problem, *known, segment=np.zeros(48, dtype=int))
+    for segment, limit in ((1, 0.3), (2, 0.4)):
+        factor = scaling_factor(problem, *known, segment=np.full(48, segment))
+        np.testing.assert_allclose(factor, np.minimum(free, limit / speed), rtol=1e-9)
+    pieces = np.full(len(trajectory.widths), 2)
+    scaled = scaled_to_limits(problem, trajectory, segments=pieces)
+    at = scaled.at(np.linspace(0, scaled.duration, 20_001))
+    assert tool_speed(problem.robot, at).max() == pytest.approx(0.4, rel=1e-5)
+
+
+# The limits on the speed of points of the arm: one that turns on a lever of 0.5 m, one of 1.3 m.
+
+POINTS = [PointSpeed("bar", (0.3, 0.4, 0.7), 0.5), PointSpeed("bar", (1.2, -0.5, 0.0), 2.6)]
+LEVERS = np.array([0.5, 1.3])
+
+
+@pytest.fixture
+def bar(tmp_path):
+    """Return a function from points to a bar that turns about z, in no tube."""
+    one_joint(tmp_path)
+
+    def limited(points):
+        limits = LimitOverrides(point_speed=points)
+        return anywhere(load_robot(tmp_path / "bar.urdf", "bar", limits=limits))
+
+    return limited
+
+
+def test_each_point_is_a_share_of_its_own_limit(bar):
+    problem = bar(POINTS)
+    limit = PointSpeedLimit(problem.robot.limits.point_speed)
+    rates = np.array([[0.6], [-1.1], [0.0]])
+    at = PathSamples(problem, np.stack([0 * rates, rates, 0 * rates]))
+    shares = abs(rates) * LEVERS / [0.5, 2.6]
+    np.testing.assert_allclose(limit.used(at).at(2.0), 2 * shares, atol=1e-12)
+    keys = [(key.kind, key.link, key.point) for key in limit.keys]
+    assert keys == [("point_speed", "bar", 0), ("point_speed", "bar", 1)]
+    assert limit.key_of(at).tolist() == [[0, 1]]
+    by_rate = limit.by_path(at, 2.0)[1]
+    expected = 2.0 * np.sign(rates) * LEVERS / [0.5, 2.6]
+    np.testing.assert_allclose(by_rate[..., 0], expected, atol=1e-12)
+
+
+def test_where_the_point_rests_its_speed_does_not_change_with_the_path(ur5):
+    found = speed_by_path(ur5.tool_velocity(*np.zeros((2, 3, 6))), np.ones(3))
+    assert all((each == 0).all() for each in found)
+
+
+@pytest.mark.parametrize(("points", "most"), [(POINTS, 1.0), (POINTS[1:], 2.0), ([], np.inf)])
+def test_the_slowest_limit_counts(bar, points, most):
+    """The first allows 1 rad/s, the second 2 rad/s, as far as other limits do."""
+    free, problem, shape = bar([]), bar(points), quintic(2.0, 1.0)
+    at = shape.at(np.linspace(0, 1, 101)[1:-1])
+    known = at.position, at.velocity, at.acceleration
+    allowed = np.minimum(scaling_factor(free, *known), most / abs(at.velocity[:, 0]))
+    np.testing.assert_allclose(scaling_factor(problem, *known), allowed, rtol=1e-9)
+    scaled = scaled_to_limits(problem, shape)
+    fastest = abs(scaled.at(np.linspace(0, scaled.duration, 10_001)).velocity).max()
+    if np.isfinite(most):
+        assert fastest == pytest.approx(most, rel=1e-6)
+
 
 # Shares of limits against the certificate at the same instants, and where they are known.
 
@@ -106,33 +202,28 @@ def test_a_limit_that_is_less_somewhere_is_used_as_it_is_there(tmp_path):
 
 
 def test_towards_an_end_a_velocity_uses_what_is_allowed_there(tmp_path):
-    robot = one_joint(tmp_path)
-    law = VelocityByPosition(0, deceleration=4.0, offset=0.0, lower=-9.0, upper=2.0)
-    robot = with_motors(robot, limits={})
-    limited = robot.with_limits(replace(robot.limits, velocity_by_position=(law,)), robot.motors)
-    uses = limit_uses(anywhere(limited), quintic(1.9), 51)
+    law = {"deceleration": 4.0, "offset": 0.0, "lower": -9.0, "upper": 2.0}
+    problem = anywhere(one_joint(tmp_path, velocity_by_position=law))
+    uses = limit_uses(problem, quintic(1.9), 51)
     q, v = uses.samples.position[:, 0], uses.samples.velocity[:, 0]
     share = only(uses, "velocity_by_position").share
     np.testing.assert_allclose(share, v / np.sqrt(2 * 4 * (2 - q)), atol=1e-7)
-    back = limit_uses(anywhere(limited), rest_to_rest(["turn"], 1.9, 0.0, 1.0), 51)
+    back = limit_uses(problem, rest_to_rest(["turn"], 1.9, 0.0, 1.0), 51)
     assert only(back, "velocity_by_position").share.max() < 0.5
 
 
-def test_friction_is_that_of_the_direction_in_which_a_joint_leaves(tmp_path):
+def test_friction_is_that_of_the_direction_in_which_a_joint_moves_next(tmp_path):
+    """It leaves so, or turns back at 0.7 s, between the samples at 0.5 and 0.75 s."""
     robot = with_motors(one_joint(tmp_path), backwards_friction=1.0, forwards_friction=2.0)
-    uses = limit_uses(anywhere(robot), quintic(), 5)
-    np.testing.assert_allclose(only(uses, "effort").share[[0, -1]], 2 / 5, atol=1e-9)
-    back = limit_uses(anywhere(robot), quintic(-1.0), 5)
-    np.testing.assert_allclose(only(back, "effort").share[[0, -1]], 1 / 5, atol=1e-9)
 
+    def share(trajectory):
+        return only(limit_uses(anywhere(robot), trajectory, 5), "effort").share
 
-def test_friction_turns_where_a_joint_does_inside_a_piece(tmp_path):
-    """It turns back at 0.7 s, between the samples at 0.5 and 0.75 s."""
-    robot = with_motors(one_joint(tmp_path), backwards_friction=1.0, forwards_friction=2.0)
-    trajectory = JointTrajectory(["turn"], [0, 1.0], np.array([[-0.5], [0.7], [0.0]])[:, None])
-    effort = only(limit_uses(anywhere(robot), trajectory, 5), "effort").share
-    forwards, backwards = 2.0 - INERTIA, 1.0 + INERTIA
-    np.testing.assert_allclose(effort * 5, [forwards] * 3 + [backwards] * 2, atol=1e-9)
+    np.testing.assert_allclose(share(quintic())[[0, -1]], 2 / 5, atol=1e-9)
+    np.testing.assert_allclose(share(quintic(-1.0))[[0, -1]], 1 / 5, atol=1e-9)
+    turning = JointTrajectory(["turn"], [0, 1.0], np.array([[-0.5], [0.7], [0.0]])[:, None])
+    expected = [2.0 - INERTIA] * 3 + [1.0 + INERTIA] * 2
+    np.testing.assert_allclose(share(turning) * 5, expected, atol=1e-9)
 
 
 def test_in_a_range_without_width_a_joint_is_at_its_end(tmp_path):
@@ -142,34 +233,6 @@ def test_in_a_range_without_width_a_joint_is_at_its_end(tmp_path):
     problem = PlanningProblem(robot, tube, np.zeros(1), self_collision=False)
     still = JointTrajectory(["turn"], [0, 1.0], np.zeros((2, 1, 1)))
     assert (only(limit_uses(problem, still), "position").share == 1).all()
-
-
-def test_the_speed_of_the_tool_is_that_of_its_segment():
-    problem = limited_tool([0.5, np.inf, 2.0])
-    motion = rest_to_rest(["joint1", "joint2"], [0.2, -1.2], [1.4, -1.9], 1.0)
-    uses = limit_uses(problem, motion)
-    step = 1e-6
-    q = [motion.position(uses.samples.time + s) for s in (-step, step)]
-    tool = [problem.robot.tool_position(each) for each in q]
-    speed = np.linalg.norm(tool[1] - tool[0], axis=1) / (2 * step)
-    limit = np.array([0.5, np.inf, 2.0])[uses.segment]
-    use = only(uses, "tool_speed")
-    np.testing.assert_allclose(use.share[5:-5], (speed / limit)[5:-5], atol=1e-5)
-    assert (use.name, use.joint) == ("tool", None)
-
-
-def test_every_point_whose_speed_is_limited_has_its_own_share():
-    points = [PointSpeed("link1", [x, 0, 0], 2.0) for x in (0.5, 1.0)]
-    limits = LimitOverrides(point_speed=points)
-    robot = load_robot("example:two_link", "hand", limits=limits)
-    motion = rest_to_rest(robot.joint_names, [0, 0.5], [1, 0.5], 1.0)
-    uses = limit_uses(anywhere(robot), motion)
-    first, second = uses.of("point_speed")
-    assert (first.name, second.name) == ("point 0 on link1", "point 1 on link1")
-    assert (first.point, second.point) == (0, 1)
-    velocity = abs(uses.samples.velocity[:, 0])
-    np.testing.assert_allclose(first.share, velocity * 0.5 / 2, atol=1e-9)
-    np.testing.assert_allclose(second.share, velocity * 1.0 / 2, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -193,10 +256,28 @@ def test_a_joint_that_nothing_bounds_has_no_share(tmp_path):
     assert {use.kind for use in uses.uses} == {"effort", "tube"}
 
 
+def test_the_tool_and_every_point_that_is_limited_have_their_own_share():
+    """The tool's limit is that of its segment."""
+    problem = limited_tool([0.5, np.inf, 2.0])
+    motion = rest_to_rest(["joint1", "joint2"], [0.2, -1.2], [1.4, -1.9], 1.0)
+    uses = limit_uses(problem, motion)
+    tool = only(uses, "tool_speed")
+    sides = (motion.position(uses.samples.time + step) for step in (-1e-6, 1e-6))
+    before, after = (problem.robot.tool_position(q) for q in sides)
+    limit = np.array([0.5, np.inf, 2.0])[uses.segment]
+    speed = np.linalg.norm(after - before, axis=1) / 2e-6
+    np.testing.assert_allclose(tool.share[5:-5], (speed / limit)[5:-5], atol=1e-5)
+    assert (tool.name, tool.joint) == ("tool", None)
+    points = [PointSpeed("link1", [x, 0, 0], 2.0) for x in (0.5, 1.0)]
+    robot = load_robot("example:two_link", "hand", limits=LimitOverrides(point_speed=points))
+    uses = limit_uses(anywhere(robot), rest_to_rest(robot.joint_names, [0, 0.5], [1, 0.5], 1.0))
+    velocity = abs(uses.samples.velocity[:, 0])
+    for k, (use, lever) in enumerate(zip(uses.of("point_speed"), (0.5, 1.0), strict=True)):
+        assert (use.name, use.point) == (f"point {k} on link1", k)
+        np.testing.assert_allclose(use.share, velocity * lever / 2, atol=1e-9)
+
+
 # How much speed is left: against trajectories that use all of a limit, and slower ones.
-
-
-NAMES = ("joint1", "joint2")
 
 
 @pytest.fixture(scope="module")
@@ -218,24 +299,12 @@ def test_a_slower_one_leaves_what_it_is_slower_and_the_fastest_hardly_any(fastes
 @pytest.mark.parametrize("slower", [1.0, 2.0])
 def test_a_limit_of_jerk_counts(slower):
     """Jerk at its limit all the time, forth and back; run n times as long, 1/n^3 of it."""
-    jerk = 600.0
+    jerk, names = 600.0, ("joint1", "joint2")
     limits = LimitOverrides(
-        velocity=dict.fromkeys(NAMES, 1e6), effort=dict.fromkeys(NAMES, 1e9), jerk={NAMES[0]: jerk}
+        velocity=dict.fromkeys(names, 1e6), effort=dict.fromkeys(names, 1e9), jerk={names[0]: jerk}
     )
     robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
-    width, state, pieces = 0.05, np.zeros(3), []
-    for sign in (1, -1, -1, 1):
-        pieces.append([sign * jerk / 6, state[2] / 2, state[1], state[0]])
-        powers = width ** np.arange(4)
-        q, v, a = state
-        state = np.array(
-            [
-                q + v * width + a * powers[2] / 2 + sign * jerk * powers[3] / 6,
-                v + a * width + sign * jerk * powers[2] / 2,
-                a + sign * jerk * width,
-            ]
-        )
-    coefficients = np.zeros((4, 4, 2))
-    coefficients[:, :, 0] = np.array(pieces).T
-    trajectory = JointTrajectory(NAMES, width * np.arange(5), coefficients).scaled(slower)
+    time, coefficients = 0.05 * np.arange(5), np.zeros((4, 4, 2))
+    coefficients[:, :, 0] = PPoly(jerk * np.array([[1.0, -1, -1, 1]]), time).antiderivative(3).c
+    trajectory = JointTrajectory(names, time, coefficients).scaled(slower)
     assert unused_speed(anywhere(robot), trajectory) == pytest.approx(1 - 1 / slower, abs=1e-6)

@@ -33,29 +33,36 @@ from tubeplanner.robot.effort_rate import effort_rate
 # Time scaling against moves whose minimum time is known in closed form.
 
 
+FREE = {"velocity": np.inf, "effort": np.inf}
+BY_EFFORT = np.sqrt(INERTIA * ANGLE * PEAK_ACCELERATION / 5)
+
+
 @pytest.mark.parametrize(
-    ("limits", "expected"),
+    ("limits", "armature", "expected"),
     [
-        ({"velocity": np.inf}, np.sqrt(INERTIA * ANGLE * PEAK_ACCELERATION / 5)),
-        ({"velocity": 1.5, "effort": np.inf}, ANGLE * PEAK_VELOCITY / 1.5),
+        ({"velocity": np.inf}, 0.0, BY_EFFORT),
+        ({"velocity": np.inf}, 0.5, BY_EFFORT * np.sqrt(1 + 0.5 / INERTIA)),
+        (FREE | {"velocity": 1.5}, 0.0, ANGLE * PEAK_VELOCITY / 1.5),
+        (FREE | {"acceleration": 2.0}, 0.0, np.sqrt(ANGLE * PEAK_ACCELERATION / 2)),
+        (FREE | {"velocity": 100.0, "jerk": 30.0}, 0.0, np.cbrt(ANGLE * PEAK_JERK / 30)),
+        # Inertia times jerk, largest at both ends, where acceleration is not.
         (
-            {"velocity": np.inf, "effort": np.inf, "acceleration": 2.0},
-            np.sqrt(ANGLE * PEAK_ACCELERATION / 2),
+            FREE | {"velocity": 1e3, "effort_rate": 30.0},
+            0.0,
+            np.cbrt(INERTIA * ANGLE * PEAK_JERK / 30),
         ),
-        ({"velocity": 100.0, "effort": np.inf, "jerk": 30.0}, np.cbrt(ANGLE * PEAK_JERK / 30)),
         (
             {"velocity": 1.5, "effort": np.inf, "acceleration": 1e3, "jerk": 1e6},
+            0.0,
             ANGLE * PEAK_VELOCITY / 1.5,
         ),
     ],
-    ids=["effort", "velocity", "acceleration", "jerk", "velocity of all"],
 )
-def test_one_joint_move_takes_its_known_minimum_time(tmp_path, limits, expected):
-    robot = one_joint(tmp_path, **limits)
-    for given in (0.1, 1.0, 7.0):
-        assert minimum_duration(anywhere(robot), quintic(duration=given)) == pytest.approx(
-            expected, rel=1e-7
-        )
+def test_one_joint_move_takes_its_known_minimum_time(tmp_path, limits, armature, expected):
+    problem = anywhere(with_motors(one_joint(tmp_path, **limits), armature=armature))
+    for duration in (0.1, 1.0, 7.0):
+        shape = quintic(duration=duration)
+        assert minimum_duration(problem, shape) == pytest.approx(expected, rel=1e-7)
 
 
 def test_scaling_again_changes_nothing(stored):
@@ -91,14 +98,10 @@ def test_scaling_factor_says_how_much_faster_each_sample_could_be_run(tmp_path, 
         assert use == pytest.approx(1.0, rel=1e-12)
 
 
-def test_a_joint_at_rest_limits_nothing(tmp_path):
-    robot = one_joint(tmp_path)
-    still = np.zeros((1, 1))
-    assert np.isinf(scaling_factor(anywhere(robot), still, still, still)).all()
-
-
-def test_a_shape_that_does_not_move_takes_no_time(tmp_path):
-    assert minimum_duration(anywhere(one_joint(tmp_path)), quintic(0.0)) == 0.0
+def test_a_joint_at_rest_limits_nothing_and_takes_no_time(tmp_path):
+    problem, still = anywhere(one_joint(tmp_path)), np.zeros((1, 1))
+    assert np.isinf(scaling_factor(problem, still, still, still)).all()
+    assert minimum_duration(problem, quintic(0.0)) == 0.0
 
 
 def test_gravity_beyond_the_motor_is_an_answer_with_joint_and_place(tmp_path):
@@ -189,14 +192,6 @@ def test_effort_rates_are_met_exactly_on_both_sides_of_breakpoints(kinked):
     assert scaling_factor(problem, *states, jerk).min() < scaling_factor(problem, *states).min()
 
 
-def test_a_pendulums_effort_rate_has_its_known_minimum_time(tmp_path):
-    """Without gravity it is inertia times jerk, largest at both ends, where acceleration is not."""
-    robot = one_joint(tmp_path, velocity=1e3, effort=np.inf, effort_rate=30.0)
-    expected = np.cbrt(INERTIA * ANGLE * PEAK_JERK / 30)
-    found = minimum_duration(anywhere(robot), quintic(duration=0.7))
-    assert found == pytest.approx(expected, rel=1e-7)
-
-
 def test_a_peak_of_an_effort_rate_between_samples_counts(tmp_path):
     """With gravity: against the largest of the closed form."""
     robot = one_joint(tmp_path, mass=0.5, velocity=1e3, effort=np.inf, effort_rate=4.0)
@@ -228,12 +223,6 @@ def test_what_rounding_makes_of_standing_still_has_no_friction(slide, turned):
 SPEEDS = np.linspace(0, 1, 101)
 BACK, FORTH = 0.9, 0.3
 FRICTION = {"backwards_friction": BACK, "forwards_friction": FORTH}
-
-
-def course(powers, *more, width=1.0):
-    """Return a joint's motion by polynomials of the time in each piece, highest power first."""
-    rows = np.array([powers, *more]).T[:, :, None]
-    return JointTrajectory(["turn"], width * np.arange(1 + rows.shape[1]), rows)
 
 
 def worst(robot, plain, state, speed):
@@ -284,86 +273,62 @@ def test_it_is_the_first_speed_that_breaks_a_limit(request, name, seed):
     np.testing.assert_allclose(slower[-1], 0.0, atol=1e-9)
 
 
-def test_there_are_faster_ones_that_limits_allow_and_they_do_not_count(tmp_path):
-    """Braking, -(I a) s^2 + d v s <= L: viscous friction is too much, then inertia needs it."""
-    robot = with_motors(one_joint(tmp_path, velocity=1e3), viscous_friction=4.0)
-    v, a = np.array([[1.0]]), np.array([[-1.0]])
-    available, inertia = 5.0, INERTIA
-    edges = np.roots([-inertia, 4.0, -available])
-    factor = scaling_factor(anywhere(robot), np.zeros((1, 1)), v, a)[0]
-    assert factor == pytest.approx(min(edges))
-    again = 1.01 * max(edges)
-    assert worst(robot, one_joint(tmp_path, velocity=1e3), (0 * v, v, a), np.array([again])) < 0
+def test_braking_is_limited_by_what_viscous_friction_takes_first(tmp_path):
+    """-(I a) s^2 + d v s <= L: friction is too much, then inertia needs it.
+
+    Faster ones that limits allow do not count. If 4 I L > (d v)^2, the hump stays below the limit.
+    """
+    plain, v, a = one_joint(tmp_path, velocity=1e3), np.array([[1.0]]), np.array([[-1.0]])
+
+    def factor(viscous):
+        robot = with_motors(plain, viscous_friction=viscous)
+        return robot, scaling_factor(anywhere(robot), 0 * v, v, a)[0]
+
+    robot, found = factor(4.0)
+    edges = np.roots([-INERTIA, 4.0, -5.0])
+    assert found == pytest.approx(min(edges))
+    assert worst(robot, plain, (0 * v, v, a), np.array([1.01 * max(edges)])) < 0
+    assert factor(2.0)[1] == pytest.approx(max(np.roots([INERTIA, -2.0, -5.0])))
 
 
-def test_a_hump_that_stays_below_the_limit_limits_nothing(tmp_path):
-    """4 I L > (d v)^2: inertia needs all that friction takes, up to the other side."""
-    robot = with_motors(one_joint(tmp_path, velocity=1e3), viscous_friction=2.0)
-    v, a = np.array([[1.0]]), np.array([[-1.0]])
-    factor = scaling_factor(anywhere(robot), np.zeros((1, 1)), v, a)[0]
-    assert factor == pytest.approx(max(np.roots([INERTIA, -2.0, -5.0])))
-
-
-@pytest.mark.parametrize(("at", "way"), [(0.371, 1.0), (0.9993, -1.0), (2e-4, 1.0)])
-def test_a_reversal_between_samples_is_seen(tmp_path, at, way):
-    """Constant acceleration: what is left beside the friction of the way that needs more."""
-    robot = with_motors(one_joint(tmp_path, velocity=1e3), **FRICTION)
-    motion = course([way * 1.5, -way * 3.0 * at, 0.0])
-    after = FORTH if way > 0 else BACK
-    expected = motion.duration / np.sqrt((5.0 - after) / (INERTIA * 3.0))
-    assert minimum_duration(anywhere(robot), motion) == pytest.approx(expected, rel=1e-7)
+# Of the acceleration 3 - (t - 0.5)^2, largest at the reversal, before the other direction's
+# friction helps.
+LARGEST_THERE = np.poly1d([-1.0, 1.0, 2.75]).integ()
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_at_the_reversal_both_sides_count(tmp_path, way):
-    """The acceleration is largest there, and falls before the other direction's friction helps.
-
-    5 N m less that friction, as if the joint had it before and after.
-    """
+@pytest.mark.parametrize(
+    ("polynomial", "acceleration", "helps"),
+    [
+        # Constant acceleration that reverses between samples.
+        ([1.5, -3.0 * 0.371, 0.0], 3.0, -1),
+        ([1.5, -3.0 * 0.9993, 0.0], 3.0, -1),
+        ([1.5, -3.0 * 2e-4, 0.0], 3.0, -1),
+        ((LARGEST_THERE - LARGEST_THERE(0.5)).integ().c, 3.0, -1),
+        # From 6 rad/s^2 of braking down to 1; back it goes from 0.6 s on, where 3 are left.
+        (np.poly1d([2.5, -6.0, 2.7]).integ().c, 6.0, 1),
+        # Parabolas whose acceleration is that of both ends, where velocity is none.
+        ([1.5, 0.0, 0.0], 3.0, -1),
+        ([-1.5, 3.0, 0.0], 3.0, 1),
+    ],
+)
+def test_friction_counts_on_both_sides_of_reversals_and_at_ends(
+    tmp_path, polynomial, acceleration, helps, way
+):
+    """What is left beside the friction of the way that needs more, or with what friction brakes."""
     robot = with_motors(one_joint(tmp_path, velocity=1e3), **FRICTION)
-    turned = np.poly1d([-1.0, 0.5 * 2, 3 - 0.25])  # of the acceleration: 3 - (t - 0.5)^2
-    velocity = turned.integ() - turned.integ()(0.5)
-    motion = course(way * velocity.integ().c)
-    after = FORTH if way > 0 else BACK
-    expected = motion.duration / np.sqrt((5.0 - after) / (INERTIA * 3.0))
-    assert minimum_duration(anywhere(robot), motion) == pytest.approx(expected, rel=1e-7)
-
-
-@pytest.mark.parametrize(("way", "dry"), [(1.0, FORTH), (-1.0, BACK)])
-def test_before_a_reversal_friction_brakes(tmp_path, way, dry):
-    """From 6 rad/s^2 down to 1; back it goes from 0.6 s on, where 3 rad/s^2 are left."""
-    robot = with_motors(one_joint(tmp_path, velocity=1e3), **FRICTION)
-    velocity = np.poly1d([2.5, -6.0, 2.7])
-    motion = course(way * velocity.integ().c)
-    expected = motion.duration / np.sqrt((5.0 + dry) / (INERTIA * 6.0))
-    assert minimum_duration(anywhere(robot), motion) == pytest.approx(expected, rel=1e-7)
-
-
-@pytest.mark.parametrize(("way", "dry"), [(1.0, FORTH), (-1.0, BACK)])
-def test_at_start_and_goal_the_friction_of_the_motion_counts(tmp_path, way, dry):
-    """A parabola whose acceleration is that of both ends, where velocity is none."""
-    robot = with_motors(one_joint(tmp_path, velocity=1e3), **FRICTION)
-    motion = course([way * 1.5, 0.0, 0.0])
-    expected = motion.duration / np.sqrt((5.0 - dry) / (INERTIA * 3.0))
-    assert minimum_duration(anywhere(robot), motion) == pytest.approx(expected, rel=1e-7)
-    braking = course([-way * 1.5, way * 3.0, 0.0])
-    expected = motion.duration / np.sqrt((5.0 + dry) / (INERTIA * 3.0))
-    assert minimum_duration(anywhere(robot), braking) == pytest.approx(expected, rel=1e-7)
-
-
-def test_armature_is_inertia(tmp_path):
-    armature = 0.5
-    robot = with_motors(one_joint(tmp_path, velocity=np.inf), armature=armature)
-    ideal = minimum_duration(anywhere(one_joint(tmp_path, velocity=np.inf)), quintic())
-    found = minimum_duration(anywhere(robot), quintic())
-    assert found == pytest.approx(ideal * np.sqrt(1 + armature / INERTIA), rel=1e-7)
+    rows = way * np.array(polynomial)[:, None, None]
+    dry = FORTH if way > 0 else BACK
+    expected = np.sqrt(INERTIA * acceleration / (5.0 + helps * dry))
+    found = minimum_duration(anywhere(robot), JointTrajectory(["turn"], [0.0, 1.0], rows))
+    assert found == pytest.approx(expected, rel=1e-7)
 
 
 def test_a_quintic_with_viscous_friction_meets_its_limit_at_its_worst_instant(tmp_path):
     """Which is neither where the acceleration is largest nor where the velocity is."""
     robot = with_motors(one_joint(tmp_path, velocity=1e3), viscous_friction=1.5, **FRICTION)
     motion = scaled_to_limits(anywhere(robot), quintic(ANGLE))
-    t = np.linspace(0, motion.duration, 200_001)
+    t = np.linspace(0, motion.duration, 50_001)
     effort = (INERTIA * motion.acceleration(t) + 1.5 * motion.velocity(t) + FORTH)[:, 0]
     assert abs(effort).max() == pytest.approx(5.0, rel=1e-7)
     assert abs(effort).max() <= 5.0

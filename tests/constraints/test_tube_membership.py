@@ -36,26 +36,37 @@ def test_the_margin_is_the_least_of_tool_and_joints(two_link):
         assert margin[i, 1] == pytest.approx(min(second, -0.2 - elbow, elbow + 2.5), abs=1e-12)
 
 
-INSIDE = {
-    "in order": ([[1, 0], [1, 1], [0, 1]], [False, True]),
-    "switching time between samples": ([[1, 0], [0, 1]], [False, True]),
-    "still in both": ([[1, 0], [1, 1]], [True, True]),
-    "never in the first": ([[0, 1], [0, 1]], [False, True]),
-    "outside for a moment": ([[1, 0], [0, 0], [0, 1]], [False, False]),
-    "back again": ([[1, 0], [0, 1], [1, 0]], [False, False]),
-}
-
-
 def last_reached(inside, begin, passable=None, *, ordered=True):
     inside = np.array(inside, dtype=bool)
-    passable = np.zeros(inside.shape[2], dtype=bool) if passable is None else passable
-    return segments_reached(inside, begin, passable, ordered=ordered)[:, -1]
+    passable = np.zeros(inside.shape[2]) if passable is None else np.array(passable)
+    return segments_reached(inside, begin, passable.astype(bool), ordered=ordered)[:, -1]
 
 
-@pytest.mark.parametrize(("inside", "expected"), INSIDE.values(), ids=INSIDE)
-def test_segments_are_reached_in_order(inside, expected):
-    begin = np.array([[True, False]])
-    assert last_reached([inside], begin).tolist() == [expected]
+@pytest.mark.parametrize(
+    ("inside", "fields", "expected"),
+    [
+        ([[1, 0], [1, 1], [0, 1]], {}, [False, True]),
+        ([[1, 0], [0, 1]], {}, [False, True]),  # the switching time is between samples
+        ([[1, 0], [1, 1]], {}, [True, True]),
+        ([[0, 1], [0, 1]], {}, [False, True]),  # never in the first
+        ([[1, 0], [0, 0], [0, 1]], {}, [False, False]),  # outside for a moment
+        ([[1, 0], [0, 1], [1, 0]], {}, [False, False]),  # back again
+        # No segment is skipped unless the sample is in it.
+        ([[1, 0, 0], [0, 0, 1]], {}, [False, False, False]),
+        ([[1, 0, 0], [0, 1, 1]], {}, [False, True, True]),
+        # A passable one may be passed between samples.
+        ([[1, 0, 0, 0], [0, 0, 0, 1]], {"passable": [0, 1, 1, 0]}, [False, False, False, True]),
+        ([[1, 0, 0, 0], [0, 0, 0, 1]], {"passable": [0, 1, 0, 0]}, [False] * 4),
+        ([[1, 0, 0, 0], [0, 0, 0, 1]], {"passable": [0, 0, 1, 0]}, [False] * 4),
+        # In a union any may follow any other.
+        ([[1, 0], [0, 1], [1, 0]], {"ordered": False}, [True, False]),
+        ([[1, 0], [0, 0], [1, 0]], {"ordered": False}, [False, False]),
+    ],
+)
+def test_segments_are_reached_in_order(inside, fields, expected):
+    is_union = not fields.get("ordered", True)
+    begin = np.array([[True, *[is_union] * (len(expected) - 1)]])
+    assert last_reached([inside], begin, **fields).tolist() == [expected]
 
 
 @pytest.mark.parametrize(("offset", "passes"), [(0.0, True), (0.019, True), (0.025, False)])
@@ -94,22 +105,6 @@ def one_step(before, now, passable):
     return after
 
 
-def test_no_segment_is_skipped_unless_the_sample_is_in_it():
-    begin = np.array([[True, False, False]])
-    jump = np.array([[[1, 0, 0], [0, 0, 1]]], dtype=bool)
-    short = np.array([[[1, 0, 0], [0, 1, 1]]], dtype=bool)
-    assert not last_reached(jump, begin).any()
-    assert last_reached(short, begin)[0, 2]
-
-
-def test_a_passable_segment_may_be_passed_between_samples():
-    begin = np.array([[True, False, False, False]])
-    jump = np.array([[[1, 0, 0, 0], [0, 0, 0, 1]]], dtype=bool)
-    for passable, expected in ([0, 1, 1, 0], True), ([0, 1, 0, 0], False), ([0, 0, 1, 0], False):
-        reached = last_reached(jump, begin, np.array(passable, dtype=bool))
-        assert reached[0, 3] == expected
-
-
 def test_short_segments_are_passable():
     points = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 0.01, 0], [0, 0.01, 0], [0, 0.4, 0]])
     assert passable_segments(Tube(points, 0.02)).tolist() == [False, True, False, False]
@@ -117,28 +112,19 @@ def test_short_segments_are_passable():
     assert passable_segments(Tube(many, 0.001)).all()
 
 
-def test_in_a_union_any_segment_may_follow_any_other():
-    begin = np.ones((1, 2), dtype=bool)
-    back = np.array([[[1, 0], [0, 1], [1, 0]]], dtype=bool)
-    out = np.array([[[1, 0], [0, 0], [1, 0]]], dtype=bool)
-    assert last_reached(back, begin, ordered=False).tolist() == [[True, False]]
-    assert not last_reached(out, begin, ordered=False).any()
-
-
-def lines(two_link, q):
-    """Return a trajectory along straight joint lines through configurations, one per second."""
-    q = np.array(q)
-    coefficients = np.stack([np.diff(q, axis=0), q[:-1]])
-    return JointTrajectory(two_link.joint_names, np.arange(len(q)), coefficients)
-
-
-def test_the_first_piece_that_leaves_the_tube_is_named(stored):
-    problem, trajectory = stored("two_link/around_a_post")
+@pytest.mark.parametrize(
+    ("name", "piece", "joint", "moved"),
+    [("two_link/around_a_post", 7, 0, 0.3), ("ur5/level_tray", 40, 4, 0.07)],
+)
+def test_the_first_piece_that_leaves_the_tube_or_turns_too_far_is_named(
+    name, piece, joint, moved, stored
+):
+    problem, trajectory = stored(name)
     assert first_departure(problem, trajectory, 1e-6) is None
     bent = trajectory.coefficients.copy()
-    bent[-1, 7, 0] += 0.3
-    moved = JointTrajectory(problem.robot.joint_names, trajectory.breakpoints, bent)
-    assert first_departure(problem, moved, 1e-6) == 7
+    bent[-1, piece, joint] += moved
+    bent = JointTrajectory(problem.robot.joint_names, trajectory.breakpoints, bent)
+    assert first_departure(problem, bent, 1e-6) == piece
 
 
 def test_a_trajectory_must_arrive_in_the_last_segment(stored):
@@ -161,14 +147,16 @@ def test_a_departure_between_samples_is_seen(two_link):
 
 
 def test_a_union_may_be_visited_backwards(two_link):
+    """Along straight joint lines through configurations, one per second."""
     free = np.full(2, np.inf)
     q = [np.array([0.0, -1.0])]
     for y in (-0.25, -0.2, -0.15):
-        target = np.array([0.4, y, 0])
-        q.append(solve_position(two_link, target, q[-1], -free, free).q)
-    back = lines(two_link, [*q[1:], *q[-2:0:-1]])
-    assert first_departure(corner(two_link, visit="any"), back, 1e-6) is None
-    assert first_departure(corner(two_link), back, 1e-6) == 3  # it never arrives
+        q.append(solve_position(two_link, np.array([0.4, y, 0]), q[-1], -free, free).q)
+    back = np.array([*q[1:], *q[-2:0:-1]])
+    coefficients = np.stack([np.diff(back, axis=0), back[:-1]])
+    trajectory = JointTrajectory(two_link.joint_names, np.arange(len(back)), coefficients)
+    assert first_departure(corner(two_link, visit="any"), trajectory, 1e-6) is None
+    assert first_departure(corner(two_link), trajectory, 1e-6) == 3  # it never arrives
 
 
 def test_the_margin_knows_the_rotation(stored):
@@ -182,13 +170,3 @@ def test_the_margin_knows_the_rotation(stored):
     assert turned[1] > 0 > turned[2]
     assert (problem.tube.margin(tool)[1:, 1] > turned[1:]).all()
     np.testing.assert_allclose(membership_margin(problem, q)[1:, 1], turned[1:], atol=1e-12)
-
-
-def test_the_first_piece_that_turns_the_tool_too_far_is_named(stored):
-    problem, trajectory = stored("ur5/level_tray")
-    assert first_departure(problem, trajectory, 1e-6) is None
-    piece = len(trajectory.widths) // 2
-    bent = trajectory.coefficients.copy()
-    bent[-1, piece, 4] += 0.07
-    moved = JointTrajectory(problem.robot.joint_names, trajectory.breakpoints, bent)
-    assert first_departure(problem, moved, 1e-6) == piece
