@@ -22,19 +22,17 @@ def turned(points, orientations, tolerance):
     return Tube(points, 0.1, orientations=orientations, rotation_tolerance=tolerance)
 
 
-def test_the_reference_turns_about_one_axis_in_proportion_to_the_way():
+def test_the_reference_turns_about_one_axis_in_proportion_to_the_path():
     """Against scipy's spherical interpolation, between the ends and beyond them."""
     quaternions = Rotation.random(3, random_state=3).as_quat()
     tube = turned(CORNER, quaternions * [[1], [-1], [1]], 1.0)  # q and -q are the same rotation
     u = np.linspace(-0.5, 1.5, 41)
-    beside = np.array([0.0, 0.03, 0.05])
-    for k in range(2):
+    for k, beside in ((0, [0.0, 0.03, 0.05]), (1, [0.03, 0.0, 0.05])):
         tool = tube.points[k] + u[:, None] * (tube.points[k + 1] - tube.points[k])
         expected = Slerp([0, 1], Rotation.from_quat(quaternions[k : k + 2]))(np.clip(u, 0, 1))
-        found = tube.rotation.reference(tool, k)
-        np.testing.assert_allclose(found, expected.as_matrix(), atol=1e-14)
-        offset = beside if k == 0 else beside[[1, 0, 2]]
-        np.testing.assert_allclose(tube.rotation.reference(tool + offset, k), found, atol=1e-14)
+        reference = tube.rotation.reference(tool, k)
+        np.testing.assert_allclose(reference, expected.as_matrix(), atol=1e-14)
+        np.testing.assert_allclose(tube.rotation.reference(tool + beside, k), reference, atol=1e-14)
 
 
 def test_a_segment_may_be_named_for_every_sample():
@@ -43,8 +41,8 @@ def test_a_segment_may_be_named_for_every_sample():
     tool, rotation = rng.uniform(0, 1, (20, 3)), Rotation.random(20, random_state=1).as_matrix()
     segment = rng.integers(0, 2, 20)
     each = [tube.rotation.margin(rotation, tool, k) for k in range(2)]
-    found = tube.rotation.margin(rotation, tool, segment)
-    np.testing.assert_allclose(found, np.where(segment == 0, *each), atol=1e-14)
+    margin = tube.rotation.margin(rotation, tool, segment)
+    np.testing.assert_allclose(margin, np.where(segment == 0, *each), atol=1e-14)
     np.testing.assert_allclose(tube.rotation_margin(rotation, tool), np.array(each).T, atol=1e-14)
     part = tube.rotation_margin(rotation, tool, slice(1, 2))
     np.testing.assert_allclose(part[:, 0], each[1], atol=1e-14)
@@ -70,7 +68,6 @@ def test_a_planar_arm_is_off_by_the_sum_of_its_angles(two_link):
     ("tolerance", "vector", "margin"),
     [
         (0.3, [0.3, 0, 0], 0.0),
-        (0.3, [0, 0, -0.4], -0.1),
         (0.5, [0.3, -0.4, 0], 0.0),
         ([0.5, 0.5, 0.5], [0.3, -0.4, 0], 0.1),
         ([0.1, 0.2, INF], [0.1, 0, 3.0], 0.0),
@@ -85,8 +82,8 @@ def test_the_margin_is_what_is_left_of_the_tightest_bound(tolerance, vector, mar
     reference = Rotation.from_rotvec([0.4, -1.0, 0.7])
     tube = turned(LINE, [reference.as_quat()] * 2, [tolerance])
     rotation = (reference * Rotation.from_rotvec(vector)).as_matrix()
-    found = tube.rotation.margin(rotation[None], np.array([[0.5, 0, 0]]), 0)
-    np.testing.assert_allclose(found, [margin], atol=1e-14)
+    left = tube.rotation.margin(rotation[None], np.array([[0.5, 0, 0]]), 0)
+    np.testing.assert_allclose(left, [margin], atol=1e-14)
 
 
 def test_the_margin_has_no_jump_at_half_a_turn():
@@ -99,29 +96,26 @@ def test_the_margin_has_no_jump_at_half_a_turn():
     assert abs(np.diff(margin)).max() < 1e-6
 
 
-@pytest.mark.parametrize("segments", [1, 2, 3, 4])
+@pytest.mark.parametrize("segments", [1, 3])
 def test_one_number_or_triple_serves_for_all_segments(segments):
+    bounds, each = [0.1, 0.2, INF], ((0.1, 0.2, INF),) * segments
     points = [[0.1 * k, 0, 0] for k in range(segments + 1)]
-    still, bounds = [STILL] * len(points), [0.1, 0.2, INF]
     assert rotation_bounds(0.1, segments) == (0.1,) * segments
-    assert rotation_bounds([bounds], segments) == ((0.1, 0.2, INF),) * segments
-    assert turned(points, still, [bounds]).rotation_tolerance == ((0.1, 0.2, INF),) * segments
-    flat = (0.1, 0.2, INF) if segments == 3 else ((0.1, 0.2, INF),) * segments
+    assert rotation_bounds([bounds], segments) == each
+    assert turned(points, [STILL] * len(points), [bounds]).rotation_tolerance == each
+    flat = tuple(bounds) if segments == 3 else each  # three angles, or one triple
     assert rotation_bounds(bounds, segments) == flat
     assert rotation_bounds(np.array(bounds), segments) == flat
 
 
-def test_what_is_free_everywhere_is_not_asked():
-    tube = turned(CORNER, [STILL] * 3, [[INF, INF, INF], INF])
-    assert tube.rotation is None
-    assert tube.rotation_tolerance == ((INF, INF, INF), INF)
-    assert (tube.rotation_margin(np.eye(3)[None], np.zeros((1, 3))) == INF).all()
-
-
 def test_a_segment_may_be_free_beside_one_that_is_not():
+    at = np.eye(3)[None], np.zeros((1, 3))
     tube = turned(CORNER, [STILL] * 3, [[INF, INF, INF], 0.2])
-    margin = tube.rotation_margin(np.eye(3)[None], np.zeros((1, 3)))
-    np.testing.assert_array_equal(margin, [[INF, 0.2]])
+    np.testing.assert_array_equal(tube.rotation_margin(*at), [[INF, 0.2]])
+    free = turned(CORNER, [STILL] * 3, [[INF, INF, INF], INF])
+    assert free.rotation is None
+    assert free.rotation_tolerance == ((INF, INF, INF), INF)
+    assert (free.rotation_margin(*at) == INF).all()
 
 
 def test_a_tube_can_be_made_again_from_what_it_keeps():
@@ -145,67 +139,57 @@ def test_rounded_quaternions_are_made_unit():
     np.testing.assert_allclose(tube.rotation.turn[0], [-np.pi / 2, 0, 0], atol=1e-12)
 
 
+def fault(message, orientations=(STILL, STILL), tolerance=0.1):
+    return orientations, tolerance, message
+
+
 @pytest.mark.parametrize(
     ("orientations", "tolerance", "message"),
     [
-        (
-            [STILL, STILL],
-            None,
+        fault(
             "tube.orientations is given without tube.rotation_tolerance; give an angle or three "
             "bounds [rad] for every segment, or leave both out",
+            tolerance=None,
         ),
-        (
-            None,
-            [0.1],
+        fault(
             "tube.rotation_tolerance is given without tube.orientations; give a quaternion "
             "[x, y, z, w] for every reference point, or leave both out",
+            None,
         ),
-        (
-            [STILL],
-            0.1,
-            "tube.orientations has 1 quaternions for 2 reference points; give one each",
-        ),
-        (STILL, 0.1, "tube.orientations: [0, 0, 0, 1] is no list of quaternions [x, y, z, w]"),
-        ([[0, 0, 1]] * 2, 0.1, "is no list of quaternions [x, y, z, w]"),
-        ("down", 0.1, "tube.orientations: down is no list of quaternions"),
-        (
-            [STILL, [0, 0, 0, 0.9]],
-            0.1,
+        fault("has 1 quaternions for 2 reference points; give one each", [STILL]),
+        fault("tube.orientations: [0, 0, 0, 1] is no list of quaternions [x, y, z, w]", STILL),
+        fault("is no list of quaternions [x, y, z, w]", [[0, 0, 1]] * 2),
+        fault("tube.orientations: down is no list of quaternions", "down"),
+        fault(
             "tube.orientations[1] [0.0, 0.0, 0.0, 0.9] has the length 0.9; a rotation is a "
             "quaternion [x, y, z, w] of length 1: divide it by its length",
+            [STILL, [0, 0, 0, 0.9]],
         ),
-        ([STILL, [0, 0, 0, 1.002]], 0.1, "tube.orientations[1] [0.0, 0.0, 0.0, 1.002] has the len"),
-        ([STILL, [0, 0, 0, np.nan]], 0.1, "has the length nan"),
-        (
-            [STILL, [0, 1, 0, 0]],
-            0.1,
+        fault("[1] [0.0, 0.0, 0.0, 1.002] has the length 1.002", [STILL, [0, 0, 0, 1.002]]),
+        fault("has the length nan", [STILL, [0, 0, 0, np.nan]]),
+        fault(
             "tube.orientations: from point 0 to 1 the tool turns by 180 degrees, so that the "
             "direction is undetermined; add a reference point between them",
+            [STILL, [0, 1, 0, 0]],
         ),
-        (
-            [STILL, STILL],
-            [0.1, 0.1],
+        fault(
             "tube.rotation_tolerance has 2 entries for 1 segments; give one angle or triple for "
             "all, or an angle or three bounds each",
+            tolerance=[0.1, 0.1],
         ),
-        ([STILL, STILL], [[0.1, 0.1, 0.1]] * 2, "tube.rotation_tolerance has 2 entries for 1 seg"),
-        ([STILL, STILL], [], "tube.rotation_tolerance has 0 entries for 1 segments"),
-        ([STILL, STILL], [0], "tube.rotation_tolerance[0] is 0 rad; it must be > 0, .inf where"),
-        ([STILL, STILL], -0.1, "tube.rotation_tolerance[0] is -0.1 rad; it must be > 0"),
-        ([STILL, STILL], [np.nan], "tube.rotation_tolerance[0] is nan rad; it must be > 0"),
-        (
-            [STILL, STILL],
-            [[0.1, 0.0, INF]],
-            "tube.rotation_tolerance[0] is [0.1, 0.0, inf] rad; it",
-        ),
-        (
-            [STILL, STILL],
-            [[0.1, 0.1]],
+        fault("tube.rotation_tolerance has 2 entries for 1", tolerance=[[0.1, 0.1, 0.1]] * 2),
+        fault("tube.rotation_tolerance has 0 entries for 1 segments", tolerance=[]),
+        fault("tube.rotation_tolerance[0] is 0 rad; it must be > 0, .inf where", tolerance=[0]),
+        fault("tube.rotation_tolerance[0] is -0.1 rad; it must be > 0", tolerance=-0.1),
+        fault("tube.rotation_tolerance[0] is nan rad; it must be > 0", tolerance=[np.nan]),
+        fault("tolerance[0] is [0.1, 0.0, inf] rad; it must be > 0", tolerance=[[0.1, 0.0, INF]]),
+        fault(
             "tube.rotation_tolerance[0] is [0.1, 0.1]; it must be one angle or bounds [x, y, z] on "
             "the components of the rotation vector [rad], .inf where free",
+            tolerance=[[0.1, 0.1]],
         ),
-        ([STILL, STILL], ["wide"], "tube.rotation_tolerance[0] is 'wide'; it must be one angle or"),
-        ([STILL, STILL], [True], "tube.rotation_tolerance[0] is True; it must be one angle or"),
+        fault("rotation_tolerance[0] is 'wide'; it must be one angle or", tolerance=["wide"]),
+        fault("rotation_tolerance[0] is True; it must be one angle or", tolerance=[True]),
     ],
 )
 def test_a_fault_is_named(orientations, tolerance, message):
