@@ -1,14 +1,12 @@
-"""Limits of the planned joints: the URDF's, replaced and scaled by the problem's."""
+"""Limits of the planned joints: the URDF's, replaced and scaled by layers of overrides."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal as same
 
 from refusals import refusal
-from tubeplanner.errors import RobotError
+from tubeplanner import LimitLayer, LimitOverrides, PointSpeed, RobotError, load_robot
 from tubeplanner.robot.joint_limits import resolve_limits
-from tubeplanner.robot.limit_overrides import LimitOverrides
-from tubeplanner.robot.point_speed import PointSpeed
 from tubeplanner.robot.urdf import read_urdf
 from tubeplanner.robot.velocity_by_position import VelocityByPosition
 
@@ -16,24 +14,51 @@ INF = np.inf
 COMPLETE = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 RANGE = "give a number from 1e-06 to 1e+09, or .inf for none"
 QUANTITIES = ["effort", "velocity", "acceleration", "jerk", "effort_rate"]
-LAW = {"deceleration": 6, "offset": 0.3}
+LAW = {"deceleration": 6.0, "offset": 0.3}
+FOLLOWER = f"""<link name="d"/><joint name="f" type="revolute"><parent link="b"/><child link="d"/>
+{COMPLETE}<mimic joint="j" multiplier="2"/></joint>"""
 
 
 @pytest.fixture
-def resolve(tmp_path):
-    """Return a function from limits of a problem to those of an arm of joints j and k."""
+def describe(tmp_path):
+    """Return a function that describes an arm of joints j and k, and what else it has."""
 
-    def resolve(group="jk", limit_j=COMPLETE, limit_k=COMPLETE, kind="revolute", **given):
+    def describe(limit_j=COMPLETE, limit_k=COMPLETE, kind="revolute", more=""):
         path = tmp_path / "arm.urdf"
         path.write_text(
             f"""<robot name="arm"><link name="a"/><link name="b"/><link name="c"/>
             <joint name="j" type="{kind}"><parent link="a"/><child link="b"/>{limit_j}</joint>
             <joint name="k" type="revolute"><parent link="b"/><child link="c"/>{limit_k}</joint>
-            </robot>"""
+            {more}</robot>"""
         )
-        return resolve_limits(read_urdf(path), list(group), LimitOverrides(**given))
+        return read_urdf(path)
+
+    return describe
+
+
+@pytest.fixture
+def resolve(describe):
+    """Return a function from limits of a problem to those of the arm."""
+
+    def resolve(group="jk", limit_j=COMPLETE, limit_k=COMPLETE, kind="revolute", **given):
+        description = describe(limit_j, limit_k, kind)
+        return resolve_limits(description, list(group), LimitOverrides(**given))
 
     return resolve
+
+
+@pytest.fixture
+def resolved(describe):
+    """Return a function from layers to the limits of j and k; f follows j twice as fast."""
+    return lambda *layers: resolve_limits(describe(more=FOLLOWER), ["j", "k"], layers)
+
+
+def layer(joint_count=None, skips_others=False, notes=(), **limits):
+    return LimitLayer("the ", LimitOverrides(**limits), joint_count, skips_others, notes)
+
+
+def two_link(*given, **options):
+    return load_robot("example:two_link", "hand", limits=given, **options).limits
 
 
 def require(limits, **expected):
@@ -62,29 +87,21 @@ def test_overrides_replace_only_what_they_name(resolve):
 
 
 def test_scale_acts_on_replaced_limits_too_and_never_on_other_quantities(resolve):
-    limits = resolve(
-        effort={"j": 8},
-        acceleration={"j": 6},
-        jerk={"j": 4},
-        effort_rate={"k": 1000},
-        scale={"effort": 0.5, "velocity": 0.1, "acceleration": 0.25},
-    )
-    require(limits, effort=[4, 5], acceleration=[1.5, INF], jerk=[4, INF], lower_position=[-1, -1])
-    np.testing.assert_allclose(limits.velocity, [0.3, 0.3])
-    require(limits, effort_rate=[INF, 1000])
+    scale = {"effort": 0.5, "velocity": 0.25, "acceleration": 0.25}
+    given = {"effort": {"j": 8}, "acceleration": {"j": 6}, "jerk": {"j": 4}}
+    limits = resolve(**given, effort_rate={"k": 1000}, scale=scale)
+    require(limits, effort=[4, 5], velocity=[0.75, 0.75], acceleration=[1.5, INF], jerk=[4, INF])
+    require(limits, effort_rate=[INF, 1000], lower_position=[-1, -1])
 
 
 @pytest.mark.parametrize(
     ("values", "quantity", "value"),
     [
         (None, "effort", "none"),
-        ('velocity="1"', "effort", "none"),
         ('effort="1"', "velocity", "none"),
         ('effort="0" velocity="1"', "effort", "0"),
-        ('effort="1" velocity="0"', "velocity", "0"),
-        ('effort="-5" velocity="1"', "effort", "-5"),
+        ('effort="1" velocity="-5"', "velocity", "-5"),
         ('effort="inf" velocity="1"', "effort", "inf"),
-        ('effort="1" velocity="inf"', "velocity", "inf"),
     ],
 )
 def test_a_limit_the_urdf_should_have_is_asked_for(resolve, values, quantity, value):
@@ -107,23 +124,28 @@ def test_infinity_on_purpose_is_allowed_while_something_bounds_the_speed(resolve
 
 
 @pytest.mark.parametrize(
-    ("limit", "position", "message"),
+    ("text", "position", "message"),
     [
-        ('<limit effort="1" velocity="1"/>', {}, "arm.urdf: joint 'j' has position limits [0, 0]"),
+        ("", None, "arm.urdf: joint 'j' has position limits [0, 0]"),
         (
-            '<limit lower="2" upper="1" effort="1" velocity="1"/>',
-            {},
+            'lower="2" upper="1"',
+            None,
             "arm.urdf: joint 'j' has position limits [2, 1], an empty range; give them in "
             "robot.limits.position",
         ),
         *(
-            (COMPLETE, {"j": each}, f"robot.limits.position: joint 'j' has position limits {shown}")
-            for each, shown in (((1, 1), "[1, 1]"), ((3, -3), "[3, -3]"), ((np.nan, 1), "[nan, 1]"))
+            ('lower="-1" upper="2"', value, f"robot.limits.position: joint 'j' has {shown}")
+            for value, shown in (
+                ((3, -3), "position limits [3, -3]"),
+                ((np.nan, 1), "position limits [nan, 1]"),
+            )
         ),
     ],
 )
-def test_an_empty_position_range_is_refused(resolve, limit, position, message):
-    assert message in refusal(RobotError, resolve, limit_j=limit, position=position)
+def test_an_empty_position_range_is_refused(resolve, text, position, message):
+    limit = f'<limit {text} effort="1" velocity="1"/>'
+    given = {} if position is None else {"j": position}
+    assert message in refusal(RobotError, resolve, limit_j=limit, position=given)
 
 
 def test_a_continuous_joint_is_unbounded_unless_the_problem_bounds_it(resolve):
@@ -153,48 +175,67 @@ def test_numbers_lists_and_maps_go_by_name_and_others_are_refused(resolve, quant
         require(resolve("kj", position=[(-1, 1), (-2, 2)]), upper_position=[2, 1])
 
 
+MAGNITUDES = "give magnitudes from 1e-06 to 1e+09"
+AS_MANY = "; give as many numbers in position as in effort, at least one"
+NO_EFFORTS = (
+    ([1, 0], f"[1, 0] has 0; {MAGNITUDES}"),
+    ([1, INF], f"[1, inf] has inf; {MAGNITUDES}"),
+    ([1, "a"], f"[1, 'a'] has 'a'; {MAGNITUDES}"),
+    (
+        [1, 2, 3],
+        "[1, 2, 3]; give a number from 1e-06 to 1e+09, [backwards, forwards], or a map with "
+        "position and effort",
+    ),
+    (
+        {"position": [0, 1], "efort": [1, 2]},
+        "{'position': [0, 1], 'efort': [1, 2]}: unknown key 'efort' (did you mean 'effort'?); "
+        "there is: position, effort",
+    ),
+    ({"position": [0]}, f"{{'position': [0]}}{AS_MANY}"),
+    ({"position": [0, 1], "effort": [1]}, f"{{'position': [0, 1], 'effort': [1]}}{AS_MANY}"),
+    ({"position": [], "effort": []}, f"{{'position': [], 'effort': []}}{AS_MANY}"),
+    ({"position": [0, 0], "effort": [1, 2]}, "position [0, 0]; give finite numbers that increase"),
+    ({"position": [0, 1], "effort": [1, -2]}, f"effort [1, -2] has -2; {MAGNITUDES}"),
+)
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"effort": {"j": 0}}, f"effort: joint 'j' at 0; {RANGE}"),
-        ({"velocity": {"j": -2.5}}, f"velocity: joint 'j' at -2.5; {RANGE}"),
         ({"acceleration": {"j": np.nan}}, f"acceleration: joint 'j' at nan; {RANGE}"),
         ({"jerk": {"j": -INF}}, f"jerk: joint 'j' at -inf; {RANGE}"),
-        ({"effort_rate": {"j": 0}}, f"effort_rate: joint 'j' at 0; {RANGE}"),
-        ({"effort": -1}, f"effort is -1; {RANGE}"),
-        ({"jerk": [1, 0]}, f"jerk[1] is 0; {RANGE}"),
-        ({"effort": {"j": 1e-7}}, f"effort: joint 'j' at 1e-07; {RANGE}"),
         ({"effort": {"j": 1e10}}, f"effort: joint 'j' at 1e+10; {RANGE}"),
+        ({"velocity": {"j": True}}, f"velocity: joint 'j' at True; {RANGE}"),
+        ({"velocity": {"j": [1, 2]}}, f"velocity: joint 'j' at [1, 2]; {RANGE}"),
+        ({"effort_rate": -1}, f"effort_rate is -1; {RANGE}"),
+        ({"jerk": [1, 0]}, f"jerk[1] is 0; {RANGE}"),
+        ({"effort": [3, [1, 2]]}, f"effort[1] is [1, 2]; {RANGE}"),  # only a map has pairs
+        ({"effort": "strong"}, "effort is 'strong'; it must be one number for all joints, a list"),
+        ({"effort": np.array(3.0)}, "effort is array(3.); it must be one number"),
+        ({"effort_rate": None}, "effort_rate is None; it must be one number for all"),
+        ({"position": 5}, "position is 5; it must be a map by name, or a list"),
+        ({"position": {"j": [1]}}, "position: joint 'j' at [1]; give [lower, upper"),
+        ({"position": {"j": ["a", "b"]}}, "position: joint 'j' at ['a', 'b']; give [lower, upper"),
+        ({"position": [[0, [1]], [0, 1]]}, "position[0] is [0, [1]]; give [low"),
+        ({"velocity_by_position": 5}, "velocity_by_position is 5; it must be a map by"),
+        ({"scale": "effort"}, "scale is 'effort'; it must be a map by name"),
         ({"scale": {"effort": 0}}, "scale: effort at 0 must be in (0, 1]"),
         ({"scale": {"velocity": 1.1}}, "scale: velocity at 1.1 must be in (0, 1]"),
-        ({"scale": {"effort": np.nan}}, "scale: effort at nan must be in (0, 1]"),
+        ({"scale": {"effort": "a"}}, "scale: effort at 'a' must be in"),
         (
             {"scale": {"efort": 1}},
             "scale: unknown quantity 'efort' (did you mean 'effort'?); there is: effort, velocity, "
             "acceleration",
         ),
-        ({"effort": "strong"}, "effort is 'strong'; it must be one number for all"),
-        ({"jerk": True}, "jerk is True; it must be one number for all joints, a list"),
-        ({"effort_rate": None}, "effort_rate is None; it must be one number for all"),
-        ({"position": 5}, "position is 5; it must be a map by name, or a list"),
-        ({"velocity_by_position": 5}, "velocity_by_position is 5; it must be a map by"),
-        ({"scale": "effort"}, "scale is 'effort'; it must be a map by name"),
-        ({"effort": {"j": "a"}}, "effort: joint 'j' at 'a'; give a number from 1e-06"),
-        ({"velocity": {"j": True}}, "velocity: joint 'j' at True; give a number"),
-        ({"velocity": {"j": [1, 2]}}, "velocity: joint 'j' at [1, 2]; give a number"),
-        ({"position": {"j": [1]}}, "position: joint 'j' at [1]; give [lower, upper"),
-        ({"position": {"j": ["a", "b"]}}, "position: joint 'j' at ['a', 'b']; give [lower, upper"),
-        ({"position": [[0, [1]], [0, 1]]}, "position[0] is [0, [1]]; give [low"),
-        ({"effort": [1, [2]]}, "effort[1] is [2]; give a number from 1e-06"),
-        ({"effort": np.array(3.0)}, "effort is array(3.); it must be one number"),
-        ({"scale": {"effort": "a"}}, "scale: effort at 'a' must be in"),
+        *(({"effort": {"j": value}}, f"effort: joint 'j' at {m}") for value, m in NO_EFFORTS),
         *(
             ({"tool_speed": value}, f"tool_speed is {value!r}; give a number from 1e-06 m/s")
-            for value in (0, -1.0, np.nan, -INF, True, "fast", [1.0], {"j": 1.0})
+            for value in (0, np.nan, True, [1.0])
         ),
         *(
             ({"point_speed": value}, f"point_speed is {value!r}; give a list of Point")
-            for value in (3, {"link": "c"}, [{"link": "c"}], "c")
+            for value in (3, [{"link": "c"}], "c")
         ),
     ],
 )
@@ -202,7 +243,7 @@ def test_a_senseless_override_is_refused_at_once(given, message):
     assert refusal(RobotError, LimitOverrides, **given).startswith(f"robot.limits.{message}")
 
 
-@pytest.mark.parametrize(("given", "held"), [(None, INF), (0.25, 0.25), (1, 1.0), (INF, INF)])
+@pytest.mark.parametrize(("given", "held"), [(None, INF), (1, 1.0)])
 def test_the_tools_speed_is_free_unless_it_is_given(resolve, given, held):
     limits = resolve(tool_speed=given, scale={"velocity": 0.5})
     assert limits.tool_speed == held
@@ -231,9 +272,7 @@ ORDER = "give finite ones, lower below upper"
     ("law", "message"),
     [
         (LAW | {"deceleration": 0}, ".deceleration is 0; give a number from 1e-06 to 1e+09"),
-        (LAW | {"deceleration": None}, ".deceleration is None; give a number from 1e-06 to 1e+09"),
         (LAW | {"deceleration": True}, ".deceleration is True; give a number from 1e-06 to 1e+09"),
-        (LAW | {"offset": -0.1}, ".offset is -0.1; give a number from 0 to 1e+09"),
         (LAW | {"offset": INF}, ".offset is inf; give a number from 0 to 1e+09"),
         (LAW | {"lower": 2}, f" has lower 2 and upper 2; {ORDER}"),
         (LAW | {"upper": INF}, f" has lower -1 and upper inf; {ORDER}"),
@@ -255,3 +294,145 @@ def test_points_of_the_arm_have_a_speed_and_a_link_that_there_is(resolve):
     assert limits.point_speed == (PointSpeed("c", (0.0, 0.0, 0.1), 0.25),)
     message = refusal(RobotError, resolve, point_speed=[PointSpeed("d", (0, 0, 0), 1.0)])
     assert message == "robot.limits.point_speed: unknown link 'd'; there is: a, b, c"
+
+
+# Effort limits by direction and position: what they allow, what of limits they become.
+
+TABLE = {"position": [-1.0, 0.0, 2.0], "effort": [10, 20, 16]}
+
+
+def test_a_table_is_linear_between_its_positions_and_a_pair_holds_by_direction_everywhere():
+    """The scale holds for all of both."""
+    effort = {"joint1": TABLE, "joint2": [60, 40]}
+    limits = two_link(LimitOverrides(effort=effort, scale={"effort": 0.5}))
+    table, pair = limits.effort_ranges
+    q = np.array([-5, -1, -0.5, 0, 1, 2, 9])
+    for way, allowed in ((-1, 30), (1, 20)):
+        np.testing.assert_allclose(table.allowed(q, way), [5, 5, 7.5, 10, 9, 8, 8])
+        np.testing.assert_allclose(table.slope(q, way), [0, 5, 5, -1, -1, 0, 0])
+        same(pair.allowed(q, way), np.full(7, allowed))
+        same(pair.slope(q, way), np.zeros(7))
+    assert [one.joint for one in limits.effort_ranges] == [0, 1]
+    same(limits.effort, [10, 30])
+    same(table.position, TABLE["position"])
+    for name in ("position", "backwards", "forwards"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(table, name)[0] = 2.0
+
+
+def test_what_is_the_same_everywhere_is_a_number():
+    table, longer = {"position": [0], "effort": [7]}, {"position": [0, 1], "effort": [7, 7]}
+    for each in ([7, 7], table, longer):
+        both = two_link(LimitOverrides(effort={"joint1": each}))
+        assert (both.effort_ranges, both.effort[0]) == ((), 7)
+
+
+def test_a_later_layer_replaces_it_as_a_whole_and_the_group_decides_the_order():
+    given = LimitOverrides(effort={"joint1": TABLE, "joint2": [1, 2]})
+    both = two_link(LimitLayer("preset a: ", given), LimitOverrides(effort={"joint1": 5}))
+    assert [one.joint for one in both.effort_ranges] == [1]
+    assert both.effort[0] == 5
+    both = two_link(given, joints=["joint2", "joint1"])
+    assert [(one.joint, len(one.position)) for one in both.effort_ranges] == [(0, 1), (1, 3)]
+
+
+def test_a_point_is_three_numbers_however_they_come_and_a_speed():
+    for position in ((0, 0, 1), [0, 0, 1], np.array([0.0, 0.0, 1.0])):
+        assert PointSpeed("hand", position, 1) == PointSpeed("hand", (0.0, 0.0, 1.0), 1)
+    for position in ((0, 0), 3, (0, 0, INF), (0, True, 0)):
+        message = refusal(RobotError, PointSpeed, "hand", position, 1.0)
+        assert "of link 'hand': position is " in message and "; give [x, y, z] i" in message
+    for speed in (0, INF, 2e9, True):
+        message = refusal(RobotError, PointSpeed, "hand", (0, 0, 0), speed)
+        assert "of link 'hand': speed is " in message and "; give a number from 1e" in message
+
+
+# Layers: which hold, and for which arms they are.
+
+WHOLE = LAW | {"lower": -1.0, "upper": 2.0}
+OTHER = {"deceleration": 5.0, "offset": 0.0}
+# By what the later layer does, layers and the limits that they become. f binds j's velocity.
+MERGED = {
+    "replaces joint by joint": (
+        [
+            layer(velocity=2.0, acceleration=[20, 30], jerk=500),
+            layer(velocity=[1.0, 1.5], acceleration={"k": 25}),
+            LimitOverrides(velocity={"j": 0.5}, effort=5),
+        ],
+        {"velocity": [0.5, 1.5], "acceleration": [20, 25], "jerk": [500, 500], "effort": [5, 5]},
+    ),
+    "lifts a list by inf": (
+        [layer(jerk=[500, 600], acceleration=[1, 2]), LimitOverrides(jerk=INF)],
+        {"jerk": [INF, INF], "acceleration": [1, 2]},
+    ),
+    "scales by quantity what is below": (
+        [layer(effort=5, scale={"velocity": 0.5, "effort": 0.1}), layer(scale={"effort": 0.2})],
+        {"velocity": [0.75, 1.5], "effort": [1, 1]},
+    ),
+    "leaves out joints that a file may name, and no followers": (
+        [layer(skips_others=True, velocity={"k": 2, "finger": 1, "f": 1})],
+        {"velocity": [0.5, 2]},
+    ),
+    "is of all joints": ([layer(skips_others=True, jerk=500)], {"jerk": [500, 500]}),
+}
+
+
+@pytest.mark.parametrize(("layers", "expected"), MERGED.values(), ids=MERGED)
+def test_the_later_layer(resolved, layers, expected):
+    limits = resolved(*layers)
+    assert {name: getattr(limits, name).tolist() for name in expected} == expected
+
+
+def test_the_tools_speed_and_points_of_the_last_layer_that_has_them_hold(resolved):
+    low, high = PointSpeed("b", (0, 0, 0), 0.5), PointSpeed("c", (0, 0, 0), 1.5)
+    layers = layer(tool_speed=1.7, point_speed=[low]), layer(tool_speed=0.4, point_speed=[high])
+    limits = resolved(*layers, LimitOverrides())
+    assert (limits.tool_speed, limits.point_speed) == (0.4, (high,))
+
+
+@pytest.mark.parametrize(
+    ("later", "held"),
+    [({"k": OTHER}, [(0, 6.0), (1, 5.0)]), ({"j": None}, [(1, 6.0)]), ([None, WHOLE], [(1, 6.0)])],
+)
+def test_a_velocity_by_position_is_replaced_as_a_whole_or_taken_away(resolved, later, held):
+    layers = [layer(velocity_by_position=each) for each in ([WHOLE, WHOLE], later)]
+    laws = resolved(*layers).velocity_by_position
+    assert [(law.joint, law.deceleration) for law in laws] == held
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (
+            {"joint_count": 3, "jerk": 500},
+            "the limits and motors are for 3 joints; the planning group has 2: j, k",
+        ),
+        ({"jerk": [1, 2, 3]}, "the limits.jerk has 3 values for 2 joints; give one"),
+        ({"jerk": {"l": 1}}, "the limits.jerk: unknown joint 'l'; there is: j, k, f"),
+        (
+            {"point_speed": [PointSpeed("z", (0, 0, 0), 1.0)]},
+            "the limits.point_speed: unknown link 'z'; there is",
+        ),
+        (
+            {"skips_others": True, "velocity": {"right": 1}, "jerk": {"left": 1}},
+            "the limits name no joint of the planning group, which has: j, k, f; they name left, "
+            "right",
+        ),
+    ],
+)
+def test_a_layer_of_another_arm_is_refused_by_its_name(resolved, given, message):
+    assert refusal(RobotError, resolved, layer(**given)).startswith(message)
+
+
+def test_notes_go_with_the_limits(resolved):
+    assert resolved(layer(notes=("a",)), layer(notes=("b",))).notes == ("a", "b")
+    assert resolved(LimitOverrides()).notes == ()
+
+
+def test_one_layer_may_stand_alone_and_what_are_no_limits_is_named():
+    alone = load_robot("example:two_link", "hand", limits=layer(jerk=500))
+    same(alone.limits.jerk, [500, 500])
+    for given in ("fr3", {"jerk": 5}):
+        message = refusal(RobotError, two_link, LimitOverrides(), given)
+        assert message.startswith("limits are ")
+        assert message.endswith("; give LimitOverrides or a LimitLayer")

@@ -9,6 +9,7 @@ from numpy.testing import assert_array_equal as same
 from refusals import refusal
 from tubeplanner import LimitLayer, LimitOverrides, MotorOverrides, RobotError, load_robot
 from tubeplanner.robot.joint_motors import JointMotors, resolve_motors
+from tubeplanner.robot.motor_overrides import MOTOR_QUANTITIES
 from tubeplanner.robot.urdf import read_urdf
 
 INF = np.inf
@@ -151,6 +152,67 @@ def test_a_urdfs_friction_that_is_none_is_named_once_it_is_taken(describe, attri
 
 # Refusals.
 
+AMOUNT = "give a number from 0 to 1e+09"
+LINE = "give a number from 1e-06 to 1e+09, or .inf where there is no torque-speed line"
+SHARE = "give a share from 0, below 1"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"armature": -0.1}, f"armature is -0.1; {AMOUNT}"),
+        ({"armature": [1, INF]}, f"armature[1] is inf; {AMOUNT}"),
+        ({"armature": {"j": np.nan}}, f"armature: joint 'j' at nan; {AMOUNT}"),
+        ({"viscous_friction": {"j": 2e9}}, f"viscous_friction: joint 'j' at 2e+09; {AMOUNT}"),
+        ({"saturation_effort": 0}, f"saturation_effort is 0; {LINE}"),
+        ({"no_load_velocity": {"j": -1}}, f"no_load_velocity: joint 'j' at -1; {LINE}"),
+        ({"friction_from_urdf": 1}, "friction_from_urdf is 1; it must be true or false"),
+        (
+            {"armature": "a"},
+            "armature is 'a'; it must be one number for all joints, a list with one for each, or "
+            "a map by name, such as {'elbow_joint': 1.5}",
+        ),
+        *(
+            (
+                {"coulomb_friction": {"j": value}},
+                f"coulomb_friction: joint 'j' at {value!r}; {AMOUNT}, or [backwards, forwards] of "
+                "such",
+            )
+            for value in (-1, [1, -1], [1], [1, INF], "12")
+        ),
+        *(
+            ({"friction_uncertainty": value}, f"friction_uncertainty is {shown}; {SHARE}")
+            for value, shown in ((-0.1, "-0.1"), (1.0, "1"), (np.nan, "nan"), (True, "True"))
+        ),
+    ],
+)
+def test_a_senseless_motor_is_refused_at_once(given, message):
+    assert refusal(RobotError, MotorOverrides, **given) == f"robot.motors.{message}"
+
+
+def test_bounds_of_motors_themselves_are_allowed():
+    MotorOverrides(
+        armature=0,
+        viscous_friction=1e9,
+        coulomb_friction=[[0, 1e9], (0, 0), np.zeros(2)],
+        saturation_effort=[1e-6, INF],
+        no_load_velocity={"j": 1e9},
+        friction_from_urdf=False,
+        friction_uncertainty=0,
+    )
+
+
+@pytest.mark.parametrize("quantity", MOTOR_QUANTITIES)
+def test_numbers_lists_and_maps_go_by_name(quantity):
+    def by_name(given):
+        return dict(MotorOverrides(**{quantity: given}).by_name(quantity, ["j", "k"], "here"))
+
+    assert by_name(2) == {"j": 2, "k": 2}
+    assert by_name([2, 3]) == {"j": 2, "k": 3}
+    assert by_name({"other": 2}) == {"other": 2}
+    message = refusal(RobotError, by_name, [2])
+    assert message.startswith("here has 1 values for 2 joints; give one for all jo")
+
 
 def lone_end(has, lacks):
     message = (
@@ -206,14 +268,6 @@ def test_a_robot_takes_its_motors_along():
     assert copied.limits.effort_ranges[0].forwards == [6]
     states = np.random.default_rng(0).uniform(-1, 1, (3, 4, 2))
     same(copied.inverse_dynamics(*states), robot.inverse_dynamics(*states))
-
-
-def test_efforts_hold_rotors_and_viscous_friction_and_no_coulomb_friction():
-    motors = MotorOverrides(armature=[1, 2], viscous_friction=[3, 4], coulomb_friction=50)
-    q, v, a = np.random.default_rng(1).uniform(-1, 1, (3, 6, 2))
-    expected = two_link().inverse_dynamics(q, v, a) + np.array([1, 2]) * a + np.array([3, 4]) * v
-    efforts = two_link(motors=motors).inverse_dynamics(q, v, a)
-    np.testing.assert_allclose(efforts, expected, atol=1e-12)
 
 
 def test_a_torque_speed_line_needs_masses(tmp_path):

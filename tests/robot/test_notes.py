@@ -1,5 +1,7 @@
 """Notes on a robot: unused URDF values, implausible friction."""
 
+import xml.etree.ElementTree as ElementTree
+
 import numpy as np
 import pytest
 from cases import SLIDE
@@ -7,8 +9,11 @@ from cases import SLIDE
 from tubeplanner import LimitOverrides, MotorOverrides, load_robot
 from tubeplanner.robot.robot_notes import robot_notes
 from tubeplanner.robot.unused_note import unused_note
+from tubeplanner.robot.unused_values import unused_values
 
 UNUSED = "the URDF says, and nothing here uses: "
+LAW = "position_based_velocity_limits"
+SLOWING = f'<{LAW} deceleration_limit="6" velocity_offset="0.3"/>'
 FAST = SLIDE.replace('effort="60"', 'acceleration="15" effort="60"')
 
 
@@ -27,7 +32,41 @@ def arm(tmp_path):
     return load
 
 
-# The sentence on what a URDF says in vain: short, with joints and values.
+# What joints of a URDF say in vain: standard and drake's tags, zeros and repetitions left out.
+
+LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
+VALUES = {
+    LIMIT: {},
+    LIMIT + '<dynamics damping="0" friction="0.0"/>': {},
+    LIMIT + '<dynamics damping="0.5" friction="2" mu_viscous="16"/>': {
+        "dynamics damping": "0.5",
+        "dynamics friction": "2",
+    },
+    '<limit xmlns:drake="http://drake.mit.edu" upper="2" drake:acceleration="15"/>': {
+        "limit drake:acceleration": "15"
+    },
+    '<limit upper="2" jerk=" 7500 "/>': {"limit jerk": "7500"},
+    LIMIT + SLOWING: {
+        f"{LAW} deceleration_limit": "6",
+        f"{LAW} velocity_offset": "0.3",
+    },
+    # Soft limits, one as the hard one.
+    LIMIT + '<safety_controller k_position="9" soft_lower_limit="-1.0" soft_upper_limit="1"/>': {
+        "safety_controller soft_upper_limit": "1"
+    },
+    '<safety_controller soft_lower_limit="-1" soft_upper_limit="0"/>': {
+        "safety_controller soft_lower_limit": "-1"
+    },
+    '<dynamics damping="${d}"/>': {"dynamics damping": "${d}"},
+}
+
+
+@pytest.mark.parametrize("inner", VALUES)
+def test_values_that_are_not_used_are_found(inner):
+    assert unused_values(ElementTree.fromstring(f"<joint>{inner}</joint>")) == VALUES[inner]
+
+
+# The sentence on it: short, with joints and values.
 
 
 def damped(damping, friction=None):
@@ -73,38 +112,27 @@ def test_without_a_limit_no_share_is_named(arm, free):
     assert "take 7.5 % of the effort limit (extend)" in note
 
 
-# By what a joint has, the end of the note.
-LAW = '<position_based_velocity_limits deceleration_limit="6" velocity_offset="0.3"/>'
-NOTES = {
-    damped("much"): "<dynamics damping> much (turn); to keep it, give robot.motors.friction_from_"
-    "urdf: true",
-    LAW: "<position_based_velocity_limits deceleration_limit> 6 (turn); "
-    "<position_based_velocity_limits velocity_offset> 0.3 (turn); to keep it, give "
-    "robot.limits.velocity_by_position",
-    # No field takes soft limits.
-    '<safety_controller soft_lower_limit="-1" soft_upper_limit="3"/>': (
-        "<safety_controller soft_lower_limit> -1 (turn)"
-    ),
-}
-
-
-@pytest.mark.parametrize("tags", NOTES)
-def test_what_is_not_used_is_named_as_it_is_written(arm, tags):
-    assert unused_note(arm(turn=tags)) == UNUSED + NOTES[tags]
-
-
 def test_limits_that_the_problem_gives_itself_are_not_named(arm):
+    """There is no field that takes soft limits."""
     note = unused_note(arm(text=FAST))
-    remedy = "; to keep it, give robot.limits.acceleration"
-    assert note == f"{UNUSED}<limit acceleration> 15 (turn){remedy}"
+    remedy = "; to keep it, give robot.limits."
+    assert note == f"{UNUSED}<limit acceleration> 15 (turn){remedy}acceleration"
     assert unused_note(arm(LimitOverrides(jerk={"turn": 9.0}), text=FAST)) == note
     assert unused_note(arm(LimitOverrides(acceleration={"turn": 12.0}), text=FAST)) is None
     prefixed = FAST.replace(" acceleration", " drake:acceleration")
     assert unused_note(arm(text=prefixed)) == note.replace("limit acc", "limit drake:acc")
-    for joint, is_named in (("lift", False), ("turn", True)):
+    values = f"<{LAW} deceleration_limit> 6 (lift); <{LAW} velocity_offset> 0.3 (lift)"
+    for joint, expected in (
+        ("lift", None),
+        ("turn", f"{UNUSED}{values}{remedy}velocity_by_position"),
+    ):
         given = {joint: {"deceleration": 6.0, "offset": 0.3}}
-        note = unused_note(arm(LimitOverrides(velocity_by_position=given), lift=LAW))
-        assert (note is not None) == is_named
+        assert (
+            unused_note(arm(LimitOverrides(velocity_by_position=given), lift=SLOWING)) == expected
+        )
+    soft = '<safety_controller soft_lower_limit="-1" soft_upper_limit="3"/>'
+    expected = f"{UNUSED}<safety_controller soft_lower_limit> -1 (turn)"
+    assert unused_note(arm(turn=soft)) == expected
 
 
 def test_bundled_arms_are_named(panda, ur5):

@@ -22,6 +22,7 @@ from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.obstacle import placement_of
 from tubeplanner.errors import RobotError
 from tubeplanner.robot.followers import followers_of, leader_of
+from tubeplanner.robot.undeclared_prefixes import declare_prefixes
 from tubeplanner.robot.urdf import Mimic, read_urdf
 
 # A URDF read strictly: every fault is named.
@@ -62,26 +63,20 @@ ROOTS, LOOP = "the links must hang from one root; roots found: ", "the links for
 FAULTS = {
     "": "cannot be read as URDF: no element found",
     "<robot><link></robot>": "cannot be read as URDF: mismatched tag: line 1",
-    '<robot name="arm"><link': "cannot be read as URDF: unclosed token",
     b"\xff\xfe\x00\x01": "cannot be read as URDF",
     "<sdf/>": "the root element is <sdf>, not <robot>",
     XACRO: "holds <xacro:property>: it must be expanded first, by xacro arm.urdf > arm.expanded.u",
     ENTITY: "declares XML entities, which are not expanded; write them out",
     robot(): f"{ROOTS}none",
     robot(links("abc"), joint()): f"{ROOTS}['a', 'c']",
-    robot(links("ab"), joint(), BACK): f"{ROOTS}none",
     robot(links("rab"), joint(), BACK): f"{LOOP} 'a'",
-    robot(links("ra"), joint(parent="a", child="a")): f"{LOOP} 'a'",
     robot("<link/>"): "a <link> element has no attribute 'name'",
     robot(links("ab"), joint(name="")): "a <joint> element has no attribute 'name'",
-    robot(links("ab"), joint(kind="")): "a <joint> element has no attribute 'type'",
-    robot(links("ab"), joint(parent="")): "a <parent> element has no attribute 'link'",
     robot(links("aba"), joint()): "link 'a' is defined 2 times",
     robot(links("abc"), joint(), joint(), joint(child="c")): "joint 'j' is defined 3 times",
     robot(links(["arm", "b"]), joint(parent="arn")): (
         "joint 'j': unknown link 'arn' (did you mean 'arm'?); there is: arm, b"
     ),
-    robot(links("ab"), joint(child="c")): "joint 'j': unknown link 'c'",
     robot(links("abc"), joint(child="c"), joint("k", parent="b", child="c")): (
         "link 'c' is the child of more than one joint"
     ),
@@ -99,15 +94,10 @@ FAULTS = {
 JOINT_FAULTS = {
     '<axis xyz="0 0 0"/>': ': <axis> xyz="0 0 0" is no direction',
     '<axis xyz="0 1"/>': ': <axis> xyz="0 1" must be 3 finite numbers',
-    '<axis xyz="x y z"/>': ': <axis> xyz="x y z" must be 3 finite numbers',
     '<axis xyz="0 nan 1"/>': ': <axis> xyz="0 nan 1" must be 3 finite numbers',
     '<limit effort="10,5" velocity="1"/>': ': effort="10,5" is not a number',
-    '<limit effort="1" velocity="${v}"/>': ': velocity="${v}" is not a number',
-    '<limit lower="nan" effort="1" velocity="1"/>': ': lower="nan" is not a number',
     "<mimic/>": ": a <mimic> element has no attribute 'joint'",
-    '<mimic joint="j" multiplier="x"/>': ': multiplier="x" is not a number',
     '<parent link="b"/>': " has 2 <parent>; one is needed",
-    '<origin xyz="1 2"/>': ': <origin> xyz="1 2" must be 3 finite numbers',
     '<origin rpy="0 0 pi"/>': ': <origin> rpy="0 0 pi" must be 3 finite numbers',
     '<origin xyz="0 0 1e308"/>': ": <origin> xyz has 1e+308 m; at most 10000 m are accepted",
 }
@@ -133,13 +123,9 @@ LINK_FAULTS = {
     inertial(ONE): "<inertial> has no <inertia>; one is needed",
     2 * inertial(ONE + INERTIA): "has 2 <inertial>; one is needed",
     inertial('<mass value="1 kg"/>' + INERTIA): '<mass> value="1 kg" must be one finite',
-    inertial('<mass value="nan"/>' + INERTIA): '<mass> value="nan" must be one finite number',
     inertial('<mass value="-2"/>' + INERTIA): "mass -2 kg must be >= 0",
     inertial(f'<mass value="{"x" * 10**6}"/>' + INERTIA): '..." must be one finite number',
-    inertial(ONE + INERTIA.replace('ixx="1"', 'ixx="${i}"')): (
-        '<inertia> ixx="${i}" must be one finite number'
-    ),
-    inertial(ONE + INERTIA.replace('iyz="0"', "")): '<inertia> iyz="" must be one finite number',
+    inertial(ONE + INERTIA.replace('ixx="1"', "")): '<inertia> ixx="" must be one finite number',
     inertial(ONE + INERTIA.replace('ixy="0"', 'ixy="3"')): (
         "the inertia has a principal moment of -2 kg m^2; no body has a negative one"
     ),
@@ -148,10 +134,8 @@ LINK_FAULTS = {
     ),
     collision('<box size="1 1"/>'): '<box> size="1 1" must be 3 finite numbers',
     collision('<box size="1 -1 1"/>'): '<box> size="1 -1 1" must be > 0 m',
-    collision('<box size="1e92 1 1"/>'): '<box> size="1e92 1 1" must be > 0 m and at most',
-    collision('<sphere radius="0"/>'): '<sphere> radius="0" must be > 0 m',
+    collision('<sphere radius="1e92"/>'): '<sphere> radius="1e92" must be > 0 m and at most',
     collision("<sphere/>"): '<sphere> radius="" must be one finite number',
-    collision('<cylinder radius="1"/>'): '<cylinder> length="" must be one finite number',
     collision("<mesh/>"): "a <mesh> element has no attribute 'filename'",
     collision('<mesh filename="a.stl" scale="1 0 1"/>'): 'scale="1 0 1" must not be 0',
     collision('<capsule radius="1" length="2"/>'): (
@@ -160,34 +144,20 @@ LINK_FAULTS = {
     collision(""): "a <geometry> holds nothing; it must hold one of <box>, <sphere>",
     "<collision/>": "a <collision> has no <geometry>; one is needed",
     ball('xyz="0 0 x"'): '<collision>: <origin> xyz="0 0 x" must be 3 finite numbers',
-    ball('xyz="1e308 0 0"'): "<origin> xyz has 1e+308 m; at most 10000 m are accepted",
     ball('rpy="0 1e308 0"'): "<origin> rpy has 1e+308 rad; at most 10000 rad are accepted",
 }
 
 
-def of_joint(message):
-    return ": joint 'j'", message
+CASES = [(text, "", message) for text, message in FAULTS.items()]
+for inner, message in JOINT_FAULTS.items():
+    limit = "" if "<limit" in inner else LIMIT
+    CASES.append((robot(links("ab"), joint(inner=inner + limit)), ": joint 'j'", message))
+for inner, message in LINK_FAULTS.items():
+    CASES.append((robot(f'<link name="base">{inner}</link>'), ": link 'base'", message))
 
 
-CASES = (
-    *((text, ("", message)) for text, message in FAULTS.items()),
-    *(
-        (
-            robot(links("ab"), joint(inner=inner + LIMIT * ("<limit" not in inner))),
-            (": joint 'j'", m),
-        )
-        for inner, m in JOINT_FAULTS.items()
-    ),
-    *(
-        (robot(f'<link name="base">{content}</link>'), (": link 'base'", message))
-        for content, message in LINK_FAULTS.items()
-    ),
-)
-
-
-@pytest.mark.parametrize("case", CASES, ids=[message for _, (_, message) in CASES])
-def test_a_fault_is_named_with_its_file_and_part_in_a_short_message(tmp_path, read, case):
-    text, (part, message) = case
+@pytest.mark.parametrize(("text", "part", "message"), CASES, ids=[case[2] for case in CASES])
+def test_a_fault_is_named_with_its_file_and_part_shortly(tmp_path, read, text, part, message):
     refused = refusal(RobotError, read, text)
     assert refused.startswith(f"{tmp_path / 'arm.urdf'}{part}")
     assert message in refused
@@ -303,6 +273,42 @@ def test_the_kinematic_copy_has_no_geometry_and_only_plain_bounded_joints(read):
         assert float(limit["velocity"]) > 0
 
 
+# Prefixes that are used and not declared: declared on the root, and nothing else changed.
+
+DRAKE = ' xmlns:drake="http://drake.mit.edu"'
+UNCHANGED = {
+    "no prefix": '<robot name="a"><link name="b"/></robot>',
+    "a declared one": f'<robot{DRAKE}><limit drake:acceleration="2"/></robot>',
+    "declared beside": f'<robot><limit{DRAKE} drake:acceleration="2"/></robot>',
+    "XML's own": '<robot xml:lang="en"/>',
+    "malformed": "<robot><drake:a></robot>",
+    "empty": "",
+    "an encoding that nobody has": '<?xml version="1.0" encoding="klingon"?><robot drake:a="1"/>',
+    "in two bytes": '<?xml version="1.0" encoding="utf-16"?><robot drake:a="1"/>',
+}
+
+
+@pytest.mark.parametrize("name", UNCHANGED)
+def test_what_lacks_nothing_or_is_malformed_stays(name):
+    xml = UNCHANGED[name].encode("utf-16" if name == "in two bytes" else "utf-8")
+    declared = declare_prefixes(xml)
+    assert (declared.xml, declared.undeclared) == (xml, {})
+
+
+def test_the_root_declares_what_was_missing_and_the_rest_stays():
+    """A declaration serves only inside its element."""
+    text = (
+        '<?xml version="1.0"?><!-- <robot> -->\n<robot name="ä">'
+        f'<drake:b drake:c="1"/><limit{DRAKE} drake:jerk="2"/>'
+        '<limit drake:acceleration="2.5"/><x y:z="1"/><drake:b/></robot>'
+    )
+    declared = declare_prefixes(text.encode())
+    added = f'{DRAKE} xmlns:y="undeclared:y"'
+    assert declared.xml.decode() == text.replace("\n<robot", f"\n<robot{added}")
+    assert declared.undeclared == {"drake": ("b", "c", "acceleration"), "y": ("z",)}
+    ElementTree.fromstring(declared.xml)
+
+
 # Joints that mimic planned ones, against the same arm with all joints planned.
 
 
@@ -339,9 +345,9 @@ def map_of(robot):
 
 @pytest.fixture(scope="module")
 def states(arms):
-    robot, _ = arms
-    q, v, a = np.random.default_rng(1).uniform(-1, 1, (3, 20, robot.joint_count))
-    matrix, offset = map_of(robot)
+    """States of the planned joints and of all joints, and the matrix between them."""
+    q, v, a = np.random.default_rng(1).uniform(-1, 1, (3, 20, arms[0].joint_count))
+    matrix, offset = map_of(arms[0])
     return (q, v, a), (q @ matrix.T + offset, v @ matrix.T, a @ matrix.T), matrix
 
 
@@ -358,14 +364,17 @@ def test_tool_and_bodies_are_where_they_are_with_every_joint_planned(arms, state
     (robot, plain), (mine, full, matrix) = arms, states
     for one, other in zip(robot.tool_pose(mine[0]), plain.tool_pose(full[0]), strict=True):
         close(one, other, atol=1e-12)
-    rotation, position = robot.body_poses(mine[0])
-    other_rotation, other_position = plain.body_poses(full[0])
-    for link in LINKS:
-        body, other = robot.link_body[link], plain.link_body[link]
-        close(rotation[:, body], other_rotation[:, other], atol=1e-12)
-        close(position[:, body], other_position[:, other], atol=1e-12)
     jacobian = robot.tool_jacobian(mine[0])[1]
     close(jacobian, plain.tool_jacobian(full[0])[1] @ matrix, atol=1e-12)
+    poses, others = robot.body_poses(mine[0]), plain.body_poses(full[0])
+    point = np.random.default_rng(3).normal(size=(20, 3))
+    for link in LINKS:
+        body, other = robot.link_body[link], plain.link_body[link]
+        for one, another in zip(poses, others, strict=True):
+            close(one[:, body], another[:, other], atol=1e-12)
+        jacobian = robot.point_jacobian(*poses, np.full(20, body), point)
+        expected = plain.point_jacobian(*others, np.full(20, other), point) @ matrix
+        close(jacobian, expected, atol=1e-12)
 
 
 def test_efforts_of_followers_go_to_their_masters(arms, states):
@@ -376,78 +385,25 @@ def test_efforts_of_followers_go_to_their_masters(arms, states):
     close(robot.gravity_effort(mine[0]), gravity, atol=1e-10)
 
 
-def test_efforts_do_the_work_that_kinetic_and_potential_energy_gain(arms):
-    """Power at the masters is the change of energy: one scalar law for all joints together."""
-    robot, plain = arms
-    matrix, offset = map_of(robot)
-    rng = np.random.default_rng(2)
-    q, v, a = rng.uniform(-1, 1, (3, 1, robot.joint_count))
-
-    def energy(time):
-        at = (q + v * time + a * time**2 / 2) @ matrix.T + offset
-        speed = (v + a * time) @ matrix.T
-        kinetic = plain.inverse_dynamics(at, 0 * at, speed) - plain.gravity_effort(at)
-        return float((kinetic * speed).sum() / 2) + potential(at)
-
-    def potential(at):
-        rotation, position = plain.body_poses(at)
-        height = 0.0
-        for link in LINKS[1:]:
-            body, placement = plain.link_body[link], plain.link_placement[link]
-            com = placement[:3, :3] @ [0.1, 0.02, 0] + placement[:3, 3]
-            height += (rotation[0, body] @ com + position[0, body])[2]
-        return 2 * 9.81 * height
-
-    power = (robot.inverse_dynamics(q, v, a) * v).sum()
-    assert power == pytest.approx((energy(1e-5) - energy(-1e-5)) / 2e-5, rel=1e-6)
-
-
-def test_points_move_as_their_jacobian_says(arms, states):
-    robot, (mine, _, _) = arms[0], states
-    q, step = mine[0], 1e-6
-    body = np.arange(len(q)) % robot.body_count
-    local = np.random.default_rng(3).normal(scale=0.2, size=(len(q), 3))
-
-    def points(at):
-        rotation, position = robot.body_poses(at)
-        rows = np.arange(len(at))
-        return np.einsum("nij,nj->ni", rotation[rows, body], local) + position[rows, body]
-
-    jacobian = robot.point_jacobian(*robot.body_poses(q), body, points(q))
-    for joint in range(robot.joint_count):
-        ahead = step * np.eye(robot.joint_count)[joint]
-        numeric = (points(q + ahead) - points(q - ahead)) / (2 * step)
-        close(jacobian[:, :, joint], numeric, atol=1e-8)
-
-
 def test_distances_change_by_no_more_than_the_motion_weights(arms):
-    """Between links that share a master too: one moves by it once, the other twice."""
+    """Between links that share a master too: one moves by it once, the other twice.
+
+    A master and a follower of it lie between `column` and `fore`, which may meet.
+    """
     robot = arms[0]
     checker = CollisionChecker(robot, [Obstacle.box("b", [0.2] * 3, placement_of([0.8, 0, 0.3]))])
-    owners = {
-        frozenset(n for i in pair for n in (checker.shapes[i].owner,)) for pair in checker.pairs
-    }
-    assert frozenset(("upper", "tip")) in owners
+    names = {frozenset(checker.shapes[i].owner for i in pair) for pair in checker.pairs}
+    assert names >= {frozenset(("upper", "tip")), frozenset(("column", "fore"))}
+    assert frozenset(("upper", "fore")) not in names
     rng = np.random.default_rng(4)
     before = rng.uniform(-1, 1, (60, robot.joint_count))
     after = before + rng.normal(scale=0.02, size=before.shape)
-    weights = checker.motion_weights(checker.pairs)
-    for one, other in zip(before, after, strict=True):
-        found = [
-            checker.distances(rotation[0], position[0], checker.pairs)
-            for rotation, position in (robot.body_poses(one[None]), robot.body_poses(other[None]))
-        ]
-        apart = (found[0] > 0) & (found[1] > 0)
-        bound = weights @ abs(other - one)
-        assert (abs(found[0] - found[1]) <= bound + 1e-9)[apart].all()
-
-
-def test_links_with_a_follower_between_them_are_not_neighbours(arms):
-    """A master and a follower of it lie between: `column` and `fore` may meet."""
-    checker = CollisionChecker(arms[0])
-    names = {frozenset(checker.owners(pair)[0]) for pair in checker.link_pairs}
-    assert frozenset(("column", "fore")) in names
-    assert frozenset(("upper", "fore")) not in names
+    first, second = (
+        np.array([checker.distances(*poses, checker.pairs) for poses in zip(*bodies, strict=True)])
+        for bodies in (robot.body_poses(before), robot.body_poses(after))
+    )
+    bound = abs(after - before) @ checker.motion_weights(checker.pairs).T
+    assert (abs(first - second) <= bound + 1e-9)[(first > 0) & (second > 0)].all()
 
 
 def test_what_is_certified_holds_for_the_arm_with_every_joint_planned(tmp_path, arms):
@@ -462,12 +418,12 @@ def test_what_is_certified_holds_for_the_arm_with_every_joint_planned(tmp_path, 
     assert result.certificate.passed
     samples = result.trajectory.per_piece(200)
     matrix, offset = map_of(robot)
-    full = (
-        samples.position @ matrix.T + offset,
-        *(rate @ matrix.T for rate in (samples.velocity, samples.acceleration)),
+    q, v, a = (
+        each @ matrix.T for each in (samples.position, samples.velocity, samples.acceleration)
     )
-    assert (abs(plain.inverse_dynamics(*full) @ matrix) <= robot.limits.effort * (1 + 1e-6)).all()
-    assert (tube.margin(plain.tool_position(full[0])).max(axis=1) >= -1e-6).all()
+    efforts = plain.inverse_dynamics(q + offset, v, a) @ matrix
+    assert (abs(efforts) <= robot.limits.effort * (1 + 1e-6)).all()
+    assert (tube.margin(plain.tool_position(q + offset)).max(axis=1) >= -1e-6).all()
 
 
 def test_limits_of_followers_bound_their_master(tmp_path):
@@ -491,23 +447,28 @@ def test_limits_of_followers_bound_their_master(tmp_path):
     close(limited.acceleration, [np.inf, 7, np.inf])
 
 
-def test_what_contradicts_a_follower_is_named(tmp_path):
-    limits = {"second": '<limit lower="7" upper="8" effort="1" velocity="4"/>'}
-    message = refusal(RobotError, load, tmp_path, RULES, limits)
-    assert (
-        "joint 'second', which follows 'first', has position limits [7, 8]; they leave" in message
-    )
-    for options, message in (
+@pytest.mark.parametrize(
+    ("own", "options", "message"),
+    [
         (
+            {"second": '<limit lower="7" upper="8" effort="1" velocity="4"/>'},
+            {},
+            "joint 'second', which follows 'first', has position limits [7, 8]; they leave",
+        ),
+        (
+            {},
             {"limits": LimitOverrides(effort={"second": 5})},
             "robot.limits.effort: unknown joint 'second'; there is: lift, first, wrist",
         ),
         (
+            {},
             {"locked_joints": {"second": 0.3}},
             "robot.locked_joints: 'second' follows 'first', which is planned; remove it",
         ),
-    ):
-        assert message in refusal(RobotError, load, tmp_path, RULES, **options)
+    ],
+)
+def test_what_contradicts_a_follower_is_named(tmp_path, own, options, message):
+    assert message in refusal(RobotError, load, tmp_path, RULES, own, **options)
 
 
 def test_a_follower_of_multiplier_zero_stands_still(tmp_path):
@@ -524,15 +485,8 @@ def test_a_mimic_joint_on_the_tools_chain_is_planned_by_its_master(tmp_path):
     assert robot.joint_names == ("lift", "first", "second", "slide", "side_joint", "tip_joint")
 
 
-@pytest.mark.parametrize(
-    ("tool", "last"),
-    [
-        ("arm_left_tool_link", "arm_left_7_joint"),
-        ("gripper_left_fingertip_left_link", "gripper_left_finger_joint"),
-    ],
-)
-def test_tiago_pro_loads_with_its_gripper(tool, last):
-    robot = load_robot("example:tiago_pro", tool)
-    assert robot.joint_names[-1] == last
+def test_tiago_pro_loads_with_its_gripper():
+    robot = load_robot("example:tiago_pro", "gripper_left_fingertip_left_link")
+    assert robot.joint_names[-2:] == ("arm_left_7_joint", "gripper_left_finger_joint")
     q = np.clip(np.full((1, robot.joint_count), 0.3), robot.limits.lower_position, None)
     assert np.isfinite(robot.inverse_dynamics(q, q, q)).all()
