@@ -1,14 +1,13 @@
 """Motions whose measures have closed forms, for the tests of the second stage's measures."""
 
 import numpy as np
+from begun_splines import constraints_of
 from cases import one_joint
 from scipy.interpolate import BSpline
 
 from tubeplanner import PlanningProblem, Tube
 from tubeplanner.refinement.interval_motion import IntervalMotion
-from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import DEGREE, PhasedSpline
-from tubeplanner.refinement.spline_constraints import SplineConstraints
 from tubeplanner.refinement.spline_start import knot_grid
 
 SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
@@ -25,8 +24,7 @@ def monotone(joints, travel, seed=2):
 
 
 def evaluated(problem, spline, run_in=RUN_IN):
-    links, radius = LinkConstraints(problem), problem.tube.effective_radius
-    return SplineConstraints(problem, spline.grid, links, radius, run_in).at(spline)
+    return constraints_of(problem, spline.grid, run_in=run_in).at(spline)
 
 
 def motion(problem, spline, run_in=RUN_IN):

@@ -39,17 +39,19 @@ def problem(robot, points, radius=RADIUS, **more):
 def scanned(ur5):
     radius = RADIUS * (1 + 0.2 * (np.arange(200) % 3))
     signs = [{"elbow_joint": "+"} if k < 90 else {"elbow_joint": [0.1, 3]} for k in range(200)]
-    return problem(ur5, scan(200), radius, tool_radius=0.001, joint_signs=signs)
+    upright = np.tile([0.0, 1.0, 0.0, 0.0], (201, 1))
+    turns = {"orientations": upright, "rotation_tolerance": 0.4}
+    return problem(ur5, scan(200), radius, tool_radius=0.001, joint_signs=signs, **turns)
 
 
 def test_a_scan_is_smoothed(scanned):
-    smoother = smoother_problem(scanned)
-    assert sharpest_bend(scanned.tube) > 2.0
-    assert sharpest_bend(smoother.tube) < 1.0
-    np.testing.assert_array_equal(smoother.tube.points[[0, -1]], scanned.tube.points[[0, -1]])
-    tube, inner = scanned.tube, smoother.tube
-    assert inner.joint_ranges == tube.joint_ranges
-    assert inner.tool_radius == tube.tool_radius
+    tube, inner = scanned.tube, smoother_problem(scanned).tube
+    assert sharpest_bend(tube) > 2.0
+    assert sharpest_bend(inner) < 1.0
+    np.testing.assert_array_equal(inner.points[[0, -1]], tube.points[[0, -1]])
+    for name in ("joint_ranges", "tool_radius", "rotation_tolerance"):
+        assert getattr(inner, name) == getattr(tube, name)
+    np.testing.assert_array_equal(inner.orientations, tube.orientations)
     np.testing.assert_array_equal(inner.numbers, tube.numbers)
 
 
@@ -66,31 +68,21 @@ def test_every_segment_lies_within_the_one_that_it_stands_for(scanned):
         assert tube.margin(on_wall, slice(k, k + 1)).min() > -1e-9
 
 
-def test_orientations_and_their_tolerances_stay(ur5):
-    upright = np.tile([0.0, 1.0, 0.0, 0.0], (201, 1))
-    given = problem(ur5, scan(200), orientations=upright, rotation_tolerance=0.4)
-    inner = smoother_problem(given).tube
-    np.testing.assert_array_equal(inner.orientations, given.tube.orientations)
-    assert inner.rotation_tolerance == given.tube.rotation_tolerance
-
-
 def test_a_point_at_which_the_path_turns_back_stays_where_it_is(ur5):
     there = scan(100)
     there = there[np.argsort(there[:, 0])]
-    back = there[-2::-1] + np.array([0, 0, 0.002])
-    given = problem(ur5, np.vstack([there, back]))
-    inner = smoother_problem(given).tube
-    np.testing.assert_array_equal(inner.points[100], given.tube.points[100])
+    points = np.vstack([there, there[-2::-1] + np.array([0, 0, 0.002])])
+    inner = smoother_problem(problem(ur5, points)).tube
+    np.testing.assert_array_equal(inner.points[100], points[100])
     assert 100 in inner.compulsory_points
 
 
-def test_a_given_start_is_where_the_smoother_path_begins(ur5, scanned):
-    start = np.array([-0.2, -1.3, 1.9, -2.0, -1.6, 0])
-    points = scan(200)
-    points += ur5.tool_position(start[None])[0] - points[0] + [0.001, 0, 0]
+def test_a_given_start_is_where_the_smoother_path_begins(ur5):
+    start, points = np.array(SEED.joints), scan(200)
+    tool = ur5.tool_position(start[None])
+    points += tool[0] - points[0] + [0.001, 0, 0]
     given = replace(problem(ur5, points), start=start)
     inner = smoother_problem(given)
-    tool = ur5.tool_position(start[None])
     np.testing.assert_allclose(inner.tube.points[0], tool[0], atol=1e-12)
     assert inner.tube.margin(tool, slice(0, 1))[0, 0] > 0
     far = replace(given, tube=given.tube.with_radius(0.00105))
@@ -110,15 +102,25 @@ def grid(*intervals):
     return KnotGrid(tuple(np.linspace(0, 1, count + 1) for count in intervals))
 
 
-def test_a_straight_segment_is_widened_by_a_fifth_of_a_knot_interval():
-    tube = Tube([[0, 0, 0], [0.6, 0, 0]], 0.001)
-    assert widened_radius(tube, grid(3)) == pytest.approx(0.2 * 0.6 / 3)
-    assert widened_radius(tube, grid(300)) == pytest.approx(0.001)
+STRAIGHT = [[0, 0, 0], [0.6, 0, 0]]
+RIGHT_ANGLE = [*STRAIGHT, [0.6, 0.2, 0]]
 
 
-def test_a_right_angle_is_widened_by_a_tenth_of_its_shorter_leg():
-    tube = Tube([[0, 0, 0], [0.6, 0, 0], [0.6, 0.2, 0]], 0.001)
-    np.testing.assert_allclose(widened_radius(tube, grid(2, 1)), 0.1 * 0.2)
+@pytest.mark.parametrize(
+    ("points", "radius", "intervals", "expected"),
+    [
+        (STRAIGHT, 0.001, [3], 0.2 * 0.6 / 3),  # a fifth of a knot interval
+        (STRAIGHT, 0.001, [300], 0.001),
+        (RIGHT_ANGLE, 0.001, [2, 1], 0.1 * 0.2),  # a tenth of the shorter leg
+        # A straight continuation is no corner; the first segment is widened by its knots.
+        ([[0, 0, 0], [0.3, 0, 0], [0.6, 0, 0], [0.6, 0.3, 0]], 0.001, [2, 2, 2], 0.03),
+        (RIGHT_ANGLE, [0.15, 0.1], [2, 2], [0.15, 0.1]),  # never made smaller
+    ],
+)
+def test_segments_are_widened_by_their_knots_and_corners(points, radius, intervals, expected):
+    tube = Tube(points, radius)
+    expected = np.broadcast_to(expected, tube.segment_count)
+    np.testing.assert_allclose(widened_radius(tube, grid(*intervals)), expected)
 
 
 def test_a_hairpin_is_hardly_widened():
@@ -127,43 +129,30 @@ def test_a_hairpin_is_hardly_widened():
     assert (widened_radius(tube, grid(3, 3)) < 0.0012).all()
 
 
-def test_a_straight_continuation_is_no_corner():
-    tube = Tube([[0, 0, 0], [0.3, 0, 0], [0.6, 0, 0], [0.6, 0.3, 0]], 0.001)
-    widened = widened_radius(tube, grid(2, 2, 2))
-    np.testing.assert_allclose(widened, [0.03, 0.03, 0.03])  # the first one by its knots
-
-
-def test_a_radius_is_never_made_smaller():
-    tube = Tube([[0, 0, 0], [0.6, 0, 0], [0.6, 0.2, 0]], [0.15, 0.1])
-    np.testing.assert_array_equal(widened_radius(tube, grid(2, 2)), tube.effective_radius)
-
-
 def test_without_widening_there_is_an_answer_too(bundled, monkeypatch):
-    """What the widened tube leads astray is planned again in the tube as it is."""
-    problem = bundled("two_link/paper_5_10mm")
-    widened = []
+    """What the widened tube leads astray is planned again in the tube as it is.
 
-    def is_hopeless(found):
-        """Links count as inside on the coarsest knots: widened starts are given up on them."""
-        return found.spline.grid.interval_count == widened[0]
-
-    monkeypatch.setattr(refinement, "_is_hopeless", is_hopeless)
-    original = refinement.widened_radius
+    Links count as inside on the coarsest knots: widened starts are given up on them.
+    """
+    widened, original = [], refinement.widened_radius
 
     def recorded(tube, grid):
         widened.append(grid.interval_count)
         return original(tube, grid)
 
+    def is_hopeless(found):
+        return found.spline.grid.interval_count == widened[0]
+
+    monkeypatch.setattr(refinement, "_is_hopeless", is_hopeless)
     monkeypatch.setattr(refinement, "widened_radius", recorded)
-    found = plan(problem, PlanOptions(quality="fast", slack=0.0))
-    assert found.succeeded
-    assert found.method == "refinement"
+    result = plan(bundled("two_link/paper_5_10mm"), PlanOptions(quality="fast", slack=0.0))
+    assert result.succeeded
+    assert result.method == "refinement"
     assert len(widened) > 0
 
 
 def test_a_box_is_widened_on_all_sides():
-    section = {"box": [0.02, 0.004], "up": [0, 0, 1]}
-    tube = Tube([[0, 0, 0], [0.6, 0, 0]], None, cross_section=section)
+    tube = Tube(STRAIGHT, None, cross_section={"box": [0.02, 0.004], "up": [0, 0, 1]})
     widened = widened_radius(tube, grid(3))
     assert widened == pytest.approx(0.2 * 0.6 / 3)
     np.testing.assert_allclose(tube.regions_of(widened).half, [[0.2, 0.04, 0.04]])

@@ -4,29 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from begun_splines import begun
 from scipy.interpolate import BSpline
 
-from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
 from tubeplanner.refinement.descent import FIRST_PENALTY
 from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.shared_columns import LegShape, shared_columns
-from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.refinement.trust_region import TrustRegion
 
 # What the optimiser may move: bounds, and a goal that is left open.
-
-
-def begun(problem, intervals):
-    branch = reference_branch(problem, redundancy_rules(problem)[0])
-    return starting_spline(problem, branch, intervals)
-
-
-def improved(problem, spline):
-    """Return what some steps make of a spline, whatever its links meet."""
-    program = SequentialProgram(problem, spline.grid)
-    first, region = program.iterate(spline), TrustRegion(0.2)
-    return program.improved(first, region, FIRST_PENALTY, min_gain=1e-4, max_steps=40).iterate
 
 
 @pytest.fixture(scope="module", params=["ur5/over_the_wall", "panda/between_shelves"])
@@ -50,21 +37,16 @@ def test_the_ends_are_fixed_but_for_an_open_goal_that_moves_as_one(case):
 
 
 def test_a_step_changes_what_the_variables_stand_for(case):
-    problem, _, variables = case
-    step = np.random.default_rng(0).normal(size=variables.lower.shape)
+    """Derivatives are collected as it is spread: what a change costs is the same by either."""
+    problem, spline, variables = case
+    rng = np.random.default_rng(0)
+    step = rng.normal(size=variables.lower.shape)
     change = variables.change(step)
     np.testing.assert_array_equal(change[3:-3], step[: len(change) - 6])
     assert (change[:3] == 0).all()
     assert (change[-3:] == (step[-1] if problem.goal is None else 0)).all()
-
-
-def test_derivatives_are_collected_as_steps_are_spread(case):
-    """What a change of control points costs is the same by either."""
-    _, spline, variables = case
-    rng = np.random.default_rng(2)
     by_point = rng.normal(size=spline.control_points.shape)
-    step = rng.normal(size=variables.lower.shape)
-    cost = np.vdot(by_point, variables.change(step))
+    cost = np.vdot(by_point, change)
     assert np.vdot(variables.collected(by_point), step) == pytest.approx(cost, rel=1e-12)
 
 
@@ -72,15 +54,20 @@ def test_the_tool_stays_at_an_open_goal(case):
     problem, spline, variables = case
     points = spline.control_points
     step = 0.05 * np.random.default_rng(1).normal(size=variables.lower.shape)
-    moved = variables.moved(points, step)
+    moved, held = variables.moved(points, step), variables.held(points)
     if problem.goal is not None:
         np.testing.assert_array_equal(moved[-3:], points[-3:])
-        assert len(variables.held(points)) == 0
+        assert len(held) == 0
         return
     tool = problem.robot.tool_position(moved[-1:])[0]
     np.testing.assert_allclose(tool, problem.tube.points[-1], atol=1e-9)
     assert abs(moved[-1] - points[-1]).max() > 0.01
     np.testing.assert_array_equal(moved[-3:], np.tile(moved[-1], (3, 1)))
+    np.testing.assert_array_equal(moved[-1], variables.goal_after(points, step))
+    # Directions that move the tool there are held.
+    _, jacobian = problem.robot.tool_jacobian(points[-1:])
+    assert len(held) == 3
+    np.testing.assert_allclose(jacobian[0, :3] @ (np.eye(6) - held.T @ held), 0, atol=1e-9)
     # What the goal is corrected by is spread over the motion, ever more of it towards the goal.
     correction = moved - points - variables.change(step)
     share = np.linalg.norm(correction, axis=1) / np.linalg.norm(correction[-1])
@@ -112,23 +99,11 @@ def test_a_goal_that_moves_makes_no_leap_of_the_jerk(bundled):
     assert jerk(variables.moved(points, step)) == pytest.approx(linear, rel=0.05)
 
 
-def test_directions_that_move_the_tool_at_an_open_goal_are_held(case):
-    problem, spline, variables = case
-    held = variables.held(spline.control_points)
-    _, jacobian = problem.robot.tool_jacobian(spline.control_points[-1:])
-    free = np.eye(problem.robot.joint_count) - held.T @ held
-    if problem.goal is None:
-        assert len(held) == 3
-        np.testing.assert_allclose(jacobian[0, :3] @ free, 0, atol=1e-9)
-
-
 def test_points_are_moved_into_the_ranges_of_all_phases_they_count_in(case):
     problem, spline, variables = case
     far = spline.control_points + 20.0
-    inside = variables.within_bounds(far)
-    moving = variables.column != FIXED
-    upper = np.minimum(problem.joint_upper.min(axis=0), np.inf)
-    bounded = np.isfinite(upper)
+    inside, moving = variables.within_bounds(far), variables.column != FIXED
+    bounded = np.isfinite(problem.joint_upper.min(axis=0))
     assert (inside[moving][:, bounded] <= problem.joint_upper.max(axis=0)[bounded]).all()
     np.testing.assert_array_equal(inside[~moving], far[~moving])
 
@@ -137,8 +112,15 @@ def test_a_goal_left_open_is_where_the_motion_is_fastest(bundled):
     problem = bundled("ur5/over_the_wall")
     assert problem.goal is None
     spline = begun(problem, 8)
-    fixed = replace(problem, goal=spline.control_points[-1])
-    free, held = (improved(each, spline) for each in (problem, fixed))
+
+    def improved(problem):
+        """Return what some steps make of the spline, whatever its links meet."""
+        program = SequentialProgram(problem, spline.grid)
+        steps = {"min_gain": 1e-4, "max_steps": 40}
+        first, region = program.iterate(spline), TrustRegion(0.2)
+        return program.improved(first, region, FIRST_PENALTY, **steps).iterate
+
+    free, held = improved(problem), improved(replace(problem, goal=spline.control_points[-1]))
     assert free.excess < 1e-3 and held.excess < 1e-3
     assert free.duration < 0.995 * held.duration
     tool = problem.robot.tool_position(free.spline.control_points[-1:])[0]
@@ -157,7 +139,7 @@ def test_an_open_goal_without_redundant_joints_stays_where_it_is(bundled):
 
 @pytest.fixture(scope="module")
 def with_start(bundled):
-    """The same problem's variables whose start moves, beside those whose start is fixed."""
+    """The same problem's variables whose start is fixed, beside those whose start moves."""
     problem = bundled("ur5/over_the_wall")
     spline = begun(problem, 12)
     alone = ControlVariables(problem, spline.grid)
@@ -190,28 +172,16 @@ def test_a_start_that_moves_gets_to_where_it_is_to_be(with_start):
     np.testing.assert_allclose(share + share[::-1], 1.0, atol=1e-9)
 
 
-def test_a_goal_after_a_step_is_where_all_of_it_leads(with_start):
-    spline, alone, _ = with_start
-    step = 0.05 * np.random.default_rng(4).normal(size=alone.lower.shape)
-    goal = alone.goal_after(spline.control_points, step)
-    moved = alone.moved(spline.control_points, step)
-    np.testing.assert_array_equal(moved[-3:], np.tile(goal, (3, 1)))
-
-
 def test_tied_ends_have_the_bounds_of_both(with_start, bundled):
-    spline, _, _ = with_start
-    problem = bundled("ur5/over_the_wall")
-    before = ControlVariables(problem, spline.grid)
-    after = ControlVariables(problem, spline.grid, start_moves=True)
+    problem, grid = bundled("ur5/over_the_wall"), with_start[0].grid
+    before = ControlVariables(problem, grid)
+    after = ControlVariables(problem, grid, start_moves=True)
     before.lower[-1], before.upper[-1] = [-1, -3, -1, -3, -1, -1], 2.0
     after.lower[0], after.upper[0] = -2.0, [1, 3, 1, 3, 1, 1]
     before.tie(after)
-    for lower, upper in (
-        (before.lower[-1], before.upper[-1]),
-        (after.lower[0], after.upper[0]),
-    ):
-        assert lower.tolist() == [-1, -2, -1, -2, -1, -1]
-        assert upper.tolist() == [1, 2, 1, 2, 1, 1]
+    for variables, place in ((before, -1), (after, 0)):
+        assert variables.lower[place].tolist() == [-1, -2, -1, -2, -1, -1]
+        assert variables.upper[place].tolist() == [1, 2, 1, 2, 1, 1]
 
 
 # Which variables legs share, and their order.
@@ -228,38 +198,34 @@ def test_configurations_stand_first_then_switching_times_then_eta_then_elastic()
     assert third.tolist() == [8, 9, 10, 11, 13, 14, 17, 20]
 
 
-def test_a_tied_end_is_the_next_ones_beginning():
-    first, second, third = shared_columns(LEGS, [True, False, False])
-    assert first[:6].tolist() == [0, 1, 2, 3, 4, 5]
-    assert second[:2].tolist() == [4, 5]
-    assert third[:4].tolist() == [6, 7, 8, 9]
-    assert first[6] == 10
-
-
-def test_where_a_cycle_closes_comes_after_all_other_configurations():
-    first, second, third = shared_columns(LEGS, [False, False, True])
-    assert first[:6].tolist() == [8, 9, 0, 1, 2, 3]
-    assert second[:2].tolist() == [4, 5]
-    assert third[:4].tolist() == [6, 7, 8, 9]
-    assert first[6] == 10
+@pytest.mark.parametrize(
+    ("is_tied", "first"),
+    [
+        ([True, False, False], [0, 1, 2, 3, 4, 5]),  # its end is the next one's beginning
+        # Where a cycle closes comes after all other configurations.
+        ([False, False, True], [8, 9, 0, 1, 2, 3]),
+    ],
+)
+def test_tied_ends_are_the_same_configuration(is_tied, first):
+    columns = shared_columns(LEGS, is_tied)
+    assert columns[0][:6].tolist() == first
+    assert columns[1][:2].tolist() == [4, 5]
+    assert columns[2][:4].tolist() == [6, 7, 8, 9]
+    assert columns[0][6] == 10
 
 
 @pytest.mark.parametrize("is_tied", [[True, True, True], [True, False, False]])
 def test_no_column_is_left_out_and_only_tied_ones_are_shared(is_tied):
     legs = [LegShape(4, 3, 2), LegShape(5, 3, 1), LegShape(3, 3, 0)]
     columns = shared_columns(legs, is_tied)
-    found, count = np.unique(np.concatenate(columns), return_counts=True)
-    assert found.tolist() == list(range(len(found)))
+    every, count = np.unique(np.concatenate(columns), return_counts=True)
+    assert every.tolist() == list(range(len(every)))
     assert (count == 2).sum() == 3 * sum(is_tied)
     assert count.max() <= 2
     for k in np.flatnonzero(is_tied):
         size = 3 * legs[k].configurations
-        following = columns[(k + 1) % 3]
-        np.testing.assert_array_equal(columns[k][size - 3 : size], following[:3])
-
-
-def test_a_cycle_of_one_leg_ends_where_it_begins():
-    (own,) = shared_columns([LegShape(3, 2, 1)], [True])
+        np.testing.assert_array_equal(columns[k][size - 3 : size], columns[(k + 1) % 3][:3])
+    (own,) = shared_columns([LegShape(3, 2, 1)], [True])  # a cycle of one leg
     assert own.tolist() == [2, 3, 0, 1, 2, 3, 4, 5, 6]
 
 

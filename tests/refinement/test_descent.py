@@ -1,15 +1,17 @@
-"""Descent: trust region, feasible steps, accepted iterates of one or more legs."""
+"""Descent: trust region, single steps, accepted iterates of one or more legs."""
 
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from begun_splines import begun
 
 from tubeplanner import GoalRegion, PlanningProblem, PlanOptions, Seed, Tube, load_robot, plan
 from tubeplanner.refinement import descent
 from tubeplanner.refinement.descent import FIRST_PENALTY, Descent
 from tubeplanner.refinement.sequential_program import SequentialProgram
+from tubeplanner.refinement.step_block import Step
 from tubeplanner.refinement.trust_region import MIN_RADIUS, Outcome, TrustRegion, motion_unit
 
 # How the region follows what became of steps.
@@ -53,40 +55,85 @@ def test_it_ends_when_no_step_is_left():
     assert TrustRegion(0.1, 1e15).has_collapsed
     # In a small motion much damping is of use.
     assert not TrustRegion(0.1, 1e9, unit=1e-3).has_collapsed
+    # Variables that do not move leave no rates to divide by.
+    still = outcome(gain=-1.0, linear=-1.0, size=0.0, squared_rates=0.0)
+    assert TrustRegion(0.1).after(still).has_collapsed
 
 
-def test_radii_are_in_units_of_the_motion():
+def test_radii_are_in_units_of_the_farthest_joint_of_all_motions():
     region = TrustRegion(0.1, unit=0.01)
     assert region.largest_change == pytest.approx(1e-3)
     assert region.after(outcome()).unit == region.smaller().unit == 0.01
-
-
-def test_the_unit_is_that_of_the_farthest_joint_of_all_motions():
     still, small, large = np.zeros((3, 2)), np.array([[0.0, 5.0], [0.01, 5.03]]), np.eye(2)
     assert motion_unit([still, small]) == pytest.approx(0.03 / 0.3)
     assert motion_unit([small, large]) == 1.0
     assert motion_unit([still]) == 1.0
 
 
-def test_the_region_of_a_standstill_is_finite():
-    """Variables that do not move leave no rates to divide by."""
-    region = TrustRegion(0.1).after(outcome(gain=-1.0, linear=-1.0, size=0.0, squared_rates=0.0))
-    assert region.has_collapsed
-
-
-def test_damping_that_holds_steps_back_is_relaxed():
+def test_damping_that_holds_steps_back_is_relaxed_twice():
     assert not TrustRegion(0.1, 0.1).may_relax
-    assert TrustRegion(0.1, 1.0).may_relax
     assert not TrustRegion(0.1, 100.0, unit=0.01).may_relax, "of a small motion that is little"
-    assert TrustRegion(0.1, 1.0).relaxed() == TrustRegion(0.1, 0.01, times_relaxed=1)
-
-
-def test_damping_is_relaxed_twice_only_however_often_it_is_raised():
     trust = TrustRegion(0.1, 1.0)
+    assert trust.relaxed() == TrustRegion(0.1, 0.01, times_relaxed=1)
     for _ in range(2):
         assert trust.may_relax
         trust = replace(trust.relaxed(), damping=1e6)
     assert not trust.may_relax
+
+
+# Single steps, on a corner that straight steps leave.
+
+
+@pytest.fixture(scope="module")
+def corner(bundled):
+    """A program, and the trajectory that it begins with: outside the tube by a radius."""
+    problem = bundled("two_link/paper_5_10mm")
+    spline = begun(problem, 8)
+    program = SequentialProgram(problem, spline.grid)
+    return program, program.iterate(spline)
+
+
+def steps(corner, radius, count):
+    program, begin = corner
+    limits = {"min_gain": 1e-6, "max_steps": count}
+    return program.improved(begin, TrustRegion(radius), FIRST_PENALTY, **limits)
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.05, 0.1, 0.2, 0.4])
+def test_a_step_that_bends_out_of_the_tube_is_corrected_and_costs_nothing_it_should_not(
+    corner, radius
+):
+    """Without its correction a long one would end farther outside than it began.
+
+    Whatever is taken is better: in duration, or in what is outside at its penalty.
+    """
+    begin, after = corner[1], steps(corner, radius, 1).iterate
+    assert after is not begin
+    if radius >= 0.2:
+        assert after.excess < 0.6 * begin.excess
+    share = after.squared_duration / begin.squared_duration
+    assert share + FIRST_PENALTY * (after.excess - begin.excess) < 1
+
+
+def test_a_region_that_is_too_small_grows_and_one_that_is_too_wide_shrinks_or_is_damped(corner):
+    assert steps(corner, 0.005, 4).trust.radius >= 8 * 0.005
+    trust = steps(corner, 1.0, 6).trust
+    assert trust.radius <= 0.5 or trust.damping > 100 * TrustRegion.damping
+
+
+def test_the_radius_of_a_step_is_that_of_its_control_points_or_of_its_phases(corner):
+    """A trust region lets phases change by eight times its radius, as a share of their widths."""
+    program, begin = corner
+    control = np.zeros_like(program.variables.lower)
+    control[2, 1] = -0.004
+    widths = np.diff(begin.spline.switching_times)
+    switching = np.zeros(program.grid.switch_count)
+    switching[0] = 0.02 * widths[:2].min()
+    bent = Step(control, 0 * switching, 0.0, 0.0, np.zeros(0))
+    shifted = Step(control, switching, 0.0, 0.0, np.zeros(0))
+    assert program.radius_of(begin, bent, 0.5) == pytest.approx(0.008)
+    assert program.radius_of(begin, shifted, 1.0) == pytest.approx(0.004)
+    assert program.radius_of(begin, shifted, 100.0) == pytest.approx(0.02 / 8)
 
 
 # Steps of several legs at once: what they promise, and what they share.
@@ -117,18 +164,11 @@ def improved(motions, is_tied, radius, steps=1, announced=lambda iterates: None)
         SequentialProgram(motion.problem, motion.spline.grid, start_moves=is_tied[k - 1])
         for k, motion in enumerate(motions)
     ]
-    begun = tuple(
-        program.iterate(motion.spline) for program, motion in zip(programs, motions, strict=True)
-    )
-    found = Descent(programs, is_tied).improved(
-        begun,
-        TrustRegion(radius),
-        FIRST_PENALTY,
-        min_gain=1e-7,
-        max_steps=steps,
-        checkpoint=announced,
-    )
-    return begun, found
+    pairs = zip(programs, motions, strict=True)
+    begin = tuple(program.iterate(motion.spline) for program, motion in pairs)
+    limits = {"min_gain": 1e-7, "max_steps": steps, "checkpoint": announced}
+    descent = Descent(programs, is_tied)
+    return begin, descent.improved(begin, TrustRegion(radius), FIRST_PENALTY, **limits)
 
 
 def total(iterates):
@@ -160,19 +200,17 @@ def test_what_legs_gain_counts_by_their_durations(monkeypatch):
     """
     outcomes, sums = [], []
 
-    def noted(*given):
-        outcomes.append(Outcome(*given))
+    def noted(*fields):
+        outcomes.append(Outcome(*fields))
         return outcomes[-1]
 
     legs = planned(np.array([*POINTS[:2], [0.46, 0.32, 0.0]]))
     monkeypatch.setattr(descent, "Outcome", noted)
-    begun, _ = improved(
-        legs, (True, False), 0.01, steps=4, announced=lambda found: sums.append(total(found))
-    )
-    shares = -np.diff([total(begun), *sums]) / [total(begun), *sums[:-1]]
-    found = np.array([outcome.gain for outcome in outcomes])
+    begin, _ = improved(legs, (True, False), 0.01, 4, lambda iterates: sums.append(total(iterates)))
+    shares = -np.diff([total(begin), *sums]) / [total(begin), *sums[:-1]]
+    gains = np.array([outcome.gain for outcome in outcomes])
     assert (shares > 0.003).sum() >= 2
-    np.testing.assert_allclose(found[shares > 0.003], 2 * shares[shares > 0.003], rtol=0.4)
+    np.testing.assert_allclose(gains[shares > 0.003], 2 * shares[shares > 0.003], rtol=0.4)
 
 
 def test_a_single_iterate_is_that_of_a_single_leg(motions):

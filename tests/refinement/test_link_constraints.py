@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from begun_splines import begun
 from cases import SHORTEST
 
 from tubeplanner import (
@@ -17,7 +18,6 @@ from tubeplanner import (
     placement_of,
     plan,
 )
-from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.convex_shape import box
 from tubeplanner.problem.required_distances import RequiredDistances
@@ -26,7 +26,7 @@ from tubeplanner.refinement.distances_along import DistancesAlong
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import PhasedSpline, Samples
 from tubeplanner.refinement.refinement import Refinement
-from tubeplanner.refinement.spline_start import knot_grid, starting_spline
+from tubeplanner.refinement.spline_start import knot_grid
 
 # Corners of a box that lies on another: how far each is, and between which points.
 
@@ -57,7 +57,7 @@ def part(ur5):
 NUMBERS = np.array([-1, 0, 1, 2, 3])
 
 
-def found(checker, q, pairs):
+def measured(checker, q, pairs):
     poses = checker.robot.body_poses(q)
     closest = checker.closest_points(*poses, pairs)
     return closest, of_corners(checker, poses, pairs, closest, NUMBERS)
@@ -65,42 +65,34 @@ def found(checker, q, pairs):
 
 def test_all_corners_of_a_face_are_found(part):
     checker, q, pairs = part(0.01)
-    closest, corners = found(checker, q, pairs)
+    closest, corners = measured(checker, q, pairs)
     lengths = 0.06 * 0.01
     assert corners.distance[0] == closest.distance[0] == pytest.approx(0.001, abs=1e-9)
-    np.testing.assert_allclose(
-        np.sort(corners.distance[1:]), 0.001 + np.array([0, 0, lengths, lengths]), atol=2e-4
-    )
+    expected = 0.001 + np.array([0, 0, lengths, lengths])
+    np.testing.assert_allclose(np.sort(corners.distance[1:]), expected, atol=2e-4)
     upper, lower = corners.first[1:, 2], corners.second[1:, 2]
     np.testing.assert_allclose(abs(upper - lower), corners.distance[1:], atol=1e-9)
     assert len(np.unique(corners.first[1:, :2].round(6), axis=0)) == CORNERS
+    # A pair may have none.
+    none = np.full(CORNERS + 1, -1)
+    same = of_corners(checker, checker.robot.body_poses(q), pairs, closest, none)
+    np.testing.assert_array_equal(same.distance, closest.distance)
+    assert replace(same, distance=closest.distance).direction is closest.direction
 
 
 def test_their_gradients_are_those_of_the_corners(part):
     checker, q, pairs = part(0.01)
-    poses = checker.robot.body_poses(q)
-    _, corners = found(checker, q, pairs)
-    exact = checker.distance_gradient(*poses, pairs, corners)[1:]
-    for joint in range(q.shape[1]):
-        step = 1e-6 * np.eye(q.shape[1])[joint]
-        after, before = (found(checker, q + sign * step, pairs)[1].distance for sign in (1, -1))
+    _, corners = measured(checker, q, pairs)
+    exact = checker.distance_gradient(*checker.robot.body_poses(q), pairs, corners)[1:]
+    for joint, step in enumerate(1e-6 * np.eye(q.shape[1])):
+        after, before = (measured(checker, q + s * step, pairs)[1].distance for s in (1, -1))
         np.testing.assert_allclose(exact[:, joint], (after - before)[1:] / 2e-6, atol=1e-4)
 
 
 def test_corners_far_from_the_face_do_not_count(part):
-    checker, q, pairs = part(0.3)
-    closest, corners = found(checker, q, pairs)
-    assert np.sort(corners.distance)[-1] < closest.distance[0] + 0.005
+    closest, corners = measured(*part(0.3))
+    assert corners.distance.max() < closest.distance[0] + 0.005
     assert (corners.distance < 0.002).all()  # the others are 18 mm farther
-
-
-def test_a_pair_may_have_none(part):
-    checker, q, pairs = part(0.01)
-    poses = checker.robot.body_poses(q)
-    closest = checker.closest_points(*poses, pairs)
-    same = of_corners(checker, poses, pairs, closest, np.full(CORNERS + 1, -1))
-    np.testing.assert_array_equal(same.distance, closest.distance)
-    assert replace(same, distance=closest.distance).direction is closest.direction
 
 
 # What is required along a spline: at hand-overs of both segments, near the ends less.
@@ -112,8 +104,9 @@ NAMES = ("ball", "link2")
 
 @pytest.fixture
 def problem(two_link):
-    def make(clearances=None, **others):
-        tool = two_link.tool_position(np.array([START, (START + GOAL) / 2, GOAL]))
+    def make(clearances=None, segments=2, **others):
+        ways = np.linspace(0, 1, segments + 1)[:, None]
+        tool = two_link.tool_position(START + ways * (GOAL - START))
         ball = Obstacle.sphere("ball", 0.05, placement_of([0.0, 2.2, 0.0]))
         tube = Tube(tool, 0.3, clearance=clearances)
         return PlanningProblem(two_link, tube, START, GOAL, obstacles=[ball], **others)
@@ -123,6 +116,15 @@ def problem(two_link):
 
 def along(problem):
     return DistancesAlong(problem, np.array([START, GOAL]), 0.0)
+
+
+def column_of(problem):
+    return problem.collision.between(*NAMES).argmax()
+
+
+def in_the_middle(count):
+    """Return samples in the middle of an interval."""
+    return Samples(np.zeros(count, int), np.full(count, 0.5), np.ones(count, int))
 
 
 GRID = knot_grid(np.array([0.0, 0.5, 1.0]), 8)
@@ -136,61 +138,46 @@ def test_at_a_hand_over_both_segments_ask(problem):
         np.array([0.0, 0.5, 1.0, 0.0, 0.5, 1.0]),
         np.array([0, 1, PIECES // 2 - 1, PIECES // 2, PIECES - 2, PIECES - 1]),
     )
-    column = np.flatnonzero(made.collision.between(*NAMES))[0]
-    found = along(made).at(GRID, samples, np.tile(START, (6, 1)))[:, column]
-    np.testing.assert_allclose(found, [0.01, 0.01, 0.02, 0.02, 0.02, 0.02])
+    required = along(made).at(GRID, samples, np.tile(START, (6, 1)))[:, column_of(made)]
+    np.testing.assert_allclose(required, [0.01, 0.01, 0.02, 0.02, 0.02, 0.02])
 
 
 def test_more_is_required_than_the_judge_asks_and_all_of_it_before_the_distance_ends(problem):
     made = problem(clearance=3.0, contacts=[Contact(NAMES, 0.2, "start")])
-    column = np.flatnonzero(made.collision.between(*NAMES))[0]
-    q = START + np.linspace(0, 1, 60)[:, None] * [0.2, 0.0]
-    samples = Samples(np.zeros(60, int), np.full(60, 0.5), np.ones(60, int))
+    column, q = column_of(made), START + np.linspace(0, 1, 60)[:, None] * [0.2, 0.0]
     tool = made.robot.tool_position(q)
-    asked = RequiredDistances(made, START, GOAL).at(np.zeros(60, int), tool)[:, column]
-    found = along(made).at(GRID, samples, q)[:, column]
+    judged = RequiredDistances(made, START, GOAL).at(np.zeros(60, int), tool)[:, column]
+    required = along(made).at(GRID, in_the_middle(60), q)[:, column]
     away = np.linalg.norm(tool - tool[0], axis=1)
-    assert (asked[away < 0.2] < 3.0).all()
-    assert (asked[away > 0.2] == 3.0).all()
-    assert (found >= asked - 1e-12).all()
-    assert found[0] == pytest.approx(asked[0])
-    assert (np.diff(found) >= 0).all()
-    assert (found[away > 0.19] == 3.0).all()
-    assert found[away < 0.1].max() < (asked[0] + 3.0) / 2
+    assert (judged[away < 0.2] < 3.0).all()
+    assert (judged[away > 0.2] == 3.0).all()
+    assert (required >= judged - 1e-12).all()
+    assert required[0] == pytest.approx(judged[0])
+    assert (np.diff(required) >= 0).all()
+    assert (required[away > 0.19] == 3.0).all()
+    assert required[away < 0.1].max() < (judged[0] + 3.0) / 2
 
 
 def test_where_the_same_is_asked_throughout_nothing_changes_with_the_joints(problem):
-    samples = Samples(np.zeros(3, int), np.full(3, 0.5), np.ones(3, int))
-    made = problem(clearance=0.01)
-    required, change = along(made).of_pairs(GRID, samples, np.tile(START, (3, 1)), np.arange(3))
+    made, q = problem(clearance=0.01), np.tile(START, (3, 1))
+    required, change = along(made).of_pairs(GRID, in_the_middle(3), q, np.arange(3))
     np.testing.assert_array_equal(change, 0.0)
     np.testing.assert_array_equal(required, RequiredDistances(made, START, GOAL).by_segment[0, :3])
 
 
-def test_what_changes_with_the_joints_is_what_is_required(two_link):
+def test_what_changes_with_the_joints_is_what_is_required(problem):
     """Of both ends of one segment the one counts that requires less."""
-    tool = two_link.tool_position(np.array([START, GOAL]))
-    ball = Obstacle.sphere("ball", 0.05, placement_of([0.0, 2.2, 0.0]))
-    made = PlanningProblem(
-        two_link,
-        Tube(tool, 0.3),
-        START,
-        GOAL,
-        obstacles=[ball],
-        clearance=3.0,
-        contacts=[Contact(NAMES, 0.9, ("start", "goal"))],
-    )
-    grid, column = knot_grid(np.array([0.0, 1.0]), 8), made.collision.between(*NAMES).argmax()
+    contacts = [Contact(NAMES, 0.9, ("start", "goal"))]
+    made = problem(segments=1, clearance=3.0, contacts=contacts)
+    grid, column = knot_grid(np.array([0.0, 1.0]), 8), column_of(made)
     q = START + np.linspace(0.02, 0.98, 25)[:, None] * (GOAL - START)
-    samples = Samples(np.zeros(25, int), np.full(25, 0.5), np.ones(25, int))
 
     def required(x):
-        return along(made).of_pairs(grid, samples, x, np.full(25, column))
+        return along(made).of_pairs(grid, in_the_middle(25), x, np.full(25, column))
 
-    found, change = required(q)
-    np.testing.assert_allclose(found, along(made).at(grid, samples, q)[:, column])
-    for joint in range(2):
-        step = 1e-6 * np.eye(2)[joint]
+    distance, change = required(q)
+    np.testing.assert_allclose(distance, along(made).at(grid, in_the_middle(25), q)[:, column])
+    for joint, step in enumerate(1e-6 * np.eye(2)):
         slope = (required(q + step)[0] - required(q - step)[0]) / 2e-6
         np.testing.assert_allclose(change[:, joint], slope, atol=1e-5)
 
@@ -204,11 +191,6 @@ POINTS = [[0.3, -0.3, 0], [0.3, 0.3, 0]]
 def problem_with(two_link, *obstacles, radius=0.08, **more):
     tube = Tube(POINTS, radius, joint_signs={"joint2": "-"})
     return PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])), obstacles=obstacles, **more)
-
-
-def begun(problem, intervals):
-    branch = reference_branch(problem, redundancy_rules(problem)[0])
-    return starting_spline(problem, branch, intervals)
 
 
 def post(x, y, size=0.03):
@@ -277,17 +259,16 @@ def test_links_that_pass_between_coarse_samples_are_given_up_on_the_finest(bundl
 
 def test_room_beyond_what_is_asked_is_kept_from_obstacles(two_link):
     """As if the clearance were larger by it, between links and obstacles."""
-    wanted, room = 0.01, 0.015
-    problem = problem_with(two_link, post(0.46, 0.0), clearance=wanted)
+    clearance, room = 0.01, 0.015
+    problem = problem_with(two_link, post(0.46, 0.0), clearance=clearance)
     spline = begun(problem, 12)
-    with_room = LinkConstraints(problem, room)
-    wider = LinkConstraints(replace(problem, clearance=wanted + room))
-    plain = LinkConstraints(problem)
     samples = spline.grid.samples_at(spline.switching_times, np.linspace(0.2, 0.8, 7))
-    for links in (with_room, wider, plain):
+
+    def slack(problem, room=0.0):
+        links = LinkConstraints(problem, room)
         links.look_at(spline, samples)
-    found, expected, less = (
-        np.sort(links.at(spline).slack(1.0, 1.0)) for links in (with_room, wider, plain)
-    )
-    np.testing.assert_array_equal(found, expected)
-    assert len(less) == 0 or less[0] > found[0]
+        return np.sort(links.at(spline).slack(1.0, 1.0))
+
+    with_room, less = slack(problem, room), slack(problem)
+    np.testing.assert_array_equal(with_room, slack(replace(problem, clearance=clearance + room)))
+    assert len(less) == 0 or less[0] > with_room[0]

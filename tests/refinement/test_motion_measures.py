@@ -18,12 +18,6 @@ from tubeplanner.trajectory.joint_trajectory import from_spline
 TRAVEL = np.array([1.3])
 
 
-def run(problem, spline):
-    """Return a spline as a trajectory."""
-    names = problem.robot.joint_names
-    return from_spline(names, spline.bspline()).scaled(RUN_IN)
-
-
 def by_interval(step, intervals):
     """Return a step of the control points that count in each interval, (M, 5 n)."""
     taken = np.vstack([step, np.zeros((1, step.shape[1]))])
@@ -65,7 +59,8 @@ def test_the_model_of_energy_is_exact_where_efforts_are_linear(tmp_path):
 def test_of_an_arm_they_are_nearly_those_of_the_trajectory(slide):
     """Between samples efforts bend a little, and power changes its sign."""
     problem, spline = unbounded(slide), monotone(3, np.array([0.9, -0.4, 0.3]))
-    at, costs = motion(problem, spline), EffortCosts(slide, run(problem, spline))
+    trajectory = from_spline(slide.joint_names, spline.bspline()).scaled(RUN_IN)
+    at, costs = motion(problem, spline), EffortCosts(slide, trajectory)
     weights = np.array([1.0, 0.5, 2.0])
     assert Energy(weights).total(at) * RUN_IN == pytest.approx(costs.energy(weights), rel=2e-2)
     assert Work(3, 1e-6).total(at) == pytest.approx(costs.work(), rel=5e-2)
@@ -123,18 +118,21 @@ def total(which, problem, spline, run_in=RUN_IN):
     return measure.total(motion(problem, spline, run_in))
 
 
-def test_jerk_is_the_integral_of_its_fourth_power_in_the_joints_travel(slide):
+def test_jerk_and_effort_rate_are_integrals_of_their_fourth_powers(slide, tmp_path):
     """Joints that hardly move count as if they moved a twentieth of what the farthest does."""
-    travel = np.array([0.9, -0.4, 1e-3])
-    spline = monotone(3, travel)
+    spline = monotone(3, np.array([0.9, -0.4, 1e-3]))
     _, jerk, width = at_knots(spline)
     expected = ((jerk / np.array([0.9, 0.4, 0.045])) ** 4 * width).sum()
     assert total(JERK, unbounded(slide), spline) == pytest.approx(expected, rel=1e-9)
+    spline = monotone(1, TRAVEL)
+    _, jerk, width = at_knots(spline)
+    expected = ((INERTIA * jerk / RUN_IN**2 / 5.0) ** 4 * width).sum()
+    assert total(RATE, bar(tmp_path), spline) == pytest.approx(expected, rel=1e-9)
 
 
 def test_variation_is_that_of_the_effort_in_limits(tmp_path):
     """Piecewise linear here; what is below a hundredth of the limit counts for less."""
-    spline, run_in = monotone(1, np.array([1.3])), 0.05
+    spline, run_in = monotone(1, TRAVEL), 0.05
     acceleration, _, width = at_knots(spline)
     change = abs(np.diff(acceleration, axis=0)) * INERTIA / run_in**2 / 5.0
     found = total(VARIATION, bar(tmp_path), spline, run_in)
@@ -143,16 +141,8 @@ def test_variation_is_that_of_the_effort_in_limits(tmp_path):
     assert found == pytest.approx(change.sum() - 2 * len(width) * 0.01, rel=1e-4)
 
 
-def test_effort_rate_is_the_integral_of_its_fourth_power(tmp_path):
-    spline = monotone(1, np.array([1.3]))
-    _, jerk, width = at_knots(spline)
-    expected = ((INERTIA * jerk / RUN_IN**2 / 5.0) ** 4 * width).sum()
-    found = total(RATE, bar(tmp_path), spline)
-    assert found == pytest.approx(expected, rel=1e-9)
-
-
 def test_without_a_limit_the_largest_effort_of_the_motion_is_the_unit(tmp_path):
-    spline = monotone(1, np.array([1.3]))
+    spline = monotone(1, TRAVEL)
     problem = bar(tmp_path, effort=np.inf, acceleration=50.0)
     acceleration, _, width = at_knots(spline)
     largest = abs(curve(spline)(np.linspace(0, 1, 200), 2)).max()

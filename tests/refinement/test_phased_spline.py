@@ -37,34 +37,32 @@ def sampled_anew(points) -> SampledSpline:
     basis = _basis(GRID, points, TIMES.tobytes())
     values = spline_basis.cubic_values(basis, points.first, control)
     if values is None:
-        taken = control[points.first[:, None] + np.arange(4)]
-        values = np.einsum("onr,onrj->onj", basis, np.broadcast_to(taken, (*basis.shape, 7)))
+        near = control[points.first[:, None] + np.arange(4)]
+        values = np.einsum("onr,onrj->onj", basis, np.broadcast_to(near, (*basis.shape, 7)))
     return SampledSpline(spline, points, basis, values)
 
 
 @NEEDS_LIBRARY
 @pytest.mark.parametrize("points", POINTS)
 def test_values_and_changes_agree_to_rounding(points, monkeypatch):
-    compiled = sampled_anew(points)
-    change = np.random.default_rng(4).normal(size=compiled.spline.control_points.shape)
-    found = [compiled.basis, compiled.by_x, compiled.by_switching]
-    moved = compiled.change(change, np.array([0.1, -0.2, 0.3, 0.1]))
+    """All changes by switching times are within those that are named."""
+
+    def parts():
+        at = sampled_anew(points)
+        change = np.random.default_rng(4).normal(size=at.spline.control_points.shape)
+        moved = at.change(change, np.array([0.1, -0.2, 0.3, 0.1]))
+        return at, (at.basis, at.by_x, at.by_switching, moved)
+
+    at, compiled = parts()
+    if points is POINTS[0]:
+        number = np.arange(len(at.changes.by_switching))[:, None]
+        outside = (number < at.changes.moved[:, 0]) | (number >= at.changes.moved[:, 1])
+        assert outside.any()
+        assert not at.changes.by_switching.transpose(0, 2, 1, 3)[outside].any()
     for name in ("_weights", "_by_switching", "_values"):
         monkeypatch.setattr(spline_basis, name, None)
-    pure = sampled_anew(points)
-    for ours, theirs in zip(found, [pure.basis, pure.by_x, pure.by_switching], strict=True):
-        np.testing.assert_allclose(ours, theirs, rtol=1e-11, atol=1e-11 * abs(theirs).max())
-    again = pure.change(change, np.array([0.1, -0.2, 0.3, 0.1]))
-    np.testing.assert_allclose(moved, again, rtol=1e-11, atol=1e-11)
-
-
-@NEEDS_LIBRARY
-def test_all_changes_by_switching_times_are_within_those_that_are_named():
-    changes = sampled_anew(POINTS[0]).changes
-    number = np.arange(len(changes.by_switching))[:, None]
-    outside = (number < changes.moved[:, 0]) | (number >= changes.moved[:, 1])
-    assert outside.any()
-    assert not changes.by_switching.transpose(0, 2, 1, 3)[outside].any()
+    for ours, numpys in zip(compiled, parts()[1], strict=True):
+        np.testing.assert_allclose(ours, numpys, rtol=1e-11, atol=1e-11 * abs(numpys).max())
 
 
 SWITCHING_TIMES = np.array([0.0, 0.3, 0.55, 1.0])
@@ -73,13 +71,15 @@ SMALL_GRID = KnotGrid(
 )
 
 
-def control_points(seed=0, joints=2):
-    points = np.random.default_rng(seed).normal(size=(SMALL_GRID.control_point_count, joints))
+def control_points(seed=0, grid=SMALL_GRID):
+    """Return random control points of two joints, at rest at both ends."""
+    points = np.random.default_rng(seed).normal(size=(grid.control_point_count, 2))
     points[:3], points[-3:] = points[0], points[-1]
     return points
 
 
 def test_the_basis_is_that_of_scipys_spline():
+    """Samples are found by their times; the motion rests at both ends."""
     samples = SMALL_GRID.samples(np.array([0.1, 0.45, 0.9]))
     points = control_points()
     phased = sampled(PhasedSpline(SMALL_GRID, SWITCHING_TIMES, points), samples)
@@ -88,27 +88,26 @@ def test_the_basis_is_that_of_scipys_spline():
     np.testing.assert_allclose(samples.times(SWITCHING_TIMES), x)
     for order in range(4):
         np.testing.assert_allclose(phased.by_x[order], spline(x, order), rtol=1e-9, atol=1e-9)
-
-
-def test_samples_are_found_by_their_times():
-    samples = SMALL_GRID.samples(np.array([0.1, 0.45, 0.9]))
-    found = SMALL_GRID.samples_at(SWITCHING_TIMES, samples.times(SWITCHING_TIMES))
-    np.testing.assert_array_equal(found.phase, samples.phase)
-    np.testing.assert_array_equal(found.interval, samples.interval)
-    np.testing.assert_allclose(found.share, samples.share, atol=1e-12)
+    again = SMALL_GRID.samples_at(SWITCHING_TIMES, x)
+    np.testing.assert_array_equal(again.phase, samples.phase)
+    np.testing.assert_array_equal(again.interval, samples.interval)
+    np.testing.assert_allclose(again.share, samples.share, atol=1e-12)
     ends = SMALL_GRID.samples_at(SWITCHING_TIMES, np.array([0.0, 1.0]))
     assert ends.interval.tolist() == [0, SMALL_GRID.interval_count - 1]
     assert ends.phase.tolist() == [0, 2]
+    for order in (1, 2):
+        np.testing.assert_allclose(spline(np.array([0.0, 1.0]), order), 0, atol=1e-11)
 
 
 def test_samples_at_a_switching_time_belong_to_the_phases_on_both_sides():
     samples = SMALL_GRID.samples(np.array([0.0, 1.0]))
-    at_switch = [
-        (int(phase), float(share))
-        for phase, share in zip(samples.phase, samples.share, strict=True)
-        if share in (0.0, 1.0)
-    ]
-    assert at_switch == [(0, 0.0), (0, 1.0), (1, 0.0), (1, 1.0), (2, 0.0), (2, 1.0)]
+    at_end = np.isin(samples.share, (0.0, 1.0))
+    assert samples.phase[at_end].tolist() == [0, 0, 1, 1, 2, 2]
+    assert samples.share[at_end].tolist() == [0.0, 1.0] * 3
+    # Pieces are of their phase's first segment.
+    chained = KnotGrid(SMALL_GRID.shares, (range(0, 2), range(2, 5), range(5, 6)))
+    assert segments_of_pieces(chained).tolist() == [0, 0, 0, 2, 2, 5, 5, 5]
+    assert segments_of_pieces(SMALL_GRID).tolist() == [0, 0, 0, 1, 1, 2, 2, 2]
 
 
 def test_the_velocity_stays_within_its_hull_and_touches_it():
@@ -121,12 +120,6 @@ def test_the_velocity_stays_within_its_hull_and_touches_it():
         assert (velocity.min(axis=0) >= bound.min(axis=0) - 1e-12).all()
     derivative = phased.bspline().derivative()
     np.testing.assert_allclose(bound, derivative.control_points, rtol=1e-12, atol=1e-12)
-
-
-def test_it_rests_at_both_ends():
-    spline = BSpline(SMALL_GRID.knots(SWITCHING_TIMES), control_points(), DEGREE)
-    for order in (1, 2):
-        np.testing.assert_allclose(spline(np.array([0.0, 1.0]), order), 0, atol=1e-11)
 
 
 def test_times_change_with_both_ends_of_their_phase():
@@ -150,12 +143,6 @@ def test_on_a_fixed_grid_no_switching_time_moves():
     assert found.by_switching.shape == (0, 4, fixed.interval_count, 2)
 
 
-def test_pieces_are_of_their_phases_first_segment():
-    chained = KnotGrid(SMALL_GRID.shares, (range(0, 2), range(2, 5), range(5, 6)))
-    assert segments_of_pieces(chained).tolist() == [0, 0, 0, 2, 2, 5, 5, 5]
-    assert segments_of_pieces(SMALL_GRID).tolist() == [0, 0, 0, 1, 1, 2, 2, 2]
-
-
 @pytest.mark.parametrize("intervals", [8, 64])
 def test_knots_cluster_at_the_ends_and_have_about_the_number_asked_for(intervals):
     grid = knot_grid(SWITCHING_TIMES, intervals)
@@ -167,9 +154,7 @@ def test_knots_cluster_at_the_ends_and_have_about_the_number_asked_for(intervals
 @pytest.mark.parametrize("parts", [2, 3])
 def test_divided_knots_hold_the_same_trajectory(parts):
     grid = knot_grid(SWITCHING_TIMES, 12)
-    points = np.random.default_rng(0).normal(size=(grid.control_point_count, 2))
-    points[:3], points[-3:] = points[0], points[-1]
-    phased = PhasedSpline(grid, SWITCHING_TIMES, points)
+    phased = PhasedSpline(grid, SWITCHING_TIMES, control_points(grid=grid))
     finer = subdivided(phased, parts)
     assert finer.grid.interval_count == parts * grid.interval_count
     old, new = grid.breakpoints(SWITCHING_TIMES), finer.grid.breakpoints(SWITCHING_TIMES)
