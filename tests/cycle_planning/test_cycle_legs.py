@@ -21,17 +21,15 @@ CYCLE = {
         {"name": "back", "tube": {"points": [THERE, BACK], "radius": 0.1}},
     ],
 }
+SHORTEST = PlanOptions(quality="fast", slack=0.0)
 
 
 def test_open_moves_of_a_closed_cycle_lead_back_to_a_given_start():
-    result = plan_cycle(parse_cycle(CYCLE), PlanOptions(quality="fast"))
+    result = plan_cycle(parse_cycle(CYCLE), SHORTEST)
     assert result.succeeded, result.message
     trajectory = result.motion.trajectory
     np.testing.assert_allclose(trajectory.position([0.0])[0], HOME, atol=1e-9)
     np.testing.assert_allclose(trajectory.position([trajectory.duration])[0], HOME, atol=1e-6)
-
-
-SHORTEST = PlanOptions(quality="fast", slack=0.0)
 
 
 def test_where_a_closed_cycle_begins_is_chosen_where_it_is_open():
