@@ -1,3 +1,5 @@
+"""Reference points from a CSV file: columns, faults by line, the tube of a problem."""
+
 import numpy as np
 import pytest
 import yaml
@@ -8,12 +10,13 @@ from tubeplanner.problem.point_file import read_points
 from tubeplanner.resources import bundled_problems
 
 PLAIN = "0.45,-0.3,0.2\n0.45,-0.3,0.5\n0.45,0.3,0.5\n0.45,0.3,0.2\n"
+RADII = "0.45,-0.3,0.2,0.04\n0.45,-0.3,0.5,0.03\n0.45,0.3,0.5,0.05\n0.45,0.3,0.2,\n"
+BOX = {"box": [0.1, 0.06], "up": [1, 0, 0.5]}
 
 
 def read(folder, text):
-    path = folder / "path.csv"
-    path.write_text(text)
-    return read_points(path)
+    (folder / "path.csv").write_text(text)
+    return read_points(folder / "path.csv")
 
 
 @pytest.mark.parametrize(
@@ -65,45 +68,45 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 def problem_with(folder, text, **tube):
     fields = yaml.safe_load(bundled_problems()["ur5/over_the_wall"].read_text())
     (folder / "path.csv").write_text(text)
-    fields["tube"] = {**fields["tube"], "points": "path.csv", **tube}
-    fields["tube"] = {key: value for key, value in fields["tube"].items() if value is not None}
+    tube = {**fields["tube"], "points": "path.csv", **tube}
+    fields["tube"] = {key: value for key, value in tube.items() if value is not None}
     path = folder / "problem.yaml"
     path.write_text(yaml.safe_dump(fields))
     return load_problem(path)
 
 
-def test_a_problem_takes_its_points_from_a_file_next_to_it(tmp_path):
-    bundled = load_problem("example:ur5/over_the_wall").tube
+def test_a_problem_takes_its_points_from_a_file_next_to_it(tmp_path, bundled):
     tube = problem_with(tmp_path, PLAIN).tube
-    np.testing.assert_array_equal(tube.points, bundled.points)
-    np.testing.assert_array_equal(tube.radius, bundled.radius)
+    np.testing.assert_array_equal(tube.points, bundled("ur5/over_the_wall").tube.points)
+    np.testing.assert_array_equal(tube.radius, bundled("ur5/over_the_wall").tube.radius)
 
 
 def test_radius_and_orientations_may_come_from_there(tmp_path):
-    rows = [row + ",1,0,0,0,0.04" for row in PLAIN.splitlines()]
-    tube = problem_with(tmp_path, "\n".join(rows), radius=None, rotation_tolerance=3.0).tube
+    text = PLAIN.replace("\n", ",1,0,0,0,0.04\n")
+    tube = problem_with(tmp_path, text, radius=None, rotation_tolerance=3.0).tube
     assert tube.radius.tolist() == [0.04] * 3
     np.testing.assert_array_equal(tube.orientations, [[1, 0, 0, 0]] * 4)
-
-
-def test_a_radius_is_given_once(tmp_path):
-    with pytest.raises(ProblemError, match=r"tube.radius is given, and path.csv has it too"):
-        problem_with(tmp_path, PLAIN.replace("\n", ",0.1\n"))
-    with pytest.raises(ProblemError, match=r"tube.radius is required: give it here or as a column"):
-        problem_with(tmp_path, PLAIN, radius=None)
-
-
-BOX = {"box": [0.1, 0.06], "up": [1, 0, 0.5]}
 
 
 def test_boxes_go_with_points_from_a_file(tmp_path):
     tube = problem_with(tmp_path, PLAIN, radius=None, cross_section=BOX).tube
     np.testing.assert_allclose(tube.radius, [0.03] * 3)
-    rows = PLAIN.splitlines()
-    text = "\n".join(
-        f"{row},{radius}" for row, radius in zip(rows, ["0.04", "0.03", "0.05", ""], strict=True)
-    )
-    tube = problem_with(tmp_path, text, radius=None, cross_section=[None, BOX, None]).tube
+    tube = problem_with(tmp_path, RADII, radius=None, cross_section=[None, BOX, None]).tube
     np.testing.assert_allclose(tube.radius, [0.04, 0.03, 0.05])
-    with pytest.raises(ProblemError, match=r"tube.radius\[0\] is 0.04 m, but segment 0 has a box"):
-        problem_with(tmp_path, text, radius=None, cross_section=BOX)
+
+
+@pytest.mark.parametrize(
+    ("text", "fields", "message"),
+    [
+        (RADII, {}, "tube.radius is given, and path.csv has it too"),
+        (PLAIN, {"radius": None}, "tube.radius is required: give it here or as a column"),
+        (
+            RADII,
+            {"radius": None, "cross_section": BOX},
+            r"radius\[0\] is 0.04 m, but segment 0 has",
+        ),
+    ],
+)
+def test_a_radius_is_given_once(tmp_path, text, fields, message):
+    with pytest.raises(ProblemError, match=message):
+        problem_with(tmp_path, text, **fields)
