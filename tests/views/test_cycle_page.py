@@ -80,7 +80,7 @@ def test_what_comes_and_goes_is_there_only_while_it_is_carried(motion, seen):
     assert len(cap.seen_at(np.flatnonzero(carried)[0])) == 8
 
 
-def test_a_part_may_be_taken_again(cycle):
+def test_a_part_may_be_taken_again_and_stands_before_there_is_a_motion(cycle):
     part = Obstacle.box("part", (0.1, 0.1, 0.1), at(0.6, 0.4, 0.05))
     moves = [replace(leg.moves[0], passes_through=False) for leg in cycle.legs]
     steps = [Attach("part"), moves[0], Detach("part"), moves[1], Attach("part"), moves[2]]
@@ -89,12 +89,8 @@ def test_a_part_may_be_taken_again(cycle):
     marks = [Mark(t, "event", "any") for t in (0, 0, 1, 1, 2, 2)]
     (found,) = moved_parts(again, marks, time, tool)
     np.testing.assert_allclose(found.poses[:, 0, 3], [0, 1, 1, 5])
-
-
-def test_nothing_is_handed_over_before_there_is_a_motion(cycle):
-    (part,) = moved_parts(cycle, (), np.zeros(1), np.eye(4)[None])
-    assert part.name == "part"
-    assert part.present.all()
+    (standing,) = moved_parts(cycle, (), np.zeros(1), np.eye(4)[None])
+    assert (standing.name, standing.present.all()) == ("part", True)
 
 
 @pytest.fixture(scope="module")
@@ -124,10 +120,8 @@ def test_every_move_has_a_tube_in_its_own_colour_and_a_part_moves_by_itself(comm
     objects = objects_of(commands)
     tubes = [objects[f"/meshcat/tube/0/body_0/move_{k}"] for k in range(4)]
     assert tubes == [int(color[1:], 16) for color in SEGMENT_COLORS]
-    assert "/meshcat/obstacles/0/body_0/post" in objects
-    assert not [
-        path for path in objects if path.startswith("/meshcat/obstacles") and "part" in path
-    ]
+    standing = [path for path in objects if path.startswith("/meshcat/obstacles")]
+    assert standing == ["/meshcat/obstacles/0/body_0/post"]
     (path,) = [path for path in objects if "/part/" in path]
     assert path.startswith("/meshcat/carried/0/body_")
     time, position = track_of(commands, path, "position")
@@ -162,11 +156,6 @@ def test_frames_have_every_mark_among_them_and_speeds_equal_steps(cycle):
     np.testing.assert_allclose(told["speed"][1:-1], speed, atol=1e-3)
 
 
-def test_long_motions_do_not_make_more_frames_than_can_be_mailed(cycle):
-    slow = view_cycle(cycle, [motion_of(cycle, 30.0)]).scene.trajectories[0]
-    assert 1000 < len(slow.time) < 1300
-
-
 def test_the_time_line_has_moves_and_what_happens_at_rest(motion):
     timeline = cycle_timeline(motion)
     assert [band.name for band in timeline.bands] == ["reach", "carry", "on", "back"]
@@ -181,34 +170,31 @@ def test_the_time_line_has_moves_and_what_happens_at_rest(motion):
     assert [time for time, _ in left.ticks] == pytest.approx([rest + 1, second, second])
 
 
-def line_with_rests_at(times, duration):
-    """Return the rests of a time line as the page gets them."""
+def rooms_at(times):
+    """Return begin, end and alignment of the texts of rests in the time line of 10 s."""
     stops = tuple(Stop(time - 0.1, time + 0.1, ((time - 0.1, "dwell"),)) for time in times)
-    return Timeline((), stops).as_dict(duration)["rests"]
+    rooms = [rest["room"] for rest in Timeline((), stops).as_dict(10.0)["rests"]]
+    return [(room["begin"], room["end"], room["align"]) for room in rooms]
 
 
 @pytest.mark.parametrize("times", [(0.6, 1.0, 2.5, 9.3, 9.4), (0.4,), (9.7,)])
 def test_texts_of_rests_are_beside_each_other(times):
-    rooms = [rest["room"] for rest in line_with_rests_at(times, 10.0)]
-    ends = [0.0, *(end for room in rooms for end in (room["begin"], room["end"])), 10.0]
+    rooms = rooms_at(times)
+    ends = [0.0, *(end for begin, last, _ in rooms for end in (begin, last)), 10.0]
     assert ends == sorted(ends)
-    for time, room in zip(times, rooms, strict=True):
-        before, after = time - room["begin"], room["end"] - time
-        assert min(before, after) > 0
-        assert before == pytest.approx(after) or room["align"] != "center"
+    for time, (begin, end, align) in zip(times, rooms, strict=True):
+        assert begin < time < end
+        assert time - begin == pytest.approx(end - time) or align != "center"
 
 
 def test_texts_at_the_ends_of_a_line_have_what_is_left_to_them():
-    first, second, middle, last = (
-        (room["begin"], room["end"], room["align"])
-        for room in (rest["room"] for rest in line_with_rests_at((0.5, 0.75, 5.0, 9.5), 10.0))
-    )
-    assert first == (0, 0.625, "left")
-    assert second == (0.625, 0.875, "center")
-    assert middle == (2.875, 7.125, "center")
-    assert last == (7.25, 10, "right")
-    late = [rest["room"]["align"] for rest in line_with_rests_at((5.0, 9.25, 9.5), 10.0)]
-    assert late == ["center", "center", "right"]
+    assert rooms_at((0.5, 0.75, 5.0, 9.5)) == [
+        (0, 0.625, "left"),
+        (0.625, 0.875, "center"),
+        (2.875, 7.125, "center"),
+        (7.25, 10, "right"),
+    ]
+    assert [align for *_, align in rooms_at((5.0, 9.25, 9.5))] == ["center", "center", "right"]
 
 
 def test_the_panel_says_what_is_seen(page):
@@ -236,9 +222,8 @@ def test_motions_stand_side_by_side_with_a_line_each(cycle, motion):
     # Both lines are as wide as the longer motion lasts.
     last = both.panel["timelines"][0]["rests"][-1]
     assert last["room"]["align"] == "center"
-    assert [line["bands"][-1]["end"] for line in both.panel["timelines"]] == pytest.approx(
-        [3.3, 6.3]
-    )
+    ends = [line["bands"][-1]["end"] for line in both.panel["timelines"]]
+    assert ends == pytest.approx([3.3, 6.3])
     assert both.panel["layers"][2]["entries"][0]["text"] == "reach: 200 mm"
 
 
@@ -250,6 +235,11 @@ def test_without_a_motion_the_arm_is_at_its_start(cycle):
     paths = " ".join(objects_of(recorded_commands(page.scene)))
     assert "/part/" in paths
     assert "/cap/" not in paths
+
+
+def test_long_motions_do_not_make_more_frames_than_can_be_mailed(cycle):
+    slow = view_cycle(cycle, [motion_of(cycle, 30.0)]).scene.trajectories[0]
+    assert 1000 < len(slow.time) < 1300
 
 
 def test_what_is_no_cycle_and_names_that_do_not_fit_are_refused(cycle, motion):

@@ -33,18 +33,36 @@ QUICK = PlanOptions(quality="fast")
 PROBLEM = parse_problem(PLANAR)
 HERE = np.array([0.4, -1.3])
 REACH = 0.6  # of the two links together [m]
+BEYOND = {"points": [[0.0, 0.0, 0.0], [1.1, 0.0, 0.0]], "radius": 0.01}
+RED = rgb(BLOCKED_COLOR)
 
 
 def found_with(place, configuration=None):
+    """Return the explanation of a problem that is blocked at a place."""
     result = PlanResult(PlanStatus.TUBE_BLOCKED, "", place, "refinement")
     result = replace(result, configuration=configuration)
     return Explanation("name", PROBLEM, result, None)
+
+
+def known(path, changes=None, **more):
+    """Return an explanation as far as it is known before anything is tried."""
+    try:
+        problem = load_problem(path, changes=changes)
+    except ProblemError as error:
+        question = Question.of(PosedProblem.read(path).changed(changes))
+        return Explanation("gantry", None, None, Unposed.of(question, error))
+    return Explanation("gantry", problem, plan(problem, QUICK), None, **more)
+
+
+def red(scene):
+    return {(item.layer, item.name) for item in scene.items if np.all(item.color == RED)}
 
 
 def test_the_arm_is_where_planning_met_what_blocks():
     shown = blocked_arm(PROBLEM, found_with(Place(), HERE))
     assert shown.name == "where it is blocked"
     np.testing.assert_allclose(shown.tool, PROBLEM.robot.tool_position(HERE[None]))
+    assert blocked_arm(PROBLEM, found_with(Place(joint="joint1"))) is None
 
 
 @pytest.mark.parametrize("away", [0.0, 0.1])
@@ -54,10 +72,6 @@ def test_the_arm_is_as_near_to_the_place_as_it_comes(away):
     assert np.linalg.norm(shown.tool[0] - target) == pytest.approx(away, abs=1e-4)
     near = "100 mm from where it must be" if away else "where it is blocked"
     assert shown.name == near
-
-
-def test_of_no_place_nothing_is_known():
-    assert blocked_arm(PROBLEM, found_with(Place(joint="joint1"))) is None
 
 
 def test_solids_touch_between_them():
@@ -80,24 +94,6 @@ def test_of_a_link_of_several_pieces_the_deepest_counts():
     assert np.linalg.norm(point - block["position"]) < 0.3
 
 
-BEYOND = {"points": [[0.0, 0.0, 0.0], [1.1, 0.0, 0.0]], "radius": 0.01}
-RED = rgb(BLOCKED_COLOR)
-
-
-def known(path, changes=None, **more):
-    """Return an explanation as far as it is known before anything is tried."""
-    try:
-        problem = load_problem(path, changes=changes)
-    except ProblemError as error:
-        question = Question.of(PosedProblem.read(path).changed(changes))
-        return Explanation("gantry", None, None, Unposed.of(question, error))
-    return Explanation("gantry", problem, plan(problem, QUICK), None, **more)
-
-
-def red(scene):
-    return {(item.layer, item.name) for item in scene.items if np.all(item.color == RED)}
-
-
 def test_the_place_is_marked_and_what_helps_is_listed(tmp_path):
     path = gantry(tmp_path, tube=BEYOND)
     shown = view_explanation(explanation := known(path, remedies=(REMEDY,), in_vain=("tube",)))
@@ -118,10 +114,8 @@ def test_the_place_is_marked_and_what_helps_is_listed(tmp_path):
         "not enough: 0.29 rad",
     ]
     assert panel["more"] == [f"By itself none of these helps: {in_vain_text(('tube',))}"]
-    nothing = view_explanation(
-        replace(explanation, remedies=(), in_vain=(), stopped_by="interrupt")
-    )
-    panel = nothing.panel["findings"]
+    nothing = replace(explanation, remedies=(), in_vain=(), stopped_by="interrupt")
+    panel = view_explanation(nothing).panel["findings"]
     assert panel["title"] == "No single change was found that makes it possible"
     assert panel["more"] == ["The search was ended early: there may be more"]
 

@@ -30,12 +30,9 @@ def file(stored, tmp_path_factory):
     problem, fast = stored("two_link/around_a_post", REFINEMENT)
     _, slow = stored("two_link/around_a_post", STOP)
     (post,) = problem.obstacles
+    obstacles = [Obstacle(NAME, post.shapes)]
     named = PlanningProblem(
-        problem.robot,
-        problem.tube,
-        problem.start,
-        obstacles=[Obstacle(NAME, post.shapes)],
-        self_collision=False,
+        problem.robot, problem.tube, problem.start, obstacles=obstacles, self_collision=False
     )
     path = tmp_path_factory.mktemp("page") / "page.html"
     view(named, fast, slow, names=["fast", "slow"]).save(path)
@@ -133,10 +130,8 @@ def test_motions_are_laid_over_each_other(page):
     own, before = page.run(colors), scene_of(page)
     page.press("#overlay")
     assert page.run("objectAt('arm', '1').position.length()") == 0
-    assert page.run("['tube', 'obstacles'].map((name) => objectAt(name, '1').visible)") == [
-        False,
-        False,
-    ]
+    for name in ("tube", "obstacles"):
+        assert page.run(f"objectAt('{name}', '1').visible") is False
     assert page.run(colors) != own
     assert changed(before, scene_of(page)) > 0.05
     page.press("#overlay")
@@ -171,11 +166,9 @@ def test_what_is_under_the_pointer_is_named(page):
     page.run("see([0, -0.001, 1])")
     page.settle()
     box = "new MeshCat.THREE.Box3().setFromObject(objectAt('obstacles', '0'))"
-    middle = f"{box}.getCenter(new MeshCat.THREE.Vector3())"
-    place = f"{middle}.project(viewer.camera)"
-    x, y = page.run(
-        f"(({{x, y}}) => [(x + 1) / 2 * innerWidth, (1 - y) / 2 * innerHeight])({place})"
-    )
+    place = f"{box}.getCenter(new MeshCat.THREE.Vector3()).project(viewer.camera)"
+    on_screen = "(({x, y}) => [(x + 1) / 2 * innerWidth, (1 - y) / 2 * innerHeight])"
+    x, y = page.run(f"{on_screen}({place})")
     page.hover(x, y)
     page.hover(x + 1, y)
     assert page.run("byId('pointed').textContent") == f"obstacle {NAME}"

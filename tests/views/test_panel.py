@@ -1,7 +1,5 @@
 """Panel of a page: curves, time line, titles, layers, notes."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from shown_cycle import motion_of, shown_cycle
@@ -21,10 +19,12 @@ STEPS = 240
 
 @pytest.fixture(scope="module")
 def stretch(stored):
+    """A fast motion over a wall."""
     return Stretch(*stored("ur5/over_the_wall", REFINEMENT))
 
 
 def curves_of(stretch):
+    """Return times, and what the page shows over them."""
     time = np.linspace(0, stretch.trajectory.duration, STEPS)
     return time, page_curves([stretch], time)
 
@@ -104,24 +104,19 @@ def test_between_the_legs_of_a_cycle_nothing_is_said_and_marks_have_its_time(tmp
     shares = [line["share"] for line in curves["limits"]["lines"]]
     for said in (*shares, curves["clearance"][0]["distance"]):
         np.testing.assert_array_equal([each is None for each in said], rests)
-    spans = [s for mark in binding_marks(stretches) for s in mark["spans"]]
-    inside = [
-        any(begin - 1e-4 <= s["begin"] <= s["end"] <= end + 1e-4 for begin, end in motion.leg_times)
-        for s in spans
-    ]
+    spans = [(s["begin"], s["end"]) for m in binding_marks(stretches) for s in m["spans"]]
     assert len(spans) > 1
-    assert all(inside)
-    assert max(s["end"] for s in spans) > motion.leg_times[-1][0]
+    for first, last in spans:
+        assert any(begin - 1e-4 <= first <= last <= end + 1e-4 for begin, end in motion.leg_times)
+    assert max(last for _, last in spans) > motion.leg_times[-1][0]
 
 
 def test_segments_follow_each_other_in_their_colours(stretch):
     bands = problem_timeline(stretch)["bands"]
     assert [band["name"] for band in bands] == ["segment 0", "segment 1", "segment 2"]
     assert [band["color"] for band in bands] == list(SEGMENT_COLORS[:3])
-    assert bands[0]["begin"] == 0
-    assert bands[-1]["end"] == stretch.trajectory.duration
-    for before, after in pairwise(bands):
-        assert before["end"] == after["begin"]
+    ends = [0, *(band["end"] for band in bands)]
+    assert [*(band["begin"] for band in bands), stretch.trajectory.duration] == ends
 
 
 def test_of_many_segments_groups_are_named(stored):
@@ -131,9 +126,8 @@ def test_of_many_segments_groups_are_named(stored):
     tube = Tube(points, 2.0)
     bands = segment_bands(Stretch(PlanningProblem(problem.robot, tube, problem.start), trajectory))
     assert [band["name"] for band in bands][-1] == "segments 35 to 39"
-    assert {band["name"] for band in bands} <= {
-        f"segments {first} to {first + 4}" for first in range(0, 40, 5)
-    }
+    groups = {f"segments {first} to {first + 4}" for first in range(0, 40, 5)}
+    assert {band["name"] for band in bands} <= groups
 
 
 def test_marks_are_where_a_limit_binds(stretch):
@@ -143,6 +137,5 @@ def test_marks_are_where_a_limit_binds(stretch):
     assert list(marks) == list(expected)
     for name, spans in marks.items():
         assert [span["kind"] for span in spans] == [each.kind for each in expected[name]]
-        assert [span["begin"] for span in spans] == pytest.approx(
-            [each.begin for each in expected[name]], abs=1e-5
-        )
+        begins = [each.begin for each in expected[name]]
+        assert [span["begin"] for span in spans] == pytest.approx(begins, abs=1e-5)

@@ -34,11 +34,11 @@ def curves(motion):
 
 @pytest.fixture(scope="module")
 def panels(curves):
-    """Return the panels of both motors."""
+    """Return what is drawn of both motors."""
     axes = Figure().subplots(1, 2)
     for joint, axis in enumerate(axes):
         draw_motor(axis, curves, joint)
-    return axes
+    return [lines(axis) for axis in axes]
 
 
 def lines(axis):
@@ -48,7 +48,7 @@ def lines(axis):
 
 
 def test_a_motor_has_its_own_effort_each_way_and_friction_by_direction(panels, curves):
-    (forwards, backwards), _, friction, motion = lines(panels[0])
+    (forwards, backwards), _, friction, motion = panels[0]
     assert set(forwards.get_ydata()) == {95.0}
     assert set(backwards.get_ydata()) == {-70.0}
     assert motion.get_ydata().max() == pytest.approx(95, rel=1e-3)
@@ -63,7 +63,7 @@ def test_a_motor_has_its_own_effort_each_way_and_friction_by_direction(panels, c
 
 def test_a_torque_speed_line_cuts_the_corners(panels):
     """Driving, 40 (1 - |v| / 12) is left; braking, the limit."""
-    (forwards, backwards), _, friction, motion = lines(panels[1])
+    (forwards, backwards), _, friction, motion = panels[1]
     v = forwards.get_xdata()
     np.testing.assert_allclose(forwards.get_ydata(), np.minimum(27, 40 * (1 - v / 12)))
     np.testing.assert_allclose(backwards.get_ydata(), -np.minimum(27, 40 * (1 + v / 12)))
@@ -119,7 +119,7 @@ def test_efforts_by_position_have_their_most_and_least(motion):
     assert [set(line.get_ydata()) for line in limits] == [{27.0}, {-27.0}, {20.0}, {-20.0}]
 
 
-def test_limits_by_direction_are_drawn_over_time_where_they_are_less(curves):
+def test_efforts_by_direction_are_drawn_over_time_where_they_are_less(curves):
     draw_efforts(axis := Figure().subplots(), curves)
     forwards, backwards = (line.get_ydata() for line in axis.lines[-2:])
     assert np.isnan(forwards).all()  # as the limit of 100 %

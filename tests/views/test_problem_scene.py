@@ -58,29 +58,22 @@ def test_what_is_within_the_bounds_is_in_the_cone_and_some_on_its_rim(bounds, ax
     vectors = vectors[np.linalg.norm(vectors, axis=1) <= min(bounds[3], np.pi)]
     angles = [tilt_allowed(rim, axis, tip) for tip in rotation_matrix(vectors)[..., axis]]
     left = [allowed - tilt for allowed, tilt in angles]
-    assert min(left) > -0.015  # between two points of the rim
-    assert min(left) < 0.02
-
-
-def test_one_angle_is_a_round_cone():
-    rim = cone_rim(np.array([INF, INF, INF, 0.2]), 2)
-    np.testing.assert_allclose(rim[:, 2], np.cos(0.2), atol=1e-6)
+    assert -0.015 < min(left) < 0.02  # between two points of the rim
+    round_rim = cone_rim(np.array([INF, INF, INF, 0.2]), 2)
+    np.testing.assert_allclose(round_rim[:, 2], np.cos(0.2), atol=1e-6)
 
 
 def test_cones_stand_at_the_tool_as_the_reference_is_turned(tray):
-    cone = named(tray, Layer.ROTATION, "cone_0")
-    shown, problem = tray.trajectories[0], tray.problem
+    cone, shown = named(tray, Layer.ROTATION, "cone_0"), tray.trajectories[0]
     assert shown.present[cone.body].all()
-    stretch = tray.stretches[0][0]
-    q = stretch.trajectory.position(shown.time)
-    rotation, tool = problem.robot.tool_pose(q)
+    q = tray.stretches[0][0].trajectory.position(shown.time)
+    rotation, tool = tray.problem.robot.tool_pose(q)
     for step in (0, 60, -1):
         placement = shown.placement(step, cone.body)
         assert placement[:3, 3] == pytest.approx(tool[step])
-        off = rotation_vector(placement[:3, :3].T @ rotation[step])
-        assert (abs(off[:2]) <= 0.0525).all()
-        tip = placement[:3, :3].T @ rotation[step][:, 2]
-        allowed, tilt = tilt_allowed(cone.surface.vertices[1:] / 1.0, 2, tip)
+        relative = placement[:3, :3].T @ rotation[step]
+        assert (abs(rotation_vector(relative)[:2]) <= 0.0525).all()
+        allowed, tilt = tilt_allowed(cone.surface.vertices[1:], 2, relative[:, 2])
         assert tilt <= np.arctan(0.0525 * np.sqrt(2)) + 1e-3
         assert allowed > 0
 
@@ -98,17 +91,11 @@ def test_axes_are_those_of_the_tool(tray):
         assert np.linalg.norm(across, axis=1).max() < 0.1 * along.max()
 
 
-def test_at_rest_cones_stand_at_the_reference_points(bundled):
+def test_at_rest_cones_stand_at_the_reference_points(bundled, shown):
     scene = view(bundled("ur5/level_tray")).scene
-    tips = [
-        item.surface.vertices[0]
-        for item in scene.items
-        if item.layer is Layer.ROTATION and item.name.startswith("tube_")
-    ]
+    cones = [item for item in scene.items if item.layer is Layer.ROTATION]
+    tips = [item.surface.vertices[0] for item in cones if item.name.startswith("tube_")]
     np.testing.assert_allclose(tips, scene.problem.tube.points)
-
-
-def test_without_orientations_there_is_no_cone(shown):
     assert Layer.ROTATION not in shown("two_link/around_a_post").scene.layers
 
 

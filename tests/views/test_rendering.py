@@ -82,14 +82,11 @@ def test_of_faces_in_one_plane_the_last_is_seen():
     assert [pixel(picture, x, 0.0)[0] > 0.5 for x in (0.1, 0.4, 0.8)] == [True, False, False]
 
 
-LOW, HIGH = np.zeros(3), np.ones(3)
-
-
 def drawn(*boxes, handed_over=()):
-    obstacles = [
-        Obstacle.box(f"box{k}", sides, placement_of(at)) for k, (sides, at) in enumerate(boxes)
-    ]
-    return obstacle_solids(obstacles, handed_over, LOW, HIGH)
+    """Return what is drawn of boxes, given by sides and place [m], about a cube of 1 m."""
+    placed = enumerate(boxes)
+    obstacles = [Obstacle.box(f"box{k}", sides, placement_of(at)) for k, (sides, at) in placed]
+    return obstacle_solids(obstacles, handed_over, np.zeros(3), np.ones(3))
 
 
 def test_what_stands_beside_the_box_is_drawn_whole_and_what_is_farther_is_not():
@@ -106,10 +103,7 @@ def test_a_floor_is_cut_where_the_last_of_the_others_ends():
 
 
 def test_what_the_arm_takes_has_a_colour_of_its_own():
-    taken, left = drawn(
-        ((0.1, 0.1, 0.1), (0.5, 0.5, 0.5)),
-        ((0.1, 0.1, 0.1), (0.2, 0.5, 0.5)),
-        handed_over=["box0"],
-    )
+    sides = (0.1, 0.1, 0.1)
+    taken, left = drawn((sides, (0.5, 0.5, 0.5)), (sides, (0.2, 0.5, 0.5)), handed_over=["box0"])
     np.testing.assert_array_equal(taken.color, rgb(CARRIED_COLOR))
     assert taken.alpha == 1.0 and left.alpha < 1.0

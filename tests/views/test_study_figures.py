@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from studied import EFFORT, MASS, RADIUS, between, small_study, some_result
 
-from tubeplanner import OptionError, compare, load_problem, plot_study
+from tubeplanner import OptionError, compare, plot_study
 from tubeplanner.outcome import PlanStatus
 from tubeplanner.studies.axes import Levels
 from tubeplanner.studies.study_points import Latin
@@ -33,6 +33,8 @@ def test_one_field_is_a_line_with_its_gaps():
     assert "shortest that was found" not in marks(axis)
     (axis,) = plot_study(some_result({"objective.slack": [0, 0.1]})).axes
     np.testing.assert_allclose(marks(axis)["shortest that was found"], [[0, 0.5], [0.1, 0.5]])
+    with pytest.raises(OptionError, match="no point of the study was done"):
+        plot_study(StudyResult(small_study(), ()))
     radii = [0.001 * k for k in range(1, 60)]  # many gaps are marks with a legend
     (axis,) = plot_study(some_result({RADIUS: radii}, blocked=narrow)).axes
     gaps = marks(axis)["no plan: tube blocked (19)"]
@@ -92,23 +94,21 @@ def test_more_fields_have_a_panel_each(count):
     assert figure.get_suptitle() == f"small: duration against {count} fields"
     for axis in figure.axes:
         assert [len(line.get_xdata()) for line in axis.lines] == [6, 3]  # planned, and gaps
-    with pytest.raises(OptionError, match="no point of the study was done"):
-        plot_study(StudyResult(small_study(), ()))
 
 
 METHODS = ("stop-at-corners", "bang-bang", "smoothed-bang-bang")
 
 
 @pytest.fixture(scope="module")
-def compared():
-    result = compare(load_problem("example:two_link/paper_1_30mm"), METHODS)
-    none = {"trajectory": None, "certificate": None, "measures": None}
+def compared(bundled, shared):
+    problem = bundled("two_link/paper_1_30mm")
+    result = shared("comparison.of_switching", lambda: compare(problem, METHODS))
     lost = replace(
         result.rows[0],
         method="lost",
         status=PlanStatus.UNREACHABLE,
         message=f"the wrist is $0.1 m short{' of it' * 30}",
-        **none,
+        **dict.fromkeys(("trajectory", "certificate", "measures")),
     )
     return replace(result, rows=(lost, *result.rows))
 

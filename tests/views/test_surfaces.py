@@ -73,23 +73,18 @@ def test_shapes_face_outwards(kind, sizes, exact):
     assert volume(shape_surface(obstacle.shapes[0])) == pytest.approx(exact, rel=0.05)
 
 
-def test_a_box_is_drawn_as_one():
+def test_boxes_are_drawn_as_ones_and_their_parts_are_their_boundary():
     section = {"box": [0.2, 0.1], "up": [0, 1, 1]}
     tube = Tube([[0, 0, 0], [0.5, 0, 0]], None, cross_section=section, tool_radius=0.01)
     (surface,) = tube_surfaces(tube)
     assert volume(surface) == pytest.approx(0.18 * 0.08 * (0.5 + 0.08))
     assert abs(tube.margin(surface.vertices)[:, 0]).max() < 1e-9
-
-
-def test_the_parts_of_boxes_are_their_boundary():
     section = {"box": [0.2, 0.1], "up": [0, 0, 1]}
     tube = Tube([[0, 0, 0], [0.5, 0, 0], [0.5, 0.5, 0]], None, cross_section=section)
     parts = tube_surfaces(tube)
-    for surface in parts:
-        assert tube.margin(surface.vertices).max() < 1e-3
-    walls = sum(volume(surface) for surface in parts)
+    assert max(tube.margin(part.vertices).max() for part in parts) < 1e-3
     both = 2 * 0.2 * 0.1 * 0.6 - 0.15 * 0.15 * 0.1
-    assert walls == pytest.approx(both, rel=0.02)
+    assert sum(map(volume, parts)) == pytest.approx(both, rel=0.02)
 
 
 def test_the_ball_of_a_goal_is_as_large_as_its_tolerance_and_a_point_has_none():

@@ -26,14 +26,9 @@ from tubeplanner import (
     load_robot,
 )
 from tubeplanner.collision.link_elements import read_geometry
-from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
 from tubeplanner.resources import bundled_folder
 from tubeplanner.views.page_panel import panel_data
-from tubeplanner.views.palette import (
-    EXECUTED_COLOR,
-    SEGMENT_COLORS,
-    WARNING_COLOR,
-)
+from tubeplanner.views.palette import EXECUTED_COLOR, SEGMENT_COLORS, WARNING_COLOR
 from tubeplanner.views.scene import Layer
 from tubeplanner.views.viewer import recorded_commands, view
 
@@ -47,6 +42,15 @@ def objects(commands):
         for command in commands
         if command["type"] == "set_object"
     }
+
+
+def of_layer(scene, layer):
+    return [item for item in scene.items if item.layer == layer]
+
+
+def data_of(page):
+    """Return what a page hands to its script."""
+    return json.loads(re.search(r'id="data">(.*?)</script>', page, re.S).group(1))
 
 
 @pytest.mark.parametrize("name", ["two_link/around_a_post", "ur5/over_the_wall"])
@@ -77,10 +81,9 @@ def test_the_tube_has_one_colour_per_segment_and_solids_are_there(shown):
         assert f"/meshcat/carried/0/body_6/{solid.name}" in materials
 
 
-@pytest.mark.parametrize("name", ["two_link/around_a_post", "ur5/over_the_wall"])
-def test_the_animation_is_the_trajectory(name, shown, stored):
-    problem, trajectory = stored(name)
-    scene = shown(name).scene
+def test_the_animation_is_the_trajectory(shown, stored):
+    problem, trajectory = stored("two_link/around_a_post")
+    scene = shown("two_link/around_a_post").scene
     (animation,) = (c for c in recorded_commands(scene) if c["type"] == "set_animation")
     last = {}
     for track in animation["animations"]:
@@ -94,10 +97,6 @@ def test_the_animation_is_the_trajectory(name, shown, stored):
     bodies = {problem.robot.link_body[item.name.split("/")[0]] for item in of_layer(scene, "arm")}
     for body in bodies - {0}:
         assert last[f"/meshcat/arm/0/body_{body}"] == pytest.approx(expected[body], abs=1e-9)
-
-
-def of_layer(scene, layer):
-    return [item for item in scene.items if item.layer == layer]
 
 
 def test_the_tool_is_where_the_path_is_and_its_speed_is_how_fast_it_moves(shown):
@@ -183,12 +182,9 @@ def test_without_a_trajectory_the_arm_is_at_its_start_or_its_seed(bundled):
 
 def test_joints_are_known_by_name_and_others_are_refused_by_it(shown, bundled, stored):
     problem, trajectory = stored("two_link/around_a_post")
-    turned = trajectory.reordered(problem.robot.joint_names[::-1])
-    tools = [
-        page.scene.trajectories[0].tool
-        for page in (view(problem, turned), shown("two_link/around_a_post"))
-    ]
-    assert tools[0] == pytest.approx(tools[1])
+    turned = view(problem, trajectory.reordered(problem.robot.joint_names[::-1])).scene
+    usual = shown("two_link/around_a_post").scene
+    assert turned.trajectories[0].tool == pytest.approx(usual.trajectories[0].tool)
     other = bundled("ur5/over_the_wall")
     with pytest.raises(TrajectoryError, match=r"elbow\.json: the trajectory moves the joints"):
         view(other, trajectory, names=["elbow.json"])
@@ -199,14 +195,9 @@ def test_joints_are_known_by_name_and_others_are_refused_by_it(shown, bundled, s
 def test_a_link_whose_mesh_is_missing_is_drawn_by_its_collision_geometry(tmp_path, bundled):
     urdf = tmp_path / "arm.urdf"
     text = (bundled_folder() / "two_link/two_link.urdf").read_text()
-    looks = re.search(r"<visual>.*?</visual>", text, re.S).group(0)
     mesh = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual>'
-    none = re.sub(r"<visual>.*?</visual>", "", text, flags=re.S)
-    for description, note in (
-        (text.replace(looks, mesh), "gone.stl"),
-        (none, "no visual geometry"),
-    ):
-        urdf.write_text(description)
+    for replacement, note in ((mesh, "gone.stl"), ("", "no visual geometry")):
+        urdf.write_text(re.sub(r"<visual>.*?</visual>", replacement, text, flags=re.S))
         problem = replace(bundled("two_link/around_a_post"), robot=load_robot(urdf, "hand"))
         scene = view(problem).scene
         assert note in scene.notes[0]
@@ -228,8 +219,7 @@ def test_what_a_name_holds_does_not_break_the_page(stored):
     named = changed(problem, name="</script><b>&")
     page = view(named, trajectory, names=["</script>"]).html
     assert page.count("</script>") == 5
-    data = re.search(r'id="data">(.*?)</script>', page, re.S).group(1)
-    assert json.loads(data)["trajectories"][0]["name"] == "</script>"
+    assert data_of(page)["trajectories"][0]["name"] == "</script>"
 
 
 @pytest.mark.slow  # a page is made in two processes
@@ -274,27 +264,18 @@ def test_a_page_that_there_is_no_room_for_leaves_no_folder(refused, shown, monke
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.fixture
-def files(stored, tmp_path):
+def test_the_command_shows_files_of_every_kind(stored, run, tmp_path):
     problem, trajectory = stored("two_link/around_a_post")
-    (tmp_path / "t.json").write_text(trajectory_json(trajectory))
-    samples = trajectory.sample(500)
-    (tmp_path / "t.csv").write_text(trajectory_csv(problem.robot.joint_names, samples))
-    (tmp_path / "t.yaml").write_text(trajectory_ros(problem.robot.joint_names, samples))
-    return tmp_path
-
-
-def test_the_command_shows_files_of_every_kind(files, run):
-    page = files / "page.html"
-    names = [files / f"t.{kind}" for kind in ("json", "csv", "yaml")]
-    status, out, _ = run("view", "example:two_link/around_a_post", *names, "--html", page)
+    names, page = ["t.json", "t.csv", "t.yaml"], tmp_path / "page.html"
+    for name in names:
+        trajectory.save(tmp_path / name, problem)
+    files = [tmp_path / name for name in names]
+    status, out, _ = run("view", "example:two_link/around_a_post", *files, "--html", page)
     assert status == 0
     assert out.endswith(f"view: {page}\n")
-    assert [line for line in out.splitlines() if "passes every condition" in line] == [
-        f"note: t.{kind}: passes every condition" for kind in ("json", "csv", "yaml")
-    ]
-    data = re.search(r'id="data">(.*?)</script>', page.read_text(), re.S).group(1)
-    assert [m["name"] for m in json.loads(data)["trajectories"]] == ["t.json", "t.csv", "t.yaml"]
+    verdicts = [line for line in out.splitlines() if "passes every condition" in line]
+    assert verdicts == [f"note: {name}: passes every condition" for name in names]
+    assert [motion["name"] for motion in data_of(page.read_text())["trajectories"]] == names
 
 
 def test_the_command_says_where_the_page_is_if_no_browser_opens(monkeypatch, run):
@@ -322,28 +303,12 @@ def test_bad_arguments_are_named(arguments, message, run):
     assert message in err
 
 
-def test_planning_writes_the_page_with_its_other_files(tmp_path, run):
-    page, trajectory = tmp_path / "t.html", tmp_path / "t.json"
-    arguments = ["plan", "example:two_link/paper_1_30mm", "-o", trajectory, "--html"]
-    status, out, _ = run(*arguments, page)
-    assert status == 0
-    assert f"view: {page}" in out
-    assert "refinement" in page.read_text()
-    trajectory.unlink()
-    assert run(*arguments, tmp_path / "t.txt")[0] == 2
-    assert not trajectory.exists()
-
-
-@pytest.fixture(scope="module")
-def with_runs(stored):
-    """Three arms that follow the plan round a post; one stands 60 mm aside."""
+def test_executed_paths_are_lines_that_change_colour_outside_the_tube(stored):
+    """Of three arms that follow the plan round a post, one stands 60 mm aside."""
     problem, trajectory = stored("two_link/around_a_post", REFINEMENT)
-    execution = followed(problem, trajectory, [[0, 0, 0], [0, 0, 0.001], [0.06, 0, 0]])
-    return view(problem, trajectory, names=["plan"], execution=execution)
-
-
-def test_executed_paths_are_lines_that_change_colour_outside_the_tube(with_runs):
-    scene = with_runs.scene
+    runs = followed(problem, trajectory, [[0, 0, 0], [0, 0, 0.001], [0.06, 0, 0]])
+    page = view(problem, trajectory, names=["plan"], execution=runs)
+    scene = page.scene
     lines = {
         command["path"].rpartition("/")[2]: command["object"]
         for command in recorded_commands(scene)
@@ -355,29 +320,12 @@ def test_executed_paths_are_lines_that_change_colour_outside_the_tube(with_runs)
     assert len(scene.executed.outside) > 10
     ends = scene.executed.inside.reshape(-1, 3)
     assert (scene.problem.tube.margin(ends).max(axis=1) >= 0).all()
-    layers = {layer["name"]: layer for layer in panel_data(scene)["layers"]}
-    executed = layers["executed"]
+    (executed,) = (each for each in panel_data(scene)["layers"] if each["name"] == "executed")
     assert executed["label"] == "Executed paths of the tool: 3 runs"
     assert [entry["color"] for entry in executed["entries"]] == [EXECUTED_COLOR, WARNING_COLOR]
     assert executed["visible"]
-    assert "Executed paths of the tool: 3 runs" in with_runs.html
-
-
-def test_the_planned_path_is_thin_among_executed_ones(with_runs, shown):
-    def thickness(scene):
-        path = next(item for item in of_layer(scene, Layer.TOOL) if item.name == "path")
-        ends = path.surface.vertices.reshape(-1, 11, 3)  # rings about the path
-        return np.ptp(ends[len(ends) // 2], axis=0).max()
-
-    usual = shown("two_link/around_a_post", REFINEMENT).scene
-    assert thickness(with_runs.scene) < 0.5 * thickness(usual)
-    assert "executed" not in [layer["name"] for layer in panel_data(usual)["layers"]]
-
-
-def test_runs_of_several_trajectories_are_refused(stored):
-    problem, trajectory = stored("two_link/around_a_post", REFINEMENT)
-    execution = followed(problem, trajectory, [[0, 0, 0]])
+    assert executed["label"] in page.html
     with pytest.raises(OptionError, match="execution goes with one trajectory, not 2"):
-        view(problem, trajectory, trajectory, execution=execution)
+        view(problem, trajectory, trajectory, execution=runs)
     with pytest.raises(OptionError, match="not 0"):
-        view(problem, execution=execution)
+        view(problem, execution=runs)
