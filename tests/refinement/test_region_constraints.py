@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from begun_splines import begun
 
 from tubeplanner import GoalRegion, Tube
-from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
 from tubeplanner.refinement.goal_constraints import evaluated_ball, goal_keys
@@ -16,7 +16,6 @@ from tubeplanner.refinement.region_constraints import EvaluatedRegions, Planes
 from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.sequential_program import SequentialProgram
-from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.refinement.tube_constraints import evaluated_points, evaluated_tube
 from tubeplanner.tube.segment_regions import Capsules
 
@@ -29,16 +28,6 @@ NUMBERS = np.array([[7], [8]])
 SIDE_NUMBERS = np.array([[3, 4], [5, 6]])
 
 
-def with_all_points(tube):
-    return Tube(
-        tube.points,
-        tube.radius,
-        orientations=tube.orientations,
-        rotation_tolerance=tube.rotation_tolerance,
-        pass_through_points="all",
-    )
-
-
 def with_boxes(tube):
     """Return a tube with a flat box and a tall one about its two segments."""
     sections = [{"box": [0.3, 0.2], "up": [0.2, 0.5, 1]}, {"box": [0.1, 0.4], "up": [1, 0.3, -2]}]
@@ -47,50 +36,40 @@ def with_boxes(tube):
 
 def evaluated(kind, case, spline=None):
     problem, own, samples = case
+    tube = with_boxes(problem.tube) if kind == "box" else problem.tube
     if kind in ("points", "goal"):  # at a place that is no end, as good as any
         samples = samples.where(np.array([4]))
-        tube = with_all_points(problem.tube)
-    else:
-        tube = problem.tube
+        tube = replace(tube, pass_through_points="all")
     at = sampled(spline or own, samples)
     path = PathSamples(problem, at.by_x, lambda: samples.phase)
     if kind == "points":
         return evaluated_points(tube, at, path, tube.regions, MARGIN, NUMBERS)
     if kind == "goal":
         ending = replace(problem, goal=GoalRegion(tube.points[-1], 0.1))
-        numbers = dict.fromkeys(goal_keys(ending), 7)
-        return evaluated_ball(ending, at, path, numbers)[0]
-    if kind in ("tube", "box"):
-        tube = with_boxes(tube) if kind == "box" else tube
-        numbers = SIDE_NUMBERS if kind == "box" else NUMBERS
-        radius = tube.effective_radius
-        segments = OrderedSegments(tube.points, radius, (range(1), range(1, 2)), samples)
-        margin = np.full(tube.segment_count, MARGIN)
-        return evaluated_tube(at, path, segments, tube.regions, margin, numbers)
-    return EvaluatedRotation(
-        tube.rotation, at, path, MARGIN, np.array([9, 10]), path.segment
-    ).angle()
+        return evaluated_ball(ending, at, path, dict.fromkeys(goal_keys(ending), 7))[0]
+    if kind == "angle":
+        turns = (tube.rotation, at, path, MARGIN, np.array([9, 10]), path.segment)
+        return EvaluatedRotation(*turns).angle()
+    numbers = SIDE_NUMBERS if kind == "box" else NUMBERS
+    chains = (range(1), range(1, 2))
+    segments = OrderedSegments(tube.points, tube.effective_radius, chains, samples)
+    margin = np.full(tube.segment_count, MARGIN)
+    return evaluated_tube(at, path, segments, tube.regions, margin, numbers)
 
 
-def radius_of(here):
-    return here.regions.radius[here.segment]
+def sizes(here):
+    """Return radii of the samples' capsules, and both ends of their axes."""
+    regions, segment = here.regions, here.segment
+    return regions.radius[segment], regions.begin[segment], regions.end[segment]
 
 
-def begin_of(here):
-    return here.regions.begin[here.segment]
-
-
-def end_of(here):
-    return here.regions.end[here.segment]
-
-
-def random_planes(capsules, seed=0):
+def random_planes(here, seed=0):
     rng = np.random.default_rng(seed)
     normal = rng.normal(size=(40, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    bounded = np.flatnonzero(np.isfinite(radius_of(capsules)))
+    bounded = np.flatnonzero(np.isfinite(here.regions.radius[here.segment]))
     sample = rng.choice(bounded, 40)
-    return Planes(sample, normal, capsules.segment[sample])
+    return Planes(sample, normal, here.segment[sample])
 
 
 @pytest.mark.parametrize("kind", ["tube", "box", "angle", "points", "goal"])
@@ -102,10 +81,9 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     tolerance = here.regions.kind(planes.normal, planes.segment)
     np.testing.assert_array_equal(rows.limit, here.numbers[planes.segment, tolerance])
     rng = np.random.default_rng(5)
-    change = rng.normal(size=spline.control_points.shape)
-    switching = rng.normal(size=1)
-    taken = change[rows.first[:, None] + np.arange(4)]
-    expected = np.einsum("rkj,rkj->r", rows.control, taken) + rows.switching @ switching
+    change, switching = rng.normal(size=spline.control_points.shape), rng.normal(size=1)
+    near = change[rows.first[:, None] + np.arange(4)]
+    expected = np.einsum("rkj,rkj->r", rows.control, near) + rows.switching @ switching
     sides, vectors = [], []
     for sign in (STEP, -STEP):
         switching_times = spline.switching_times + sign * np.array([0, switching[0], 0])
@@ -118,55 +96,50 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     moved = (vectors[0] - vectors[1]) / (2 * STEP)
     predicted = here.after(change, switching) - here.vector
     np.testing.assert_allclose(moved, predicted, atol=3e-4 * abs(predicted).max())
-    np.testing.assert_array_equal(here.after(change, 0 * switching).shape, here.vector.shape)
+    assert here.after(change, 0 * switching).shape == here.vector.shape
 
 
-def test_the_excess_is_the_tubes_own(case):
+def test_the_excess_is_the_tubes_own_and_planes_are_outward_and_at_both_caps(case):
     problem, _, samples = case
     tube = evaluated("tube", case)
+    radius, begin, end = sizes(tube)
     tool = problem.robot.tool_position(tube.at.position)
     own = problem.tube.margin(tool)[np.arange(len(tool)), samples.phase]
-    np.testing.assert_allclose(tube.excess - MARGIN, -own / radius_of(tube), atol=1e-9)
-
-
-def test_planes_are_outward_and_at_both_caps(case):
-    tube = evaluated("tube", case)
+    np.testing.assert_allclose(tube.excess - MARGIN, -own / radius, atol=1e-9)
     planes, count = tube.planes, len(tube.vector)
     outward = planes.where(np.arange(count))
     np.testing.assert_allclose(-tube.slack(outward), tube.excess, atol=1e-9)
-    axis = end_of(tube) - begin_of(tube)
-    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    axis = (end - begin) / np.linalg.norm(end - begin, axis=1, keepdims=True)
     caps = planes.where(np.arange(count, 3 * count))
     np.testing.assert_allclose(caps.normal, np.concatenate([axis, -axis]))
+    none = planes.where(np.zeros(len(planes), dtype=bool))
+    assert len(outward.and_also(none)) == len(none.and_also(outward)) == count
+    assert len(outward.and_also(outward)) == 2 * count
 
 
-@pytest.mark.parametrize("kind", ["tube", "angle", "points"])
-def test_every_plane_holds_the_capsule(case, kind):
+@pytest.mark.parametrize("kind", ["tube", "box", "angle", "points"])
+def test_every_plane_holds_the_region(case, kind):
     """Whatever the normal: what is inside by the distance to the axis is behind the plane."""
     here = evaluated(kind, case)
     planes = random_planes(here)
     assert (-here.slack(planes) <= here.excess[planes.sample] + 1e-9).all()
-    ends = replace(here, vector=end_of(here))  # and every plane is met by a point one radius away
-    touching = np.zeros_like(here.vector)
+    if kind == "box":
+        return
+    radius, begin, end = sizes(here)  # and every plane is met by a point one radius away
     for sample, normal in zip(planes.sample, planes.normal, strict=True):
-        side = (
-            end_of(here)
-            if normal @ (end_of(here) - begin_of(here))[sample] >= 0
-            else begin_of(here)
-        )
-        touching[sample] = side[sample] + (1 - MARGIN) * radius_of(here)[sample] * normal
+        side = end if normal @ (end - begin)[sample] >= 0 else begin
+        touching = side + (1 - MARGIN) * radius[:, None] * normal
         one = Planes(np.array([sample]), normal[None], here.segment[[sample]])
-        assert replace(ends, vector=touching).slack(one)[0] == pytest.approx(0.0, abs=1e-9)
+        assert replace(here, vector=touching).slack(one)[0] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["tube", "box", "angle"])
 def test_tangent_planes_are_where_vectors_are_outside(case, kind):
     here = evaluated(kind, case)
-    bounded = np.isfinite(radius_of(here))
-    rng = np.random.default_rng(2)
-    direction = rng.normal(size=here.vector.shape)
-    radius = np.where(bounded, radius_of(here), 1.0)[:, None]
-    outside = here.vector + 3 * radius * direction
+    radius = here.regions.radius[here.segment]
+    size = np.where(np.isfinite(radius), radius, 1.0)[:, None]
+    direction = np.random.default_rng(2).normal(size=here.vector.shape)
+    outside = here.vector + 3 * size * direction
     excess = replace(here, vector=outside).excess
     planes = here.planes_where_outside(outside, 0.5)
     np.testing.assert_array_equal(planes.sample, np.flatnonzero(excess > 0.5 + 0.002))
@@ -176,46 +149,56 @@ def test_tangent_planes_are_where_vectors_are_outside(case, kind):
     assert len(here.planes_where_outside(outside, excess.max())) == 0
 
 
-def corner(place, predicted):
-    """Return a sample in the first of two capsules with a right angle between them, and planes.
+AXES = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]])
+CAPSULES = Capsules(AXES[:-1], AXES[1:], np.array([0.1, 0.2]))
+
+
+def corner(place, later, predicted, regions=CAPSULES):
+    """Return a sample in the first of two regions with a right angle between them, and planes.
 
     Args:
-        place: Where the sample is, and a step would take it, both (3,).
+        place: Where the sample is (3,).
+        later: Where a step would take it (3,).
         predicted: In which segment it would then be.
+        regions: Both regions.
     """
-    axes = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]])
-    capsules = EvaluatedRegions(
+    here = EvaluatedRegions(
         at=None,
-        vector=np.array([place[0]]),
+        vector=np.array([place]),
         derivative=lambda: np.zeros((1, 3, 2)),
-        regions=Capsules(axes[:-1], axes[1:], np.array([0.1, 0.2])),
+        regions=regions,
         segment=np.zeros(1, dtype=np.int64),
         segments_of=lambda _: np.array([predicted]),
         in_chain=np.ones(1, dtype=bool),
         margin=np.full(1, MARGIN),
-        numbers=np.zeros((2, 1), dtype=np.int64),
+        numbers=np.zeros((2, 1 if regions is CAPSULES else 2), dtype=np.int64),
     )
-    return capsules, capsules.planes_where_outside(np.array([place[1]]), 0.0)
+    return here, here.planes_where_outside(np.array([later]), 0.0)
 
 
-def test_a_chains_plane_is_that_of_the_segment_a_step_would_be_in():
-    capsules, planes = corner(([0.9, 0.0, 0], [1.3, 0.5, 0]), 1)
+BOXES = Tube(AXES, None, cross_section={"box": [0.4, 0.1], "up": [0, 0, 1]}).regions
+
+
+@pytest.mark.parametrize(("regions", "own"), [(CAPSULES, 0.1), (BOXES, 0.05)])
+def test_a_chains_plane_is_that_of_the_segment_a_step_would_be_in(regions, own):
+    """It touches the second region, which reaches 0.2 m beyond its axis along x.
+
+    The slack is in sizes of the sample's own region.
+    """
+    here, planes = corner([0.9, 0.0, 0], [1.3, 0.5, 0], 1, regions)
     np.testing.assert_allclose(planes.normal, [[1, 0, 0]])
     assert planes.segment.tolist() == [1]
-    # It touches the second capsule, which reaches farther out: 1.199 m less 0.9 m, in own radii.
     room = 1 + 0.2 * (1 - MARGIN) - 0.9
-    assert capsules.slack(planes)[0] == pytest.approx(room / 0.1)
+    assert here.slack(planes)[0] == pytest.approx(room / own)
 
 
 def test_a_chains_plane_never_cuts_the_samples_own_capsule():
-    capsules, planes = corner(([0.1, 0.0, 0], [0.7, 0.5, 0]), 1)
+    """Samples in chains have no caps."""
+    capsules, planes = corner([0.1, 0.0, 0], [0.7, 0.5, 0], 1)
     assert len(planes) == 0  # the plane of the second capsule would be behind the first one's end
     behind = Planes(np.zeros(1, dtype=np.int64), np.array([[-1.0, 0, 0]]), np.ones(1, np.int64))
     assert capsules.slack(behind)[0] == pytest.approx((0.1 + 0.1 * (1 - MARGIN)) / 0.1)
-
-
-def test_samples_in_chains_have_no_caps():
-    capsules, _ = corner(([0.9, 0.05, 0], [0.9, 0.05, 0]), 0)
+    capsules, _ = corner([0.9, 0.05, 0], [0.9, 0.05, 0], 0)
     np.testing.assert_allclose(capsules.planes.normal, [[0, 1, 0]])
 
 
@@ -234,44 +217,12 @@ def test_a_boxs_planes_are_those_of_all_its_faces(case):
     np.testing.assert_allclose(-here.slack(planes.where(np.arange(count))), here.excess, atol=1e-9)
     for k in (0, 1):
         normals = planes.normal[planes.segment == k]
-        frame = here.regions.frame[k]
-        np.testing.assert_allclose(abs(normals @ frame.T).max(axis=1), 1.0)
+        np.testing.assert_allclose(abs(normals @ here.regions.frame[k].T).max(axis=1), 1.0)
         assert len(np.unique(np.round(normals, 9), axis=0)) == 6
-
-
-def test_every_plane_holds_the_box(case):
-    here = evaluated("box", case)
-    faces = here.planes
     # As shares of what each reaches, the face that a point is nearest to tells all.
-    worst = np.full(len(here.vector), -np.inf)
-    np.maximum.at(worst, faces.sample, -here.slack(faces))
+    worst = np.full(count, -np.inf)
+    np.maximum.at(worst, planes.sample, -here.slack(planes))
     np.testing.assert_allclose(worst, here.excess, atol=1e-9)
-    planes = random_planes(here)
-    assert (-here.slack(planes) <= here.excess[planes.sample] + 1e-9).all()
-
-
-def box_corner(place):
-    """Return a sample in the first of two equal boxes with a right angle between them, and planes.
-
-    Args:
-        place: Where the sample is, and a step would take it into the second, both (3,).
-    """
-    tube = Tube(
-        [[0, 0, 0], [1, 0, 0], [1, 1, 0]], None, cross_section={"box": [0.4, 0.1], "up": [0, 0, 1]}
-    )
-    boxes, _ = corner(place, 1)
-    numbers = np.zeros((2, 2), dtype=np.int64)
-    boxes = replace(boxes, regions=tube.regions, numbers=numbers)
-    return boxes, boxes.planes_where_outside(np.array([place[1]]), 0.0)
-
-
-def test_a_chain_of_boxes_is_left_by_the_second_ones_wall():
-    boxes, planes = box_corner(([0.9, 0.0, 0], [1.3, 0.5, 0]))
-    np.testing.assert_allclose(planes.normal, [[1, 0, 0]])
-    assert planes.segment.tolist() == [1]
-    # The second box reaches 0.2 m beyond its axis along x, the first 0.05 m beyond its end.
-    room = 1 + 0.2 * (1 - MARGIN) - 0.9
-    assert boxes.slack(planes)[0] == pytest.approx(room / 0.05)
 
 
 def test_a_ball_in_a_tube_of_boxes_has_the_price_of_the_smaller_side(case):
@@ -286,13 +237,6 @@ def test_a_ball_in_a_tube_of_boxes_has_the_price_of_the_smaller_side(case):
     np.testing.assert_allclose(ball.regions.radius, [0.1])
 
 
-def test_planes_and_none_are_the_planes():
-    some = Planes(np.array([2]), np.array([[0.0, 0.0, 1.0]]), np.array([1]))
-    none = some.where(np.zeros(1, dtype=bool))
-    assert len(some.and_also(none)) == len(none.and_also(some)) == 1
-    assert some.and_also(some).sample.tolist() == [2, 2]
-
-
 # The ball of a goal as the optimisation sees it: its polyhedron, its keys, its movable end.
 
 
@@ -302,40 +246,39 @@ TOLERANCE = 0.02
 @pytest.fixture(scope="module", params=["two_link/around_a_post", "ur5/level_tray"])
 def goal_case(request, bundled):
     problem = bundled(request.param)
-    goal = GoalRegion(problem.tube.points[-1], TOLERANCE)
-    problem = replace(problem, goal=goal)
-    branch = reference_branch(problem, redundancy_rules(problem)[0])
-    return problem, starting_spline(problem, branch, 12)
+    problem = replace(problem, goal=GoalRegion(problem.tube.points[-1], TOLERANCE))
+    return problem, begun(problem, 12)
 
 
 def test_the_polyhedron_about_the_ball_is_given_from_the_beginning(goal_case):
     """At its centre, where no plane is near; it reaches little farther than the ball."""
     problem, spline = goal_case
     ball = SequentialProgram(problem, spline.grid).iterate(spline).regions[-1]
-    planes = ball.planes
-    assert len(planes) == 26
+    assert len(ball.planes) == 26
     assert ball.is_crossed
-    np.testing.assert_allclose(ball.slack(planes), 1 - 0.005, atol=1e-9)
-    rng = np.random.default_rng(0)
-    ways = rng.normal(size=(200, 3))
+    np.testing.assert_allclose(ball.slack(ball.planes), 1 - 0.005, atol=1e-9)
+    ways = np.random.default_rng(0).normal(size=(200, 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
-    assert (ways @ planes.normal.T).max(axis=1).min() > 0.85
+    assert (ways @ ball.planes.normal.T).max(axis=1).min() > 0.85
 
 
 def test_every_tolerance_of_a_goal_has_its_key(goal_case):
     problem, spline = goal_case
-    position = problem.goal.position
-    kinds = [
-        [key.kind for key in goal_keys(replace(problem, goal=goal))]
-        for goal in (None, GoalRegion(position), GoalRegion(position, 0.01))
-    ]
-    assert kinds == [[], [], ["tolerance"]]
+
+    def with_goal(*tolerances):
+        return replace(problem, goal=GoalRegion(problem.goal.position, *tolerances))
+
+    def kinds(problem):
+        return [key.kind for key in goal_keys(problem)]
+
+    assert kinds(replace(problem, goal=None)) == kinds(with_goal()) == []
+    assert kinds(with_goal(0.01)) == ["tolerance"]
     if problem.tube.rotation is not None:
-        turned = replace(problem, goal=GoalRegion(position, 0.0, 0.04))
-        assert [key.kind for key in goal_keys(turned)] == ["rotation_tolerance"]
+        turned = with_goal(0.0, 0.04)
+        assert kinds(turned) == ["rotation_tolerance"]
         iterate = SequentialProgram(turned, spline.grid).iterate(spline)
         assert iterate.regions[-1].regions.radius[-1] == 0.04
-        bounds = replace(problem, goal=GoalRegion(position, 0.0, (0.04, 0.03, np.inf)))
+        bounds = with_goal(0.0, (0.04, 0.03, np.inf))
         iterate = SequentialProgram(bounds, spline.grid).iterate(spline)
         assert [len(one.segment) for one in iterate.rotations][-1] == 1
 
