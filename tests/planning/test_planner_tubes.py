@@ -227,7 +227,7 @@ def solved(tmp_path):
         # What is kept back for errors asks nothing more of the motion.
         asked = {key: value for key, value in fields.items() if key != "robustness"}
         path.write_text(yaml.safe_dump(asked))
-        found = Judge(path).judge(read_trajectory(tmp_path / "plan.json"))
+        found = Judge(path).judge(read_trajectory(tmp_path / "plan.json"), 1000)
         return problem, result, found
 
     return solve

@@ -72,7 +72,7 @@ def jerk(trajectory):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(POST, marks=pytest.mark.dear("plans and smooths")),
+        POST,
         *(pytest.param(name, marks=pytest.mark.slow) for name in (LINE, WALL, TRAY, SHELVES)),
     ],
 )
@@ -87,9 +87,8 @@ def test_in_hardly_more_time_efforts_swing_less_and_jerk_falls_by_clear_factors(
     fields = smooth.as_dict()
     assert (fields["duration"], fields["shortest_duration"]) == (smooth.duration, shortest.duration)
     swing, rough = LEFT[name]
-    before, after = (
-        effort_variation(problem.robot, stage.trajectory) for stage in (shortest, smooth)
-    )
+    both = shortest, smooth
+    before, after = (effort_variation(problem.robot, stage.trajectory) for stage in both)
     assert after.max() < swing * before.max()
     assert jerk(smooth.trajectory) < rough * jerk(shortest.trajectory)
     note = smooth.notes[-1]
@@ -97,9 +96,7 @@ def test_in_hardly_more_time_efforts_swing_less_and_jerk_falls_by_clear_factors(
     swings = [f"{swing.max():.1f} limits ('{names[swing.argmax()]}')" for swing in (after, before)]
     assert " instead of ".join(swings) in note
     assert "in 0.50 % more time" in note
-    before, after = (
-        stage.certificate.conditions["obstacles"].margin for stage in (shortest, smooth)
-    )
+    before, after = (stage.certificate.conditions["obstacles"].margin for stage in both)
     assert (before is None) == (not problem.obstacles)
     if before is not None:
         assert after >= 0.9 * min(max(before, 0.0), 0.02) - 1e-4
@@ -108,28 +105,17 @@ def test_in_hardly_more_time_efforts_swing_less_and_jerk_falls_by_clear_factors(
 def test_the_shortest_motion_of_the_result_is_that_of_slack_zero(quick):
     _, shortest, smooth = quick
     for field in ("breakpoints", "coefficients"):
-        np.testing.assert_array_equal(
-            getattr(smooth.shortest, field), getattr(shortest.trajectory, field)
-        )
+        ours, theirs = getattr(smooth.shortest, field), getattr(shortest.trajectory, field)
+        np.testing.assert_array_equal(ours, theirs)
     assert shortest.shortest is None
     assert shortest.shortest_duration == shortest.duration
     assert not any("smooth" in note for note in shortest.notes)
     assert smooth.sensitivities == shortest.sensitivities
     grows = "jerk grows with the square of the number of knots"  # of what is not smoothed
-    assert [any(grows in note for note in stage.notes) for stage in (shortest, smooth)] == [
-        True,
-        False,
-    ]
+    assert any(grows in note for note in shortest.notes)
+    assert not any(grows in note for note in smooth.notes)
 
 
-def test_the_same_input_gives_the_same_motion(quick):
-    problem, _, smooth = quick
-    again = plan(problem, FAST)
-    np.testing.assert_array_equal(again.trajectory.coefficients, smooth.trajectory.coefficients)
-    assert again.notes == smooth.notes
-
-
-@pytest.mark.dear("plans and smooths five times")
 def test_the_problems_objective_holds_unless_options_say_another(quick):
     problem, shortest, smooth = quick
     asks = replace(problem, objective=Objective(0.05))
@@ -137,13 +123,11 @@ def test_the_problems_objective_holds_unless_options_say_another(quick):
     assert slower.duration == pytest.approx(1.05 * shortest.duration, rel=1e-9)
     assert jerk(slower.trajectory) < 0.5 * jerk(smooth.trajectory)
     assert plan(asks, replace(FAST, slack=0)).duration == shortest.duration
-    assert plan(asks, replace(FAST, slack=SLACK)).duration == smooth.duration
     never = replace(problem, objective=Objective(0.0))
     assert plan(never, FAST).shortest is None
-    assert plan(never, replace(FAST, slack=SLACK)).duration == smooth.duration
-
-
-# --- room in the tube ----------------------------------------------------------------------------
+    same = plan(never, replace(FAST, slack=SLACK))
+    np.testing.assert_array_equal(same.trajectory.coefficients, smooth.trajectory.coefficients)
+    assert same.notes == smooth.notes
 
 
 def across(robot, start, goal, radius, sign):
@@ -162,7 +146,6 @@ def least_room(problem, trajectory):
     return 1 - np.linalg.norm(tool - begin - share[:, None] * along, axis=1).max() / radius
 
 
-@pytest.mark.dear("plans and smooths twice")
 def test_it_keeps_the_room_that_the_shortest_motion_left(two_link, monkeypatch):
     """Without being asked for it, it would not."""
     problem = across(two_link, (-0.36, 0.17), (0.215, -0.333), 0.131, "0")
@@ -177,9 +160,6 @@ def test_it_keeps_the_room_that_the_shortest_motion_left(two_link, monkeypatch):
     assert least_room(problem, plan(problem, options).trajectory) < before - 0.1
 
 
-# --- other robots --------------------------------------------------------------------------------
-
-
 def test_arms_without_effort_limits_and_sliding_joints_are_smoothed_too(slider):
     limits = LimitOverrides(effort={"slide": np.inf}, acceleration={"slide": 5.0})
     robot = load_robot(slider.robot.urdf.path, "cart", limits=limits)
@@ -189,8 +169,6 @@ def test_arms_without_effort_limits_and_sliding_joints_are_smoothed_too(slider):
         assert jerk(smooth.trajectory) < 0.1 * jerk(smooth.shortest)
         assert "m/s^3 ('slide') instead of" in smooth.notes[-1]
 
-
-# --- where it fails ------------------------------------------------------------------------------
 
 NOT_SMOOTHED = "the answer is the shortest motion, not smoothed: "
 
@@ -225,28 +203,23 @@ def test_so_it_is_where_the_smoother_one_has_no_certificate(quick, monkeypatch):
     judged = []
 
     def judge(problem, trajectory, *more):
+        result = certified_result(problem, trajectory, *more)
+        if trajectory.duration <= 1.004 * shortest.duration:
+            return result
         judged.append(trajectory)
-        found = certified_result(problem, trajectory, *more)
-        conditions = {**found.certificate.conditions}
-        tube = conditions["tube"]
-        conditions["tube"] = replace(tube, margin=-1.0)
-        failed = replace(found.certificate, conditions=conditions)
+        tube = replace(result.certificate.conditions["tube"], margin=-1.0)
+        failed = replace(
+            result.certificate, conditions={**result.certificate.conditions, "tube": tube}
+        )
         return replace(
-            found,
+            result,
             status=PlanStatus.CERTIFICATE_FAILED,
             message="it leaves the tube",
             trajectory=None,
             certificate=failed,
         )
 
-    monkeypatch.setattr(
-        "tubeplanner.planning.certified_motion.certified_result",
-        lambda problem, trajectory, *more: (
-            judge(problem, trajectory, *more)
-            if trajectory.duration > 1.004 * shortest.duration
-            else certified_result(problem, trajectory, *more)
-        ),
-    )
+    monkeypatch.setattr("tubeplanner.planning.certified_motion.certified_result", judge)
     require_shortest(plan(problem, FAST), shortest, "was not certified: it leaves the tube")
     assert 1 < len(judged) <= 5
 
@@ -304,27 +277,27 @@ def test_an_interrupt_after_something_smoother_was_found_leaves_that(quick, monk
     np.testing.assert_array_equal(result.trajectory.coefficients, smooth.trajectory.coefficients)
 
 
-def test_planning_that_was_stopped_is_not_smoothed(quick):
-    problem, _, _ = quick
+def interrupting_once():
+    """Return a progress callback that presses Ctrl-C where there is an answer, once."""
     interrupts = []
 
-    def interrupt_once(progress):
+    def interrupt(progress):
         if progress.best_duration is not None and not interrupts:
             interrupts.append(progress.stage)
             raise KeyboardInterrupt
 
-    result = plan(problem, FAST, progress=interrupt_once)
+    return interrupt
+
+
+def test_planning_that_was_stopped_is_not_smoothed(quick):
+    problem, _, _ = quick
+    result = plan(problem, FAST, interrupting_once())
     assert (result.succeeded, result.stopped_by, result.shortest) == (True, "interrupt", None)
 
 
-# --- planning again ------------------------------------------------------------------------------
-
-
-@pytest.mark.dear("plans and smooths five times")
 def test_planning_again_begins_with_the_shortest_motion(quick):
     """The motion that is kept has nothing to do with the smooth one."""
     problem, shortest, smooth = quick
-    assert smooth.motion is not None
     np.testing.assert_array_equal(
         smooth.motion.spline.control_points, shortest.motion.spline.control_points
     )
@@ -385,9 +358,6 @@ def saving(bundled):
     return of
 
 
-# --- physics -------------------------------------------------------------------------------------
-
-
 def test_a_bar_in_free_rotation_takes_little_more_energy_than_any_motion_must(tmp_path):
     """12 (I angle)^2 / T^3: the cubic, which only motions with a jump of effort at both ends are.
 
@@ -418,13 +388,12 @@ def test_a_bar_that_is_lifted_takes_little_more_work_than_its_height(tmp_path):
     assert work_of(problem.robot, result.shortest) > 1.5 * bound
 
 
-@pytest.mark.dear("plans and saves thrice")
 @pytest.mark.parametrize("minimise", COSTS)
 def test_it_falls_as_slack_grows_and_below_that_of_the_smooth_motion(minimise, saving, quick):
     cost = COSTS[minimise]
     problem, shortest, _ = quick
     costs = [cost(problem.robot, shortest.trajectory)]
-    for slack in (0.005, 0.05, 0.2):
+    for slack in (0.05, 0.2):
         problem, result = saving(slack, minimise)
         assert result.succeeded
         assert verify(problem, result.trajectory).passed
@@ -432,10 +401,9 @@ def test_it_falls_as_slack_grows_and_below_that_of_the_smooth_motion(minimise, s
         costs.append(cost(problem.robot, result.trajectory))
     assert all(later < 0.95 * earlier for earlier, later in pairwise(costs))
     smooth = saving(0.05)[1].trajectory
-    assert costs[2] < 0.98 * cost(problem.robot, smooth)
+    assert costs[1] < 0.98 * cost(problem.robot, smooth)
 
 
-@pytest.mark.dear("plans and saves twice")
 def test_what_weights_make_dear_is_spared(bundled):
     problem = bundled(LINE)
     alone = []
@@ -445,9 +413,6 @@ def test_what_weights_make_dear_is_spared(bundled):
         alone.append([energy_of(problem.robot, trajectory, own) for own in np.eye(2)])
     assert alone[0][0] < 0.95 * alone[1][0]
     assert alone[1][1] < 0.95 * alone[0][1]
-
-
-# --- what is said --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -474,9 +439,6 @@ def test_the_note_says_what_was_gained(minimise, weights, unit, bundled, saving)
     assert after < before
 
 
-# --- a fixed duration ----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("minimise", "duration"), [("smoothness", None), ("energy", 1.1), ("work", 2.0)]
 )
@@ -495,7 +457,6 @@ def test_a_slack_of_options_holds_before_it(saving):
     assert plan(problem, replace(FAST, slack=0)).duration == result.shortest_duration
 
 
-@pytest.mark.dear("plans and saves thrice")
 @pytest.mark.parametrize("period", [None, 0.004])
 def test_less_than_the_shortest_is_no_trajectory(period, bundled):
     """The message has what must be given; that is enough."""
@@ -537,21 +498,12 @@ def test_where_nothing_better_is_found_the_shortest_motion_is_run_slower(saving,
     result = plan(problem, FAST)
     assert result.duration == pytest.approx(1.1, rel=1e-12)
     assert verify(problem, result.trajectory).passed
-    assert "the answer is the shortest motion, not changed to save anything: no " in str(
-        result.notes
-    )
+    assert "is the shortest motion, not changed to save anything: no " in str(result.notes)
     assert "run slower, in the duration that is asked for, 1.1 s" in result.notes[-1]
 
 
 def test_so_it_is_where_planning_was_stopped(saving):
     problem, _ = saving(None, "energy", 1.1)
-    interrupts = []
-
-    def interrupt_once(progress):
-        if progress.best_duration is not None and not interrupts:
-            interrupts.append(progress.stage)
-            raise KeyboardInterrupt
-
-    result = plan(problem, FAST, progress=interrupt_once)
+    result = plan(problem, FAST, interrupting_once())
     assert (result.succeeded, result.stopped_by) == (True, "interrupt")
     assert result.duration == pytest.approx(1.1, rel=1e-12)
