@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from begun_splines import constraints_of
 from cases import with_motors
 
-from tubeplanner import GoalRegion, PlanningProblem, Seed, Tube
+from tubeplanner import GoalRegion, PlanningProblem, Tube
 from tubeplanner.constraints.coulomb_friction import CoulombFriction, blended_friction
 from tubeplanner.constraints.effort_rate import EffortRate
 from tubeplanner.constraints.path_samples import PathSamples
@@ -22,7 +23,7 @@ from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.second_stage import SecondStage
 from tubeplanner.refinement.speed_limit_rows import EvaluatedSpeedLimit
-from tubeplanner.refinement.spline_constraints import BLENDED, WIDELY_BLENDED, SplineConstraints
+from tubeplanner.refinement.spline_constraints import BLENDED, WIDELY_BLENDED
 from tubeplanner.refinement.spline_start import knot_grid
 from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.robot.effort_rate import effort_rate
@@ -35,14 +36,8 @@ from tubeplanner.trajectory.joint_trajectory import from_spline
 ENDS = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
 LIMITS = (
-    "effort",
-    "effort_rate",
-    "velocity",
-    "acceleration",
-    "jerk",
-    "velocity_by_position",
-    "tool_speed",
-    "point_speed",
+    *("effort", "effort_rate", "velocity", "acceleration", "jerk"),
+    *("velocity_by_position", "tool_speed", "point_speed"),
 )
 FRICTION = {"backwards_friction": 4.0, "forwards_friction": 2.0}
 ARMED = {"armature": 0.4, "viscous_friction": 3.0}
@@ -71,18 +66,19 @@ class Kinds:
     def __init__(self, kind, case):
         self.kind, (self.problem, spline, self.samples) = kind, case
         if kind in MOTORS:
-            self.problem = replace(
-                self.problem, robot=with_motors(self.problem.robot, **MOTORS[kind])
-            )
+            robot = with_motors(self.problem.robot, **MOTORS[kind])
+            self.problem = replace(self.problem, robot=robot)
         self.links = LinkConstraints(self.problem)
         self.links.look_at(spline, spline.grid.samples_at(ENDS, np.linspace(0.2, 0.8, 9)))
 
     def at(self, spline):
         if self.kind == "links":
             return self.links.at(spline)
-        is_hull = self.kind.endswith("hull")
-        points = VelocityHull(len(spline.control_points)) if is_hull else self.samples
-        points = self.samples.where(np.array([4])) if self.kind.endswith("goal") else points
+        points = self.samples
+        if self.kind == "velocity of the hull":
+            points = VelocityHull(len(spline.control_points))
+        if self.kind == "rotation at the goal":  # at a sample as good as any
+            points = points.where(np.array([4]))
         at = sampled(spline, points)
         path = PathSamples(
             self.problem, at.by_x, lambda: self.samples.phase, lambda: self.friction(at.by_x[1])
@@ -90,7 +86,7 @@ class Kinds:
         if self.kind == "rotation":
             own = (np.arange(2), path.segment)
             return EvaluatedRotation(self.problem.tube.rotation, at, path, 0.005, *own)
-        if self.kind == "rotation at the goal":  # at samples as good as any
+        if self.kind == "rotation at the goal":
             goal = GoalRegion(self.problem.tube.points[-1], 0.1, (0.3, np.inf, 0.2))
             ending = replace(self.problem, goal=goal)
             numbers = {key: number for number, key in enumerate(goal_keys(ending))}
@@ -102,11 +98,10 @@ class Kinds:
     def friction(self, rate):
         """Return blended friction whose width does not change with the path."""
         widest = np.append(rate, np.full((1, rate.shape[1]), 8.0), axis=0)
-        found = blended_friction(
-            self.problem.robot.motors, widest, np.full_like(widest, np.nan), 0.4
-        )
+        motors, unknown = self.problem.robot.motors, np.full_like(widest, np.nan)
+        blended = blended_friction(motors, widest, unknown, 0.4)
         names = CoulombFriction.__dataclass_fields__
-        return CoulombFriction(*(getattr(found, name)[:-1] for name in names))
+        return CoulombFriction(*(getattr(blended, name)[:-1] for name in names))
 
     def rows(self, spline, duration, size=None):
         return self.at(spline).rows(duration, size)
@@ -118,7 +113,7 @@ class Kinds:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_have_the_derivatives_of_their_slack(case, kind):
-    """By control points, switching_times and the duration together, along a random direction."""
+    """By control points, switching times and the duration together, along a random direction."""
     kinds, spline, duration = Kinds(kind, case), case[1], 0.8
     rows = kinds.rows(spline, duration)
     assert len(rows) > 0
@@ -126,12 +121,9 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     change = rng.normal(size=spline.control_points.shape)
     change[:3] = change[-3:] = 0.0
     switching, eta = rng.normal(size=1), 0.7
-    taken = change[rows.first[:, None] + np.arange(4)]
-    expected = (
-        np.einsum("rkj,rkj->r", rows.control, taken)
-        + rows.switching @ switching
-        + rows.duration * eta
-    )
+    near = change[rows.first[:, None] + np.arange(4)]
+    expected = np.einsum("rkj,rkj->r", rows.control, near)
+    expected += rows.switching @ switching + rows.duration * eta
     sides = []
     for sign in (STEP, -STEP):
         switching_times = ENDS + sign * np.array([0, switching[0], 0])
@@ -206,39 +198,35 @@ def test_the_least_duration_is_that_of_every_limit(case):
 @pytest.mark.parametrize("kind", LIMITS)
 def test_every_limit_has_a_key_and_rows(case, kind):
     limit = Kinds(kind, case).at(case[1])
-    rows = limit.rows(0.8, None)
-    keys = limit.limit.keys
+    rows, keys, robot = limit.rows(0.8, None), limit.limit.keys, case[0].robot
     assert np.unique(rows.limit).tolist() == list(range(len(keys)))
-    every = range(case[0].robot.joint_count)
-    joints = {"jerk": every[:1], "effort_rate": every[1:]}.get(kind, every)
-    named = [(kind, j, None) for j in joints]
-    if kind == "tool_speed":
-        named = [(kind, None, segment) for segment in range(2)]
-    if kind == "point_speed":
-        named = [(kind, None, None)] * 2
-        points = case[0].robot.limits.point_speed
-        assert [(key.link, key.point) for key in keys] == [
-            (point.link, k) for k, point in enumerate(points)
-        ]
-    assert [(key.kind, key.joint, key.segment) for key in keys] == named
     assert len(rows) == limit.row_count
+    every = range(robot.joint_count)
+    joints = {"jerk": every[:1], "effort_rate": every[1:]}.get(kind, every)
+    named = {
+        "tool_speed": [(kind, None, segment) for segment in range(2)],
+        "point_speed": [(kind, None, None)] * 2,
+    }.get(kind, [(kind, joint, None) for joint in joints])
+    assert [(key.kind, key.joint, key.segment) for key in keys] == named
+    if kind == "point_speed":
+        points = [(point.link, k) for k, point in enumerate(robot.limits.point_speed)]
+        assert [(key.link, key.point) for key in keys] == points
 
 
 def test_effort_rates_count_on_both_sides_of_every_knot(case):
     """There the jerk jumps: of two neighbouring intervals, each asks for a duration of its own."""
     problem, spline, _ = case
-    links, radius = LinkConstraints(problem), problem.tube.effective_radius
-    iterate = SplineConstraints(problem, spline.grid, links, radius).at(spline)
-    (found,) = (part for part in iterate.limits if part.limit.kind == "effort_rate")
+    iterate = constraints_of(problem, spline.grid).at(spline)
+    (rates,) = (part for part in iterate.limits if part.limit.kind == "effort_rate")
     shape = from_spline(problem.robot.joint_names, spline.bspline())
     at_ends = shape.per_piece(2)
     known = (at_ends.position, at_ends.velocity, at_ends.acceleration, shape.jerk_per_piece(2))
-    path = PathSamples(problem, np.stack(known))
     limit = EffortRate(problem.robot.limits.effort_rate)
-    slowest = limit.used(path).largest_speed(limit.signs).min(axis=1) ** -2.0
+    used = limit.used(PathSamples(problem, np.stack(known)))
+    slowest = used.largest_speed(limit.signs).min(axis=1) ** -2.0
     after, before = slowest[::2], slowest[1::2]
     assert abs(before[:-1] / after[1:] - 1).max() > 0.1
-    each = found.squared_durations.reshape(len(after), 3)
+    each = rates.squared_durations.reshape(len(after), 3)
     np.testing.assert_allclose(each[:, 0], after, rtol=1e-6)
     np.testing.assert_allclose(each[:, 2], before, rtol=1e-6)
     assert iterate.squared_duration >= slowest.max() * (1 - 1e-6)
@@ -262,59 +250,48 @@ def test_the_rotations_rows_and_its_ball_are_its_margin(case):
     assert evaluated.angle().numbers.ravel().tolist() == [0, 1]
 
 
-def test_a_segment_that_leaves_the_tool_free_limits_nothing(case):
-    """Only samples of the other segment use something, and all rows are its limit's."""
+def test_a_tool_that_is_free_or_at_rest_limits_nothing(case):
+    """Only samples of the other segment use something, and all rows are its limit's.
+
+    At rest the direction of the velocity is none: nothing there changes the share.
+    """
     problem, spline, samples = case
-    tube = replace(problem.tube, tool_speed=[None, 0.9])
-    limit = Kinds("tool_speed", (problem.with_tube(tube), spline, samples)).at(spline)
+    problem = problem.with_tube(replace(problem.tube, tool_speed=[None, 0.9]))
+    limit = Kinds("tool_speed", (problem, spline, samples)).at(spline)
     assert [(key.joint, key.segment) for key in limit.limit.keys] == [(None, 1)]
     squared = limit.squared_durations.ravel()
     assert (squared[samples.phase == 0] == 0).all()
     assert (squared[samples.phase == 1] > 0).all()
     assert set(limit.rows(np.sqrt(squared.max()), None).limit.tolist()) == {0}
-
-
-def test_a_tool_at_rest_has_finite_derivatives(two_link):
-    """At the ends the direction of the velocity is none: nothing there changes the share."""
-    tube = Tube([[0.5, 0, 0], [0.3, 0.3, 0]], 0.1, tool_speed=0.5)
-    problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
-    still = np.stack([np.array([[0.1, -1.0]]), np.zeros((1, 2)), np.ones((1, 2))])
-    limit = ToolSpeed(problem)
-    at = PathSamples(problem, still, lambda: np.zeros(1, dtype=int))
+    still = np.stack([problem.start[None], np.zeros((1, 6)), np.ones((1, 6))])
+    at, limit = PathSamples(problem, still, lambda: np.ones(1, dtype=int)), ToolSpeed(problem)
     assert limit.used(at).at(2.0).tolist() == [[0.0]]
     assert all((change == 0).all() for change in limit.by_path(at, 2.0).values())
     assert limit.used(at).largest_speed(limit.signs).tolist() == [[np.inf]]
 
 
-def constraints_of(case, **more):
-    problem, spline, _ = case
-    links, radius = LinkConstraints(problem), problem.tube.effective_radius
-    return SplineConstraints(problem, spline.grid, links, radius, **more), spline
-
-
-def test_run_in_is_the_duration_whatever_limits_ask_for(case):
-    """What they ask for is known beside it."""
-    free, given = (constraints_of(case, **more)[0].at(case[1]) for more in ({}, {"run_in": 9.0}))
-    assert (free.duration, given.duration) == (np.sqrt(free.squared_duration), 9.0)
-    assert given.squared_duration == free.squared_duration
-
-
 def test_room_is_unused_by_segment(case):
-    """A share of the region's size that counts as outside; least what is always left."""
-    room = np.array([0.3, 0.0])
-    (plain, spline), (kept, _) = constraints_of(case), constraints_of(case, room=room)
+    """A share of the region's size that counts as outside; least what is always left.
+
+    If it is to be run in a duration, that one counts; what limits ask for is known beside it.
+    """
+    (problem, spline, _), room = case, np.array([0.3, 0.0])
+    plain, kept = (constraints_of(problem, spline.grid, room=each) for each in (None, room))
     before, after = (constraints.at(spline).regions[0] for constraints in (plain, kept))
     margin = before.margin
     expected = before.excess + np.maximum(room[before.segment], margin) - margin
     np.testing.assert_allclose(after.excess, expected, atol=1e-12)
     assert {0, 1} == set(before.segment.tolist())
+    free, run = plain.at(spline), constraints_of(problem, spline.grid, run_in=9.0).at(spline)
+    assert (free.duration, run.duration) == (np.sqrt(free.squared_duration), 9.0)
+    assert run.squared_duration == free.squared_duration
 
 
 def test_between_samples_changes_nothing(case):
     """It looks everywhere, and what is watched stays as it was."""
-    constraints, spline = constraints_of(case)
-    before = constraints.at(spline)
-    dense = constraints.between_samples(spline)
+    problem, spline, _ = case
+    constraints = constraints_of(problem, spline.grid)
+    before, dense = constraints.at(spline), constraints.between_samples(spline)
     assert dense.squared_duration >= before.squared_duration * (1 - 1e-9)
     assert dense.excess >= before.excess - 1e-9
     assert len(dense.regions[0].vector) > 5 * len(before.regions[0].vector)
@@ -326,7 +303,8 @@ def test_between_samples_changes_nothing(case):
 @pytest.mark.parametrize("x", [0.0, 0.41, 1.0])
 def test_samples_of_the_tube_are_added_on_either_side_of_an_instant_too(case, x):
     """Nearer to each other than those between which nothing is looked at."""
-    constraints, spline = constraints_of(case)
+    problem, spline, _ = case
+    constraints = constraints_of(problem, spline.grid)
     known = len(constraints._tube_samples.share)
     constraints.add_samples(spline, x)
     times = constraints._tube_samples.times(spline.switching_times)[known:]
@@ -339,13 +317,12 @@ def test_samples_of_the_tube_are_added_on_either_side_of_an_instant_too(case, x)
 
 
 def test_segments_that_a_motion_missed_are_asked_for_from_then_on(case, monkeypatch):
-    constraints, _ = constraints_of(case)
-    tool = np.zeros((1, 3))
-    found = [np.array([True, False]), np.array([False, True]), np.array([True, True])]
-    monkeypatch.setattr(OrderedSegments, "missed", lambda self, tool: found.pop(0))
+    constraints = constraints_of(case[0], case[1].grid)
+    missed = [np.array([True, False]), np.array([False, True]), np.array([True, True])]
+    monkeypatch.setattr(OrderedSegments, "missed", lambda self, tool: missed.pop(0))
     asked = []
     for is_new in (True, True, False):
-        assert constraints._ask_for_missed(tool) is is_new
+        assert constraints._ask_for_missed(np.zeros((1, 3))) is is_new
         asked.append(constraints._is_asked.tolist())
     assert asked == [[True, False], [True, True], [True, True]]
 
@@ -370,8 +347,7 @@ def constraints_and_spline(robot, turns, intervals=60, **motors):
     points[:3], points[-3:] = points[0], points[-1]
     tube = Tube(robot.tool_position(points[[0, len(points) // 2, -1]]), 9.0)
     problem = PlanningProblem(robot, tube, points[0], points[-1], self_collision=False)
-    links, radius = LinkConstraints(problem), np.full(2, 9.0)
-    return SplineConstraints(problem, grid, links, radius), PhasedSpline(grid, ENDS, points)
+    return constraints_of(problem, grid), PhasedSpline(grid, ENDS, points)
 
 
 def efforts(constraints, spline):
@@ -393,7 +369,10 @@ def beyond(constraints, spline, intervals, near=0.15):
 
 
 def test_blended_over_fewer_intervals_it_comes_nearer_to_what_is_exact(two_link):
-    """And is never less."""
+    """And is never less.
+
+    Of few knots all of the largest velocity is blended, and no more.
+    """
     constraints, spline = constraints_and_spline(two_link, True, **BRAKING_FRICTION)
     wide, narrow, least = (beyond(constraints, spline, k) for k in (WIDELY_BLENDED, BLENDED, 1.0))
     assert least.min() > -1e-9
@@ -402,6 +381,12 @@ def test_blended_over_fewer_intervals_it_comes_nearer_to_what_is_exact(two_link)
     affected = [(share > 1e-6).mean() for share in (wide, narrow, least)]
     assert 0 < affected[2] < affected[1] < affected[0] < 0.2
     assert wide.max() > 0.1
+    constraints, spline = constraints_and_spline(two_link, True, intervals=8, **BRAKING_FRICTION)
+    squared = []
+    for intervals in (len(spline.control_points), 50.0):
+        constraints.blend(intervals)
+        squared.append(efforts(constraints, spline).squared_durations)
+    np.testing.assert_array_equal(*squared)
 
 
 def test_where_nothing_reverses_it_is_exact_in_the_end(two_link):
@@ -440,20 +425,9 @@ def test_blending_changes_something_only_once_and_only_with_coulomb_friction(two
     assert not smooth.blend(WIDELY_BLENDED)
 
 
-def test_few_knots_are_blended_all_over(two_link):
-    """More intervals than there are: the share is all of the largest velocity, and no more."""
-    constraints, spline = constraints_and_spline(two_link, True, intervals=8, **BRAKING_FRICTION)
-    found = []
-    for intervals in (len(spline.control_points), 50.0):
-        constraints.blend(intervals)
-        found.append(efforts(constraints, spline).squared_durations)
-    np.testing.assert_array_equal(*found)
-
-
 def test_a_second_stage_has_time_by_exact_scaling_and_watches_reversals_where_it_has_not(two_link):
     constraints, spline = constraints_and_spline(two_link, True, **BRAKING_FRICTION)
-    problem = constraints._problem
-    shape = from_spline(two_link.joint_names, spline.bspline())
+    problem, shape = constraints._problem, from_spline(two_link.joint_names, spline.bspline())
     least = minimum_duration(problem, shape)
     stage = SecondStage(problem, spline, 1.01 * least, 0.0)
     counts = []

@@ -4,18 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from begun_splines import begun
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
 from tubeplanner import load_problem
-from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.refinement.banded_program import BandedProgram, _without
 from tubeplanner.refinement.descent import FIRST_PENALTY, Remembered
 from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.shared_columns import LegShape, shared_columns
 from tubeplanner.refinement.sparse_program import SparseProgram
-from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.refinement.step_block import Block, Bounds, Quadratic, SparseRows, stacked_rows
 from tubeplanner.refinement.step_search import StepSearch
 from tubeplanner.refinement.symmetric_entries import SymmetricEntries
@@ -30,33 +29,35 @@ NEEDS_LIBRARY = pytest.mark.skipif(
 
 
 FINE, AGREE = 1e-8, 1e-6
-NOTHING = Remembered(np.zeros(0, dtype=np.int64), ())
 
 
 def linearized(name, intervals, trust, **tube):
     """Return a trajectory to first order, with all rows that its step needs; other tube fields."""
     changes = {f"tube.{field}": value for field, value in tube.items()}
     problem = load_problem(f"example:{name}", changes=changes)
-    branch = reference_branch(problem, redundancy_rules(problem)[0])
-    spline = starting_spline(problem, branch, intervals)
+    spline = begun(problem, intervals)
     program = SequentialProgram(problem, spline.grid)
-    begun, wide = program.iterate(spline), TrustRegion(0.2)
-    near = program.improved(begun, wide, FIRST_PENALTY, min_gain=1e-3, max_steps=12).iterate
-    linear = program.linearized(near, TrustRegion(trust), FIRST_PENALTY, NOTHING)
+    begin, limits = program.iterate(spline), {"min_gain": 1e-3, "max_steps": 12}
+    near = program.improved(begin, TrustRegion(0.2), FIRST_PENALTY, **limits).iterate
+    nothing = Remembered(np.zeros(0, dtype=np.int64), ())
+    linear = program.linearized(near, TrustRegion(trust), FIRST_PENALTY, nothing)
     assert StepSearch([linear], shared_columns([linear.shape], [False])).solve() is not None
     return linear
 
 
+def unknowns(step):
+    return np.concatenate([step.control.ravel(), step.switching, [step.duration, step.elastic]])
+
+
 def cost(block, step):
-    x = np.concatenate([step.control.ravel(), step.switching, [step.duration, step.elastic]])
+    x = unknowns(step)
     return block.linear @ x + x @ block.quadratic.hessian.product(x) / 2
 
 
 def least_slack(block, step):
     """Return the least that the step leaves of any row's slack."""
-    x = np.concatenate([step.control.ravel(), step.switching, [step.duration, step.elastic]])
-    every = stacked_rows(block.rows)
-    used = [row.data @ x[row.column] for row in every.rows()]
+    x = unknowns(step)
+    used = [row.data @ x[row.column] for row in stacked_rows(block.rows).rows()]
     return (block.slack - np.array(used)).min()
 
 
@@ -131,18 +132,33 @@ def test_rows_lose_what_would_move_what_is_held_and_no_more():
 
 
 FAR, TOLERANCE = 0.1, 1e-8
+FLAT_HESSIAN = (1e-6,) * 4
 
 
-def leg(slope, weight=1.0, which=1, held=None, bounds=(-FAR, FAR), gradient=0.0):
+def diagonal(*curvature):
+    count = np.arange(len(curvature))
+    return SymmetricEntries(count, count, np.array(curvature), len(curvature))
+
+
+def leg(
+    slope, weight=1.0, which=1, held=None, bounds=(-FAR, FAR), gradient=0.0, hessian=FLAT_HESSIAN
+):
     """Return a leg of two configurations of one joint: eta >= slope * one of them."""
     lower, upper = np.full((2, 1), bounds[0]), np.full((2, 1), bounds[1])
     rows = SparseRows(np.array([slope, -1.0]), np.array([which, 2]), np.array([2]))
-    eye = np.arange(4)
-    hessian = SymmetricEntries(eye, eye, np.full(4, 1e-6), 4)
-    quadratic = Quadratic(hessian, np.full(2, gradient)).weighted(weight)
+    quadratic = Quadratic(diagonal(*hessian), np.full(2, gradient)).weighted(weight)
     held = np.zeros((0, 1)) if held is None else np.array(held)
     bounds = Bounds(lower, upper, np.zeros(0), np.ones(1), (-1.0, 1.0), held)
     return Block([rows], np.zeros(1), bounds, quadratic, 3.0 * weight)
+
+
+def two_joints():
+    """Return a leg of one configuration of two joints, of which only the difference may change."""
+    ends = np.full((1, 2), FAR)
+    rows = SparseRows(np.array([-3.0, -1.0, -1.0]), np.array([0, 1, 2]), np.array([3]))
+    held = np.full((1, 2), 0.5**0.5)
+    bounds = Bounds(-ends, ends, np.zeros(0), np.ones(1), (-1.0, 1.0), held)
+    return Block([rows], np.zeros(1), bounds, Quadratic(diagonal(*FLAT_HESSIAN), np.zeros(2)), 3.0)
 
 
 NATIVE = pytest.param(BandedProgram, id="native", marks=NEEDS_LIBRARY)
@@ -166,6 +182,39 @@ def test_a_leg_alone_goes_as_far_as_it_gains(solved):
     assert step.duration == pytest.approx(-0.5 * FAR, abs=1e-5)
     assert step.elastic == pytest.approx(0.0, abs=1e-5)
     assert step.multipliers == pytest.approx([1.0], abs=1e-3)
+    _, (step,) = solved([two_joints()], [False])
+    assert step.control[0].sum() == pytest.approx(0.0, abs=1e-6)
+    assert step.duration == pytest.approx(-2 * FAR, abs=1e-5)
+
+
+NARROW = {"bounds": (-0.01, 0.03)}
+
+
+@pytest.mark.parametrize(
+    ("legs", "is_tied", "ends", "accuracy"),
+    [
+        # Those that share nothing take their own steps.
+        ([leg(-1.0, 0.6), leg(2.0, 0.4, 0)], False, [FAR, -FAR], 1e-5),
+        # A shared configuration keeps both bounds,
+        ([leg(-1.0, 0.6), leg(1.0, 0.4, 0, **NARROW)], True, [0.03, 0.03], 1e-5),
+        ([leg(-1.0, 0.6, **NARROW), leg(2.0, 0.4, 0)], True, [-0.01, -0.01], 1e-5),
+        # costs both what it costs each: one would go one way, the other half as much the other way,
+        ([leg(0.0, gradient=-1.0), leg(0.0, which=0, gradient=0.5)], True, [FAR, FAR], 1e-5),
+        # and does not move where it is held.
+        ([leg(-1.0, 0.6, held=[[1.0]]), leg(-1.0, 0.4, 0)], True, [0.0, 0.0], 1e-6),
+        # One that costs the square of what it changes, behind one that costs next to nothing.
+        (
+            [leg(0.0, gradient=-0.02), leg(0.0, gradient=-0.02, hessian=(1.0, 1.0, 1e-6, 1e-6))],
+            False,
+            [FAR, 0.02],
+            1e-4,
+        ),
+    ],
+)
+def test_two_legs_end_and_begin_where_it_costs_least(solved, legs, is_tied, ends, accuracy):
+    _, (first, second) = solved(legs, [is_tied, False])
+    found = [first.control[1, 0], second.control[0, 0]]
+    assert found == pytest.approx(ends, abs=accuracy)
 
 
 @pytest.mark.parametrize(("slope", "way"), [(1.0, 1), (2.0, -1)])
@@ -178,34 +227,6 @@ def test_a_shared_configuration_goes_where_the_weighted_sum_is_least(solved, slo
     assert steps[1].duration == pytest.approx(way * slope * FAR, abs=1e-5)
     assert steps[0].multipliers == pytest.approx([0.6], abs=1e-3)
     assert steps[1].multipliers == pytest.approx([0.4], abs=1e-3)
-
-
-def test_legs_that_share_nothing_take_their_own_steps(solved):
-    _, steps = solved([leg(-1.0, 0.6), leg(2.0, 0.4, which=0)], [False, False])
-    assert steps[0].control[1, 0] == pytest.approx(FAR, abs=1e-5)
-    assert steps[1].control[0, 0] == pytest.approx(-FAR, abs=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("one", "other", "slope", "end"),
-    [((-FAR, FAR), (-0.01, 0.03), 1.0, 0.03), ((-0.01, 0.03), (-FAR, FAR), 2.0, -0.01)],
-)
-def test_a_shared_configuration_keeps_both_bounds(solved, one, other, slope, end):
-    blocks = [leg(-1.0, 0.6, bounds=one), leg(slope, 0.4, which=0, bounds=other)]
-    _, steps = solved(blocks, [True, False])
-    assert steps[0].control[1, 0] == pytest.approx(end, abs=1e-5)
-
-
-def test_a_shared_configuration_costs_both_what_it_costs_each(solved):
-    """One would have it go one way, the other half as much the other way."""
-    blocks = [leg(0.0, gradient=-1.0), leg(0.0, which=0, gradient=0.5)]
-    _, steps = solved(blocks, [True, False])
-    assert steps[1].control[0, 0] == pytest.approx(FAR, abs=1e-5)
-
-
-def test_what_is_held_does_not_move(solved):
-    _, steps = solved([leg(-1.0, 0.6, held=[[1.0]]), leg(-1.0, 0.4, which=0)], [True, False])
-    assert steps[1].control[0, 0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_program_is_solved_again_with_other_slack(solved):
@@ -231,32 +252,6 @@ def test_a_row_that_joins_is_obeyed_and_has_its_own_multiplier(solved):
     assert step.multipliers == pytest.approx([1.0, 0.5], abs=1e-3)
 
 
-def test_rows_that_would_move_what_is_held_do_not(solved):
-    """Two joints, of which only their difference may change."""
-    lower, upper = np.full((1, 2), -FAR), np.full((1, 2), FAR)
-    rows = SparseRows(np.array([-3.0, -1.0, -1.0]), np.array([0, 1, 2]), np.array([3]))
-    bounds = Bounds(
-        lower, upper, np.zeros(0), np.ones(1), (-1.0, 1.0), np.array([[0.5**0.5, 0.5**0.5]])
-    )
-    eye = np.arange(4)
-    hessian = SymmetricEntries(eye, eye, np.full(4, 1e-6), 4)
-    block = Block([rows], np.zeros(1), bounds, Quadratic(hessian, np.zeros(2)), 3.0)
-    _, (step,) = solved([block], [False])
-    assert step.control[0].sum() == pytest.approx(0.0, abs=1e-6)
-    assert step.duration == pytest.approx(-2 * FAR, abs=1e-5)
-
-
-def test_curvature_is_that_of_each_legs_own_variables(solved):
-    """A leg that costs the square of what it changes, behind one that costs next to nothing."""
-    soft, stiff = leg(0.0, gradient=-0.02), leg(0.0, gradient=-0.02)
-    eye = np.arange(4)
-    hessian = SymmetricEntries(eye, eye, np.array([1.0, 1.0, 1e-6, 1e-6]), 4)
-    stiff = replace(stiff, quadratic=replace(stiff.quadratic, hessian=hessian))
-    _, steps = solved([soft, stiff], [False, False])
-    assert steps[0].control[0, 0] == pytest.approx(FAR, abs=1e-4)
-    assert steps[1].control[0, 0] == pytest.approx(0.02, abs=1e-4)
-
-
 # What a third difference of configurations may be, and how steeply it counts.
 STEEP, COUNT = 1e10, 300
 
@@ -265,23 +260,18 @@ def steep_leg():
     """Return a leg whose jerk is limited on many knots: its rows leave hardly any room."""
     rng = np.random.default_rng(0)
     count, pulls = 2 * (COUNT - 3), 5
-    configurations = np.add.outer(np.arange(COUNT - 3), np.arange(4))
     third = np.tile(STEEP * np.array([-1.0, 3.0, -3.0, 1.0]), (COUNT - 3, 1))
-    jerk = SparseRows(
-        np.concatenate([third, -third]).ravel(),
-        np.tile(configurations.ravel(), 2),
-        np.full(count, 4),
-    )
+    columns = np.tile(np.add.outer(np.arange(COUNT - 3), np.arange(4)).ravel(), 2)
+    jerk = SparseRows(np.concatenate([third, -third]).ravel(), columns, np.full(count, 4))
     places = np.linspace(10, COUNT - 10, pulls).astype(int)
     ways = np.column_stack([rng.choice([-1.0, 1.0], pulls), np.full(pulls, -1.0)])
     eta = np.column_stack([places, np.full(pulls, COUNT)])
     gains = SparseRows(ways.ravel(), eta.ravel(), np.full(pulls, 2))
     slack = np.concatenate([rng.uniform(0.0, 1.0, count), np.zeros(pulls)])
-    eye = np.arange(COUNT + 2)
-    hessian = SymmetricEntries(eye, eye, np.full(COUNT + 2, 1e-6), COUNT + 2)
     ends = np.full((COUNT, 1), FAR)
     bounds = Bounds(-ends, ends, np.zeros(0), np.ones(1), (-1.0, 1.0), np.zeros((0, 1)))
-    return Block([jerk, gains], slack, bounds, Quadratic(hessian, np.zeros(COUNT)), 3.0)
+    quadratic = Quadratic(diagonal(*np.full(COUNT + 2, 1e-6)), np.zeros(COUNT))
+    return Block([jerk, gains], slack, bounds, quadratic, 3.0)
 
 
 @NEEDS_LIBRARY
