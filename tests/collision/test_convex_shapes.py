@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose as close
 from scipy.spatial import ConvexHull, Delaunay
-from scipy.spatial.transform import Rotation
 
 from tubeplanner import Obstacle, placement_of
 from tubeplanner.collision.bounding_box import bounding_boxes
@@ -40,7 +40,7 @@ SOLIDS = {
 @pytest.mark.parametrize(("shape", "exact"), SOLIDS.values(), ids=SOLIDS.keys())
 def test_box_sphere_and_capsule_are_exact(shape, exact):
     d = directions(500)
-    np.testing.assert_allclose(support(shape, d), exact(d), atol=1e-14)
+    close(support(shape, d), exact(d), atol=1e-14)
 
 
 def test_a_cylinder_becomes_a_prism_around_it_at_most_one_percent_wider():
@@ -51,9 +51,7 @@ def test_a_cylinder_becomes_a_prism_around_it_at_most_one_percent_wider():
     assert (support(shape, d) <= exact + 0.2 * 0.0087 * flat).all()
 
 
-PLACEMENT = np.eye(4)
-PLACEMENT[:3, :3] = Rotation.from_euler("xyz", [1.0, 2.0, 3.0]).as_matrix()
-PLACEMENT[:3, 3] = 4.0, 5.0, 6.0
+PLACEMENT = placement_of([4.0, 5.0, 6.0], rpy=[1.0, 2.0, 3.0])
 POLYTOPES = {
     "box": box([1, 2, 3]),
     "cylinder": cylinder(0.2, 1.0),
@@ -67,7 +65,7 @@ POLYTOPES = {
 def test_faces_are_turned_outward_and_close_the_surface(shape):
     a, b, c = shape.vertices[shape.faces].transpose(1, 0, 2)
     volume = np.einsum("fi,fi->", a, np.cross(b, c)) / 6
-    np.testing.assert_allclose(volume, ConvexHull(shape.vertices).volume, rtol=1e-12)
+    close(volume, ConvexHull(shape.vertices).volume, rtol=1e-12)
     outward = np.einsum("fi,fi->f", np.cross(b - a, c - a), a - shape.center)
     assert (outward > 0).all()
 
@@ -81,19 +79,14 @@ def test_the_bounding_sphere_and_the_reach_hold_the_whole_shape(shape):
     assert np.linalg.norm(surface - point, axis=1).max() <= shape.reach(point) + 1e-14
     farthest = shape.vertices[np.linalg.norm(shape.vertices - point, axis=1).argmax()]
     away = (farthest - point) / np.linalg.norm(farthest - point)
-    np.testing.assert_allclose(
-        np.linalg.norm(farthest + shape.radius * away - point), shape.reach(point)
-    )
+    close(np.linalg.norm(farthest + shape.radius * away - point), shape.reach(point))
 
 
 def test_a_transformed_shape_is_turned_and_moved_and_keeps_its_radius():
-    placement = np.eye(4)
-    placement[:3, :3] = Rotation.from_euler("xyz", [0.3, -0.7, 1.1]).as_matrix()
-    placement[:3, 3] = [1.0, 2.0, 3.0]
-    shape, moved = capsule(0.1, 0.8), capsule(0.1, 0.8).transformed(placement)
-    d = directions(200)
-    turned = d @ placement[:3, :3]
-    np.testing.assert_allclose(support(moved, d), support(shape, turned) + d @ placement[:3, 3])
+    shape = capsule(0.1, 0.8)
+    moved, d = shape.transformed(PLACEMENT), directions(200)
+    turned = d @ PLACEMENT[:3, :3]
+    close(support(moved, d), support(shape, turned) + d @ PLACEMENT[:3, 3])
     assert moved.radius == 0.1
 
 
@@ -103,7 +96,7 @@ def test_a_hull_keeps_corners_only_and_holds_every_point():
     assert len(hull.vertices) < 100
     assert {tuple(vertex) for vertex in hull.vertices} <= {tuple(point) for point in points}
     d = directions(200)
-    np.testing.assert_allclose(support(hull, d), (d @ points.T).max(axis=1))
+    close(support(hull, d), (d @ points.T).max(axis=1))
 
 
 FLAT = {
@@ -121,51 +114,36 @@ def test_a_flat_set_becomes_a_thin_solid_that_holds_it(points):
     assert ConvexHull(hull.vertices).volume > 0
     assert (Delaunay(hull.vertices).find_simplex(points) >= 0).all()
     low, high = points.min(axis=0), points.max(axis=0)
-    np.testing.assert_allclose(hull.vertices.min(axis=0), low, atol=2e-6)
-    np.testing.assert_allclose(hull.vertices.max(axis=0), high, atol=2e-6)
+    close(hull.vertices.min(axis=0), low, atol=2e-6)
+    close(hull.vertices.max(axis=0), high, atol=2e-6)
 
 
-def test_vertices_cannot_be_written_to():
+def test_vertices_cannot_be_written_to_and_shapes_are_compared_by_identity():
     shapes = [box([1, 1, 1]), sphere(1), capsule(1, 1), cylinder(1, 1)]
     shapes += [shape.transformed(np.eye(4)) for shape in shapes]
     assert not any(shape.vertices.flags.writeable for shape in shapes)
-
-
-def test_shapes_are_compared_by_identity():
-    shape = ConvexShape(np.zeros((1, 3)), 1.0)
-    assert shape == shape
-    assert shape != ConvexShape(shape.vertices, 1.0)
+    assert shapes[0] == shapes[0]
+    assert shapes[0] != ConvexShape(shapes[0].vertices, shapes[0].radius)
 
 
 def test_the_bounding_sphere_of_a_box_is_that_of_its_diagonal():
-    placement = np.eye(4)
-    placement[:3, 3] = 0.3, -0.2, 0.7
-    moved = box([2, 3, 6]).transformed(placement)
-    np.testing.assert_allclose(moved.center, placement[:3, 3], atol=1e-15)
+    moved = box([2, 3, 6]).transformed(PLACEMENT)
+    close(moved.center, PLACEMENT[:3, 3], atol=1e-14)
     assert moved.bounding_radius == pytest.approx(3.5)
 
 
 # Boxes around shapes, and the bounds on distances that they give.
 
 
-def plate(rpy=(0, 0, 0.6)):
-    return Obstacle.box("plate", [1.0, 0.5, 0.02], placement_of([0.2, 0, 0], rpy=rpy)).shapes[0]
+def plate(turn):
+    placement = placement_of([0.2, 0, 0], rpy=(0, 0, turn))
+    return Obstacle.box("plate", [1.0, 0.5, 0.02], placement).shapes[0]
 
 
-def test_a_turned_plate_has_a_box_as_flat_as_itself():
-    boxes = bounding_boxes([plate()])
-    np.testing.assert_allclose(sorted(boxes.half[0]), [0.01, 0.25, 0.5], atol=1e-9)
-
-
-def test_distances_are_those_of_the_box():
-    boxes, point = (
-        bounding_boxes([plate((0, 0, 0))] * 3),
-        [[0.2, 0, 0.31], [0.2, 0.1, 0], [1, 0, 0]],
-    )
-    np.testing.assert_allclose(boxes.distance(np.arange(3), np.array(point)), [0.3, 0, 0.3])
-
-
-def test_no_shapes_have_no_boxes():
+def test_a_turned_plate_has_a_box_as_flat_as_itself_and_distances_are_those_of_the_box():
+    close(sorted(bounding_boxes([plate(0.6)]).half[0]), [0.01, 0.25, 0.5], atol=1e-9)
+    points = np.array([[0.2, 0, 0.31], [0.2, 0.1, 0], [1, 0, 0]])
+    close(bounding_boxes([plate(0)] * 3).distance(np.arange(3), points), [0.3, 0, 0.3])
     assert bounding_boxes([]).axes.shape == (0, 3, 3)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import platformdirs
 import pytest
 import trimesh
+from few_links import axle
 
-from tubeplanner import load_robot
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.cover_cache import VARIABLE, cache_folder, cached
 from tubeplanner.collision.link_covers import link_covers
@@ -78,35 +78,15 @@ def test_what_is_read_back_is_what_was_computed(folder, ring, uncomputed):
     assert ring().outer_error() == error > 0
 
 
-LINK = """<link name="{0}"><inertial><mass value="1"/>
-<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-<collision><geometry>{1}</geometry></collision></link>"""
-JOINT = """<joint name="to_{1}" type="revolute"><parent link="{0}"/><child link="{1}"/>
-<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="100" velocity="2"/></joint>"""
-
-
-@pytest.fixture
-def axle(ring, tmp_path):
-    """A rod that turns inside of a ring, two joints away from it."""
-    rod = '<cylinder radius="0.08" length="0.3"/>'
-    parts = [
-        *(LINK.format("ring", '<mesh filename="ring.stl"/>'), LINK.format("rod", rod)),
-        *(LINK.format("ball", '<sphere radius="0.01"/>'), JOINT.format("ring", "ball")),
-        JOINT.format("ball", "rod"),
-    ]
-    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{"".join(parts)}</robot>')
-    return load_robot(tmp_path / "arm.urdf", "rod")
-
-
-@pytest.mark.dear("covers a ring three times")
-def test_an_arm_is_the_same_with_a_cold_warm_broken_and_no_cache(folder, axle, monkeypatch):
-    cold, warm = CollisionChecker(axle), CollisionChecker(axle)
+def test_an_arm_is_the_same_with_a_cold_warm_broken_and_no_cache(folder, tmp_path, monkeypatch):
+    arm = axle(tmp_path, sections=8)
+    cold, warm = CollisionChecker(arm), CollisionChecker(arm)
     for entry in folder.iterdir():
         entry.write_bytes(entry.read_bytes()[:-1])
-    broken = CollisionChecker(axle)
+    broken = CollisionChecker(arm)
     monkeypatch.setenv(VARIABLE, "off")
     assert cold.closer_covers
-    for other in (warm, broken, CollisionChecker(axle)):
+    for other in (warm, broken, CollisionChecker(arm)):
         assert_same_geometry(cold, other)
         assert link_covers(cold) == link_covers(other)
 
@@ -121,7 +101,7 @@ def test_an_entry_that_is_not_as_it_was_written_is_replaced(folder, ring):
         assert entry.read_bytes() == whole
 
 
-def test_an_entry_of_something_else_is_replaced(folder, ring):
+def test_a_folder_or_an_entry_of_something_else_in_the_place_of_an_entry_is_no_error(folder, ring):
     """A whole entry under another's name: what it holds is not what is asked for."""
     cold = ring().cover()
     (entry,) = folder.glob("cover-*")
@@ -129,11 +109,6 @@ def test_an_entry_of_something_else_is_replaced(folder, ring):
     (other,) = set(folder.glob("cover-*")) - {entry}
     entry.write_bytes(other.read_bytes())
     assert_same(ring().cover(), cold)
-
-
-def test_a_folder_in_the_place_of_an_entry_is_no_error(folder, ring):
-    cold = ring().cover()
-    (entry,) = folder.glob("cover-*")
     entry.unlink()
     entry.mkdir()
     assert_same(ring().cover(), cold)
@@ -156,20 +131,17 @@ def test_it_can_be_switched_off(folder, ring, monkeypatch, tmp_path):
     assert not (tmp_path / "elsewhere").exists()
 
 
-def test_another_mesh_or_scale_is_another_entry(folder, ring):
+def test_another_mesh_or_scale_is_another_entry_and_a_moved_mesh_is_the_same(
+    folder, ring, tmp_path, uncomputed
+):
     first = ring().cover()
     MeshFile("link 'ring'", ring().path, 2.0).cover()
+    moved = ring().path.rename(tmp_path / "moved.stl")
     trimesh.creation.box([0.1, 0.1, 0.1]).export(ring().path)
     assert len(ring().cover()[0].vertices) == 8 != len(first[0].vertices)
     assert len(list(folder.glob("cover-*"))) == 3
-
-
-def test_a_mesh_moved_elsewhere_is_the_same_entry(folder, ring, tmp_path, uncomputed):
-    cold = ring().cover()
-    moved = tmp_path / "moved.stl"
-    ring().path.rename(moved)
     uncomputed()
-    assert_same(MeshFile("another link", moved).cover(), cold)
+    assert_same(MeshFile("another link", moved).cover(), first)
 
 
 def test_an_entry_is_never_half_written(folder):
@@ -197,17 +169,12 @@ def test_an_entry_is_never_half_written(folder):
     assert not list(folder.glob("*.tmp"))
 
 
-def test_what_a_killed_process_left_is_removed_by_the_next(folder, ring):
+def test_what_a_killed_process_or_a_write_that_fails_left_is_removed(folder, ring, monkeypatch):
     cold = ring().cover()
     (entry,) = folder.glob("*")
     entry.rename(entry.with_name(f".{entry.name}.tmp"))
     assert_same(ring().cover(), cold)
     assert list(folder.iterdir()) == [entry]
-
-
-def test_a_write_that_fails_leaves_nothing(folder, ring, monkeypatch):
-    cold = ring().cover()
-    (entry,) = folder.glob("*")
     entry.unlink()
 
     def full(self, target):

@@ -1,4 +1,4 @@
-"""Collision elements of the links and their convex covers."""
+"""Collision elements of the links, their convex covers, and how far these stand off."""
 
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -6,37 +6,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from covers import outside
+from few_links import INERTIAL, LIMIT, joint, link, loaded, solid, solid_link
+from numpy.testing import assert_allclose as close
 from scipy.spatial import ConvexHull
 
-from tubeplanner import LimitOverrides, load_robot
+from refusals import refusal
+from tubeplanner import LimitOverrides
 from tubeplanner.collision import link_elements as module
+from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.cover_cache import VARIABLE
+from tubeplanner.collision.link_covers import link_covers
 from tubeplanner.collision.link_elements import link_elements
-from tubeplanner.collision.link_geometry import link_shapes
+from tubeplanner.collision.link_geometry import link_parts, link_shapes
 from tubeplanner.collision.mesh_cover import cover_mesh
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_mesh
 
 # Collision elements as the URDF has them, read by its parser or from the cache.
 
-
-URDF = """<robot name="r">
-  <link name="base"/>
-  <link name="arm">
-    <collision>
-      <origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/>
-      <geometry><box size="0.1 0.2 0.3"/></geometry>
-    </collision>
-    <collision><geometry><sphere radius="0.4"/></geometry></collision>
-    <collision><geometry><cylinder radius="0.5" length="0.6"/></geometry></collision>
-    <collision><geometry><mesh filename="a.stl" scale="1 -2 3"/></geometry></collision>
-    <collision><geometry><mesh filename="b.obj"/></geometry></collision>
-  </link>
-  <joint name="j" type="revolute">
-    <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
-    <limit lower="-1" upper="1" velocity="1" effort="1"/>
-  </joint>
-</robot>"""
+ARM = solid('<box size="0.1 0.2 0.3"/>', '<origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/>')
+ARM += solid('<sphere radius="0.4"/>') + solid('<cylinder radius="0.5" length="0.6"/>')
+ARM += solid('<mesh filename="a.stl" scale="1 -2 3"/>') + solid('<mesh filename="b.obj"/>')
+CASES = Path(__file__).parents[1] / "data/cases"
 EXPECTED = [
     ("box", (0.1, 0.2, 0.3), ""),
     ("sphere", (0.4,), ""),
@@ -49,29 +41,26 @@ EXPECTED = [
 @pytest.fixture
 def robot(tmp_path, monkeypatch):
     monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
-    path = tmp_path / "r.urdf"
-    path.write_text(URDF)
-    return load_robot(path, "arm", limits=LimitOverrides(effort={"j": np.inf}))
+    limits = LimitOverrides(effort={"j": np.inf})
+    parts = link("base", ""), link("arm", ARM), joint("j", "base", "arm")
+    return loaded(tmp_path, *parts, tool="arm", limits=limits)
 
 
 def described(elements):
     return [(element.kind, element.sizes, element.filename) for element in elements]
 
 
-def test_elements_are_those_of_the_urdf(robot):
+def test_elements_are_those_of_the_urdf_or_the_cache_which_parses_nothing(robot, monkeypatch):
     found = link_elements(robot)
     assert list(found) == ["arm"]
-    assert described(found["arm"]) == EXPECTED
+    cold = found["arm"]
+    assert described(cold) == EXPECTED
     turned = np.array([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
-    np.testing.assert_allclose(found["arm"][0].placement, turned, atol=1e-15)
-    np.testing.assert_array_equal(found["arm"][1].placement, np.eye(4))
-
-
-def test_elements_from_the_cache_are_the_same_and_nothing_is_parsed(robot, monkeypatch):
-    cold = link_elements(robot)["arm"]
+    close(cold[0].placement, turned, atol=1e-15)
+    np.testing.assert_array_equal(cold[1].placement, np.eye(4))
     monkeypatch.setattr(module, "read_geometry", None)
     warm = link_elements(robot)["arm"]
-    assert described(warm) == described(cold) == EXPECTED
+    assert described(warm) == EXPECTED
     for one, other in zip(warm, cold, strict=True):
         np.testing.assert_array_equal(one.placement, other.placement)
 
@@ -79,41 +68,15 @@ def test_elements_from_the_cache_are_the_same_and_nothing_is_parsed(robot, monke
 # Convex covers of links: they hold the whole link, and little else.
 
 
-INERTIAL = (
-    '<inertial><mass value="1"/>'
-    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-)
-
-
 @pytest.fixture
 def tip_shapes(tmp_path):
-    """Return the shapes of the last link of a one-joint arm, given its URDF elements."""
+    """Return the shapes of the last link of a one-joint arm, given its collision elements."""
 
-    def shapes(*collisions, flange=""):
-        path = tmp_path / "arm.urdf"
-        path.write_text(
-            f"""<robot name="arm"><link name="base"/>
-            <link name="tip">{INERTIAL}{"".join(collisions)}</link>
-            <joint name="j" type="revolute"><parent link="base"/><child link="tip"/>
-            <origin xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-            {flange}</robot>"""
-        )
-        return link_shapes(load_robot(path, "tip"))
+    def shapes(*collisions, more=""):
+        parts = link("base", ""), link("tip", INERTIAL + "".join(collisions))
+        return link_shapes(loaded(tmp_path, *parts, joint("j", "base", "tip"), more))
 
     return shapes
-
-
-def collision(geometry, origin=""):
-    return f"<collision>{origin}<geometry>{geometry}</geometry></collision>"
-
-
-def is_covered(points, shapes, slack=1e-9):
-    """Whether points (N, 3) lie in at least one of some polytopes."""
-    covered = np.zeros(len(points), dtype=bool)
-    for shape in shapes:
-        planes = ConvexHull(shape.vertices).equations
-        covered |= (points @ planes[:, :3].T + planes[:, 3] <= slack).all(axis=1)
-    return covered
 
 
 def volume(shapes):
@@ -122,33 +85,32 @@ def volume(shapes):
 
 def collision_meshes(robot):
     """Yield every mesh of a robot, in the frame of its link, read without the package's reader."""
-    for link in ElementTree.parse(robot.urdf.path).getroot().findall("link"):
-        for element in link.iterfind("collision"):
-            mesh = element.find("geometry/mesh")
+    for element in ElementTree.parse(robot.urdf.path).getroot().findall("link"):
+        for part in element.iterfind("collision"):
+            mesh, origin = part.find("geometry/mesh"), part.find("origin")
             if mesh is None:
                 continue
             path = find_mesh(mesh.get("filename"), Path(robot.urdf.path))
-            loaded = trimesh.load(str(path), force="mesh")
-            loaded.apply_scale([float(s) for s in mesh.get("scale", "1 1 1").split()])
-            origin = element.find("origin")
+            found = trimesh.load(str(path), force="mesh")
+            found.apply_scale([float(s) for s in mesh.get("scale", "1 1 1").split()])
             if origin is not None:
-                xyz = [float(x) for x in origin.get("xyz", "0 0 0").split()]
-                rpy = [float(x) for x in origin.get("rpy", "0 0 0").split()]
-                placement = trimesh.transformations.euler_matrix(*rpy, axes="sxyz")
-                placement[:3, 3] = xyz
-                loaded.apply_transform(placement)
-            yield link.get("name"), loaded
+                xyz, rpy = (origin.get(key, "0 0 0").split() for key in ("xyz", "rpy"))
+                euler = [float(angle) for angle in rpy]
+                placement = trimesh.transformations.euler_matrix(*euler, axes="sxyz")
+                placement[:3, 3] = [float(x) for x in xyz]
+                found.apply_transform(placement)
+            yield element.get("name"), found
 
 
 def test_every_point_of_every_link_mesh_is_covered(panda):
     shapes = link_shapes(panda)
     checked = 0
-    for link, mesh in collision_meshes(panda):
+    for name, mesh in collision_meshes(panda):
         surface, _ = trimesh.sample.sample_surface(mesh, 500, seed=1)
         points = np.vstack([surface, mesh.vertices])
-        placement = panda.link_placement[link]
+        placement = panda.link_placement[name]
         in_body = points @ placement[:3, :3].T + placement[:3, 3]
-        assert is_covered(in_body, shapes[link]).all(), link
+        assert outside(shapes[name], in_body).max() < 1e-9, name
         checked += 1
     assert checked >= 7
 
@@ -156,12 +118,11 @@ def test_every_point_of_every_link_mesh_is_covered(panda):
 def test_covers_are_hardly_larger_than_their_links_even_where_hulls_are(ur5):
     shapes = link_shapes(ur5)
     ratios = {
-        link: (mesh.convex_hull.volume / mesh.volume, volume(shapes[link]) / mesh.volume)
-        for link, mesh in collision_meshes(ur5)
+        name: (mesh.convex_hull.volume / mesh.volume, volume(shapes[name]) / mesh.volume)
+        for name, mesh in collision_meshes(ur5)
     }
     assert all(1 < cover < 1.2 for _, cover in ratios.values()), ratios
-    for link in ("upper_arm_link", "forearm_link"):
-        hull, cover = ratios[link]
+    for hull, cover in (ratios["upper_arm_link"], ratios["forearm_link"]):
         assert hull > 1.4
         assert cover < 1.1
 
@@ -169,28 +130,24 @@ def test_covers_are_hardly_larger_than_their_links_even_where_hulls_are(ur5):
 def bone():
     """A dumbbell of three overlapping boxes along x, with its true inside."""
     boxes = [([0.2, 0.3, 0.3], -0.4), ([0.8, 0.05, 0.05], 0.0), ([0.2, 0.3, 0.3], 0.4)]
-    parts = [trimesh.creation.box(size) for size, _ in boxes]
-    for part, (_, x) in zip(parts, boxes, strict=True):
-        part.apply_translation([x, 0, 0])
+    parts = [trimesh.creation.box(size).apply_translation([x, 0, 0]) for size, x in boxes]
 
     def inside(points):
-        return np.any(
-            [(abs(points - [x, 0, 0]) <= np.array(size) / 2).all(axis=1) for size, x in boxes],
-            axis=0,
-        )
+        each = [abs(points - [x, 0, 0]) <= np.array(size) / 2 for size, x in boxes]
+        return np.any([within.all(axis=1) for within in each], axis=0)
 
     return trimesh.util.concatenate(parts), inside
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("axis", [0, 2])
 def test_the_inside_of_a_concave_solid_is_covered_along_any_axis(axis):
     mesh, inside = bone()
     mesh.vertices = np.roll(mesh.vertices, axis, axis=1)
     points = np.random.default_rng(3).uniform(-0.5, 0.5, (5000, 3))
-    solid = points[inside(np.roll(points, -axis, axis=1))]
+    inner = points[inside(np.roll(points, -axis, axis=1))]
     cover = cover_mesh(mesh)
-    assert len(solid) > 100
-    assert is_covered(solid, cover).all()
+    assert len(inner) > 100
+    assert outside(cover, inner).max() < 1e-9
     assert 1 < len(cover) <= 8
     assert volume(cover) < 0.6 * mesh.convex_hull.volume
 
@@ -198,33 +155,28 @@ def test_the_inside_of_a_concave_solid_is_covered_along_any_axis(axis):
 def test_a_convex_mesh_stays_one_shape():
     mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
     (shape,) = cover_mesh(mesh)
-    np.testing.assert_allclose(ConvexHull(shape.vertices).volume, mesh.volume, rtol=1e-9)
+    close(ConvexHull(shape.vertices).volume, mesh.volume, rtol=1e-9)
 
 
 def test_primitives_are_placed_by_their_origin_in_the_body_frame(tip_shapes):
     shapes = tip_shapes(
-        collision('<box size="2 4 6"/>', '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>'),
-        collision('<sphere radius="0.5"/>', '<origin xyz="0 1 0"/>'),
-        collision('<cylinder radius="0.1" length="3"/>'),
+        solid('<box size="2 4 6"/>', '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>'),
+        solid('<sphere radius="0.5"/>', '<origin xyz="0 1 0"/>'),
+        solid('<cylinder radius="0.1" length="3"/>'),
     )["tip"]
     brick, ball, post = shapes
-    np.testing.assert_allclose(brick.vertices.min(axis=0), [-1, -1, -3], atol=1e-12)
-    np.testing.assert_allclose(brick.vertices.max(axis=0), [3, 1, 3], atol=1e-12)
-    np.testing.assert_allclose(ball.vertices, [[0, 1, 0]])
+    close(brick.vertices.min(axis=0), [-1, -1, -3], atol=1e-12)
+    close(brick.vertices.max(axis=0), [3, 1, 3], atol=1e-12)
+    close(ball.vertices, [[0, 1, 0]])
     assert ball.radius == 0.5
-    np.testing.assert_allclose(np.ptp(post.vertices[:, 2]), 3)
+    close(np.ptp(post.vertices[:, 2]), 3)
 
 
 def test_a_link_welded_to_another_is_in_the_frame_of_the_body_that_moves_it(tip_shapes):
-    ball = collision('<sphere radius="0.1"/>')
-    flange = (
-        f'<link name="flange">{ball}</link>'
-        '<joint name="weld" type="fixed"><parent link="tip"/><child link="flange"/>'
-        '<origin xyz="0 0 0.5"/></joint>'
-    )
-    shapes = tip_shapes(flange=flange)
+    flange = solid_link("flange", '<sphere radius="0.1"/>')
+    shapes = tip_shapes(more=flange + joint("weld", "tip", "flange", "fixed", "0 0 0.5"))
     assert list(shapes) == ["flange"]
-    np.testing.assert_allclose(shapes["flange"][0].vertices, [[0, 0, 0.5]])
+    close(shapes["flange"][0].vertices, [[0, 0, 0.5]])
 
 
 @pytest.mark.parametrize(
@@ -232,8 +184,8 @@ def test_a_link_welded_to_another_is_in_the_frame_of_the_body_that_moves_it(tip_
 )
 def test_a_mesh_beside_the_urdf_is_read_and_scaled(tmp_path, tip_shapes, scale, size):
     trimesh.creation.box([0.2, 0.4, 0.6]).export(tmp_path / "brick.stl")
-    (shape,) = tip_shapes(collision(f'<mesh filename="brick.stl" {scale}/>'))["tip"]
-    np.testing.assert_allclose(np.ptp(shape.vertices, axis=0), size, rtol=1e-6)
+    (shape,) = tip_shapes(solid(f'<mesh filename="brick.stl" {scale}/>'))["tip"]
+    close(np.ptp(shape.vertices, axis=0), size, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -258,9 +210,7 @@ def test_a_mesh_beside_the_urdf_is_read_and_scaled(tmp_path, tip_shapes, scale, 
 def test_mesh_that_cannot_be_used_is_named(tmp_path, tip_shapes, geometry, message):
     for name, content in (("noise.stl", "noise"), ("noise.xyzabc", "noise"), ("empty.obj", "")):
         (tmp_path / name).write_text(content)
-    with pytest.raises(RobotError) as caught:
-        tip_shapes(collision(geometry))
-    assert message in str(caught.value)
+    assert message in refusal(RobotError, tip_shapes, solid(geometry))
 
 
 def test_links_without_collision_geometry_have_no_shapes(tip_shapes):
@@ -270,14 +220,47 @@ def test_links_without_collision_geometry_have_no_shapes(tip_shapes):
 
 def test_a_prefix_that_is_not_declared_leaves_geometry_and_joints_as_they_are(tmp_path):
     """yourdfpy and Pinocchio get the text with the declaration."""
-    path = tmp_path / "arm.urdf"
-    path.write_text(
-        f"""<robot name="arm"><link name="base"/><link name="tip"><drake:tip/>{INERTIAL}
-        <collision><drake:soft/><geometry><box size="1 2 3"/></geometry></collision></link>
-        <joint name="j" type="revolute"><drake:ball/><parent link="base"/><child link="tip"/>
-        <limit drake:jerk="3" lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
-    )
-    robot = load_robot(path, "tip")
+    tip = "<drake:tip/>" + INERTIAL + solid('<box size="1 2 3"/>', "<drake:soft/>")
+    limit = "<drake:ball/>" + LIMIT.replace("<limit", '<limit drake:jerk="3"')
+    parts = link("base", ""), link("tip", tip), joint("j", "base", "tip", limit=limit)
+    robot = loaded(tmp_path, *parts)
     (shape,) = link_shapes(robot)["tip"]
     assert np.ptp(shape.vertices, axis=0) == pytest.approx([1, 2, 3])
     assert robot.urdf.undeclared == {"drake": ("tip", "soft", "ball", "jerk")}
+
+
+# How far covers stand off is stated, and true.
+
+
+def arm_of(folder, base, tip):
+    """Return an arm of two links, given what they are."""
+    parts = solid_link("base", base), solid_link("tip", tip)
+    return loaded(folder, *parts, joint("one", "base", "tip"))
+
+
+@pytest.mark.parametrize(
+    ("geometry", "error"),
+    [
+        ('<box size="0.1 0.2 0.3"/>', 0.0),
+        ('<sphere radius="0.1"/>', 0.0),
+        ('<cylinder radius="0.1" length="0.3"/>', 0.1 * (1 / np.cos(np.pi / 24) - 1)),
+    ],
+)
+def test_primitives_stand_off_by_what_a_prism_adds(tmp_path, geometry, error):
+    checker = CollisionChecker(arm_of(tmp_path, '<sphere radius="0.01"/>', geometry))
+    base, tip = link_covers(checker)
+    assert (base.link, base.shapes, base.closer_shapes, base.closer_error) == ("base", 1, 0, None)
+    assert tip.outer_error == pytest.approx(error, abs=1e-4)
+
+
+def test_meshes_stand_off_by_what_points_on_their_covers_show(tmp_path):
+    meshes = (f'<mesh filename="{CASES / name}"/>' for name in ("mesh_ring.obj", "mesh_U.obj"))
+    robot = arm_of(tmp_path, *meshes)
+    checker = CollisionChecker(robot)
+    covers = {each.link: each for each in link_covers(checker)}
+    for name, parts in link_parts(robot).items():
+        assert covers[name].shapes == sum(len(part.cover()) for part in parts)
+        for part in parts:
+            vertices = np.vstack([shape.vertices for shape in part.cover()])
+            assert part.solid.distance(vertices).max() <= covers[name].outer_error + 2e-3
+    assert {name for name, each in covers.items() if each.closer_shapes} == {*checker.closer_covers}

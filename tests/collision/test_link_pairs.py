@@ -1,47 +1,181 @@
-"""Pairs are left out for what the links are, not for what their covers are."""
+"""Which pairs of links and obstacles are checked: for what they are, not for their covers."""
 
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 from cases import SHORTEST
+from few_links import axle, joint, loaded, solid_link
+from numpy.testing import assert_array_equal as same
 
-from tubeplanner import Obstacle, load_problem, load_robot, placement_of, plan, verify
+from refusals import refusal
+from tubeplanner import (
+    AttachedSolid,
+    LimitOverrides,
+    Obstacle,
+    load_problem,
+    load_robot,
+    placement_of,
+    plan,
+    verify,
+)
 from tubeplanner.collision.collision_checker import CollisionChecker, LeftOutPair
+from tubeplanner.collision.collision_scene import CollisionScene
+from tubeplanner.errors import ProblemError
 from tubeplanner.trajectory.trajectory_file import read_trajectory
 
 CASES = Path(__file__).parents[1] / "data/cases"
-# A ring on the base, a rod through it that never touches it, and a plate that cuts the rod.
-LINK = """<link name="{name}"><inertial><mass value="1"/>
-  <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision>{origin}<geometry>{geometry}</geometry></collision></link>"""
-JOINT = """<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>
-  <axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="100" velocity="2"/></joint>"""
+BLOCK = Obstacle.box("block", [1, 1, 1], placement_of((0, 5, 0)))
+MARBLE = Obstacle.sphere("marble", 0.1, placement_of((0, -5, 0)))
 
 
 @pytest.fixture
-def axle(tmp_path):
-    """A rod that turns inside of a ring, two joints away from it."""
+def snake(tmp_path):
+    """Load a chain of balls one metre apart: base, flange (fixed), a, b, c, tool (fixed to c)."""
 
-    def build(radius):
-        trimesh.creation.annulus(0.1, 0.2, 0.05, sections=24).export(tmp_path / "ring.stl")
-        rod = f'<cylinder radius="{radius}" length="0.3"/>'
-        far = '<origin xyz="0 0 1"/>'
-        text = "".join(
-            [
-                LINK.format(name="ring", origin="", geometry='<mesh filename="ring.stl"/>'),
-                LINK.format(name="middle", origin=far, geometry='<sphere radius="0.01"/>'),
-                LINK.format(name="rod", origin="", geometry=rod),
-                JOINT.format(name="one", parent="ring", child="middle"),
-                JOINT.format(name="two", parent="middle", child="rod"),
-            ]
-        )
-        (tmp_path / "axle.urdf").write_text(f'<robot name="axle">{text}</robot>')
-        return load_robot(tmp_path / "axle.urdf", "rod")
+    def load(radius=0.1, **options):
+        names = ("base", "flange", "a", "b", "c", "tool")
+        kinds = ("fixed", "revolute", "revolute", "revolute", "fixed")
+        parts = [solid_link(name, f'<sphere radius="{radius}"/>') for name in names]
+        for (parent, child), kind in zip(pairwise(names), kinds, strict=True):
+            parts.append(joint(f"to_{child}", parent, child, kind, "1 0 0"))
+        return loaded(tmp_path, *parts, tool="tool", **options)
 
-    return build
+    return load
 
+
+def owners(checker, pairs):
+    return {tuple(checker.shapes[index].owner for index in pair) for pair in pairs}
+
+
+def products(first, second):
+    return {(one, other) for one in first for other in second}
+
+
+def test_links_are_checked_unless_they_are_neighbours_or_move_as_one(snake):
+    """Obstacles are checked against every link that a joint moves."""
+    checker = CollisionChecker(snake(), [BLOCK, MARBLE])
+    links = products(("base", "flange"), ("b", "c", "tool")) | products("a", ("c", "tool"))
+    assert owners(checker, checker.link_pairs) == links
+    moving = products(("a", "b", "c", "tool"), ("block", "marble"))
+    assert owners(checker, checker.obstacle_pairs) == moving
+    same(checker.pairs, [*checker.obstacle_pairs, *checker.link_pairs])
+    assert checker.owners(checker.link_pairs[0])[1] is None
+    assert checker.owners(checker.obstacle_pairs[0]) == (("a",), "block")
+    alone = CollisionChecker(snake(), [BLOCK], self_collision=False)
+    assert (alone.link_pairs.shape, len(alone.obstacle_pairs)) == ((0, 2), 4)
+
+
+def test_links_behind_a_locked_joint_belong_to_the_cell(snake):
+    checker = CollisionChecker(snake(joints=["to_b", "to_c"]), [BLOCK])
+    moving = products(("b", "c", "tool"), ["block"])
+    assert owners(checker, checker.obstacle_pairs) == moving
+    links = products(("base", "flange", "a"), ("c", "tool"))
+    assert owners(checker, checker.link_pairs) == links
+
+
+def test_motion_weights_are_the_farthest_a_joint_can_move_a_point(snake):
+    """Balls of 0.1 m, a metre from joint to joint; what moves both of a pair does not count."""
+    checker = CollisionChecker(snake(), [BLOCK])
+    expected = {
+        ("a", "block"): [0.1, 0, 0],
+        ("b", "block"): [1.1, 0.1, 0],
+        ("c", "block"): [2.1, 1.1, 0.1],
+        ("tool", "block"): [3.1, 2.1, 1.1],
+        ("base", "b"): [1.1, 0.1, 0],
+        ("a", "c"): [0, 1.1, 0.1],
+        ("a", "tool"): [0, 2.1, 1.1],
+    }
+    for pair, weights in zip(checker.pairs, checker.motion_weights(checker.pairs), strict=True):
+        names = tuple(checker.shapes[index].owner for index in pair)
+        if names in expected:
+            np.testing.assert_allclose(weights, expected.pop(names), atol=1e-12)
+    assert not expected
+
+
+def test_pairs_are_found_by_the_names_of_their_solids(snake):
+    checker = CollisionChecker(snake(), [BLOCK, MARBLE])
+    for names in owners(checker, checker.pairs):
+        found = checker.between(*names)
+        same(found, checker.between(*names[::-1]))
+        assert owners(checker, checker.pairs[found]) == {names}
+        assert names not in owners(checker, checker.pairs[~found])
+    assert not checker.between("a", "nothing").any()
+
+
+@pytest.mark.parametrize("pair", [("b", "base"), ("base", "b"), ("marble", "tool")])
+def test_ignored_pairs_are_left_out_in_either_order(snake, pair):
+    plain = CollisionChecker(snake(), [BLOCK, MARBLE])
+    checker = CollisionChecker(snake(), [BLOCK, MARBLE], ignore=[pair])
+    (left_out,) = owners(plain, plain.pairs) - owners(checker, checker.pairs)
+    assert set(left_out) == set(pair)
+
+
+def test_link_pairs_that_always_touch_are_left_out(snake):
+    """The centres of flange and b are 2 m apart when the arm is straight; flange and c 3 m."""
+    for radius, left_out in ((0.9, False), (1.05, True)):
+        checker = CollisionChecker(snake(radius))
+        pairs = owners(checker, checker.link_pairs)
+        assert (("flange", "b") not in pairs) == left_out
+        assert ("flange", "c") in pairs
+
+
+def test_pairs_are_not_lost_where_limits_exclude_zero_or_lie_a_turn_away(snake):
+    """The same arc of the same joint, described one turn apart; bent little, a and c touch."""
+    limits = LimitOverrides(position={"to_a": (4, 5), "to_b": (0.5, 1), "to_c": (3.5, 9)})
+    assert len(CollisionChecker(snake(limits=limits)).link_pairs) == 8
+    pairs = []
+    for turn in (0.0, -2 * np.pi):
+        limits = LimitOverrides(position={"to_b": (2.0 + turn, 4.0 + turn)})
+        checker = CollisionChecker(snake(0.5, limits=limits))
+        pairs.append(owners(checker, checker.link_pairs))
+    assert pairs[0] == pairs[1]
+    assert ("a", "c") in pairs[0]
+
+
+def test_whether_a_robot_has_geometry_is_known(snake):
+    assert CollisionChecker(snake()).has_link_geometry
+    bare = load_robot("example:asr_twodof", "Tip")
+    assert not CollisionChecker(bare, [BLOCK]).has_link_geometry
+
+
+TOOL_BALL = AttachedSolid("ball", Obstacle.sphere("ball", 0.1, np.eye(4)).shapes)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"obstacles": [BLOCK, MARBLE, BLOCK]}, "obstacles: the name 'block' is given 2 times"),
+        (
+            {"obstacles": [Obstacle.sphere("tool", 0.1, np.eye(4))]},
+            "obstacles: 'tool' is also the name of a link; choose another",
+        ),
+        (
+            {"obstacles": [BLOCK], "ignore": [("tool", "blok")]},
+            "collision.ignore: unknown link or obstacle 'blok' (did you mean 'block'?); there is: "
+            "base, flange, a, b, c, tool, block",
+        ),
+        (
+            {"attached": [replace(TOOL_BALL, name="tool")]},
+            "'tool' is also the name of a link",
+        ),
+        (
+            {"obstacles": [BLOCK], "attached": [replace(TOOL_BALL, name="block")]},
+            "the name 'block' is given 2 times",
+        ),
+        (
+            {"attached": [replace(TOOL_BALL, touch_links=("toll",))]},
+            "unknown link or obstacle 'toll'",
+        ),
+    ],
+)
+def test_names_that_clash_or_do_not_exist_are_refused(snake, given, message):
+    assert message in refusal(ProblemError, CollisionChecker, snake(), **given)
+
+
+# Links of meshes, whose covers are larger than they are.
 
 NEIGHBOURS = {
     LeftOutPair(("ring", "middle"), "neighbours"),
@@ -49,27 +183,24 @@ NEIGHBOURS = {
 }
 
 
-def test_covers_that_always_overlap_are_no_reason_to_leave_a_pair_out(axle):
-    checker = CollisionChecker(axle(0.08))
+@pytest.mark.parametrize(
+    ("radius", "ignore", "reason"),
+    [(0.08, (), None), (0.08, [("rod", "ring")], "ignored"), (0.11, (), "always touching")],
+)
+def test_covers_that_always_overlap_are_no_reason_to_leave_a_pair_out(
+    tmp_path, radius, ignore, reason
+):
+    robot = axle(tmp_path, radius, sections=24)
+    checker = CollisionChecker(robot, ignore=ignore)
+    if reason is not None:
+        assert set(checker.left_out) == {*NEIGHBOURS, LeftOutPair(("ring", "rod"), reason)}
+        assert len(checker.link_pairs) == 0
+        return
     assert set(checker.left_out) == NEIGHBOURS
-    pairs = checker.link_pairs
-    assert {checker.owners(pair)[0] for pair in pairs} == {("ring", "rod")}
-    rotation, position = axle(0.08).body_poses(np.zeros((1, 2)))
-    distance = checker.distances(rotation[0], position[0], pairs).min()
+    assert owners(checker, checker.link_pairs) == {("ring", "rod")}
+    rotation, position = robot.body_poses(np.zeros((1, 2)))
+    distance = checker.distances(rotation[0], position[0], checker.link_pairs).min()
     assert 0.01 < distance < 0.0205
-
-
-def test_links_that_always_touch_are_left_out_and_named(axle):
-    checker = CollisionChecker(axle(0.11))
-    touching = LeftOutPair(("ring", "rod"), "always touching")
-    assert set(checker.left_out) == {*NEIGHBOURS, touching}
-    assert len(checker.link_pairs) == 0
-
-
-def test_what_is_ignored_is_named(axle):
-    checker = CollisionChecker(axle(0.08), ignore=[("rod", "ring")])
-    assert LeftOutPair(("ring", "rod"), "ignored") in checker.left_out
-    assert len(checker.link_pairs) == 0
 
 
 def test_links_of_one_body_are_not_listed(ur5):
@@ -78,6 +209,7 @@ def test_links_of_one_body_are_not_listed(ur5):
     assert not any(set(pair.links) == {"wrist_3_link", "ee_link"} for pair in left_out)
 
 
+# An arm of six legs, whose links are meshes of many triangles.
 @pytest.mark.slow
 def test_links_that_pass_through_each_other_are_seen():
     """Their covers touch in every configuration; the answer was certified once."""
@@ -90,6 +222,7 @@ def test_links_that_pass_through_each_other_are_seen():
     }
 
 
+# A robot with four legs, whose links are meshes of many triangles.
 @pytest.mark.slow
 def test_a_hollow_in_a_trunk_does_not_forbid_a_leg():
     problem = load_problem(CASES / "hyq_concave_trunk.yaml")
@@ -99,13 +232,31 @@ def test_a_hollow_in_a_trunk_does_not_forbid_a_leg():
     assert {"links": ["trunk", "lf_hipassembly"], "reason": "neighbours"} in listed
 
 
-def test_a_tool_may_go_between_the_legs_of_a_u(two_link):
-    """The U lies around the second link; with a plain hull it would be full."""
-    placement = placement_of([0.75, -0.15, -0.05], rpy=[0, 0, np.pi / 2])
-    fixture = Obstacle.mesh("U", CASES / "mesh_U.obj", placement)
-    checker = CollisionChecker(two_link, [fixture])
-    assert len(fixture.shapes) == 3
-    for q1, expected in ((0.0, 0.08), (0.25, -0.01)):
-        rotation, position = two_link.body_poses(np.array([[q1, 0.0]]))
-        distance = checker.distances(rotation[0], position[0], checker.obstacle_pairs).min()
-        assert distance < 0 if expected < 0 else distance == pytest.approx(expected)
+# Which scenes are the same.
+
+
+@pytest.fixture(scope="module")
+def scene():
+    robot = load_robot("example:two_link", "hand")
+    return CollisionScene(robot, (MARBLE,), (), True, ())
+
+
+def test_an_arm_with_other_limits_meets_the_same_scene(scene):
+    limits = replace(scene.robot.limits, effort=0.9 * scene.robot.limits.effort)
+    limited = scene.robot.with_limits(limits, scene.robot.motors)
+    assert scene.is_as(replace(scene, robot=limited))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"obstacles": ()},
+        {"obstacles": (Obstacle.sphere("marble", 0.1, placement_of((0, -5, 0))),)},
+        {"self_collision": False},
+        {"ignore": (("hand", "marble"),)},
+        {"robot": load_robot("example:two_link", "hand")},
+    ],
+    ids=["none", "another", "links", "pairs", "arm"],
+)
+def test_with_anything_else_it_is_another_scene(scene, changes):
+    assert not scene.is_as(replace(scene, **changes))

@@ -7,6 +7,7 @@ import struct
 import numpy as np
 import pytest
 
+from refusals import refusal
 from tubeplanner import Obstacle, ProblemError, placement_of
 from tubeplanner.collision.mesh_bounds import files_beside, mesh_bytes
 from tubeplanner.collision.mesh_cover import load_mesh
@@ -15,7 +16,6 @@ from tubeplanner.errors import RobotError
 from tubeplanner.views.visual_mesh import read_visual_mesh
 
 # Mesh files, and what they name, are regular files of some size.
-
 
 OBJ = (
     "mtllib {}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl a\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -32,16 +32,22 @@ def put(path, kind):
         os.truncate(path, 300_000_000)
 
 
+def readers(path):
+    """Yield what reads a mesh for shapes and for pictures."""
+    yield lambda: load_mesh("obstacle 'part'", path)
+    yield lambda: read_visual_mesh(path)
+
+
 @pytest.mark.parametrize("kind", ["pipe", "zeros", "huge"])
 def test_what_is_no_mesh_file_is_not_opened(tmp_path, kind):
     path = tmp_path / "part.stl"
     put(path, kind)
     reason = "larger than 200 MB" if kind == "huge" else "no regular file"
-    for read in (lambda: load_mesh("obstacle 'part'", path), lambda: read_visual_mesh(path)):
-        with pytest.raises(RobotError, match=f"mesh .*part.stl cannot be read.*{reason}"):
-            read()
-    with pytest.raises(DocumentError, match=reason):
-        mesh_bytes(path)
+    for read in readers(path):
+        message = refusal(RobotError, read)
+        assert "part.stl cannot be read" in message
+        assert reason in message
+    assert reason in refusal(DocumentError, mesh_bytes, path)
 
 
 @pytest.mark.parametrize("kind", ["pipe", "huge"])
@@ -51,7 +57,7 @@ def test_nor_is_what_a_mesh_names(tmp_path, kind):
     path.write_text(OBJ.format("paint.mtl"))
     with pytest.raises(ValueError):
         files_beside(path).get("paint.mtl")
-    for read in (lambda: load_mesh("obstacle 'part'", path), lambda: read_visual_mesh(path)):
+    for read in readers(path):
         try:
             assert read()
         except RobotError as error:
@@ -67,7 +73,6 @@ def test_colours_beside_a_mesh_are_read(tmp_path):
 
 
 # Mesh files that no solid can be made of: refused by name; what is flat is made a solid.
-
 
 GOOD = [[[0, 0, 0], [1, 0, 0], [0, 0, 1]]]
 
@@ -86,7 +91,10 @@ def glb(vertices, faces):
     points, corners = np.asarray(vertices, "<f4"), np.asarray(faces, "<u2")
     binary = points.tobytes() + corners.tobytes()
     binary += b"\0" * (-len(binary) % 4)
+    low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     views = [(0, points.nbytes), (points.nbytes, corners.nbytes)]
+    position = {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3"}
+    indices = {"bufferView": 1, "componentType": 5123, "count": corners.size, "type": "SCALAR"}
     fields = {
         "asset": {"version": "2.0"},
         "scene": 0,
@@ -95,17 +103,7 @@ def glb(vertices, faces):
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
         "buffers": [{"byteLength": len(binary)}],
         "bufferViews": [{"buffer": 0, "byteOffset": a, "byteLength": b} for a, b in views],
-        "accessors": [
-            {
-                "bufferView": 0,
-                "componentType": 5126,
-                "count": len(points),
-                "type": "VEC3",
-                "min": points.min(axis=0).tolist(),
-                "max": points.max(axis=0).tolist(),
-            },
-            {"bufferView": 1, "componentType": 5123, "count": corners.size, "type": "SCALAR"},
-        ],
+        "accessors": [{**position, "min": low, "max": high}, indices],
     }
     text = json.dumps(fields).encode()
     text += b" " * (-len(text) % 4)
@@ -116,7 +114,6 @@ def glb(vertices, faces):
 
 REFUSED = {
     "infinite.stl": (stl([[0, 0, 0], [np.inf, 0, 0], [0, 1, 0]], *GOOD), "that are not finite"),
-    "nan.stl": (stl([[0, 0, 0], [np.nan, 0, 0], [0, 1, 0]], *GOOD), "that are not finite"),
     "empty.stl": (stl(), "has no vertices or triangles"),
     "huge.stl": (stl([[0, 0, 0], [1e38, 0, 0], [0, 1, 0]]), r"reaches 1e\+38 m from its origin"),
     "out_of_range.glb": (
@@ -124,7 +121,6 @@ REFUSED = {
         "has a triangle of vertex 99; it has 4 vertices",
     ),
     "no_points.obj": (b"f 1 2 3\n", "has no vertices or triangles"),
-    "empty.obj": (b"", "has no vertices or triangles"),
     "flat.obj": (b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "has points of 2 coordinates; a solid has 3"),
     "malformed.dae": (b"<COLLADA><asset>", "is no readable DAE file"),
 }
@@ -162,23 +158,18 @@ def test_a_scale_that_leads_too_far_is_refused(tmp_path):
 def test_what_is_flat_becomes_a_thin_solid(tmp_path, triangle):
     path = tmp_path / "flat.stl"
     path.write_bytes(stl(triangle))
-    points = np.vstack(
-        [shape.vertices for shape in Obstacle.mesh("p", path, placement_of()).shapes]
-    )
+    points = np.vstack([each.vertices for each in Obstacle.mesh("p", path, placement_of()).shapes])
     assert (points.min(axis=0) <= np.min(triangle, axis=0)).all()
     assert (points.max(axis=0) >= np.max(triangle, axis=0)).all()
 
 
-def test_equal_triangles_count_once(tmp_path):
-    turned = np.roll(GOOD, 1, axis=1)
-    for name, triangles in (("once.stl", GOOD), ("often.stl", [*GOOD, *turned, *GOOD])):
-        (tmp_path / name).write_bytes(stl(*triangles))
-    once, often = (load_mesh("m", tmp_path / name) for name in ("once.stl", "often.stl"))
-    assert len(often.faces) == len(once.faces)
+def test_equal_triangles_count_once_and_the_two_sides_of_a_sheet_are_two(tmp_path):
+    turned, back = np.roll(GOOD, 1, axis=1), [GOOD[0][::-1]]
+    meshes = []
+    for triangles in (GOOD, [*GOOD, *turned, *GOOD], [*GOOD, *back]):
+        (tmp_path / "part.stl").write_bytes(stl(*triangles))
+        meshes.append(load_mesh("m", tmp_path / "part.stl"))
+    once, often, sheet = meshes
+    assert [len(mesh.faces) for mesh in meshes] == [1, 1, 2]
     assert (often.triangles == once.triangles).all()
-
-
-def test_the_two_sides_of_a_sheet_are_two(tmp_path):
-    triangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
-    (tmp_path / "sheet.stl").write_bytes(stl(triangle, triangle[::-1]))
-    assert len(load_mesh("m", tmp_path / "sheet.stl").faces) == 2
+    assert (sheet.triangles[0] == once.triangles[0]).all()

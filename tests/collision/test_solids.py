@@ -1,120 +1,104 @@
-"""Obstacle and AttachedSolid: placement, contents, hand-over between cell and tool."""
+"""Obstacle and AttachedSolid: placement, contents, what a tool carries, hand-over."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from cases import SHORTEST
+from covers import outside
+from numpy.testing import assert_allclose as close
+from numpy.testing import assert_array_equal as same
+from scipy.spatial.transform import Rotation
 
+from refusals import refusal
 from tubeplanner import (
     AttachedSolid,
     Obstacle,
+    PlanningProblem,
+    PlanOptions,
+    PlanStatus,
     ProblemError,
     RobotError,
+    Seed,
+    Tube,
     parse_problem,
     placement_of,
+    plan,
 )
+from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.handed_over import left, taken
 from tubeplanner.resources import bundled_folder
 
 PART = bundled_folder() / "ur5" / "part.stl"
+MESH = Path(__file__).parents[1] / "data/cases" / "mesh_U.obj"
 
 
-def covered(obstacle, points):
-    """Return whether points (N, 3) lie in the union of an obstacle's shapes."""
-    inside = np.zeros(len(points), dtype=bool)
-    for shape in obstacle.shapes:
-        hull = trimesh.Trimesh(shape.vertices, shape.faces)
-        normals, origins = hull.face_normals, hull.triangles[:, 0]
-        height = np.einsum("nfi,fi->nf", points[:, None] - origins, normals)
-        inside |= (height <= 1e-9).all(axis=1)
-    return inside
+def corners(solid):
+    return np.concatenate([shape.vertices for shape in solid.shapes])
 
 
-def test_a_mesh_is_covered_scaled_and_placed():
-    placement = placement_of([0.1, 0.2, 0.3], rpy=[0.4, 0.5, 0.6])
-    obstacle = Obstacle.mesh("part", PART, placement, scale=2.0)
-    mesh = trimesh.load(str(PART), force="mesh")
-    mesh.apply_scale(2.0)
-    mesh.apply_transform(placement)
-    surface, _ = trimesh.sample.sample_surface(mesh, 500, seed=1)
-    assert covered(obstacle, np.array(surface)).all()
-    points = np.vstack([shape.vertices for shape in obstacle.shapes])
-    np.testing.assert_allclose(points.min(axis=0), mesh.bounds[0], atol=1e-9)
-    np.testing.assert_allclose(points.max(axis=0), mesh.bounds[1], atol=1e-9)
-
-
-def test_a_long_bent_mesh_gets_several_shapes(tmp_path):
-    """A banana of spheres: one hull would fill its bend."""
-    angles = np.linspace(0, np.pi / 2, 5)
-    balls = [
-        trimesh.creation.icosphere(1, radius=0.03).apply_translation([np.cos(a), np.sin(a), 0])
-        for a in angles
-    ]
-    path = tmp_path / "banana.obj"
-    trimesh.util.concatenate(balls).export(path)
-    obstacle = Obstacle.mesh("banana", path, np.eye(4))
-    assert len(obstacle.shapes) > 1
-    assert not covered(obstacle, np.array([[0.6, 0.6, 0.0]]))[0]
+# Sizes, names and placements.
 
 
 @pytest.mark.parametrize(
-    ("text", "scale", "error", "message"),
+    ("kind", "sizes", "size"),
     [
-        ("solid nothing", 1.0, RobotError, r"obstacle 'part': mesh .*bad\.stl"),
-        (None, 0.0, ProblemError, "obstacle 'part': scale 0; 1e-06 to 10000 are accepted"),
+        ("box", ([1, -2, 1],), "-2"),
+        ("sphere", (np.inf,), "inf"),
+        ("cylinder", (0.1, 0.0), "0"),
+        ("capsule", (-0.1, 1.0), "-0.1"),
     ],
 )
-def test_a_mesh_that_cannot_be_used_is_named(tmp_path, text, scale, error, message):
-    path = PART
-    if text is not None:
-        path = tmp_path / "bad.stl"
-        path.write_text(text)
-    with pytest.raises(error, match=message):
-        Obstacle.mesh("part", path, np.eye(4), scale)
+def test_an_obstacle_without_a_size_is_refused(kind, sizes, size):
+    assert refusal(ProblemError, getattr(Obstacle, kind), "part", *sizes, np.eye(4)) == (
+        f"obstacle 'part': {kind} has size {size} m; 1e-06 to 10000 m are accepted"
+    )
 
 
-def test_a_problem_finds_its_mesh_beside_its_file():
-    fields = {
-        "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
-        "tube": {"points": [[0.3, -0.3, 0], [0.3, 0.3, 0]], "radius": 0.03},
-        "start": {"seed": [0, -1]},
-        "obstacles": [{"name": "part", "mesh": "part.stl", "position": [1, 1, 0]}],
-    }
-    problem = parse_problem(fields, PART.parent)
-    assert problem.obstacles[0].shapes
-    message = r"obstacles: 'part': mesh .*part\.stl, named in .*, does not exist"
-    with pytest.raises(ProblemError, match=message):
-        parse_problem(fields, PART.parent.parent)
-
-
-def test_the_unit_of_a_collada_file_counts(tmp_path):
-    """The same box, once in metres and once in millimetres."""
-    path = tmp_path / "box.dae"
-    text = trimesh.exchange.dae.export_collada(trimesh.creation.box((1.0, 2.0, 3.0)))
-    text = text.decode() if isinstance(text, bytes) else text
-    assert "<unit" not in text
-    sizes = []
-    for meter in ("1.0", "0.001"):
-        path.write_text(text.replace("</asset>", f'<unit name="u" meter="{meter}"/></asset>'))
-        vertices = np.vstack([s.vertices for s in Obstacle.mesh("b", path, np.eye(4)).shapes])
-        sizes.append(np.ptp(vertices, axis=0))
-    np.testing.assert_allclose(sizes[0], [1, 2, 3])
-    np.testing.assert_allclose(sizes[1], [1e-3, 2e-3, 3e-3])
+@pytest.mark.parametrize("size", ["ab", 1.0, [1, 1, True], [1, 1, np.nan]])
+def test_a_size_is_of_numbers(size):
+    message = refusal(ProblemError, Obstacle.box, "part", size, placement_of())
+    assert message.startswith("obstacle 'part': box ")
 
 
 @pytest.mark.parametrize("name", [5, "", "a\nFAKE: passes", "x" * 300])
-def test_an_obstacle_needs_a_name_that_can_be_shown(name):
-    with pytest.raises(ProblemError, match="the name of an obstacle is"):
-        Obstacle.box(name, [1, 1, 1], placement_of())
-    with pytest.raises(ProblemError, match="the name of an obstacle is"):
-        AttachedSolid(name, ())
+def test_a_solid_needs_a_name_that_can_be_shown(name):
+    for make in (lambda: Obstacle.box(name, [1, 1, 1], np.eye(4)), lambda: AttachedSolid(name, ())):
+        assert refusal(ProblemError, make).startswith("the name of an obstacle is")
+
+
+def test_a_placement_turns_by_urdf_angles_about_fixed_axes_or_by_a_quaternion_of_any_length():
+    """A quaternion ends with its real part."""
+    angles = roll, pitch, yaw = 0.3, -0.4, 0.5
+    placement = placement_of((1, 2, 3), rpy=angles)
+    turns = [Rotation.from_rotvec(v).as_matrix() for v in np.diag([roll, pitch, yaw])]
+    close(placement[:3, :3], turns[2] @ turns[1] @ turns[0], atol=1e-15)
+    same(placement[:, 3], [1, 2, 3, 1])
+    quarter = placement_of(quaternion=(0, 0, 3, 3))
+    close(quarter[:3, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+    same(placement_of(), np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"position": (np.nan, 0, 0)}, "must be three finite numbers within 10000 m"),
+        ({"position": (0, 0, 2e4)}, "must be three finite numbers within 10000 m"),
+        (
+            {"rpy": (0, 0, 0), "quaternion": (0, 0, 0, 1)},
+            "takes rpy or quaternion, not both",
+        ),
+        ({"quaternion": (0, 0, 0, 0)}, "quaternion [0, 0, 0, 0] has no direction"),
+    ],
+)
+def test_a_placement_out_of_this_world_is_refused(arguments, message):
+    assert message in refusal(ProblemError, placement_of, **arguments)
 
 
 @pytest.mark.parametrize(
     ("placement", "message"),
     [
-        (np.zeros((4, 4)), "is no rotation and translation"),
         (np.diag([1.0, 1.0, -1.0, 1.0]), "is no rotation and translation"),
         (np.eye(4) + np.diag([1.0], -3), "is no rotation and translation"),
         (np.eye(3), "must be finite numbers of shape"),
@@ -129,57 +113,173 @@ def test_a_placement_is_a_rotation_and_a_translation(placement, message):
         Obstacle.sphere("part", 0.1, placement)
 
 
-@pytest.mark.parametrize("size", ["ab", 1.0, [1, 1, "a"], [1, 1, True], [1, 1, np.nan]])
-def test_a_size_is_of_numbers(size):
-    with pytest.raises(ProblemError, match="obstacle 'part': box "):
-        Obstacle.box("part", size, placement_of())
+# Obstacles of meshes.
+
+
+def test_a_mesh_is_covered_scaled_and_placed():
+    placement = placement_of([0.1, 0.2, 0.3], rpy=[0.4, 0.5, 0.6])
+    obstacle = Obstacle.mesh("part", PART, placement, scale=2.0)
+    mesh = trimesh.load(str(PART), force="mesh")
+    mesh.apply_scale(2.0)
+    mesh.apply_transform(placement)
+    surface, _ = trimesh.sample.sample_surface(mesh, 500, seed=1)
+    assert outside(obstacle.shapes, np.array(surface)).max() < 1e-9
+    close(corners(obstacle).min(axis=0), mesh.bounds[0], atol=1e-9)
+    close(corners(obstacle).max(axis=0), mesh.bounds[1], atol=1e-9)
+
+
+def test_a_tool_may_go_between_the_legs_of_a_u(two_link):
+    """The U lies around the second link; with a plain hull it would be full."""
+    placement = placement_of([0.75, -0.15, -0.05], rpy=[0, 0, np.pi / 2])
+    fixture = Obstacle.mesh("U", MESH, placement)
+    checker = CollisionChecker(two_link, [fixture])
+    assert len(fixture.shapes) == 3
+    rotation, position = two_link.body_poses(np.array([[0.0, 0.0], [0.25, 0.0]]))
+    free, blocked = (
+        checker.distances(*poses, checker.obstacle_pairs).min()
+        for poses in zip(rotation, position, strict=True)
+    )
+    assert free == pytest.approx(0.08)
+    assert blocked < 0
+
+
+def test_a_mesh_or_a_scale_that_cannot_be_used_is_named(tmp_path):
+    path = tmp_path / "bad.stl"
+    path.write_text("solid nothing")
+    message = refusal(RobotError, Obstacle.mesh, "part", path, np.eye(4))
+    assert message.startswith(f"obstacle 'part': mesh {path}")
+    message = refusal(ProblemError, Obstacle.mesh, "part", PART, np.eye(4), 0.0)
+    assert message.startswith("obstacle 'part': scale 0; 1e-06 to 10000 are accepted")
+
+
+def test_the_unit_of_a_collada_file_counts(tmp_path):
+    """The same box, once in metres and once in millimetres."""
+    path = tmp_path / "box.dae"
+    text = trimesh.exchange.dae.export_collada(trimesh.creation.box((1.0, 2.0, 3.0)))
+    text = text.decode() if isinstance(text, bytes) else text
+    assert "<unit" not in text
+    for meter in ("1.0", "0.001"):
+        path.write_text(text.replace("</asset>", f'<unit name="u" meter="{meter}"/></asset>'))
+        size = np.ptp(corners(Obstacle.mesh("b", path, np.eye(4))), axis=0)
+        close(size, float(meter) * np.array([1, 2, 3]))
+
+
+def two_link_fields(robot=None, **fields):
+    """Return the fields of a problem file."""
+    return {
+        "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]}
+        | (robot or {}),
+        "tube": {"points": [[0.3, -0.3, 0], [0.3, 0.3, 0]], "radius": 0.03},
+        "start": {"seed": [0, -1]},
+    } | fields
+
+
+def test_a_problem_finds_its_mesh_beside_its_file():
+    part = {"name": "part", "mesh": "part.stl", "position": [1, 1, 0]}
+    fields = two_link_fields(obstacles=[part])
+    assert parse_problem(fields, PART.parent).obstacles[0].shapes
+    message = r"obstacles: 'part': mesh .*part\.stl, named in .*, does not exist"
+    with pytest.raises(ProblemError, match=message):
+        parse_problem(fields, PART.parent.parent)
+
+
+# Solids that the tool carries count as links.
+
+# A bar that the tool holds across its way, 0.3 m long.
+BAR = Obstacle.box("bar", [0.02, 0.3, 0.02], placement_of([0, 0, 0.02])).shapes
+# A wide one behind the elbow.
+TAIL = Obstacle.box("tail", [0.1, 0.4, 0.02], placement_of([-0.39, 0, -0.02])).shapes
+POST = Obstacle.cylinder("post", 0.02, 0.3, placement_of([0.42, 0.05, 0]))
+
+
+def problem(two_link, attached, points=((0.3, -0.3, 0), (0.3, 0.3, 0)), **more):
+    tube = Tube(points, 0.03, joint_signs={"joint2": "-"})
+    start = Seed(np.array([0.0, -1.0]))
+    return PlanningProblem(two_link, tube, start, attached=[attached], **more)
+
+
+def test_what_is_carried_must_clear_the_obstacles(two_link):
+    carried = AttachedSolid("bar", BAR)
+    # What is refused is refused sooner by this method.
+    stopping = PlanOptions("stop-at-corners")
+    result = plan(problem(two_link, carried, obstacles=[POST]), stopping)
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert (result.place.links, result.place.obstacle) == (("bar",), "post")
+    allowed = problem(two_link, carried, obstacles=[POST], ignore_collisions=[("bar", "post")])
+    assert plan(allowed, SHORTEST).succeeded
+
+
+def test_what_is_carried_must_clear_the_links_but_those_that_it_may_touch(two_link):
+    points = ((0.45, -0.2, 0), (0.45, 0.2, 0))
+    result = plan(problem(two_link, AttachedSolid("tail", TAIL), points), SHORTEST)
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert set(result.place.links) == {"link1", "tail"}
+    touching = AttachedSolid("tail", TAIL, touch_links=("link1", "base"))
+    assert plan(problem(two_link, touching, points), SHORTEST).succeeded
+
+
+def test_what_is_carried_is_placed_in_the_tool_frame(panda):
+    ball = AttachedSolid("ball", Obstacle.sphere("b", 0.01, placement_of([0, 0, 0.3])).shapes)
+    q = np.array([[0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5]])
+    rotation, tool = panda.tool_pose(q)
+    center = tool[0] + rotation[0] @ [0, 0, 0.3] + [0.1, 0, 0]
+    target = Obstacle.sphere("target", 0.02, placement_of(center))
+    checker = CollisionChecker(panda, [target], attached=[ball])
+    poses = [pose[0] for pose in panda.body_poses(q)]
+    pair = [p for p in checker.obstacle_pairs if checker.owners(p)[0] == ("ball",)]
+    close(checker.distances(*poses, np.array(pair)), [0.07], atol=1e-6)
+
+
+def test_the_file_says_what_is_carried():
+    bar = {"name": "bar", "box": [0.02, 0.3, 0.02], "position": [0, 0, 0.02]}
+    tail = {"name": "tail", "sphere": 0.01, "touch_links": ["link1"]}
+    bar, tail = parse_problem(two_link_fields({"attached": [bar, tail]})).attached
+    assert (bar.name, bar.touch_links, tail.touch_links) == ("bar", (), ("link1",))
+    close(bar.shapes[0].vertices, BAR[0].vertices)
+
+
+def test_what_is_carried_is_never_excused_by_touching_always(two_link):
+    """A ball so large that it is inside the first link in every configuration."""
+    ball = AttachedSolid("ball", Obstacle.sphere("b", 0.7, placement_of()).shapes)
+    checker = CollisionChecker(two_link, attached=[ball])
+    assert {"link1", "ball"} in [set(checker.owners(pair)[0]) for pair in checker.link_pairs]
 
 
 # Solids that change hands: where they stand, by hand and against their shapes.
 
-
-MESH = Path(__file__).parents[1] / "data/cases" / "mesh_U.obj"
 QUARTER = placement_of([1.0, 2.0, 3.0], rpy=[0, 0, np.pi / 2])
 TILTED = placement_of([0.3, -0.2, 0.5], rpy=[0.3, -0.8, 2.0])
+AHEAD = placement_of([1.0, 2.5, 3.0])
 KINDS = {
-    "box": Obstacle.box("part", [0.2, 0.1, 0.4], placement_of([1.0, 2.5, 3.0])),
-    "sphere": Obstacle.sphere("part", 0.1, placement_of([1.0, 2.5, 3.0])),
-    "cylinder": Obstacle.cylinder("part", 0.1, 0.4, placement_of([1.0, 2.5, 3.0])),
-    "mesh": Obstacle.mesh("part", MESH, placement_of([1.0, 2.5, 3.0]), 0.01),
+    "box": Obstacle.box("part", [0.2, 0.1, 0.4], AHEAD),
+    "sphere": Obstacle.sphere("part", 0.1, AHEAD),
+    "cylinder": Obstacle.cylinder("part", 0.1, 0.4, AHEAD),
+    "mesh": Obstacle.mesh("part", MESH, AHEAD, 0.01),
 }
-
-
-def corners(solid):
-    return np.concatenate([shape.vertices for shape in solid.shapes])
 
 
 def test_a_box_ahead_of_a_turned_tool_is_ahead_of_it_in_its_frame():
     """The tool looks along y, so 0.5 m along y is 0.5 m along its x; its sides turn likewise."""
     part = taken(KINDS["box"], QUARTER)
-    assert part.name == "part"
-    assert part.touch_links == ()
+    assert (part.name, part.touch_links) == ("part", ())
     half = abs(corners(part) - [0.5, 0, 0]).max(axis=0)
-    np.testing.assert_allclose(half, [0.05, 0.1, 0.2], atol=1e-12)
+    close(half, [0.05, 0.1, 0.2], atol=1e-12)
 
 
 def test_what_is_let_go_elsewhere_stands_where_the_tool_is_then():
     """Taken half a metre ahead of the tool along y, let go half a metre ahead of it along z."""
     up = placement_of([0.0, 0.0, 1.0], rpy=[0, -np.pi / 2, 0])  # its x is up, its z along -x
-    stands = left(taken(KINDS["box"], QUARTER), up)
-    middle = (corners(stands).min(axis=0) + corners(stands).max(axis=0)) / 2
-    np.testing.assert_allclose(middle, [0.0, 0.0, 1.5], atol=1e-12)
-    extent = corners(stands).max(axis=0) - corners(stands).min(axis=0)
-    np.testing.assert_allclose(extent, [0.4, 0.2, 0.1], atol=1e-12)
+    stands = corners(left(taken(KINDS["box"], QUARTER), up))
+    close((stands.min(axis=0) + stands.max(axis=0)) / 2, [0.0, 0.0, 1.5], atol=1e-12)
+    close(np.ptp(stands, axis=0), [0.4, 0.2, 0.1], atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_let_go_where_it_was_taken_stands_as_before_and_pictures_show_it_there(kind):
     solid = KINDS[kind]
-    moved = taken(solid, TILTED)
-    expected = np.linalg.inv(TILTED) @ solid.contents.placement
-    np.testing.assert_allclose(moved.contents.placement, expected, atol=1e-12)
-    same = solid.contents
-    assert (moved.contents.kind, moved.contents.sizes) == (same.kind, same.sizes)
+    moved, before = taken(solid, TILTED), solid.contents
+    close(moved.contents.placement, np.linalg.inv(TILTED) @ before.placement, atol=1e-12)
+    assert (moved.contents.kind, moved.contents.sizes) == (before.kind, before.sizes)
     back = left(moved, TILTED)
-    np.testing.assert_allclose(corners(back), corners(solid), atol=1e-12)
-    np.testing.assert_allclose(back.contents.placement, same.placement, atol=1e-12)
+    close(corners(back), corners(solid), atol=1e-12)
+    close(back.contents.placement, before.placement, atol=1e-12)

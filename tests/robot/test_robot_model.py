@@ -2,12 +2,14 @@
 
 import pickle
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
 from cases import one_joint, with_motors
+from few_links import LIMIT, joint, link, links, loaded
 from follower_arm import follower_arm
 from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
@@ -16,28 +18,6 @@ from scipy.spatial.transform import Rotation
 from refusals import refusal
 from tubeplanner import LimitOverrides, Payload, PointSpeed, RobotError, ToolOffset, load_robot
 from tubeplanner.robot.effort_rate import effort_rate, effort_rate_derivatives, gravity_effort_rate
-
-INERTIAL = (
-    '<inertial><origin xyz="0.1 0 0"/><mass value="2"/>'
-    '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
-)
-LIMIT = '<limit lower="-2" upper="2" effort="50" velocity="3"/>'
-
-
-def link(name, inner=INERTIAL):
-    return f'<link name="{name}">{inner}</link>'
-
-
-def links(*names):
-    return "".join(map(link, names))
-
-
-def joint(name, parent, child, kind="revolute", xyz="0 0 0", axis="0 0 1", limit=LIMIT):
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>{limit}</joint>'
-    )
-
 
 SLIDER = (
     links("base", "turn", "slide", "tip"),
@@ -56,13 +36,7 @@ BRANCHED = (*TRUNK, SECOND, OTHER)
 @pytest.fixture
 def load(tmp_path):
     """Load an arm from a few lines of URDF."""
-
-    def load(*elements, tool="tip", **options):
-        path = tmp_path / "arm.urdf"
-        path.write_text(f'<robot name="arm">{"".join(elements)}</robot>')
-        return load_robot(path, tool, **options)
-
-    return load
+    return partial(loaded, tmp_path)
 
 
 @pytest.fixture(scope="module")
