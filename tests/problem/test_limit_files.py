@@ -1,12 +1,12 @@
 """Limit files: bundled presets, MoveIt's joint_limits.yaml."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from refusals import refusal
 from tubeplanner import (
     LimitOverrides,
     PlanOptions,
@@ -20,18 +20,16 @@ from tubeplanner import (
 from tubeplanner.problem.fitting_presets import fitting_presets
 from tubeplanner.resources import bundled_presets, bundled_problems
 
-# Presets of limits and motors: bundled ones, one's own, and what is refused.
-
-
+SOURCES = {
+    "limits.velocity": "data sheet",
+    "limits.jerk": "controller",
+    "limits.tool_speed": "cell",
+}
 PRESET = {
     "format": "tubeplanner/preset",
     "joints": 2,
     "limits": {"velocity": [2, 3], "jerk": 500, "tool_speed": 1.5},
-    "sources": {
-        "limits.velocity": "data sheet",
-        "limits.jerk": "controller",
-        "limits.tool_speed": "cell",
-    },
+    "sources": SOURCES,
 }
 PROBLEM = {
     "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
@@ -40,32 +38,24 @@ PROBLEM = {
 }
 
 
-def written(folder, name="mine.yaml", **changes):
+def write(folder, name="mine.yaml", **changes):
     (folder / name).write_text(json.dumps(PRESET | changes))
-    return folder / name
 
 
-def refusal(folder, **changes):
-    with pytest.raises(RobotError) as caught:
-        read_preset(written(folder, **changes))
-    message = str(caught.value)
-    assert message.startswith(f"preset {folder / 'mine.yaml'}: ")
-    return message.split(": ", 1)[1]
+def problem(folder, **robot):
+    return parse_problem(PROBLEM | {"robot": PROBLEM["robot"] | robot}, folder)
 
 
-def panda(*limits, **options):
-    return load_robot("example:panda", "panda_hand_tcp", limits=limits, **options).limits
+def with_layers(robot, *layers):
+    name, frame = {"panda": ("panda", "panda_hand_tcp"), "ur10": ("ur10", "tool0")}[robot]
+    return load_robot(f"example:{name}", frame, limits=layers)
 
 
-def with_robot(folder, **fields):
-    return parse_problem(PROBLEM | {"robot": PROBLEM["robot"] | fields}, folder).robot.limits
+# --- bundled presets -----------------------------------------------------------------------------
 
 
-# --- bundled -----------------------------------------------------------------------------------
-
-
-def test_a_panda_has_the_limits_of_its_documentation():
-    limits, urdf = panda(read_preset("fer")), panda()
+def test_a_panda_has_the_limits_of_its_documentation(panda):
+    limits = with_layers("panda", read_preset("fer")).limits
     np.testing.assert_array_equal(limits.velocity, [2.175] * 4 + [2.61] * 3)
     np.testing.assert_array_equal(limits.acceleration, [15, 7.5, 10, 12.5, 15, 20, 20])
     np.testing.assert_array_equal(limits.jerk, [7500, 3750, 5000, 6250, 7500, 10000, 10000])
@@ -73,11 +63,11 @@ def test_a_panda_has_the_limits_of_its_documentation():
     np.testing.assert_array_equal(limits.effort_rate, [1000] * 7)
     assert limits.tool_speed == 1.7
     assert limits.velocity_by_position == ()
-    np.testing.assert_array_equal(limits.lower_position, urdf.lower_position)
+    np.testing.assert_array_equal(limits.lower_position, panda.limits.lower_position)
 
 
 def test_an_fr3_slows_down_towards_the_ends_of_its_joints():
-    limits = panda(read_preset("fr3"))
+    limits = with_layers("panda", read_preset("fr3")).limits
     np.testing.assert_array_equal(limits.velocity, [2.62] * 4 + [5.26, 4.18, 5.26])
     np.testing.assert_array_equal(limits.acceleration, [10] * 7)
     np.testing.assert_array_equal(limits.jerk, [5000] * 7)
@@ -90,14 +80,18 @@ def test_an_fr3_slows_down_towards_the_ends_of_its_joints():
     assert (laws[3].lower, laws[5].lower) == (-3.0481, 0.54092)
     np.testing.assert_array_equal([law.lower for law in laws], limits.lower_position)
     np.testing.assert_array_equal([law.upper for law in laws], limits.upper_position)
+    # A smaller range leaves the laws as they are.
+    narrow = LimitOverrides(position={"panda_joint1": (-0.5, 0.5)})
+    limits = with_layers("panda", read_preset("fr3"), narrow).limits
+    assert limits.upper_position[0] == 0.5
+    assert limits.velocity_by_position[0].upper == 2.7501
 
 
 def test_an_fr3_has_rotors_and_on_request_friction():
-    motors = load_robot("example:panda", "panda_hand_tcp", limits=read_preset("fr3")).motors
+    motors = with_layers("panda", read_preset("fr3")).motors
     np.testing.assert_array_equal(motors.armature, [0.195] * 4 + [0.074] * 3)
     assert not motors.has_friction
-    presets = [read_preset("fr3"), read_preset("fr3_friction")]
-    robot = load_robot("example:panda", "panda_hand_tcp", limits=presets)
+    robot = with_layers("panda", read_preset("fr3"), read_preset("fr3_friction"))
     np.testing.assert_array_equal(robot.motors.armature, motors.armature)
     np.testing.assert_array_equal(robot.motors.viscous_friction, [0.21] * 7)
     coulomb = [1.137] * 4 + [0.763, 0.44, 0.248]
@@ -107,49 +101,37 @@ def test_an_fr3_has_rotors_and_on_request_friction():
 
 
 def test_friction_takes_a_ur10_a_quarter_of_its_efforts_at_full_speed():
-    ideal = load_robot("example:ur10", "tool0")
-    robot = load_robot("example:ur10", "tool0", limits=read_preset("ur10_friction"))
+    ideal, robot = with_layers("ur10"), with_layers("ur10", read_preset("ur10_friction"))
     motors, limits = robot.motors, robot.limits
     taken = motors.viscous_friction * limits.velocity + motors.forwards_friction
-    shares = taken / limits.effort
-    np.testing.assert_allclose(shares, [0.13, 0.13, 0.23, 0.27, 0.22, 0.24], atol=0.01)
+    shares = [0.13, 0.13, 0.23, 0.27, 0.22, 0.24]
+    np.testing.assert_allclose(taken / limits.effort, shares, atol=0.01)
     np.testing.assert_array_equal(motors.backwards_friction, [13.7, 20.7, 9.2, 2.0, 2.3, 2.9])
     np.testing.assert_array_equal(limits.velocity, ideal.limits.velocity)
     np.testing.assert_array_equal(limits.effort, ideal.limits.effort)
 
 
-def test_a_smaller_range_leaves_the_fr3s_laws_as_they_are():
-    narrow = LimitOverrides(position={"panda_joint1": (-0.5, 0.5)})
-    limits = panda(read_preset("fr3"), narrow)
-    assert limits.upper_position[0] == 0.5
-    assert limits.velocity_by_position[0].upper == 2.7501
-
-
 @pytest.mark.parametrize("name", bundled_presets())
 def test_every_number_of_a_bundled_preset_has_a_source_with_a_version(name):
     fields = YAML(typ="safe", pure=True).load(bundled_presets()[name].read_text())
-    given = {
+    quantities = {
         f"{section}.{quantity}"
         for section in ("limits", "motors")
         for quantity in fields.get(section, ())
     }
-    assert set(fields["sources"]) == given
+    assert set(fields["sources"]) == quantities
     assert all(any(c.isdigit() for c in source) for source in fields["sources"].values())
+    assert f"presets/{name}" not in bundled_problems()
 
 
-def test_presets_are_no_problems():
-    assert not [name for name in bundled_problems() if name.startswith("presets/")]
-
-
-# --- in a problem ------------------------------------------------------------------------------
+# --- presets in a problem ------------------------------------------------------------------------
 
 
 def test_a_preset_is_found_beside_the_problem_and_the_problem_wins(tmp_path):
     (tmp_path / "limits").mkdir()
-    written(tmp_path / "limits", "arm.yaml")
-    limits = with_robot(
-        tmp_path, preset="limits/arm.yaml", limits={"velocity": {"joint2": 1}, "jerk": 900}
-    )
+    write(tmp_path / "limits", "arm.yaml")
+    own = {"velocity": {"joint2": 1}, "jerk": 900}
+    limits = problem(tmp_path, preset="limits/arm.yaml", limits=own).robot.limits
     np.testing.assert_array_equal(limits.velocity, [2, 1])
     np.testing.assert_array_equal(limits.jerk, [900, 900])
     assert limits.tool_speed == 1.5
@@ -158,63 +140,42 @@ def test_a_preset_is_found_beside_the_problem_and_the_problem_wins(tmp_path):
 def test_a_preset_may_have_motors_alone_and_the_problem_wins(tmp_path):
     sources = {"motors.armature": "data sheet", "motors.coulomb_friction": "identified"}
     motors = {"armature": 2, "coulomb_friction": [[1, 2], 3]}
-    written(tmp_path, limits={}, motors=motors, sources=sources)
-    fields = {"preset": "mine.yaml", "motors": {"armature": {"joint2": 5}}}
-    fields["limits"] = {"scale": {"effort": 0.5}}
-    robot = parse_problem(PROBLEM | {"robot": PROBLEM["robot"] | fields}, tmp_path).robot
-    np.testing.assert_array_equal(robot.motors.armature, [2, 5])
-    np.testing.assert_array_equal(robot.motors.backwards_friction, [1, 3])
-    np.testing.assert_array_equal(robot.motors.forwards_friction, [2, 3])
+    write(tmp_path, limits={}, motors=motors, sources=sources)
+    fields = {"motors": {"armature": {"joint2": 5}}, "limits": {"scale": {"effort": 0.5}}}
+    motors = problem(tmp_path, preset="mine.yaml", **fields).robot.motors
+    np.testing.assert_array_equal(motors.armature, [2, 5])
+    np.testing.assert_array_equal(motors.backwards_friction, [1, 3])
+    np.testing.assert_array_equal(motors.forwards_friction, [2, 3])
 
 
 def test_of_several_presets_the_later_one_wins(tmp_path):
-    written(tmp_path, "a.yaml")
-    written(tmp_path, "b.json", limits={"jerk": 700}, sources={"limits.jerk": "cell"})
-    limits = with_robot(tmp_path, preset=["a.yaml", "b.json"])
+    write(tmp_path, "a.yaml")
+    write(tmp_path, "b.json", limits={"jerk": 700}, sources={"limits.jerk": "cell"})
+    limits = problem(tmp_path, preset=["a.yaml", "b.json"]).robot.limits
     np.testing.assert_array_equal(limits.jerk, [700, 700])
     np.testing.assert_array_equal(limits.velocity, [2, 3])
-    limits = with_robot(tmp_path, preset=["b.json", "a.yaml"])
+    limits = problem(tmp_path, preset=["b.json", "a.yaml"]).robot.limits
     np.testing.assert_array_equal(limits.jerk, [500, 500])
 
 
 def test_the_file_of_limits_is_below_the_preset_and_above_the_urdf(tmp_path):
-    written(tmp_path, "a.yaml")
-    joints = {"joint1": {"max_velocity": 9, "max_effort": 9}}
-    (tmp_path / "joint_limits.yaml").write_text(json.dumps({"joint_limits": joints}))
-    limits = with_robot(tmp_path, preset="a.yaml", limits_file="joint_limits.yaml")
+    write(tmp_path, "a.yaml")
+    read(tmp_path, {"joint1": {"max_velocity": 9, "max_effort": 9}})
+    limits = problem(tmp_path, preset="a.yaml", limits_file="joint_limits.yaml").robot.limits
     np.testing.assert_array_equal(limits.velocity, [2, 3])
     assert limits.effort[0] == 9
-    assert limits.effort[1] == with_robot(tmp_path).effort[1]
+    assert limits.effort[1] == problem(tmp_path).robot.limits.effort[1]
 
 
 def test_another_number_of_joints_is_refused_by_name(tmp_path):
-    with pytest.raises(RobotError) as caught:
-        with_robot(tmp_path, preset="fer")
-    assert str(caught.value) == (
+    assert refusal(RobotError, problem, tmp_path, preset="fer") == (
         "problem: preset fer: limits and motors are for 7 joints; the planning group has 2: "
         "joint1, joint2"
     )
 
 
-# --- refusals ----------------------------------------------------------------------------------
-
-
-def test_a_wrong_name_lists_those_that_exist():
-    with pytest.raises(RobotError) as caught:
-        read_preset("fr4")
-    assert str(caught.value) == (
-        "unknown preset 'fr4' (did you mean 'fr3'?); there is: fer, fr3, fr3_friction, "
-        "ur10_friction, or the path of a YAML file"
-    )
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(RobotError) as caught:
-        read_preset("none.yaml", tmp_path)
-    path = tmp_path / "none.yaml"
-    assert str(caught.value) == (
-        f"preset {path} does not exist; bundled are fer, fr3, fr3_friction, ur10_friction"
-    )
+SOURCE = "is required: say where it is from"
+ARMATURE = {"motors": {"armature": 1}}
 
 
 @pytest.mark.parametrize(
@@ -232,52 +193,62 @@ def test_a_missing_file_is_named(tmp_path):
             "limits.scale belongs into robot.limits of a problem",
         ),
         ({"limits": {}, "sources": {}}, "limits or motors is required"),
-        ({"motors": {"armature": 1}}, "sources.'motors.armature' is required: say where it is fr"),
         (
-            {"motors": {"armature": -1}, "sources": PRESET["sources"] | {"motors.armature": "a"}},
+            {"motors": {"armature": -1}, "sources": SOURCES | {"motors.armature": "a"}},
             "motors.armature is -1; give a number from 0 to 1e+09",
         ),
+        (ARMATURE, f"sources.'motors.armature' {SOURCE}"),
+        (ARMATURE | {"limits": {}}, f"sources.'motors.armature' {SOURCE}"),
+        ({"sources": {}}, f"sources.'limits.velocity' {SOURCE}"),
+        ({"sources": SOURCES | {"limits.jerk": " "}}, f"sources.'limits.jerk' {SOURCE}"),
         (
-            {"limits": {}, "motors": {"armature": 1}},
-            "sources.'motors.armature' is required: say where it is from",
-        ),
-        ({"sources": {}}, "sources.'limits.velocity' is required: say where it is from"),
-        (
-            {"sources": PRESET["sources"] | {"limits.jerk": " "}},
-            "sources.'limits.jerk' is required: say where it is from",
-        ),
-        (
-            {"sources": PRESET["sources"] | {"limits.position": "x"}},
+            {"sources": SOURCES | {"limits.position": "x"}},
             "sources: unknown field 'limits.position' (did you mean 'limits.velocity'?); there is:",
         ),
     ],
 )
-def test_a_fault_is_named(tmp_path, changes, message):
-    assert refusal(tmp_path, **changes).startswith(message)
+def test_a_fault_of_a_preset_is_named(tmp_path, changes, message):
+    write(tmp_path, **changes)
+    path = tmp_path / "mine.yaml"
+    assert refusal(RobotError, read_preset, path).startswith(f"preset {path}: {message}")
 
 
 @pytest.mark.parametrize("key", ["format", "joints", "sources"])
-def test_what_is_missing_is_named(tmp_path, key):
+def test_a_missing_field_is_named(tmp_path, key):
     path = tmp_path / "mine.yaml"
     path.write_text(json.dumps({name: value for name, value in PRESET.items() if name != key}))
-    with pytest.raises(RobotError, match=rf"^preset .*mine\.yaml: {key} is required$"):
-        read_preset(path)
+    assert refusal(RobotError, read_preset, path) == f"preset {path}: {key} is required"
 
 
-@pytest.mark.parametrize("text", ["[1, 2]", "", "text"])
-def test_what_is_no_map_is_refused(tmp_path, text):
+NO_MAP = "a preset is a map with format, joints, limits or motor"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[1, 2]", NO_MAP),
+        ("", NO_MAP),
+        ("text", NO_MAP),
+        ("limits: [1\n", r"^preset mine\.yaml: file .* is malformed: line 1"),
+    ],
+)
+def test_a_file_that_is_no_map_is_refused(tmp_path, text, message):
     (tmp_path / "mine.yaml").write_text(text)
-    with pytest.raises(RobotError, match="a preset is a map with format, joints, limits or motor"):
+    with pytest.raises(RobotError, match=message):
         read_preset("mine.yaml", tmp_path)
 
 
-def test_a_malformed_file_is_refused_by_line(tmp_path):
-    (tmp_path / "mine.yaml").write_text("limits: [1\n")
-    with pytest.raises(RobotError, match=r"^preset mine\.yaml: file .* is malformed: line 1"):
-        read_preset("mine.yaml", tmp_path)
+def test_a_wrong_name_or_a_missing_file_lists_those_that_exist(tmp_path):
+    assert refusal(RobotError, read_preset, "fr4") == (
+        "unknown preset 'fr4' (did you mean 'fr3'?); there is: fer, fr3, fr3_friction, "
+        "ur10_friction, or the path of a YAML file"
+    )
+    bundled = "bundled are fer, fr3, fr3_friction, ur10_friction"
+    message = refusal(RobotError, read_preset, "none.yaml", tmp_path)
+    assert message == f"preset {tmp_path / 'none.yaml'} does not exist; {bundled}"
 
 
-# Bundled presets are named for the robots that they are for.
+# --- bundled presets are named for the robots that they are for ----------------------------------
 
 
 def test_the_panda_has_one_and_other_arms_have_none(panda, ur5):
@@ -286,35 +257,26 @@ def test_the_panda_has_one_and_other_arms_have_none(panda, ur5):
     assert fitting_presets(load_robot("example:xarm7", "link7")) == []  # seven joints as well
 
 
-def test_the_order_of_the_group_does_not_matter(panda):
-    turned = load_robot("example:panda", "panda_hand_tcp", joints=panda.joint_names[::-1])
-    assert fitting_presets(turned) == ["fer"]
+def test_the_whole_group_counts_and_its_order_does_not_matter(panda):
+    backwards, less = panda.joint_names[::-1], panda.joint_names[:6]
+    for joints, presets in ((backwards, ["fer"]), (less, [])):
+        robot = load_robot("example:panda", "panda_hand_tcp", joints=joints)
+        assert fitting_presets(robot) == presets
 
 
-def test_an_arm_of_which_less_is_planned_has_none():
-    names = [f"panda_joint{k}" for k in range(1, 7)]
-    assert fitting_presets(load_robot("example:panda", "panda_hand_tcp", joints=names)) == []
-
-
-@pytest.mark.parametrize(("old", "new"), [("2.175", "2.1"), ("87.0", "80.0")])
-def test_another_velocity_or_effort_is_another_arm(panda, tmp_path, old, new):
+@pytest.mark.parametrize(
+    ("old", "new"), [("2.175", "2.1"), ("87.0", "80.0"), ('effort="87.0" ', "")]
+)
+def test_another_or_no_velocity_or_effort_is_another_arm(panda, tmp_path, old, new):
     text = panda.urdf.path.read_text()
     assert old in text
-    (tmp_path / "other.urdf").write_text(text.replace(old, new))
-    robot = load_robot(tmp_path / "other.urdf", "panda_hand_tcp")
-    assert fitting_presets(robot) == []
-
-
-def test_a_urdf_that_does_not_say_is_of_no_known_arm(panda, tmp_path):
-    text = panda.urdf.path.read_text().replace('effort="87.0" ', "", 1)
-    (tmp_path / "other.urdf").write_text(text)
-    limits = LimitOverrides(effort={"panda_joint1": 87.0})
+    (tmp_path / "other.urdf").write_text(text.replace(old, new, 1))
+    limits = LimitOverrides(effort={} if new else {"panda_joint1": 87.0})
     robot = load_robot(tmp_path / "other.urdf", "panda_hand_tcp", limits=limits)
     assert fitting_presets(robot) == []
 
 
-# MoveIt's joint_limits.yaml: what is taken from it, and what is not.
-
+# --- MoveIt's joint_limits.yaml ------------------------------------------------------------------
 
 # As the setup assistant writes it.
 TEXT = """\
@@ -347,19 +309,18 @@ joint_limits:
 """
 
 
-def problem(folder, **robot):
-    return parse_problem(PROBLEM | {"robot": PROBLEM["robot"] | robot}, folder)
-
-
 def read(folder, joints, **others):
     path = folder / "joint_limits.yaml"
     path.write_text(json.dumps({"joint_limits": joints} | others))
     return read_limits_file(path)
 
 
-def test_what_the_setup_assistant_writes_is_taken(tmp_path):
-    (tmp_path / "joint_limits.yaml").write_text(TEXT)
-    limits = problem(tmp_path, limits_file="joint_limits.yaml").robot.limits
+def test_the_file_of_the_setup_assistant_is_taken_also_from_a_package(tmp_path):
+    config = tmp_path / "packages" / "arm_moveit_config" / "config"
+    config.mkdir(parents=True)
+    (config / "joint_limits.yaml").write_text(TEXT)
+    file = "package://arm_moveit_config/config/joint_limits.yaml"
+    limits = problem(tmp_path, limits_file=file, package_dirs=["packages"]).robot.limits
     urdf = problem(tmp_path).robot.limits
     assert (limits.lower_position[0], limits.upper_position[0]) == (-1.5, 1.5)
     np.testing.assert_array_equal(limits.velocity, [2.5, urdf.velocity[1]])
@@ -368,30 +329,18 @@ def test_what_the_setup_assistant_writes_is_taken(tmp_path):
     np.testing.assert_array_equal(limits.effort, [40, urdf.effort[1]])
 
 
-def test_it_is_found_in_a_package(tmp_path):
-    config = tmp_path / "packages" / "arm_moveit_config" / "config"
-    config.mkdir(parents=True)
-    (config / "joint_limits.yaml").write_text(TEXT)
-    limits = problem(
-        tmp_path,
-        limits_file="package://arm_moveit_config/config/joint_limits.yaml",
-        package_dirs=["packages"],
-    ).robot.limits
-    assert limits.velocity[0] == 2.5
-
-
 def test_a_value_without_its_switch_counts(tmp_path):
     layer = read(tmp_path, {"joint1": {"max_velocity": 2.0, "min_position": 0, "max_position": 1}})
     assert layer.limits.velocity == {"joint1": 2.0}
     assert layer.limits.position == {"joint1": (0, 1)}
 
 
-@pytest.mark.parametrize(("given", "taken"), [(-5.0, 5.0), (5.0, 5.0), (20.0, 12.0)])
-def test_of_acceleration_and_deceleration_the_smaller_one_counts(tmp_path, given, taken):
-    fields = {"max_acceleration": 12.0, "has_deceleration_limits": True, "max_deceleration": given}
-    assert read(tmp_path, {"joint1": fields}).limits.acceleration == {"joint1": taken}
-    off = fields | {"has_deceleration_limits": False}
-    assert read(tmp_path, {"joint1": off}).limits.acceleration == {"joint1": 12.0}
+@pytest.mark.parametrize(("deceleration", "limit"), [(-5.0, 5.0), (5.0, 5.0), (20.0, 12.0)])
+def test_of_acceleration_and_deceleration_the_smaller_one_counts(tmp_path, deceleration, limit):
+    fields = {"max_acceleration": 12.0, "max_deceleration": deceleration}
+    for switch, value in ((True, limit), (False, 12.0)):
+        layer = read(tmp_path, {"joint1": fields | {"has_deceleration_limits": switch}})
+        assert layer.limits.acceleration == {"joint1": value}
 
 
 def test_the_factors_of_requests_are_no_limits_and_noted(tmp_path):
@@ -401,44 +350,39 @@ def test_the_factors_of_requests_are_no_limits_and_noted(tmp_path):
         f"{tmp_path / 'joint_limits.yaml'}: default_velocity_scaling_factor 0.1 not used: what "
         "MoveIt asks by default is no limit; robot.limits.scale slows the robot down",
     )
-    asked = replace(PlanOptions(), quality="fast")
-    result = plan(problem(tmp_path, limits_file="joint_limits.yaml"), asked)
+    fast = PlanOptions(quality="fast")
+    result = plan(problem(tmp_path, limits_file="joint_limits.yaml"), fast)
     assert result.succeeded
     assert result.notes[0] == layer.notes[0]
     assert read(tmp_path, {"joint1": {}}, default_velocity_scaling_factor=1).notes == ()
 
 
 @pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"has_jerk_limits": True}, ".max_jerk is required: has_jerk_limits is true"),
+        ({"min_position": 1}, ".max_position is required beside"),
+        ({"max_position": 1}, ".min_position is required beside"),
+        ({"max_velocity": "x"}, ".max_velocity is 'x'; it must be"),
+        ({"max_velocty": 1}, ": unknown key 'max_velocty' (did you"),
+        (5, " is 5; it must be a map"),
+    ],
+)
+def test_a_fault_of_moveits_limits_is_named(tmp_path, fields, message):
+    expected = f"{tmp_path / 'joint_limits.yaml'}: joint_limits.joint1{message}"
+    assert refusal(RobotError, read, tmp_path, {"joint1": fields}).startswith(expected)
+
+
+@pytest.mark.parametrize(
     ("joints", "message"),
     [
-        (
-            {"joint1": {"has_jerk_limits": True}},
-            "joint_limits.joint1.max_jerk is required: has_jerk_limits is true",
-        ),
-        ({"joint1": {"min_position": 1}}, "joint_limits.joint1.max_position is required beside"),
-        ({"joint1": {"max_position": 1}}, "joint_limits.joint1.min_position is required beside"),
         ({"joint1": {"max_velocity": 0}}, "limits.velocity: joint 'joint1' at 0; give a number f"),
-        ({"joint1": {"max_velocity": "x"}}, "joint_limits.joint1.max_velocity is 'x'; it must be"),
-        ({"joint1": {"max_velocty": 1}}, "joint_limits.joint1: unknown key 'max_velocty' (did you"),
-        ({"joint1": 5}, "joint_limits.joint1 is 5; it must be a map"),
         (None, "joint_limits is empty; it must be a map"),
     ],
 )
-def test_a_fault_is_named_of_moveit_limits(tmp_path, joints, message):
-    with pytest.raises(RobotError) as caught:
-        read(tmp_path, joints)
-    assert str(caught.value).startswith(f"{tmp_path / 'joint_limits.yaml'}: {message}")
-
-
-def test_a_file_of_another_robot_is_refused(tmp_path):
-    read(tmp_path, {"elbow": {"max_velocity": 2.0}})
-    with pytest.raises(RobotError) as caught:
-        problem(tmp_path, limits_file="joint_limits.yaml")
+def test_limits_that_are_none_are_refused(tmp_path, joints, message):
     path = tmp_path / "joint_limits.yaml"
-    assert str(caught.value) == (
-        f"problem: {path}: limits name no joint of the planning group, which has: joint1, joint2; "
-        "they name elbow"
-    )
+    assert refusal(RobotError, read, tmp_path, joints).startswith(f"{path}: {message}")
 
 
 @pytest.mark.parametrize("text", ["[1]", "", "joints: {}"])
@@ -449,11 +393,14 @@ def test_a_file_without_joint_limits_is_refused(tmp_path, text):
         read_limits_file(path)
 
 
-def test_a_missing_or_malformed_file_is_named(tmp_path):
-    with pytest.raises(RobotError) as caught:
-        problem(tmp_path, limits_file="none.yaml")
-    path = tmp_path / "none.yaml"
-    assert str(caught.value) == f"problem: robot.limits_file {path} does not exist"
+def test_a_missing_a_malformed_or_another_robots_file_is_named(tmp_path):
+    message = refusal(RobotError, problem, tmp_path, limits_file="none.yaml")
+    assert message == f"problem: robot.limits_file {tmp_path / 'none.yaml'} does not exist"
     (tmp_path / "bad.yaml").write_text("joint_limits: [\n")
     with pytest.raises(RobotError, match=r"^file of limits .*bad\.yaml is malformed: line 1"):
         read_limits_file(tmp_path / "bad.yaml")
+    read(tmp_path, {"elbow": {"max_velocity": 2.0}})
+    assert refusal(RobotError, problem, tmp_path, limits_file="joint_limits.yaml") == (
+        f"problem: {tmp_path / 'joint_limits.yaml'}: limits name no joint of the planning group, "
+        "which has: joint1, joint2; they name elbow"
+    )
