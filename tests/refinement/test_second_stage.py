@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from begun_splines import constraints_of
 from scipy.optimize import brentq
 
 from tubeplanner import PlanOptions, Tube, plan, verify
@@ -37,8 +38,7 @@ def smoothed(problem, shortest, slack):
 def integral(trajectory, power):
     """Return the integral of a power of the jerk of one metre, in one second."""
     jerk = trajectory.scaled(1 / trajectory.duration).derivative_coefficients(3)[-1]
-    width = trajectory.breakpoints[1:] - trajectory.breakpoints[:-1]
-    return ((jerk / TRAVEL) ** power * width[:, None]).sum() / trajectory.duration
+    return ((jerk / TRAVEL) ** power * trajectory.widths[:, None]).sum() / trajectory.duration
 
 
 def variation(trajectory):
@@ -93,20 +93,22 @@ def test_the_mixture_is_no_worse_than_the_quintic_and_within_what_is_possible(sl
 
 
 def test_little_time_brings_the_jerk_most_of_the_way(slider, sliding):
-    before, little, some = (
-        integral(each, 2)
-        for each in (
-            sliding.trajectory,
-            smoothed(slider, sliding, 0.005).trajectory,
-            smoothed(slider, sliding, 0.1).trajectory,
-        )
+    little, some = (
+        integral(smoothed(slider, sliding, slack).trajectory, 2) for slack in (0.005, 0.1)
     )
-    assert before > 5 * little > 20 * some
+    assert integral(sliding.trajectory, 2) > 5 * little > 20 * some
 
 
 @pytest.fixture(scope="module")
 def post(planned):
     return planned("two_link/around_a_post", "refinement")
+
+
+def stage(post, longer, clearance=0.0, *checkpoint):
+    """Return a stage that has not run, within a multiple of the shortest duration."""
+    problem, shortest = post
+    longest = longer * shortest.duration
+    return SecondStage(problem, shortest.motion.spline, longest, clearance, *checkpoint), longest
 
 
 def test_it_runs_in_its_time_between_samples_too(post):
@@ -126,33 +128,29 @@ def test_it_runs_in_its_time_between_samples_too(post):
     [(0.0, 0.9998, True), (0.01, 0.9998, False), (0.0, 1.0, False)],
 )
 def test_what_is_outside_or_late_between_samples_is_no_answer(excess, longer, is_answer, post):
-    problem, shortest = post
-    longest = 1.005 * shortest.duration
-    found = SecondStage(problem, shortest.motion.spline, longest, 0.0)
+    found, longest = stage(post, 1.005)
     constraints = found._program.constraints
-    here = constraints.at(shortest.motion.spline)
+    here = constraints.at(post[1].motion.spline)
     dense = replace(here, excess=excess, squared_duration=longer * longest**2)
     constraints.look_between_samples = lambda iterate: (dense, False)
     assert found._looked_at(here) is is_answer
 
 
-def test_before_it_has_run_it_has_nothing(post):
-    problem, shortest = post
-    fresh = SecondStage(problem, shortest.motion.spline, 1.0, 0.0)
+def test_without_time_or_a_start_there_is_nothing(post):
+    fresh, _ = stage(post, 0.95)
     with pytest.raises(RuntimeError, match="the second stage has not run"):
         _ = fresh.trajectory
-
-
-def test_without_time_there_is_nothing_smoother(post):
-    """Less than the shortest motion takes."""
-    problem, shortest = post
-    found = SecondStage(problem, shortest.motion.spline, 0.95 * shortest.duration, 0.0)
-    assert not found.run()
-    assert not found.has_spline
+    assert not fresh.run()  # in less than the shortest motion takes
+    assert not fresh.has_spline
+    blocked, _ = stage(post, 1.005)
+    here = blocked._program.iterate(post[1].motion.spline)
+    blocked._program.iterate = lambda spline: replace(here, squared_duration=np.inf)
+    with pytest.raises(Infeasible, match="no trajectory to start from") as caught:
+        blocked.run()
+    assert caught.value.status is PlanStatus.NO_TRAJECTORY
 
 
 def test_its_checkpoint_gets_the_duration_and_ends_it(post):
-    problem, shortest = post
     heard = []
 
     def checkpoint(duration):
@@ -160,8 +158,7 @@ def test_its_checkpoint_gets_the_duration_and_ends_it(post):
         if len(heard) == 2:
             raise TimeoutError
 
-    longest = 1.01 * shortest.duration
-    found = SecondStage(problem, shortest.motion.spline, longest, 0.0, checkpoint)
+    found, longest = stage(post, 1.01, 0.0, checkpoint)
     with pytest.raises(TimeoutError):
         found.run()
     assert heard == [longest, longest]
@@ -170,36 +167,22 @@ def test_its_checkpoint_gets_the_duration_and_ends_it(post):
 def test_it_answers_a_certificate_with_samples_where_that_fails(post, monkeypatch):
     problem, shortest = post
     found, longest = smoothed(problem, shortest, 0.005), 1.005 * shortest.duration
-    added = []
-    constraints = type(found._program.constraints)
-    monkeypatch.setattr(
-        constraints, "add_samples", lambda self, spline, x: added.append((spline, x))
-    )
+    added, before = [], found._found.spline
+    kind = type(found._program.constraints)
+    monkeypatch.setattr(kind, "add_samples", lambda self, spline, x: added.append((spline, x)))
     passed = verify(problem, found.trajectory.scaled(longest))
-    where = replace(passed.conditions["tube"].where, time=0.25 * longest)
-    failed = replace(passed.conditions["tube"], margin=-1.0, where=where)
-    before = found._found.spline
-    again = found.answer(replace(passed, conditions={**passed.conditions, "tube": failed}), longest)
-    assert again
+    tube = passed.conditions["tube"]
+    failed = replace(tube, margin=-1.0, where=replace(tube.where, time=0.25 * longest))
+    certificate = replace(passed, conditions={**passed.conditions, "tube": failed})
+    assert found.answer(certificate, longest)
     assert added == [(before, 0.25)]
     assert not found.answer(passed, longest)  # nothing to do
     assert not found.has_spline
 
 
-def test_a_motion_that_motors_cannot_hold_is_no_start(post):
-    problem, shortest = post
-    found = SecondStage(problem, shortest.motion.spline, 1.0, 0.0)
-    here = found._program.iterate(shortest.motion.spline)
-    found._program.iterate = lambda spline: replace(here, squared_duration=np.inf)
-    with pytest.raises(Infeasible, match="no trajectory to start from") as caught:
-        found.run()
-    assert caught.value.status is PlanStatus.NO_TRAJECTORY
-
-
 @pytest.mark.parametrize(("clearance", "kept"), [(-0.01, 0.0), (0.01, 0.009), (0.5, 0.018)])
 def test_most_of_the_distance_from_obstacles_is_kept(clearance, kept, post, monkeypatch):
     """A tenth of it may go, and of more than 2 cm all that is beyond."""
-    problem, shortest = post
     asked, links = [], second_stage.LinkConstraints
 
     def spy(problem, room=0.0):
@@ -207,28 +190,25 @@ def test_most_of_the_distance_from_obstacles_is_kept(clearance, kept, post, monk
         return links(problem, room)
 
     monkeypatch.setattr(second_stage, "LinkConstraints", spy)
-    SecondStage(problem, shortest.motion.spline, 1.0, clearance)
+    stage(post, 1.005, clearance)
     assert asked[-1] == pytest.approx(kept, abs=1e-15)
 
 
-def test_room_is_what_the_worst_instant_leaves(slider, sliding):
+def test_room_is_what_the_worst_instant_leaves_by_segment(slider, sliding):
     """The slider goes along the middle of its tube, or beside it."""
     spline = sliding.motion.spline
     for beside, room in ((0.0, 1.0), (0.04, 0.6)):
-        tube = Tube([[0, beside, 0], [TRAVEL, beside, 0]], 0.1)
-        problem = slider.with_tube(tube)
-        constraints = SecondStage(problem, spline, 1.0, 0.0)._program.constraints
-        found = second_stage._room(problem, constraints.between_samples(spline))
-        assert found == pytest.approx([room], abs=1e-9)
+        problem = slider.with_tube(Tube([[0, beside, 0], [TRAVEL, beside, 0]], 0.1))
+        dense = constraints_of(problem, spline.grid).between_samples(spline)
+        assert second_stage._room(problem, dense) == pytest.approx([room], abs=1e-9)
 
 
-def test_it_is_by_segment_and_none_beside_a_compulsory_point():
+def test_there_is_no_room_beside_a_compulsory_point():
     """There the tool must come closer to the point than to the wall."""
     tube = Tube([[0, 0, 0], [0.3, 0, 0], [0, 0, 0.001], [0, 0.5, 0]], 0.1)
     assert tube.compulsory_points.tolist() == [1]
     share, segment = np.array([0.2, 0.4, 0.5, 0.3, 0.1]), np.array([0, 0, 1, 2, 2])
-    regions = SimpleNamespace(
-        regions=SimpleNamespace(share=lambda vector, segment: share), vector=None, segment=segment
-    )
+    of_regions = SimpleNamespace(share=lambda vector, segment: share)
+    regions = SimpleNamespace(regions=of_regions, vector=None, segment=segment)
     problem, dense = SimpleNamespace(tube=tube), SimpleNamespace(regions=(regions,))
     np.testing.assert_allclose(second_stage._room(problem, dense), [0.0, 0.0, 0.7])

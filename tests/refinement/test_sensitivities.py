@@ -5,17 +5,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from begun_splines import begun
 from cases import SHORTEST, with_motors
 from scipy.spatial.transform import Rotation
 
 from tubeplanner import LimitOverrides, PlanningProblem, PointSpeed, Seed, Tube, load_robot, plan
-from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.refinement.descent import FIRST_PENALTY
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.sequential_program import SequentialProgram
-from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.refinement.trust_region import TrustRegion
 
 NAMES = ("joint1", "joint2")
@@ -47,60 +46,55 @@ def problem_with(robot=None, radius=(0.05, 0.05), **tube):
     return PlanningProblem(robot or arm(), tube, Seed(np.array([0.0, -1.0])))
 
 
+def scaled(values, which, factor):
+    """Return two values, one of them times a factor."""
+    return np.array(values) * np.where(np.arange(2) == which, factor, 1.0)
+
+
 def by_joint(limit, *values, motors=None, **more):
     """Return a maker of problems with a limit of both joints, that of one of them changed."""
 
-    def made(joint=None, factor=1.0, **_):
-        own = {
-            name: value * (factor if k == joint else 1.0)
-            for k, (name, value) in enumerate(zip(NAMES, values, strict=True))
-        }
+    def made(which=None, factor=1.0):
+        own = dict(zip(NAMES, scaled(values, which, factor).tolist(), strict=True))
         return problem_with(with_motors(arm(**more, **{limit: own}), **motors or {}))
 
     return made
 
 
-def by_law(joint=None, factor=1.0, **_):
+def by_law(which=None, factor=1.0):
     """Change the velocities that the law of one joint allows, everywhere."""
     laws = {name: dict(law) for name, law in NEAR.items()}
-    if joint is not None:
-        laws[NAMES[joint]]["deceleration"] *= factor**2
-        laws[NAMES[joint]]["offset"] *= factor
+    if which is not None:
+        laws[NAMES[which]]["deceleration"] *= factor**2
+        laws[NAMES[which]]["offset"] *= factor
     return problem_with(arm(velocity_by_position=laws))
 
 
-def by_line(joint=None, factor=1.0, **_):
-    own = np.where(np.arange(2) == joint, factor, 1.0)
-    line = {name: both * own for name, both in LINE.items()}
+def by_line(which=None, factor=1.0):
+    line = {name: scaled(both, which, factor) for name, both in LINE.items()}
     return problem_with(with_motors(arm(effort=EFFORTS), **line, **FRICTION))
 
 
-def by_radius(segment=None, factor=1.0, **_):
-    return problem_with(radius=0.05 * np.where(np.arange(2) == segment, factor, 1.0))
-
-
-def by_tool_speed(segment=None, factor=1.0, **_):
-    speeds = [1.2, 0.6] * np.where(np.arange(2) == segment, factor, 1.0)
-    return problem_with(tool_speed=speeds)
-
-
-def by_point_speed(point=None, factor=1.0, **_):
-    speeds = [1.1, 0.5] * np.where(np.arange(2) == point, factor, 1.0)
+def by_point_speed(which=None, factor=1.0):
     places = [("hand", (0.0, 0.05, 0.0)), ("link2", (0.0, 0.0, 0.0))]
+    speeds = scaled([1.1, 0.5], which, factor)
     points = [PointSpeed(*place, v) for place, v in zip(places, speeds, strict=True)]
     return problem_with(arm(point_speed=points))
 
 
 def by_side(column):
-    def made(segment=None, factor=1.0, **_):
+    def made(which=None, factor=1.0):
         sides = SIDES.copy()
-        if segment is not None:
-            sides[segment, column] *= factor
+        sides[:, column] = scaled(sides[:, column], which, factor)
         ups = ([0, 0, 1], [0.3, 1, 0])
         sections = [{"box": box, "up": up} for box, up in zip(sides.tolist(), ups, strict=True)]
         return problem_with(radius=None, cross_section=sections)
 
     return made
+
+
+def by_tube(field, *values):
+    return lambda which=None, factor=1.0: problem_with(**{field: scaled(values, which, factor)})
 
 
 EFFORTS = {"joint1": 95.0, "joint2": 27.0}
@@ -114,9 +108,9 @@ CASES = {
     "jerk": (by_joint("jerk", 400.0, 600.0), 3),
     "effort_rate": (by_joint("effort_rate", 400.0, 100.0, **TURNED), None),
     "velocity_by_position": (by_law, 1),
-    "tool_speed": (by_tool_speed, 1),
+    "tool_speed": (by_tube("tool_speed", 1.2, 0.6), 1),
     "point_speed": (by_point_speed, 1),
-    "radius": (by_radius, 0),
+    "radius": (by_tube("radius", 0.05, 0.05), 0),
     "width": (by_side(0), 0),
     "height": (by_side(1), 0),
     "effort with friction": (by_joint("effort", *EFFORTS.values(), motors=UNSURE), None),
@@ -126,8 +120,7 @@ POWERS = {kind: power for kind, (_, power) in CASES.items()} | {"effort_rate": 3
 
 
 def refined(problem):
-    branch = reference_branch(problem, redundancy_rules(problem)[0])
-    refinement = Refinement(problem, starting_spline(problem, branch, 8), (2,))
+    refinement = Refinement(problem, begun(problem, 8), (2,))
     refinement.run()
     return refinement
 
@@ -136,9 +129,8 @@ def polished(problem, spline):
     """Plan again from a spline near by, on the same knots, to a tight tolerance."""
     program = SequentialProgram(problem, spline.grid)
     program.constraints.blend(ROUNDED)
-    begin = program.iterate(spline)
-    found = program.improved(begin, TrustRegion(0.01), FIRST_PENALTY, min_gain=1e-8, max_steps=60)
-    return program, found.iterate
+    begin, limits = program.iterate(spline), {"min_gain": 1e-8, "max_steps": 60}
+    return program, program.improved(begin, TrustRegion(0.01), FIRST_PENALTY, **limits).iterate
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -154,11 +146,9 @@ def test_prices_are_what_planning_again_finds(name):
         total = sum(POWERS[key.kind] * price for key, price in prices.items())
         assert total == pytest.approx(-1.0, abs=1e-4)
     for key, price in own.items():
-        place = {"joint": key.joint, "segment": key.segment, "point": key.point}
-        durations = [
-            polished(made(**place, factor=factor), best.spline)[1].duration
-            for factor in (1.005, 0.995)
-        ]
+        (which,) = {key.joint, key.segment, key.point} - {None}
+        changed = (made(which, factor) for factor in (1.005, 0.995))
+        durations = [polished(problem, best.spline)[1].duration for problem in changed]
         quotient = np.log(durations[0] / durations[1]) / np.log(1.005 / 0.995)
         near = {"rel": 0.3, "abs": 4e-3} if "friction" in name else {"rel": 0.1, "abs": 1e-3}
         assert price == pytest.approx(quotient, **near), key
@@ -186,8 +176,8 @@ def test_only_refinement_has_sensitivities_and_the_dearest_come_first(planned):
     name = "two_link/paper_1_30mm"
     assert planned(name)[1].sensitivities == ()
     result = planned(name, "refinement")[1]
-    assert {sensitivity.limit for sensitivity in result.sensitivities} == {"effort", "radius"}
-    saved = [sensitivity.saved for sensitivity in result.sensitivities]
+    assert {one.limit for one in result.sensitivities} == {"effort", "radius"}
+    saved = [one.saved for one in result.sensitivities]
     assert saved == sorted(saved, reverse=True)
     dearest = result.sensitivities[0]
     assert dearest.joint in NAMES
@@ -219,10 +209,9 @@ def test_a_start_on_its_rotation_tolerance_costs_nothing(two_link):
 def test_a_start_on_bounds_of_its_rotation_has_sane_prices(bundled):
     """Where a path can hardly leave, steps hardly use the tolerance: multipliers said minutes."""
     problem, angle = bundled("ur5/level_tray"), 0.0524
-    off = Rotation.from_rotvec([-angle, 0, 0])
-    orientations = problem.tube.orientations.copy()
     turn = Rotation.from_matrix(problem.robot.tool_pose(problem.start)[0])
-    orientations[:] = (turn * off).as_quat()
+    first = (turn * Rotation.from_rotvec([-angle, 0, 0])).as_quat()
+    orientations = np.tile(first, (problem.tube.segment_count + 1, 1))
     bounds = [(angle, angle, np.inf)] * problem.tube.segment_count
     tube = replace(problem.tube, orientations=orientations, rotation_tolerance=bounds)
     problem = replace(problem, tube=tube)

@@ -23,36 +23,29 @@ def moved(problem, steps):
     return problem.with_tube(replace(problem.tube, points=problem.tube.points + np.array(steps)))
 
 
-def tool_at(problem, spline, x):
-    return problem.robot.tool_position(spline.bspline()(x))
-
-
-def test_where_nothing_changes_it_stays(motion):
-    shifted = motion.shifted(motion.problem)
-    np.testing.assert_allclose(
-        shifted.control_points, motion.spline.control_points, rtol=0, atol=1e-6
-    )
+def test_where_nothing_changes_it_stays_and_goes_to_a_given_goal(motion):
+    points, problem = motion.spline.control_points, motion.problem
+    shifted = motion.shifted(problem)
+    np.testing.assert_allclose(shifted.control_points, points, rtol=0, atol=1e-6)
     assert shifted.grid is motion.spline.grid
+    goal = points[-1] + [0.02, -0.01]
+    ends = motion.shifted(replace(problem, goal=goal)).control_points[-3:]
+    np.testing.assert_allclose(ends, np.tile(goal, (3, 1)), atol=1e-12)
 
 
 def test_its_tool_moves_with_the_reference_points_and_it_stays_at_rest(motion):
     steps = [[0.01, 0.0, 0.0], [-0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, -0.01, 0.0]]
     changed = moved(motion.problem, steps)
     spline = motion.shifted(changed)
-    ends = spline.switching_times
-    before, after = (tool_at(changed, s, ends) for s in (motion.spline, spline))
+    before, after = (
+        changed.robot.tool_position(each.bspline()(spline.switching_times))
+        for each in (motion.spline, spline)
+    )
     np.testing.assert_allclose(after[[0, -1]], changed.tube.points[[0, -1]], atol=1e-8)
     # Control points near a corner follow it, but for what the spline makes of the others.
     np.testing.assert_allclose(after - before, steps, atol=2e-3)
     assert np.ptp(spline.control_points[:3], axis=0).max() == 0
     assert np.ptp(spline.control_points[-3:], axis=0).max() == 0
-
-
-def test_it_goes_to_a_given_goal(motion):
-    problem = motion.problem
-    goal = motion.spline.control_points[-1] + [0.02, -0.01]
-    spline = motion.shifted(replace(problem, goal=goal))
-    np.testing.assert_allclose(spline.control_points[-3:], np.tile(goal, (3, 1)), atol=1e-12)
 
 
 def test_a_goal_out_of_reach_is_none(motion):
@@ -92,22 +85,14 @@ def spline():
     return PhasedSpline(grid, SWITCHING_TIMES, points)
 
 
-@pytest.fixture(params=[FINE, 60, FEWER_THAN_KNOTS, FEWER_THAN_PHASES_NEED, FEWEST])
-def periods(request):
-    return request.param
-
-
-def places(found, periods):
-    """Return the knots, in periods."""
-    return found.grid.breakpoints(found.switching_times) * periods
-
-
+@pytest.mark.parametrize("periods", [FINE, 60, FEWER_THAN_KNOTS, FEWER_THAN_PHASES_NEED, FEWEST])
 def test_all_knots_are_multiples_and_every_phase_keeps_its_own(periods):
     """As many knots as before or as there is room for, no two the same; the segments stay."""
     before, found = spline(), on_periodic_knots(spline(), periods)
-    knots = places(found, periods)
+    knots = found.grid.breakpoints(found.switching_times) * periods
     np.testing.assert_allclose(knots, knots.round(), atol=1e-9)
-    assert np.diff(knots.round()).min() >= 1
+    widths = np.diff(knots.round())
+    assert widths.min() >= 1
     assert (knots[0], knots[-1]) == (0.0, pytest.approx(periods))
     assert found.grid.interval_count == min(before.grid.interval_count, periods)
     assert len(found.control_points) == found.grid.control_point_count
@@ -117,26 +102,29 @@ def test_all_knots_are_multiples_and_every_phase_keeps_its_own(periods):
         assert np.diff(share).min() > 0
     ends = np.cumsum([0, *(len(share) - 1 for share in found.grid.shares)])
     np.testing.assert_allclose(found.switching_times * periods, knots[ends])
-
-
-def test_switching_times_stay_where_they_are_to_a_period_and_no_longer_move():
-    found = on_periodic_knots(spline(), 500)
-    np.testing.assert_allclose(found.switching_times, [0.0, 155 / 500, 165 / 500, 1.0])
+    # Switching times no longer move.
     assert found.grid.is_fixed
-    assert found.grid.switch_count == 0
-    assert spline().grid.switch_count == 2
+    assert (before.grid.switch_count, found.grid.switch_count) == (2, 0)
+    if periods == 60:
+        # Chebyshev's are closest at the ends: there every period has one. Knots that fall onto
+        # one are made up for in the widest intervals.
+        assert widths[0] == widths[-1] == 1
+        assert widths.max() <= 2
 
 
 @pytest.mark.parametrize(
     ("times", "periods", "expected"),
     [
+        ([0, 0.31, 0.33, 1], 500, [0, 155, 165, 500]),
         ([0, 0.5, 0.501, 0.502, 1], 10, [0, 5, 6, 7, 10]),
         ([0, 0.98, 0.99, 1], 4, [0, 2, 3, 4]),
         ([0, 0.01, 0.02, 1], 3, [0, 1, 2, 3]),
         ([0, 0.01, 0.99, 1], 5, [0, 1, 4, 5]),
     ],
 )
-def test_switching_times_closer_than_a_period_move_apart(times, periods, expected):
+def test_switching_times_stay_to_a_period_and_move_apart_if_they_are_closer(
+    times, periods, expected
+):
     grid = knot_grid(np.array(times), 40)
     before = PhasedSpline(grid, np.array(times), np.zeros((grid.control_point_count, 1)))
     found = on_periodic_knots(before, periods)
@@ -151,11 +139,3 @@ def test_it_is_nearly_the_same_motion_at_rest_at_both_ends(periods, apart):
     assert abs(found.bspline()(x) - before.bspline()(x)).max() < apart
     np.testing.assert_array_equal(found.control_points[[0, 1, 2]], before.control_points[[0] * 3])
     np.testing.assert_array_equal(found.control_points[-3:], before.control_points[[-1] * 3])
-
-
-def test_knots_that_fall_onto_one_are_made_up_for_in_the_widest_intervals():
-    """Chebyshev's are closest at the ends: there every period has one."""
-    knots = places(on_periodic_knots(spline(), 60), 60).round()
-    widths = np.diff(knots)
-    assert widths[0] == widths[-1] == 1
-    assert widths.max() <= 2

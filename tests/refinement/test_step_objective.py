@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from begun_splines import begun, constraints_of
 from measured_motions import (
     RUN_IN,
     SWITCHING_TIMES,
@@ -14,15 +15,11 @@ from measured_motions import (
     unbounded,
 )
 
-from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.refinement.control_variables import ControlVariables
-from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.measured_objective import _FIRST_WORTH as FIRST_WORTH
 from tubeplanner.refinement.measured_objective import MeasuredObjective
 from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.smoothness_measures import smoothness_measures
-from tubeplanner.refinement.spline_constraints import SplineConstraints
-from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.refinement.step_block import Step
 from tubeplanner.refinement.step_cost import _PROXIMITY, _SMOOTHING, StepCost
 
@@ -36,11 +33,9 @@ DAMPING = 0.7
 def cost_case(request, bundled):
     """A problem with an open goal, and one with a given one."""
     problem = bundled(request.param)
-    branch = reference_branch(problem, redundancy_rules(problem)[0])
-    spline = starting_spline(problem, branch, 12)
+    spline = begun(problem, 12)
     variables = ControlVariables(problem, spline.grid)
-    joints = problem.robot.joint_count
-    return spline, variables, StepCost(variables, spline.grid, joints)
+    return spline, variables, StepCost(variables, spline.grid, problem.robot.joint_count)
 
 
 def cost(spline, variables, step, switching):
@@ -60,33 +55,24 @@ def cost(spline, variables, step, switching):
 
 
 def test_it_is_the_cost_of_a_step_but_for_what_there_was_before(cost_case):
+    """Squared rates are what is damped; everything that may change has some curvature.
+
+    Else the solver's program would have no single answer.
+    """
     spline, variables, step_cost = cost_case
-    step = 0.01 * np.random.default_rng(0).normal(size=variables.lower.shape)
-    switching = 0.02 * np.random.default_rng(2).normal(size=spline.grid.switch_count)
-    quadratic = step_cost.quadratic(spline, DAMPING)
+    rng = np.random.default_rng(0)
+    step = 0.01 * rng.normal(size=variables.lower.shape)
+    switching = 0.02 * rng.normal(size=spline.grid.switch_count)
+    quadratic, undamped = (step_cost.quadratic(spline, w) for w in (DAMPING, 0.0))
     x = np.concatenate([step.ravel(), switching, [0.0, 0.0]])
     found = quadratic.gradient @ x[:-2] + x @ quadratic.hessian.product(x) / 2
     before = cost(spline, variables, np.zeros_like(step), np.zeros_like(switching))
     assert found == pytest.approx(cost(spline, variables, step, switching) - before, rel=1e-6)
     assert not quadratic.gradient[step.size :].any() and quadratic.duration == 1
-
-
-def test_squared_rates_are_what_is_damped(cost_case):
-    spline, variables, step_cost = cost_case
-    step = 0.01 * np.random.default_rng(1).normal(size=variables.lower.shape)
-    switching = 0.02 * np.random.default_rng(3).normal(size=spline.grid.switch_count)
-    found = [step_cost.quadratic(spline, w).hessian.dense() for w in (DAMPING, 0.0)]
-    rates = found[0] - found[1]
-    x = np.concatenate([step.ravel(), switching, [0.0, 0.0]])
+    rates = quadratic.hessian.dense() - undamped.hessian.dense()
     squared_rates = step_cost.squared_rates(spline, step, switching)
     assert DAMPING * squared_rates == pytest.approx(x @ (rates @ x), rel=1e-9)
-
-
-def test_everything_that_may_change_has_some_curvature(cost_case):
-    """Else the solver's program would have no single answer."""
-    spline, _, step_cost = cost_case
-    hessian = step_cost.quadratic(spline).hessian.dense()
-    assert np.linalg.eigvalsh(hessian).min() > 0
+    assert np.linalg.eigvalsh(step_cost.quadratic(spline).hessian.dense()).min() > 0
 
 
 # What steps of the second stage gain: the model of its measures near a trajectory.
@@ -110,17 +96,15 @@ class Model:
         self.variables = ControlVariables(problem, spline.grid)
         self.cost = StepCost(self.variables, spline.grid, problem.robot.joint_count)
         self.objective = objective(problem, spline, run_in)
-        links, radius = LinkConstraints(problem), problem.tube.effective_radius
-        self.constraints = SplineConstraints(problem, spline.grid, links, radius, run_in)
+        self.constraints = constraints_of(problem, spline.grid, run_in=run_in)
         self.here = self.constraints.at(spline)
         regular = self.cost.quadratic(spline)
         whole = self.objective.cost(self.here, self.variables, regular)
         self.hessian = (whole.hessian.dense() - regular.hessian.dense())[:-2, :-2]
         self.gradient = whole.gradient - regular.gradient
 
-    def step(self, scale, switching=0.0, seed=3):
-        free, n = self.variables.lower.shape
-        control = scale * np.random.default_rng(seed).normal(size=(free, n))
+    def step(self, scale, switching=0.0):
+        control = scale * np.random.default_rng(3).normal(size=self.variables.lower.shape)
         return Step(control, np.array([switching]), 0.0, 0.0, np.zeros(0))
 
     def moved(self, step):
@@ -129,10 +113,14 @@ class Model:
         return self.constraints.at(PhasedSpline(self.spline.grid, times, points))
 
 
+def with_given_goal(case):
+    problem, spline, _ = case
+    return replace(problem, goal=spline.control_points[-1]), spline
+
+
 @pytest.fixture(scope="module")
 def model(case):
-    problem, spline, _ = case
-    return Model(replace(problem, goal=spline.control_points[-1]), spline)
+    return Model(*with_given_goal(case))
 
 
 def test_the_model_is_convex(model):
@@ -152,14 +140,11 @@ def test_a_small_step_gains_what_it_should(model, scale, switching):
 
 def test_the_jerk_has_an_exact_model_by_control_points(case):
     """Jerks are linear in them: to second order, their fourth powers are what the model says."""
-    problem, spline, _ = case
-    model = Model(replace(problem, goal=spline.control_points[-1]), spline, 100.0, jerk_alone)
+    model = Model(*with_given_goal(case), 100.0, jerk_alone)
     step = model.step(2e-4)
     change = np.append(step.control.ravel(), 0.0)
-    sides = [replace(step, control=sign * step.control) for sign in (1, -1)]
-    here, *there = (
-        np.exp(model.objective.value(at)) for at in (model.here, *map(model.moved, sides))
-    )
+    sides = [model.moved(replace(step, control=sign * step.control)) for sign in (1, -1)]
+    here, *there = (np.exp(model.objective.value(at)) for at in (model.here, *sides))
     bend = sum(there) / here - 2
     assert change @ model.hessian @ change == pytest.approx(FIRST_WORTH * bend, rel=1e-3)
     slope = (there[0] - there[1]) / (2 * here)
@@ -170,8 +155,8 @@ def test_the_jerk_has_an_exact_model_by_control_points(case):
 
 def test_its_curvature_by_switching_times_is_that_of_the_jerks_themselves(case):
     """Twelve times squares and squared slopes of what is raised to the fourth: Gauss and Newton."""
-    problem, spline, _ = case
-    model = Model(replace(problem, goal=spline.control_points[-1]), spline, objective=jerk_alone)
+    problem, spline = with_given_goal(case)
+    model = Model(problem, spline, objective=jerk_alone)
     travel = np.ptp(curve(spline)(np.linspace(0, 1, 200)), axis=0)
 
     def raised(step):
@@ -200,24 +185,35 @@ def test_a_moving_goal_counts_once_for_all_its_control_points(case):
     assert found == pytest.approx(FIRST_WORTH * numeric, rel=1e-4)
 
 
+def objective_beside(slider, run_in):
+    """Return an objective, motions of the slider of which the second is slower, and their gains."""
+    slider, spline = unbounded(slider.robot), monotone(1, np.array([0.6]))
+    objective = smoothness(slider, spline, run_in)
+    longer = replace(spline, control_points=1.01 * spline.control_points)
+    here, slower = (evaluated(slider, each, run_in) for each in (spline, longer))
+    return objective, here, slower, objective.value(here) - objective.value(slower)
+
+
 def test_smoothness_is_worth_less_while_steps_are_too_long(slider):
-    slider = unbounded(slider.robot)
-    spline = monotone(1, np.array([0.6]))
-    objective = smoothness(slider, spline, 0.1)  # far less than it needs
-    here = evaluated(slider, spline, 0.1)
-    slower = evaluated(slider, replace(spline, control_points=1.01 * spline.control_points), 0.1)
-    smoother = objective.value(here) - objective.value(slower)
+    objective, here, slower, smoother = objective_beside(slider, 0.1)  # far less than it needs
     longer = (slower.squared_duration - here.squared_duration) / 0.1**2
     assert longer > 0
-    assert objective.gain(here, slower) == pytest.approx(FIRST_WORTH * smoother - longer, rel=1e-9)
     step = Step(np.zeros((1, 1)), np.zeros(1), 1e-3, 0.0, np.zeros(0))
     objective.after(replace(step, duration=0.0))
-    assert objective.gain(here, slower) == pytest.approx(FIRST_WORTH * smoother - longer, rel=1e-9)
-    for worth in (2.5e-3, 1.25e-3, 6.25e-4, 5e-4, 5e-4):
-        objective.after(step)
+    for worth in (FIRST_WORTH, 2.5e-3, 1.25e-3, 6.25e-4, 5e-4, 5e-4):
         assert objective.gain(here, slower) == pytest.approx(worth * smoother - longer, rel=1e-9)
+        objective.after(step)
     nowhere = replace(slower, squared_duration=np.inf)
     assert objective.gain(here, nowhere) == -np.inf
+
+
+def test_within_the_time_nothing_is_longer(slider):
+    """Measures that vanish have logarithms, too."""
+    objective, here, slower, smoother = objective_beside(slider, 60.0)
+    assert objective.gain(here, slower) == pytest.approx(FIRST_WORTH * smoother, abs=1e-14)
+    slider, spline = unbounded(slider.robot), monotone(1, np.array([0.6]))
+    still = evaluated(slider, replace(spline, control_points=0 * spline.control_points), 1.0)
+    assert np.isfinite(smoothness(slider, spline, 1.0).value(still))
 
 
 def test_a_step_that_would_be_longer_should_gain_less(slider):
@@ -228,17 +224,3 @@ def test_a_step_that_would_be_longer_should_gain_less(slider):
         step = replace(model.step(0.0), duration=duration)
         predicted = model.objective.predicted_gain(model.here, step)
         assert predicted == pytest.approx(longer - more, rel=1e-9)
-
-
-def test_within_the_time_nothing_is_longer(slider):
-    slider, spline = unbounded(slider.robot), monotone(1, np.array([0.6]))
-    objective, here = smoothness(slider, spline, 60.0), evaluated(slider, spline, 60.0)
-    slower = evaluated(slider, replace(spline, control_points=1.01 * spline.control_points), 60.0)
-    smoother = objective.value(here) - objective.value(slower)
-    assert objective.gain(here, slower) == pytest.approx(FIRST_WORTH * smoother, abs=1e-14)
-
-
-def test_measures_that_vanish_have_logarithms(slider):
-    slider, spline = unbounded(slider.robot), monotone(1, np.array([0.6]))
-    still = evaluated(slider, replace(spline, control_points=0 * spline.control_points), 1.0)
-    assert np.isfinite(smoothness(slider, spline, 1.0).value(still))

@@ -27,33 +27,25 @@ def leg(robot, k, start, goal):
 
 @pytest.fixture(scope="module")
 def planned(robot):
-    """Three legs planned one after the other: problems and results."""
+    """Three legs planned one after the other: problems, results and motions."""
     start, problems, results = Seed([0.0, -1.0]), [], []
     for k in range(3):
         problems.append(leg(robot, k, start, GoalRegion(POINTS[k + 1], TOLERANCE)))
         results.append(plan(problems[-1], FAST))
         start = results[-1].trajectory.position(results[-1].duration)
-    return problems, results
-
-
-def motions(planned):
-    return [result.motion for result in planned[1]]
+    return problems, results, [result.motion for result in results]
 
 
 def between(planned, ends, legs):
     """Return the sum of durations of the legs planned alone between configurations."""
-    total = 0.0
-    for k in legs:
-        problem = planned[0][k]
-        start = problem.start if k == 0 else ends[k - 1]
-        goal = problem.goal if k == 2 else ends[k]
-        total += plan(replace(problem, start=start, goal=goal), FAST).duration
-    return total
+    starts, goals = [planned[0][0].start, *ends[:2]], [*ends[:2], planned[0][2].goal]
+    alone = (replace(planned[0][k], start=starts[k], goal=goals[k]) for k in legs)
+    return sum(plan(problem, FAST).duration for problem in alone)
 
 
 @pytest.fixture(scope="module")
 def tied(planned):
-    legs = TiedLegs(motions(planned), [True, True])
+    legs = TiedLegs(planned[2], [True, True])
     return legs, legs.run()
 
 
@@ -62,7 +54,7 @@ def test_tied_ends_agree_exactly_and_the_arm_is_at_rest_there(robot, planned, ti
         q = one.control_points[-1]
         np.testing.assert_array_equal(one.control_points[-3:], [q, q, q])
         np.testing.assert_array_equal(other.control_points[:3], [q, q, q])
-    before = motions(planned)[0].spline.control_points[0]
+    before = planned[2][0].spline.control_points[0]
     np.testing.assert_array_equal(tied[1][0].control_points[0], before)
     # The hand stays within the goals' tolerance.
     ends = np.array([spline.control_points[-1] for spline in tied[1]])
@@ -92,14 +84,19 @@ def test_legs_between_tied_ends_take_less_than_one_after_the_other_or_between_en
 
 
 def test_an_end_that_is_not_tied_stays_and_every_step_is_announced_with_the_sum(planned):
-    sums = []
-    splines = TiedLegs(motions(planned), [True, False], checkpoint=sums.append).run()
-    np.testing.assert_array_equal(
-        splines[2].control_points[0], motions(planned)[2].spline.control_points[0]
-    )
-    np.testing.assert_array_equal(splines[0].control_points[-1], splines[1].control_points[0])
+    sums, (_, results, motions) = [], planned
+    first, second, third = TiedLegs(motions, [True, False], checkpoint=sums.append).run()
+    before = motions[2].spline.control_points[0]
+    np.testing.assert_array_equal(third.control_points[0], before)
+    np.testing.assert_array_equal(first.control_points[-1], second.control_points[0])
     assert len(sums) > 2
-    assert sums[-1] == pytest.approx(sum(result.duration for result in planned[1]), rel=0.05)
+    assert sums[-1] == pytest.approx(sum(result.duration for result in results), rel=0.05)
+    with pytest.raises(KeyboardInterrupt):  # a checkpoint may end the work
+        TiedLegs(motions, [True, True], checkpoint=interrupt).run()
+
+
+def interrupt(duration):
+    raise KeyboardInterrupt
 
 
 def test_a_closed_cycle_begins_where_it_ends(robot, planned):
@@ -126,16 +123,9 @@ def test_a_goal_that_leaves_nothing_to_choose_stays(robot):
     first = plan(leg(robot, 0, Seed([0.0, -1.0]), None), FAST)
     q = first.trajectory.position(first.duration)
     second = plan(leg(robot, 1, q, GoalRegion(POINTS[2], TOLERANCE)), FAST)
-    splines = TiedLegs([first.motion, second.motion], [True]).run()
-    for spline, result in zip(splines, (first, second), strict=True):
-        before = result.motion.spline.control_points
+    motions = [first.motion, second.motion]
+    splines = TiedLegs(motions, [True]).run()
+    for spline, motion in zip(splines, motions, strict=True):
+        before = motion.spline.control_points
         np.testing.assert_array_equal(spline.control_points[0], before[0])
     np.testing.assert_allclose(splines[0].control_points[-1], q, atol=1e-15)
-
-
-def test_a_checkpoint_may_end_the_work(planned):
-    def stop(duration):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        TiedLegs(motions(planned), [True, True], checkpoint=stop).run()
