@@ -154,7 +154,11 @@ def test_rows_have_the_slack_of_the_trajectory_and_those_left_out_cannot_be_brok
 
 @pytest.mark.parametrize("kind", ALL_LIMITS)
 def test_rows_know_what_the_duration_gives(case, kind):
-    """At the duration that the limit allows, the tightest row has no slack; beyond it, some."""
+    """At the duration that the limit allows, the tightest row has no slack; beyond it, some.
+
+    In another one the slack is that of its own rows, multiplied by the highest power of the ratio
+    of the durations, by which rows are told. In its least duration no sample is beyond the limit.
+    """
     limit = Kinds(kind, case).at(case[1])
     y = float(limit.squared_durations.max())
     rows = limit.rows(np.sqrt(y), None)
@@ -164,6 +168,14 @@ def test_rows_know_what_the_duration_gives(case, kind):
     tight = int(rows.slack.argmin())
     gained = (later.slack[tight] - rows.slack[tight]) / eta
     assert -rows.duration[tight] == pytest.approx(gained, rel=1e-3)
+    used, signs = limit.limit.used(limit.path), limit.limit.signs
+    for longer in (0.7, 1.3):
+        there, slack = limit.rows(longer * 0.8, None), limit.slack(0.8, longer**2)
+        expected = longer**used.degree * there.slack
+        np.testing.assert_allclose(slack[there.index], expected, rtol=1e-12, atol=1e-12)
+    for i in np.flatnonzero(limit.squared_durations > 0):  # no speed is too fast elsewhere
+        own = used.at(limit.squared_durations[i] ** -0.5)[i]
+        assert max((sign * own).max() for sign in signs) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_the_least_duration_is_that_of_every_limit(case):
