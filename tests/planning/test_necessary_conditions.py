@@ -12,7 +12,6 @@ from tubeplanner import (
     PlanStatus,
     Seed,
     Tube,
-    load_problem,
     load_robot,
     placement_of,
     plan,
@@ -25,14 +24,13 @@ from tubeplanner.progress import PlanningClock
 from tubeplanner.robot.reach_bound import reach_bound
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_no_configuration_has_the_tool_outside(name):
-    robot = load_problem(f"example:{name}").robot
+@pytest.mark.parametrize("name", ["two_link/around_a_post", "panda/between_shelves"])
+def test_no_configuration_has_the_tool_outside(name, bundled):
+    robot = bundled(name).robot
     low = np.maximum(robot.limits.lower_position, -np.pi)
     high = np.minimum(robot.limits.upper_position, np.pi)
     q = np.random.default_rng(0).uniform(low, high, (2000, robot.joint_count))
-    beyond = reach_bound(robot).beyond(robot.tool_position(q))
-    assert beyond.max() <= 1e-9
+    assert reach_bound(robot).beyond(robot.tool_position(q)).max() <= 1e-9
 
 
 def test_stretched_out_the_tool_is_on_its_edge(two_link):
@@ -50,40 +48,38 @@ def test_a_sliding_joint_reaches_as_far_as_its_range(tmp_path):
     assert bound.beyond(gantry.tool_position(corners)).max() <= 1e-9
 
 
+LINE = [[0.3, -0.3, 0], [0.3, 0.3, 0]]
 SEED = Seed(np.array([0.0, -1.0]))  # of an arm that reaches 0.6 m
 
 
-def problem_of(two_link, points, radius=0.03):
-    return PlanningProblem(two_link, Tube(points, radius), SEED)
+def problem_of(two_link, points, radius=0.03, *obstacles):
+    return PlanningProblem(two_link, Tube(points, radius), SEED, obstacles=obstacles)
 
 
-@pytest.mark.parametrize(("far", "proved"), [(0.599, False), (0.61, True)])
-def test_a_goal_beyond_all_links_is_proved(two_link, far, proved):
-    problem = problem_of(two_link, [[0.3, -0.3, 0], [far, 0, 0]])
-    if not proved:
+@pytest.mark.parametrize(
+    ("points", "radius", "message"),
+    [
+        ([[0.3, -0.3, 0], [0.599, 0, 0]], 0.03, None),
+        ([[0.3, -0.3, 0], [0.61, 0, 0]], 0.03, r"at least 0\.01 m nearer"),
+        ([[0.368, -0.2, 0], [0.868, 0, 0], [0.368, 0.2, 0]], 0.1, None),
+        ([[0.38, -0.2, 0], [0.88, 0, 0], [0.38, 0.2, 0]], 0.1, r"may stay 0\.2693 m away"),
+    ],
+)
+def test_a_point_beyond_all_links_is_proved(two_link, points, radius, message):
+    """A goal, and a corner that may be cut as far as the tube is wide.
+
+    Capsules of 0.1 m about legs of slope 2 to 5 meet up to 0.269 m from their corner.
+    """
+    problem = problem_of(two_link, points, radius)
+    if message is None:
         require_within_bound(problem)
         return
-    with pytest.raises(Infeasible, match=r"at least 0\.01 m nearer") as caught:
+    with pytest.raises(Infeasible, match=message) as caught:
         require_within_bound(problem)
-    assert caught.value.proved
-    assert caught.value.place.point == 1
+    assert (caught.value.proved, caught.value.place.point) == (True, 1)
     result = plan(problem)
-    assert result.status is PlanStatus.UNREACHABLE
-    assert result.proved
+    assert (result.status, result.proved) == (PlanStatus.UNREACHABLE, True)
     assert result.message.endswith("; proved: there is no motion")
-
-
-@pytest.mark.parametrize(("far", "proved"), [(0.868, False), (0.88, True)])
-def test_a_corner_may_be_cut_as_far_as_the_tube_is_wide(two_link, far, proved):
-    """Capsules of 0.1 m about legs of slope 2 to 5 meet up to 0.269 m from their corner."""
-    points = [[far - 0.5, -0.2, 0], [far, 0, 0], [far - 0.5, 0.2, 0]]
-    problem = problem_of(two_link, points, 0.1)
-    if not proved:
-        require_within_bound(problem)
-        return
-    with pytest.raises(Infeasible, match=r"may stay 0\.2693 m away") as caught:
-        require_within_bound(problem)
-    assert caught.value.place.point == 1
 
 
 def test_where_it_starts_may_be_left_aside(two_link):
@@ -104,23 +100,21 @@ def refused(problem):
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_what_has_an_answer_is_not_refused(name):
-    required(load_problem(f"example:{name}"))
+def test_what_has_an_answer_is_not_refused(name, bundled):
+    required(bundled(name))
 
 
 def test_nothing_is_planned_first(two_link):
-    block = Obstacle.box("block", [0.1, 0.1, 0.1], placement_of([0.3, -0.3, 0.0]))
-    tube = Tube([[0.3, -0.3, 0], [0.3, 0.3, 0]], 0.03)
+    block = Obstacle.box("block", [0.1, 0.1, 0.1], placement_of(LINE[0]))
     stages = []
-    result = plan(PlanningProblem(two_link, tube, SEED, obstacles=[block]), None, stages.append)
+    result = plan(problem_of(two_link, LINE, 0.03, block), None, stages.append)
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert [str(stage) for stage in stages] == ["start and goal"]
 
 
 def test_an_open_goal_may_move(two_link):
-    block = Obstacle.box("block", [0.01, 0.01, 0.1], placement_of([0.3, 0.3, 0.0]))
-    tube = Tube([[0.3, -0.3, 0], [0.3, 0.3, 0]], 0.03)
-    required(PlanningProblem(two_link, tube, SEED, obstacles=[block]))
+    block = Obstacle.box("block", [0.01, 0.01, 0.1], placement_of(LINE[1]))
+    required(problem_of(two_link, LINE, 0.03, block))
 
 
 def test_a_goal_that_the_motors_cannot_hold_is_named():
@@ -137,19 +131,15 @@ def test_a_goal_that_the_motors_cannot_hold_is_named():
 @pytest.mark.parametrize(("point", "inside"), [(0.9, False), (0.8, True)])
 def test_a_middle_point_may_be_cut_off_as_far_as_the_tube_is_wide(two_link, point, inside):
     """Capsules of 0.1 m meet up to 0.27 and 0.22 m from the corner; the arm has 0.6 m."""
-    tube = Tube([[0.4, -0.2, 0], [point, 0, 0], [0.4, 0.2, 0]], 0.1)
-    problem = PlanningProblem(two_link, tube, SEED)
+    problem = problem_of(two_link, [[0.4, -0.2, 0], [point, 0, 0], [0.4, 0.2, 0]], 0.1)
     if inside:
         required(problem)
         return
     reason = refused(problem)
-    assert reason.status is PlanStatus.UNREACHABLE
+    assert (reason.status, reason.place.point) == (PlanStatus.UNREACHABLE, 1)
     assert "was brought no nearer than 0.3 m" in str(reason)
-    assert reason.place.point == 1
 
 
 def test_an_open_goal_must_be_reached(two_link):
-    tube = Tube([[0.3, -0.3, 0], [0.3, 0.53, 0]], 0.2)
-    reason = refused(PlanningProblem(two_link, tube, SEED))
-    assert reason.place.point == 1
-    assert reason.status is PlanStatus.UNREACHABLE
+    reason = refused(problem_of(two_link, [[0.3, -0.3, 0], [0.3, 0.53, 0]], 0.2))
+    assert (reason.status, reason.place.point) == (PlanStatus.UNREACHABLE, 1)

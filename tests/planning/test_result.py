@@ -1,3 +1,5 @@
+"""What a plan's result says of its grounds, and how what blocks an end may be moved."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +20,7 @@ from tubeplanner.outcome import Infeasible, Place
 from tubeplanner.planning.grounds import with_grounds
 from tubeplanner.planning.plan_result import refused_result
 
+IN_THE_WAY = "in the start configuration"
 PROVED = "; proved: there is no motion"
 
 
@@ -41,80 +44,71 @@ def test_a_refusal_says_how_sure_it_is(fields, message, starts):
     assert result.starts_tried == starts
 
 
-def between(two_link, start, goal, *obstacles):
-    points = two_link.tool_position(np.array([start, goal]))
-    return PlanningProblem(
-        two_link, Tube(points, 0.3), np.array(start), np.array(goal), obstacles=obstacles
-    )
-
-
-def block_at(two_link, q):
-    tool = two_link.tool_position(np.array([q]))[0]
-    return Obstacle.box("block", [0.05, 0.05, 0.05], placement_of(tool))
-
-
 START, GOAL = [0.2, -1.0], [0.9, -1.2]
+QUICK = PlanOptions("stop-at-corners")
+
+
+def between(two_link, *obstacles, **more):
+    """Return a problem with both ends given."""
+    tube = Tube(two_link.tool_position(np.array([START, GOAL])), 0.3)
+    ends = np.array(START), np.array(GOAL)
+    return PlanningProblem(two_link, tube, *ends, obstacles=obstacles, **more)
+
+
+def block_at(place):
+    return Obstacle.box("block", [0.05, 0.05, 0.05], placement_of(place))
 
 
 @pytest.mark.parametrize("at", [START, GOAL])
 def test_a_given_end_in_collision_is_proved(two_link, at):
-    problem = between(two_link, START, GOAL, block_at(two_link, at))
-    result = plan(problem)
-    assert result.status is PlanStatus.TUBE_BLOCKED
-    assert result.proved
+    result = plan(between(two_link, block_at(two_link.tool_position(np.array(at)))))
+    assert (result.status, result.proved) == (PlanStatus.TUBE_BLOCKED, True)
     assert result.as_dict()["proved"] is True
     assert result.message.endswith(PROVED)
 
 
 def test_moved_as_the_message_says_it_no_longer_blocks(two_link):
-    problem = between(two_link, START, GOAL, block_at(two_link, START))
-    message = plan(problem).message
-    words = message.split("move 'block' by ")[1].split()
+    tool = two_link.tool_position(np.array(START))
+
+    def message_of(moved):
+        return plan(between(two_link, block_at(tool + moved)), QUICK).message
+
+    words = message_of(0.0).split("move 'block' by ")[1].split()
     size, way = float(words[0]) / 1000, words[3].rstrip(",;")
     axis = np.eye(3)["xyz".index(way[1])] * (1 if way[0] == "+" else -1)
-    place = two_link.tool_position(np.array([START]))[0] + 1.001 * size * axis
-    moved = Obstacle.box("block", [0.05, 0.05, 0.05], placement_of(place))
-    after = plan(replace(problem, obstacles=(moved,)), PlanOptions(quality="fast"))
-    assert "in the start configuration" not in after.message
-    place = place - 0.02 * size * axis
-    short = Obstacle.box("block", [0.05, 0.05, 0.05], placement_of(place))
-    assert "in the start configuration" in plan(replace(problem, obstacles=(short,))).message
+    assert IN_THE_WAY not in message_of(1.001 * size * axis)
+    assert IN_THE_WAY in message_of(0.98 * size * axis)
+
+
+def test_clearance_that_a_given_end_leaves_is_in_the_message(two_link):
+    above = two_link.tool_position(np.array(START)) + np.array([0, 0, 0.2])
+    problem = between(two_link, block_at(above), clearance=0.18)
+    message = plan(problem).message
+    assert IN_THE_WAY in message
+    named = message.split("clearance 180 -> ")[1].split()[0]
+    freed = replace(problem, clearance=float(named) / 1000)
+    assert IN_THE_WAY not in plan(freed, QUICK).message
 
 
 def test_what_a_seed_leads_to_in_collision_is_not_proved(two_link):
-    problem = between(two_link, START, GOAL, block_at(two_link, START))
+    problem = between(two_link, block_at(two_link.tool_position(np.array(START))))
     result = plan(replace(problem, start=Seed(np.array(START))))
-    assert result.status is PlanStatus.TUBE_BLOCKED
-    assert result.proved is False
+    assert (result.status, result.proved) == (PlanStatus.TUBE_BLOCKED, False)
 
 
 def test_a_chosen_configuration_of_a_pose_proves_nothing(panda):
     q = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])
-    rotation, tool = panda.tool_pose(q[None])
-    points = tool + np.array([[0, 0, 0], [0.05, 0, 0]])
-    block = Obstacle.box("block", [0.05, 0.05, 0.05], placement_of(tool[0]))
-    placement = np.eye(4)
-    placement[:3, :3], placement[:3, 3] = rotation[0], tool[0]
-    problem = PlanningProblem(panda, Tube(points, 0.02), ToolPose(placement), obstacles=[block])
+    rotation, tool = panda.tool_pose(q)
+    tube = Tube(tool + np.array([[0, 0, 0], [0.05, 0, 0]]), 0.02)
+    placement = placement_of(tool)
+    placement[:3, :3] = rotation
+    problem = PlanningProblem(panda, tube, ToolPose(placement), obstacles=[block_at(tool)])
     result = plan(problem, PlanOptions(quality="fast"))
-    assert result.status is PlanStatus.TUBE_BLOCKED
-    assert result.proved is False
+    assert (result.status, result.proved) == (PlanStatus.TUBE_BLOCKED, False)
     assert ", 1 start tried" in result.message
 
 
 def test_an_answer_has_no_grounds(two_link):
-    result = plan(between(two_link, START, GOAL), PlanOptions(quality="fast"))
+    result = plan(between(two_link), QUICK)
     assert result.succeeded
-    assert result.proved is None
-    assert result.starts_tried is None
-
-
-def test_clearance_that_a_given_end_leaves_is_in_the_message(two_link):
-    tool = two_link.tool_position(np.array([START]))[0]
-    above = tool + np.array([0, 0, 0.2])
-    block = Obstacle.box("block", [0.05, 0.05, 0.05], placement_of(above))
-    problem = replace(between(two_link, START, GOAL, block), clearance=0.18)
-    message = plan(problem).message
-    named = message.split("clearance 180 -> ")[1].split()[0]
-    freed = replace(problem, clearance=float(named) / 1000)
-    assert "in the start configuration" not in plan(freed, PlanOptions(quality="fast")).message
+    assert result.proved is result.starts_tried is None
