@@ -46,70 +46,7 @@ def at(data, *keys):
     return data
 
 
-MOTORS = {
-    "robot": {
-        "urdf": "example:two_link",
-        "tool_frame": "hand",
-        "gravity": [0, 0, 0],
-        "limits": {"effort": {"joint1": [90, 80]}},
-        "motors": {"armature": [0.4, 0.2], "coulomb_friction": {"joint1": 2, "joint2": [1, 3]}},
-    },
-    "tube": {"points": [[0.6, 0, 0], [0.4, 0.4, 0]], "radius": 0.1},
-    "start": {"seed": [0, 1]},
-}
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "armature", "backwards", "forwards"),
-    [
-        ("robot.motors.armature", "x0.5", [0.2, 0.1], [2, 1], [2, 3]),
-        ("robot.motors.armature", 3, [3, 3], [2, 1], [2, 3]),
-        ("robot.motors.armature.1", 3, [0.4, 3], [2, 1], [2, 3]),
-        ("robot.motors.coulomb_friction", "x2", [0.4, 0.2], [4, 2], [4, 6]),
-        ("robot.motors.coulomb_friction.joint2", "x2", [0.4, 0.2], [2, 2], [2, 6]),
-        ("robot.motors.coulomb_friction.joint2.0", 5, [0.4, 0.2], [2, 5], [2, 3]),
-        ("robot.motors.coulomb_friction.joint1", [5, 6], [0.4, 0.2], [5, 1], [6, 3]),
-        ("robot.motors.coulomb_friction", [[5, 6], 7], [0.4, 0.2], [5, 7], [6, 7]),
-        ("robot.motors", {}, [0, 0], [0, 0], [0, 0]),
-    ],
-)
-def test_paths_lead_into_motors(path, value, armature, backwards, forwards):
-    motors = parse_problem(MOTORS, changes={path: value}).robot.motors
-    np.testing.assert_allclose(motors.armature, armature)
-    np.testing.assert_allclose(motors.backwards_friction, backwards)
-    np.testing.assert_allclose(motors.forwards_friction, forwards)
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "position", "backwards", "forwards"),
-    [
-        ("robot.limits.effort.joint1", "x0.5", [0], [45], [40]),
-        ("robot.limits.effort.joint1.1", 70, [0], [90], [70]),
-        (
-            "robot.limits.effort",
-            {"joint1": {"position": [0, 2], "effort": [5, 9]}},
-            [0, 2],
-            [5, 9],
-            [5, 9],
-        ),
-    ],
-)
-def test_paths_lead_into_effort_limits(path, value, position, backwards, forwards):
-    (found,) = parse_problem(MOTORS, changes={path: value}).robot.limits.effort_ranges
-    np.testing.assert_array_equal(found.position, position)
-    np.testing.assert_array_equal(found.backwards, backwards)
-    np.testing.assert_array_equal(found.forwards, forwards)
-
-
-def test_tables_of_efforts_are_known_below_a_joint():
-    table = {"robot.limits.effort": {"joint1": {"position": [0, 2], "effort": [5, 9]}}}
-    changes = table | {"robot.limits.effort.joint1.effort.0": 7}
-    (found,) = parse_problem(MOTORS, changes=changes).robot.limits.effort_ranges
-    np.testing.assert_array_equal(found.forwards, [7, 9])
-    with pytest.raises(
-        ProblemError, match=r"joint1\.efort: unknown key 'efort' \(did you mean 'ef"
-    ):
-        parse_problem(MOTORS, changes=table | {"robot.limits.effort.joint1.efort": [1, 2]})
+# --- places --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -129,28 +66,47 @@ def test_tables_of_efforts_are_known_below_a_joint():
         ("obstacles.1.sphere", 1, ["obstacles", 1, "sphere"]),
         ("obstacles.post", {"name": "other"}, ["obstacles", 1]),
         ("obstacles", [], ["obstacles"]),
-        ("collision.self", False, ["collision", "self"]),
     ],
 )
 def test_a_path_leads_to_one_place(path, value, keys):
-    after = changed({path: value})
-    assert at(after, *keys) == value
-    if keys != ["clearance"] and keys[0] != "collision":
-        expected = copy.deepcopy(DOCUMENT)
-        at(expected, *keys[:-1])[keys[-1]] = value
-        assert after == expected
+    after, expected = changed({path: value}), copy.deepcopy(DOCUMENT)
+    at(expected, *keys[:-1])[keys[-1]] = value
+    assert after == expected
 
 
 def test_missing_keys_are_made_where_the_schema_has_them():
     made = changed({"robot.payload.mass": 2, "robot.limits.effort.elbow": 3, "goal.joints": [1, 1]})
     assert made["robot"]["payload"] == {"mass": 2}
-    stood = changed({"robot.base.position": [0.1, 0, 0], "robot.base.rpy": [0, 0, 1]})
-    assert stood["robot"]["base"] == {"position": [0.1, 0, 0], "rpy": [0, 0, 1]}
     assert made["robot"]["limits"] == {"velocity": 2, "effort": {"elbow": 3}}
     assert made["goal"] == {"joints": [1, 1]}
-    assert changed({"tube.cross_section.0.box": [1, 2]})["tube"]["cross_section"][0] == {
-        "box": [1, 2]
-    }
+    stood = changed({"robot.base.position": [0.1, 0, 0], "robot.base.rpy": [0, 0, 1]})
+    assert stood["robot"]["base"] == {"position": [0.1, 0, 0], "rpy": [0, 0, 1]}
+    assert changed({"collision.self": False})["collision"] == {"self": False}
+    sections = changed({"tube.cross_section.0.box": [1, 2]})["tube"]["cross_section"]
+    assert sections[0] == {"box": [1, 2]}
+
+
+@pytest.mark.parametrize(
+    ("path", "section"),
+    [
+        ("robot.payload.", "PayloadFields"),
+        ("robot.limits.", "LimitFields"),
+        ("robot.limits.velocity_by_position.joint1.", "VelocityByPositionFields"),
+        ("robot.tool_offset.", "ToolOffsetFields"),
+        ("collision.", "CollisionFields"),
+        ("objective.", "ObjectiveFields"),
+        ("goal.", "EndpointFields"),
+        ("obstacles.post.", "ObstacleFields"),
+        ("", None),
+    ],
+)
+def test_every_field_of_the_schema_can_be_made(path, section):
+    """A key that a file leaves out is as good as one that it has."""
+    schema = ProblemFields.model_json_schema(by_alias=True)
+    fields = (schema["$defs"][section] if section else schema)["properties"]
+    assert fields
+    for key in fields.keys() - {"include"}:  # files are included before values are changed
+        assert changed({f"{path}{key}": "the value"}) != DOCUMENT
 
 
 def test_changes_are_made_in_their_order():
@@ -210,28 +166,6 @@ def test_a_path_that_leads_nowhere_is_refused_by_name(path, value, message):
         changed({path: value})
 
 
-def test_every_field_of_the_schema_can_be_made():
-    """A key that a file leaves out is as good as one that it has."""
-    schema = ProblemFields.model_json_schema(by_alias=True)
-    sections = {
-        "robot.payload": "PayloadFields",
-        "robot.limits": "LimitFields",
-        "robot.tool_offset": "ToolOffsetFields",
-        "collision": "CollisionFields",
-        "objective": "ObjectiveFields",
-        "goal": "EndpointFields",
-        "obstacles.post": "ObstacleFields",
-        "robot.limits.velocity_by_position.joint1": "VelocityByPositionFields",
-        "": None,
-    }
-    for path, model in sections.items():
-        fields = (schema if model is None else schema["$defs"][model])["properties"]
-        assert fields
-        for key in fields.keys() - {"include"}:  # files are included before values are changed
-            whole = f"{path}.{key}".lstrip(".")
-            assert changed({whole: "the value"}) != DOCUMENT
-
-
 def test_a_changed_value_is_checked_as_the_files_own(tmp_path):
     path = tmp_path / "mine.json"
     path.write_text(json.dumps(DOCUMENT))
@@ -242,23 +176,80 @@ def test_a_changed_value_is_checked_as_the_files_own(tmp_path):
         read_problem_fields(path, {"tube.radius": 1})
 
 
-def test_problems_are_loaded_with_changes():
-    name = "example:two_link/around_a_post"
-    plain = load_problem(name)
-    other = load_problem(name, changes={"tube.radius": "x0.5", "obstacles.post.position.0": 0.5})
+# --- problems with changes -----------------------------------------------------------------------
+
+MOTORS = {
+    "robot": {
+        "urdf": "example:two_link",
+        "tool_frame": "hand",
+        "gravity": [0, 0, 0],
+        "limits": {"effort": {"joint1": [90, 80]}},
+        "motors": {"armature": [0.4, 0.2], "coulomb_friction": {"joint1": 2, "joint2": [1, 3]}},
+    },
+    "tube": {"points": [[0.6, 0, 0], [0.4, 0.4, 0]], "radius": 0.1},
+    "start": {"seed": [0, 1]},
+}
+TABLE = {"joint1": {"position": [0, 2], "effort": [5, 9]}}
+
+
+def test_problems_are_loaded_with_changes(bundled):
+    plain = bundled("two_link/around_a_post")
+    changes = {"tube.radius": "x0.5", "obstacles.post.position.0": 0.5}
+    other = load_problem("example:two_link/around_a_post", changes=changes)
     np.testing.assert_array_equal(other.tube.radius, plain.tube.radius / 2)
     near, far = (each.obstacles[0].shapes[0].vertices.mean(axis=0) for each in (plain, other))
     np.testing.assert_allclose(far - near, [0.1, 0, 0], atol=1e-12)
-    data = {
-        "robot": {"urdf": "example:two_link", "tool_frame": "hand"},
-        "tube": {"points": [[0.45, -0.3, 0], [0.45, 0.1, 0]], "radius": 0.03},
-        "start": {"seed": [0, -1]},
-    }
-    parsed = parse_problem(data, changes={"objective.slack": 0.25})
-    assert parsed.objective.slack == 0.25
+    assert parse_problem(MOTORS, changes={"objective.slack": 0.25}).objective.slack == 0.25
 
 
-# --- text --------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("path", "value", "armature", "backwards", "forwards"),
+    [
+        (".armature", "x0.5", [0.2, 0.1], [2, 1], [2, 3]),
+        (".armature", 3, [3, 3], [2, 1], [2, 3]),
+        (".armature.1", 3, [0.4, 3], [2, 1], [2, 3]),
+        (".coulomb_friction", "x2", [0.4, 0.2], [4, 2], [4, 6]),
+        (".coulomb_friction.joint2", "x2", [0.4, 0.2], [2, 2], [2, 6]),
+        (".coulomb_friction.joint2.0", 5, [0.4, 0.2], [2, 5], [2, 3]),
+        (".coulomb_friction.joint1", [5, 6], [0.4, 0.2], [5, 1], [6, 3]),
+        (".coulomb_friction", [[5, 6], 7], [0.4, 0.2], [5, 7], [6, 7]),
+        ("", {}, [0, 0], [0, 0], [0, 0]),
+    ],
+)
+def test_paths_lead_into_motors(path, value, armature, backwards, forwards):
+    motors = parse_problem(MOTORS, changes={f"robot.motors{path}": value}).robot.motors
+    np.testing.assert_allclose(motors.armature, armature)
+    np.testing.assert_allclose(motors.backwards_friction, backwards)
+    np.testing.assert_allclose(motors.forwards_friction, forwards)
+
+
+@pytest.mark.parametrize(
+    ("changes", "position", "backwards", "forwards"),
+    [
+        ({".joint1": "x0.5"}, [0], [45], [40]),
+        ({".joint1.1": 70}, [0], [90], [70]),
+        ({"": TABLE}, [0, 2], [5, 9], [5, 9]),
+        ({"": TABLE, ".joint1.effort.0": 7}, [0, 2], [7, 9], [7, 9]),
+    ],
+)
+def test_paths_lead_into_effort_limits(changes, position, backwards, forwards):
+    changes = {f"robot.limits.effort{path}": value for path, value in changes.items()}
+    (table,) = parse_problem(MOTORS, changes=changes).robot.limits.effort_ranges
+    np.testing.assert_array_equal(table.position, position)
+    np.testing.assert_array_equal(table.backwards, backwards)
+    np.testing.assert_array_equal(table.forwards, forwards)
+
+
+def test_tables_of_efforts_are_known_below_a_joint():
+    changes = {"robot.limits.effort": TABLE, "robot.limits.effort.joint1.efort": [1, 2]}
+    message = r"joint1\.efort: unknown key 'efort' \(did you mean 'ef"
+    with pytest.raises(ProblemError, match=message):
+        parse_problem(MOTORS, changes=changes)
+
+
+# --- text ----------------------------------------------------------------------------------------
+
+WALL = "obstacles.front wall.position"
 
 
 @pytest.mark.parametrize(
@@ -266,11 +257,7 @@ def test_problems_are_loaded_with_changes():
     [
         ("tube.radius=0.02", "tube.radius", 0.02),
         (" tube.radius = x0.5 ", "tube.radius", "x0.5"),
-        (
-            "obstacles.front wall.position=[0.6,0,0.2]",
-            "obstacles.front wall.position",
-            [0.6, 0, 0.2],
-        ),
+        (f"{WALL}=[0.6,0,0.2]", WALL, [0.6, 0, 0.2]),
         ("robot.payload={mass: 2}", "robot.payload", {"mass": 2}),
         ("robot.limits.effort=.inf", "robot.limits.effort", float("inf")),
         ("goal=null", "goal", None),
@@ -310,22 +297,9 @@ def test_malformed_values_are_refused(text):
         parse_variation("--vary", text)
 
 
-@pytest.mark.parametrize(
-    ("value", "factor"),
-    [
-        ("x0.5", 0.5),
-        ("x2", 2),
-        ("x.5", 0.5),
-        ("x1e-3", 0.001),
-        ("x-1", -1),
-        ("x", None),
-        ("x2y", None),
-        ("xy", None),
-        ("2x", None),
-        ("xinf", None),
-        (2, None),
-        (None, None),
-    ],
-)
-def test_a_factor_is_an_x_before_a_number(value, factor):
-    assert factor_of(value) == factor
+FACTORS = {"x0.5": 0.5, "x2": 2, "x.5": 0.5, "x1e-3": 0.001, "x-1": -1}
+
+
+@pytest.mark.parametrize("value", [*FACTORS, "x", "x2y", "xy", "2x", "xinf", 2, None])
+def test_a_factor_is_an_x_before_a_number(value):
+    assert factor_of(value) == FACTORS.get(value)
