@@ -1,5 +1,7 @@
 """`check`: certificate of a trajectory file; controllers of `--for`."""
 
+import re
+
 import pytest
 from small_cycle import SMALL
 from stored_trajectories import REFINEMENT, stored_path, stored_trajectory
@@ -14,9 +16,6 @@ PANDA = f"example:{SHELVES}"
 FILE = stored_path(SHELVES, REFINEMENT)
 
 
-# Controllers by name.
-
-
 def test_each_has_its_own_name_and_limits(bundled):
     problem, file = bundled(SHELVES), stored_trajectory(SHELVES, REFINEMENT)
     verdicts = {each: judged_by(each, problem, file) for each in CONTROLLERS}
@@ -27,9 +26,6 @@ def test_each_has_its_own_name_and_limits(bundled):
     assert (verdicts["fer"].summary, verdicts["jtc"].summary) == ("would abort", "accepted")
     with pytest.raises(OptionError, match=r"unknown controller 'fr4'.*there is: fer, fr3, jtc"):
         judged_by("fr4", problem, file)
-
-
-# The certificate, the peaks, and what a controller makes of a file.
 
 
 def test_a_time_optimal_motion_is_certified_and_a_panda_would_abort_it(run):
@@ -103,10 +99,10 @@ def test_what_cannot_be_slower_is_said_with_its_place(run):
     assert "brakes to rest" not in text
 
 
-# Motions of whole cycles.
-
-
 NARROW = ("--set", "moves.beside.tube.radius=0.01")
+NO_MARKS = (
+    "has no marks, which say when the moves of a cycle begin.*give the JSON that plan -o writes"
+)
 
 
 @pytest.fixture(scope="module")
@@ -138,12 +134,17 @@ def test_every_move_has_its_verdict_and_what_fails_its_rows(run, folder):
     assert "fails: down: tube: margin -0.0" in last
     assert last.count("tube: margin") == 1
     assert "move 'beside', segment 0" in last
-    assert run(*words, *NARROW, "--tolerance", "0.5")[0] == 0
-    narrow = ("--set", "moves.over.tube.radius=0.001", "--set", "moves.back.tube.radius=0.001")
+
+
+@pytest.mark.dear("judges a cycle twice")
+def test_every_move_that_fails_has_its_row_and_a_tolerance_counts(run, folder):
+    words = ("check", folder / "small.yaml", folder / "t.json", "--set")
+    narrow = ("moves.over.tube.radius=0.001", "--set", "moves.back.tube.radius=0.001")
     _, text, _ = run(*words, *narrow)
     failing = [line for line in text.splitlines() if line.startswith("│ tube ") and "NO" in line]
     assert ["'over'" in line for line in failing] == [True, False]
     assert "'back'" in failing[1]
+    assert run(*words, *narrow, "--tolerance", "0.5")[0] == 0
 
 
 def test_the_object_has_the_first_failure_and_the_whole_certificate(run_json, folder, small_plan):
@@ -159,27 +160,16 @@ def test_the_object_has_the_first_failure_and_the_whole_certificate(run_json, fo
 
 
 @pytest.mark.parametrize(
-    ("name", "words", "messages"),
+    ("name", "words", "message"),
     [
-        (
-            "t.csv",
-            (),
-            (
-                "t.csv has no marks, which say when the moves of a cycle begin",
-                "give the JSON that plan -o writes",
-            ),
-        ),
-        ("t.yaml", (), ("t.yaml has no marks, which say when the moves of a cycle begin",)),
-        (
-            "t.json",
-            ("--set", "moves.back.name=home"),
-            ("t.json: marks are move over, ", "move home"),
-        ),
-        ("t.json", ("--for", "jtc"), ("--for jtc judges the motion of a problem",)),
+        ("t.csv", (), f"t.csv {NO_MARKS}"),
+        ("t.yaml", (), f"t.yaml {NO_MARKS}"),
+        ("t.json", ("--set", "moves.back.name=home"), "t.json: marks are move over, .* move home"),
+        ("t.json", ("--for", "jtc"), "--for jtc judges the motion of a problem"),
     ],
     ids=["CSV", "ROS", "other steps", "a controller"],
 )
-def test_what_is_no_motion_of_the_cycle_is_refused(run, folder, name, words, messages):
+def test_what_is_no_motion_of_the_cycle_is_refused(run, folder, name, words, message):
     status, _, error = run("check", folder / "small.yaml", folder / name, *words)
     assert status == 2
-    assert all(message in error for message in messages)
+    assert re.search(message, error)

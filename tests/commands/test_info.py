@@ -7,9 +7,6 @@ import pytest
 from tubeplanner.commands.info_text import problem_text
 from tubeplanner.problem.problem_info import problem_info
 
-# `tubeplanner info`: what is in a robot or a problem, where limits come from, what is missing.
-
-
 BARE = """<robot name="bare"><link name="base"/>
 <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
   <axis xyz="0 0 1"/><limit lower="-1" upper="2" effort="0" velocity="2"/></joint>
@@ -54,11 +51,7 @@ def test_a_robot_without_limits_is_described(run, bare):
     assert "turn (the URDF has 0), slide" in effort and "robot.limits.effort" in effort
     assert "slide" in position and "robot.limits.position" in position
     assert "what slide moves" in mass and "<inertial>" in mass
-
-
-def test_the_text_has_the_same(run, bare):
-    status, text, _ = run("info", bare)
-    assert status == 0
+    _, text, _ = run("info", bare)
     for words in ("bare: 2 joints to tip, the end", "-1 to 2", "box, sphere", "1.5 kg"):
         assert words in text
     assert "effort from: none" in text
@@ -157,9 +150,6 @@ def test_what_is_not_there_is_refused(run, name):
     assert run("info", name)[0] == 2
 
 
-# `tubeplanner info` of cycles.
-
-
 def rows(text):
     """Return the cells of the rows of all tables, by the first."""
     cells = ([cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines())
@@ -186,9 +176,6 @@ def test_what_does_not_load_is_told_with_the_reason(run, run_json, cycle_path):
     _, answer = run_json(*words)
     assert answer["cycle"] is None
     assert "dwell is 0.05 s" in answer["refused"]
-
-
-# `tubeplanner links`: how closely links are covered, and what is not checked.
 
 
 def test_links_are_listed_with_what_their_covers_stand_off(run, run_json):

@@ -2,7 +2,6 @@
 
 import re
 from contextlib import redirect_stdout
-from functools import cache
 from io import StringIO
 
 import numpy as np
@@ -32,7 +31,6 @@ SCARA = """<robot name="scara"><link name="base"/>
   <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
 </robot>"""
 ROBOTS = {"scara": SCARA, "slide": SLIDE}
-WEIGHTLESS = re.sub(r"<inertial>.*?</inertial>", "", SLIDE, flags=re.DOTALL)
 
 
 @pytest.fixture(scope="module")
@@ -49,16 +47,15 @@ def named(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def starter(named):
+def starter(named, shared):
     """Return a function from a name to the file that `init` prints, made once."""
 
-    @cache
-    def of(name):
+    def printed(name):
         with redirect_stdout(StringIO()) as stream:
             assert main(["init", named(name)]) == 0
         return stream.getvalue()
 
-    return of
+    return lambda name: shared(f"starter.{name}", lambda: printed(name))
 
 
 def _switched_on(text, chosen=lambda number: True):
@@ -81,6 +78,7 @@ def test_what_is_printed_plans(starter, name):
     assert plan(problem, PlanOptions(slack=0.0)).succeeded
 
 
+@pytest.mark.dear("plans the first problem of an arm")
 def test_every_commented_field_may_be_given_alone(starter):
     text = starter("scara")
     commented = _commented(text)
@@ -111,7 +109,8 @@ def test_limits_that_the_urdf_lacks_are_placeholders_to_be_replaced(starter):
 
 
 def test_without_masses_no_effort_is_limited(run, tmp_path):
-    (tmp_path / "light.urdf").write_text(WEIGHTLESS)
+    weightless = re.sub(r"<inertial>.*?</inertial>", "", SLIDE, flags=re.DOTALL)
+    (tmp_path / "light.urdf").write_text(weightless)
     fields = parse_yaml(run("init", tmp_path / "light.urdf")[1])
     assert set(fields["robot"]["limits"]["effort"].values()) == {float("inf")}
 
@@ -120,10 +119,8 @@ def test_the_start_is_held_free_and_well_inside_limits(starter):
     problem = parse_problem(parse_yaml(starter("ur5")))
     robot, q = problem.robot, problem.start
     assert (abs(robot.gravity_effort(q)) < 0.7 * robot.limits.effort).all()
-    span = robot.limits.upper_position - robot.limits.lower_position
-    assert (
-        np.minimum(q - robot.limits.lower_position, robot.limits.upper_position - q) > 0.1 * span
-    ).all()
+    lower, upper = robot.limits.lower_position, robot.limits.upper_position
+    assert (np.minimum(q - lower, upper - q) > 0.1 * (upper - lower)).all()
     checker = problem.collision
     assert not checker.any_overlap(*robot.body_poses(q), checker.pairs)
     assert np.linalg.svd(robot.tool_jacobian(q)[1], compute_uv=False)[-1] > 0.05
@@ -153,16 +150,12 @@ def test_json_has_the_text_and_another_tool_frame_is_taken(run_json, named, tmp_
     assert set(fields["start"]["joints"]) == {"turn", "extend"}
 
 
-def test_an_arm_too_weak_to_hold_itself_is_refused(run, tmp_path):
-    (tmp_path / "weak.urdf").write_text(
-        SLIDE.replace('effort="20"', 'effort="1e-3"').replace("0 0 -0.1", "0.2 0 0")
-    )
+def test_an_arm_too_weak_to_hold_itself_and_another_ending_are_refused(run, tmp_path):
+    weak = SLIDE.replace('effort="20"', 'effort="1e-3"').replace("0 0 -0.1", "0.2 0 0")
+    (tmp_path / "weak.urdf").write_text(weak)
     status, _, error = run("init", tmp_path / "weak.urdf")
     assert status == 2
     assert "gravity takes at most 70% of the effort limits" in error
-
-
-def test_another_ending_is_refused(run, tmp_path):
     assert run("init", "example:two_link", "-o", tmp_path / "a.json")[0] == 2
 
 

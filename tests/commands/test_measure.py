@@ -89,7 +89,6 @@ def test_wrong_usage_is_refused(arguments, message, problem, run):
     assert message in err
 
 
-@pytest.mark.dear("compares the elbow up and down, twice")
 def test_configurations_tell_elbow_up_from_elbow_down(problem, run, run_json):
     status, fields = run_json("measure", problem, "--configurations")
     assert status == 0

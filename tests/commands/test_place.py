@@ -18,6 +18,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("gantry")
 
 
+@pytest.mark.dear("plans at some twenty places")
 def test_the_best_place_is_written_and_planned_again(run, run_json, here, folder):
     problem, best, figure = gantry(folder, [FLOOR, POST]), folder / "best.yaml", folder / "map.png"
     options = ("--stands-on", "floor", "-o", best, "--plot", figure, "--processes", "3")

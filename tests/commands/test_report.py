@@ -6,24 +6,19 @@ import pytest
 from rich.console import Console
 from small_cycle import small_cycle
 
-from tubeplanner import compare, load_problem
+from tubeplanner import compare
 from tubeplanner.commands import comparison_report, report
 from tubeplanner.commands.cycle_report import cycle_plan_text
 from tubeplanner.cycle_planning.cycle_result import CycleSensitivity
 
-# Tables as wide as the terminal.
-
-
 METHODS = ("stop-at-corners", "conventional", "smoothed-arc-corners")
+MEASURES = ["planned in", "smooth", "peak jerk", "at a limit", "tube used"]
 
 
 @pytest.fixture(scope="module")
-def compared(shared):
-    problem = load_problem("example:two_link/paper_1_30mm")
+def compared(bundled, shared):
+    problem = bundled("two_link/paper_1_30mm")
     return shared("comparison.of_corners", lambda: compare(problem, METHODS))
-
-
-MEASURES = ["planned in", "smooth", "peak jerk", "at a limit", "tube used"]
 
 
 @pytest.fixture
@@ -70,9 +65,6 @@ def test_a_refusal_points_to_explain(run):
     assert "explain" not in run(*words)[1]
 
 
-# Plans of cycles as text.
-
-
 def text_of(result):
     return cycle_plan_text(small_cycle(), result, 0.5)
 
@@ -95,29 +87,22 @@ def test_what_configurations_in_common_save_is_told_where_it_is_something(small_
     assert "chosen together" not in text_of(replace(small_plan, greedy_duration=shortest))
 
 
-def test_the_dearest_limits_of_the_whole_are_told_without_those_that_cost_nothing(small_plan):
+def test_the_dearest_limits_of_the_whole_and_an_early_stop_are_told(small_plan):
+    """Limits that cost nothing are not."""
+    assert "stopped by" not in text_of(small_plan)
     prices = (
         CycleSensitivity("velocity", "joint1", None, None, 0.031),
         CycleSensitivity("radius", None, "beside", 0, 0.0),
     )
-    text = text_of(replace(small_plan, sensitivities=prices))
+    text = text_of(replace(small_plan, sensitivities=prices, stopped_by="time_limit"))
     assert "10 % more would save, over the cycle: velocity of joint1: 31 ms\n" in text
+    assert "stopped by time limit" in text
 
 
-def test_an_early_stop_is_told(small_plan):
-    assert "stopped by time limit" in text_of(replace(small_plan, stopped_by="time_limit"))
-    assert "stopped by" not in text_of(small_plan)
-
-
-def test_conditions_are_told_where_they_are_tightest(small_plan):
-    margins = {
-        name: each.conditions["tube"].margin for name, each in small_plan.certificate.moves.items()
-    }
-    row = next(line for line in text_of(small_plan).splitlines() if line.startswith("│ tube"))
-    assert f"{min(margins.values()):.3g} m" in row
-
-
-def test_a_move_is_told_the_limit_that_it_pays_most_for(small_plan):
-    row = next(line for line in text_of(small_plan).splitlines() if " over " in line)
+def test_conditions_and_prices_are_told_where_they_are_tightest(small_plan):
+    lines = text_of(small_plan).splitlines()
+    moves = small_plan.certificate.moves.values()
+    margin = min(each.conditions["tube"].margin for each in moves)
+    assert f"{margin:.3g} m" in next(line for line in lines if line.startswith("│ tube"))
     dearest = max(small_plan.legs[0].result.sensitivities, key=lambda each: each.saved)
-    assert str(dearest) in row
+    assert str(dearest) in next(line for line in lines if " over " in line)

@@ -50,9 +50,7 @@ sys.meta_path.insert(0, Presser())
         ("click", signal.SIGINT),
         ("numpy.exceptions", signal.SIGINT),
         pytest.param(
-            "pinocchio",
-            signal.SIGTERM,
-            marks=pytest.mark.dear("a process loads the libraries"),
+            "pinocchio", signal.SIGTERM, marks=pytest.mark.dear("a process loads the libraries")
         ),
     ],
 )

@@ -39,6 +39,12 @@ def rows(table):
     return list(csv.DictReader(table.read_text().splitlines()))
 
 
+def keys(table):
+    """Return the keys of the journal beside a table."""
+    lines = table.with_suffix(".jsonl").read_text().splitlines()
+    return [json.loads(line)["key"] for line in lines]
+
+
 @pytest.mark.dear("plans twice and makes a figure")
 def test_a_study_becomes_a_table_a_journal_and_a_figure(run, here, study, tmp_path):
     table, figure = tmp_path / "t.csv", tmp_path / "t.png"
@@ -96,29 +102,19 @@ def test_wrong_usage_is_refused_by_name(arguments, message, run, study):
     assert message in err
 
 
-def test_neither_the_study_nor_its_problems_are_overwritten(run, study, tmp_path):
-    problem = tmp_path / "p.json"
+def test_neither_problems_nor_what_is_no_journal_are_overwritten(run, study, tmp_path):
+    problem, journal, path = tmp_path / "p.json", tmp_path / "t.jsonl", study([0.03])
     problem.write_text(json.dumps({"include": PROBLEM}))
-    path = study([0.03])
     path.write_text(path.read_text().replace(PROBLEM, "p.json"))
     status, _, err = run("study", path, "-o", problem)
     assert status == 2
     assert "is the same file as" in err
     assert json.loads(problem.read_text()) == {"include": PROBLEM}
-
-
-def test_a_file_that_is_no_journal_stays(run, study, tmp_path):
-    journal = tmp_path / "t.jsonl"
     journal.write_text("mine\n")
-    status, _, err = run("study", study([0.03]), "-o", tmp_path / "t.csv")
+    status, _, err = run("study", path, "-o", tmp_path / "t.csv")
     assert status == 2
     assert "t.jsonl: line 1 is none of a study's journal" in err
     assert journal.read_text() == "mine\n"
-
-
-def keys(table):
-    lines = table.with_suffix(".jsonl").read_text().splitlines()
-    return [json.loads(line)["key"] for line in lines]
 
 
 def test_a_killed_study_goes_on_nothing_lost_and_nothing_twice(run, here, study, tmp_path):

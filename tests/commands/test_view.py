@@ -52,28 +52,26 @@ def folder(tmp_path_factory):
     return folder
 
 
+ANOTHER = ("--set", "moves.home.tube.radius=0.39")
+
+
 @pytest.mark.dear("makes a page of two motions")
-def test_a_page_has_the_motions_of_files_and_their_verdicts(folder, run):
+def test_a_page_has_the_motions_of_files_their_verdicts_and_what_differs(folder, run):
     page = folder / "page.html"
     files = [folder / name for name in ("cycle.yaml", "slow.json", "fast.json")]
-    status, out, _ = run("view", *files, "--html", page)
+    status, out, _ = run("view", *files, *ANOTHER, "--html", page)
     assert status == 0
     assert "note: slow.json: passes every condition" in out
     assert re.search(r"note: fast.json: fails: .*out: effort", out)
+    assert "what differs: tube of move 'home'" in out
     data = re.search(r'id="data">(.*?)</script>', page.read_text(), re.S).group(1)
     panel = json.loads(data)
     assert [each["name"] for each in panel["trajectories"]] == ["slow.json", "fast.json"]
     assert len(panel["timelines"]) == 2
 
 
-@pytest.mark.dear("makes a page and a figure")
-def test_a_motion_made_for_another_cycle_is_said_so(folder, run, run_json):
-    words = (folder / "cycle.yaml", folder / "slow.json")
-    change = ("--set", "moves.home.tube.radius=0.39")
-    status, answer = run_json("view", *words, *change, "--html", folder / "page.html")
-    assert status == 0
-    assert [note for note in answer["notes"] if "what differs: tube of move 'home'" in note]
-    status, out, _ = run("plot", *words, *change)
+def test_a_figure_of_a_motion_made_for_another_cycle_says_so(folder, run):
+    status, out, _ = run("plot", folder / "cycle.yaml", folder / "slow.json", *ANOTHER)
     assert status == 0
     assert "note: the trajectory was made for another cycle" in out
 
@@ -91,19 +89,18 @@ def test_a_figure_is_drawn_also_of_what_fails(folder, run, drawn):
     assert (folder / "fast.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("command", ["view", "plot"])
-def test_a_file_without_marks_is_refused(command, folder, run):
-    fields = json.loads((folder / "slow.json").read_text())
-    bare = folder / "bare.json"
-    for marks, message in (
+@pytest.mark.parametrize(
+    ("marks", "message"),
+    [
         ({}, "bare.json has no marks"),
-        (
-            {"marks": [{"time": 0.0, "move": "other"}]},
-            "bare.json: marks are move other; the ",
-        ),
-    ):
-        others = {name: value for name, value in fields.items() if name != "marks"}
-        bare.write_text(json.dumps({**others, **marks}))
+        ({"marks": [{"time": 0.0, "move": "other"}]}, "bare.json: marks are move other; the "),
+    ],
+)
+def test_a_file_without_marks_or_with_others_is_refused(marks, message, folder, run):
+    fields, bare = json.loads((folder / "slow.json").read_text()), folder / "bare.json"
+    del fields["marks"]
+    bare.write_text(json.dumps(fields | marks))
+    for command in ("view", "plot"):
         status, _, error = run(command, folder / "cycle.yaml", bare)
         assert status == 2
         assert message in error
