@@ -17,6 +17,7 @@ from tubeplanner import (
     Obstacle,
     load_problem,
     load_robot,
+    parse_problem,
     placement_of,
     plan,
     verify,
@@ -24,6 +25,7 @@ from tubeplanner import (
 from tubeplanner.collision.collision_checker import CollisionChecker, LeftOutPair
 from tubeplanner.collision.collision_scene import CollisionScene
 from tubeplanner.errors import ProblemError
+from tubeplanner.measurement.pair_clearance import PairClearance
 from tubeplanner.trajectory.trajectory_file import read_trajectory
 
 CASES = Path(__file__).parents[1] / "data/cases"
@@ -135,10 +137,14 @@ def test_pairs_are_not_lost_where_limits_exclude_zero_or_lie_a_turn_away(snake):
     assert ("a", "c") in pairs[0]
 
 
-def test_whether_a_robot_has_geometry_is_known(snake):
+def test_an_arm_without_geometry_is_known_and_clear_of_everything(snake):
     assert CollisionChecker(snake()).has_link_geometry
-    bare = load_robot("example:asr_twodof", "Tip")
-    assert not CollisionChecker(bare, [BLOCK]).has_link_geometry
+    robot = {"urdf": "example:asr_twodof", "tool_frame": "Tip"}
+    ends = {"start": {"joints": [0.0, 0.9]}, "goal": {"joints": [1.0, 0.9]}}
+    problem = parse_problem({"robot": robot, **ends}, reads_tube=False)
+    assert not CollisionChecker(problem.robot, [BLOCK]).has_link_geometry
+    least = PairClearance(problem, 0.01).least(np.zeros((3, 2)), near=1.0)
+    assert (least.clearance == np.inf).all()
 
 
 TOOL_BALL = AttachedSolid("ball", Obstacle.sphere("ball", 0.1, np.eye(4)).shapes)

@@ -10,7 +10,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "exports.h"  // made by test_library_sanitized.py: what the sources declare, and EXPORTS
+#include "exports.h"  // made by test_library.py: what the sources declare, and EXPORTS
 
 static std::vector<void*> programs;
 

@@ -36,12 +36,9 @@ def test_what_the_environment_names_comes_first():
     assert compiler({"CXX": "g++", "TUBEPLANNER_BUILD": "none"}) is None
 
 
-def test_another_build_is_refused():
+def test_another_build_is_refused_and_without_a_compiler_nothing_is_built(tmp_path):
     with pytest.raises(ValueError, match="TUBEPLANNER_BUILD is 'gcc'; give zig, none, or do not"):
         compiler({"TUBEPLANNER_BUILD": "gcc"})
-
-
-def test_without_a_compiler_nothing_is_built(tmp_path):
     assert build(tmp_path, {"TUBEPLANNER_BUILD": "none"}) == []
     assert list(tmp_path.iterdir()) == []
 
@@ -54,9 +51,6 @@ def test_a_compiler_that_refuses_is_quoted_and_leaves_the_old_library(tmp_path):
         build(tmp_path, {"CXX": str(refusing)})
     assert old.read_text() == "old"
     assert sorted(tmp_path.iterdir()) == sorted([old, refusing])
-
-
-def test_a_compiler_that_is_not_there_is_refused_as_such(tmp_path):
     with pytest.raises(RuntimeError, match="/no/such/compiler does not start: No such file"):
         build(tmp_path, {"CXX": "/no/such/compiler"})
 

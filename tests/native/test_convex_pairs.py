@@ -1,4 +1,4 @@
-"""Pairs of convex shapes measured natively, against numpy, FCL and Coal on bundled arms."""
+"""Pairs of convex shapes measured natively, against NumPy, FCL and Coal on bundled arms."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,9 @@ import pytest
 
 from tubeplanner import Obstacle, placement_of
 from tubeplanner.collision.collision_checker import CollisionChecker
+from tubeplanner.measurement import clearance_bounds
 from tubeplanner.native.convex_pairs import IS_NATIVE
+from tubeplanner.native.library import NativeLibrary
 
 pytestmark = pytest.mark.skipif(not IS_NATIVE, reason="the native library is left out")
 
@@ -26,16 +28,29 @@ class Placed(NamedTuple):
     pairs: np.ndarray
     row: np.ndarray
 
+    def exact(self):
+        """Return the distances of all pairs in all configurations, and their radii."""
+        pairs, count = self.native.pairs, len(self.rotation)
+        row, column = (index.ravel() for index in np.indices((count, len(pairs))))
+        found = self.native.closest_points(self.rotation, self.position, pairs[column], row)
+        return found.distance.reshape(count, len(pairs)), self.radii(pairs)
 
-@pytest.fixture(scope="module", params=PROBLEMS)
-def placed(request, bundled):
-    problem = bundled(request.param)
+    def radii(self, pairs):
+        return np.array([each.shape.radius for each in self.native.shapes])[pairs].sum(axis=1)
+
+
+def checker_of(problem):
+    """Return a checker that has round solids too."""
     round_ones = (
         Obstacle.sphere("ball", 0.1, placement_of([0.3, 0.3, 0.3])),
         Obstacle.capsule("bar", 0.05, 0.4, placement_of([-0.3, 0.3, 0.4])),
     )
-    arguments = (problem.robot, [*problem.obstacles, *round_ones])
-    native, other = CollisionChecker(*arguments), CollisionChecker(*arguments)
+    return CollisionChecker(problem.robot, [*problem.obstacles, *round_ones])
+
+
+@pytest.fixture(scope="module", params=PROBLEMS)
+def placed(request, bundled):
+    native, other = (checker_of(bundled(request.param)) for _ in range(2))
     vars(other)["_native"] = None
     rng = np.random.default_rng(5)
     q = rng.uniform(-2.5, 2.5, (PAIRS // 5, native.robot.joint_count))
@@ -68,15 +83,11 @@ def test_closest_points_are_never_looser_than_those_of_fcl_and_their_own_proof(p
     assert more.min() > -1e-9
     assert more.max() < 2e-5
     apart = expected.distance > 1e-6
-    radius = np.array([shape.shape.radius for shape in native.shapes])[pairs].sum(axis=1)
-    gap = found.second - found.first
-    np.testing.assert_allclose(
-        np.linalg.norm(gap, axis=1)[apart], (found.distance + radius)[apart], rtol=0, atol=1e-9
-    )
-    np.testing.assert_allclose(
-        np.einsum("pi,pi->p", gap, found.direction)[apart],
-        (found.distance + radius)[apart], rtol=0, atol=1e-9,
-    )  # fmt: skip
+    gap = (found.second - found.first)[apart]
+    size = (found.distance + placed.radii(pairs))[apart]
+    along = np.einsum("pi,pi->p", gap, found.direction[apart])
+    for length in (np.linalg.norm(gap, axis=1), along):
+        np.testing.assert_allclose(length, size, rtol=0, atol=1e-9)
     for checker, closest in ((native, found), (other, expected)):
         distance, direction = checker.separations_at(rotation, position, pairs, row)
         np.testing.assert_allclose(distance, closest.distance, rtol=0, atol=1e-12)
@@ -111,29 +122,22 @@ def test_pairs_that_are_far_enough_are_not_looked_at_closer(placed):
 
 def test_near_distances_are_exact_where_they_matter(placed):
     native, _, rotation, position, *_ = placed
-    pairs = native.pairs
-    shape = len(rotation), len(pairs)
-    row, column = (index.ravel() for index in np.indices(shape))
-    exact = native.closest_points(rotation, position, pairs[column], row).distance.reshape(shape)
-    matters = np.random.default_rng(3).uniform(0, 0.2, shape)
-    known = np.where(np.arange(shape[1]) % 3 == 0, exact - 0.01, -np.inf)
+    pairs, (exact, grown) = native.pairs, placed.exact()
+    matters = np.random.default_rng(3).uniform(0, 0.2, exact.shape)
+    known = np.where(np.arange(len(pairs)) % 3 == 0, exact - 0.01, -np.inf)
     found, unproven = native._native.near_distances(rotation, position, pairs, matters, known)
     assert (found <= exact + 1e-9).all()
     near = (exact < matters) & ~unproven
     np.testing.assert_allclose(found[near], exact[near], rtol=0, atol=2e-9)
-    grown = np.array([shape.shape.radius for shape in native.shapes])[pairs].sum(axis=1)
     assert ((exact + grown)[unproven] < 1e-6).all()
     assert (found[~near & ~unproven] >= matters[~near & ~unproven] - 1e-9).all()
 
 
 def test_the_least_room_is_that_of_all_pairs(placed):
     native, _, rotation, position, *_ = placed
-    pairs = native.pairs
-    shape = len(rotation), len(pairs)
-    row, column = (index.ravel() for index in np.indices(shape))
-    exact = native.closest_points(rotation, position, pairs[column], row).distance.reshape(shape)
-    required = np.random.default_rng(4).uniform(0, 0.02, shape[1])
-    required[::7] = -np.inf if shape[1] > 1 else 0.0
+    pairs, (exact, grown) = native.pairs, placed.exact()
+    required = np.random.default_rng(4).uniform(0, 0.02, len(pairs))
+    required[::7] = -np.inf if len(pairs) > 1 else 0.0
     room = np.where(required > -np.inf, exact - required, np.inf)
     found = native.least_room(rotation, position, pairs, required, NEAR)
     rows = np.arange(len(rotation))
@@ -145,10 +149,8 @@ def test_the_least_room_is_that_of_all_pairs(placed):
     proven = ~none & found.proven
     np.testing.assert_allclose(found.room[proven], least[proven], rtol=0, atol=2e-9)
     np.testing.assert_array_equal(found.pair[proven], room[proven].argmin(axis=1))
-    unproven = ~found.proven
-    grown = np.array([shape.shape.radius for shape in native.shapes])[pairs].sum(axis=1)
     cores = exact + grown
-    assert (cores[rows, found.pair][unproven] < 1e-6).all()
+    assert (cores[rows, found.pair][~found.proven] < 1e-6).all()
     assert not found.proven[(cores[:, required > -np.inf] < -1e-6).any(axis=1)].any()
 
 
@@ -167,3 +169,28 @@ def test_poses_that_are_not_finite_are_refused(placed):
     wrong[:, 1:] = np.nan
     with pytest.raises(ValueError, match="finite"):
         native.closest_points(rotation, wrong, pairs, row)
+
+
+# Bounds on clearances of many pairs.
+
+
+@pytest.mark.parametrize("near", [0.03, 0.0])
+def test_bounds_on_clearances_are_those_of_numpy(near, monkeypatch, bundled):
+    problem = bundled("ur5/over_the_wall")
+    checker, rng = checker_of(problem), np.random.default_rng(0)
+    q = problem.start + rng.normal(scale=0.6, size=(60, len(problem.start)))
+    poses = problem.robot.body_poses(q)
+    required = rng.uniform(0, 0.02, len(checker.pairs))
+    required[::5] = -np.inf  # may touch
+    arguments = checker, checker.pairs, required
+    found, least = clearance_bounds.ClearanceBounds(*arguments).at(*poses, near)
+    monkeypatch.setattr(clearance_bounds, "LIBRARY", NativeLibrary(None, ""))
+    expected, expected_least = clearance_bounds.ClearanceBounds(*arguments).at(*poses, near)
+    close = np.isfinite(expected)
+    assert not close[:, ::5].any()
+    assert 50 < close.sum() < close.size / 2
+    assert (expected[close] < 0).any()
+    for one, other in ((found, expected), (least, expected_least)):
+        np.testing.assert_array_equal(np.isfinite(one), np.isfinite(other))
+        known = np.isfinite(other)
+        assert one[known] == pytest.approx(other[known], abs=1e-10)

@@ -97,10 +97,12 @@ def test_friction_that_is_given_is_not_named(arm):
     assert unused_note(arm(motors=taken, turn=damped(2, 1), lift=damped(2, 1))) is None
 
 
-def test_a_placeholder_is_called_one(arm):
+def test_a_placeholder_is_called_one_and_what_is_no_number_is_named_as_it_is_written(arm):
     note = unused_note(arm(lift=damped(2, 1)))
     assert "take 35 % of the effort limit (lift), more than a third: rather a placeholder" in note
     assert "placeholder" not in unused_note(arm(lift=damped(2, 0.5)))
+    note = unused_note(arm(lift=damped("much")))
+    assert "<dynamics damping> much (lift); to keep it, give robot.motors" in note
 
 
 @pytest.mark.parametrize("free", ["velocity", "effort"])
@@ -126,10 +128,8 @@ def test_limits_that_the_problem_gives_itself_are_not_named(arm):
         ("lift", None),
         ("turn", f"{UNUSED}{values}{remedy}velocity_by_position"),
     ):
-        given = {joint: {"deceleration": 6.0, "offset": 0.3}}
-        assert (
-            unused_note(arm(LimitOverrides(velocity_by_position=given), lift=SLOWING)) == expected
-        )
+        own = LimitOverrides(velocity_by_position={joint: {"deceleration": 6.0, "offset": 0.3}})
+        assert unused_note(arm(own, lift=SLOWING)) == expected
     soft = '<safety_controller soft_lower_limit="-1" soft_upper_limit="3"/>'
     expected = f"{UNUSED}<safety_controller soft_lower_limit> -1 (turn)"
     assert unused_note(arm(turn=soft)) == expected
