@@ -6,16 +6,56 @@ from pathlib import Path
 
 import pytest
 
+from refusals import refusal
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.merged_fields import merged_fields
 from tubeplanner.problem.path_fields import move_paths
 from tubeplanner.problem.problem_fields import changed_problem, read_problem_fields
 from tubeplanner.problem.problem_layers import ProblemLayers
 
-# Two documents to one: maps by key, named lists by name, all else from the upper one.
-
-
 WALL, POST = {"name": "wall", "box": [1, 1, 1]}, {"name": "post", "sphere": 0.1}
+CELL = """\
+robot: {urdf: ../arms/arm.urdf, tool_frame: hand, payload: {mass: 2}}
+obstacles:
+  - {name: table, box: [1, 1, 0.1], position: [0, 0, -0.1]}
+  - {name: bin, mesh: bin.stl}
+clearance: 0.02
+"""
+MAIN = """\
+include: cells/cell.yaml
+robot: {payload: {com: [0, 0, 0.1]}}
+tube: {points: [[0, 0, 0], [1, 0, 0]], radius: 0.1}
+start: {joints: [0, 0]}
+obstacles: [{name: bin, position: [1, 0, 0]}, {name: post, sphere: 0.1}]
+"""
+
+
+def moved(fields):
+    """Return fields as the folder `plans` has them, of a file in another one."""
+    result = copy.deepcopy(fields)
+    move_paths(result, Path("/cells/one"), Path("/plans"))
+    return result
+
+
+@pytest.fixture
+def main(tmp_path):
+    """Return a problem file that includes another one from a folder beside it."""
+    (tmp_path / "cells").mkdir()
+    (tmp_path / "cells" / "cell.yaml").write_text(CELL)
+    (tmp_path / "main.yaml").write_text(MAIN)
+    return tmp_path / "main.yaml"
+
+
+def write(folder, **files):
+    for name, text in files.items():
+        (folder / f"{name}.yaml").write_text(text)
+
+
+def fault(path, **changes):
+    return refusal(ProblemError, read_problem_fields, path, changes)
+
+
+# --- two documents to one: maps by key, named lists by name, all else from the upper one ---------
 
 
 @pytest.mark.parametrize(
@@ -50,57 +90,41 @@ def test_a_name_that_is_there_twice_stays_twice():
 
 def test_neither_document_is_changed():
     below, above = {"r": {"x": 1}, "o": [dict(WALL)]}, {"r": {"y": 2}, "o": [{"name": "wall"}]}
+    before = copy.deepcopy((below, above))
     merged_fields(below, above)["r"]["z"] = 3
-    assert (below, above) == (
-        {"r": {"x": 1}, "o": [WALL]},
-        {"r": {"y": 2}, "o": [{"name": "wall"}]},
-    )
+    assert (below, above) == before
 
 
-# Paths of a problem, moved from one folder to another.
+# --- paths of a problem, moved from one folder to another ----------------------------------------
 
 
-def moved(fields):
-    result = copy.deepcopy(fields)
-    move_paths(result, Path("/cells/one"), Path("/plans"))
-    return result
+def all_paths(here, above):
+    """Return fields with every path that a problem may have, from a folder and the one above."""
+    return {
+        "include": [f"{here}table.yaml", f"{above}rail.yaml"],
+        "robot": {
+            "urdf": f"{here}arm.urdf",
+            "srdf": f"{here}arm.srdf",
+            "limits_file": f"{here}limits.yaml",
+            "package_dirs": [f"{here}packages", above.rstrip("/")],
+            "preset": ["fr3", f"{here}mine.yaml"],
+            "attached": [{"name": "part", "mesh": f"{here}part.stl"}],
+        },
+        "tube": {"points": f"{here}path.csv"},
+        "start": {"trajectory": f"{here}last.json"},
+        "goal": {"trajectory": f"{here}home.csv"},
+        "obstacles": [WALL, {"name": "bin", "mesh": f"{here}m/bin.obj"}],
+    }
 
 
 def test_every_path_is_moved():
-    fields = {
-        "include": ["table.yaml", "../rail.yaml"],
-        "robot": {
-            "urdf": "arm.urdf",
-            "srdf": "arm.srdf",
-            "limits_file": "limits.yaml",
-            "package_dirs": ["packages", ".."],
-            "preset": ["fr3", "mine.yaml"],
-            "attached": [{"name": "part", "mesh": "part.stl"}],
-        },
-        "tube": {"points": "path.csv"},
-        "start": {"trajectory": "last.json"},
-        "goal": {"trajectory": "home.csv"},
-        "obstacles": [{"name": "wall", "box": [1, 1, 1]}, {"name": "bin", "mesh": "m/bin.obj"}],
-    }
-    at = "../cells/one"
-    assert moved(fields) == {
-        "include": [f"{at}/table.yaml", "../cells/rail.yaml"],
-        "robot": {
-            "urdf": f"{at}/arm.urdf",
-            "srdf": f"{at}/arm.srdf",
-            "limits_file": f"{at}/limits.yaml",
-            "package_dirs": [f"{at}/packages", "../cells"],
-            "preset": ["fr3", f"{at}/mine.yaml"],
-            "attached": [{"name": "part", "mesh": f"{at}/part.stl"}],
-        },
-        "tube": {"points": f"{at}/path.csv"},
-        "start": {"trajectory": f"{at}/last.json"},
-        "goal": {"trajectory": f"{at}/home.csv"},
-        "obstacles": [
-            {"name": "wall", "box": [1, 1, 1]},
-            {"name": "bin", "mesh": f"{at}/m/bin.obj"},
-        ],
-    }
+    assert moved(all_paths("", "../")) == all_paths("../cells/one/", "../cells/")
+    for fields in ({"include": "a.yaml"}, {"robot": {"preset": "a.yaml"}}):  # one, not a list
+        assert "../cells/one/a.yaml" in str(moved(fields))
+    shared = {"mesh": "part.stl"}
+    fields = {"obstacles": [shared, shared]}
+    move_paths(fields, Path("/cells"), Path("/plans"))
+    assert fields["obstacles"] == [{"mesh": "../cells/part.stl"}] * 2
 
 
 @pytest.mark.parametrize(
@@ -114,24 +138,8 @@ def test_every_path_is_moved():
         ("file://part.stl", "file://../cells/one/part.stl"),
     ],
 )
-def test_what_is_no_relative_path_stays(path, there):
+def test_only_relative_paths_are_moved(path, there):
     assert moved({"robot": {"urdf": path}}) == {"robot": {"urdf": there}}
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"include": "a.yaml"},
-        {"robot": {"preset": "a.yaml"}},
-    ],
-)
-def test_one_or_a_list_are_the_same(fields):
-    assert "../cells/one/a.yaml" in str(moved(fields))
-
-
-@pytest.mark.parametrize("preset", ["fr3", "frr3", "arm.2", ["fer", "fr3"]])
-def test_a_preset_without_an_ending_is_a_name(preset):
-    assert moved({"robot": {"preset": preset}}) == {"robot": {"preset": preset}}
 
 
 @pytest.mark.parametrize(
@@ -141,59 +149,20 @@ def test_a_preset_without_an_ending_is_a_name(preset):
         {"robot": 3, "tube": [], "obstacles": "none", "include": 3},
         {"robot": {"urdf": 3, "attached": [3], "package_dirs": [None]}, "tube": {"points": [[1]]}},
         {"obstacles": [[], {"mesh": None}], "robot": {"preset": [3]}},
+        {"robot": {"preset": "fr3"}},  # without an ending it is a name
+        {"robot": {"preset": "arm.2"}},
+        {"robot": {"preset": ["fer", "fr3"]}},
     ],
 )
-def test_what_is_no_path_where_one_should_be_stays(fields):
+def test_a_value_that_is_no_path_stays(fields):
     assert moved(fields) == fields
 
 
-def test_what_is_at_two_places_is_moved_once():
-    part = {"mesh": "part.stl"}
-    fields = {"obstacles": [part, part]}
-    move_paths(fields, Path("/cells"), Path("/plans"))
-    assert fields["obstacles"] == [{"mesh": "../cells/part.stl"}] * 2
+# --- files that include others -------------------------------------------------------------------
 
 
-# Files that include others: what they give together, and what is wrong with them.
-
-
-CELL = """\
-robot: {urdf: ../arms/arm.urdf, tool_frame: hand, payload: {mass: 2}}
-obstacles:
-  - {name: table, box: [1, 1, 0.1], position: [0, 0, -0.1]}
-  - {name: bin, mesh: bin.stl}
-clearance: 0.02
-"""
-MAIN = """\
-include: cells/cell.yaml
-robot: {payload: {com: [0, 0, 0.1]}}
-tube: {points: [[0, 0, 0], [1, 0, 0]], radius: 0.1}
-start: {joints: [0, 0]}
-obstacles: [{name: bin, position: [1, 0, 0]}, {name: post, sphere: 0.1}]
-"""
-
-
-@pytest.fixture
-def folder(tmp_path):
-    (tmp_path / "cells").mkdir()
-    (tmp_path / "cells" / "cell.yaml").write_text(CELL)
-    (tmp_path / "main.yaml").write_text(MAIN)
-    return tmp_path
-
-
-def write(folder, **files):
-    for name, text in files.items():
-        (folder / f"{name}.yaml").write_text(text)
-
-
-def fault(path, **changes):
-    with pytest.raises(ProblemError) as caught:
-        read_problem_fields(path, changes)
-    return str(caught.value)
-
-
-def test_a_file_and_what_it_includes_are_one_problem(folder):
-    fields = read_problem_fields(folder / "main.yaml")
+def test_a_file_and_what_it_includes_are_one_problem(main):
+    fields = read_problem_fields(main)
     assert (fields.robot.urdf, fields.robot.tool_frame) == ("arms/arm.urdf", "hand")
     assert (fields.robot.payload.mass, fields.robot.payload.com) == (2, (0, 0, 0.1))
     assert fields.clearance == 0.02
@@ -201,31 +170,29 @@ def test_a_file_and_what_it_includes_are_one_problem(folder):
     assert (fields.obstacles[1].mesh, fields.obstacles[1].position) == ("cells/bin.stl", (1, 0, 0))
 
 
-def test_later_files_win_over_earlier_ones_and_the_file_itself_over_all(folder):
-    write(folder, a="clearance: 0.1\nperiod: 0.1", b="clearance: 0.2\nperiod: 0.2")
-    write(folder, main="include: [cells/cell.yaml, a.yaml, b.yaml]\nperiod: 0.3")
-    merged = ProblemLayers.read(folder / "main.yaml").merged
+def test_later_files_win_over_earlier_ones_and_the_file_itself_over_all(main):
+    write(main.parent, a="clearance: 0.1\nperiod: 0.1", b="clearance: 0.2\nperiod: 0.2")
+    write(main.parent, main="include: [cells/cell.yaml, a.yaml, b.yaml]\nperiod: 0.3")
+    merged = ProblemLayers.read(main).merged
     assert (merged["clearance"], merged["period"]) == (0.2, 0.3)
     assert merged["robot"]["urdf"] == "arms/arm.urdf"
     assert "include" not in merged
 
 
-def test_included_files_include(folder):
-    write(folder / "cells", low="period: 0.1\nclearance: 0.5", cell=f"include: low.yaml\n{CELL}")
-    fields = read_problem_fields(folder / "main.yaml")
+def test_included_files_include_also_along_two_paths(main):
+    cells = main.parent / "cells"
+    write(cells, low="period: 0.1\nclearance: 0.5", cell=f"include: low.yaml\n{CELL}")
+    fields = read_problem_fields(main)
     assert (fields.period, fields.clearance) == (0.1, 0.02)
-
-
-def test_one_file_may_be_included_along_two_ways(folder):
-    write(folder, low="period: 0.1", a="include: low.yaml", b="include: low.yaml\nclearance: 1")
-    write(folder, main=f"{MAIN}\n".replace("cells/cell.yaml", "[cells/cell.yaml, a.yaml, b.yaml]"))
-    assert read_problem_fields(folder / "main.yaml").period == 0.1
+    main.write_text(MAIN.replace("cells/cell.yaml", "[cells/cell.yaml, cells/low.yaml]"))
+    fields = read_problem_fields(main)
+    assert (fields.period, fields.clearance) == (0.1, 0.5)
 
 
 @pytest.mark.parametrize("form", ["[]", "null"])
-def test_a_file_that_includes_nothing_is_itself(folder, form):
-    write(folder, alone=f"include: {form}\nperiod: 0.1")
-    assert ProblemLayers.read(folder / "alone.yaml").merged == {"period": 0.1}
+def test_a_file_that_includes_nothing_is_itself(tmp_path, form):
+    write(tmp_path, alone=f"include: {form}\nperiod: 0.1")
+    assert ProblemLayers.read(tmp_path / "alone.yaml").merged == {"period": 0.1}
 
 
 def test_a_bundled_problem_may_be_included(tmp_path):
@@ -234,9 +201,15 @@ def test_a_bundled_problem_may_be_included(tmp_path):
     assert (fields.robot.urdf, fields.clearance) == ("example:ur5", 0.01)
 
 
-def test_values_are_changed_after_files_are_included(folder):
+def test_json_includes_yaml(main):
+    path = main.with_suffix(".json")
+    path.write_text(json.dumps({"include": ["main.yaml"], "clearance": 0.5}))
+    assert read_problem_fields(path).clearance == 0.5
+
+
+def test_values_are_changed_after_files_are_included(main):
     changes = {"robot.payload.mass": "x2", "obstacles.table.position.2": -0.2}
-    fields = read_problem_fields(folder / "main.yaml", changes)
+    fields = read_problem_fields(main, changes)
     assert fields.robot.payload.mass == 4
     assert fields.obstacles[0].position == (0, 0, -0.2)
     with pytest.raises(ProblemError, match=r"include: values are changed after files are included"):
@@ -250,11 +223,8 @@ def test_files_that_include_each_other_are_named_in_their_order(tmp_path, start)
     circle = "a.yaml includes b.yaml includes a.yaml"
     assert message.startswith(f"{tmp_path / 'b.yaml'}: include: {circle}")
     assert message.endswith("a circle; take one of them out")
-
-
-def test_a_file_that_includes_itself_is_refused(tmp_path):
     write(tmp_path, a="include: a.yaml")
-    assert "a.yaml includes a.yaml, a circle" in fault(tmp_path / "a.yaml")
+    assert "a.yaml includes a.yaml, a circle" in fault(tmp_path / start)
 
 
 def test_more_files_than_anyone_needs_are_refused(tmp_path):
@@ -277,9 +247,9 @@ def test_more_files_than_anyone_needs_are_refused(tmp_path):
         ("include: broken.yaml", "included file"),
     ],
 )
-def test_what_cannot_be_included_is_named(folder, text, fragment):
-    write(folder, main=text, list="[1, 2]", preset="format: tubeplanner/preset", broken="{")
-    assert fragment in fault(folder / "main.yaml")
+def test_a_file_that_cannot_be_included_is_named(main, text, fragment):
+    write(main.parent, main=text, list="[1, 2]", preset="format: tubeplanner/preset", broken="{")
+    assert fragment in fault(main)
 
 
 @pytest.mark.parametrize(
@@ -314,11 +284,5 @@ def test_an_item_is_found_by_its_name_in_the_file_that_has_it(tmp_path):
     assert message.startswith(f"{tmp_path / 'high.yaml'}: obstacles[1].sphere is 'big'")
 
 
-def test_a_changed_value_is_not_blamed_on_an_included_file(folder):
-    message = fault(folder / "main.yaml", clearance="far")
-    assert message.startswith(f"{folder / 'main.yaml'}: clearance is 'far'")
-
-
-def test_json_includes_yaml(folder):
-    (folder / "main.json").write_text(json.dumps({"include": ["main.yaml"], "clearance": 0.5}))
-    assert read_problem_fields(folder / "main.json").clearance == 0.5
+def test_a_changed_value_is_not_blamed_on_an_included_file(main):
+    assert fault(main, clearance="far").startswith(f"{main}: clearance is 'far'")
