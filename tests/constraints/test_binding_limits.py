@@ -22,7 +22,6 @@ from tubeplanner.constraints.limit_use import LimitUse, limit_uses
 
 # Closest pairs against all pairs measured, and where the points are known.
 
-
 BALL = """<robot name="ball"><link name="base"/><link name="arm">
 <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
 <collision><origin xyz="0.5 0 0"/><geometry><sphere radius="0.1"/></geometry></collision></link>
@@ -102,7 +101,6 @@ def test_nothing_is_closest_where_nothing_is_checked(ball):
 
 
 # What binds when: moves whose answer is known.
-
 
 EFFORT, MASS = 10.0, 2.0  # of the slider on its rail [N], [kg]
 

@@ -277,7 +277,6 @@ def test_what_cannot_be_moved_slowly_is_named_with_what_it_lacks(
 
 # What motors must hold: a bar against weight and friction, both ways and one way.
 
-
 LEVEL = np.zeros(1)
 
 

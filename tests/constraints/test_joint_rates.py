@@ -12,7 +12,6 @@ from tubeplanner.outcome import Infeasible, PlanStatus
 
 # The planners' velocity limits that fall towards the ends of joints' ranges, on one joint.
 
-
 DECELERATION, OFFSET, LOWER, UPPER = 4.0, 0.6, -1.0, 2.0
 ZONE = OFFSET**2 / (2 * DECELERATION)  # how near to its ends the joint may not move towards them
 LAW = {"deceleration": DECELERATION, "offset": OFFSET, "lower": LOWER, "upper": UPPER}

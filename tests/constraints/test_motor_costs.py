@@ -17,7 +17,6 @@ from tubeplanner.constraints.motor_effort import coulomb_effort, motor_effort
 
 # What motors give along motions with reversals and rests: closed forms; Puma 560's friction.
 
-
 BACK, FORTH, VISCOUS, ARMATURE = 0.9, 0.3, 0.8, 0.4
 ALL = {
     "armature": ARMATURE,
@@ -112,7 +111,6 @@ def test_puma_560s_motors_are_what_they_are_behind_its_gears(way, ur5):
 
 # Efforts of motors against MuJoCo's inverse dynamics, which reads the same URDF its own way.
 
-
 LEFT_OUT = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
 STATE = mujoco.mjtConstraintState
 SATURATED = (STATE.mjCNSTRSTATE_LINEARNEG, STATE.mjCNSTRSTATE_LINEARPOS)
@@ -163,7 +161,6 @@ def test_at_rest_what_remains_is_weight(arms):
 
 
 # What a motion takes from its motors: closed forms, and quadratures of something else.
-
 
 SQUARED_ACCELERATION = 120 / 7  # of the quintic of one radian in one second, integrated
 SEVERAL = 40
@@ -246,7 +243,6 @@ def test_friction_is_what_work_overcomes_and_motors_heat_for(tmp_path):
 
 
 # Total variation of efforts against closed forms.
-
 
 MASS, LEVER, GRAVITY, EFFORT = 2.0, 0.5, 9.81, 5.0
 

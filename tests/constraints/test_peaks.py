@@ -101,7 +101,6 @@ def test_of_many_peaks_the_highest_is_found():
 
 # Peaks of a trajectory: against closed forms, and against differences of the tool's path.
 
-
 LEVER = 0.5  # [m]
 
 

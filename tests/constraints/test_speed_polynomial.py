@@ -40,7 +40,6 @@ def test_largest_speeds_agree_to_rounding(powers, signs, monkeypatch):
 
 # The largest speed that cubics allow: no smaller one is too fast, and it solves the equation.
 
-
 COUNT = 20_000
 
 

@@ -32,7 +32,6 @@ from tubeplanner.robot.effort_rate import effort_rate
 
 # Time scaling against moves whose minimum time is known in closed form.
 
-
 FREE = {"velocity": np.inf, "effort": np.inf}
 BY_EFFORT = np.sqrt(INERTIA * ANGLE * PEAK_ACCELERATION / 5)
 
@@ -218,7 +217,6 @@ def test_what_rounding_makes_of_standing_still_has_no_friction(slide, turned):
 
 
 # Time scaling with motors: random states tried at all speeds, and reversals in closed form.
-
 
 SPEEDS = np.linspace(0, 1, 101)
 BACK, FORTH = 0.9, 0.3

@@ -14,7 +14,6 @@ from tubeplanner.refinement.widened_tube import widened_radius
 
 # A narrower tube inside a tube, about a smoother path.
 
-
 SEED = Seed([-0.2, -1.3, 1.9, -2.0, -1.6, 0])
 RADIUS = 0.005
 

@@ -1,4 +1,4 @@
-"""Descent: trust region, single steps, accepted iterates of one or more legs."""
+"""Descent: trust region, single steps, accepted iterates of one or more legs, open ends."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -12,6 +12,7 @@ from tubeplanner.refinement import descent
 from tubeplanner.refinement.descent import FIRST_PENALTY, Descent
 from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.step_block import Step
+from tubeplanner.refinement.tied_legs import TiedLegs
 from tubeplanner.refinement.trust_region import MIN_RADIUS, Outcome, TrustRegion, motion_unit
 
 # How the region follows what became of steps.
@@ -138,25 +139,39 @@ def test_the_radius_of_a_step_is_that_of_its_control_points_or_of_its_phases(cor
 
 # Steps of several legs at once: what they promise, and what they share.
 
-
-POINTS = np.array([[0.3, -0.5, 0.0], [0.5, 0.2, 0.0], [0.1, 0.6, 0.0]])
-
-
-def planned(points):
-    """Return legs of a two-link arm planned one after the other, each to a ball at a point."""
-    robot, start, found = load_robot("example:two_link", "hand"), Seed([0.0, -1.0]), []
-    for ends in pairwise(points):
-        problem = PlanningProblem(robot, Tube(list(ends), 0.08), start, GoalRegion(ends[1], 0.05))
-        result = plan(problem, PlanOptions(quality="fast", slack=0.0))
-        start = result.motion.spline.control_points[-1]
-        found.append(result.motion)
-    return found
+FAST = PlanOptions(quality="fast", slack=0.0)
+# Where the hand of a two-link arm starts, and ends each leg, within a tolerance.
+POINTS = np.array([[0.3, -0.5, 0.0], [0.5, 0.2, 0.0], [0.1, 0.6, 0.0], [-0.4, 0.3, 0.0]])
+TOLERANCE, RADIUS = 0.05, 0.08
 
 
 @pytest.fixture(scope="module")
-def motions():
-    """Two legs, the end between them in a ball."""
-    return planned(POINTS)
+def robot():
+    return load_robot("example:two_link", "hand")
+
+
+def leg(robot, ends, start, goal):
+    return PlanningProblem(robot, Tube(ends, RADIUS), start, goal)
+
+
+def planned_legs(robot, points):
+    """Return the results of legs planned one after the other, each to a ball at a point."""
+    start, results = Seed([0.0, -1.0]), []
+    for ends in pairwise(points):
+        results.append(plan(leg(robot, list(ends), start, GoalRegion(ends[1], TOLERANCE)), FAST))
+        start = results[-1].trajectory.position(results[-1].duration)
+    return results
+
+
+@pytest.fixture(scope="module")
+def results(robot):
+    """Three legs."""
+    return planned_legs(robot, POINTS)
+
+
+@pytest.fixture(scope="module")
+def motions(results):
+    return [result.motion for result in results]
 
 
 def improved(motions, is_tied, radius, steps=1, announced=lambda iterates: None):
@@ -177,15 +192,15 @@ def total(iterates):
 
 def test_tied_legs_gain_where_legs_alone_have_nothing_left(motions):
     """Both are as short as they get, each from its start: what is left is where they meet."""
-    begun, alone = improved(motions, (False, False), 0.02, steps=4)
+    begun, alone = improved(motions[:2], (False, False), 0.02, steps=4)
     assert total(alone.iterates) > 0.998 * total(begun)
-    _, tied = improved(motions, (True, False), 0.02, steps=4)
+    _, tied = improved(motions[:2], (True, False), 0.02, steps=4)
     assert total(tied.iterates) < 0.993 * total(begun)
 
 
 def test_tied_ends_agree_after_every_step(motions):
     iterates = []
-    improved(motions, (True, False), 0.05, steps=5, announced=iterates.append)
+    improved(motions[:2], (True, False), 0.05, steps=5, announced=iterates.append)
     assert len(iterates) == 5
     ends = np.array([one.spline.control_points[-3:] for one, _ in iterates])
     starts = np.array([other.spline.control_points[:3] for _, other in iterates])
@@ -193,7 +208,7 @@ def test_tied_ends_agree_after_every_step(motions):
     assert abs(ends[-1] - motions[0].spline.control_points[-1]).max() > 0.01
 
 
-def test_what_legs_gain_counts_by_their_durations(monkeypatch):
+def test_what_legs_gain_counts_by_their_durations(robot, monkeypatch):
     """Seconds count, not shares: twice the share by which the sum is less, as T^2 is what counts.
 
     The second leg is short: most of its duration is gained, and some of the first one's lost.
@@ -204,8 +219,9 @@ def test_what_legs_gain_counts_by_their_durations(monkeypatch):
         outcomes.append(Outcome(*fields))
         return outcomes[-1]
 
-    legs = planned(np.array([*POINTS[:2], [0.46, 0.32, 0.0]]))
+    legs = planned_legs(robot, [*POINTS[:2], np.array([0.46, 0.32, 0.0])])
     monkeypatch.setattr(descent, "Outcome", noted)
+    legs = [result.motion for result in legs]
     begin, _ = improved(legs, (True, False), 0.01, 4, lambda iterates: sums.append(total(iterates)))
     shares = -np.diff([total(begin), *sums]) / [total(begin), *sums[:-1]]
     gains = np.array([outcome.gain for outcome in outcomes])
@@ -216,7 +232,7 @@ def test_what_legs_gain_counts_by_their_durations(monkeypatch):
 def test_a_single_iterate_is_that_of_a_single_leg(motions):
     _, found = improved(motions[:1], (False,), 0.005)
     assert found.iterate is found.iterates[0]
-    _, both = improved(motions, (False, False), 0.005)
+    _, both = improved(motions[:2], (False, False), 0.005)
     with pytest.raises(ValueError, match="too many values"):
         _ = both.iterate
 
@@ -229,3 +245,108 @@ def test_what_stays_broken_costs_more_unless_the_step_mends_a_part(radius, facto
     begun, found = improved([outside], (False,), radius)
     assert begun[0].excess > 0.1
     assert found.penalty == factor * FIRST_PENALTY
+
+
+# Legs whose common ends are open: where they end, and what that is worth.
+
+DEAR = pytest.mark.dear("plans and improves several legs")
+
+
+def between(motions, ends, legs):
+    """Return the sum of durations of the legs planned alone between configurations."""
+    starts, goals = [motions[0].problem.start, *ends[:2]], [*ends[:2], motions[2].problem.goal]
+    alone = (replace(motions[k].problem, start=starts[k], goal=goals[k]) for k in legs)
+    return sum(plan(problem, FAST).duration for problem in alone)
+
+
+@pytest.fixture(scope="module")
+def tied(motions):
+    legs = TiedLegs(motions, [True, True])
+    return legs, legs.run()
+
+
+@DEAR
+def test_tied_ends_agree_exactly_and_the_arm_is_at_rest_there(robot, motions, tied):
+    for one, other in zip(tied[1][:-1], tied[1][1:], strict=True):
+        q = one.control_points[-1]
+        np.testing.assert_array_equal(one.control_points[-3:], [q, q, q])
+        np.testing.assert_array_equal(other.control_points[:3], [q, q, q])
+    before = motions[0].spline.control_points[0]
+    np.testing.assert_array_equal(tied[1][0].control_points[0], before)
+    # The hand stays within the goals' tolerance.
+    ends = np.array([spline.control_points[-1] for spline in tied[1]])
+    away = np.linalg.norm(robot.tool_position(ends) - POINTS[1:], axis=1)
+    assert (away <= TOLERANCE).all()
+    assert away.max() > 0.9 * TOLERANCE
+
+
+@DEAR
+def test_legs_between_tied_ends_take_less_than_one_after_the_other_or_between_ends_near_by(
+    robot, results, motions, tied
+):
+    """The first end moved in its ball: no way leads to a smaller sum, but for noise."""
+    ends = [spline.control_points[-1] for spline in tied[1]]
+    last = between(motions, ends, [2])
+    total = between(motions, ends, [0, 1]) + last
+    assert total < 0.99 * sum(result.duration for result in results)
+    # On its coarser knots the program knew the sum nearly.
+    assert sum(tied[0].durations) == pytest.approx(total, rel=0.06)
+    jacobian = robot.tool_jacobian(ends[0][None])[1][0, :2]
+    directions = np.array([[0.02, 0], [-0.02, 0], [0, 0.02], [0, -0.02]])
+    others = ends[0] + np.linalg.solve(jacobian, directions.T).T
+    away = np.linalg.norm(robot.tool_position(others) - POINTS[1], axis=1)
+    inside = others[away <= TOLERANCE]
+    assert len(inside) > 0
+    for other in inside[:2]:
+        assert between(motions, [other, *ends[1:]], [0, 1]) + last > 0.998 * total
+
+
+@DEAR
+def test_an_end_that_is_not_tied_stays_and_every_step_is_announced_with_the_sum(results, motions):
+    sums = []
+    first, second, third = TiedLegs(motions, [True, False], checkpoint=sums.append).run()
+    before = motions[2].spline.control_points[0]
+    np.testing.assert_array_equal(third.control_points[0], before)
+    np.testing.assert_array_equal(first.control_points[-1], second.control_points[0])
+    assert len(sums) > 2
+    assert sums[-1] == pytest.approx(sum(result.duration for result in results), rel=0.05)
+    with pytest.raises(KeyboardInterrupt):  # a checkpoint may end the work
+        TiedLegs(motions, [True, True], checkpoint=interrupt).run()
+
+
+def interrupt(duration):
+    raise KeyboardInterrupt
+
+
+@DEAR
+def test_a_closed_cycle_begins_where_it_ends(robot, results):
+    """A leg back to the first point; where the cycle closes is chosen as well."""
+    first = results[0]
+    goal, last = (first.trajectory.position(t) for t in (0.0, first.duration))
+    back = plan(PlanningProblem(robot, Tube(POINTS[[1, 0]], 0.7), last, goal), FAST).motion
+    back = replace(back, problem=replace(back.problem, goal=GoalRegion(POINTS[0], TOLERANCE)))
+    legs = TiedLegs([first.motion, back], [True], is_closed=True)
+    splines = legs.run()
+    begin, end = splines[0].control_points[:3], splines[-1].control_points[-3:]
+    np.testing.assert_array_equal(begin, np.tile(end[-1], (3, 1)))
+    assert np.ptp(end, axis=0).max() == 0
+    moved = robot.tool_position(begin[:1])[0] - POINTS[0]
+    assert 0.001 < np.linalg.norm(moved) <= TOLERANCE
+    assert abs(begin[0] - goal).max() > 0.01
+    open_legs = TiedLegs([first.motion, back], [True])
+    open_legs.run()
+    assert sum(legs.durations) < sum(open_legs.durations) + 1e-3
+
+
+@DEAR
+def test_a_goal_that_leaves_nothing_to_choose_stays(robot):
+    """Two joints in a plane at a point."""
+    first = plan(leg(robot, POINTS[:2], Seed([0.0, -1.0]), None), FAST)
+    q = first.trajectory.position(first.duration)
+    second = plan(leg(robot, POINTS[1:3], q, GoalRegion(POINTS[2], TOLERANCE)), FAST)
+    motions = [first.motion, second.motion]
+    splines = TiedLegs(motions, [True]).run()
+    for spline, motion in zip(splines, motions, strict=True):
+        before = motion.spline.control_points
+        np.testing.assert_array_equal(spline.control_points[0], before[0])
+    np.testing.assert_allclose(splines[0].control_points[-1], q, atol=1e-15)

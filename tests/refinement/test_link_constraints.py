@@ -30,7 +30,6 @@ from tubeplanner.refinement.spline_start import knot_grid
 
 # Corners of a box that lies on another: how far each is, and between which points.
 
-
 TOP = 0.02
 
 
@@ -38,13 +37,12 @@ TOP = 0.02
 def part(ur5):
     """A part that the tool carries, 1 mm above a table, tilted by so much: checker, q, poses."""
 
-    def make(tilt, size=(0.06, 0.06, 0.1)):
+    def make(tilt):
         q = np.array([[-0.79, -1.31, 1.9, -2.159, -1.5708 + tilt, 0.0]])
         rotation, tool = ur5.tool_pose(q)
-        placement = np.eye(4)
-        placement[:3, 3] = [0, 0, size[2] / 2]
-        solid = AttachedSolid("part", (box(size).transformed(placement),), ("wrist_3_link",))
-        lowest = (solid.shapes[0].vertices @ rotation[0].T + tool[0])[:, 2].min()
+        block = box([0.06, 0.06, 0.1]).transformed(placement_of([0, 0, 0.05]))
+        solid = AttachedSolid("part", (block,), ("wrist_3_link",))
+        lowest = (block.vertices @ rotation[0].T + tool[0])[:, 2].min()
         height = lowest - 0.001 - TOP
         table = Obstacle.box("table", [2, 2, 2 * TOP], placement_of([0.5, 0, height]))
         checker = CollisionChecker(ur5, [table], attached=[solid], self_collision=False)
@@ -54,13 +52,11 @@ def part(ur5):
     return make
 
 
-NUMBERS = np.array([-1, 0, 1, 2, 3])
-
-
-def measured(checker, q, pairs):
+def measured(checker, q, pairs, numbers=range(-1, CORNERS)):
+    """Return the closest points of a pair, and the corners with these numbers; -1: none."""
     poses = checker.robot.body_poses(q)
     closest = checker.closest_points(*poses, pairs)
-    return closest, of_corners(checker, poses, pairs, closest, NUMBERS)
+    return closest, of_corners(checker, poses, pairs, closest, np.array(numbers))
 
 
 def test_all_corners_of_a_face_are_found(part):
@@ -73,11 +69,9 @@ def test_all_corners_of_a_face_are_found(part):
     upper, lower = corners.first[1:, 2], corners.second[1:, 2]
     np.testing.assert_allclose(abs(upper - lower), corners.distance[1:], atol=1e-9)
     assert len(np.unique(corners.first[1:, :2].round(6), axis=0)) == CORNERS
-    # A pair may have none.
-    none = np.full(CORNERS + 1, -1)
-    same = of_corners(checker, checker.robot.body_poses(q), pairs, closest, none)
+    _, same = measured(checker, q, pairs, [-1] * (CORNERS + 1))
     np.testing.assert_array_equal(same.distance, closest.distance)
-    assert replace(same, distance=closest.distance).direction is closest.direction
+    np.testing.assert_array_equal(same.direction, closest.direction)
 
 
 def test_their_gradients_are_those_of_the_corners(part):
@@ -96,7 +90,6 @@ def test_corners_far_from_the_face_do_not_count(part):
 
 
 # What is required along a spline: at hand-overs of both segments, near the ends less.
-
 
 START, GOAL = np.array([0.2, 0.3]), np.array([0.9, 0.5])
 NAMES = ("ball", "link2")
@@ -185,16 +178,12 @@ def test_what_changes_with_the_joints_is_what_is_required(problem):
 # Links in the optimisation: trajectories that would be faster through something.
 
 
-POINTS = [[0.3, -0.3, 0], [0.3, 0.3, 0]]
-
-
 def problem_with(two_link, *obstacles, radius=0.08, **more):
-    tube = Tube(POINTS, radius, joint_signs={"joint2": "-"})
+    tube = Tube([[0.3, -0.3, 0], [0.3, 0.3, 0]], radius, joint_signs={"joint2": "-"})
     return PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])), obstacles=obstacles, **more)
 
 
-def post(x, y, size=0.03):
-    return Obstacle.cylinder("post", size, 0.5, placement_of([x, y, 0.0]))
+POST = Obstacle.cylinder("post", 0.03, 0.5, placement_of([0.46, 0.0, 0.0]))
 
 
 @pytest.mark.dear("plans the motion of six joints about an obstacle")
@@ -229,7 +218,7 @@ def test_what_was_far_off_at_the_last_look_is_seen_once_it_comes_near(two_link):
 
     What is far away has no rows.
     """
-    problem = problem_with(two_link, post(0.46, 0.0))
+    problem = problem_with(two_link, POST)
     far = begun(problem, 12)
     bent = far.control_points.copy()
     bent[3:-3, 1] *= 0.4
@@ -260,7 +249,7 @@ def test_links_that_pass_between_coarse_samples_are_given_up_on_the_finest(bundl
 def test_room_beyond_what_is_asked_is_kept_from_obstacles(two_link):
     """As if the clearance were larger by it, between links and obstacles."""
     clearance, room = 0.01, 0.015
-    problem = problem_with(two_link, post(0.46, 0.0), clearance=clearance)
+    problem = problem_with(two_link, POST, clearance=clearance)
     spline = begun(problem, 12)
     samples = spline.grid.samples_at(spline.switching_times, np.linspace(0.2, 0.8, 7))
 

@@ -21,7 +21,6 @@ from tubeplanner.tube.segment_regions import Capsules
 
 # Supporting planes of capsules: what they hold, where they touch, how they move with a step.
 
-
 STEP = 1e-6
 MARGIN = 0.005
 NUMBERS = np.array([[7], [8]])
@@ -238,7 +237,6 @@ def test_a_ball_in_a_tube_of_boxes_has_the_price_of_the_smaller_side(case):
 
 
 # The ball of a goal as the optimisation sees it: its polyhedron, its keys, its movable end.
-
 
 TOLERANCE = 0.02
 

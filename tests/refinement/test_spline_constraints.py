@@ -32,7 +32,6 @@ from tubeplanner.trajectory.joint_trajectory import from_spline
 
 # Conditions of the optimisation: against what they stand for and against finite differences.
 
-
 ENDS = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
 LIMITS = (
@@ -103,19 +102,12 @@ class Kinds:
         names = CoulombFriction.__dataclass_fields__
         return CoulombFriction(*(getattr(blended, name)[:-1] for name in names))
 
-    def rows(self, spline, duration, size=None):
-        return self.at(spline).rows(duration, size)
-
-    def slack(self, other, duration, eta):
-        """Return the slack that another spline has, by the rows' numbers."""
-        return self.at(other).slack(duration, 1 + eta)
-
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_have_the_derivatives_of_their_slack(case, kind):
     """By control points, switching times and the duration together, along a random direction."""
     kinds, spline, duration = Kinds(kind, case), case[1], 0.8
-    rows = kinds.rows(spline, duration)
+    rows = kinds.at(spline).rows(duration, None)
     assert len(rows) > 0
     rng = np.random.default_rng(5)
     change = rng.normal(size=spline.control_points.shape)
@@ -128,7 +120,7 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     for sign in (STEP, -STEP):
         switching_times = ENDS + sign * np.array([0, switching[0], 0])
         moved = PhasedSpline(spline.grid, switching_times, spline.control_points + sign * change)
-        sides.append(kinds.slack(moved, duration, sign * eta)[rows.index])
+        sides.append(kinds.at(moved).slack(duration, 1 + sign * eta)[rows.index])
     numeric = -(sides[0] - sides[1]) / (2 * STEP)
     scale = abs(expected).max()
     np.testing.assert_allclose(numeric / scale, expected / scale, atol=3e-4)
@@ -137,10 +129,8 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_have_the_slack_of_the_trajectory_and_those_left_out_cannot_be_broken(case, kind):
     """By every control point and switching time, either way."""
-    kinds, spline = Kinds(kind, case), case[1]
-    size = StepSize(0.01, np.array([0.005]))
-    every, some = kinds.rows(spline, 0.8), kinds.rows(spline, 0.8, size)
-    there = kinds.slack(spline, 0.8, 0.0)
+    here, size = Kinds(kind, case).at(case[1]), StepSize(0.01, np.array([0.005]))
+    every, some, there = here.rows(0.8, None), here.rows(0.8, size), here.slack(0.8, 1.0)
     np.testing.assert_allclose(there[every.index], every.slack, atol=1e-12)
     bounded = np.flatnonzero(np.isfinite(there) & (there < 1 - 0.005 - 1e-12))
     assert set(bounded.tolist()) <= set(every.index.tolist()) <= set(range(len(there)))
@@ -340,7 +330,6 @@ def test_segments_that_a_motion_missed_are_asked_for_from_then_on(case, monkeypa
 
 
 # Blended friction in the optimisation, beside what is exact: on whole splines.
-
 
 BRAKING_FRICTION = {"backwards_friction": [0.0, 14.0], "forwards_friction": [0.0, 1.0]}
 

@@ -69,7 +69,6 @@ def test_it_suits_problems_with_the_same_joints_and_segments(motion, slide):
 
 # Knots at multiples of a period, none lost that there is room for.
 
-
 SWITCHING_TIMES = np.array([0.0, 0.31, 0.33, 1.0])
 CHAINS = (range(0, 2), range(2, 3), range(3, 4))
 FINE, FEWER_THAN_KNOTS, FEWER_THAN_PHASES_NEED, FEWEST = 2000, 25, 7, 4

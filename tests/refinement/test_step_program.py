@@ -27,7 +27,6 @@ NEEDS_LIBRARY = pytest.mark.skipif(
 
 # Both that solve programs of steps, on programs of real trajectories.
 
-
 FINE, AGREE = 1e-8, 1e-6
 
 
@@ -129,7 +128,6 @@ def test_rows_lose_what_would_move_what_is_held_and_no_more():
 
 
 # Small programs with known solutions, of one leg and of two, for both that solve them.
-
 
 FAR, TOLERANCE = 0.1, 1e-8
 FLAT_HESSIAN = (1e-6,) * 4
