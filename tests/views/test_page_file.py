@@ -140,6 +140,7 @@ def test_motions_are_laid_over_each_other(page):
 
 
 def test_curves_say_what_the_data_say(page):
+    page.run("setCurves(true)")  # the window is too low to begin with them
     page.press("#tabs [data-tab=speed]")
     text = page.run("[...document.querySelectorAll('.value')].map((each) => each.textContent)")
     speeds = page.run("data.trajectories.map(({speed, duration}) => at(speed, time, duration))")
