@@ -173,9 +173,6 @@ def test_a_fault_of_a_problem_is_named(problem, fields, message):
 )
 def test_a_fault_of_a_contact_is_named(arguments, message):
     assert refusal(ProblemError, Contact, *arguments) == f"contacts: {message}"
-
-
-def test_one_end_may_be_given_as_a_word():
     assert Contact(("a", "b"), 0.1, "goal") == Contact(("a", "b"), 0.1, ("goal",))
 
 

@@ -357,30 +357,26 @@ def test_the_factors_of_requests_are_no_limits_and_noted(tmp_path):
     assert read(tmp_path, {"joint1": {}}, default_velocity_scaling_factor=1).notes == ()
 
 
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"has_jerk_limits": True}, ".max_jerk is required: has_jerk_limits is true"),
-        ({"min_position": 1}, ".max_position is required beside"),
-        ({"max_position": 1}, ".min_position is required beside"),
-        ({"max_velocity": "x"}, ".max_velocity is 'x'; it must be"),
-        ({"max_velocty": 1}, ": unknown key 'max_velocty' (did you"),
-        (5, " is 5; it must be a map"),
-    ],
-)
-def test_a_fault_of_moveits_limits_is_named(tmp_path, fields, message):
-    expected = f"{tmp_path / 'joint_limits.yaml'}: joint_limits.joint1{message}"
-    assert refusal(RobotError, read, tmp_path, {"joint1": fields}).startswith(expected)
+JOINT = "joint_limits.joint1"
 
 
 @pytest.mark.parametrize(
     ("joints", "message"),
     [
+        (
+            {"joint1": {"has_jerk_limits": True}},
+            f"{JOINT}.max_jerk is required: has_jerk_limits is",
+        ),
+        ({"joint1": {"min_position": 1}}, f"{JOINT}.max_position is required beside"),
+        ({"joint1": {"max_position": 1}}, f"{JOINT}.min_position is required beside"),
         ({"joint1": {"max_velocity": 0}}, "limits.velocity: joint 'joint1' at 0; give a number f"),
+        ({"joint1": {"max_velocity": "x"}}, f"{JOINT}.max_velocity is 'x'; it must be"),
+        ({"joint1": {"max_velocty": 1}}, f"{JOINT}: unknown key 'max_velocty' (did you"),
+        ({"joint1": 5}, f"{JOINT} is 5; it must be a map"),
         (None, "joint_limits is empty; it must be a map"),
     ],
 )
-def test_limits_that_are_none_are_refused(tmp_path, joints, message):
+def test_a_fault_of_moveits_limits_is_named(tmp_path, joints, message):
     path = tmp_path / "joint_limits.yaml"
     assert refusal(RobotError, read, tmp_path, joints).startswith(f"{path}: {message}")
 

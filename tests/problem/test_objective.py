@@ -14,6 +14,7 @@ from tubeplanner.resources import bundled_problems
 
 NAME = "two_link/paper_1_30mm"
 PERIOD = "give the controller's, 1e-05 to 1 s"
+NO_NUMBERS = (np.inf, np.nan, "1", True)
 
 
 @pytest.fixture
@@ -44,11 +45,8 @@ def test_slack_is_a_share_of_time_as_is_that_of_options(slack):
         Objective(slack)
     with pytest.raises(OptionError, match=r"^slack is .*; give a share .* from 0 .* to 10$"):
         PlanOptions(slack=slack)
-
-
-@pytest.mark.parametrize("slack", [0, 0.005, 10])
-def test_both_bounds_belong_to_it(slack):
-    assert Objective(slack).slack == PlanOptions(slack=slack).slack == slack
+    for bound in (0, 10):
+        assert Objective(bound).slack == PlanOptions(slack=bound).slack == bound
 
 
 def test_the_shortest_is_asked_for_unless_a_slack_is_given():
@@ -58,21 +56,37 @@ def test_the_shortest_is_asked_for_unless_a_slack_is_given():
     assert PlanOptions("refinement", "fast").shortest.quality == "fast"
 
 
-@pytest.mark.parametrize("minimise", ["power", None, 1])
-def test_the_minimised_quantity_has_a_name(minimise):
-    with pytest.raises(ProblemError, match=r"objective\.minimise: unknown objective .*smoothness"):
-        Objective(minimise=minimise)
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        *(
+            ({"minimise": name}, "minimise: unknown objective .*smoothness")
+            for name in ("power", 1)
+        ),
+        *(({"duration": x}, "duration is .* s; give how long") for x in (0, 2e4, *NO_NUMBERS)),
+        ({"slack": 0.01, "duration": 2.0}, r"slack is 0\.01 and objective\.duration 2 s"),
+        *(
+            ({"minimise": "energy", "weights": {"j": x}}, "weights of 'j' is .*; give a finite")
+            for x in (-1.0, *NO_NUMBERS)
+        ),
+        *(
+            ({"minimise": name, "weights": {"j": 1.0}}, f"but '{name}' is minimised; leave them")
+            for name in ("smoothness", "work")
+        ),
+    ],
+)
+def test_a_fault_of_an_objective_is_named(fields, message):
+    with pytest.raises(ProblemError, match=rf"objective\..*{message}"):
+        Objective(**fields)
 
 
-@pytest.mark.parametrize("period", [0.0, 1e-6, 1.1, np.nan, np.inf, "0.001", True])
+@pytest.mark.parametrize("period", [0.0, 1e-6, 1.1, *NO_NUMBERS])
 def test_a_period_is_a_controllers(period, bundled):
+    problem = bundled(NAME)
     with pytest.raises(ProblemError, match=rf"period is .* s; {PERIOD}"):
-        replace(bundled(NAME), period=period)
-
-
-@pytest.mark.parametrize("period", [1e-5, 1, None])
-def test_both_bounds_of_a_period_belong_to_it(period, bundled):
-    assert replace(bundled(NAME), period=period).period == period
+        replace(problem, period=period)
+    for bound in (1e-5, 1, None):
+        assert replace(problem, period=bound).period == bound
 
 
 @pytest.mark.parametrize("objective", [0.005, "smoothness", {"slack": 0.005}])
@@ -102,6 +116,9 @@ def test_files_say_both(written):
             {"objective": {"duration": 1.2, "slack": 0.005}},
             "objective.slack is 0.005 and objective.duration 1.2 s; give one of them",
         ),
+        ({"robustness": {"mass": 2}}, "robustness.mass is 2; give a number from 0 to 0.9"),
+        ({"robustness": {"masses": 0.1}}, "unknown key 'masses' (did you mean 'mass'"),
+        ({"robustness": {"controller": "lqr"}}, "robustness.controller"),
     ],
 )
 def test_a_wrong_value_of_a_file_is_named(fields, message, written, run):
@@ -152,36 +169,12 @@ def test_they_ignore_the_default_and_a_slack_of_zero(bundled):
 # --- a duration, and weights ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("duration", [0.0, 2e4, np.inf, np.nan, "1", True])
-def test_a_duration_is_a_time(duration):
-    with pytest.raises(ProblemError, match=r"objective\.duration is .* s; give how long"):
-        Objective(duration=duration)
-
-
-def test_a_duration_is_in_place_of_a_slack():
-    assert Objective(duration=2.0).slack is None
-    with pytest.raises(ProblemError, match=r"slack is 0\.01 and objective\.duration 2 s"):
-        Objective(0.01, duration=2.0)
-
-
 @pytest.mark.parametrize("duration", [0.804, 0.8])
 def test_with_a_period_a_duration_is_a_multiple_of_it(duration, bundled):
     problem = replace(bundled(NAME), objective=Objective(duration=duration), period=0.004)
-    assert problem.objective.duration == duration
+    assert (problem.objective.duration, problem.objective.slack) == (duration, None)
     with pytest.raises(ProblemError, match=r"is 0\.802 s, no multiple of the period, 0\.004 s"):
         replace(problem, objective=Objective(duration=0.802))
-
-
-@pytest.mark.parametrize("weight", [-1.0, np.inf, np.nan, "1", True])
-def test_weights_are_numbers(weight):
-    with pytest.raises(ProblemError, match=r"objective\.weights of 'joint1' is .*; give a finite"):
-        Objective(minimise="energy", weights={"joint1": weight})
-
-
-@pytest.mark.parametrize("minimise", ["smoothness", "work"])
-def test_weights_are_of_energy(minimise):
-    with pytest.raises(ProblemError, match=rf"but '{minimise}' is minimised; leave them out"):
-        Objective(minimise=minimise, weights={"joint1": 1.0})
 
 
 def test_weights_are_those_of_the_limits_unless_given(bundled, written):
@@ -207,11 +200,6 @@ def test_weights_of_no_joint_and_of_nothing_are_refused(bundled, weights, messag
 
 
 # --- robustness ----------------------------------------------------------------------------------
-
-
-def load(**changes):
-    changes = {place.replace("__", "."): value for place, value in changes.items()}
-    return load_problem(f"example:{NAME}", changes=changes)
 
 
 def test_the_usual_errors_are_assumed_but_for_the_given_ones():
@@ -255,24 +243,11 @@ def test_values_out_of_their_bounds_are_refused(values, message):
         Robustness(**values)
 
 
-def test_a_problem_file_has_the_usual_errors_where_it_says_nothing():
-    assert load().robustness is None
-    assert load(robustness={}).robustness == Robustness()
-    robustness = load(robustness__mass=0.1, robustness__controller="pd").robustness
-    assert robustness == Robustness(mass=0.1, controller="pd")
-
-
-@pytest.mark.parametrize(
-    ("field", "value", "message"),
-    [
-        ("mass", 2, r"robustness\.mass is 2; give a number from 0 to 0\.9"),
-        ("masses", 0.1, r"unknown key 'masses' .did you mean 'mass'"),
-        ("controller", "lqr", r"robustness\.controller"),
-    ],
-)
-def test_a_wrong_error_in_a_problem_file_is_named(field, value, message):
-    with pytest.raises(ProblemError, match=message):
-        load(**{f"robustness__{field}": value})
+def test_a_problem_file_has_the_usual_errors_where_it_says_nothing(written):
+    assert load_problem(written()).robustness is None
+    assert load_problem(written(robustness={})).robustness == Robustness()
+    fields = {"mass": 0.1, "controller": "pd"}
+    assert load_problem(written(robustness=fields)).robustness == Robustness(**fields)
 
 
 def test_robustness_of_a_problem_is_one(bundled):

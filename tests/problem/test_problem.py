@@ -82,14 +82,12 @@ def test_an_end_is_a_list_in_group_order_or_a_map_by_name(end, joints):
     np.testing.assert_array_equal(seed.joints, [0.1, -0.2])
 
 
-def test_without_a_goal_there_is_none():
-    assert parse_problem(MINIMAL).goal is None
-
-
 def test_values_follow_the_group_order_of_the_file():
     joints = {"joints": {"joint1": 0, "joint2": 1}}
     data = changed(robot__joints=["joint2", "joint1"], start=joints, tube__radius=1.0)
-    np.testing.assert_array_equal(parse_problem(data).start, [1, 0])
+    problem = parse_problem(data)
+    np.testing.assert_array_equal(problem.start, [1, 0])
+    assert problem.goal is None
 
 
 TAKES = "END takes either joints or seed (or pose, group_state, trajectory); it has"
@@ -205,11 +203,6 @@ def test_joints_are_real_numbers(least, start):
 # --- tube and joints -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("visit", ["ordered", "any"])
-def test_the_way_of_visiting_reaches_the_tube(visit):
-    assert parse_problem(changed(tube__visit=visit)).tube.visit == visit
-
-
 def test_position_limits_and_signs_are_cut_per_segment():
     signs = [{"joint2": "+"}, {"joint2": [-1.0, 0.5], "joint1": "-"}]
     problem = parse_problem(changed(tube__joint_signs=signs))
@@ -240,11 +233,6 @@ def test_segments_of_equal_joint_ranges_share_their_bounds():
             f"joint 'joint2' has no value left in segment 0: signs and {LIMITS} ask for >= 4 and "
             "<= 3.14159; proved: there is no motion",
         ),
-        (
-            [{"joint2": [0, 1]}, {"joint2": [2, 3]}],
-            "joint 'joint2' has the range [0.0, 1.0] in segment 0 and [2.0, 3.0] in segment 1, "
-            "which do not meet; give ranges that share a value; proved: there is no motion",
-        ),
     ],
 )
 def test_joint_signs_that_cannot_hold_are_refused(signs, message):
@@ -258,22 +246,11 @@ def test_joint_signs_that_cannot_hold_are_refused(signs, message):
     ("fields", "message"),
     [
         ({"urdf": "none.urdf"}, "robot description none.urdf does not exist"),
-        ({"urdf": "example:two_lnk"}, "(did you mean 'two_link'?)"),
         ({"tool_frame": "hnd"}, "unknown tool_frame 'hnd' (did you mean 'hand'?)"),
-        ({"joints": ["joint1", "join2"]}, "unknown movable joint 'join2'"),
-        (
-            {"locked_joints": {"joint9": 1}},
-            "robot.locked_joints: unknown joint outside the group",
-        ),
         (
             {"limits": {"effort": {"elbow": 1}}},
             "robot.limits.effort: unknown joint 'elbow'; there is: joint1, joint2",
         ),
-        (
-            {"limits": {"effort": {"joint1": np.inf}, "velocity": {"joint1": np.inf}}},
-            "joint 'joint1' has no finite limit among effort, velocity and acceleration",
-        ),
-        ({"limits": {"scale": {"effort": 2}}}, "limits.scale: effort at 2 must be in (0, 1]"),
         (
             {"limits": {"tool_speed": 0}},
             "robot.limits.tool_speed is 0.0; give a number from 1e-06 m/s",
@@ -341,8 +318,6 @@ def test_every_field_of_the_robot_reaches_the_robot():
 
 # --- obstacles -----------------------------------------------------------------------------------
 
-SIZE = "1e-06 to 10000 m are accepted"
-
 
 @pytest.mark.parametrize(
     ("fields", "message"),
@@ -353,26 +328,17 @@ SIZE = "1e-06 to 10000 m are accepted"
         ),
         ({"box": [1, 1, 1], "sphere": 1}, "it has box, sphere"),
         ({"mesh": "part.stl"}, "mesh part.stl, named in the problem file, does not exist"),
-        ({"box": [1, 0, 1]}, f"obstacle 'part': box has size 0 m; {SIZE}"),
-        ({"sphere": -1}, f"obstacle 'part': sphere has size -1 m; {SIZE}"),
-        ({"rpy": [0, 0, 0], "quaternion": [0, 0, 0, 1]}, "rpy or quaternion, not both"),
-        ({"quaternion": [0, 0, 0, 0]}, "has no direction"),
-        ({"scale": 2}, "obstacles: 'part': scale belongs to a mesh alone; remove it"),
-        ({"position": [0, 0, 2e4]}, "position [0.0, 0.0, 20000.0] must be three finite"),
+        ({"box": [1, 0, 1]}, "box has size 0 m; 1e-06 to 10000 m are accepted"),
+        ({"sphere": 1, "scale": 2}, "obstacles: 'part': scale belongs to a mesh alone; remove it"),
     ],
 )
 def test_an_obstacle_that_cannot_be_is_named(fields, message):
-    shape = {} if not fields or {"box", "sphere", "mesh"} & fields.keys() else {"sphere": 1}
-    assert message in fault(obstacles=[{"name": "part", **shape, **fields}])
+    assert message in fault(obstacles=[{"name": "part", **fields}])
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            {"obstacles": [{"name": "a", "sphere": 1}, {"name": "a", "sphere": 2}]},
-            "obstacles: the name 'a' is given 2 times",
-        ),
         (
             {"obstacles": [{"name": "link1", "sphere": 1}]},
             "obstacles: 'link1' is also the name of a link; choose another",
@@ -502,6 +468,7 @@ def test_a_problem_built_in_python_equals_the_one_that_was_parsed():
             robot__limits={"velocity": {"joint1": np.inf}},
             tube__joint_signs={"joint2": "+"},
             tube__tool_radius=0.02,
+            tube__visit="any",
             goal={"joints": GOAL},
             obstacles=[{"name": "post", "cylinder": [0.03, 0.3], "position": [0.2, 0.2, 1]}],
             clearance=0.01,
@@ -512,7 +479,7 @@ def test_a_problem_built_in_python_equals_the_one_that_was_parsed():
     limits = LimitOverrides(velocity={"joint1": np.inf})
     built = PlanningProblem(
         robot=load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits),
-        tube=Tube(POINTS, 0.1, tool_radius=0.02, joint_signs={"joint2": "+"}),
+        tube=Tube(POINTS, 0.1, tool_radius=0.02, joint_signs={"joint2": "+"}, visit="any"),
         start=np.array(START),
         goal={"joint1": GOAL[0], "joint2": GOAL[1]},
         obstacles=[post(0.2)],

@@ -210,11 +210,9 @@ FRICTION = "robot.motors.coulomb_friction"
         ("tube.joint_signs", [{"j": 2}], f"[0].j is 2; {SIGN}"),
         ("tube.visit", "all", " is 'all'; it must be 'ordered' or 'any'"),
         ("tube.orientations", [[0, 0, 0]], "[0] has 3 values; 4 are needed"),
-        ("tube.orientations", [0, 0, 0, 1], "[0] is 0; it must be a list"),
         ("tube.rotation_tolerance", "wide", " is 'wide'; it must be a"),
         ("tube.rotation_tolerance", [0.1, [0.1, 0.1]], f"[1] is [0.1, 0.1]; {TOLERANCE}"),
         ("tube.rotation_tolerance", [True], "[0] is True; it must be one a"),
-        ("tube.rotation_tolerance", [[0, 0, None]], "[0] is [0, 0, None]; "),
         ("start", [0, 0], " is [0, 0]; it must be a map with joints, seed"),
         ("start.joints", ["a", 0], f"[0] is 'a'; {NUMBER}"),
         ("start.joints", {"j": "a"}, f".j is 'a'; {NUMBER}"),
@@ -223,12 +221,10 @@ FRICTION = "robot.motors.coulomb_friction"
         ("robot.gravity", [0, 0, None], f"[2] is empty; {NUMBER}"),
         ("robot.joints", "joint1", " is 'joint1'; it must be a list"),
         ("robot.locked_joints", {None: 5}, ": the key None is no text; quote it"),
-        ("robot.locked_joints", {np.nan: 5}, ": the key nan is no text; quote i"),
         ("robot.motors", 3, " is 3; it must be a map with armature, viscous_friction, "),
         ("robot.motors.armature", "a", f" is 'a'; {PER_JOINT}"),
         ("robot.motors.armature", {"j": [1, 2]}, f".j is [1, 2]; {NUMBER}"),
         ("robot.motors.friction_from_urdf", "yes", " is 'yes'; it must be true or false"),
-        (FRICTION, True, f" is True; {PER_JOINT}"),
         (FRICTION, [[1, 2, 3]], f"[0] is [1, 2, 3]; {ONE_OR_TWO}"),
         (FRICTION, {"j": [1, "a"]}, f".j is [1, 'a']; {ONE_OR_TWO}"),
         ("robot.limits.effort", {"j": [1, 2, 3]}, f".j is [1, 2, 3]; {EFFORT}"),
@@ -239,9 +235,7 @@ FRICTION = "robot.motors.coulomb_friction"
         ),
         ("robot.limits.effort", [[1, 2]], f"[0] is [1, 2]; {NUMBER}"),
         ("robot.limits.effort", {1: 5}, ": the key 1 is no text; quote it"),
-        ("robot.limits.effort", {"elbow": "strong"}, f".elbow is 'strong'; {NUMBER}"),
         ("robot.limits.position", {"elbow": [0, "x"]}, f".elbow[1] is 'x'; {NUMBER}"),
-        ("robot.limits.jerk", "strong", f" is 'strong'; {PER_JOINT}"),
         ("robot.limits.jerk", True, f" is True; {PER_JOINT}"),
         ("robot.limits.jerk", [5, "x"], f"[1] is 'x'; {NUMBER}"),
         (BY_POSITION, {"elbow": {"deceleration": 6}}, ".elbow.offset is required"),
@@ -251,7 +245,6 @@ FRICTION = "robot.motors.coulomb_friction"
             "[1]: unknown key 'uper' (did you mean 'upper'?); there is: deceleration, offset, "
             "lower, upper",
         ),
-        (BY_POSITION, 5, " is 5; it must"),
         (POINT_SPEED, [{"link": "hand", "position": [0, 0, 0]}], "[0].speed is required"),
         (POINT_SPEED, {"link": "hand"}, " is {'link': 'hand'}; it must be a list"),
         ("clearance", "1 cm", f" is '1 cm'; {NUMBER}, or a map with default, pairs, segments"),
@@ -351,19 +344,15 @@ def test_arguments_of_a_macro_file_keep_their_types():
     assert [type(value) for value in kept.values()] == [str, bool, int, float]
 
 
-def test_the_fields_cannot_be_changed_after_reading():
-    fields = check_problem_fields(MINIMAL, "my problem")
-    with pytest.raises(ValueError, match="frozen"):
-        fields.clearance = 1.0
-
-
 # --- files ---------------------------------------------------------------------------------------
 
 
-def test_yaml_and_json_say_the_same(tmp_path):
+def test_yaml_and_json_say_the_same_in_frozen_fields(tmp_path):
     from_yaml = read(tmp_path, MINIMAL_YAML)
     assert from_yaml == read(tmp_path, json.dumps(MINIMAL), "p.json")
     assert from_yaml == check_problem_fields(MINIMAL, "my problem")
+    with pytest.raises(ValueError, match="frozen"):
+        from_yaml.clearance = 1.0
 
 
 @pytest.mark.parametrize(
@@ -383,12 +372,10 @@ def test_signs_may_be_written_with_and_without_quotes(tmp_path, written, sign):
     assert fields.tube.joint_signs == {"j": sign}
 
 
-def test_words_that_older_yaml_took_for_truth_values_stay_words(tmp_path):
-    assert read(tmp_path, MINIMAL_YAML.replace("hand", "on")).robot.tool_frame == "on"
-
-
-def test_a_byte_order_mark_does_no_harm(tmp_path):
-    assert read(tmp_path, f"\ufeff{MINIMAL_YAML}").robot.tool_frame == "hand"
+def test_a_byte_order_mark_does_no_harm_and_words_stay_words(tmp_path):
+    """Older YAML took `on` for a truth value."""
+    text = MINIMAL_YAML.replace("hand", "on")
+    assert read(tmp_path, f"\ufeff{text}").robot.tool_frame == "on"
 
 
 TWICE = MINIMAL_YAML + "start: {joints: [1, 1]}\n"
@@ -416,7 +403,7 @@ def test_a_malformed_file_is_named_with_the_line(tmp_path, name, text, fragments
         assert fragment in message
 
 
-def test_a_file_that_is_not_there_or_no_text_is_named(tmp_path):
+def test_a_file_that_is_not_there_no_text_or_empty_is_named(tmp_path):
     path = tmp_path / "p.yaml"
     message = refusal(ProblemError, read_problem_fields, path)
     assert message == f"problem file {path} cannot be read: No such file or directory"
@@ -424,11 +411,8 @@ def test_a_file_that_is_not_there_or_no_text_is_named(tmp_path):
     message = refusal(ProblemError, read_problem_fields, path)
     assert message.startswith(f"problem file {path} ")
     assert "'utf-8' codec can't decode byte 0xff in position 0" in message
-
-
-def test_an_empty_file_is_no_problem(tmp_path):
-    with pytest.raises(ProblemError, match="a problem is a map with robot, tube and start"):
-        read(tmp_path, "# nothing yet\n")
+    message = refusal(ProblemError, read, tmp_path, "# nothing yet\n")
+    assert message == f"{path}: a problem is a map with robot, tube and start"
 
 
 @pytest.mark.parametrize("literal", ["NaN", "Infinity", "-Infinity"])

@@ -154,7 +154,6 @@ def at(*position, **turn):
         ({"group_state": "ready", "trajectory": "a.json"}, "it has group_state, trajectory"),
         ({"group_state": "ready", "seed": Q}, "it has group_state, seed"),
         ({"joints": Q, "trajectory": "a.json"}, "it has trajectory, joints (what an included file"),
-        ({}, "takes either joints or seed (or pose, group_state, trajectory); it has neither"),
     ],
 )
 def test_an_end_that_is_none_is_named(folder, start, fragment):

@@ -60,15 +60,6 @@ def with_ball(problem, q, row):
 # --- the tightened problem -----------------------------------------------------------------------
 
 
-def test_without_reserves_it_is_the_problem_itself(tray):
-    problem, _ = tray
-    same = tightened_problem(problem, Tightening.nothing(problem))
-    assert same.tube.radius.tolist() == problem.tube.radius.tolist()
-    assert same.robot.limits.effort.tolist() == problem.robot.limits.effort.tolist()
-    assert same.clearance == problem.clearance
-    assert same.tube.rotation.bounds.tolist() == problem.tube.rotation.bounds.tolist()
-
-
 def test_every_part_makes_its_own_limit_smaller_and_geometry_is_shared(tray):
     problem, _ = tray
     joints, segments = problem.robot.joint_count, problem.tube.segment_count
@@ -93,6 +84,11 @@ def test_every_part_makes_its_own_limit_smaller_and_geometry_is_shared(tray):
     assert less.clearance == pytest.approx(problem.clearance + 0.003)
     assert less.collision is problem.collision
     assert problem.robot.limits is whole
+    same = tightened_problem(problem, Tightening.nothing(problem))
+    assert same.tube.radius.tolist() == problem.tube.radius.tolist()
+    assert same.robot.limits.effort.tolist() == whole.effort.tolist()
+    assert same.clearance == problem.clearance
+    assert same.tube.rotation.bounds.tolist() == bounds.tolist()
 
 
 def test_torque_speed_lines_and_ranges_of_effort_are_left_in_part():

@@ -228,7 +228,8 @@ def speed_fault(shown, speed, points=LINE, at=0):
         sign_fault("the range [nan, 1] is reversed or no number", [np.nan, 1]),
         fault(
             "tube.joint_signs: joint 'j' has the range [0.0, 1.0] in segment 0 and [1.5, 2.0] in "
-            "segment 1, which do not meet",
+            "segment 1, which do not meet; give ranges that share a value; proved: there is no "
+            "motion",
             CORNER,
             joint_signs=[{"j": [0, 1]}, {"j": [1.5, 2]}],
         ),
