@@ -161,6 +161,9 @@ def test_what_is_in_the_way_is_named(fields, message, segment, two_link):
         branch_of(problem)
     assert caught.value.status is PlanStatus.UNREACHABLE
     assert caught.value.place.segment == segment
+    if fields.get("angles") is ENDS:  # 0.28 rad off in the middle
+        wider = planar_problem(two_link, **fields | {"rotation_tolerance": 0.35})
+        assert plan(wider, PlanOptions("stop-at-corners")).succeeded
     if segment == 1:
         assert caught.value.place.position[0] == pytest.approx(0.613, abs=3e-3)
 
@@ -237,7 +240,10 @@ def test_the_tool_is_turned_as_the_reference_is(tolerance, rule, bundled):
 
 
 def test_a_start_off_the_reference_comes_back_to_it_in_proportion_to_the_way(bundled):
-    """At its bound at first; a component that is free there, but not in the next leg, comes in."""
+    """At its bound at first; a component that is free there, but not in the next leg, comes in.
+
+    From a seed the branch begins on the reference.
+    """
     off = np.array([0.05, -0.03, 0.6])
     first = start_rotation(bundled) * Rotation.from_rotvec(-off)
     problem = tray_problem(bundled, [*FREE_ABOUT_Z[:1], 0.1, 0.1], first=first)
@@ -246,6 +252,9 @@ def test_a_start_off_the_reference_comes_back_to_it_in_proportion_to_the_way(bun
     share = np.linspace(0, 1, len(errors[0]))[:, None]
     np.testing.assert_allclose(errors[0], (1 - share) * off, atol=1e-6)
     assert abs(np.concatenate(errors[1:])).max() < 1e-6
+    seed = Seed(bundled(TRAY).start + np.array([0.05, -0.1, 0.1, 0.1, 0.1, 0.3]))
+    problem = tray_problem(bundled, 0.02, start=seed)
+    assert abs(np.concatenate(errors_of(problem, branch_of(problem)))).max() < 1e-6
 
 
 def test_a_goal_off_the_reference_is_met(bundled, stored):
@@ -256,18 +265,6 @@ def test_a_goal_off_the_reference_is_met(bundled, stored):
     np.testing.assert_array_equal(branch.goal, q)
     pose = problem.robot.tool_pose(branch.segments[2])
     assert problem.tube.rotation_margin(*pose)[:, 2].min() > 0
-    assert plan(problem, PlanOptions("stop-at-corners")).succeeded
-
-
-def test_seeds_are_turned_as_the_reference_is(bundled):
-    seed = Seed(bundled(TRAY).start + np.array([0.05, -0.1, 0.1, 0.1, 0.1, 0.3]))
-    problem = tray_problem(bundled, 0.02, start=seed)
-    assert max(abs(error).max() for error in errors_of(problem, branch_of(problem))) < 1e-6
-
-
-def test_a_rotation_just_within_reach_is_planned(two_link):
-    """The middle of the line is 0.28 rad off."""
-    problem = planar_problem(two_link, UPRIGHT, ENDS, rotation_tolerance=0.35)
     assert plan(problem, PlanOptions("stop-at-corners")).succeeded
 
 
@@ -365,11 +362,9 @@ def branch(wall):
     return branch_of(wall)
 
 
-def test_configurations_stay_as_they_are(wall):
-    assert configured_ends(wall) == (wall, ())
-
-
 def test_a_start_is_the_first_configuration_of_its_pose(wall):
+    """Configurations stay as they are."""
+    assert configured_ends(wall) == (wall, ())
     problem, (note,) = configured_ends(changed(wall, start=pose_at(wall, wall.start)))
     np.testing.assert_allclose(problem.start, wall.start, atol=1e-6)
     assert problem.goal is None

@@ -55,17 +55,11 @@ def test_all_have_the_tool_at_the_pose_inside_the_signs(wall, configurations):
     assert (configurations <= wall.joint_upper[0]).all()
 
 
-def test_a_start_is_the_first_of_them(wall, bundled):
+def test_signs_or_a_seed_choose_among_them(wall, configurations, bundled):
     """Of those that are free, the stored one is the nearest to the middle of all ranges."""
     q = end_configuration(wall, wall.start, 0)
     np.testing.assert_allclose(q, bundled("ur5/over_the_wall").start, atol=1e-6)
-
-
-def test_signs_choose_the_branch(wall):
     assert end_configuration(with_signs(wall, {"elbow_joint": "-"}), wall.start, 0)[2] < 0
-
-
-def test_a_seed_chooses_the_configuration(wall, configurations):
     seeded = pose_at(wall, configurations[3], configurations[3] + 0.02)
     (chosen,) = pose_configurations(wall, seeded, 0)
     np.testing.assert_allclose(chosen, configurations[3], atol=1e-6)

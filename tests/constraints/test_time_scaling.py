@@ -34,6 +34,7 @@ from tubeplanner.robot.effort_rate import effort_rate
 
 FREE = {"velocity": np.inf, "effort": np.inf}
 BY_EFFORT = np.sqrt(INERTIA * ANGLE * PEAK_ACCELERATION / 5)
+BY_VELOCITY = ANGLE * PEAK_VELOCITY / 1.5
 
 
 @pytest.mark.parametrize(
@@ -41,34 +42,31 @@ BY_EFFORT = np.sqrt(INERTIA * ANGLE * PEAK_ACCELERATION / 5)
     [
         ({"velocity": np.inf}, 0.0, BY_EFFORT),
         ({"velocity": np.inf}, 0.5, BY_EFFORT * np.sqrt(1 + 0.5 / INERTIA)),
-        (FREE | {"velocity": 1.5}, 0.0, ANGLE * PEAK_VELOCITY / 1.5),
+        (FREE | {"velocity": 1.5}, 0.0, BY_VELOCITY),
         (FREE | {"acceleration": 2.0}, 0.0, np.sqrt(ANGLE * PEAK_ACCELERATION / 2)),
-        (FREE | {"velocity": 100.0, "jerk": 30.0}, 0.0, np.cbrt(ANGLE * PEAK_JERK / 30)),
+        (FREE | {"velocity": 1.5, "jerk": 1.0}, 0.0, np.cbrt(ANGLE * PEAK_JERK)),
         # Inertia times jerk, largest at both ends, where acceleration is not.
         (
             FREE | {"velocity": 1e3, "effort_rate": 30.0},
             0.0,
             np.cbrt(INERTIA * ANGLE * PEAK_JERK / 30),
         ),
-        (
-            {"velocity": 1.5, "effort": np.inf, "acceleration": 1e3, "jerk": 1e6},
-            0.0,
-            ANGLE * PEAK_VELOCITY / 1.5,
-        ),
+        (FREE | {"velocity": 1.5, "acceleration": 1e3, "jerk": 1e6}, 0.0, BY_VELOCITY),
     ],
 )
 def test_one_joint_move_takes_its_known_minimum_time(tmp_path, limits, armature, expected):
+    """Jerk counts only where it is asked for. An estimate by velocities is never too short."""
     problem = anywhere(with_motors(one_joint(tmp_path, **limits), armature=armature))
     for duration in (0.1, 1.0, 7.0):
         shape = quintic(duration=duration)
         assert minimum_duration(problem, shape) == pytest.approx(expected, rel=1e-7)
-
-
-def test_scaling_again_changes_nothing(stored):
-    problem, trajectory = stored("ur5/over_the_wall")
-    segment = trajectory.between(0.0, trajectory.duration)
-    again = minimum_duration(problem, segment)
-    assert again == pytest.approx(trajectory.duration, rel=1e-5)
+    if expected == BY_VELOCITY:
+        for angle in (ANGLE, -ANGLE):
+            estimate = estimated_duration(problem, quintic(angle))
+            assert expected * (1 - 1e-9) <= estimate <= 3 * expected
+    if "jerk" in limits:
+        free = minimum_duration(problem, quintic(), with_jerk=False)
+        assert free == pytest.approx(BY_VELOCITY, rel=1e-7)
 
 
 def test_gravity_takes_its_share_of_the_effort(tmp_path):
@@ -103,32 +101,11 @@ def test_a_joint_at_rest_limits_nothing_and_takes_no_time(tmp_path):
     assert minimum_duration(problem, quintic(0.0)) == 0.0
 
 
-def test_gravity_beyond_the_motor_is_an_answer_with_joint_and_place(tmp_path):
-    robot = one_joint(tmp_path, mass=2.0)
-    with pytest.raises(Infeasible, match=r"'turn' needs 9\.81 .* effort limit is 5\.00") as caught:
-        minimum_duration(anywhere(robot), quintic())
-    assert caught.value.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
-    assert caught.value.place.joint == "turn"
-
-
-def test_jerk_counts_only_where_it_is_asked_for(tmp_path):
-    robot = one_joint(tmp_path, velocity=1.5, effort=np.inf, jerk=1.0)
-    free = minimum_duration(anywhere(robot), quintic(), with_jerk=False)
-    assert free == pytest.approx(ANGLE * PEAK_VELOCITY / 1.5, rel=1e-7)
-    assert minimum_duration(anywhere(robot), quintic()) == pytest.approx(
-        np.cbrt(ANGLE * PEAK_JERK), rel=1e-7
-    )
-
-
-@pytest.mark.parametrize("angle", [ANGLE, -ANGLE])
-def test_an_estimate_is_never_too_short_in_either_direction(tmp_path, angle):
-    robot = one_joint(tmp_path, velocity=1.5, effort=np.inf)
-    exact = ANGLE * PEAK_VELOCITY / 1.5
-    assert exact * (1 - 1e-9) <= estimated_duration(anywhere(robot), quintic(angle)) <= 3 * exact
-
-
 def test_estimates_of_several_shapes_are_those_of_each(stored):
+    """And scaling again changes nothing."""
     problem, trajectory = stored("ur5/over_the_wall")
+    whole = trajectory.between(0.0, trajectory.duration)
+    assert minimum_duration(problem, whole) == pytest.approx(trajectory.duration, rel=1e-5)
     cuts = np.linspace(0, trajectory.duration, 4)
     shapes = [trajectory.between(*pair).scaled(3.0) for pair in pairwise(cuts)]
     each = [estimated_duration(problem, shape) for shape in shapes]
@@ -334,17 +311,24 @@ def test_a_quintic_with_viscous_friction_meets_its_limit_at_its_worst_instant(tm
     assert slow == pytest.approx(motion.duration, rel=0.02)
 
 
-def test_up_is_refused_where_weight_and_friction_are_too_much_and_down_is_not(tmp_path):
-    robot = with_motors(one_joint(tmp_path, mass=1.0), **FRICTION)
-    problem = anywhere(robot)
-    with pytest.raises(Infeasible, match=r"needs 5\.2\d N m against gravity and friction") as found:
-        minimum_duration(problem, quintic(1.0))
-    assert found.value.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
-    assert found.value.place.joint == "turn"
-    with pytest.raises(Infeasible):
-        estimated_duration(problem, quintic(1.0))
-    down = scaled_to_limits(problem, quintic(-1.0))
-    assert verify(problem, down).conditions["effort"].margin == pytest.approx(0, abs=1e-6)
+@pytest.mark.parametrize(
+    ("mass", "friction", "message"),
+    [
+        (1.0, FRICTION, r"needs 5\.2\d N m against gravity and friction"),
+        (2.0, {}, r"'turn' needs 9\.81 .* effort limit is 5\.00"),
+    ],
+)
+def test_up_is_refused_where_weight_and_friction_are_too_much(tmp_path, mass, friction, message):
+    """Down it is not, if friction holds."""
+    problem = anywhere(with_motors(one_joint(tmp_path, mass=mass), **friction))
+    for call in (minimum_duration, estimated_duration):
+        with pytest.raises(Infeasible, match=message) as caught:
+            call(problem, quintic(1.0))
+        assert caught.value.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
+        assert caught.value.place.joint == "turn"
+    if friction:
+        down = scaled_to_limits(problem, quintic(-1.0))
+        assert verify(problem, down).conditions["effort"].margin == pytest.approx(0, abs=1e-6)
 
 
 def test_a_way_on_which_less_is_left_than_needed_is_refused(tmp_path):

@@ -229,30 +229,26 @@ def test_no_column_is_left_out_and_only_tied_ones_are_shared(is_tied):
     assert own.tolist() == [2, 3, 0, 1, 2, 3, 4, 5, 6]
 
 
-# Six configurations of two joints, a switching time after two and one after four of them.
-SHORT = LegShape(6, 2, 2, np.array([1, 1]), np.array([2, 4]))
 # Of forty switching times, two beside a phase of thirty knot intervals.
 MANY = np.array([1] * 19 + [30] * 2 + [1] * 19)
 BEHIND = np.concatenate([np.arange(20), np.arange(50, 70)])
 MIXED = LegShape(70, 2, 40, MANY, BEHIND)
 
 
-def test_few_switching_times_are_behind_all_configurations():
-    assert not SHORT.is_among.any()
-    (own,) = shared_columns([SHORT], [False])
-    assert own.tolist() == list(range(6 * 2 + 2 + 2))
-
-
 def test_many_switching_times_stand_where_they_count_unless_beside_a_long_phase():
+    """Few are behind all configurations."""
     assert MIXED.is_among.tolist() == (MANY == 1).tolist()
     (own,) = shared_columns([MIXED], [False])
     assert sorted(own) == list(range(70 * 2 + 40 + 2))
     switching, begin = own[140:180], own[:140:2]
     for place, behind, is_among in zip(switching, BEHIND, MIXED.is_among, strict=True):
-        before = (begin < place).sum()
-        assert before == (behind if is_among else 70)
+        assert (begin < place).sum() == (behind if is_among else 70)
     assert (np.diff(own[:140]) > 0).all()
     assert own[-2:].tolist() == [180, 181]
+    # Six configurations of two joints, a switching time after two and one after four of them.
+    few = LegShape(6, 2, 2, np.array([1, 1]), np.array([2, 4]))
+    assert not few.is_among.any()
+    assert shared_columns([few], [False])[0].tolist() == list(range(6 * 2 + 2 + 2))
 
 
 def test_switching_times_of_several_legs_stand_in_their_own_leg():

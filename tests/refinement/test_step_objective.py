@@ -51,14 +51,6 @@ def test_energy_is_the_integral_of_squared_efforts_in_one_second(tmp_path):
     assert found == pytest.approx(expected, rel=1e-9)
 
 
-def test_joints_without_weight_cost_nothing(slide):
-    problem, spline = unbounded(slide), monotone(3, np.array([0.9, -0.4, 0.3]))
-    at = motion(problem, spline)
-    alone = [Energy(weights).total(at) for weights in np.diag([1.0, 2.0, 3.0])]
-    assert Energy(np.array([1.0, 0.0, 3.0])).total(at) == pytest.approx(alone[0] + alone[2])
-    assert min(alone) > 0
-
-
 def test_the_model_of_energy_is_exact_where_efforts_are_linear(tmp_path):
     """Those of a bar, in its control points."""
     problem, spline = bar(tmp_path), monotone(1, TRAVEL)
