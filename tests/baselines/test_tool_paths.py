@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from cases import ANGLE, INERTIA, anywhere, one_joint, quintic
+from cases import quintic
 
 import tubeplanner.baselines.tool_path as tool_path_module
-from tubeplanner import JointTrajectory, Tube, load_problem
-from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
+from tubeplanner import JointTrajectory, Tube
 from tubeplanner.baselines.time_parameterization import (
     averaged_parameterization,
     run_along,
@@ -67,22 +66,21 @@ def test_arcs_share_short_lines_and_a_way_back_is_a_stop():
 
 
 @pytest.mark.parametrize("name", ["two_link/paper_2_30mm", "ur5/level_tray"])
-def test_the_tool_is_on_its_lines(name):
-    problem = load_problem(f"example:{name}")
+def test_the_tool_is_on_its_lines(bundled, name):
+    problem = bundled(name)
     branch = branch_of(problem)
     for k, path in enumerate(tool_paths(problem, branch, arcs=False)):
-        q = path.joints.position(np.linspace(0, path.joints.duration, 997))
+        lengths = np.linspace(0, path.joints.duration, 997)
+        q = path.joints.position(lengths)
         tool = problem.robot.tool_position(q)
         assert problem.tube.distance(tool)[:, k].max() < 1e-5
         np.testing.assert_allclose(q[[0, -1]], branch.segments[k][[0, -1]], atol=1e-7)
-        unit = np.linalg.norm(
-            path.joints.velocity(np.linspace(0, path.joints.duration, 50)), axis=1
-        )
+        unit = np.linalg.norm(path.joints.velocity(lengths[::20]), axis=1)
         np.testing.assert_allclose(unit, 1.0, atol=0.02)
 
 
-def test_the_tool_on_arcs_stays_in_the_tube_and_as_level_as_the_branch():
-    problem = load_problem("example:ur5/level_tray")
+def test_the_tool_on_arcs_stays_in_the_tube_and_as_level_as_the_branch(bundled):
+    problem = bundled("ur5/level_tray")
     (path,) = tool_paths(problem, branch_of(problem), arcs=True)
     rotation, tool = problem.robot.tool_pose(
         path.joints.position(np.linspace(0, path.joints.duration, 997))
@@ -93,27 +91,24 @@ def test_the_tool_on_arcs_stays_in_the_tube_and_as_level_as_the_branch():
     assert np.linalg.norm(tool[::50, None] - wanted, axis=2).min(axis=1).max() < 6e-5
 
 
-def test_arc_lengths_of_places_on_a_line_are_found_in_a_few_steps():
-    problem = load_problem("example:two_link/around_a_post")
+def test_arc_lengths_of_places_on_a_line_are_found_in_a_few_steps(bundled, monkeypatch):
+    """Where a few steps do not do, the places are bracketed."""
+    problem = bundled("two_link/around_a_post")
     for line in tool_paths(problem, branch_of(problem), arcs=False):
         distance = line.curve.length * np.linspace(0.01, 0.99, 30)
-        found = tool_path_module._by_newton(problem.robot, line, distance)
+        accuracy = {"rtol": 0, "atol": 1e-12 * line.joints.duration}
         slowly = tool_path_module._by_bracketing(problem.robot, line, distance)
-        np.testing.assert_allclose(found, slowly, rtol=0, atol=1e-12 * line.joints.duration)
-
-
-def test_where_a_few_steps_do_not_do_the_places_are_bracketed(monkeypatch):
-    problem = load_problem("example:two_link/around_a_post")
-    line = tool_paths(problem, branch_of(problem), arcs=False)[0]
+        found = tool_path_module._by_newton(problem.robot, line, distance)
+        np.testing.assert_allclose(found, slowly, **accuracy)
     distance = line.curve.length * np.array([0.0, 0.1, 0.6, 1.0])
     wanted = arc_lengths_on_line(problem.robot, line, distance)
     monkeypatch.setattr(tool_path_module, "_NEWTON_STEPS", 1)
     found = arc_lengths_on_line(problem.robot, line, distance)
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * line.joints.duration)
+    np.testing.assert_allclose(found, wanted, **accuracy)
 
 
-def test_without_a_way_there_is_a_reason():
-    problem = load_problem("example:two_link/paper_1_10mm")
+def test_without_a_path_there_is_a_reason(bundled):
+    problem = bundled("two_link/paper_1_10mm")
     branch = branch_of(problem)
     still = ReferenceBranch((np.tile(branch.start, (2, 1)),))
     with pytest.raises(Infeasible, match="the start is the goal: there is nothing to move"):
@@ -156,26 +151,7 @@ def test_an_averaged_law_is_smooth_and_never_falls(intervals):
     )
     smooth = averaged_parameterization(timing, intervals)
     assert smoothness_class(timing) == "C1"
-    assert smoothness_class(smooth) == "C2"
+    assert smoothness_class(smooth) == smoothness_class(quintic()) == "C2"
     assert smooth.position([0.0, smooth.duration]).ravel().tolist() == pytest.approx([0, 1])
     assert smooth.velocity(np.linspace(0, smooth.duration, 500)).min() > -1e-12
     assert abs(smooth.acceleration(np.linspace(0, smooth.duration, 500))).max() <= 4.0 + 1e-9
-
-
-@pytest.mark.parametrize(
-    ("limits", "expected"),
-    [
-        ({"velocity": np.inf}, 2 * np.sqrt(ANGLE * INERTIA / 5)),
-        ({"velocity": 1.5, "effort": np.inf, "acceleration": 3.0}, ANGLE / 1.5 + 0.5),
-    ],
-    ids=["effort", "velocity and acceleration"],
-)
-def test_one_joint_switches_when_theory_says(tmp_path, limits, expected):
-    """A straight path at constant speed uses no effort: limits not given are still ample."""
-    robot = one_joint(tmp_path, **limits)
-    path = JointTrajectory(["turn"], [0, ANGLE], [[[1.0]], [[0.0]]])
-    timing = fastest_parameterization(anywhere(robot), path, np.linspace(0, ANGLE, 801))
-    assert timing.duration == pytest.approx(expected, rel=2e-3)
-    assert timing.position(timing.duration)[0] == pytest.approx(ANGLE)
-    assert smoothness_class(timing) == "C1"
-    assert smoothness_class(quintic()) == "C2"
