@@ -215,7 +215,7 @@ def test_links_of_one_body_are_not_listed(ur5):
     assert not any(set(pair.links) == {"wrist_3_link", "ee_link"} for pair in left_out)
 
 
-# An arm of six legs, whose links are meshes of many triangles.
+# Where no cache has the covers of its meshes, they take three seconds.
 @pytest.mark.slow
 def test_links_that_pass_through_each_other_are_seen():
     """Their covers touch in every configuration; the answer was certified once."""
@@ -228,8 +228,7 @@ def test_links_that_pass_through_each_other_are_seen():
     }
 
 
-# A robot with four legs, whose links are meshes of many triangles.
-@pytest.mark.slow
+@pytest.mark.dear("covers the meshes of a robot with four legs where no cache has them")
 def test_a_hollow_in_a_trunk_does_not_forbid_a_leg():
     problem = load_problem(CASES / "hyq_concave_trunk.yaml")
     result = plan(problem, SHORTEST)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose as close
+from numpy.testing import assert_array_equal as same
 from scipy.interpolate import PPoly
 
 from tubeplanner.trajectory.bernstein import (
@@ -25,15 +27,14 @@ def test_values_and_derivatives_are_those_of_scipy(degree):
     t = np.append(rng.uniform(-0.1, breakpoints[-1] + 0.1, 55), breakpoints).reshape(12, 5)
     for order in range(4):
         found = PiecewisePolynomial(coefficients, breakpoints).derivative(order)
-        np.testing.assert_allclose(found(t), reference(t, order), rtol=1e-12, atol=1e-12)
+        close(found(t), reference(t, order), rtol=1e-12, atol=1e-12)
         assert found.coefficients.shape == reference.derivative(order).c.shape
     assert found(t[0, 0]).shape == (2,)
 
 
 # Bounds on polynomials against their roots and against dense sampling.
 
-
-DEGREES = range(1, 8)
+DEGREES = (1, 4, 7)
 
 
 def random_polynomials(degree, pieces=5, n=3):
@@ -58,23 +59,14 @@ def exact_maximum(polynomial, width):
 
 
 @pytest.mark.parametrize("degree", [0, *DEGREES])
-def test_the_first_and_last_coefficients_are_the_values_at_the_ends(degree):
+def test_a_polynomial_lies_in_the_hull_of_its_coefficients_whose_ends_are_its_values(degree):
     coefficients, widths = random_polynomials(degree)
     start = np.linspace(0, 0.3, len(widths))
     bounds = bernstein_coefficients(coefficients, start, widths)
     assert bounds.shape == coefficients.shape
-    np.testing.assert_allclose(bounds[0], values(coefficients, start[:, None]), atol=1e-12)
-    end = (start + widths)[:, None]
-    np.testing.assert_allclose(bounds[-1], values(coefficients, end), rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize("degree", [0, *DEGREES])
-def test_a_polynomial_lies_in_the_hull_of_its_coefficients(degree):
-    coefficients, widths = random_polynomials(degree)
-    start = np.linspace(0, 0.3, len(widths))
-    bounds = bernstein_coefficients(coefficients, start, widths)
     times = start + np.linspace(0, 1, 500)[:, None] * widths
     sampled = np.array([values(coefficients, t[:, None]) for t in times])
+    close(bounds[[0, -1]], sampled[[0, -1]], rtol=1e-9, atol=1e-9)
     assert (sampled <= bounds.max(axis=0) + 1e-9).all()
     assert (sampled >= bounds.min(axis=0) - 1e-9).all()
 
@@ -86,23 +78,19 @@ def test_restricted_polynomials_are_the_same_in_the_time_of_the_interval(degree)
     parts = restricted(coefficients, start, width)
     assert parts.shape == coefficients.shape
     for share in (0.0, 0.3, 1.0):
-        for piece, column in np.ndindex(coefficients.shape[1:]):
-            expected = np.polyval(
-                coefficients[:, piece, column], start[piece] + share * width[piece]
-            )
-            found = np.polyval(parts[:, piece, column], share)
-            assert found == pytest.approx(expected, abs=1e-12)
+        expected = values(coefficients, (start + share * width)[:, None])
+        close(values(parts, share), expected, atol=1e-12)
 
 
 def test_the_coefficients_are_those_of_a_textbook_example():
     """The parabola t^2 on [0, 1] has the control points 0, 0, 1; on [1, 3] they are 1, 3, 9."""
     square = np.array([1.0, 0.0, 0.0])[:, None, None] * np.ones((1, 2, 1))
     bounds = bernstein_coefficients(square, np.array([0.0, 1.0]), np.array([1.0, 2.0]))
-    np.testing.assert_allclose(bounds[:, :, 0].T, [[0, 0, 1], [1, 3, 9]], atol=1e-14)
+    close(bounds[:, :, 0].T, [[0, 0, 1], [1, 3, 9]], atol=1e-14)
 
 
 @pytest.mark.parametrize("degree", DEGREES)
-def test_maxima_are_those_found_by_the_roots_of_the_derivative(degree):
+def test_maxima_are_those_by_the_roots_of_the_derivative_and_attained_where_they_say(degree):
     coefficients, widths = random_polynomials(degree, pieces=12, n=4)
     exact = np.array(
         [
@@ -111,44 +99,28 @@ def test_maxima_are_those_found_by_the_roots_of_the_derivative(degree):
         ]
     )
     found = maxima(coefficients, widths)
-    np.testing.assert_allclose(found.value, exact.max(axis=0), rtol=1e-9, atol=1e-12)
-    np.testing.assert_array_equal(found.piece, exact.argmax(axis=0))
-
-
-@pytest.mark.parametrize("degree", DEGREES)
-def test_maxima_are_attained_where_they_say_and_never_below_a_sample(degree):
-    coefficients, widths = random_polynomials(degree, pieces=20)
-    found = maxima(coefficients, widths)
+    close(found.value, exact.max(axis=0), rtol=1e-9, atol=1e-12)
+    same(found.piece, exact.argmax(axis=0))
     assert ((found.local_time >= 0) & (found.local_time <= widths[found.piece])).all()
-    chosen = coefficients[:, found.piece, np.arange(3)]
-    np.testing.assert_allclose(values(chosen, found.local_time), found.value, atol=1e-11)
-    times = np.linspace(0, 1, 2000)[:, None] * widths
-    sampled = np.array([values(coefficients, t[:, None]) for t in times])
-    assert (sampled.max(axis=(0, 1)) <= found.value + 1e-9 * abs(found.value)).all()
+    chosen = coefficients[:, found.piece, np.arange(4)]
+    close(values(chosen, found.local_time), found.value, atol=1e-11)
 
 
-@pytest.mark.parametrize("degree", [0, 3, 7])
-@pytest.mark.parametrize("value", [0.0, 2.5, -1e-3])
-def test_a_constant_is_its_own_maximum(degree, value):
-    coefficients = np.zeros((degree + 1, 3, 1))
-    coefficients[-1] = value
+@pytest.mark.parametrize("degree", [0, 7])
+def test_a_constant_is_its_own_maximum_and_the_largest_of_several_is_found(degree):
+    coefficients = np.zeros((degree + 1, 3, 2))
+    coefficients[-1] = [[1.0, 5.0], [3.0, 4.0], [2.0, -1.0]]
     found = maxima(coefficients, np.array([0.5, 1.0, 2.0]))
-    assert found.value.tolist() == [value]
-
-
-def test_the_largest_of_several_constants_is_found_in_its_piece():
-    coefficients = np.array([[[1.0, 5.0], [3.0, 4.0], [2.0, -1.0]]])
-    found = maxima(coefficients, np.ones(3))
     assert found.value.tolist() == [3.0, 5.0]
     assert found.piece.tolist() == [1, 0]
 
 
-@pytest.mark.parametrize("touch", [0.0, 0.3, 0.7])
-@pytest.mark.parametrize("power", [2, 4, 6])
+@pytest.mark.parametrize("touch", [0.0, 0.3])
+@pytest.mark.parametrize("power", [2, 6])
 def test_a_polynomial_that_only_touches_zero_has_maximum_zero(power, touch):
     polynomial = -np.poly([touch] * power)
     found = maxima(polynomial[:, None, None], np.array([0.7]))
-    np.testing.assert_allclose(found.value, [0.0], atol=1e-15)
+    close(found.value, [0.0], atol=1e-15)
     assert abs(found.local_time[0] - touch) < 0.02
 
 
@@ -164,9 +136,9 @@ def test_a_narrow_peak_between_samples_is_not_missed():
     spike = np.array([-1.0, 1e-3, 0.0])[:, None, None]
     flat = np.zeros((3, 1, 1))
     found = maxima(np.concatenate([flat, spike, flat], axis=1), np.array([1.0, 1e-3, 1.0]))
-    np.testing.assert_allclose(found.value, [2.5e-7], rtol=1e-9)
+    close(found.value, [2.5e-7], rtol=1e-9)
     assert found.piece.tolist() == [1]
-    np.testing.assert_allclose(found.local_time, [5e-4], rtol=1e-4)
+    close(found.local_time, [5e-4], rtol=1e-4)
 
 
 @pytest.mark.parametrize("degree", DEGREES)

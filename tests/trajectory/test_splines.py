@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy import interpolate
 from scipy.interpolate import BPoly, PPoly
-from scipy.interpolate import BSpline as FittedSplineBSpline
 
 from tubeplanner.trajectory.b_spline import BSpline
 from tubeplanner.trajectory.fitted_spline import fitted_control_points, times_between
@@ -44,7 +43,7 @@ def test_control_points_are_those_of_dense_least_squares(degree):
     times = times_between(breakpoints, 6)
     path, ends = rng.normal(size=(len(times), 4)), tuple(rng.normal(size=(2, 4)))
     found = fitted_control_points(knots, degree, times, path, ends)
-    design = FittedSplineBSpline(knots, np.eye(12 + degree), degree)(times)
+    design = interpolate.BSpline(knots, np.eye(12 + degree), degree)(times)
     clamped = np.vstack([np.tile(ends[0], (3, 1)), np.tile(ends[1], (3, 1))])
     edges = np.r_[0:3, -3:0]
     rest = path - design[:, edges] @ clamped
