@@ -107,7 +107,6 @@ def in_periods(times, period):
 def test_duration_and_all_breakpoints_are_multiples(name, period, periodic, least):
     """What is written, without a rate, is the motion itself, judged as our own trajectories are."""
     problem, result = periodic(name, period)
-    assert result.succeeded
     for trajectory in (result.trajectory, result.shortest):
         places = in_periods(trajectory.breakpoints, period)
         assert np.diff(places).min() >= 1
@@ -173,7 +172,6 @@ def test_where_none_is_found_the_shortest_motion_is_slowed_down(error, bundled, 
     monkeypatch.setattr(Refinement, "run_on", run_on)
     result = plan(replace(bundled(LINE), period=0.004))
     assert tried == [True] * 8
-    assert result.succeeded
     assert in_periods(result.duration, 0.004) == ceil(least(LINE) / 0.004)
     (note,) = [note for note in result.notes if "period" in note]
     assert note.startswith(WHOLE)

@@ -160,7 +160,6 @@ def test_where_the_whole_tube_gives_nothing_the_narrower_motion_is_the_answer(
     monkeypatch.setattr(module, "_widened", lambda problem, start, clock: None)
     found = narrowed_plan(wide, SHORTEST, PlanningClock(None, None))
     narrow = planned("ur5/over_the_wall", "refinement")[1]
-    assert found.succeeded
     assert found.motion is not None  # what a second stage begins with
     assert found.duration == pytest.approx(narrow.duration, rel=1e-6)
 
