@@ -55,7 +55,6 @@ def at(data, *keys):
         ("clearance", 0.01, ["clearance"]),
         ("tube.radius", 0.2, ["tube", "radius"]),
         ("tube.radius.0", 0.2, ["tube", "radius", 0]),
-        ("tube.radius.1", 0.2, ["tube", "radius", 1]),
         ("tube.points.2.1", 5, ["tube", "points", 2, 1]),
         ("tube.joint_signs.0.joint.1", "-", ["tube", "joint_signs", 0, "joint.1"]),
         ("tube.cross_section.1.up.0", 1, ["tube", "cross_section", 1, "up", 0]),
@@ -63,7 +62,6 @@ def at(data, *keys):
         ("obstacles.post.sphere", 1, ["obstacles", 1, "sphere"]),
         ("obstacles.post.2.sphere", 1, ["obstacles", 2, "sphere"]),
         ("obstacles.0.sphere", 1, ["obstacles", 3, "sphere"]),
-        ("obstacles.1.sphere", 1, ["obstacles", 1, "sphere"]),
         ("obstacles.post", {"name": "other"}, ["obstacles", 1]),
         ("obstacles", [], ["obstacles"]),
     ],
@@ -86,24 +84,24 @@ def test_missing_keys_are_made_where_the_schema_has_them():
     assert sections[0] == {"box": [1, 2]}
 
 
-@pytest.mark.parametrize(
-    ("path", "section"),
-    [
-        ("robot.payload.", "PayloadFields"),
-        ("robot.limits.", "LimitFields"),
-        ("robot.limits.velocity_by_position.joint1.", "VelocityByPositionFields"),
-        ("robot.tool_offset.", "ToolOffsetFields"),
-        ("collision.", "CollisionFields"),
-        ("objective.", "ObjectiveFields"),
-        ("goal.", "EndpointFields"),
-        ("obstacles.post.", "ObstacleFields"),
-        ("", None),
-    ],
-)
-def test_every_field_of_the_schema_can_be_made(path, section):
+SECTIONS = {
+    "": None,
+    "robot.payload.": "PayloadFields",
+    "robot.limits.": "LimitFields",
+    "robot.limits.velocity_by_position.joint1.": "VelocityByPositionFields",
+    "robot.tool_offset.": "ToolOffsetFields",
+    "collision.": "CollisionFields",
+    "objective.": "ObjectiveFields",
+    "goal.": "EndpointFields",
+    "obstacles.post.": "ObstacleFields",
+}
+
+
+@pytest.mark.parametrize("path", SECTIONS)
+def test_every_field_of_the_schema_can_be_made(path):
     """A key that a file leaves out is as good as one that it has."""
     schema = ProblemFields.model_json_schema(by_alias=True)
-    fields = (schema["$defs"][section] if section else schema)["properties"]
+    fields = (schema["$defs"][SECTIONS[path]] if path else schema)["properties"]
     assert fields
     for key in fields.keys() - {"include"}:  # files are included before values are changed
         assert changed({f"{path}{key}": "the value"}) != DOCUMENT
@@ -154,11 +152,9 @@ def test_what_an_alias_stands_for_elsewhere_stays():
         ("robot.limits.velocity.a", 1, "robot.limits.velocity is 2, which has no parts"),
         ("robot.attached.0.name", "a", "robot.attached is not given; give it as a whole"),
         ("tube..radius", 1, "unknown key ''"),
-        ("tube.", 1, "unknown key ''"),
         ("", 1, "unknown key ''"),
         ("robot.tool_frame", "x2", "it is 'hand': x2 has no number to scale; give a value"),
         ("robot.gravity", "x0.5", "nothing is given there: x0.5 has no number to scale"),
-        ("robot.payload", "x0.5", "nothing is given there: x0.5 has no number to scale"),
     ],
 )
 def test_a_path_that_leads_nowhere_is_refused_by_name(path, value, message):
@@ -206,10 +202,8 @@ def test_problems_are_loaded_with_changes(bundled):
     ("path", "value", "armature", "backwards", "forwards"),
     [
         (".armature", "x0.5", [0.2, 0.1], [2, 1], [2, 3]),
-        (".armature", 3, [3, 3], [2, 1], [2, 3]),
         (".armature.1", 3, [0.4, 3], [2, 1], [2, 3]),
         (".coulomb_friction", "x2", [0.4, 0.2], [4, 2], [4, 6]),
-        (".coulomb_friction.joint2", "x2", [0.4, 0.2], [2, 2], [2, 6]),
         (".coulomb_friction.joint2.0", 5, [0.4, 0.2], [2, 5], [2, 3]),
         (".coulomb_friction.joint1", [5, 6], [0.4, 0.2], [5, 1], [6, 3]),
         (".coulomb_friction", [[5, 6], 7], [0.4, 0.2], [5, 7], [6, 7]),

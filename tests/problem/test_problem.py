@@ -440,8 +440,8 @@ def test_a_problem_without_a_tube_says_how_to_find_one(name):
             "goal.position is not to be given: it is the one of goal.joints",
         ),
         (
-            {"start": {"joints": START, "position": [0.6, 0, 0]}},
-            "start.position is not to be given: start takes joints",
+            {"start": {"position": [0.6, 0, 0]}},
+            "start.position is not to be given: start takes joi",
         ),
         ({"goal": {"joints": [0]}}, "goal has 1 values for the 2 joints joint1, joint2"),
     ],

@@ -29,6 +29,7 @@ MINIMAL = {
 }
 ABSENT = object()
 SCHEMA = problem_schema()
+DEFS = SCHEMA["$defs"]
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 
 
@@ -279,14 +280,11 @@ def test_numbers_outside_limits_must_be_finite(place, value):
 
 
 @pytest.mark.parametrize("quantity", ["effort", "velocity", "acceleration", "jerk", "effort_rate"])
-def test_limits_may_be_infinite(tmp_path, quantity):
-    text = with_more("robot", f"limits: {{{quantity}: {{j: .inf}}}}")
-    assert getattr(read(tmp_path, text).robot.limits, quantity) == {"j": np.inf}
-
-
-def test_position_limits_and_joint_ranges_may_be_open_on_one_side(tmp_path):
-    robot = read(tmp_path, with_more("robot", "limits: {position: {j: [-.inf, 1]}}")).robot
-    assert robot.limits.position == {"j": (-np.inf, 1)}
+def test_limits_may_be_infinite_or_open_on_one_side(tmp_path, quantity):
+    more = f"limits: {{{quantity}: {{j: .inf}}, position: {{j: [-.inf, 1]}}}}"
+    limits = read(tmp_path, with_more("robot", more)).robot.limits
+    assert getattr(limits, quantity) == {"j": np.inf}
+    assert limits.position == {"j": (-np.inf, 1)}
     tube = read(tmp_path, with_more("tube", "joint_signs: {j: [0.5, .inf]}")).tube
     assert tube.joint_signs == {"j": (0.5, np.inf)}
 
@@ -317,24 +315,15 @@ def test_a_key_that_cannot_be_shown_or_is_long_is_quoted(key, shown):
 
 
 @pytest.mark.parametrize(
-    ("place", "default"),
-    [
-        ("robot.srdf", None),
-        ("robot.joints", None),
-        ("robot.payload", None),
-        ("robot.limits", {"tool_speed": None}),
-        ("tube.orientations", None),
-        ("tube.rotation_tolerance", None),
-        ("tube.tool_speed", None),
-        ("tube.visit", "ordered"),
-        ("goal", None),
-        ("format", "tubeplanner/problem"),
-        ("version", 1),
-    ],
+    ("prefix", "section"),
+    [("", SCHEMA), ("robot.", DEFS["RobotFields"]), ("tube.", DEFS["TubeFields"])],
 )
-def test_defaults_may_be_written_out(place, default):
+def test_defaults_may_be_written_out(prefix, section):
     plain = check_problem_fields(MINIMAL, "my problem")
-    assert check_problem_fields(changed(place, default), "my problem") == plain
+    for name in section["properties"].keys() - MINIMAL.keys() - {"urdf", "tool_frame", "radius"}:
+        if name not in section["required"]:
+            default = section["properties"][name].get("default")
+            assert check_problem_fields(changed(f"{prefix}{name}", default), "p") == plain
 
 
 def test_arguments_of_a_macro_file_keep_their_types():
@@ -428,7 +417,7 @@ def test_json_numbers_that_are_not_finite_are_refused(tmp_path, literal):
 def test_the_schema_is_plain_json_closed_and_described_at_every_level():
     assert json.loads(json.dumps(SCHEMA)) == SCHEMA
     assert SCHEMA["title"] == "tubeplanner problem"
-    for section in (SCHEMA, *SCHEMA["$defs"].values()):
+    for section in (SCHEMA, *DEFS.values()):
         assert section["type"] == "object"
         assert section["additionalProperties"] is False
         assert section["description"]
@@ -438,19 +427,19 @@ def test_the_schema_is_plain_json_closed_and_described_at_every_level():
 
 
 def test_the_schema_has_the_fields_of_the_contract():
-    sections = SCHEMA["$defs"]
+    robot, tube = DEFS["RobotFields"], DEFS["TubeFields"]
     assert set(SCHEMA["required"]) == {"robot", "start"}  # route finds a tube
-    assert set(sections["RobotFields"]["required"]) == {"urdf", "tool_frame"}
-    assert set(sections["TubeFields"]["required"]) == {"points"}
-    assert set(sections["TubeFields"]["then"]["required"]) == {"radius"}  # unless a file has it
+    assert set(robot["required"]) == {"urdf", "tool_frame"}
+    assert set(tube["required"]) == {"points"}
+    assert set(tube["then"]["required"]) == {"radius"}  # unless a file has it
     for section, names in (
         (SCHEMA, TOP),
-        (sections["RobotFields"], ROBOT),
-        (sections["TubeFields"], TUBE),
-        (sections["LimitFields"], LIMITS),
-        (sections["MotorFields"], MOTORS),
-        (sections["ObstacleFields"], OBSTACLE),
-        (sections["CollisionFields"], "self, ignore"),
+        (robot, ROBOT),
+        (tube, TUBE),
+        (DEFS["LimitFields"], LIMITS),
+        (DEFS["MotorFields"], MOTORS),
+        (DEFS["ObstacleFields"], OBSTACLE),
+        (DEFS["CollisionFields"], "self, ignore"),
     ):
         assert list(section["properties"]) == names.split(", ")
 
@@ -472,7 +461,7 @@ def test_the_schema_has_the_fields_of_the_contract():
 )
 def test_physical_fields_say_their_unit(section, names):
     for name in names.split():
-        assert "[" in SCHEMA["$defs"][section]["properties"][name]["description"], name
+        assert "[" in DEFS[section]["properties"][name]["description"], name
 
 
 @pytest.mark.parametrize("name", bundled_problems())
