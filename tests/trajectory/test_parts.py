@@ -81,13 +81,14 @@ def scipys(whole):
 )
 def test_a_part_does_what_the_whole_does_then(begin, end, pieces):
     whole = trajectory()
-    part = whole.between(begin, end)
-    assert part.duration == pytest.approx(end - begin)
-    assert part.coefficients.shape == (6, pieces, 2)
     time = np.linspace(0, end - begin, 101)[1:-1]
-    for order, values in enumerate((part.position, part.velocity, part.acceleration, part.jerk)):
-        expected = scipys(whole)(begin + time, order)
-        close(values(time), expected, rtol=1e-10, atol=1e-10)
+    for part in (part_of(whole, begin, end), whole.between(begin, end)):
+        assert part.duration == pytest.approx(end - begin)
+        assert part.coefficients.shape == (6, pieces, 2)
+        for order in range(4):
+            expected = scipys(whole)(begin + time, order)
+            found = scipys(part)(time, order)
+            close(found, expected, rtol=1e-10, atol=1e-10)
 
 
 def test_a_part_keeps_what_jumps_out_of_itself():
