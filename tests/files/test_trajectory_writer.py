@@ -1,105 +1,56 @@
-"""Trajectories and cycles as JSON, CSV, ROS; default sample rate."""
+"""Trajectories as JSON, CSV and ROS: written, read back, sampled so that limits hold."""
 
 import csv
-import io
 import json
 import os
 import re
 from dataclasses import replace
 from itertools import product
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pytest
 import yaml
 from cases import PROBLEMS, slow_but
 from rosbags.typesys import Stores, get_typestore
-from ruamel.yaml import YAML
 from scipy.interpolate import PPoly
-from small_cycle import planned_cycle
 
 from tubeplanner import (
-    CycleMotion,
     JointTrajectory,
     OptionError,
     OutputError,
     TrajectoryError,
-    load_robot,
-    read_cycle_motion,
     read_trajectory,
     verify,
-    verify_cycle,
-    write_cycle_motion,
 )
-from tubeplanner.files.cycle_fingerprint import cycle_hash
-from tubeplanner.files.cycle_writer import cycle_contents
 from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
 from tubeplanner.files.export_samples import samples_for_export
 from tubeplanner.files.file_notes import notes_on_file
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.files.trajectory_writer import TrajectoryFiles
+from tubeplanner.resources import bundled_folder
 from tubeplanner.trajectory.trajectory_file import read_trajectory_file
 from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE
 
-UR5 = "ur5/over_the_wall"
+POST = "two_link/around_a_post"
 
 
-def test_a_trajectory_file_reads_back_to_the_last_bit(stored, tmp_path):
-    _, trajectory = stored(UR5)
-    path = tmp_path / "t.json"
-    path.write_text(trajectory_json(trajectory, method="stop-at-corners"))
-    again = read_trajectory(str(path))
-    np.testing.assert_array_equal(again.coefficients, trajectory.coefficients)
-    np.testing.assert_array_equal(again.breakpoints, trajectory.breakpoints)
-    assert again.joint_names == trajectory.joint_names
+@pytest.fixture(scope="module")
+def post(stored):
+    """A time-optimal trajectory, whose plain samples break limits when they are joined."""
+    return stored(POST, "refinement")
 
 
-def test_a_trajectory_file_is_what_scipy_takes(stored):
-    _, trajectory = stored(UR5)
+# Our JSON holds the polynomials.
+
+
+def test_a_trajectory_file_is_what_scipy_takes(post):
+    _, trajectory = post
     fields = json.loads(trajectory_json(trajectory))
     assert fields["format"] == "tubeplanner/trajectory"
     assert fields["version"] == 1
     assert fields["duration"] == fields["breakpoints"][-1] == trajectory.duration
     position = PPoly(np.array(fields["coefficients"]), np.array(fields["breakpoints"]))
     np.testing.assert_allclose(position(0.3), trajectory.position(0.3), rtol=1e-14)
-
-
-def test_csv_has_every_quantity_of_every_joint(stored):
-    problem, trajectory = stored(UR5)
-    names, samples = problem.robot.joint_names, trajectory.sample(100)
-    effort = problem.robot.inverse_dynamics(
-        samples.position, samples.velocity, samples.acceleration
-    )
-    rows = list(csv.DictReader(io.StringIO(trajectory_csv(names, samples, effort))))
-    quantities = ("position", "velocity", "acceleration", "effort")
-    assert list(rows[0]) == ["time", *(f"{name}.{what}" for what in quantities for name in names)]
-    time = np.array([float(row["time"]) for row in rows])
-    np.testing.assert_allclose(np.diff(time)[:-1], 0.01)
-    assert time[-1] == trajectory.duration
-    q, v, a, tau = (
-        np.array([[float(row[f"{name}.{what}"]) for name in names] for row in rows])
-        for what in quantities
-    )
-    np.testing.assert_array_equal(q, trajectory.position(time))
-    np.testing.assert_array_equal(v, trajectory.velocity(time))
-    np.testing.assert_allclose(tau, problem.robot.inverse_dynamics(q, v, a))
-
-
-def test_ros_is_a_joint_trajectory_without_efforts(stored):
-    _, trajectory = stored(UR5)
-    names = trajectory.joint_names
-    text = trajectory_ros(names, trajectory.sample(50))
-    message = YAML(typ="safe", pure=True).load(text)
-    assert message["joint_names"] == list(names)
-    point = message["points"][7]
-    assert set(point) == {"positions", "velocities", "accelerations", "time_from_start"}
-    stamp = point["time_from_start"]
-    time = stamp["sec"] + 1e-9 * stamp["nanosec"]
-    assert time == pytest.approx(7 / 50)
-    np.testing.assert_allclose(point["positions"], trajectory.position(7 / 50))
-    last = message["points"][-1]["time_from_start"]
-    assert last["sec"] + 1e-9 * last["nanosec"] == pytest.approx(trajectory.duration, abs=1e-9)
-    assert all(isinstance(value, float) for row in message["points"] for value in row["positions"])
 
 
 GOOD = {
@@ -157,10 +108,13 @@ def test_a_damaged_trajectory_is_refused_by_name(key, value, message, tmp_path):
     assert str(path) in str(caught.value)
 
 
-def test_the_undamaged_one_is_read(tmp_path):
+def test_the_undamaged_one_is_read_behind_a_mark_of_byte_order(tmp_path):
     path = tmp_path / "t.json"
     path.write_text("\ufeff" + json.dumps(GOOD))
     assert read_trajectory(path).duration == 1.0
+
+
+# CSV and ROS hold samples, which keep the limits when polynomials join them.
 
 
 @pytest.mark.parametrize(
@@ -205,7 +159,7 @@ EXPORTED = {  # method, how many times slower than planned, rate, note
 
 @pytest.mark.parametrize(("method", "factor", "rate", "note"), EXPORTED.values(), ids=EXPORTED)
 def test_what_is_exported_fits_the_rate(method, factor, rate, note, stored):
-    problem, trajectory = stored(UR5, method)
+    problem, trajectory = stored("ur5/over_the_wall", method)
     trajectory = trajectory.scaled(factor)
     sampled = samples_for_export(problem, trajectory, rate)
     if note is None:
@@ -217,57 +171,10 @@ def test_what_is_exported_fits_the_rate(method, factor, rate, note, stored):
         assert re.search(note, sampled.note)
 
 
-@pytest.mark.parametrize("name", ["a,b", 'a"b', "a b.c", "関節", "'x'"])
-def test_names_with_commas_and_quotes_come_back_from_csv(tmp_path, name):
-    named_arm(tmp_path, name)
-    moving = JointTrajectory([name], [0, 1.0], [[[1.0]], [[0.0]]])
-    path = tmp_path / "t.csv"
-    path.write_text(trajectory_csv([name], moving.sample(10)))
-    assert read_trajectory(path).joint_names == (name,)
-
-
-@pytest.mark.parametrize("name", ["=1+1", "+a", "-a", "@a", " =a"])
-def test_a_name_that_is_a_formula_to_spreadsheets_is_refused(tmp_path, run, name):
-    named_arm(tmp_path, name)
-    moving = JointTrajectory([name], [0, 1.0], [[[1.0]], [[0.0]]])
-    with pytest.raises(OutputError, match="a formula to spreadsheets; rename the joint, or write"):
-        trajectory_csv([name], moving.sample(10))
-
-
-def test_a_formula_is_refused_before_anything_is_planned(tmp_path, run, monkeypatch):
-    named_arm(tmp_path, "=1+1")
-    (tmp_path / "p.json").write_text(json.dumps({
-        "robot": {"urdf": "arm.urdf", "tool_frame": "tip"},
-        "tube": {"points": [[1, 0, 0], [0, 1, 0]], "radius": 0.5},
-        "start": {"joints": [0.0]},
-    }))  # fmt: skip
-    monkeypatch.setattr("tubeplanner.planning.planner.plan", None)
-    status, _, err = run("plan", tmp_path / "p.json", "--csv", tmp_path / "t.csv")
-    assert status == 2
-    assert "would begin with '=', a formula to spreadsheets" in err
-
-
-def named_arm(folder, name):
-    """Return an arm of one joint, whose name is given."""
-    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
-    (folder / "arm.urdf").write_text(
-        f"""<robot name="arm"><link name="base"/>
-        <link name="bar"><inertial><mass value="1"/>{inertia}</inertial></link><link name="tip"/>
-        <joint name={quoteattr(name)} type="revolute"><parent link="base"/><child link="bar"/>
-          <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="5" velocity="4"/></joint>
-        <joint name="fix" type="fixed"><parent link="bar"/><child link="tip"/>
-          <origin xyz="1 0 0"/></joint></robot>"""
-    )
-    return load_robot("arm.urdf", "tip", directory=folder)
-
-
-# The ROS file is what ROS 2 takes: loaded into the message's own type, serialised, read back.
+# A YAML file is what ROS 2 takes: loaded into the message's own type, serialised, read back.
 
 
 TYPE = "trajectory_msgs/msg/JointTrajectory"
-RELEASES = (Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY)
-NAMES = ("ur5/over_the_wall", "panda/between_shelves")
-QUICK = ((RELEASES[0], NAMES[1]), (RELEASES[1], NAMES[0]))
 
 
 def as_message(store, fields):
@@ -287,14 +194,16 @@ def as_message(store, fields):
     return types[TYPE](header=header, joint_names=fields["joint_names"], points=points)
 
 
-@pytest.mark.parametrize(("release", "name"), slow_but(QUICK, product(RELEASES, NAMES)))
-def test_the_file_is_a_ros_2_message_and_survives_the_wire(release, name, stored):
-    problem, trajectory = stored(name, "refinement")
+@pytest.mark.parametrize("release", [Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY])
+def test_the_file_is_a_ros_2_message_and_survives_the_wire(release, post):
+    problem, trajectory = post
     sampled = samples_for_export(problem, trajectory, 500)
     names, samples = problem.robot.joint_names, sampled.samples
-    fields = YAML(typ="safe", pure=True).load(trajectory_ros(names, samples, sampled.note))
-    known = {"joint_names", "positions", "velocities", "accelerations", "time_from_start"}
-    assert set(fields) | set(fields["points"][0]) == known | {"points"}
+    fields = yaml.load(trajectory_ros(names, samples, sampled.note), yaml.CSafeLoader)
+    known = {"positions", "velocities", "accelerations", "time_from_start"}
+    assert set(fields) == {"joint_names", "points"}
+    assert set(fields["points"][0]) == known
+    assert all(isinstance(q, float) for point in fields["points"] for q in point["positions"])
     store = get_typestore(release)
     wire = store.serialize_cdr(as_message(store, fields), TYPE)
     read = store.deserialize_cdr(wire, TYPE)
@@ -313,14 +222,10 @@ def test_the_file_is_a_ros_2_message_and_survives_the_wire(release, name, stored
     assert (np.diff(time) > 0).all()
 
 
-POST = "two_link/around_a_post"
+# What `save` writes: hashes and efforts if it knows the problem.
+
+
 SUFFIXES = (".json", ".csv", ".yaml", ".yml", ".JSON")
-
-
-@pytest.fixture(scope="module")
-def post(stored):
-    """A time-optimal trajectory, whose plain samples break limits when they are joined."""
-    return stored(POST, "refinement")
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -339,7 +244,7 @@ def test_what_is_saved_with_its_problem_reads_back_and_passes(suffix, post, tmp_
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", SUFFIXES[:3])
 def test_what_is_saved_alone_is_the_trajectory_itself(suffix, post, tmp_path):
     _, trajectory = post
     path = tmp_path / f"t{suffix}"
@@ -349,6 +254,7 @@ def test_what_is_saved_alone_is_the_trajectory_itself(suffix, post, tmp_path):
     assert read.duration == pytest.approx(trajectory.duration, abs=1e-9)
     time = trajectory.sample(200).time
     np.testing.assert_allclose(read.position(time), trajectory.position(time), atol=1e-7)
+    np.testing.assert_allclose(read.velocity(time), trajectory.velocity(time), atol=1e-7)
 
 
 def test_only_the_json_of_a_problem_has_hashes(post, tmp_path):
@@ -362,14 +268,7 @@ def test_only_the_json_of_a_problem_has_hashes(post, tmp_path):
     assert "method" not in fields
     assert notes_on_file(problem, read, failed=False) == []
     trajectory.save(path)
-    assert json.loads(path.read_text()).keys() == {
-        "format",
-        "version",
-        "joint_names",
-        "duration",
-        "breakpoints",
-        "coefficients",
-    }
+    assert json.loads(path.read_text()).keys() == GOOD.keys()
 
 
 def test_only_the_csv_of_a_problem_has_efforts(post, tmp_path):
@@ -378,7 +277,8 @@ def test_only_the_csv_of_a_problem_has_efforts(post, tmp_path):
     trajectory.save(path, problem, 250)
     columns, *rows = csv.reader(path.read_text().splitlines())
     table = np.array(rows, dtype=float)
-    assert columns[-2:] == ["joint1.effort", "joint2.effort"]
+    quantities = ("position", "velocity", "acceleration", "effort")
+    assert columns == ["time", *(f"joint{k}.{name}" for name in quantities for k in (1, 2))]
     q, v, a, tau = (table[:, 1 + 2 * k : 3 + 2 * k] for k in range(4))
     np.testing.assert_allclose(tau, problem.robot.inverse_dynamics(q, v, a))
     assert (abs(tau) <= problem.robot.limits.effort * 1.001).all()
@@ -474,29 +374,19 @@ def test_a_failure_leaves_the_file_as_it_was(suffix, post, tmp_path, monkeypatch
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_targets_that_cannot_be_written_are_named(post, tmp_path, monkeypatch):
+def test_targets_that_cannot_be_written_are_named(post, tmp_path):
     with pytest.raises(OutputError, match=r"the folder .*nowhere does not exist"):
         post[1].save(tmp_path / "nowhere" / "t.json")
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(OutputError, match=r"folder\.csv is no regular file"):
         post[1].save(tmp_path / "folder.csv")
-    path = tmp_path / "t.yaml"
-    path.write_text("precious")
-
-    def refused(*_):
-        raise PermissionError(13, "Permission denied")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "open", refused)
-        with pytest.raises(OutputError, match=r"t\.yaml could not be written: Permission denied"):
-            post[1].save(path)
-    assert path.read_text() == "precious"
 
 
 def test_the_command_line_writes_the_same_files(post, run, tmp_path):
     paths = [tmp_path / f"a{suffix}" for suffix in (".json", ".csv", ".yaml")]
     options = zip(("-o", "--csv", "--ros"), paths, strict=True)
-    assert run("plan", f"example:{POST}", *(word for pair in options for word in pair))[0] == 0
+    words = [word for pair in options for word in pair]
+    assert run("plan", f"example:{POST}", "--method", "stop-at-corners", *words)[0] == 0
     for path in paths[1:]:
         again = path.with_stem("b")
         read_trajectory(paths[0]).save(again, post[0])
@@ -513,86 +403,37 @@ def test_several_files_share_samples_and_notes(post, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-# Files of a cycle's motion.
+# Names of joints in CSV.
 
 
-@pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    """Return the folder with the files of a motion, and the notes about them."""
-    folder = tmp_path_factory.mktemp("files")
-    files = TrajectoryFiles(folder / "t.json", folder / "t.csv", folder / "t.yaml", rate=200)
-    contents, notes = cycle_contents(files, planned_cycle().motion, "refinement")
-    for path, data in contents.items():
-        path.write_bytes(data)
-    return folder, notes
+@pytest.fixture
+def turning():
+    """Return a function from a joint's name to a motion of it."""
+    return lambda name: JointTrajectory([name], [0, 1.0], [[[1.0]], [[0.0]]])
 
 
-def test_the_json_gives_the_motion_back(written):
-    folder, _ = written
-    motion = planned_cycle().motion
-    file = read_trajectory_file(folder / "t.json")
-    assert file.marks == motion.marks
-    np.testing.assert_array_equal(file.trajectory.coefficients, motion.trajectory.coefficients)
-    again = CycleMotion(motion.cycle, file.trajectory, file.marks)
-    assert verify_cycle(motion.cycle, again).passed
+@pytest.mark.parametrize("name", ["a,b", 'a"b', "a b.c", "関節", "'x'"])
+def test_names_with_commas_and_quotes_come_back_from_csv(name, turning, tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text(trajectory_csv([name], turning(name).sample(10)))
+    assert read_trajectory(path).joint_names == (name,)
 
 
-def test_the_json_says_where_it_comes_from(written):
-    folder, _ = written
-    fields = json.loads((folder / "t.json").read_text())
-    cycle = planned_cycle().motion.cycle
-    assert fields["format"] == "tubeplanner/trajectory"
-    assert (fields["version"], fields["method"]) == (1, "refinement")
-    assert fields["problem_hash"] == cycle_hash(cycle)
-    assert fields["problem"] == "small"
-    assert fields["marks"][1]["event"] == "gripper"
-    assert fields["marks"][1]["set"] == "close"
+@pytest.mark.parametrize("name", ["=1+1", "+a", "-a", "@a", " =a"])
+def test_a_name_that_is_a_formula_to_spreadsheets_is_refused(name, turning):
+    with pytest.raises(OutputError, match="a formula to spreadsheets; rename the joint, or write"):
+        trajectory_csv([name], turning(name).sample(10))
 
 
-def test_the_csv_has_all_of_it(written):
-    folder, notes = written
-    header, *rows = csv.reader(io.StringIO((folder / "t.csv").read_text()))
-    assert header[0] == "time"
-    assert header[-2:] == ["joint1.effort", "joint2.effort"]
-    assert len(notes) == 4
-    longest = planned_cycle().motion.trajectory.duration
-    assert longest < float(rows[-1][0]) < 1.1 * longest
-
-
-def test_ros_has_a_message_for_every_leg_with_comments(written, tmp_path):
-    folder, _ = written
-    text = (folder / "t.yaml").read_text()
-    messages = list(yaml.safe_load_all(text))
-    motion = planned_cycle().motion
-    assert len(messages) == 3
-    assert (
-        "# 2 of 3: move down, beside\n# before it: gripper 'close' (0.05 s), attach part\n" in text
-    )
-    assert "# after it: pause (0.1 s)\n" in text
-    parts = text.split("---\n")
-    for problem, part in zip(motion.cycle.problems(motion.seams), parts, strict=True):
-        path = tmp_path / "leg.yaml"
-        path.write_text(part)
-        read = read_trajectory_file(path)
-        assert verify(problem, read.trajectory, FOREIGN_TOLERANCE).passed
-
-
-def test_only_what_is_asked_for_is_made():
-    contents, notes = cycle_contents(TrajectoryFiles(), planned_cycle().motion, "refinement")
-    assert (contents, notes) == ({}, ())
-
-
-def test_a_motion_is_written_and_read_by_name(tmp_path):
-    motion = planned_cycle().motion
-    assert write_cycle_motion(tmp_path / "t.json", motion) == ()
-    again = read_cycle_motion(tmp_path / "t.json", motion.cycle)
-    assert again.marks == motion.marks
-    np.testing.assert_array_equal(again.trajectory.coefficients, motion.trajectory.coefficients)
-    notes = write_cycle_motion(tmp_path / "t.csv", motion, rate=200)
-    rows = (tmp_path / "t.csv").read_text().splitlines()
-    assert rows[0].startswith("time,")
-    assert float(rows[2].split(",")[0]) == pytest.approx(1 / 200)
-    assert any("later than in the trajectory" in note for note in notes)
-    with pytest.raises(OutputError, match=r"there is: \.json"):
-        write_cycle_motion(tmp_path / "t.txt", motion)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["t.csv", "t.json"]
+def test_a_formula_is_refused_before_anything_is_planned(tmp_path, run, monkeypatch):
+    urdf = bundled_folder() / "two_link" / "two_link.urdf"
+    (tmp_path / "arm.urdf").write_text(urdf.read_text().replace('"joint1"', '"=1+1"'))
+    (tmp_path / "p.json").write_text(json.dumps({
+        "robot": {"urdf": "arm.urdf", "tool_frame": "hand"},
+        "tube": {"points": [[0.6, 0, 0], [0, 0.6, 0]], "radius": 0.5},
+        "start": {"joints": [0.0, 0.0]},
+    }))  # fmt: skip
+    monkeypatch.setattr("tubeplanner.planning.planner.plan", None)
+    status, _, err = run("plan", tmp_path / "p.json", "--csv", tmp_path / "t.csv")
+    assert status == 2
+    assert "would begin with '=', a formula to spreadsheets" in err
