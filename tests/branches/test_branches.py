@@ -84,13 +84,10 @@ def test_a_fully_stretched_arm_is_reached_and_left(two_link):
     assert branch_of(inwards).goal[1] < -1
     assert plan(outwards, SHORTEST).succeeded
     assert plan(inwards, SHORTEST).succeeded
-
-
-def test_a_point_slightly_out_of_reach_is_passed_within_the_radius(two_link):
-    """The middle of the line is 5 mm beyond the arm's 0.6 m; the tube is 30 mm wide."""
-    problem = planar_problem(two_link, [(0.55, -0.15), (0.605, 0.0), (0.55, 0.15)])
-    tool = two_link.tool_position(branch_of(problem).segments[0][-1:])
-    assert problem.tube.distance(tool)[0].max() == pytest.approx(0.005, abs=1e-3)
+    # The middle of this line is 5 mm beyond the arm's 0.6 m; the tube is 30 mm wide.
+    beyond = planar_problem(two_link, [(0.55, -0.15), (0.605, 0.0), (0.55, 0.15)])
+    tool = two_link.tool_position(branch_of(beyond).segments[0][-1:])
+    assert beyond.tube.distance(tool)[0].max() == pytest.approx(0.005, abs=1e-3)
 
 
 # Angles of the planar arm's tool at both ends of this line; in its middle it is at -0.72 rad.
@@ -215,15 +212,15 @@ def tray_problem(bundled, tolerance, turns=((0, 0, 0),) * 4, first=DOWN, **field
     return replace(problem, tube=tube, **fields)
 
 
-def start_rotation(bundled):
-    problem = bundled(TRAY)
-    return Rotation.from_matrix(problem.robot.tool_pose(problem.start[None])[0][0])
-
-
 def errors_of(problem, branch):
     """Return the rotation vectors along every segment of a branch."""
     poses = [problem.robot.tool_pose(q) for q in branch.segments]
     return [problem.tube.rotation.error(*pose, k) for k, pose in enumerate(poses)]
+
+
+def start_rotation(bundled):
+    problem = bundled(TRAY)
+    return Rotation.from_matrix(problem.robot.tool_pose(problem.start)[0])
 
 
 @pytest.mark.parametrize("rule", [RedundancyRule.AS_NEEDED, RedundancyRule.CENTRED])
@@ -386,7 +383,7 @@ def test_a_goal_continues_the_start_though_another_is_nearer_the_middle(wall, br
     assert branch_of(continued) is not None
 
 
-def test_a_goal_that_nothing_continues_is_the_first_of_its_pose(two_link):
+def test_a_goal_that_nothing_continues_is_the_first_of_its_pose(two_link, wall, branch):
     """The elbow cannot be folded the other way without leaving the tube."""
     problem = other_elbow(two_link)
     problem = changed(problem, goal=pose_at(problem, problem.goal))
@@ -394,9 +391,7 @@ def test_a_goal_that_nothing_continues_is_the_first_of_its_pose(two_link):
     first = pose_configurations(problem, problem.goal, -1)[0]
     np.testing.assert_array_equal(configured.goal, first)
     assert "continues" not in notes[0]
-
-
-def test_from_a_seed_there_is_no_choice_and_no_note(wall, branch):
+    # From a seed there is no choice and no note.
     pose = pose_at(wall, branch.goal, branch.goal + 0.05)
     configured, notes = configured_ends(changed(wall, goal=pose))
     np.testing.assert_allclose(configured.goal, branch.goal, atol=1e-6)

@@ -67,11 +67,12 @@ def ball(tmp_path):
 
 def test_points_are_on_the_surfaces(ball):
     motion = rest_to_rest(["turn"], 0.0, np.pi / 2, 1.0)
-    (found,) = closest_pairs(ball, motion, np.array([0.0, 1.0]))
-    assert found.names == (("arm", "near"), ("arm", "far"))
-    np.testing.assert_allclose(found.distance, [0.25, 0.35], atol=1e-9)
-    np.testing.assert_allclose(found.points[0], [[0.6, 0, 0], [0.85, 0, 0]], atol=1e-6)
-    np.testing.assert_allclose(found.points[1], [[0, 0.6, 0], [0, 0.95, 0]], atol=1e-6)
+    (closest,) = closest_pairs(ball, motion, np.array([0.0, 1.0]))
+    assert closest.names == (("arm", "near"), ("arm", "far"))
+    np.testing.assert_allclose(closest.distance, [0.25, 0.35], atol=1e-9)
+    np.testing.assert_allclose(closest.points[0], [[0.6, 0, 0], [0.85, 0, 0]], atol=1e-6)
+    np.testing.assert_allclose(closest.points[1], [[0, 0.6, 0], [0, 0.95, 0]], atol=1e-6)
+    assert closest_pairs(changed(ball, obstacles=[]), motion, np.zeros(1)) == []
 
 
 def test_what_must_be_farther_apart_is_closer(ball):
@@ -93,11 +94,6 @@ def test_what_may_touch_is_left_out_while_it_may(tmp_path):
     assert obstacles.distance[1] == pytest.approx(0.2)
     assert obstacles.margin[1] == pytest.approx(0.19)
     np.testing.assert_allclose(links.distance, -HALF - POST, atol=1e-9)
-
-
-def test_nothing_is_closest_where_nothing_is_checked(ball):
-    problem = changed(ball, obstacles=[])
-    assert closest_pairs(problem, rest_to_rest(["turn"], 0.0, 1.0, 1.0), np.zeros(1)) == []
 
 
 # What binds when: moves whose answer is known.

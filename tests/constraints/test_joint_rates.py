@@ -137,15 +137,8 @@ def test_a_shape_is_run_as_fast_as_the_law_lets_it(limited, sign):
 # How near to their ends joints come whose velocity limits fall towards these.
 
 
-def test_without_such_a_limit_there_is_no_bound(tmp_path):
-    problem = anywhere(one_joint(tmp_path))
-    assert approachable_range(problem)[0].tolist() == [-np.inf]
-    assert approachable_range(problem)[1].tolist() == [np.inf]
-    require_approachable(problem, np.zeros(1), np.full(1, 8.9))
-
-
-def test_the_range_ends_where_a_hundredth_of_the_largest_velocity_is_left(limited):
-    """But start and goal are inside; a law that leaves no range bounds nothing."""
+def test_the_range_ends_where_a_hundredth_of_the_largest_velocity_is_left(limited, tmp_path):
+    """But start and goal are inside; no law, or one that leaves no range, bounds nothing."""
     problem, limit = limited()
     lower, upper = approachable_range(problem)
     assert limit.allowed(upper[None])[0, 0] == pytest.approx(0.01 * FASTEST)
@@ -154,7 +147,10 @@ def test_the_range_ends_where_a_hundredth_of_the_largest_velocity_is_left(limite
         ends = changed(problem, start=np.array([start]), goal=np.array([goal]))
         assert approachable_range(ends)[0][0] == min(lower[0], start, goal)
         assert approachable_range(ends)[1][0] == max(upper[0], start, goal)
-    assert np.ravel(approachable_range(limited(offset=30.0)[0])).tolist() == [-np.inf, np.inf]
+    free = anywhere(one_joint(tmp_path))
+    for unbounded in (free, limited(offset=30.0)[0]):
+        assert np.ravel(approachable_range(unbounded)).tolist() == [-np.inf, np.inf]
+    require_approachable(free, np.zeros(1), np.full(1, 8.9))
 
 
 @pytest.mark.parametrize(

@@ -31,16 +31,13 @@ def blended(own, rate, directions=np.nan):
 
 
 def test_its_direction_is_that_of_the_motion_and_none_at_rest():
+    """Each side has its own."""
     found = directed_friction(motors(uncertainty=0.5), np.array([[2.0], [-1.0], [0.0]]))
     np.testing.assert_allclose(found.most[:, 0], [1.5 * FORTH, -0.5 * BACK, 0.0])
     np.testing.assert_allclose(found.least[:, 0], [0.5 * FORTH, -1.5 * BACK, 0.0])
     assert not found.most_by_rate.any()
     assert not found.least_by_rate.any()
-
-
-def test_each_side_has_its_own():
-    rows = [np.full((1, 1), value) for value in (1.0, 2.0, 3.0, 4.0)]
-    friction = CoulombFriction(*rows)
+    friction = CoulombFriction(*(np.full((1, 1), value) for value in (1.0, 2.0, 3.0, 4.0)))
     assert [float(part[0, 0]) for part in friction.side(1.0)] == [1.0, 3.0]
     assert [float(part[0, 0]) for part in friction.side(-1.0)] == [2.0, 4.0]
 

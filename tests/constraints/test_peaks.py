@@ -9,13 +9,17 @@ from tubeplanner.constraints.peaks import refined_maximum, refined_maximum_of_pi
 from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
 
 
-def test_a_peak_between_samples_is_found():
+def wave(t):
+    return np.cos(40 * (t - 0.3137))
+
+
+def test_a_peak_between_samples_is_found_and_never_below_a_sample():
     time = np.linspace(0, 1, 21)
-    value, when = refined_maximum(
-        lambda t: np.cos(40 * (t - 0.3137)), time, np.cos(40 * (time - 0.3137)), band=0.3
-    )
+    value, when = refined_maximum(wave, time, wave(time), band=0.3)
     assert value == pytest.approx(1, abs=1e-7)
-    assert np.cos(40 * (when - 0.3137)) == value
+    assert wave(when) == value
+    time, samples = np.linspace(0, 1, 5), np.array([0.0, 3.0, 0.0, 1.0, 0.0])
+    assert refined_maximum(np.zeros_like, time, samples, band=0.1) == (3.0, 0.25)
 
 
 @pytest.mark.parametrize("shift", [-1e-3, 1e-3])
@@ -31,12 +35,6 @@ def test_a_peak_just_beside_a_doubled_sample_is_found_on_either_side(shift):
     found, when = refined_maximum(function, time, value, band=0.5)
     assert found == pytest.approx(0, abs=1e-9)
     assert when == pytest.approx(1 + shift, abs=1e-4)
-
-
-def test_the_result_is_never_below_a_sample():
-    time = np.linspace(0, 1, 5)
-    value = np.array([0.0, 3.0, 0.0, 1.0, 0.0])
-    assert refined_maximum(lambda t: np.zeros_like(t), time, value, band=0.1) == (3.0, 0.25)
 
 
 @pytest.mark.parametrize("gain", [-1e-4, 1e-4])
@@ -122,16 +120,13 @@ def test_a_turning_bar_has_the_peaks_of_its_quintic(bar):
     peaks = trajectory_peaks(bar, quintic(duration=duration))
     acceleration, speed = peaks.peak_acceleration, peaks.tool_speed
     assert acceleration.value == pytest.approx(PEAK_ACCELERATION * ANGLE / duration**2)
-    assert min(acceleration.time, duration - acceleration.time) == pytest.approx(
-        duration * (0.5 - 0.5 / np.sqrt(3)), abs=1e-4
-    )
+    when = min(acceleration.time, duration - acceleration.time)
+    assert when == pytest.approx(duration * (0.5 - 0.5 / np.sqrt(3)), abs=1e-4)
     assert (acceleration.joint, acceleration.unit) == ("turn", "rad/s^2")
     assert speed.value == pytest.approx(PEAK_VELOCITY * ANGLE * LEVER / duration)
     assert speed.time == pytest.approx(duration / 2, abs=1e-3)
     assert speed.joint is None
-
-
-def test_turning_evenly_accelerates_the_tool_towards_the_axis(bar):
+    # Turning evenly accelerates the tool towards the axis.
     rate = 3.0  # [rad/s]
     peaks = trajectory_peaks(bar, JointTrajectory(["turn"], [0, 1.0], [[[rate]], [[0.0]]]))
     assert peaks.peak_acceleration.value == 0

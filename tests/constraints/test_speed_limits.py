@@ -12,7 +12,6 @@ from tubeplanner import (
     LimitOverrides,
     PlanningProblem,
     PointSpeed,
-    Tube,
     load_robot,
     verify,
 )
@@ -81,16 +80,14 @@ LEVERS = np.array([0.5, 1.3])
 @pytest.fixture
 def bar(tmp_path):
     """Return a function from points to a bar that turns about z, in no tube."""
-    one_joint(tmp_path)
-
-    def limited(points):
-        limits = LimitOverrides(point_speed=points)
-        return anywhere(load_robot(tmp_path / "bar.urdf", "bar", limits=limits))
-
-    return limited
+    path = one_joint(tmp_path).urdf.path
+    return lambda points: anywhere(
+        load_robot(path, "bar", limits=LimitOverrides(point_speed=points))
+    )
 
 
-def test_each_point_is_a_share_of_its_own_limit(bar):
+def test_each_point_is_a_share_of_its_own_limit(bar, ur5):
+    """Where the point rests its speed does not change with the path."""
     problem = bar(POINTS)
     limit = PointSpeedLimit(problem.robot.limits.point_speed)
     rates = np.array([[0.6], [-1.1], [0.0]])
@@ -100,14 +97,10 @@ def test_each_point_is_a_share_of_its_own_limit(bar):
     keys = [(key.kind, key.link, key.point) for key in limit.keys]
     assert keys == [("point_speed", "bar", 0), ("point_speed", "bar", 1)]
     assert limit.key_of(at).tolist() == [[0, 1]]
-    by_rate = limit.by_path(at, 2.0)[1]
     expected = 2.0 * np.sign(rates) * LEVERS / [0.5, 2.6]
-    np.testing.assert_allclose(by_rate[..., 0], expected, atol=1e-12)
-
-
-def test_where_the_point_rests_its_speed_does_not_change_with_the_path(ur5):
-    found = speed_by_path(ur5.tool_velocity(*np.zeros((2, 3, 6))), np.ones(3))
-    assert all((each == 0).all() for each in found)
+    np.testing.assert_allclose(limit.by_path(at, 2.0)[1][..., 0], expected, atol=1e-12)
+    still = speed_by_path(ur5.tool_velocity(*np.zeros((2, 3, 6))), np.ones(3))
+    assert all((each == 0).all() for each in still)
 
 
 @pytest.mark.parametrize(("points", "most"), [(POINTS, 1.0), (POINTS[1:], 2.0), ([], np.inf)])
@@ -226,34 +219,30 @@ def test_friction_is_that_of_the_direction_in_which_a_joint_moves_next(tmp_path)
     np.testing.assert_allclose(share(turning) * 5, expected, atol=1e-9)
 
 
-def test_in_a_range_without_width_a_joint_is_at_its_end(tmp_path):
-    robot = one_joint(tmp_path)
-    tool = robot.tool_position(np.zeros((1, 1)))[0]
-    tube = Tube([tool, [5.0, 0.0, 0.0]], 9.0, joint_signs={"turn": [0.0, 0.0]})
-    problem = PlanningProblem(robot, tube, np.zeros(1), self_collision=False)
-    still = JointTrajectory(["turn"], [0, 1.0], np.zeros((2, 1, 1)))
-    assert (only(limit_uses(problem, still), "position").share == 1).all()
-
-
 @pytest.mark.parametrize(
     ("lower", "upper", "expected"),
     [
         (-1.0, 3.0, [0.5, 0.0, 0.5]),
         (-np.inf, 3.0, [0.0, 1 / 3, 2 / 3]),
         (-1.0, np.inf, [2 / 3, 1 / 3, 0.0]),
+        (-np.inf, np.inf, None),
     ],
 )
 def test_of_a_range_the_distance_from_its_middle_counts(tmp_path, lower, upper, expected):
-    """Of one that is open on one side, that from where the joint is farthest from its end."""
-    robot = one_joint(tmp_path, position=[lower, upper])
+    """Of one that is open on one side, that from where the joint is farthest from its end.
+
+    In a range without width a joint is at its end.
+    """
+    robot = one_joint(tmp_path, position=[lower, upper], velocity=np.inf)
     uses = limit_uses(anywhere(robot), rest_to_rest(["turn"], 0.0, 2.0, 1.0), 3)
-    np.testing.assert_allclose(only(uses, "position").share, expected, atol=1e-12)
-
-
-def test_a_joint_that_nothing_bounds_has_no_share(tmp_path):
-    robot = one_joint(tmp_path, position=[-np.inf, np.inf], velocity=np.inf)
-    uses = limit_uses(anywhere(robot), quintic())
-    assert {use.kind for use in uses.uses} == {"effort", "tube"}
+    if expected is None:
+        assert {use.kind for use in uses.uses} == {"effort", "tube"}
+    else:
+        np.testing.assert_allclose(only(uses, "position").share, expected, atol=1e-12)
+    tube = replace(anywhere(robot).tube, joint_signs={"turn": [0.0, 0.0]})
+    problem = PlanningProblem(robot, tube, np.zeros(1), self_collision=False)
+    still = JointTrajectory(["turn"], [0, 1.0], np.zeros((2, 1, 1)))
+    assert (only(limit_uses(problem, still), "position").share == 1).all()
 
 
 def test_the_tool_and_every_point_that_is_limited_have_their_own_share():
@@ -280,19 +269,13 @@ def test_the_tool_and_every_point_that_is_limited_have_their_own_share():
 # How much speed is left: against trajectories that use all of a limit, and slower ones.
 
 
-@pytest.fixture(scope="module")
-def fastest(planned):
-    problem, result = planned("two_link/paper_1_30mm", "refinement")  # without gravity
-    return problem, result.trajectory
-
-
-def test_a_slower_one_leaves_what_it_is_slower_and_the_fastest_hardly_any(fastest):
+def test_a_slower_one_leaves_what_it_is_slower_and_the_fastest_hardly_any(planned):
     """Without gravity every limit scales alike: b(t) is so many times larger everywhere."""
-    (problem, trajectory), slower = fastest, 1.5
-    unused = unused_speed(problem, trajectory)
+    (problem, result), slower = planned("two_link/paper_1_30mm", "refinement"), 1.5
+    unused = unused_speed(problem, result.trajectory)
     assert 0 <= unused < 0.01
     expected = 1 - (1 - unused) / slower
-    found = unused_speed(problem, trajectory.scaled(slower))
+    found = unused_speed(problem, result.trajectory.scaled(slower))
     assert found == pytest.approx(expected, abs=0.003)
 
 

@@ -144,24 +144,19 @@ def kinked():
     return anywhere(robot), JointTrajectory(tuple(RATE), times, spline.c)
 
 
-def rates_on_both_sides(robot, trajectory, count=4001):
-    """Return shares of the limits at samples of every piece, evaluated on it."""
-    piece = np.repeat(np.arange(len(trajectory.widths)), count)
-    local = np.linspace(0, 1, count) * trajectory.widths[:, None]
-    states = (trajectory.within(piece, local.ravel(), order) for order in range(4))
-    return abs(effort_rate(robot, *states)) / robot.limits.effort_rate
-
-
 def test_effort_rates_are_met_exactly_on_both_sides_of_breakpoints(kinked):
-    problem, shape = kinked
-    scaled = scaled_to_limits(problem, shape)
-    shares = rates_on_both_sides(problem.robot, scaled)
+    """At samples of every piece, evaluated on it."""
+    (problem, shape), count = kinked, 4001
+    robot, scaled = problem.robot, scaled_to_limits(problem, shape)
+    piece = np.repeat(np.arange(len(scaled.widths)), count)
+    local = (np.linspace(0, 1, count) * scaled.widths[:, None]).ravel()
+    states = (scaled.within(piece, local, order) for order in range(4))
+    shares = abs(effort_rate(robot, *states)) / robot.limits.effort_rate
     assert shares.max() == pytest.approx(1.0, abs=1e-6)
     assert shares.max() <= 1.0
     assert estimated_duration(problem, shape) == pytest.approx(scaled.duration, rel=1e-2)
     assert estimated_duration(problem, shape) < scaled.duration
-    free = minimum_duration(problem, shape, with_jerk=False)
-    assert free < 0.9 * scaled.duration
+    assert minimum_duration(problem, shape, with_jerk=False) < 0.9 * scaled.duration
     known = scaled.at(np.linspace(0.01, 0.9, 50) * scaled.duration)
     states = (known.position, known.velocity, known.acceleration)
     jerk = scaled.jerk(known.time)

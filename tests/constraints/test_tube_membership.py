@@ -119,16 +119,13 @@ def test_short_segments_are_passable():
 def test_the_first_piece_that_leaves_the_tube_or_turns_too_far_is_named(
     name, piece, joint, moved, stored
 ):
+    """The trajectory must arrive in the last segment, too."""
     problem, trajectory = stored(name)
     assert first_departure(problem, trajectory, 1e-6) is None
     bent = trajectory.coefficients.copy()
     bent[-1, piece, joint] += moved
     bent = JointTrajectory(problem.robot.joint_names, trajectory.breakpoints, bent)
     assert first_departure(problem, bent, 1e-6) == piece
-
-
-def test_a_trajectory_must_arrive_in_the_last_segment(stored):
-    problem, trajectory = stored("two_link/around_a_post")
     part = trajectory.between(0.0, trajectory.duration / 2)
     assert first_departure(problem, part, 1e-6) == len(part.widths) - 1
 

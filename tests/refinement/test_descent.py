@@ -192,10 +192,14 @@ def total(iterates):
 
 def test_tied_legs_gain_where_legs_alone_have_nothing_left(motions):
     """Both are as short as they get, each from its start: what is left is where they meet."""
-    begun, alone = improved(motions[:2], (False, False), 0.02, steps=4)
-    assert total(alone.iterates) > 0.998 * total(begun)
+    begin, alone = improved(motions[:2], (False, False), 0.02, steps=4)
+    assert total(alone.iterates) > 0.998 * total(begin)
     _, tied = improved(motions[:2], (True, False), 0.02, steps=4)
-    assert total(tied.iterates) < 0.993 * total(begun)
+    assert total(tied.iterates) < 0.993 * total(begin)
+    with pytest.raises(ValueError, match="too many values"):
+        _ = tied.iterate
+    _, single = improved(motions[:1], (False,), 0.005)
+    assert single.iterate is single.iterates[0]
 
 
 def test_tied_ends_agree_after_every_step(motions):
@@ -229,22 +233,13 @@ def test_what_legs_gain_counts_by_their_durations(robot, monkeypatch):
     np.testing.assert_allclose(gains[shares > 0.003], 2 * shares[shares > 0.003], rtol=0.4)
 
 
-def test_a_single_iterate_is_that_of_a_single_leg(motions):
-    _, found = improved(motions[:1], (False,), 0.005)
-    assert found.iterate is found.iterates[0]
-    _, both = improved(motions[:2], (False, False), 0.005)
-    with pytest.raises(ValueError, match="too many values"):
-        _ = both.iterate
-
-
 @pytest.mark.parametrize(("radius", "factor"), [(1e-4, 4), (0.01, 1), (0.2, 1)])
 def test_what_stays_broken_costs_more_unless_the_step_mends_a_part(radius, factor, motions):
-    motion = motions[0]
-    narrower = motion.problem.with_tube(motion.problem.tube.scaled(0.7))
-    outside = replace(motion, problem=narrower)
-    begun, found = improved([outside], (False,), radius)
-    assert begun[0].excess > 0.1
-    assert found.penalty == factor * FIRST_PENALTY
+    problem = motions[0].problem
+    outside = replace(motions[0], problem=problem.with_tube(problem.tube.scaled(0.7)))
+    begin, after = improved([outside], (False,), radius)
+    assert begin[0].excess > 0.1
+    assert after.penalty == factor * FIRST_PENALTY
 
 
 # Legs whose common ends are open: where they end, and what that is worth.
@@ -303,6 +298,7 @@ def test_legs_between_tied_ends_take_less_than_one_after_the_other_or_between_en
 
 @DEAR
 def test_an_end_that_is_not_tied_stays_and_every_step_is_announced_with_the_sum(results, motions):
+    """A checkpoint may end the work."""
     sums = []
     first, second, third = TiedLegs(motions, [True, False], checkpoint=sums.append).run()
     before = motions[2].spline.control_points[0]
@@ -310,12 +306,12 @@ def test_an_end_that_is_not_tied_stays_and_every_step_is_announced_with_the_sum(
     np.testing.assert_array_equal(first.control_points[-1], second.control_points[0])
     assert len(sums) > 2
     assert sums[-1] == pytest.approx(sum(result.duration for result in results), rel=0.05)
-    with pytest.raises(KeyboardInterrupt):  # a checkpoint may end the work
-        TiedLegs(motions, [True, True], checkpoint=interrupt).run()
 
+    def stop(duration):
+        raise KeyboardInterrupt
 
-def interrupt(duration):
-    raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        TiedLegs(motions, [True, True], checkpoint=stop).run()
 
 
 @DEAR

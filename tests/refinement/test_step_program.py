@@ -226,10 +226,8 @@ def test_a_shared_configuration_goes_where_the_weighted_sum_is_least(solved, slo
 def test_a_program_is_solved_again_with_other_slack(solved):
     blocks = [leg(-1.0, 0.6), leg(2.0, 0.4, which=0)]
     program, _ = solved(blocks, [True, False])
-    others = ([0.05], [-0.02])
-    program.correct(
-        [replace(block, slack=np.array(own)) for block, own in zip(blocks, others, strict=True)]
-    )
+    slack = (np.array([0.05]), np.array([-0.02]))
+    program.correct([replace(each, slack=own) for each, own in zip(blocks, slack, strict=True)])
     steps = program.solve(TOLERANCE)
     assert steps[0].duration == pytest.approx(FAR - 0.05, abs=1e-5)
     assert steps[1].duration == pytest.approx(-2 * FAR + 0.02, abs=1e-5)
