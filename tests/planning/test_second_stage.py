@@ -38,24 +38,7 @@ SLACK = 0.005
 FAST = PlanOptions(quality="fast")
 # What is left of the effort variation of the busiest motor and of the largest jerk. In the plane,
 # the two motors must switch: there is less to gain.
-LEFT = {
-    LINE: (0.85, 0.1),
-    POST: (0.93, 0.1),
-    WALL: (0.45, 0.01),
-    TRAY: (0.8, 0.06),
-    SHELVES: (0.8, 0.06),
-}
-
-
-@pytest.fixture(scope="module")
-def stages(planned, shared):
-    """Return a function from a problem's name to it, its shortest motion and its smooth one."""
-
-    def of(name):
-        problem, shortest = planned(name, "refinement")
-        return problem, shortest, shared(f"{name}.smooth", lambda: plan(problem))
-
-    return of
+LEFT = {POST: (0.93, 0.1), WALL: (0.45, 0.01), TRAY: (0.8, 0.06), SHELVES: (0.8, 0.06)}
 
 
 @pytest.fixture(scope="module")
@@ -71,14 +54,12 @@ def jerk(trajectory):
 
 @pytest.mark.parametrize(
     "name",
-    [
-        POST,
-        *(pytest.param(name, marks=pytest.mark.slow) for name in (LINE, WALL, TRAY, SHELVES)),
-    ],
+    [POST, *(pytest.param(name, marks=pytest.mark.slow) for name in (WALL, TRAY, SHELVES))],
 )
-def test_in_hardly_more_time_efforts_swing_less_and_jerk_falls_by_clear_factors(name, stages):
+def test_in_hardly_more_time_efforts_swing_less_and_jerk_falls_by_clear_factors(name, planned):
     """It is certified, and keeps the distance from obstacles."""
-    problem, shortest, smooth = stages(name)
+    problem, shortest = planned(name, "refinement")
+    smooth = plan(problem)
     assert smooth.shortest_duration == shortest.duration
     assert shortest.duration <= smooth.duration <= (1 + SLACK) * shortest.duration * (1 + 1e-9)
     assert smooth.duration == smooth.trajectory.duration
@@ -129,13 +110,6 @@ def test_the_problems_objective_holds_unless_options_say_another(quick):
     assert same.notes == smooth.notes
 
 
-def across(robot, start, goal, radius, sign):
-    """A wide tube, bent motions inside of it."""
-    tube = Tube([[*start, 0], [*goal, 0]], radius, joint_signs={"joint2": sign})
-    seed = Seed(np.array([np.arctan2(start[1], start[0]) + 0.5, -1.0]))
-    return PlanningProblem(robot, tube, seed)
-
-
 def least_room(problem, trajectory):
     """Return the tool's least distance to the wall of one straight tube, in radii."""
     tool = problem.robot.tool_position(trajectory.per_piece(40).position)
@@ -147,7 +121,8 @@ def least_room(problem, trajectory):
 
 def test_it_keeps_the_room_that_the_shortest_motion_left(two_link, monkeypatch):
     """Without being asked for it, it would not."""
-    problem = across(two_link, (-0.36, 0.17), (0.215, -0.333), 0.131, "0")
+    tube = Tube([[-0.36, 0.17, 0], [0.215, -0.333, 0]], 0.131)
+    problem = PlanningProblem(two_link, tube, Seed(np.array([3.2, -1.0])))
     options = PlanOptions(slack=0.05)
     smooth = plan(problem, options)
     before = least_room(problem, smooth.shortest)
@@ -169,6 +144,7 @@ def test_arms_without_effort_limits_and_sliding_joints_are_smoothed_too(slider):
         assert "m/s^3 ('slide') instead of" in smooth.notes[-1]
 
 
+NOTHING_FOUND = "no better one was found in the time"
 NOT_SMOOTHED = "the answer is the shortest motion, not smoothed: "
 
 
@@ -183,16 +159,29 @@ def require_shortest(result, shortest, reason, stopped_by=None):
     assert not any(note.startswith("smoothed") for note in result.notes)
 
 
-@pytest.mark.parametrize("error", [None, Infeasible(PlanStatus.NO_TRAJECTORY, "", Place())])
-def test_where_nothing_smoother_is_found_the_answer_is_the_shortest(error, quick, monkeypatch):
-    def run(self):
-        if error is not None:
-            raise error
-        return False
+def fails(*arguments):
+    raise Infeasible(PlanStatus.NO_TRAJECTORY, "", Place())
 
+
+@pytest.mark.parametrize(
+    ("step", "does", "reason"),
+    [
+        ("refinement.second_stage.SecondStage.run", lambda self: False, NOTHING_FOUND),
+        ("refinement.second_stage.SecondStage.run", fails, NOTHING_FOUND),
+        (
+            "planning.second_stage_plan.lengthened",
+            lambda trajectory, duration, period: trajectory.scaled(2.0),
+            " s, more than it may",
+        ),
+    ],
+    ids=["nothing found", "infeasible", "too long"],
+)
+def test_where_nothing_smoother_is_found_the_answer_is_the_shortest(
+    step, does, reason, quick, monkeypatch
+):
     problem, shortest, _ = quick
-    monkeypatch.setattr(SecondStage, "run", run)
-    require_shortest(plan(problem, FAST), shortest, "no better one was found in the time")
+    monkeypatch.setattr(f"tubeplanner.{step}", does)
+    require_shortest(plan(problem, FAST), shortest, reason)
 
 
 def test_so_it_is_where_the_smoother_one_has_no_certificate(quick, monkeypatch):
@@ -205,59 +194,33 @@ def test_so_it_is_where_the_smoother_one_has_no_certificate(quick, monkeypatch):
         if trajectory.duration <= 1.004 * shortest.duration:
             return result
         judged.append(trajectory)
-        tube = replace(result.certificate.conditions["tube"], margin=-1.0)
-        failed = replace(
-            result.certificate, conditions={**result.certificate.conditions, "tube": tube}
-        )
-        return replace(
-            result,
-            status=PlanStatus.CERTIFICATE_FAILED,
-            message="it leaves the tube",
-            trajectory=None,
-            certificate=failed,
-        )
+        conditions = dict(result.certificate.conditions)
+        conditions["tube"] = replace(conditions["tube"], margin=-1.0)
+        failed = replace(result.certificate, conditions=conditions)
+        said = {"status": PlanStatus.CERTIFICATE_FAILED, "message": "it leaves the tube"}
+        return replace(result, **said, trajectory=None, certificate=failed)
 
     monkeypatch.setattr("tubeplanner.planning.certified_motion.certified_result", judge)
     require_shortest(plan(problem, FAST), shortest, "was not certified: it leaves the tube")
     assert 1 < len(judged) <= 5
 
 
-def test_and_where_it_takes_too_long(quick, monkeypatch):
-    problem, shortest, _ = quick
-    monkeypatch.setattr(
-        "tubeplanner.planning.second_stage_plan.lengthened",
-        lambda trajectory, duration, period: trajectory.scaled(2.0),
-    )
-    require_shortest(plan(problem, FAST), shortest, " s, more than it may")
-
-
-@pytest.mark.parametrize("after", [1, 4])
-def test_an_interrupt_leaves_the_shortest_motion(after, quick):
+@pytest.mark.parametrize(("after", "by"), [(1, "interrupt"), (4, "interrupt"), (1, "time_limit")])
+def test_what_stops_it_leaves_the_shortest_motion(after, by, quick, monkeypatch):
     """From the stage's first announcement on; what it has found by then has no certificate."""
     problem, shortest, _ = quick
     counted = []
 
-    def interrupt(progress):
+    def stop(progress):
         counted.append(progress.stage == "smoothing")
-        if sum(counted) >= after:
+        if sum(counted) >= after and by == "interrupt":
             raise KeyboardInterrupt
+        if sum(counted) >= after:
+            none_left = property(lambda clock: -1.0)
+            monkeypatch.setattr("tubeplanner.progress.PlanningClock.remaining", none_left)
 
-    result = plan(problem, FAST, progress=interrupt)
-    require_shortest(result, shortest, "stopped by interrupt", "interrupt")
-
-
-def test_a_time_limit_leaves_it_too(quick, monkeypatch):
-    problem, shortest, _ = quick
-    options = replace(FAST, time_limit=1000.0)
-
-    def late(progress):
-        if progress.stage == "smoothing":
-            monkeypatch.setattr(
-                "tubeplanner.progress.PlanningClock.remaining", property(lambda clock: -1.0)
-            )
-
-    result = plan(problem, options, late)
-    require_shortest(result, shortest, "stopped by time limit", "time_limit")
+    result = plan(problem, replace(FAST, time_limit=1000.0), stop)
+    require_shortest(result, shortest, f"stopped by {by.replace('_', ' ')}", by)
 
 
 def test_an_interrupt_after_something_smoother_was_found_leaves_that(quick, monkeypatch):
@@ -296,9 +259,8 @@ def test_planning_that_was_stopped_is_not_smoothed(quick):
 def test_planning_again_begins_with_the_shortest_motion(quick):
     """The motion that is kept has nothing to do with the smooth one."""
     problem, shortest, smooth = quick
-    np.testing.assert_array_equal(
-        smooth.motion.spline.control_points, shortest.motion.spline.control_points
-    )
+    kept, points = (each.motion.spline.control_points for each in (smooth, shortest))
+    np.testing.assert_array_equal(kept, points)
     planners = [Planner(problem, replace(FAST, slack=slack)) for slack in (0, SLACK)]
     wider = problem.with_tube(problem.tube.scaled(1.05))
     for planner in planners:
