@@ -77,18 +77,15 @@ def _unknown(size):
     return Proposal({"start": {"joints": {"jiont1": 0}}}, None, "no such joint")
 
 
-def test_plans_are_quick_and_of_the_shortest_motion(given_options):
-    list(trials_of(line(), limit=100.0, quality="best").of([with_effort(0.5)], True))
+@pytest.mark.parametrize("is_thorough", [True, False])
+def test_plans_are_quick_and_of_the_shortest_motion(given_options, is_thorough):
+    """And planning goes on only if it is to be thorough."""
+    trials = trials_of(line(), limit=100.0, quality="best")
+    ((_, found),) = trials.of([with_effort(0.5)], is_thorough)
     (options,) = given_options
     assert (options.quality, options.slack) == ("fast", 0.0)
     assert 9.9 < options.time_limit <= 10.0
-
-
-@pytest.mark.parametrize("is_thorough", [True, False])
-def test_planning_goes_on_only_if_it_is_to_be_thorough(given_options, is_thorough):
-    (found,) = dict(trials_of(line()).of([with_effort(0.5)], is_thorough)).values()
-    assert given_options[0].persistent == is_thorough
-    assert found.is_thorough == is_thorough
+    assert found.is_thorough == options.persistent == is_thorough
 
 
 def test_the_slack_that_is_asked_stays_and_short_searches_leave_each_plan_some_time(given_options):
@@ -105,11 +102,19 @@ def test_a_duration_that_is_asked_counts(duration, is_possible):
     assert found.succeeded == is_possible
 
 
-def test_there_is_an_end_to_the_time():
+def test_the_search_ends_with_its_time_and_with_the_first_that_is_cut_short(monkeypatch):
     trials = trials_of(line(), limit=0.0)
     with pytest.raises(TimeLimitReached):
         list(trials.of([with_effort(1.0)], True))
     assert trials.count == 0
+    times = iter([0.0, 0.0, 1.0, 2000.0])
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=times.__next__))
+    trials = trials_of(line())
+    asked_for = trials.of([with_effort(1.0), with_effort(0.9)], True)
+    assert next(asked_for)[1].succeeded
+    with pytest.raises(TimeLimitReached):
+        next(asked_for)
+    assert trials.count == 1
 
 
 def test_what_is_cut_short_says_nothing(monkeypatch):
@@ -124,17 +129,6 @@ def test_what_is_cut_short_says_nothing(monkeypatch):
         monkeypatch.setattr(module, "plan_either", lambda problem, options, r=result: r)
         answer = planned(Asked(posed, QUICK, until=5.0))
         assert (answer.duration, answer.is_cut_short) == (result.duration, is_cut_short)
-
-
-def test_the_search_ends_with_the_first_that_is_cut_short(monkeypatch):
-    times = iter([0.0, 0.0, 1.0, 2000.0])
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=times.__next__))
-    trials = trials_of(line())
-    asked_for = trials.of([with_effort(1.0), with_effort(0.9)], True)
-    assert next(asked_for)[1].succeeded
-    with pytest.raises(TimeLimitReached):
-        next(asked_for)
-    assert trials.count == 1
 
 
 def test_ctrl_c_while_it_is_planned_is_ctrl_c(monkeypatch):
@@ -183,6 +177,9 @@ def test_the_next_size_is_between_or_beyond_what_is_known(known, size):
     assert known.next_size == size
 
 
+LOSS = {"scale": 60.0, "most": 60.0, "is_loss": True}
+
+
 @pytest.mark.parametrize(
     ("known", "is_close", "is_done"),
     [
@@ -197,24 +194,21 @@ def test_the_next_size_is_between_or_beyond_what_is_known(known, size):
         (bracket(is_switch=True), False, False),
         (bracket(smaller=1.0, is_switch=True), False, True),
         (bracket(larger=1.0, is_switch=True), False, True),
+        # Of a loss, what is left is close too, unless figures end.
+        (bracket(53.8, 55.8, **LOSS), False, False),
+        (bracket(55.5, 55.8, **LOSS), False, False),
+        (bracket(55.7, 55.8, **LOSS), True, True),
+        (bracket(55.5, 55.8, **{**LOSS, "is_loss": False}), True, True),
+        (bracket(10.2, 10.3, scale=12.0, most=12.0, is_loss=True), True, True),
     ],
 )
 def test_a_bracket_is_done_when_close_or_nothing_is_left_to_try(known, is_close, is_done):
     assert (known.is_close, bool(known.is_done)) == (is_close, is_done)
 
 
-@pytest.mark.parametrize(
-    ("smaller", "larger", "is_close"),
-    [(53.8, 55.8, False), (55.5, 55.8, False), (55.7, 55.8, True), (59.9, 60.0, True)],
-)
-def test_of_a_loss_what_is_left_is_close_too(smaller, larger, is_close):
-    assert bracket(smaller, larger, scale=60.0, most=60.0, is_loss=True).is_close == is_close
-    assert bracket(smaller, larger, scale=60.0, most=60.0).is_close
-    assert bracket(10.2, 10.3, scale=12.0, most=12.0, is_loss=True).is_close  # as figures are
-
-
-@pytest.mark.parametrize("helps", [True, False])
-def test_what_was_tried_in_vain_quickly_is_tried_once_more(helps):
+@pytest.mark.parametrize(("helps", "size"), [(True, 0.316), (False, 10.5)])
+def test_what_was_tried_in_vain_quickly_is_tried_once_more(helps, size):
+    """What is found after all opens the bracket again."""
     known = bracket(1.0, CLOSE, helps)
     vain = known.impossible
     known.keep(replace(vain, is_thorough=False))
@@ -222,12 +216,7 @@ def test_what_was_tried_in_vain_quickly_is_tried_once_more(helps):
     assert known.open_size(is_thorough=True) == vain.size
     known.keep(vain)
     assert known.open_size(is_thorough=True) is None
-
-
-@pytest.mark.parametrize(("helps", "size"), [(True, 0.316), (False, 10.5)])
-def test_what_is_found_after_all_opens_the_bracket_again(helps, size):
-    known = bracket(1.0, CLOSE, helps)
-    known.keep(trial(known.impossible.size, succeeded=True))
+    known.keep(trial(vain.size, succeeded=True))
     assert known.impossible is None
     assert known.open_size(is_thorough=False) == size
 

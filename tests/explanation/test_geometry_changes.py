@@ -20,6 +20,7 @@ def test_each_axis_has_two_ways_and_a_position_is_moved_by_the_size():
 BOX = {"box": [0.1, 0.06], "up": [0, 0, 1]}
 TURN = [0.0, 0.0, 0.0, 1.0]
 HELD = {"tube.orientations": [TURN] * 4}
+MIXED = {"tube.radius": [0.03, 0.05, None], "tube.cross_section": [None, None, BOX]}
 
 
 def all_of(question):
@@ -27,24 +28,20 @@ def all_of(question):
 
 
 @pytest.mark.parametrize(
-    ("given", "before", "after"),
+    ("given", "others"),
     [
-        ({"tube.radius": 0.05}, [0.05] * 3, [0.05, 0.0735, 0.05]),
-        ({"tube.radius": [0.03, 0.05, 0.04]}, [0.03, 0.05, 0.04], [0.03, 0.0735, 0.04]),
-        (
-            {"tube.radius": [0.03, 0.05, None], "tube.cross_section": [None, None, BOX]},
-            [0.03, 0.05, 0.03],
-            [0.03, 0.0735, 0.03],
-        ),
+        ({"tube.radius": 0.05}, (0.05, 0.05)),
+        ({"tube.radius": [0.03, 0.05, 0.04]}, (0.03, 0.04)),
+        (MIXED, (0.03, 0.03)),
     ],
 )
-def test_the_radius_of_one_segment_is_wider(given, before, after):
+def test_the_radius_of_one_segment_is_wider(given, others):
     question = asked(given)
     change = the(all_of(question), "tube.radius.1")
     assert (change.before, change.unit, change.about) == (0.05, "m", {"segment 1"})
     assert change.scale == 0.05
-    assert question.load().tube.radius.tolist() == before
-    assert made(question, change, 0.0235).tube.radius.tolist() == after
+    assert question.load().tube.radius.tolist() == [others[0], 0.05, others[1]]
+    assert made(question, change, 0.0235).tube.radius.tolist() == [others[0], 0.0735, others[1]]
     proposal = change.propose(0.0235)
     assert (proposal.after, proposal.text) == (0.0735, "segment 1: 50 -> 73.5 mm")
     assert change.propose(change.most).after == pytest.approx(0.55)
@@ -69,22 +66,18 @@ def test_radii_in_a_file_of_points_are_wider_with_all_else_of_the_file(tmp_path)
     np.testing.assert_allclose(wider, [0.06, 0.1, 0.08])
 
 
-def test_one_segment_has_the_radius_of_the_file():
-    question = asked({"tube.points": [[0.3, -0.5, 0], [0.3, 0.5, 0]], "tube.radius": 0.03})
-    change = the(all_of(question), "tube.radius")
-    assert change.propose(0.03).changes == {"tube.radius": 0.06}
-    assert change.propose(0.03).text == "segment 0: 30 -> 60 mm"
-
-
 def test_all_radii_are_wider_by_one_factor():
     question = asked()
     change = the(all_of(question), "tube.radius")
     assert (change.kind, change.before) == ("radii", [0.03, 0.05, 0.05])
     assert change.propose(0.123).text == "all radii times 1.123"
     np.testing.assert_allclose(made(question, change, 0.5).tube.radius, [0.045, 0.075, 0.075])
-    mixed = asked({"tube.radius": [0.03, 0.05, None], "tube.cross_section": [None, None, BOX]})
+    mixed = asked(MIXED)
     wider = made(mixed, the(all_of(mixed), "tube.radius"), 1.0)
     assert wider.tube.radius.tolist() == [0.06, 0.1, 0.03]
+    alone = asked({"tube.points": [[0.3, -0.5, 0], [0.3, 0.5, 0]], "tube.radius": 0.03})
+    proposal = the(all_of(alone), "tube.radius").propose(0.03)  # one segment: the file's radius
+    assert (proposal.changes, proposal.text) == ({"tube.radius": 0.06}, "segment 0: 30 -> 60 mm")
 
 
 def test_a_narrower_radius_stays_positive():
@@ -109,15 +102,15 @@ def test_both_sides_of_a_box_grow_by_one_share(given):
 
 
 @pytest.mark.parametrize(
-    ("given", "segment", "before", "after"),
+    ("given", "segment"),
     [
-        (0.2, 1, [(0.2,) * 3] * 3, [0.2, 0.5, 0.2]),
-        ([0.2, 0.3, 0.4], 1, None, [0.2, 0.6, 0.4]),
-        ([[0.2, 0.3, 9.0]], 0, None, None),
-        ([[0.2, 0.3, float("inf")]] * 3, 2, None, None),
+        (0.2, 1),
+        ([0.2, 0.3, 0.4], 1),
+        ([[0.2, 0.3, 9.0]], 0),
+        ([[0.2, 0.3, float("inf")]] * 3, 2),
     ],
 )
-def test_a_rotation_tolerance_is_wider_where_it_binds(given, segment, before, after):
+def test_a_rotation_tolerance_is_wider_where_it_binds(given, segment):
     question = asked({**HELD, "tube.rotation_tolerance": given})
     change = the(all_of(question), f"tube.rotation_tolerance.{segment}")
     bounds = question.load().tube.rotation_tolerance
@@ -125,7 +118,7 @@ def test_a_rotation_tolerance_is_wider_where_it_binds(given, segment, before, af
     wider = made(question, change, 0.3).tube.rotation_tolerance
     least = change.before + 0.3
     np.testing.assert_allclose(wider[segment], np.maximum(bounds[segment], least))
-    if len(given if isinstance(given, list) else [1] * 3) > 1:
+    if given != [[0.2, 0.3, 9.0]]:  # which is for all segments
         others = [k for k in range(3) if k != segment]
         assert [wider[k] for k in others] == [bounds[k] for k in others]
     assert "rotation tolerance of segment" in text_of(change)
@@ -211,8 +204,8 @@ BAR = {"name": "bar", "box": [0.02, 0.02, 0.02], "position": [0.1, 0.0, 0.1]}
 
 
 def test_an_obstacle_is_moved_along_each_axis_whatever_its_name():
-    ball = {"name": "ball", "sphere": 0.05}
-    question = asked({"obstacles": [POST, ball]})
+    """Where a file does not say, it is at the origin."""
+    question = asked({"obstacles": [POST, {"name": "ball", "sphere": 0.05}]})
     changes = list(obstacle_changes(question))
     assert len(changes) == 12
     change = the(changes, "obstacles.post.1.position", "in -y")
@@ -222,7 +215,6 @@ def test_an_obstacle_is_moved_along_each_axis_whatever_its_name():
     before, after = (each.obstacles for each in (question.load(), made(question, change, 0.15)))
     moved = [b.shapes[0].center - a.shapes[0].center for a, b in zip(before, after, strict=True)]
     np.testing.assert_allclose(moved, [[0, -0.15, 0], [0, 0, 0]], atol=1e-12)
-    # Where a file does not say, it is at the origin.
     other = the(changes, "obstacles.ball.position", "in +z")
     assert other.before == [0, 0, 0]
     assert made(question, other, 0.2).obstacles[1].shapes[0].center.tolist() == [0, 0, 0.2]
@@ -254,7 +246,7 @@ def test_each_number_of_a_map_of_clearances_is_changed_alone():
     changes = {each.field: each for each in clearance_changes(question, -1)}
     default, pair, first = changes.values()
     assert list(changes) == [
-        *("clearance.default", "clearance.pairs.0.clearance", "clearance.segments.0"),
+        *("clearance.default", "clearance.pairs.0.clearance", "clearance.segments.0")
     ]
     assert made(question, default, 0.004).clearance == 0.006
     assert {"link link2", "obstacle post.1"} <= pair.about
@@ -266,7 +258,7 @@ def test_each_number_of_a_map_of_clearances_is_changed_alone():
     assert narrower.clearance == 0.01
     assert first.propose(0.004).text == "clearance of segment 0 30 -> 26 mm"
     assert [each.field for each in clearance_changes(question, 1)] == [
-        *(*changes, "clearance.segments.2"),
+        *(*changes, "clearance.segments.2")
     ]
 
 

@@ -73,10 +73,7 @@ def test_a_sliding_joint_has_newtons_and_metres(tmp_path):
     assert upper.propose(0.1).text == "along: upper limit 1 -> 1.1 m"
 
 
-@pytest.mark.parametrize(
-    "given",
-    [{}, {"joint2": [-3.0, 0.5]}, [[-6.0, 6.0], [-3.0, 0.5]]],
-)
+@pytest.mark.parametrize("given", [{}, {"joint2": [-3.0, 0.5]}, [[-6.0, 6.0], [-3.0, 0.5]]])
 def test_one_end_of_a_range_is_moved_outwards(given):
     question = asked({POSITION: given})
     limits = question.robot.limits

@@ -35,15 +35,23 @@ EVERYWHERE = {"a": 0.4, "b": 0.03, "c": 30.0, "d": 5.0}
 
 
 def search_of(thresholds, groups, **stub):
-    """Return a search and its trials; a group is a text of fields, each a letter."""
+    """Return a search, when it is done unless it is to be stopped, and its trials.
+
+    A group is a text of fields, each a letter, or a list of changes.
+    """
     trials = StubTrials(thresholds, **stub)
-    changes = [[[simple_change(field) for field in each]] for each in groups]
-    return RemedySearch(trials, changes), trials
+    tiers = [
+        [[simple_change(each) if isinstance(each, str) else each for each in group]]
+        for group in groups
+    ]
+    search = RemedySearch(trials, tiers)
+    if "stop" not in stub:
+        search.run()
+    return search, trials
 
 
 def test_remedies_are_narrowed_and_come_in_the_order_of_their_cost():
     search, _ = search_of(EVERYWHERE, ["ab", "c", "d"])
-    search.run()
     assert [remedy.field for remedy in search.remedies] == ["b", "a", "c"]
     for remedy in search.remedies:
         threshold = EVERYWHERE[remedy.field]
@@ -57,18 +65,15 @@ def test_remedies_are_narrowed_and_come_in_the_order_of_their_cost():
 
 def test_the_least_likely_are_tried_only_if_nothing_else_helps():
     search, trials = search_of({"d": 5.0, "a": 1.0}, ["a", "c", "d"])
-    search.run()
     assert "d" not in {field for field, _ in trials.asked}
     assert search.in_vain == ("c",)
     search, _ = search_of({"d": 5.0}, ["a", "c", "d"])
-    search.run()
     assert [remedy.field for remedy in search.remedies] == ["d"]
     assert search.in_vain == ("a", "c")
 
 
 def test_what_helps_nowhere_is_tried_by_as_much_as_makes_sense():
     search, trials = search_of({}, ["ab", "", ""])
-    search.run()
     once = [("a", 1.0), ("b", 1.0), ("a", 100.0), ("b", 100.0)]
     assert trials.asked == 2 * once
     assert trials.thorough == once
@@ -77,18 +82,14 @@ def test_what_helps_nowhere_is_tried_by_as_much_as_makes_sense():
 
 def test_a_field_that_helps_in_one_direction_is_not_in_vain():
     changes = [simple_change("a"), simple_change("a", most=0.5)]
-    trials = StubTrials({"a": 0.9})
-    search = RemedySearch(trials, [[changes], [[]], [[]]])
-    search.run()
+    search, _ = search_of({"a": 0.9}, [changes, "", ""])
     assert [remedy.field for remedy in search.remedies] == ["a"]
     assert search.in_vain == ()
 
 
 def test_a_switch_is_tried_once_and_has_no_size():
     switches = [simple_change(field, most=1.0, is_switch=True) for field in "ab"]
-    trials = StubTrials({"b": 1.0})
-    search = RemedySearch(trials, [[switches], [[]], [[]]])
-    search.run()
+    search, trials = search_of({"b": 1.0}, [switches, "", ""])
     assert trials.asked == [("a", 1.0), ("b", 1.0)]
     assert trials.thorough == []
     (remedy,) = search.remedies
@@ -99,19 +100,16 @@ def test_a_switch_is_tried_once_and_has_no_size():
 
 def test_a_size_is_not_tried_twice_and_thoroughly_only_where_a_bracket_ends():
     search, trials = search_of(EVERYWHERE, ["abc", "d", ""])
-    search.run()
     quick = trials.count - len(trials.thorough)
     assert len(set(trials.asked)) == quick
     assert len(set(trials.thorough)) == len(trials.thorough)
     search, trials = search_of(EVERYWHERE, ["ab", "", ""])
-    search.run()
     ends = [(remedy.field, remedy.too_little) for remedy in search.remedies]
     assert trials.thorough == ends
 
 
 def test_what_helps_only_thoroughly_is_found_and_narrowed():
     search, trials = search_of(EVERYWHERE, ["ab", "c", "d"], quick={"a": 0.8, "b": 0.03})
-    search.run()
     found = {remedy.field: remedy for remedy in search.remedies}
     for field, threshold in EVERYWHERE.items():
         if field != "d":
@@ -123,7 +121,6 @@ def test_what_helps_only_thoroughly_is_found_and_narrowed():
 def test_all_is_tried_thoroughly_if_nothing_helps_quickly():
     never = dict.fromkeys("abcd", float("inf"))
     search, trials = search_of({"a": 5.0}, ["ab", "c", "d"], quick=never)
-    search.run()
     (remedy,) = search.remedies
     assert remedy.field == "a"
     assert 5.0 <= remedy.after <= 1.05 * 5.0
@@ -156,16 +153,11 @@ def test_of_two_groups_both_are_tried_by_their_scale_before_either_by_more():
     assert trials.asked[:4] == [("a", 1.0), ("b", 1.0), ("a", 100.0), ("b", 100.0)]
 
 
-PAYLOAD = {"mass": 5.0, "com": [0.0, 0.0, 0.0], "inertia": [0.01, 0.01, 0.01, 0, 0, 0]}
-
-
 def test_room_ends_where_nothing_is_found_any_more():
     ends = {"a": 0.4, "b": 0.02}
-    changes = [simple_change(field) for field in "abc"]
-    search = RoomSearch(StubTrials(ends, helps=False), changes)
-    search.run()
-    second, first, last = sorted(search.rooms, key=lambda room: room.field)
-    assert search.rooms == (first, second, last)  # the least room first
+    rooms = rooms_of(ends, "abc")
+    second, first, last = sorted(rooms, key=lambda room: room.field)
+    assert rooms == (first, second, last)  # the least room first
     for room in (first, second):
         assert room.after < ends[room.field] <= room.too_much <= CLOSE * room.after
         assert room.is_exact
@@ -173,17 +165,23 @@ def test_room_ends_where_nothing_is_found_any_more():
     assert (last.after, last.too_much, last.duration) == (100.0, None, 1.5)
 
 
-def test_where_there_is_no_room_the_mildest_change_is_named():
-    search = RoomSearch(StubTrials({"a": 0.0}, helps=False), [simple_change("a")])
+def rooms_of(ends, fields):
+    """Return the rooms that are found, by where they end."""
+    search = RoomSearch(StubTrials(ends, helps=False), [simple_change(field) for field in fields])
     search.run()
-    (room,) = search.rooms
+    return search.rooms
+
+
+def test_where_there_is_no_room_the_mildest_change_is_named():
+    (room,) = rooms_of({"a": 0.0}, "a")
     assert (room.after, room.duration, room.is_exact) == (None, None, True)
     assert room.too_much <= 1e-3
     assert room.text == f"not even a to {room.too_much:g}"
 
 
 def test_quantities_that_bound_the_motion_are_made_worse():
-    question = asked({"robot.payload": PAYLOAD, "clearance": 0.01})
+    payload = {"mass": 5.0, "com": [0.0, 0.0, 0.0], "inertia": [0.01, 0.01, 0.01, 0, 0, 0]}
+    question = asked({"robot.payload": payload, "clearance": 0.01})
     worse = {each.kind: each.propose(each.scale / 2).after for each in worsening_changes(question)}
     assert worse["radius"] == 0.025
     assert worse["clearance"] == 0.015
