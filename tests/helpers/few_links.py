@@ -35,11 +35,15 @@ def joint(name, parent, child, kind="revolute", xyz="0 0 0", axis="0 0 1", limit
     )
 
 
-def loaded(folder, *elements, tool="tip", **options):
-    """Return the arm of links and joints, written to a folder."""
+def written(folder, *elements):
+    """Return the path of the arm of links and joints, written to a folder."""
     path = folder / "arm.urdf"
     path.write_text(f'<robot name="arm">{"".join(elements)}</robot>')
-    return load_robot(path, tool, **options)
+    return path
+
+
+def loaded(folder, *elements, tool="tip", **options):
+    return load_robot(written(folder, *elements), tool, **options)
 
 
 def axle(folder, radius=0.08, sections=16):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from few_links import joint, link, links, written
 from numpy.testing import assert_array_equal as same
 
 from refusals import refusal
@@ -15,8 +16,7 @@ COMPLETE = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 RANGE = "give a number from 1e-06 to 1e+09, or .inf for none"
 QUANTITIES = ["effort", "velocity", "acceleration", "jerk", "effort_rate"]
 LAW = {"deceleration": 6.0, "offset": 0.3}
-FOLLOWER = f"""<link name="d"/><joint name="f" type="revolute"><parent link="b"/><child link="d"/>
-{COMPLETE}<mimic joint="j" multiplier="2"/></joint>"""
+FOLLOWER = joint("f", "b", "d", limit=COMPLETE + '<mimic joint="j" multiplier="2"/>')
 
 
 @pytest.fixture
@@ -24,14 +24,8 @@ def describe(tmp_path):
     """Return a function that describes an arm of joints j and k, and what else it has."""
 
     def describe(limit_j=COMPLETE, limit_k=COMPLETE, kind="revolute", more=""):
-        path = tmp_path / "arm.urdf"
-        path.write_text(
-            f"""<robot name="arm"><link name="a"/><link name="b"/><link name="c"/>
-            <joint name="j" type="{kind}"><parent link="a"/><child link="b"/>{limit_j}</joint>
-            <joint name="k" type="revolute"><parent link="b"/><child link="c"/>{limit_k}</joint>
-            {more}</robot>"""
-        )
-        return read_urdf(path)
+        joints = joint("j", "a", "b", kind, limit=limit_j), joint("k", "b", "c", limit=limit_k)
+        return read_urdf(written(tmp_path, links("a", "b", "c"), *joints, more))
 
     return describe
 
@@ -50,7 +44,7 @@ def resolve(describe):
 @pytest.fixture
 def resolved(describe):
     """Return a function from layers to the limits of j and k; f follows j twice as fast."""
-    return lambda *layers: resolve_limits(describe(more=FOLLOWER), ["j", "k"], layers)
+    return lambda *layers: resolve_limits(describe(more=link("d") + FOLLOWER), ["j", "k"], layers)
 
 
 def layer(joint_count=None, skips_others=False, notes=(), **limits):

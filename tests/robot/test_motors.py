@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from few_links import LIMIT, joint, link, links, loaded, written
 from numpy.testing import assert_array_equal as same
 
 from refusals import refusal
@@ -13,7 +14,6 @@ from tubeplanner.robot.motor_overrides import MOTOR_QUANTITIES
 from tubeplanner.robot.urdf import read_urdf
 
 INF = np.inf
-LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 
 
 @pytest.fixture
@@ -21,15 +21,15 @@ def describe(tmp_path):
     """An arm of joints j and k, whose chain is k, j; f follows j at minus three times its speed."""
 
     def write(j="", k="", f=""):
-        path = tmp_path / "arm.urdf"
-        path.write_text(
-            f"""<robot name="arm"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
-            <joint name="k" type="revolute"><parent link="a"/><child link="b"/>{LIMIT}{k}</joint>
-            <joint name="j" type="revolute"><parent link="b"/><child link="c"/>{LIMIT}{j}</joint>
-            <joint name="f" type="revolute"><parent link="c"/><child link="d"/>{LIMIT}{f}
-            <mimic joint="j" multiplier="-3"/></joint></robot>"""
+        return read_urdf(
+            written(
+                tmp_path,
+                links("a", "b", "c", "d"),
+                joint("k", "a", "b", limit=LIMIT + k),
+                joint("j", "b", "c", limit=LIMIT + j),
+                joint("f", "c", "d", limit=f'{LIMIT}{f}<mimic joint="j" multiplier="-3"/>'),
+            )
         )
-        return read_urdf(path)
 
     return write
 
@@ -271,13 +271,11 @@ def test_a_robot_takes_its_motors_along():
 
 
 def test_a_torque_speed_line_needs_masses(tmp_path):
-    path = tmp_path / "arm.urdf"
-    path.write_text(
-        f"""<robot name="arm"><link name="a"/><link name="b"/><joint name="j" type="revolute">
-        <parent link="a"/><child link="b"/>{LIMIT}</joint></robot>"""
-    )
-    free = LimitOverrides(effort=INF)
-    load_robot(path, "b", limits=free, motors=MotorOverrides(coulomb_friction=1))
-    line = MotorOverrides(saturation_effort=5, no_load_velocity=2)
-    message = refusal(RobotError, load_robot, path, "b", limits=free, motors=line)
+    def load(**motors):
+        parts = link("a", ""), link("tip", ""), joint("j", "a", "tip")
+        free = LimitOverrides(effort=INF)
+        return loaded(tmp_path, *parts, limits=free, motors=MotorOverrides(**motors))
+
+    load(coulomb_friction=1)
+    message = refusal(RobotError, load, saturation_effort=5, no_load_velocity=2)
     assert "efforts need the links' <inertial>" in message

@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
+from few_links import solid
 from follower_arm import JOINTS, LINKS, RULES, follower_arm
 from numpy.testing import assert_allclose as close
 
@@ -109,12 +110,8 @@ def inertial(inner):
     return f"<inertial>{inner}</inertial>"
 
 
-def collision(geometry, origin=""):
-    return f"<collision>{origin}<geometry>{geometry}</geometry></collision>"
-
-
 def ball(origin):
-    return collision('<sphere radius="1"/>', f"<origin {origin}/>")
+    return solid('<sphere radius="1"/>', f"<origin {origin}/>")
 
 
 # By what a link holds.
@@ -132,16 +129,16 @@ LINK_FAULTS = {
     inertial('<origin xyz="0 0"/>' + ONE + INERTIA): (
         '<inertial>: <origin> xyz="0 0" must be 3 finite numbers'
     ),
-    collision('<box size="1 1"/>'): '<box> size="1 1" must be 3 finite numbers',
-    collision('<box size="1 -1 1"/>'): '<box> size="1 -1 1" must be > 0 m',
-    collision('<sphere radius="1e92"/>'): '<sphere> radius="1e92" must be > 0 m and at most',
-    collision("<sphere/>"): '<sphere> radius="" must be one finite number',
-    collision("<mesh/>"): "a <mesh> element has no attribute 'filename'",
-    collision('<mesh filename="a.stl" scale="1 0 1"/>'): 'scale="1 0 1" must not be 0',
-    collision('<capsule radius="1" length="2"/>'): (
+    solid('<box size="1 1"/>'): '<box> size="1 1" must be 3 finite numbers',
+    solid('<box size="1 -1 1"/>'): '<box> size="1 -1 1" must be > 0 m',
+    solid('<sphere radius="1e92"/>'): '<sphere> radius="1e92" must be > 0 m and at most',
+    solid("<sphere/>"): '<sphere> radius="" must be one finite number',
+    solid("<mesh/>"): "a <mesh> element has no attribute 'filename'",
+    solid('<mesh filename="a.stl" scale="1 0 1"/>'): 'scale="1 0 1" must not be 0',
+    solid('<capsule radius="1" length="2"/>'): (
         "a <geometry> holds <capsule>; it must hold one of <box>, <sphere>, <cylinder>, <mesh>"
     ),
-    collision(""): "a <geometry> holds nothing; it must hold one of <box>, <sphere>",
+    solid(""): "a <geometry> holds nothing; it must hold one of <box>, <sphere>",
     "<collision/>": "a <collision> has no <geometry>; one is needed",
     ball('xyz="0 0 x"'): '<collision>: <origin> xyz="0 0 x" must be 3 finite numbers',
     ball('rpy="0 1e308 0"'): "<origin> rpy has 1e+308 rad; at most 10000 rad are accepted",
@@ -250,11 +247,11 @@ def test_the_chain_runs_from_the_root_and_skips_what_stands_still_and_branches(r
 
 
 def test_the_kinematic_copy_has_no_geometry_and_only_plain_bounded_joints(read):
-    solid = "<geometry><sphere radius='1'/></geometry>"
+    ball = "<geometry><sphere radius='1'/></geometry>"
     extra = '<safety_controller k_velocity="1"/><calibration rising="0"/><mimic joint="k"/>'
     description = read(
         robot(
-            f'<link name="a"><visual>{solid}</visual><collision>{solid}</collision></link>',
+            f'<link name="a"><visual>{ball}</visual><collision>{ball}</collision></link>',
             links("bcd"),
             joint("j", "continuous", "a", "b", ""),
             joint("k", "prismatic", "b", "c", LIMIT + extra),

@@ -239,20 +239,6 @@ def test_what_samples_say_is_kept(tmp_path):
     assert read_trajectory_file(path).samples == given
 
 
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_joined_samples_meet_all_that_is_known_of_them(count):
-    time = np.array([0.0, 0.3, 1.0])
-    known = np.random.default_rng(0).normal(size=(count, 3, 2))
-    joined = joined_samples(("a", "b"), time, known)
-    assert len(joined.coefficients) == 2 * count
-    samples = joined.per_piece(2)
-    for got, values in zip(
-        (samples.position, samples.velocity, samples.acceleration), known, strict=False
-    ):
-        np.testing.assert_allclose(got[::2], values[:-1], atol=1e-13)
-        np.testing.assert_allclose(got[1::2], values[1:], atol=1e-11)
-
-
 def test_the_acceleration_of_a_joint_that_hardly_moves_does_not_jump_between_samples():
     time = np.arange(1000) / 1000
     known = [0.7 + 1e-3 * np.sin(time), 1e-3 * np.cos(time), -1e-3 * np.sin(time)]
