@@ -45,20 +45,20 @@ PUMA = {
 OUT_AND_BACK = np.poly1d([-4.0, 4.0, 0.0]) ** 2
 
 
+def in_one_second(polynomial):
+    """Return a bar's motion."""
+    return JointTrajectory(["turn"], [0.0, 1.0], polynomial.c[:, None, None])
+
+
 def test_at_a_reversal_it_is_that_of_the_direction_taken_and_at_the_goal_of_its_approach(tmp_path):
     robot = with_motors(one_joint(tmp_path), **ALL)
-    motion = one_piece(OUT_AND_BACK)
+    motion = in_one_second(OUT_AND_BACK)
     samples = motion.at(np.array([0.0, 0.2, 0.5, 0.8, 1.0]))
     dry = coulomb_effort(robot, motion, samples)[:, 0]
     np.testing.assert_allclose(dry, [FORTH, FORTH, -BACK, -BACK, -BACK])
     expected = (INERTIA + ARMATURE) * samples.acceleration + VISCOUS * samples.velocity
     effort = motor_effort(robot, motion, samples)
     np.testing.assert_allclose(effort, expected + dry[:, None], atol=1e-12)
-
-
-def one_piece(polynomial):
-    """Return a bar's motion in one second."""
-    return JointTrajectory(["turn"], [0.0, 1.0], polynomial.c[:, None, None])
 
 
 def test_at_instants_of_no_velocity_pieces_of_any_width_have_their_own_directions(tmp_path):
@@ -218,7 +218,7 @@ def test_of_a_planned_motion_they_are_adaptive_quadratures_of_pinocchios_efforts
 def test_friction_is_what_work_overcomes_and_motors_heat_for(tmp_path):
     """Against quadratures of the law, split where the joint reverses; run slower they agree too."""
     robot = with_motors(one_joint(tmp_path, mass=0.5), **ALL)
-    q, duration, motion = OUT_AND_BACK, 2.5, one_piece(OUT_AND_BACK)
+    q, duration, motion = OUT_AND_BACK, 2.5, in_one_second(OUT_AND_BACK)
 
     def effort(x):
         held = 0.5 * 9.81 * 0.5 * np.cos(q(x)) + (FORTH if x < 0.5 else -BACK)

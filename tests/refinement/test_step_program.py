@@ -20,10 +20,7 @@ from tubeplanner.refinement.step_search import StepSearch
 from tubeplanner.refinement.symmetric_entries import SymmetricEntries
 from tubeplanner.refinement.trust_region import TrustRegion
 
-NEEDS_LIBRARY = pytest.mark.skipif(
-    LIBRARY.functions is None, reason="the native library is left out"
-)
-
+NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
 
 # Both that solve programs of steps, on programs of real trajectories.
 
