@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from refusals import refusal
 from tubeplanner import (
@@ -28,6 +29,9 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.errors import ProblemError, RobotError, TrajectoryError
+from tubeplanner.files.fingerprint import problem_hash
+from tubeplanner.problem.problem_format import AttachedFields, ObstacleFields
+from tubeplanner.problem.solid_fields import attached_of, obstacle_of
 from tubeplanner.resources import bundled_folder, bundled_problems
 from tubeplanner.robot.velocity_by_position import VelocityByPosition
 
@@ -381,6 +385,23 @@ def test_each_kind_of_obstacle_stands_where_the_file_puts_it():
     assert checked == {"a", "b", "d"}
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_a_mesh_is_scaled_about_its_own_origin(tmp_path, scale):
+    trimesh.creation.box((0.2, 0.4, 0.6)).export(tmp_path / "brick.stl")
+    fields = ObstacleFields(name="brick", mesh="brick.stl", scale=scale, position=(1.0, 0.0, 0.0))
+    (shape,) = obstacle_of(fields, tmp_path, ()).shapes
+    sides = scale * np.array([0.2, 0.4, 0.6])
+    np.testing.assert_allclose(np.ptp(shape.vertices, axis=0), sides, atol=1e-6)
+    np.testing.assert_allclose(shape.vertices.mean(axis=0), [1, 0, 0], atol=1e-6)
+
+
+def test_a_carried_solid_keeps_what_it_touches_and_what_it_was_made_from(tmp_path):
+    fields = AttachedFields(name="cup", cylinder=(0.03, 0.1), touch_links=["hand", "arm2"])
+    solid = attached_of(fields, tmp_path, ())
+    assert solid.touch_links == ("hand", "arm2")
+    assert solid.contents is not None
+
+
 # --- files ---------------------------------------------------------------------------------------
 
 YAML_TEXT = """\
@@ -487,23 +508,14 @@ def test_a_problem_built_in_python_equals_the_one_that_was_parsed():
         ignore_collisions=[("post", "link1")],
         name="turn",
     )
-    for part, names in (
-        (lambda problem: problem, "start goal joint_lower joint_upper name clearance"),
-        (lambda problem: problem.tube, "points radius tool_radius effective_radius visit"),
-        (lambda problem: problem.robot, "joint_names gravity"),
-        (
-            lambda problem: problem.robot.limits,
-            "lower_position upper_position velocity effort acceleration",
-        ),
-        (lambda problem: problem.collision, "obstacle_pairs link_pairs"),
-    ):
-        for name in names.split():
-            mine, other = (getattr(part(problem), name) for problem in (built, parsed))
-            np.testing.assert_array_equal(mine, other)
+    assert problem_hash(built) == problem_hash(parsed)
+    assert built.name == parsed.name
     assert built.tube.joint_ranges == parsed.tube.joint_ranges
-    for mine, other in zip(built.collision.shapes, parsed.collision.shapes, strict=True):
-        assert (mine.owner, mine.body) == (other.owner, other.body)
-        np.testing.assert_array_equal(mine.shape.vertices, other.shape.vertices)
+    for name in ("joint_lower", "joint_upper"):
+        np.testing.assert_array_equal(getattr(built, name), getattr(parsed, name))
+    for name in ("obstacle_pairs", "link_pairs"):
+        mine, other = (getattr(problem.collision, name) for problem in (built, parsed))
+        np.testing.assert_array_equal(mine, other)
 
 
 @pytest.mark.parametrize(
