@@ -15,9 +15,16 @@ from tubeplanner.verification.conditions import JUDGED
 from tubeplanner.verification.friction_jumps import friction_jumps
 from tubeplanner.verification.judged_motion import JudgedMotion
 
+
+def dry(back, forth):
+    return {"backwards_friction": back, "forwards_friction": forth}
+
+
 VISCOUS, BACK, FORTH, LARGEST = 0.8, 0.9, 0.3, 5.0
-FRICTION = {"backwards_friction": BACK, "forwards_friction": FORTH}
+FRICTION = dry(BACK, FORTH)
 ALL = {"viscous_friction": VISCOUS, **FRICTION}
+UNSURE = {"viscous_friction": VISCOUS, "friction_uncertainty": 0.5}
+HEAVY = {"mass": 0.5, **dry(100.0, 100.0)}
 STALL, NO_LOAD = 6.0, 10.0
 LINE = {"saturation_effort": STALL, "no_load_velocity": NO_LOAD}
 LEVER = 0.5  # of the bar's centre of mass [m]
@@ -58,65 +65,27 @@ def rated(rate):
 
 
 AT = 0.371  # where joints reverse, between all looks [s]
+SHORT_BACK = integral([1.0, -0.3], [1.0, -0.302])
 TOUCHING = integral([1.0, -AT], [1.0, -AT])
 SLOWING = integral([-1.0, 3 * AT, 2 - 3 * AT**2, AT**3 - 2 * AT])  # of u = t - AT: 2 u - u^3
-# Motors, motion, the effort that is needed at most and when.
+BETWEEN = course([1.0, 0.0], [-1.0, 1.0], [1.0, 0.0], width=0.5)
+# Friction, motion, the effort that is needed at most and when.
 NEEDED = {
     "forwards": (ALL, course([1.5, 0.2]), VISCOUS * 1.5 + FORTH, None),
     "backwards": (ALL, course([-1.5, 0.2]), VISCOUS * 1.5 + BACK, None),
-    "viscous friction alone, uncertain": (
-        {"viscous_friction": VISCOUS, "friction_uncertainty": 0.5},
-        course([-2.0, 0.0]),
-        1.5 * VISCOUS * 2,
-        None,
-    ),
+    "viscous friction alone, uncertain": (UNSURE, course([-2.0, 0.0]), 1.5 * VISCOUS * 2, None),
     # Gravity loads it by m g l; friction could hold it as well as not.
-    "a joint that stands still": (
-        {"mass": 0.5, "backwards_friction": 100.0, "forwards_friction": 100.0},
-        course([0.0, 0.0]),
-        0.5 * 9.81 * LEVER,
-        None,
-    ),
-    "a short way back": (
-        {"backwards_friction": 4.0},
-        course(integral([1.0, -0.3], [1.0, -0.302])),
-        4.0 + INERTIA * 0.002,
-        0.3,
-    ),
+    "a joint that stands still": (HEAVY, course([0.0, 0.0]), 0.5 * 9.81 * LEVER, None),
+    "a short way back": (dry(4.0, 0.0), course(SHORT_BACK), 4.0 + INERTIA * 0.002, 0.3),
     # Its acceleration is the largest at the reversal: 2 rad/s^2, and falls on either side.
     "at the reversal alone": (FRICTION, course(SLOWING), 2 * INERTIA + FORTH, AT),
-    "at the reversal alone, more forwards": (
-        {"backwards_friction": 0.1, "forwards_friction": 2.0},
-        course(SLOWING),
-        2 * INERTIA + 2.0,
-        AT,
-    ),
+    "more friction forwards": (dry(0.1, 2.0), course(SLOWING), 2 * INERTIA + 2.0, AT),
     # The velocity touches zero and does not change its sign: nothing is backwards.
-    "it stops and goes on": (
-        {"backwards_friction": LARGEST},
-        course(TOUCHING),
-        2 * INERTIA * (1 - AT),
-        1.0,
-    ),
-    "it stops and goes on with friction": (
-        {"forwards_friction": 1.0},
-        course(TOUCHING),
-        1.0 + 2 * INERTIA * (1 - AT),
-        1.0,
-    ),
+    "it stops and goes on": (dry(5.0, 0.0), course(TOUCHING), 2 * INERTIA * (1 - AT), 1.0),
+    "it goes on with friction": (dry(0, 1), course(TOUCHING), 1 + 2 * INERTIA * (1 - AT), 1.0),
     # From rest to rest: its acceleration is -6 rad/s^2 at first, then 6.
-    "backwards from rest": (
-        {"backwards_friction": 0.4, "forwards_friction": 3.0},
-        course([2.0, -3.0, 0.0, 0.0]),
-        6 * INERTIA + 0.4,
-        0.0,
-    ),
-    "across breakpoints": (
-        FRICTION,
-        course([1.0, 0.0], [-1.0, 1.0], [1.0, 0.0], width=0.5),
-        BACK,
-        None,
-    ),
+    "backwards from rest": (dry(0.4, 3.0), course([2, -3, 0, 0]), 6 * INERTIA + 0.4, 0.0),
+    "across breakpoints": (FRICTION, BETWEEN, BACK, None),
 }
 
 
@@ -161,6 +130,7 @@ def table(position, backwards, forwards):
 PAIR = table([0], [2], [4])
 CORNERS = table([-0.3, 0.123, 0.4], [3, 1, 2], [2, 1.5, 4])
 ENDING = table([0, 0.2], [9, 9], [1, 3])
+FALLING = table([0, 1], [6, 6], [4, 2])
 # The limit, friction, motion, what is left at the least in shares of the larger side, and when.
 LEFT = {
     "a pair, forwards": (PAIR, FORTH, FORTH, [1.0, 0.0], (2 + FORTH) / 4, None),
@@ -170,14 +140,7 @@ LEFT = {
     "a corner passed backwards": (CORNERS, BACK, FORTH, [-1.0, 0.5], (1 - BACK) / 4, 0.377),
     "before its first end": (ENDING, BACK, FORTH, [0.1, -0.5], (1 - FORTH) / 9, None),
     "beyond its last end": (ENDING, BACK, FORTH, [0.1, 0.5], (3 - FORTH) / 9, None),
-    "without friction": (
-        table([0, 1], [6, 6], [4, 2]),
-        0.0,
-        0.0,
-        [2.0, 0.0, 0.0],
-        (2 - 4 * INERTIA) / 6,
-        None,
-    ),
+    "without friction": (FALLING, 0.0, 0.0, [2.0, 0, 0], (2 - 4 * INERTIA) / 6, None),
 }
 
 
@@ -185,8 +148,7 @@ LEFT = {
     ("limit", "back", "forth", "powers", "left", "time"), LEFT.values(), ids=LEFT
 )
 def test_limits_may_differ_by_sign_and_position(bar, limit, back, forth, powers, left, time):
-    robot = bar(backwards_friction=back, forwards_friction=forth, effort_ranges=[limit])
-    condition = judged("effort", robot, course(powers))
+    condition = judged("effort", bar(effort_ranges=[limit], **dry(back, forth)), course(powers))
     assert condition.margin == pytest.approx(left, abs=1e-8)
     assert time is None or condition.where.time == pytest.approx(time, abs=1e-6)
 
@@ -228,22 +190,14 @@ def test_no_sample_uses_more_of_limits_and_lines_and_one_as_much(request, name, 
 # Torque-speed lines: closed forms of a bar that turns.
 
 
-# Motors, motion, the share of the line that is used at most.
-MOTORS = {"viscous_friction": 0.2, "forwards_friction": 0.7, "backwards_friction": 1.1}
+RUBBING = {"viscous_friction": 0.2, "friction_uncertainty": 0.1, **dry(1.1, 0.7)}
+# Friction, motion, the share of the line that is used at most.
 USED = {
     "driving, faster and faster": ({}, course([1.5, 1.0, 0.0]), 3 * INERTIA / STALL + 0.4),
     # From 9 to 8 rad/s within 0.1 s: 7 N m of braking, more than the motor's stall effort.
     "braking": ({}, course([-5.0, 9.0, 0.0], width=0.1), max(7 / STALL - 0.8, 0.9 - 7 / STALL)),
-    "friction forwards": (
-        MOTORS | {"friction_uncertainty": 0.1},
-        course([4.0, 0.0]),
-        1.1 * (0.2 * 4 + 0.7) / STALL + 0.4,
-    ),
-    "friction backwards": (
-        MOTORS | {"friction_uncertainty": 0.1},
-        course([-4.0, 0.0]),
-        1.1 * (0.2 * 4 + 1.1) / STALL + 0.4,
-    ),
+    "forwards": (RUBBING, course([4.0, 0.0]), 1.1 * (0.2 * 4 + 0.7) / STALL + 0.4),
+    "backwards": (RUBBING, course([-4.0, 0.0]), 1.1 * (0.2 * 4 + 1.1) / STALL + 0.4),
 }
 
 
@@ -417,7 +371,7 @@ def test_jumps_of_coulomb_friction_are_told_apart(bar):
     motion = course(integral([1.0, -0.2], [1.0, -0.7]))
     plain, rubbing = (
         judged("effort_rate", bar(limits=rated(20.0), **motors), motion)
-        for motors in ({}, {"backwards_friction": 1.25, "forwards_friction": 0.5})
+        for motors in ({}, dry(1.25, 0.5))
     )
     assert rubbing.margin == plain.margin
     assert rubbing.coverage == (
@@ -483,13 +437,13 @@ def test_an_undecided_margin_is_safe_and_told(bar, name, limits, motors, motion,
     assert float(found.removesuffix(" relative")) == pytest.approx(exact.margin, abs=0.02)
 
 
-@pytest.mark.parametrize(
-    ("name", "tolerance"),
-    [
-        ("effort", "judged_motion.EFFORT_ENCLOSURE"),
-        ("effort_rate", "judged.effort_rate._RATE_ENCLOSURE"),
-    ],
-)
+TOLERANCES = {
+    "effort": "judged_motion.EFFORT_ENCLOSURE",
+    "effort_rate": "judged.effort_rate._RATE_ENCLOSURE",
+}
+
+
+@pytest.mark.parametrize(("name", "tolerance"), TOLERANCES.items())
 def test_the_error_of_the_enclosure_is_taken_off_the_margin(bar, name, tolerance, monkeypatch):
     robot, motion = bar(mass=0.5, limits=SAFE[name][0]), quintic(3.0, 1.5)
     exact = judged(name, robot, motion).margin
@@ -497,13 +451,11 @@ def test_the_error_of_the_enclosure_is_taken_off_the_margin(bar, name, tolerance
     assert exact - 2.1e-2 < judged(name, robot, motion).margin < exact - 1e-7
 
 
-@pytest.mark.parametrize(
-    ("name", "reason"),
-    [
-        ("motor_curve", "no motor has a torque-speed line"),
-        ("effort_rate", "no joint has this limit"),
-    ],
-)
-def test_without_a_limit_it_is_not_required(bar, name, reason):
-    condition = judged(name, bar(forwards_friction=1.0), course([1.0, 0.0]))
-    assert (condition.margin, condition.coverage) == (None, reason)
+def test_without_a_limit_it_is_not_required(bar):
+    reasons = {
+        "motor_curve": "no motor has a torque-speed line",
+        "effort_rate": "no joint has this limit",
+    }
+    for name, reason in reasons.items():
+        condition = judged(name, bar(**FRICTION), course([1.0, 0.0]))
+        assert (condition.margin, condition.coverage) == (None, reason)
