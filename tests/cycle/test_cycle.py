@@ -15,7 +15,6 @@ from tubeplanner import (
     Event,
     Obstacle,
     ProblemError,
-    RobotError,
     Seed,
     ToolOffset,
     load_robot,
@@ -25,7 +24,6 @@ from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.cycle.cell import Cell
 
 # The cell as it changes: where what was taken stands, against the tool's own placement.
-
 
 TAKE, LET_GO = Attach("part"), Detach("part")
 
@@ -39,23 +37,19 @@ def arm():
     return planar_arm()
 
 
-def test_what_is_taken_is_no_obstacle_until_it_is_let_go(arm):
+def test_what_is_taken_is_no_obstacle_until_it_stands_where_it_is_let_go(arm):
+    """It was 0.1 m above the hand when it was taken, and is where it is let go."""
     full = Cell((ball(arm), ball(arm, HOME, "other")), ())
     held = full.after(TAKE, arm, PICK)
     assert [each.name for each in held.obstacles] == ["other"]
     assert [each.name for each in held.attached] == ["part"]
     left = held.after(LET_GO, arm, PLACE)
     assert [each.name for each in left.obstacles] == ["other", "part"]
+    expected = arm.tool_position(PLACE) + np.array([0, 0, PART[1]])
+    np.testing.assert_allclose(middle(left.obstacles[1]), expected, atol=1e-12)
     assert left.attached == ()
     assert left.handed_over == ("part", "part")
     assert full.after(Event("gripper"), arm, PICK) is full
-
-
-def test_what_is_put_down_elsewhere_stands_under_the_hand_there(arm):
-    """It was 0.1 m above the hand when it was taken, and is where it is let go."""
-    left = Cell((ball(arm),), ()).after(TAKE, arm, PICK).after(LET_GO, arm, PLACE)
-    expected = arm.tool_position(PLACE) + np.array([0, 0, PART[1]])
-    np.testing.assert_allclose(middle(left.obstacles[0]), expected, atol=1e-12)
 
 
 def test_a_box_turns_with_the_hand(arm):
@@ -126,7 +120,6 @@ def test_what_changed_hands_before_the_leg_before_did_so_long_ago():
 
 # Cycles: the problem of each leg, the cell as it is then.
 
-
 CYCLE = pick_and_place(payload=weight(1.0))
 SEAMS = [HOME, PICK, PLACE, HOME]
 
@@ -151,9 +144,8 @@ def test_a_leg_begins_and_ends_where_it_is_said_to():
     np.testing.assert_array_equal(CYCLE.problem_from_anywhere(0).start, HOME)
 
 
-def test_what_is_given_for_something_that_is_not_there_waits_for_it():
+def test_what_is_given_for_something_that_is_not_there_waits_for_it(arm):
     """Pairs with what comes and goes count only in moves where it is there."""
-    robot = planar_arm()
     solid = AttachedSolid("tray", Obstacle.sphere("tray", 0.02, placement_of([0, 0, 0.2])).shapes)
     wall = Obstacle.box("wall", [0.1, 0.1, 0.1], placement_of([-1, 0, 0]))
     pairs = {
@@ -162,10 +154,8 @@ def test_what_is_given_for_something_that_is_not_there_waits_for_it():
         "ignore_collisions": [("wall", "tray")],
     }
     for name, value in pairs.items():
-        given = {name: value}
-        go, back = (
-            move(robot, k, *e, **given) for k, e in (("go", (HOME, PICK)), ("back", (PICK, HOME)))
-        )
+        go = move(arm, "go", HOME, PICK, **{name: value})
+        back = move(arm, "back", PICK, HOME, **{name: value})
         made = Cycle(HOME, [go, Attach("tray", None, solid), back], [wall])
         first, second = made.problems([HOME, PICK, HOME])
         assert len(getattr(first, name)) == 0
@@ -173,45 +163,41 @@ def test_what_is_given_for_something_that_is_not_there_waits_for_it():
 
 
 @pytest.mark.parametrize("name", ["contacts", "pair_clearances", "ignore_collisions"])
-def test_a_pair_with_something_unknown_is_refused(name):
+def test_a_pair_with_something_unknown_is_refused(name, arm):
     pair = ("wall", "link1")
     value = {"contacts": [Contact(pair, 0.1)], "pair_clearances": {pair: 0.1}}.get(name, [pair])
-    go = move(planar_arm(), "go", HOME, PICK, **{name: value})
+    go = move(arm, "go", HOME, PICK, **{name: value})
     with pytest.raises(ProblemError, match=r"^move 'go': .*unknown link.* or obstacle 'wall'"):
         Cycle(HOME, [go])
 
 
-def test_what_is_wrong_with_a_move_names_it():
-    robot = planar_arm()
-    go = move(robot, "go", HOME, PICK)
-    far = move(robot, "back", PICK, HOME, goal=np.array([3.0, 0.0]))
-    with pytest.raises(ProblemError, match=r"^move 'back': goal: the tool is at"):
-        Cycle(HOME, [go, far])
-    with pytest.raises(ProblemError, match=r"^move 'go': start: the tool is at"):
-        Cycle(PLACE + 2.0, [go])
-    with pytest.raises(ProblemError, match=r"^move 'go': obstacles: the name 'part' is given 2"):
-        Cycle(HOME, [go], [ball(robot), ball(robot)])
+def test_what_is_wrong_with_a_move_names_it(arm):
+    go = move(arm, "go", HOME, PICK)
+    far = move(arm, "back", PICK, HOME, goal=np.array([3.0, 0.0]))
+    for arguments, message in (
+        ((HOME, [go, far]), "^move 'back': goal: the tool is at"),
+        ((PLACE + 2.0, [go]), "^move 'go': start: the tool is at"),
+        ((HOME, [go], [ball(arm), ball(arm)]), "^move 'go': obstacles: the name 'part' is given 2"),
+        (
+            (HOME, [Attach("link1", None, AttachedSolid("link1", ball(arm).shapes)), go]),
+            "'link1' is also the name of a link",
+        ),
+    ):
+        with pytest.raises(ProblemError, match=message):
+            Cycle(*arguments)
 
 
-def test_a_solid_that_is_called_as_a_link_is_refused():
-    solid = AttachedSolid("link1", ball(planar_arm()).shapes)
-    steps = [Attach("link1", None, solid), move(planar_arm(), "go", HOME, PICK)]
-    with pytest.raises((ProblemError, RobotError), match="'link1' is also the name of a link"):
-        Cycle(HOME, steps)
-
-
-def test_two_solids_may_be_carried_at_once_and_let_go_one_by_one():
-    robot = planar_arm()
-    other = ball(robot, PLACE, "other")
+def test_two_solids_may_be_carried_at_once_and_let_go_one_by_one(arm):
+    other = ball(arm, PLACE, "other")
     steps = [
         Attach("part"),
-        move(robot, "go", PICK, PLACE),
+        move(arm, "go", PICK, PLACE),
         Attach("other"),
-        move(robot, "on", PLACE, HOME),
+        move(arm, "on", PLACE, HOME),
         Detach("part"),
-        move(robot, "back", HOME, PICK),
+        move(arm, "back", HOME, PICK),
     ]
-    made = Cycle(PICK, steps, [ball(robot), other])
+    made = Cycle(PICK, steps, [ball(arm), other])
     cells = made.cells([PICK, PLACE, HOME])
     held = [[each.name for each in cell.attached] for cell in cells]
     assert held == [["part"], ["part", "other"], ["other"]]

@@ -20,22 +20,9 @@ from tubeplanner import (
 )
 from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
 
-# The motion of a whole cycle: when its steps happen, and what its legs are.
-
-
 CYCLE = pick_and_place()
 MOTION = slow_motion(CYCLE)
 TIMES = [0.0, 2.0, 2.0 + DWELL, 2.0 + DWELL, 4.0 + DWELL, 4.0 + 2 * DWELL, 4.0 + 2 * DWELL]
-
-
-def remarked(times=None, names=None):
-    """Return the motion with marks at other times, or of other names."""
-    marks = list(MOTION.marks)
-    for k, time in (times or {}).items():
-        marks[k] = replace(marks[k], time=time)
-    for k, name in (names or {}).items():
-        marks[k] = replace(marks[k], name=name)
-    return CycleMotion(CYCLE, MOTION.trajectory, tuple(marks))
 
 
 def test_every_step_has_a_mark_when_it_begins():
@@ -98,28 +85,26 @@ def test_joints_are_put_into_the_cycles_order():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"names": {3: "to_plce"}}, "marks are move to_pick, .*; the cycle has move to_pick, "),
-        ({"times": {2: 1.9}}, "marks: event 'gripper' is from 2 to 1.9 s of a trajectory of 6.5"),
-        ({"times": {0: -0.1}}, "marks: move 'to_pick' is from -0.1 to 2 s of a trajectory"),
-        ({"times": {6: 7.0}}, "marks: move 'back' is from 7 to 6.5 s of a trajectory of 6.5 s"),
-        ({"times": {6: 6.5}}, "marks: move 'back' is from 6.5 to 6.5 s"),
-        ({"times": {1: 0.0}}, "marks: move 'to_pick' is from 0 to 0 s .* and every move some"),
-        ({"times": {3: np.nan}}, "marks: attach 'part' is from 2.25 to nan s"),
+        ({3: {"name": "to_plce"}}, "marks are move to_pick, .*; the cycle has move to_pick, "),
+        ({2: {"time": 1.9}}, "marks: event 'gripper' is from 2 to 1.9 s of a trajectory of 6.5"),
+        ({0: {"time": -0.1}}, "marks: move 'to_pick' is from -0.1 to 2 s of a trajectory"),
+        ({6: {"time": 7.0}}, "marks: move 'back' is from 7 to 6.5 s of a trajectory of 6.5 s"),
+        ({6: {"time": 6.5}}, "marks: move 'back' is from 6.5 to 6.5 s"),
+        ({1: {"time": 0.0}}, "marks: move 'to_pick' is from 0 to 0 s .* and every move some"),
+        ({3: {"time": np.nan}}, "marks: attach 'part' is from 2.25 to nan s"),
+        # Whoever runs the motion would open the gripper where the cycle closes it.
+        ({1: {"setting": "open"}}, "event gripper open.*; the cycle has .*event"),
     ],
 )
 def test_marks_of_something_else_are_refused(change, message):
-    remarked()
+    marks = [replace(mark, **change.get(k, {})) for k, mark in enumerate(MOTION.marks)]
     with pytest.raises(TrajectoryError, match=message):
-        remarked(**change)
+        CycleMotion(CYCLE, MOTION.trajectory, tuple(marks))
 
 
-def test_marks_of_fewer_steps_and_that_set_something_else_are_refused():
-    """Whoever runs the motion would open the gripper where the cycle closes it."""
+def test_marks_of_no_steps_are_refused():
     with pytest.raises(TrajectoryError, match="marks are none; the cycle has move to_pick"):
         CycleMotion(CYCLE, MOTION.trajectory, ())
-    marks = [replace(m, setting="open") if m.kind == "event" else m for m in MOTION.marks]
-    with pytest.raises(TrajectoryError, match=r"event gripper open.*; the cycle has .*event"):
-        CycleMotion(CYCLE, MOTION.trajectory, tuple(marks))
 
 
 def test_an_event_that_takes_no_time_adds_nothing():
@@ -127,9 +112,6 @@ def test_an_event_that_takes_no_time_adds_nothing():
     assert motion.trajectory.duration == pytest.approx(6.0)
     assert len(motion.trajectory.widths) == 3
     assert [mark.time for mark in motion.marks] == [0.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0]
-
-
-# Motions of cycles read from files.
 
 
 def test_a_file_without_marks_or_of_another_cycle_is_refused(tmp_path):

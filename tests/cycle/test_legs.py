@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from small_cycle import small_cycle
 from two_link_cycles import cycle_of
-from two_link_cycles import move as named_move
+from two_link_cycles import move as move_fields
 
-from cycles import HOME, PICK, PLACE, planar_arm, weight
-from cycles import move as leg_move
+from cycles import HOME, PICK, PLACE, move, planar_arm, weight
 from tubeplanner import (
     Attach,
     Contact,
@@ -38,7 +37,7 @@ TILTED = [np.cos(0.3), np.sin(0.3), 0.0, 0.0]
 FREE, UPRIGHT = [np.inf] * 3, [0.1, 0.1, np.inf]
 
 
-def move(robot, name, orientation=None, tolerance=None, goal=None) -> Move:
+def oriented(robot, name, orientation=None, tolerance=None, goal=None) -> Move:
     given = {}
     if orientation is not None:
         given = {"orientations": [orientation] * 2, "rotation_tolerance": [tolerance]}
@@ -46,7 +45,7 @@ def move(robot, name, orientation=None, tolerance=None, goal=None) -> Move:
 
 
 def test_a_tool_that_is_free_on_the_way_ends_turned_as_the_next_move_asks(ur5):
-    joined = ending_for(move(ur5, "first"), move(ur5, "second", DOWN, UPRIGHT))
+    joined = ending_for(oriented(ur5, "first"), oriented(ur5, "second", DOWN, UPRIGHT))
     assert joined.goal.rotation_tolerance == tuple(UPRIGHT)
     assert np.array_equal(joined.goal.position, POINTS[1])
     assert np.array_equal(joined.tube.orientations, [DOWN] * 2)
@@ -55,24 +54,23 @@ def test_a_tool_that_is_free_on_the_way_ends_turned_as_the_next_move_asks(ur5):
 
 def test_a_ball_keeps_its_tolerances(ur5):
     ball = GoalRegion(np.array(POINTS[1]), 0.02)
-    first = move(ur5, "first", DOWN, 0.5, ball)
-    goal = ending_for(first, move(ur5, "second", DOWN, 0.1)).goal
+    first, second = oriented(ur5, "first", DOWN, 0.5, ball), oriented(ur5, "second", DOWN, 0.1)
+    goal = ending_for(first, second).goal
     assert (goal.tolerance, goal.rotation_tolerance) == (0.02, 0.1)
     own = replace(ball, rotation_tolerance=0.03)
-    first = replace(first, goal=own)
-    assert ending_for(first, move(ur5, "second", DOWN, 0.1)).goal is own
+    assert ending_for(replace(first, goal=own), second).goal is own
 
 
 def test_a_given_goal_another_orientation_and_a_free_tool_stay_as_they_are(ur5):
-    second = move(ur5, "second", DOWN, UPRIGHT)
-    fixed = move(ur5, "first", goal=np.zeros(6))
+    second = oriented(ur5, "second", DOWN, UPRIGHT)
+    fixed = oriented(ur5, "first", goal=np.zeros(6))
     assert ending_for(fixed, second) is fixed
-    aside = move(ur5, "first", ASIDE, UPRIGHT)
+    aside = oriented(ur5, "first", ASIDE, UPRIGHT)
     assert ending_for(aside, second) is aside
-    opposite = move(ur5, "first", [-x for x in DOWN], UPRIGHT)  # the same rotation
+    opposite = oriented(ur5, "first", [-x for x in DOWN], UPRIGHT)  # the same rotation
     assert ending_for(opposite, second).goal.rotation_tolerance == tuple(UPRIGHT)
-    first = move(ur5, "first")
-    for free in (move(ur5, "second"), move(ur5, "second", DOWN, FREE)):
+    first = oriented(ur5, "first")
+    for free in (oriented(ur5, "second"), oriented(ur5, "second", DOWN, FREE)):
         assert ending_for(first, free) is first
 
 
@@ -85,7 +83,7 @@ def test_what_counts_is_where_the_moves_meet(ur5):
         rotation_tolerance=[0.1, 0.3],
     )
     second = Move("second", ur5, turning)
-    joined = ending_for(move(ur5, "first"), second)
+    joined = ending_for(oriented(ur5, "first"), second)
     assert np.array_equal(joined.tube.orientations, [DOWN] * 2)
     assert joined.goal.rotation_tolerance == 0.1
     ends_tilted = Move("first", ur5, turning)
@@ -126,6 +124,11 @@ def part(given, first, last):
     return Tube(CORNERS[first : last + 1], own.pop("radius", 0.1), **own)
 
 
+FIRST, SECOND = Move("first", ARM, part({}, 0, 2)), Move("second", ARM, part({}, 2, 4))
+SLOW = load_robot("example:two_link", "hand", limits=LimitOverrides(tool_speed=0.5))
+PAIR = ("link1", "hand")
+
+
 def assert_same_tubes(found, expected):
     for name in (field.name for field in fields(Tube)):
         mine, others = getattr(found, name), getattr(expected, name)
@@ -147,29 +150,23 @@ def test_tubes_that_meet_are_one(name, cuts):
 
 def test_where_one_tube_binds_nothing_the_other_binds_what_it_did():
     bound = {**GIVEN["rotation"], **GIVEN["tool_speed"], "clearance": [0.01, 0.02, 0.03, 0.04]}
-    first = Move("first", ARM, part(bound, 0, 2), clearance=0.1)
-    second = Move("second", ARM, part({}, 2, 4), clearance=0.3)
+    first = replace(FIRST, tube=part(bound, 0, 2), clearance=0.1)
+    second = replace(SECOND, clearance=0.3)
     tube = joined_moves([first, second]).tube
     np.testing.assert_allclose(tube.tool_speed, [0.5, np.inf, np.inf, np.inf])
     np.testing.assert_allclose(tube.clearance, [0.01, 0.02, 0.3, 0.3])
     bounds = [np.ravel(bound).max() for bound in tube.rotation_tolerance]
     np.testing.assert_allclose(bounds, [0.1, np.inf, np.inf, np.inf])
     np.testing.assert_allclose(tube.orientations, [STILL, *[TURNED] * 4])
-    backwards = joined_moves([replace(second, tube=part({}, 0, 2)), after(first, bound)]).tube
+    after = replace(first, name="after", tube=part(bound, 2, 4))
+    backwards = joined_moves([replace(second, tube=part({}, 0, 2)), after]).tube
     np.testing.assert_allclose(backwards.clearance, [0.3, 0.3, 0.03, 0.04])
     np.testing.assert_allclose(backwards.orientations, [*[TURNED] * 3, STILL, STILL])
     assert np.isinf(np.ravel(backwards.rotation_tolerance[0])).all()
 
 
-def after(move, given):
-    return replace(move, name="after", tube=part(given, 2, 4))
-
-
 def test_moves_of_other_clearances_keep_their_own_and_points_that_repeat_their_numbers():
-    first, second = (
-        Move(f"move {k}", ARM, part({}, 2 * k, 2 * k + 2), clearance=0.01 * (k + 1))
-        for k in range(2)
-    )
+    first, second = replace(FIRST, clearance=0.01), replace(SECOND, clearance=0.02)
     joined = joined_moves([first, second])
     np.testing.assert_allclose(joined.tube.clearance, [0.01, 0.01, 0.02, 0.02])
     same = joined_moves([first, replace(second, clearance=0.01)])
@@ -183,19 +180,14 @@ def test_moves_of_other_clearances_keep_their_own_and_points_that_repeat_their_n
 
 
 def test_the_last_move_ends_it_and_contacts_hold_at_its_ends():
-    ends = [Contact(("a", name), 0.1, when) for name, when in CONTACTS]
+    held = (("b", ("start",)), ("c", ("goal",)), ("d", ("start", "goal")))
+    contacts = [Contact(("a", name), 0.1, when) for name, when in held]
     goal = GoalRegion(CORNERS[4], 0.01)
-    first = Move("first", ARM, part({}, 0, 2), contacts=ends)
-    second = Move("second", ARM, part({}, 2, 4), goal=goal, contacts=ends)
-    joined = joined_moves([first, second])
+    first, second = (replace(each, contacts=contacts) for each in (FIRST, SECOND))
+    joined = joined_moves([first, replace(second, goal=goal)])
     assert joined.goal is goal
     found = [(contact.links[1], contact.ends) for contact in joined.contacts]
     assert found == [("b", ("start",)), ("d", ("start",)), ("c", ("goal",)), ("d", ("goal",))]
-
-
-CONTACTS = [("b", ("start",)), ("c", ("goal",)), ("d", ("start", "goal"))]
-SLOW = load_robot("example:two_link", "hand", limits=LimitOverrides(tool_speed=0.5))
-PAIR = ("link1", "hand")
 
 
 @pytest.mark.parametrize(
@@ -211,46 +203,45 @@ PAIR = ("link1", "hand")
     ],
 )
 def test_what_holds_all_along_must_be_the_same(change, field):
-    first, second = Move("first", ARM, part({}, 0, 2)), Move("second", ARM, part({}, 2, 4))
-    joined_moves([first, second])
     message = f"move 'second': pass_through: {field} differs from the move's before; it must be"
     with pytest.raises(ProblemError, match=message):
-        joined_moves([first, replace(second, **change)])
+        joined_moves([FIRST, replace(SECOND, **change)])
 
 
-@pytest.mark.parametrize("goal", [PICK, GoalRegion(CORNERS[2], 0.01)])
-def test_where_the_arm_would_stop_it_does_not_pass(goal):
-    first, second = Move("first", ARM, part({}, 0, 2)), Move("second", ARM, part({}, 2, 4))
-    with pytest.raises(ProblemError, match="move 'second': pass_through: the move before it has a"):
-        joined_moves([replace(first, goal=goal), second])
-    joined_moves([replace(first, goal=GoalRegion(CORNERS[2])), second])
+def shifted(gap):
+    return replace(SECOND, tube=Tube(CORNERS[2:] + np.array([gap, 0, 0]), 0.1))
 
 
-def test_tubes_that_do_not_meet_are_refused():
-    first = Move("first", ARM, part({}, 0, 2))
-    near, far = (
-        Move("second", ARM, Tube(CORNERS[2:] + np.array([gap, 0, 0]), 0.1)) for gap in (5e-7, 2e-6)
-    )
-    joined_moves([first, near])
-    with pytest.raises(ProblemError, match="its tube begins 2e-06 m from where the tube before"):
-        joined_moves([first, far])
+def turned(begin):
+    orientations, tolerances = [begin, STILL, TURNED], GIVEN["rotation"]["rotation_tolerance"][2:]
+    tube = Tube(CORNERS[2:], 0.1, orientations=orientations, rotation_tolerance=tolerances)
+    return replace(SECOND, tube=tube)
 
 
-def test_tools_that_turn_at_once_are_refused():
-    given = GIVEN["rotation"]
-    first, second = Move("first", ARM, part(given, 0, 2)), Move("second", ARM, part(given, 2, 4))
-    flipped = replace(second, tube=turned(given, [-number for number in TURNED]))
-    joined_moves([first, flipped])  # one quaternion and its negative are one rotation
-    with pytest.raises(
-        ProblemError, match=r"move 'second': pass_through: tube.orientations begins"
-    ):
-        joined_moves([first, replace(second, tube=turned(given, STILL))])
+STOPS, PASSES = (
+    replace(FIRST, goal=goal) for goal in (GoalRegion(CORNERS[2], 0.01), GoalRegion(CORNERS[2]))
+)
+TURNING = replace(FIRST, tube=part(GIVEN["rotation"], 0, 2))
 
 
-def turned(given, begin):
-    orientations = [begin, STILL, TURNED]
-    tolerances = given["rotation_tolerance"][2:]
-    return Tube(CORNERS[2:], 0.1, orientations=orientations, rotation_tolerance=tolerances)
+@pytest.mark.parametrize(
+    ("good", "bad", "message"),
+    [
+        ((PASSES, SECOND), (STOPS, SECOND), "the move before it has a"),
+        ((FIRST, SECOND), (replace(FIRST, goal=PICK), SECOND), "the move before it has a"),
+        ((FIRST, shifted(5e-7)), (FIRST, shifted(2e-6)), "its tube begins 2e-06 m from where the"),
+        # One quaternion and its negative are one rotation.
+        (
+            (TURNING, turned([-number for number in TURNED])),
+            (TURNING, turned(STILL)),
+            "tube.orientations begins",
+        ),
+    ],
+)
+def test_where_the_arm_would_stop_jump_or_turn_at_once_it_does_not_pass(good, bad, message):
+    joined_moves(good)
+    with pytest.raises(ProblemError, match=f"move 'second': pass_through: {message}"):
+        joined_moves(bad)
 
 
 # Steps as legs and rests: what runs without a stop, and what the arm carries when.
@@ -259,7 +250,7 @@ def turned(given, begin):
 GRAVITY = (0.0, -9.81, 0.0)
 HEAVY_ARM = planar_arm(GRAVITY)
 GO, ON, BACK = (
-    leg_move(HEAVY_ARM, name, *ends)
+    move(HEAVY_ARM, name, *ends)
     for name, ends in (("go", (HOME, PICK)), ("on", (PICK, PLACE)), ("back", (PLACE, HOME)))
 )
 THROUGH = replace(ON, passes_through=True)
@@ -335,8 +326,8 @@ def test_arms_that_carry_the_same_are_one_and_a_rest_names_what_changes_hands():
 
 
 def test_a_place_in_a_leg_is_told_as_one_of_its_moves_in_the_cycle():
-    passing = {**named_move("second", "cd"), "pass_through": True}
-    cycle = cycle_of(named_move("first", "abc"), passing, named_move("third", "dc"))
+    passing = {**move_fields("second", "cd"), "pass_through": True}
+    cycle = cycle_of(move_fields("first", "abc"), passing, move_fields("third", "dc"))
     leg = cycle.legs[0]
     places = [leg.in_cycle(Place(segment=segment, time=1.0), 2.0) for segment in range(3)]
     told = [(place.move, place.segment, place.time) for place in places]
@@ -347,9 +338,6 @@ def test_a_place_in_a_leg_is_told_as_one_of_its_moves_in_the_cycle():
         "moves 1 to 2 of 3, 'first', 'second'",
         "move 3 of 3, 'third'",
     ]
-
-
-# Rests in words.
 
 
 def test_a_rest_lists_its_steps_in_order_and_an_event_stays_on_one_line():

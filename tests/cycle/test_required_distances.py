@@ -19,21 +19,16 @@ def table(q, below, name="table"):
 
 
 def cycle(*obstacles, clearance=0.01, contacts=(), goal=None):
-    steps = [
-        move(ARM, "to_pick", HOME, PICK, clearance=clearance, goal=goal),
-        Attach("part"),
-        move(
-            ARM,
-            "to_place",
-            PICK,
-            PLACE,
-            clearance=clearance,
-            contacts=contacts,
-            goal=None if goal is None else PLACE,
-        ),
-        Detach("part"),
-        move(ARM, "back", PLACE, HOME, clearance=clearance),
-    ]
+    place = None if goal is None else PLACE
+    to_pick, to_place, back = (
+        move(ARM, name, *ends, clearance=clearance, **more)
+        for name, ends, more in (
+            ("to_pick", (HOME, PICK), {"goal": goal}),
+            ("to_place", (PICK, PLACE), {"goal": place, "contacts": contacts}),
+            ("back", (PLACE, HOME), {}),
+        )
+    )
+    steps = [to_pick, Attach("part"), to_place, Detach("part"), back]
     return Cycle(HOME, steps, [ball(ARM), *obstacles])
 
 
@@ -107,8 +102,5 @@ def test_an_open_end_that_is_known_has_the_contacts_of_that_configuration():
     made = cycle(table(PLACE, 0.002), table(PICK, 0.002, "other"))
     known = made.problem(1, [HOME, PICK, PLACE])
     assert known.goal is None
-    found = {(frozenset(each.links), each.ends) for each in known.contacts}
-    assert found == {
-        (frozenset(("part", "other")), ("start",)),
-        (frozenset(("part", "table")), ("goal",)),
-    }
+    found = {(frozenset(each.links), each.ends, each.within) for each in known.contacts}
+    assert found == {pair("other", "start"), pair("table", "goal")}

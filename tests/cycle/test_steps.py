@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_cycle import small_cycle
 
 from cycles import HOME, PICK, ball, move, planar_arm, weight
 from tubeplanner import (
@@ -86,6 +85,7 @@ def test_what_is_consistent_is_taken():
 
 def test_a_name_may_be_attached_again_once_it_was_let_go():
     gone = Detach("part", leaves_obstacle=False)
+    cycle(GO, TAKE, BACK)
     cycle(TAKE, GO, LET_GO, TAKE, BACK, LET_GO)
     cycle(TAKE, GO, gone, Attach("part", None, SOLID), BACK)
     cycle(Attach("mass", weight(0.1)), GO, Detach("mass"), Attach("mass", weight(0.2)), BACK)
@@ -113,6 +113,7 @@ def test_a_name_may_be_attached_again_once_it_was_let_go():
             [Attach("mass", weight(1)), GO, Detach("mass"), Attach("mass"), BACK],
             "attach 'mass': unknown obstacle 'mass'",
         ),
+        ([GO, move(OTHER_ARM, "back", PICK, HOME)], "move 'back': its robot's tool_frame differs"),
     ],
 )
 def test_steps_that_are_not_possible_are_refused(steps, message):
@@ -120,22 +121,24 @@ def test_steps_that_are_not_possible_are_refused(steps, message):
         cycle(*steps)
 
 
-def test_what_is_carried_all_along_is_neither_taken_nor_let_go():
-    carried = {"obstacles": False, "attached": [SOLID]}
-    with pytest.raises(ProblemError, match="attach 'part': the robot carries it all along; choose"):
-        cycle(GO, Attach("part", weight(1.0)), BACK, **carried)
-    with pytest.raises(ProblemError, match="detach 'part': the robot carries it all along; attach"):
-        cycle(GO, LET_GO, BACK, **carried)
+CARRIED = {"obstacles": False, "attached": [SOLID]}
+MASS = Attach("mass", weight(1.0))
 
 
-def test_a_closed_cycle_of_one_arm_ends_with_empty_hands():
-    cycle(GO, TAKE, BACK)
-    with pytest.raises(ProblemError, match="closed: 'part' is still attached where the cycle ends"):
-        cycle(GO, TAKE, BACK, closed=True)
-    with pytest.raises(ProblemError, match="closed: 'mass' is still attached"):
-        cycle(GO, Attach("mass", weight(1.0)), BACK, closed=True)
-    with pytest.raises(ProblemError, match="move 'back': its robot's tool_frame differs from"):
-        cycle(GO, move(OTHER_ARM, "back", PICK, HOME))
+@pytest.mark.parametrize(
+    ("step", "more", "message"),
+    [
+        (Attach("part", weight(1.0)), CARRIED, "attach 'part': the robot carries it all along; ch"),
+        (LET_GO, CARRIED, "detach 'part': the robot carries it all along; attach"),
+        (TAKE, {"closed": True}, "closed: 'part' is still attached where the cycle ends"),
+        (MASS, {"closed": True}, "closed: 'mass' is still attached"),
+    ],
+)
+def test_hands_are_empty_at_the_end_of_a_closed_cycle_and_keep_what_is_carried_along(
+    step, more, message
+):
+    with pytest.raises(ProblemError, match=message):
+        cycle(GO, step, BACK, **more)
 
 
 def outside(goal, by):
@@ -148,37 +151,32 @@ def outside(goal, by):
 
 
 @pytest.mark.parametrize(
-    "goal", [lambda _: None, lambda _: PICK, lambda end: GoalRegion(end), lambda _: Seed(PICK)]
+    ("goal", "within", "beyond"),
+    [
+        (lambda _: None, -1e-4, 1e-3),
+        (lambda _: PICK, -1e-4, 1e-3),
+        (GoalRegion, -1e-4, 1e-3),
+        (lambda _: Seed(PICK), -1e-4, 1e-3),
+        (lambda end: GoalRegion(end, 0.01), 1e-3, 0.02),  # anywhere in a ball
+    ],
 )
-def test_a_move_begins_where_the_one_before_ends(goal):
+def test_a_move_begins_where_the_one_before_ends(goal, within, beyond):
     """Its tube holds that place, up to its radius."""
-    Cycle(HOME, outside(goal, -1e-4))
-    with pytest.raises(
-        ProblemError, match=r"move 'back': tube.points\[0\] is .* m, but move 'go' "
-    ):
-        Cycle(HOME, outside(goal, 1e-3))
-
-
-def test_where_a_move_may_end_anywhere_in_a_ball_the_next_may_begin_there():
-    steps, beyond = (outside(lambda end: GoalRegion(end, 0.01), by) for by in (1e-3, 0.02))
-    Cycle(HOME, steps)
-    with pytest.raises(
-        ProblemError, match=r"0.02 m outside the first segment; begin where it ends"
-    ):
-        Cycle(HOME, beyond)
+    Cycle(HOME, outside(goal, within))
+    message = rf"move 'back': tube.points\[0\] is .* m, but move 'go' .* {beyond:g} m outside the "
+    with pytest.raises(ProblemError, match=message + "first segment; begin where it ends"):
+        Cycle(HOME, outside(goal, beyond))
 
 
 # Dwells of cycles whose controller has a period.
 
 
 def test_a_dwell_is_a_multiple_of_the_period_in_spite_of_rounding():
-    expected = (
-        r"event 'gripper': dwell is 0\.05 s, no multiple of the period, 0\.004 s; give 0\.048 or "
-        r"0\.052"
+    assert cycle(GO, Event("gripper", None, 0.3), BACK, period=0.001).period == 0.001
+    message = (
+        "event 'gripper': dwell is 0.05 s, no multiple of the period, 0.004 s; give 0.048 or 0.052"
     )
-    with pytest.raises(ProblemError, match=expected):
-        small_cycle(period=0.004)
-    assert small_cycle(period=0.01).period == 0.01
-    assert small_cycle(period=0.001, moves__8__dwell=0.3).period == 0.001
+    with pytest.raises(ProblemError, match=message):
+        cycle(GO, Event("gripper", None, 0.05), BACK, period=0.004)
     with pytest.raises(ProblemError, match="period is"):
-        small_cycle(period=0.0)
+        cycle(GO, BACK, period=0.0)
