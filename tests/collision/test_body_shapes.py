@@ -3,7 +3,6 @@
 import coal
 import numpy as np
 import pytest
-from few_links import joint, loaded, solid_link
 from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
 
@@ -270,14 +269,11 @@ def test_distances_are_exact_where_they_matter_and_lower_bounds_elsewhere(bundle
     same(near_distances(checker, q, checker.pairs, matters, known), known)
 
 
-def test_a_pose_that_is_not_finite_never_reaches_fcl(tmp_path):
+def test_a_pose_that_is_not_finite_never_reaches_fcl(two_link):
     """FCL would end the process without a word."""
-    parts = [solid_link(name, '<sphere radius="0.1"/>') for name in ("base", "middle", "tip")]
-    joints = joint("one", "base", "middle", xyz="1 0 0"), joint("two", "middle", "tip", xyz="1 0 0")
-    robot = loaded(tmp_path, *parts, *joints)
-    checker = CollisionChecker(robot)
+    checker = CollisionChecker(two_link, [BALL])
     for wrong in ([np.nan] * 3, [0, np.inf, 0]):
-        rotation, position = (array[0] for array in robot.body_poses(np.zeros((1, 2))))
+        rotation, position = (array[0] for array in two_link.body_poses(np.zeros((1, 2))))
         position[2] = wrong
         with pytest.raises(ValueError, match="poses must be finite"):
-            checker.distances(rotation, position, checker.link_pairs)
+            checker.distances(rotation, position, checker.pairs)

@@ -51,12 +51,6 @@ def assert_same(first, second):
         assert one.radius == other.radius
 
 
-def assert_same_geometry(first, second):
-    assert_same([s.shape for s in first.shapes], [s.shape for s in second.shapes])
-    np.testing.assert_array_equal(first.pairs, second.pairs)
-    assert first.left_out == second.left_out
-
-
 def spoiled(entry):
     """Yield an entry's content cut short, with a bit turned, as plain arrays, and as noise."""
     whole = entry.read_bytes()
@@ -87,7 +81,9 @@ def test_an_arm_is_the_same_with_a_cold_warm_broken_and_no_cache(folder, tmp_pat
     monkeypatch.setenv(VARIABLE, "off")
     assert cold.closer_covers
     for other in (warm, broken, CollisionChecker(arm)):
-        assert_same_geometry(cold, other)
+        assert_same([each.shape for each in cold.shapes], [each.shape for each in other.shapes])
+        np.testing.assert_array_equal(cold.pairs, other.pairs)
+        assert cold.left_out == other.left_out
         assert link_covers(cold) == link_covers(other)
 
 
@@ -114,21 +110,18 @@ def test_a_folder_or_an_entry_of_something_else_in_the_place_of_an_entry_is_no_e
     assert_same(ring().cover(), cold)
 
 
-def test_the_folder_is_the_users_unless_there_is_none(monkeypatch, tmp_path):
+def test_the_folder_is_the_users_unless_there_is_none_or_it_is_switched_off(
+    ring, monkeypatch, tmp_path
+):
     monkeypatch.delenv(VARIABLE)
-    monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, **__: tmp_path)
-    assert cache_folder() == tmp_path
-    monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, **__: Path("~/.cache"))
-    assert cache_folder() is None
-
-
-def test_it_can_be_switched_off(folder, ring, monkeypatch, tmp_path):
+    for path, expected in ((tmp_path / "none", tmp_path / "none"), (Path("~/.cache"), None)):
+        monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, path=path, **__: path)
+        assert cache_folder() == expected
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, **__: tmp_path / "none")
     monkeypatch.setenv(VARIABLE, "off")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "elsewhere"))
     assert cache_folder() is None
     ring().cover()
-    assert not folder.exists()
-    assert not (tmp_path / "elsewhere").exists()
+    assert not (tmp_path / "none").exists()
 
 
 def test_another_mesh_or_scale_is_another_entry_and_a_moved_mesh_is_the_same(

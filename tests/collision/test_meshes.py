@@ -1,6 +1,5 @@
 """Mesh files: size bounds, units, first covers, solids, all cached."""
 
-import json
 import os
 import struct
 
@@ -86,40 +85,15 @@ def stl(*triangles):
     return data
 
 
-def glb(vertices, faces):
-    """Return a binary glTF of vertices and of triangles, whose indices are not looked at."""
-    points, corners = np.asarray(vertices, "<f4"), np.asarray(faces, "<u2")
-    binary = points.tobytes() + corners.tobytes()
-    binary += b"\0" * (-len(binary) % 4)
-    low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
-    views = [(0, points.nbytes), (points.nbytes, corners.nbytes)]
-    position = {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3"}
-    indices = {"bufferView": 1, "componentType": 5123, "count": corners.size, "type": "SCALAR"}
-    fields = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
-        "buffers": [{"byteLength": len(binary)}],
-        "bufferViews": [{"buffer": 0, "byteOffset": a, "byteLength": b} for a, b in views],
-        "accessors": [{**position, "min": low, "max": high}, indices],
-    }
-    text = json.dumps(fields).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-
+PLY = b"""ply\nformat ascii 1.0\nelement vertex 4
+property float x\nproperty float y\nproperty float z
+element face 2\nproperty list uchar int vertex_index\nend_header
+0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 1 99\n"""
 REFUSED = {
     "infinite.stl": (stl([[0, 0, 0], [np.inf, 0, 0], [0, 1, 0]], *GOOD), "that are not finite"),
     "empty.stl": (stl(), "has no vertices or triangles"),
     "huge.stl": (stl([[0, 0, 0], [1e38, 0, 0], [0, 1, 0]]), r"reaches 1e\+38 m from its origin"),
-    "out_of_range.glb": (
-        glb([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2], [0, 1, 99]]),
-        "has a triangle of vertex 99; it has 4 vertices",
-    ),
+    "out_of_range.ply": (PLY, "has a triangle of vertex 99; it has 4 vertices"),
     "no_points.obj": (b"f 1 2 3\n", "has no vertices or triangles"),
     "flat.obj": (b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "has points of 2 coordinates; a solid has 3"),
     "malformed.dae": (b"<COLLADA><asset>", "is no readable DAE file"),
