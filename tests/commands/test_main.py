@@ -289,19 +289,16 @@ def test_a_full_disk_under_standard_output_is_no_error_of_ours(words, monkeypatc
 
 def test_obstacles_that_nothing_can_meet_are_pointed_out(run, tmp_path):
     """asr_twodof has no collision geometry at all."""
-    path = tmp_path / "problem.json"
-    ball = {"name": "ball", "sphere": 0.1, "position": [0.5, 0.5, 0.5]}
-    q = [0.3, 0.4]
-    robot = load_robot("example:asr_twodof", "Tip")
-    tool = robot.tool_position(np.array([q, [0.4, 0.4]]))
-    fields = {
-        "robot": {"urdf": "example:asr_twodof", "tool_frame": "Tip"},
-        "tube": {"points": tool.tolist(), "radius": 0.2},
-        "start": {"joints": q},
-        "goal": {"joints": [0.4, 0.4]},
-        "obstacles": [ball],
-    }
-    path.write_text(json.dumps(fields))
+    ends = [[0.3, 0.4], [0.4, 0.4]]
+    tool = load_robot("example:asr_twodof", "Tip").tool_position(np.array(ends))
+    path = problem_file(
+        tmp_path,
+        robot={"urdf": "example:asr_twodof", "tool_frame": "Tip"},
+        tube={"points": tool.tolist(), "radius": 0.2},
+        start={"joints": ends[0]},
+        goal={"joints": ends[1]},
+        obstacles=[{"name": "ball", "sphere": 0.1, "position": [0.5, 0.5, 0.5]}],
+    )
     status, out, _ = run("plan", path, *STOPS)
     assert status == 0
     assert "no collision geometry; the obstacles were NOT checked" in out
@@ -317,24 +314,22 @@ def test_a_name_is_printed_as_it_is(run, tmp_path):
 def test_robots_and_schema_are_listed(run, run_json):
     status, out, _ = run("robots")
     assert status == 0
-    assert "example:ur5/over_the_wall" in out
+    for name in ("ur5/over_the_wall", "ur5/through_the_door", "ur5/tolerance_and_payload"):
+        assert f"example:{name}" in out
     assert "example:two_link  (bundled)" in out
     assert "  fr3  " in out
     assert str(bundled_presets()["fr3"]) in out
     listed = run_json("robots")[1]
-    assert "example:ur5/through_the_door" in out
     assert "panda/between_shelves" in listed["problems"]
-    assert "ur5/through_the_door" not in listed["problems"]
+    others = {"ur5/through_the_door", "ur5/tolerance_and_payload", "presets/fr3"}
+    assert not others & set(listed["problems"])
     assert "ur5/through_the_door" in listed["cycles"]
-    assert "example:ur5/tolerance_and_payload" in out
-    assert "ur5/tolerance_and_payload" not in listed["problems"]
     assert listed["studies"] == ["ur5/tolerance_and_payload"]
-    assert "presets/fr3" not in listed["problems"]
     assert listed["presets"] == ["fer", "fr3", "fr3_friction", "ur10_friction"]
     schema = json.loads(run("schema")[1])
     assert set(schema["required"]) == {"robot", "start"}
-    assert json.loads(run("schema", "--study")[1])["title"] == "tubeplanner study"
-    assert json.loads(run("schema", "--cycle")[1])["title"] == "tubeplanner cycle"
+    for kind in ("study", "cycle"):
+        assert json.loads(run("schema", f"--{kind}")[1])["title"] == f"tubeplanner {kind}"
     assert "either --cycle or --study" in run("schema", "--cycle", "--study")[2]
 
 

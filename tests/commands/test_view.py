@@ -5,6 +5,7 @@ import re
 
 import pytest
 from cases import SLIDE, rest_to_rest
+from recorded_page import data_of
 
 from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
 from tubeplanner.cycle.cycle_reader import load_cycle
@@ -64,8 +65,7 @@ def test_a_page_has_the_motions_of_files_their_verdicts_and_what_differs(folder,
     assert "note: slow.json: passes every condition" in out
     assert re.search(r"note: fast.json: fails: .*out: effort", out)
     assert "what differs: tube of move 'home'" in out
-    data = re.search(r'id="data">(.*?)</script>', page.read_text(), re.S).group(1)
-    panel = json.loads(data)
+    panel = data_of(page.read_text())
     assert [each["name"] for each in panel["trajectories"]] == ["slow.json", "fast.json"]
     assert len(panel["timelines"]) == 2
 

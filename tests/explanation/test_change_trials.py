@@ -152,15 +152,6 @@ def bracket(smaller=None, larger=None, helps=True, **change):
     return found
 
 
-@pytest.mark.parametrize("helps", [True, False])
-def test_sizes_lie_on_the_side_that_they_were_seen_on(helps):
-    known = bracket(0.2, 0.8, helps)
-    assert (known.smaller.size, known.larger.size) == (0.2, 0.8)
-    assert known.possible.size == (0.8 if helps else 0.2)
-    assert known.impossible.size == (0.2 if helps else 0.8)
-    assert known.possible.succeeded and not known.impossible.succeeded
-
-
 @pytest.mark.parametrize(
     ("known", "size"),
     [

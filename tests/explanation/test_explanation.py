@@ -10,7 +10,6 @@ import pytest
 import yaml
 from asked_problems import PLANAR, POINTS, REMEDY, ROOM, asked
 from gantry import ALONG, FIELDS, LENGTH, POST, gantry
-from small_cycle import SMALL
 
 from tubeplanner import Explanation, explain, load_problem, parse_problem, plan
 from tubeplanner.errors import OptionError, ProblemError
@@ -340,17 +339,6 @@ def test_the_time_limit_keeps_what_was_found(path, monkeypatch):
     assert (found.stopped_by, found.tried) == ("time_limit", 7)
     assert [remedy.field for remedy in found.remedies] == ["clearance"]
     assert "obstacles.post.position" not in found.in_vain
-
-
-@pytest.mark.parametrize(
-    ("document", "message"),
-    [(SMALL, "this is a cycle"), ("study: {}", "this is a study"), ("robot: 1", "robot")],
-)
-def test_what_is_no_problem_is_refused(tmp_path, document, message):
-    path = tmp_path / "file.yaml"
-    path.write_text(document)
-    with pytest.raises(ProblemError, match=message):
-        explain(path)
 
 
 @pytest.mark.parametrize("limit", [0.0, float("nan")])

@@ -132,6 +132,7 @@ def test_one_joint_of_the_start_is_turned(joints):
 
 
 def test_joints_that_are_given_may_be_left_to_inverse_kinematics():
+    """Seeds, and joints that are not there, have no changes."""
     question = around(HERE, goal={"joints": [0.5, -1.0]})
     start, goal = (the(end_changes(question), end) for end in ("start", "goal"))
     assert start.is_switch and goal.is_switch
@@ -139,21 +140,17 @@ def test_joints_that_are_given_may_be_left_to_inverse_kinematics():
     assert made(question, goal, 1).goal is None
     beyond = asked({"start": {"joints": [0.1, 5.0]}})
     assert the(end_changes(beyond), "start").propose(1).after["seed"][1] == pytest.approx(np.pi)
+    for others in ({}, {"start": {"joints": {"joint1": 0, "jiont2": 0}}}):
+        assert list(end_changes(asked(others))) == []
 
 
 def test_the_goal_is_turned_as_the_start_is():
     joints = [2.0, -1.7]
     tool = asked().robot.tool_position([joints])[0].tolist()
     question = asked({"goal": {"joints": joints}, "tube.points.3": tool})
-    changes = list(end_changes(question))
-    change = the(changes, "goal.joints", "goal: 0.05 rad on joint1")
+    change = the(end_changes(question), "goal.joints", "goal: 0.05 rad on joint1")
     assert made(question, change, 0.02).goal.tolist() == [2.02, -1.7]
     assert change.about == {"goal", "joint1"}
-
-
-def test_seeds_and_joints_that_are_not_there_have_no_changes():
-    assert list(end_changes(asked())) == []
-    assert list(end_changes(asked({"start": {"joints": {"joint1": 0, "jiont2": 0}}}))) == []
 
 
 @pytest.mark.parametrize(("given", "scale"), [(0.0, 0.1), (0.02, 0.02)])

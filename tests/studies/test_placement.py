@@ -15,6 +15,7 @@ from tubeplanner import OptionError, PlaceOptions, ProblemError, Stand, load_pro
 from tubeplanner.errors import OutputError
 from tubeplanner.files.problem_file import with_placement
 from tubeplanner.many.posed_problem import PosedProblem
+from tubeplanner.outcome import Place
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.studies import placement as module
 from tubeplanner.studies.movable_problem import MovableProblem
@@ -364,3 +365,5 @@ def test_the_largest_group_comes_first():
     rows = [PlacementRow(Stand(x, 0, 0, 0), status, "") for x, status in enumerate("abbcbc")]
     groups = grouped(rows, lambda row: row.status)
     assert [(key, len(found)) for key, found in groups] == [("b", 3), ("c", 2), ("a", 1)]
+    at_a_limit = PlacementRow(Stand(0, 0, 0, 0), "unreachable", "", Place(joint="along"))
+    assert at_a_limit.reason == "unreachable: along"

@@ -1,11 +1,11 @@
 """view_cycle: moved parts, scene, panel."""
 
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded_page import data_of, materials_of
 from shown_cycle import GRIP, RELEASE, at, motion_of, shown_cycle
 
 from tubeplanner import OptionError, ProblemError
@@ -107,17 +107,13 @@ def track_of(commands, path, name):
     return [np.array([key[part] for key in keys]) for part in ("time", "value")]
 
 
-def objects_of(commands):
+def colours_of(commands):
     """Return the colour of every object by its path."""
-    return {
-        each["path"]: each["object"]["materials"][0]["color"]
-        for each in commands
-        if each["type"] == "set_object"
-    }
+    return {path: material["color"] for path, material in materials_of(commands).items()}
 
 
 def test_every_move_has_a_tube_in_its_own_colour_and_a_part_moves_by_itself(commands):
-    objects = objects_of(commands)
+    objects = colours_of(commands)
     tubes = [objects[f"/meshcat/tube/0/body_0/move_{k}"] for k in range(4)]
     assert tubes == [int(color[1:], 16) for color in SEGMENT_COLORS]
     standing = [path for path in objects if path.startswith("/meshcat/obstacles")]
@@ -131,7 +127,7 @@ def test_every_move_has_a_tube_in_its_own_colour_and_a_part_moves_by_itself(comm
 
 
 def test_what_comes_and_goes_is_hidden_before_and_after(commands):
-    (path,) = [path for path in objects_of(commands) if "/cap/" in path]
+    (path,) = [path for path in materials_of(commands) if "/cap/" in path]
     time, seen = track_of(commands, path, "visible")
     np.testing.assert_array_equal(seen, (time >= 1 + GRIP) & (time < 2 + GRIP + RELEASE))
     at_first = [c for c in commands if c["type"] == "set_property"]
@@ -212,8 +208,7 @@ def test_the_panel_says_what_is_seen(page):
     ]
     (line,) = panel["timelines"]
     assert [move["color"] for move in line["bands"]] == list(SEGMENT_COLORS)
-    data = re.search(r'id="data">(.*?)</script>', page.html, re.S).group(1)
-    assert json.loads(data) == json.loads(json.dumps(panel))
+    assert data_of(page.html) == json.loads(json.dumps(panel))
 
 
 def test_motions_stand_side_by_side_with_a_line_each(cycle, motion):
@@ -232,7 +227,7 @@ def test_without_a_motion_the_arm_is_at_its_start(cycle):
     assert page.scene.duration == 0
     assert page.panel["timelines"] == []
     assert "at its start" in page.panel["hint"]
-    paths = " ".join(objects_of(recorded_commands(page.scene)))
+    paths = " ".join(materials_of(recorded_commands(page.scene)))
     assert "/part/" in paths
     assert "/cap/" not in paths
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cases import changed, followed
+from recorded_page import data_of, materials_of
 from stored_trajectories import REFINEMENT, STOP, stored_path
 
 from tubeplanner import (
@@ -35,29 +36,15 @@ from tubeplanner.views.viewer import recorded_commands, view
 MEGABYTE = 1e6
 
 
-def objects(commands):
-    """Return the material of every object, by its path."""
-    return {
-        command["path"]: command["object"]["materials"][0]
-        for command in commands
-        if command["type"] == "set_object"
-    }
-
-
 def of_layer(scene, layer):
     return [item for item in scene.items if item.layer == layer]
-
-
-def data_of(page):
-    """Return what a page hands to its script."""
-    return json.loads(re.search(r'id="data">(.*?)</script>', page, re.S).group(1))
 
 
 @pytest.mark.parametrize("name", ["two_link/around_a_post", "ur5/over_the_wall"])
 def test_every_link_that_has_looks_has_a_mesh_and_the_page_can_be_mailed(name, shown):
     scene, page = shown(name).scene, shown(name).html
     looks = {link.name for link in read_geometry(scene.problem.robot).links if link.visuals}
-    drawn = {path for path in objects(recorded_commands(scene)) if "/arm/0/" in path}
+    drawn = {path for path in materials_of(recorded_commands(scene)) if "/arm/0/" in path}
     assert {path.split("/")[-2] for path in drawn} == looks
     assert scene.notes == ()
     assert MEGABYTE < len(page.encode()) < 4 * MEGABYTE
@@ -69,7 +56,7 @@ def test_every_link_that_has_looks_has_a_mesh_and_the_page_can_be_mailed(name, s
 
 def test_the_tube_has_one_colour_per_segment_and_solids_are_there(shown):
     scene = shown("ur5/level_tray", REFINEMENT).scene
-    materials = objects(recorded_commands(scene))
+    materials = materials_of(recorded_commands(scene))
     segments = [materials[f"/meshcat/tube/0/body_0/segment_{k}"] for k in range(3)]
     colors = [int(color[1:], 16) for color in SEGMENT_COLORS[:3]]
     assert [segment["color"] for segment in segments] == colors
