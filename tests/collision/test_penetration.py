@@ -70,10 +70,10 @@ def separation(first, second, rotation, position):
     return PlacedShapes([first, second]).separations(np.array([[0, 1]]), turned, placed)
 
 
-def on_the_table(gap, tilt, turn=0.3):
+def on_the_table(gap, tilt, turn=0.3, part=None):
     """Return a pose of the part that leaves a gap between its lowest corner and the table."""
     rotation = Rotation.from_euler("zxy", [turn, tilt, -tilt]).as_matrix()
-    lowest = (box(PART).vertices @ rotation.T)[:, 2].min()
+    lowest = ((part or box(PART)).vertices @ rotation.T)[:, 2].min()
     return rotation, np.array([0.1, -0.2, TABLE[2] / 2 - lowest + gap])
 
 
@@ -147,11 +147,7 @@ def test_a_disc_of_many_corners_is_as_deep_as_it_is():
     rim = np.column_stack([0.1 * np.cos(angle), 0.1 * np.sin(angle)])
     disc = convex_hull(np.vstack([np.c_[rim, np.full(corners, z)] for z in (-0.02, 0.02)]))
     assert np.bincount(disc.faces.ravel()).max() > corners / 2
-    found = separation(box(TABLE), disc, np.eye(3), np.array([0.1, -0.2, 0.037]))
-    assert found.distance[0] == pytest.approx(-0.003, abs=1e-9)
-    close(found.direction[0], [0, 0, 1], atol=1e-5)
-    turned = Rotation.from_euler("xy", [0.4, 0.3]).as_matrix()
-    lowest = (disc.vertices @ turned.T)[:, 2].min()
-    place = np.array([0.1, -0.2, TABLE[2] / 2 - lowest - 0.003])
-    found = separation(box(TABLE), disc, turned, place)
-    assert found.distance[0] == pytest.approx(-0.003, abs=1e-6)
+    for tilt, accuracy in ((0.0, 1e-9), (0.4, 1e-6)):
+        found = separation(box(TABLE), disc, *on_the_table(-0.003, tilt, part=disc))
+        assert found.distance[0] == pytest.approx(-0.003, abs=accuracy)
+        close(found.direction[0], [0, 0, 1], atol=1e-5)
