@@ -10,10 +10,9 @@ from contextlib import contextmanager
 import pytest
 import worker_calls as calls
 from distributed import Client, LocalCluster
-from planned_alone import bits, planned_alone
-from worker_problems import DeadlyProblem, SlowProblem
+from worker_problems import FAST, LINE, DeadlyProblem, SlowProblem, bits, planned_alone
 
-from tubeplanner import OptionError, PlanOptions, PlanStatus, PosedProblem, dask_executor, plan_many
+from tubeplanner import OptionError, PlanStatus, PosedProblem, dask_executor, plan_many
 from tubeplanner.many import dask_executor as module
 from tubeplanner.many.retried_alone import RetriedAlone
 from tubeplanner.many.run_many import run_many
@@ -60,8 +59,8 @@ def executor(scripted):
 def test_answers_and_errors_are_passed_on(scripted, executor):
     good, bad = executor.submit(int, "7", base=8), executor.submit(int, "x")
     scripted.end(0)
-    assert good.result(0) == 7
     scripted.sent[1][0].set_exception(ValueError("x"))
+    assert good.result(0) == 7
     with pytest.raises(ValueError, match="x"):
         bad.result(0)
     assert len(scripted.sent) == 2
@@ -133,10 +132,6 @@ def test_every_item_comes_of_many(executor, scripted):
 
     found = run_many(abs, items(), executor)
     assert sorted((done.index, done.value) for done in found) == [(0, 1), (1, 2)]
-
-
-LINE = "example:two_link/paper_1_50mm"
-FAST = PlanOptions(quality="fast", slack=0.0)
 
 
 @contextmanager

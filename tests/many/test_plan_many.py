@@ -8,10 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planned_alone import bits, planned_alone
-from ruamel.yaml import YAML
 from small_cycle import SMALL
-from worker_problems import DeadlyProblem, RaisingProblem
+from worker_problems import FAST, LINE, DeadlyProblem, RaisingProblem, bits, planned_alone
 
 from tubeplanner import (
     CycleResult,
@@ -24,6 +22,7 @@ from tubeplanner import (
     parse_cycle,
     plan_many,
 )
+from tubeplanner.documents import parse_yaml
 from tubeplanner.files.fingerprint import problem_hash
 from tubeplanner.many import parcel as parcel_module
 from tubeplanner.many import plan_many as plan_many_module
@@ -90,8 +89,6 @@ def test_an_answer_gets_robot_and_scene_of_the_sender(post):
     assert len(packed) < len(pickle.dumps(there)) / 2
 
 
-LINE = "example:two_link/paper_1_50mm"
-FAST = PlanOptions(quality="fast", slack=0.0)
 SHARES = (1.0, 0.9, 0.8)
 
 
@@ -162,7 +159,7 @@ def test_a_name_is_a_file_of_this_folder(tmp_path, monkeypatch):
 
 @pytest.mark.dear("plans two short cycles")
 def test_cycles_are_planned_too():
-    held = YAML(typ="safe", pure=True).load(SMALL)
+    held = parse_yaml(SMALL)
     held |= {"moves": held["moves"][:2], "closed": False}
     posed = PosedProblem(held, Path(), "short")
     with ThreadPoolExecutor(1) as threads:
@@ -199,7 +196,7 @@ def test_problems_are_taken_as_needed():
     def problems():
         for share in SHARES:
             taken.append(share)
-            yield PosedProblem.read("example:two_link/paper_1_50mm")
+            yield PosedProblem.read(LINE)
 
     items = plan_many(problems(), PlanOptions("stop-at-corners"), ThreadPoolExecutor(1))
     assert taken == []

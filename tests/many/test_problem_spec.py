@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from ruamel.yaml import YAML
 from small_cycle import SMALL
 
 import tubeplanner
 from tubeplanner import Cycle, PlanOptions, PosedProblem, ProblemError, load_problem
+from tubeplanner.documents import parse_yaml
 from tubeplanner.files.fingerprint import problem_hash
 from tubeplanner.many import content_hash as hashing
 from tubeplanner.many import posed_problem
@@ -42,6 +42,12 @@ FILES = {
     "motors.yaml": "limits: {effort: {turn: 3}}\n",
 }
 FAST = PlanOptions(quality="fast")
+POST = "example:two_link/around_a_post"
+
+
+@pytest.fixture(autouse=True)
+def knows_none(monkeypatch):
+    monkeypatch.setattr(posed_problem, "_known", {})
 
 
 @pytest.fixture
@@ -54,7 +60,7 @@ def folder(tmp_path):
 
 
 def document():
-    return YAML(typ="safe", pure=True).load(PROBLEM)
+    return parse_yaml(PROBLEM)
 
 
 def hash_in(folder, held=None):
@@ -121,12 +127,13 @@ def test_our_sources_and_presets_are_read(tmp_path, monkeypatch):
     presets["arm"].write_text("limits: {}\n")
     monkeypatch.setattr(hashing, "bundled_presets", lambda: presets)
     found = [package_hash.__wrapped__()]
-    (copy / "many" / "one.py").write_text("ONE = 2\n")
-    found.append(package_hash.__wrapped__())
-    presets["arm"].write_text("limits: {effort: 3}\n")
-    found.append(package_hash.__wrapped__())
-    (copy / "many" / "one.pyc").write_text("compiled")
-    found.append(package_hash.__wrapped__())
+    for path, text in (
+        (copy / "many" / "one.py", "ONE = 2\n"),
+        (presets["arm"], "limits: {effort: 3}\n"),
+        (copy / "many" / "one.pyc", "compiled"),
+    ):
+        path.write_text(text)
+        found.append(package_hash.__wrapped__())
     assert len(set(found[:3])) == 3
     assert found[2] == found[3]
 
@@ -144,7 +151,7 @@ def test_a_mesh_in_a_package_is_found(folder):
 
 
 def test_the_files_of_a_cycle_count(folder):
-    held = YAML(typ="safe", pure=True).load(SMALL)
+    held = parse_yaml(SMALL)
     held["moves"][0]["tube"]["points"] = "points.csv"
     held["moves"][2]["shape"] = {"mesh": "part.stl"}
     for name in ("points.csv", "part.stl"):
@@ -156,21 +163,6 @@ def test_the_files_of_a_cycle_count(folder):
 def test_bundled_problems_differ():
     names = ("two_link/around_a_post", "two_link/paper_1_30mm", "ur5/over_the_wall")
     assert len({PosedProblem.read(f"example:{n}").content_hash(FAST) for n in names}) == 3
-
-
-POST = "example:two_link/around_a_post"
-
-
-@pytest.fixture(autouse=True)
-def knows_none(monkeypatch):
-    monkeypatch.setattr(posed_problem, "_known", {})
-
-
-def test_it_poses_what_load_problem_reads():
-    posed = PosedProblem.read(POST)
-    assert problem_hash(posed.load()) == problem_hash(load_problem(POST))
-    assert posed.load().name == posed.name == "two_link/around_a_post"
-    assert posed == pickle.loads(pickle.dumps(posed))
 
 
 def test_a_cycle_is_loaded_as_one_and_changed_as_one(tmp_path):
@@ -194,12 +186,14 @@ def test_what_a_file_includes_is_read_too(tmp_path):
     assert len(problem.obstacles) == 1
 
 
-def test_changes_are_those_of_set():
+def test_it_poses_what_load_problem_reads_with_the_same_changes(bundled):
     posed = PosedProblem.read(POST)
+    assert posed == pickle.loads(pickle.dumps(posed))
+    assert posed.load().name == posed.name == "two_link/around_a_post"
     changes = {"tube.radius": "x0.5", "obstacles.post.position": [0.5, 0.3, 0]}
     expected = load_problem(POST, changes=changes)
     assert problem_hash(posed.changed(changes).load()) == problem_hash(expected)
-    assert problem_hash(posed.load()) == problem_hash(load_problem(POST))
+    assert problem_hash(posed.load()) == problem_hash(bundled("two_link/around_a_post"))
     with pytest.raises(ProblemError, match=r"tube\.width"):
         posed.changed({"tube.width": 1.0})
     with pytest.raises(ProblemError, match=r"two_link/around_a_post.*radius"):
@@ -239,18 +233,9 @@ def test_a_mesh_that_changes_is_read_again(tmp_path, bundled):
     posed = PosedProblem.read(tmp_path / "mine.yaml")
     before = posed.load()
     assert posed.load().scene is before.scene
-    smaller(tmp_path / "part.stl")
+    trimesh.load(tmp_path / "part.stl").apply_scale(0.5).export(tmp_path / "part.stl")
     after = posed.load()
     assert after.scene is not before.scene
-    extent = [np.ptp(solid_of(p).shapes[0].vertices, axis=0) for p in (before, after)]
+    parts = [next(s for s in p.obstacles if s.name == "part") for p in (before, after)]
+    extent = [np.ptp(part.shapes[0].vertices, axis=0) for part in parts]
     np.testing.assert_allclose(extent[1], 0.5 * extent[0])
-
-
-def solid_of(problem):
-    return next(each for each in problem.obstacles if each.name == "part")
-
-
-def smaller(path):
-    mesh = trimesh.load(path)
-    mesh.apply_scale(0.5)
-    mesh.export(path)

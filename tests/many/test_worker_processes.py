@@ -23,17 +23,9 @@ def lines(path):
     return [(int(process), float(begin), float(end)) for process, begin, end in found]
 
 
-def is_gone(process):
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return True
-    return False
-
-
 def require_gone(processes):
     end = time.monotonic() + PATIENCE
-    while not all(map(is_gone, processes)):
+    while any(Path(f"/proc/{process}").exists() for process in processes):
         assert time.monotonic() < end, "a process lives on"
         time.sleep(0.01)
 
@@ -132,10 +124,12 @@ def test_what_is_raised_there_is_raised_here_with_its_place(two):
     for work in (calls.raised_with_lock, calls.returned_lock):
         with pytest.raises((RuntimeError, TypeError), match="lock"):
             two.submit(work).result()
-    with pytest.raises(RuntimeError, match="Unpicklable: this and that"):
-        two.submit(calls.raised, calls.Unpicklable, "this", "that").result()
-    with pytest.raises(RuntimeError, match="Turned: round"):
-        two.submit(calls.raised, calls.Turned, "round").result()
+    for arguments, message in (
+        ((calls.Unpicklable, "this", "that"), "Unpicklable: this and that"),
+        ((calls.Turned, "round"), "Turned: round"),
+    ):
+        with pytest.raises(RuntimeError, match=message):
+            two.submit(calls.raised, *arguments).result()
     with pytest.raises(Exception, match="pickle"):
         two.submit(lambda: 1).result()  # it cannot be sent, and costs itself alone
     assert two.submit(pow, 2, 2).result() == 4
