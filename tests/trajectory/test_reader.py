@@ -294,7 +294,11 @@ REFUSED = {
         ours([0, 1.0], np.full((60, 1, 2), 9e3).tolist()),
         f"the degree is 59, at most {MAX_DEGREE}; divide the pieces",
     ),
-    "many turns": ("t.json", ours([0, 1], [[[3e6, 0]], [[0, 0]]]), "may reach 3e.* in piece 0"),
+    "many turns": (
+        "t.json",
+        ours([0, 1], [[[3e4, 0]], [[0, 0]]]),
+        r"the position of 'a' may reach 3e\+04 rad or m in piece 0; files are read up to 10000",
+    ),
     "too many pieces": (
         "t.json",
         ours(list(range(MAX_PIECES + 2)), [[[0, 0]] * (MAX_PIECES + 1)]),
