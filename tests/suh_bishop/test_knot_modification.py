@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from path_waypoints import waypoints_of
 
 from tubeplanner import (
     LimitOverrides,
@@ -18,11 +19,9 @@ from tubeplanner import (
     sequential_quartics,
     verify,
 )
-from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.suh_bishop.knot_direction import best_direction, unit_response
 from tubeplanner.suh_bishop.knot_modification import KnotModification, ModificationOptions
 from tubeplanner.suh_bishop.knot_trajectory import feasible_trajectory
-from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 from tubeplanner.waypoint_search.link_clearance import LinkClearance
 
 STEP = 0.05  # [rad]
@@ -30,10 +29,8 @@ STEP = 0.05  # [rad]
 
 def through_knots(problem, count, construction=sequential_quartics):
     """Return a trajectory through knots on the reference path, closer together at its ends."""
-    branch = reference_branch(problem, redundancy_rules(problem)[0])
-    candidates = candidate_waypoints(problem, branch, 61)
     way = np.linspace(0, 1, count)
-    knots = candidates[np.rint(60 * way**2 * (3 - 2 * way)).astype(int)]
+    knots = waypoints_of(problem, 61)[np.rint(60 * way**2 * (3 - 2 * way)).astype(int)]
     return feasible_trajectory(problem, knots, construction, LinkClearance(problem, knots))
 
 

@@ -5,6 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from cases import with_motors
+from path_waypoints import waypoints_of
 
 from tubeplanner import (
     LimitOverrides,
@@ -17,19 +18,12 @@ from tubeplanner import (
     placement_of,
     verify,
 )
-from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.waypoint_search.branch_and_bound import BranchAndBound
-from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 from tubeplanner.waypoint_search.waypoint_interpolation import sequential_quartics
 
 CORNER = ([0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0])
-
-
-def waypoints_of(problem, count):
-    branch = reference_branch(problem, redundancy_rules(problem)[0])
-    return candidate_waypoints(problem, branch, count)
 
 
 def searched(problem, count, **options):
@@ -60,14 +54,6 @@ def limited_arm(gravity=0.0, **limits):
     limits = {"velocity": {"joint1": np.inf, "joint2": np.inf}, **limits}
     overrides = LimitOverrides(**limits)
     return load_robot("example:two_link", "hand", gravity=(0, -gravity, 0), limits=overrides)
-
-
-def tight(two_link):
-    return two_link_problem(two_link, radius=0.04)
-
-
-def union(two_link):
-    return two_link_problem(two_link, radius=0.06, visit="any")
 
 
 def past_a_ball(two_link):
@@ -128,33 +114,31 @@ def gap(two_link):
     return two_link_problem(two_link, points, radius, visit="any", elbow=-1.5)
 
 
-def narrow(two_link):
-    return two_link_problem(two_link, radius=0.01)
+# By name: what makes a problem of the two-link arm, and from how many waypoints it is searched.
+CASES = {
+    "direct": (two_link_problem, 3),
+    "tight": (lambda robot: two_link_problem(robot, radius=0.04), 8),
+    "union": (lambda robot: two_link_problem(robot, radius=0.06, visit="any"), 7),
+    "past a ball": (past_a_ball, 8),
+    "limited": (limited, 7),
+    "abrupt": (abrupt, 7),
+    "geared": (geared, 7),
+    "six joints": (six_joints, 6),
+    "sign change": (sign_change, 7),
+    "gap": (gap, 6),
+    "nothing": (lambda robot: two_link_problem(robot, radius=0.01), 5),
+}
 
 
-@pytest.mark.parametrize(
-    ("make", "count"),
-    [
-        (two_link_problem, 3),
-        (tight, 8),
-        (union, 7),
-        (past_a_ball, 8),
-        (limited, 7),
-        (abrupt, 7),
-        (geared, 7),
-        (six_joints, 6),
-        (sign_change, 7),
-        (gap, 6),
-        (narrow, 5),
-    ],
-)
-def test_it_finds_what_enumerating_every_trajectory_finds(make, count, two_link):
+@pytest.mark.parametrize("name", CASES)
+def test_it_finds_what_enumerating_every_trajectory_finds(name, two_link):
     """The judge of the enumeration is the certificate."""
+    make, count = CASES[name]
     problem = make(two_link)
     motions = every_trajectory(problem, waypoints_of(problem, count))
     certified = (motion for motion in motions if verify(problem, motion[0]).passed)
     best, waypoints = next(certified, (None, ()))
-    assert (best is None) == (make is narrow)
+    assert (best is None) == (name == "nothing")
     search = searched(problem, count)
     statistics = search.statistics
     assert search.best_waypoints == waypoints

@@ -1,14 +1,17 @@
-"""Candidate waypoints of phase 1; quartics through waypoints at equal times."""
+"""Candidate waypoints of phase 1, links clear near them, quartics through them at equal times."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
+from path_waypoints import waypoints_of
 
-from tubeplanner import PlanningProblem, Tube
+from tubeplanner import Obstacle, PlanningProblem, Tube, placement_of
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
+from tubeplanner.waypoint_search.link_clearance import LinkClearance
 from tubeplanner.waypoint_search.waypoint_interpolation import (
     look_ahead_quartic,
     quartic_spline,
@@ -45,9 +48,48 @@ def test_where_only_redundant_joints_move_they_are_equally_spaced_themselves(pan
     tool = panda.tool_position(q[None])[0]
     tube = Tube(tool + np.array([[0, 0, 0], [1e-5, 0, 0]]), 0.05)
     problem = PlanningProblem(panda, tube, q, goal)
-    branch = reference_branch(problem, redundancy_rules(problem)[0])
-    last_joint = candidate_waypoints(problem, branch, 5)[:, 6]
+    last_joint = waypoints_of(problem, 5)[:, 6]
     np.testing.assert_allclose(last_joint, np.linspace(0.5, 1.3, 5), atol=1e-6)
+
+
+# Links clear of obstacles and of each other near waypoints, against measuring every pair.
+
+
+def is_free(problem, q):
+    """Measure every pair of one configuration."""
+    checker = problem.collision
+    rotation, position = (poses[0] for poses in problem.robot.body_poses(q[None]))
+    obstacles = checker.distances(rotation, position, checker.obstacle_pairs)
+    links = checker.distances(rotation, position, checker.link_pairs)
+    return (obstacles >= problem.clearance).all() and (links >= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "spread"), [("two_link/around_a_post", 0.1), ("ur5/over_the_wall", 0.5)]
+)
+def test_configurations_are_judged_as_by_measuring_every_pair(name, spread, bundled):
+    """Near the waypoints, where bounds decide, and far away, where pairs are measured."""
+    problem = bundled(name)
+    waypoints = waypoints_of(problem, 12)
+    rng = np.random.default_rng(7)
+    nearest = rng.integers(len(waypoints), size=60)
+    q = waypoints[nearest] + rng.uniform(-spread, spread, (60, waypoints.shape[1]))
+    free = LinkClearance(problem, waypoints).is_free(q, nearest)
+    expected = np.array([is_free(problem, row) for row in q])
+    np.testing.assert_array_equal(free, expected)
+    if spread == 0.5:
+        assert 0 < expected.sum() < len(expected)
+
+
+def test_waypoints_in_collision_are_known(bundled, two_link):
+    problem = bundled("two_link/around_a_post")
+    waypoints = waypoints_of(problem, 12)
+    tool = two_link.tool_position(waypoints)
+    ball = Obstacle.sphere("ball", 0.01, placement_of(tool[5]))
+    blocked = replace(problem, obstacles=[ball])
+    free = LinkClearance(blocked, waypoints).free_waypoints
+    assert not free[5]
+    np.testing.assert_array_equal(free, [is_free(blocked, q) for q in waypoints])
 
 
 # Trajectories through waypoints: the conditions of the paper, and what follows from them.
