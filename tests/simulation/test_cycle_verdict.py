@@ -34,6 +34,11 @@ TAKEN = DURATION + DWELL
 LEFT = TAKEN + DWELL + DURATION + DWELL
 
 
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory):
+    return motion_of(picking(tmp_path_factory.mktemp("slide")))
+
+
 def test_a_leg_counts_while_the_tool_has_in_its_hand_what_it_has(motion):
     """It has the motion and the runs of its own time."""
     execution = followed_cycle(motion, period=PERIOD)
@@ -91,11 +96,6 @@ def test_what_happens_before_the_first_leg_and_after_the_last_is_not_theirs(tmp_
     assert leg.begin == pytest.approx(DWELL)
     assert leg.execution.time[-1] == pytest.approx(DWELL + DURATION + DWELL, abs=0.0041)
     assert leg.trajectory.duration == pytest.approx(DWELL + DURATION + DWELL)
-
-
-@pytest.fixture(scope="module")
-def motion(tmp_path_factory):
-    return motion_of(picking(tmp_path_factory.mktemp("slide")))
 
 
 def test_tools_that_are_where_they_should_be_are_off_by_nothing(motion):
@@ -178,23 +178,17 @@ def test_a_cycle_of_one_move_is_judged_as_that_move_alone(tmp_path):
     assert judged.handovers == []
 
 
-def test_a_motion_as_planned_keeps_everything_in_every_move(case):
-    judged = judged_cycle(*case)
-    assert list(judged.legs) == [REACH, CARRY, BACK]
-    assert all(run.survives for runs in (judged.runs, *judged.legs.values()) for run in runs)
-    assert all(run.tracking.value < 1e-9 for run in judged.runs)
-    assert len(judged.handovers) == 2
-
-
 def test_a_run_that_leaves_a_moves_tube_fails_there_and_as_a_whole(case):
+    """And a motion as planned keeps everything in every move."""
     motion, execution = case
     then = np.searchsorted(execution.time, CARRIED)
     execution.position[1, then, 1] += 0.7
     judged = judged_cycle(motion, execution)
-    assert [run.survives for run in judged.legs[CARRY]] == [True, False]
-    for name in (REACH, BACK):
-        assert all(run.survives for run in judged.legs[name])
+    assert len(judged.handovers) == 2
+    survive = {names: [run.survives for run in runs] for names, runs in judged.legs.items()}
+    assert survive == {REACH: [True, True], CARRY: [True, False], BACK: [True, True]}
     assert [run.survives for run in judged.runs] == [True, False]
+    assert judged.runs[0].tracking.value < 1e-9
     worst = judged.runs[1].tube
     assert (worst.place.move, worst.place.segment) == ("carry", 0)
     assert worst.place.time == pytest.approx(execution.time[then])
@@ -216,10 +210,8 @@ def test_a_hand_in_motion_beside_a_seam_counts_for_what_is_in_it(case, late):
 def test_obstacles_are_those_that_stand_there_then(case):
     """The same configuration hits the part where it stands, and not where it is carried."""
     motion, execution = case
-    onto_the_part = np.array([np.arctan2(0.4, 0.6), 0.1, 0.0])
-    down = replace(execution, position=execution.position.copy())
-    down.position[0, 20] = onto_the_part
-    judged = judged_cycle(motion, down)
+    execution.position[0, 20] = [np.arctan2(0.4, 0.6), 0.1, 0.0]  # onto the part
+    judged = judged_cycle(motion, execution)
     reach = judged.legs[REACH][0].obstacles
     assert reach.place.obstacle == "part"
     assert judged.legs[CARRY][0].obstacles is None

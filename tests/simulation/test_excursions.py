@@ -113,8 +113,10 @@ def test_segments_come_in_order_unless_any_may():
     assert free.tube.value == pytest.approx(-0.05)
 
 
-def test_turning_back_too_early_misses_the_point():
-    problem = two_link(BACK)
+# Points are passed within the smaller radius beside them.
+@pytest.mark.parametrize("radius", [0.05, [0.08, 0.05], [0.05, 0.08]])
+def test_turning_back_too_early_misses_the_point(radius):
+    problem = two_link(BACK, radius)
     whole = [[0.4, y, 0] for y in (-0.2, 0.0, 0.2, 0.0, -0.2)]
     early = [[0.4, y, 0] for y in (-0.2, 0.0, 0.13, 0.0, -0.2)]
     assert excursions(problem, whole).points.value == pytest.approx(-0.05)
@@ -122,12 +124,6 @@ def test_turning_back_too_early_misses_the_point():
     assert missed.tube.value <= 0 < missed.points.value
     assert missed.points.value == pytest.approx(0.02)
     assert (missed.points.place.point, missed.points.place.time) == (1, 0.2)
-
-
-@pytest.mark.parametrize("radius", [[0.08, 0.05], [0.05, 0.08]])
-def test_points_are_passed_within_the_smaller_radius_beside_them(radius):
-    tool = [[0.4, y, 0] for y in (-0.2, 0.0, 0.13, 0.0, -0.2)]
-    assert excursions(two_link(BACK, radius), tool).points.value == pytest.approx(0.02)
 
 
 def test_every_point_has_its_own_radius_and_the_farthest_passed_counts():
@@ -169,11 +165,10 @@ def test_a_hand_over_waits_for_the_signs_that_the_next_segment_asks():
     assert found[2] <= 0 < found[3]
 
 
-def margins_of(problem, tool, time=None):
+def margins_of(problem, tool):
     count = len(tool)
     joints, turned = np.zeros((count, 2)), np.tile(np.eye(3), (count, 1, 1))
-    time = np.arange(count) / 10 if time is None else time
-    return tube_margins(problem, time, joints, turned, np.array(tool))
+    return tube_margins(problem, np.arange(count) / 10, joints, turned, np.array(tool))
 
 
 def test_the_margin_over_time_is_that_of_the_segment_the_tool_is_in():
@@ -183,13 +178,9 @@ def test_the_margin_over_time_is_that_of_the_segment_the_tool_is_in():
     assert found.tube == pytest.approx([0.03, -0.03, 0.05, 0.05, 0.04], abs=0.02)
     assert found.tube[[0, 1, 4]] == pytest.approx([0.03, -0.03, 0.04])
     assert found.rotation is None
-
-
-def test_what_is_cut_off_between_samples_counts_with_the_later():
-    """Where the segments hand over, neither sample is; it lies 0.01 m outside both."""
-    tool = [[0.1, 0, 0], [0.28, 0, 0], [0.4, 0.12, 0], [0.4, 0.3, 0]]
-    found = margins_of(two_link(CORNER), tool)
-    assert found.tube == pytest.approx([0.05, 0.05, -0.01, 0.05])
+    # Neither sample is where the segments hand over, 0.01 m outside both: the later one counts.
+    cut = margins_of(two_link(CORNER), [[0.1, 0, 0], [0.28, 0, 0], [0.4, 0.12, 0], [0.4, 0.3, 0]])
+    assert cut.tube == pytest.approx([0.05, 0.05, -0.01, 0.05])
 
 
 def test_the_margin_over_time_of_a_plan_is_the_tubes(stored):
@@ -201,19 +192,15 @@ def test_the_margin_over_time_of_a_plan_is_the_tubes(stored):
     found = tube_margins(problem, time, q, rotation, tool)
     whole = tube_excursions(problem, time, q, rotation, tool)
     assert found.tube.min() == -whole.tube.value
-    begins = [0.0, *_switching_times(problem, motion), motion.duration]
+    samples = motion.per_piece(200)
+    is_last = np.diff(current_segments(problem, motion, samples)) > 0
+    begins = [0.0, *samples.time[1:][is_last], motion.duration]
     for k, (begin, end) in enumerate(pairwise(begins)):
         inner = (time > begin + 2e-3) & (time < end - 2e-3)
         assert found.tube[inner] == pytest.approx(problem.tube.margin(tool[inner])[:, k])
         allowed = problem.tube.rotation.margin(rotation[inner], tool[inner], k)
         assert found.rotation[inner] == pytest.approx(allowed)
     assert found.rotation.min() == -whole.rotation.value
-
-
-def _switching_times(problem, motion):
-    samples = motion.per_piece(200)
-    segment = current_segments(problem, motion, samples)
-    return samples.time[1:][np.diff(segment) > 0]
 
 
 def test_where_the_rotation_is_free_its_margin_has_no_end():
@@ -267,6 +254,8 @@ def test_they_are_the_least_of_all_distances(wall, shift):
     alone = measured(problem, q, problem.collision.link_pairs, NO_SHIFT)
     assert links.value == pytest.approx(alone.min(), abs=1e-9)
     assert links.place.obstacle is None
+    over_time = obstacle_distances(problem, q, shift)
+    assert over_time == pytest.approx(expected.min(axis=1), abs=1e-9)
 
 
 @pytest.mark.parametrize("spread", [1.0, 0.02], ids=["anywhere", "close together"])
@@ -340,13 +329,6 @@ def test_where_no_pair_is_judged_at_all_there_is_no_least_clearance(tmp_path):
     assert least_clearances(problem, time, q, NO_SHIFT, more) == (None, None)
     shapeless = anywhere(one_joint(tmp_path))
     assert least_clearances(shapeless, np.zeros(1), np.zeros((1, 1)), NO_SHIFT) == (None, None)
-
-
-@pytest.mark.parametrize("shift", [NO_SHIFT, np.array([0.02, -0.01, -0.02])])
-def test_over_time_they_are_the_least_of_all_pairs(wall, shift):
-    problem, _, q = wall
-    expected = measured(problem, q, problem.collision.obstacle_pairs, shift).min(axis=1)
-    assert obstacle_distances(problem, q, shift) == pytest.approx(expected, abs=1e-9)
 
 
 def test_over_time_what_pairs_ask_is_taken_off(wall):
