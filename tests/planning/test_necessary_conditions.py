@@ -79,6 +79,8 @@ def test_a_point_beyond_all_links_is_proved(two_link, points, radius, message):
     assert (caught.value.proved, caught.value.place.point) == (True, 1)
     result = plan(problem)
     assert (result.status, result.proved) == (PlanStatus.UNREACHABLE, True)
+    assert (result.certificate, result.duration) == (None, None)
+    assert "out of the arm's reach" in result.message
     assert result.message.endswith("; proved: there is no motion")
 
 

@@ -13,7 +13,6 @@ from stored_trajectories import REFINEMENT
 from tubeplanner import (
     Obstacle,
     OptionError,
-    Payload,
     PlanningProblem,
     PlanOptions,
     PlanStatus,
@@ -161,25 +160,6 @@ def test_links_in_each_others_way_are_named(ur5):
     result = plan(problem, SHORTEST)
     assert (result.status, result.place.obstacle) == (PlanStatus.TUBE_BLOCKED, None)
     assert "overlap by" in result.message and "collision.ignore" in result.message
-
-
-def test_a_payload_too_heavy_is_named():
-    robot = load_robot("example:ur5", "tool0", payload=Payload(mass=60.0))
-    q = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
-    tool = robot.tool_position(q[None])[0]
-    tube = Tube(tool + np.array([[0, 0, 0], [0.1, 0, 0.1]]), 0.05)
-    result = plan(PlanningProblem(robot, tube, q), SHORTEST)
-    assert result.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
-    assert "against gravity alone, its effort limit is" in result.message
-    assert result.place.joint in robot.joint_names
-
-
-def test_a_tube_out_of_reach_is_named(two_link):
-    tube = Tube([[0.3, -0.3, 0], [0.9, 0.3, 0]], 0.03)
-    result = plan(PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0]))), SHORTEST)
-    assert (result.status, result.certificate) == (PlanStatus.UNREACHABLE, None)
-    assert "out of the arm's reach" in result.message
-    assert result.duration is None
 
 
 def test_an_open_goal_is_reported(two_link):
@@ -439,17 +419,6 @@ def test_fewer_knots_are_a_little_slower_and_more_a_little_faster(two_link):
     )
     assert balanced < fast < 1.04 * balanced
     assert 0.98 * balanced < best <= balanced
-
-
-def test_a_machine_with_acceleration_and_jerk_limits_keeps_them(planned):
-    """The Panda as its manufacturer specifies it: slower than without, and certified."""
-    problem, result = planned("panda/between_shelves_as_specified", "refinement")
-    _, free = planned("panda/between_shelves", "refinement")
-    assert result.method == "refinement"
-    assert np.isfinite(problem.robot.limits.jerk).all()
-    for name in ("acceleration", "jerk"):
-        assert 0 <= result.certificate.conditions[name].margin < 0.05
-    assert 1.2 * free.duration < result.duration < 2.0 * free.duration
 
 
 def test_any_order_of_visits_is_searched(two_link):

@@ -233,6 +233,8 @@ def bent(gravity=(0, 0, 0), tube_speed=None, **limits):
 
 # By name: the condition of the certificate, and the arm's and the tube's fields.
 LIMITED = {
+    "accelerations": ("acceleration", {"acceleration": {"joint1": 8.0, "joint2": 15.0}}),
+    "jerks": ("jerk", {"jerk": {"joint1": 300.0, "joint2": 600.0}}),
     "effort rates": ("effort_rate", {"effort_rate": {"joint1": 300.0, "joint2": 200.0}}),
     "one effort rate": ("effort_rate", {"effort_rate": {"joint2": 60.0}, "gravity": (0, -1.6, 0)}),
     "velocity by position": ("velocity", {"velocity_by_position": NEAR}),
