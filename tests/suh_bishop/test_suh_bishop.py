@@ -123,7 +123,7 @@ def test_a_start_in_collision_is_the_reason(two_link):
 
 def test_where_the_start_is_the_goal_there_is_nothing_to_move(two_link):
     q = np.array([-0.3, -1.0])
-    tool = two_link.tool_position(q[None])[0]
+    tool = two_link.tool_position(q)
     tube = Tube([tool, tool + np.array([0.001, 0, 0])], 0.1)
     result = plan(PlanningProblem(two_link, tube, q, q), OPTIONS)
     assert result.message == (
