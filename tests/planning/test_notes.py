@@ -137,28 +137,27 @@ def cubic(names, *jerks):
     return JointTrajectory(names, [0.0, 0.1, 0.2], coefficients)
 
 
-def two_link(**limits):
-    return load_robot("example:two_link", "hand", limits=LimitOverrides(**limits))
+LARGEST = "5.7e+04 rad/s^3 ('joint2')"
 
 
-def test_it_names_the_joint_whose_jerk_is_largest_and_the_knots():
-    (note,) = jerk_note(two_link(), cubic(NAMES, 1234.0, -56789.0))
-    assert "here up to 5.7e+04 rad/s^3 ('joint2')" in note
-    assert "number of knots (2)" in note
-
-
-@pytest.mark.parametrize("kind", ["jerk", "effort_rate"])
-def test_joints_that_a_limit_holds_are_not_named(kind):
-    robot, trajectory = two_link(**{kind: {"joint2": 1e9}}), cubic(NAMES, 1234.0, -56789.0)
-    (note,) = jerk_note(robot, trajectory)
-    assert "1.2e+03 rad/s^3 ('joint1')" in note
-    assert largest_jerk(robot, trajectory) == (56789.0, "5.7e+04 rad/s^3 ('joint2')")
-    assert largest_jerk(robot, trajectory, unlimited=True)[0] == 1234.0
-
-
-def test_with_a_limit_on_every_joint_there_is_none():
-    robot = two_link(jerk={"joint1": 1e9}, effort_rate={"joint2": 1e9})
-    assert jerk_note(robot, cubic(NAMES, 1234.0, -56789.0)) == ()
+@pytest.mark.parametrize(
+    ("limits", "named"),
+    [
+        ({}, LARGEST),
+        ({"jerk": {"joint2": 1e9}}, "1.2e+03 rad/s^3 ('joint1')"),
+        ({"effort_rate": {"joint2": 1e9}}, "1.2e+03 rad/s^3 ('joint1')"),
+        ({"jerk": {"joint1": 1e9}, "effort_rate": {"joint2": 1e9}}, None),
+    ],
+)
+def test_it_names_the_joint_with_the_largest_jerk_that_no_limit_holds(limits, named):
+    robot = load_robot("example:two_link", "hand", limits=LimitOverrides(**limits))
+    trajectory = cubic(NAMES, 1234.0, -56789.0)
+    assert largest_jerk(robot, trajectory) == (56789.0, LARGEST)
+    notes = jerk_note(robot, trajectory)
+    assert len(notes) == (named is not None)
+    for note in notes:
+        assert f"here up to {named}" in note and "number of knots (2)" in note
+        assert largest_jerk(robot, trajectory, unlimited=True)[1] == named
 
 
 def test_nor_is_there_one_of_joints_that_do_not_jerk(tmp_path):
