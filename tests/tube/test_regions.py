@@ -334,6 +334,7 @@ def bad(section, message, points=LINE, radius=None, **others):
         bad(FLAT | {"box": [0.1, 0]}, f"box is [0.1, 0.0]; {SIDES}"),
         bad(FLAT | {"box": [0.1, 2e4]}, SIDES),
         bad(FLAT | {"box": [np.nan, 0.1]}, "box is [nan, 0.1]; give [w, h] [m], finite numbers"),
+        bad(FLAT | {"box": [np.inf, 0.1]}, "box is [inf, 0.1]; give [w, h] [m], finite numbers"),
         bad(FLAT | {"box": [True, 0.1]}, "box is [True, 0.1]; give [w, h] [m], finite numbers"),
         bad(FLAT | {"up": [0, 1]}, "tube.cross_section[0].up is [0, 1]; give [x, y, z], finite"),
         bad(FLAT | {"up": [0, 0, np.nan]}, "up is [0, 0, nan]; give [x, y, z], finite numbers"),
