@@ -52,7 +52,6 @@ study: $(VENV)/.installed-test
 	$(BIN)/python benchmarks/campaign.py --count 100000 --seed $(SEED)000 --pairs --processes $(JOBS) --seconds $(SECONDS)
 	$(BIN)/python benchmarks/fuzz.py --seed $(SEED)000 --minutes $$(( $(SECONDS) / 60 ))
 	$(BIN)/python benchmarks/interruptions.py --seed $(SEED) --seconds $(SECONDS)
-	TUBEPLANNER_EVERY_CALL=1 $(PYTEST) -q -m slow tests/native
 
 # Those that tests only look at, planned again; needed when a bundled problem changes.
 trajectories: $(VENV)/.installed-test
