@@ -14,6 +14,10 @@ from tubeplanner.files.trajectory_writer import TrajectoryFiles
 SHELVES = "panda/between_shelves"
 PANDA = f"example:{SHELVES}"
 FILE = stored_path(SHELVES, REFINEMENT)
+NARROW = ("--set", "moves.beside.tube.radius=0.01")
+NO_MARKS = (
+    "has no marks, which say when the moves of a cycle begin.*give the JSON that plan -o writes"
+)
 
 
 def test_each_has_its_own_name_and_limits(bundled):
@@ -97,12 +101,6 @@ def test_what_cannot_be_slower_is_said_with_its_place(run):
     assert "\nslower runs break limits: velocity, margin -" in text
     assert " % at 100 % of the speed (panda_joint" in text
     assert "brakes to rest" not in text
-
-
-NARROW = ("--set", "moves.beside.tube.radius=0.01")
-NO_MARKS = (
-    "has no marks, which say when the moves of a cycle begin.*give the JSON that plan -o writes"
-)
 
 
 @pytest.fixture(scope="module")

@@ -25,16 +25,8 @@ from tubeplanner.resources import bundled_problems
 LINE, POST = "example:two_link/paper_1_30mm", "example:two_link/around_a_post"
 STOPS = ("--method", "stop-at-corners")
 EVIL = "a\x1b[31mred\n\x9b31m FAKE: passes\u202e"
-
-
-def trajectory(names):
-    return {
-        "format": "tubeplanner/trajectory",
-        "version": 1,
-        "joint_names": names,
-        "breakpoints": [0, 1.0],
-        "coefficients": [[[0.1, 0.2]]],
-    }
+TAKES_NO_PROBLEM = {"study", "robots", "schema", "reproduce", "init"}
+MOTION = stored_path("two_link/around_a_post", REFINEMENT)
 
 
 def test_a_message_is_one_printable_line():
@@ -45,31 +37,15 @@ def test_a_message_is_one_printable_line():
 
 def test_names_of_a_trajectory_cannot_speak_for_the_program(run, run_json, tmp_path):
     path = tmp_path / "t.json"
-    path.write_text(json.dumps(trajectory([EVIL, "b"])))
+    fields = {"format": "tubeplanner/trajectory", "version": 1, "joint_names": [EVIL, "b"]}
+    fields |= {"breakpoints": [0, 1.0], "coefficients": [[[0.1, 0.2]]]}
+    path.write_text(json.dumps(fields))
     status, _, err = run("check", POST, path)
     other_status, answer = run_json("check", POST, path)
     assert (status, other_status) == (2, 2)
     for text in (err.removesuffix("\n"), answer["message"]):
         assert text.isprintable()
         assert "rename it" in text
-
-
-def test_names_of_solids_cannot_speak_for_the_program(run, tmp_path):
-    fields = {
-        "robot": {"urdf": "example:two_link", "tool_frame": "hand"},
-        "tube": {"points": [[0.3, -0.3, 0], [0.3, 0.3, 0]], "radius": 0.03},
-        "start": {"seed": [0.0, -1.0]},
-        "obstacles": [{"name": EVIL, "sphere": 0.1, "position": [0.45, 0, 0]}],
-    }
-    path = tmp_path / "p.json"
-    path.write_text(json.dumps(fields))
-    status, out, err = run("plan", path)
-    assert (status, out) == (2, "")
-    assert err.removesuffix("\n").isprintable()
-    assert "the name of an obstacle is 'a\\x1b[31mred" in err
-
-
-TAKES_NO_PROBLEM = {"study", "robots", "schema", "reproduce", "init"}
 
 
 @pytest.fixture(scope="module")
@@ -210,9 +186,6 @@ def test_teach_changes_the_cell_alone(run, tmp_path):
     status, out, _ = run(*words, "--set", "clearance=5", "--json")
     assert status == 1
     assert json.loads(out)["where"]["obstacle"] == "post"
-
-
-MOTION = stored_path("two_link/around_a_post", REFINEMENT)
 
 
 def test_from_the_writing_on_an_interrupt_ends_nothing(tmp_path):

@@ -25,6 +25,17 @@ OF_PLAN = {
     *("status", "message", "where", "proved", "starts_tried", "duration", "phase1_duration"),
     *("planning_time", "certificate_time", "loading_time", "stopped_by", "certificate"),
 }
+PROBLEM = parse_problem(PLANAR)
+HERE = Place(segment=1)
+CLOSE = replace(
+    ROOM,
+    after=0.5,
+    duration=2.25,
+    text="radius 30 -> 5 mm",
+    too_much=0.004,
+    too_much_text="4 mm",
+    is_exact=True,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -208,19 +219,6 @@ def test_a_page_is_written_of_what_cannot_be_posed_if_the_tube_can_be_drawn(run,
     assert fields["notes"] == [f"page: {page}"]
     assert fields["where"]["joint"] == "along"
     assert "outside [0, 1]" in page.read_text()
-
-
-PROBLEM = parse_problem(PLANAR)
-HERE = Place(segment=1)
-CLOSE = replace(
-    ROOM,
-    after=0.5,
-    duration=2.25,
-    text="radius 30 -> 5 mm",
-    too_much=0.004,
-    too_much_text="4 mm",
-    is_exact=True,
-)
 
 
 def text_of(status=PlanStatus.UNREACHABLE, place=HERE, sensitivities=(), **found):

@@ -31,6 +31,7 @@ FIELDS = {
     *("status", "message", "where", "duration", "phase1_duration", "planning_time"),
     *("loading_time", "certificate_time", "stopped_by", "certificate"),
 }
+TIGHT = ("--tolerance", "1e-6")  # as of our own trajectories, not of foreign files
 
 
 def problem_file(folder: Path, **sections):
@@ -375,9 +376,6 @@ def test_every_command_has_an_answer(odd, run):
         status, out, err = run(*arguments)
         assert status == 0, err
         assert "internal error" not in out + err
-
-
-TIGHT = ("--tolerance", "1e-6")  # as of our own trajectories, not of foreign files
 
 
 def in_periods(folder, period):

@@ -80,7 +80,6 @@ def test_a_blocked_line_is_refused_with_links_and_place(problem, run_json):
     [
         (("--max-radius", "0"), "max_radius is 0 m; it must be > 0"),
         (("--configurations", "-o", "x.yaml"), "--configurations compares and writes no file"),
-        (("-o", "/nowhere/x.yaml"), "the folder /nowhere does not exist"),
     ],
 )
 def test_wrong_usage_is_refused(arguments, message, problem, run):

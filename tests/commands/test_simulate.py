@@ -15,6 +15,21 @@ from tubeplanner.files.trajectory_writer import TrajectoryFiles
 NAME = "two_link/around_a_post"
 EXACT = ("mass", "com", "payload", "unmodelled-friction", "lag", "delay", "noise", "tool")
 CASE = (f"example:{NAME}", str(stored_path(NAME, REFINEMENT)))
+CYCLE = """
+format: tubeplanner/cycle
+robot: {urdf: slide.urdf, tool_frame: tip}
+start: {joints: [0, 0, 0]}
+closed: true
+moves:
+  - {name: reach, tube: {points: [FIRST, SECOND], radius: 0.2}, goal: {joints: [0.4, 0.1, 0.0]}}
+  - {event: close, dwell: 0.1}
+  - {attach: part, payload: {mass: 2.0, com: [0.3, 0, 0]}}
+  - {event: settle, dwell: 0.1}
+  - {name: carry, tube: {points: [SECOND, THIRD], radius: 0.2}, goal: {joints: [-0.3, 0.2, 0.1]}}
+  - {event: open, dwell: 0.1}
+  - {detach: part}
+  - {name: back, tube: {points: [THIRD, FIRST], radius: 0.2}, goal: {joints: [0.0, 0.0, 0.0]}}
+"""
 
 
 @pytest.mark.dear("simulates, and makes a figure and a page")
@@ -102,23 +117,6 @@ def test_nothing_is_written_on_failure(run, tmp_path, monkeypatch):
     assert (status, text) == (2, "")
     assert "no page today" in error
     assert list(tmp_path.iterdir()) == []
-
-
-CYCLE = """
-format: tubeplanner/cycle
-robot: {urdf: slide.urdf, tool_frame: tip}
-start: {joints: [0, 0, 0]}
-closed: true
-moves:
-  - {name: reach, tube: {points: [FIRST, SECOND], radius: 0.2}, goal: {joints: [0.4, 0.1, 0.0]}}
-  - {event: close, dwell: 0.1}
-  - {attach: part, payload: {mass: 2.0, com: [0.3, 0, 0]}}
-  - {event: settle, dwell: 0.1}
-  - {name: carry, tube: {points: [SECOND, THIRD], radius: 0.2}, goal: {joints: [-0.3, 0.2, 0.1]}}
-  - {event: open, dwell: 0.1}
-  - {detach: part}
-  - {name: back, tube: {points: [THIRD, FIRST], radius: 0.2}, goal: {joints: [0.0, 0.0, 0.0]}}
-"""
 
 
 @pytest.fixture(scope="module")

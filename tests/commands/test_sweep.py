@@ -173,7 +173,6 @@ def test_vary_as_json(run_json, tmp_path):
         (("sweep", PROBLEM, "--radius", "0"), "radius is 0; it must be > 0"),
         (("sweep", PROBLEM, "--radius", "1", "-o", "t.txt"), "ends in .csv or .json"),
         (("sweep", PROBLEM, "--radius", "1", "--plot", "t.jpg"), "ends in .png, .pdf or .svg"),
-        (("sweep", PROBLEM, "--radius", "1", "--quality", "good"), "quality 'good'"),
         (("plot", PROBLEM, "nowhere.json"), "nowhere.json cannot be read"),
         (("plot", PROBLEM, "t.json", "-o", "t.jpg"), "-o t.jpg: name a file that ends in .png"),
     ],

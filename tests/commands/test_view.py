@@ -14,6 +14,7 @@ from tubeplanner.files.trajectory_writer import TrajectoryFiles
 
 START, END = [0.0, 0.0, 0.0], [0.4, 0.1, 0.2]
 SLOW, FAST = 4.0, 0.1  # [s] of a move; motors can do the first
+ANOTHER = ("--set", "moves.home.tube.radius=0.39")
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +52,6 @@ def folder(tmp_path_factory):
         contents, _ = cycle_contents(TrajectoryFiles(path), motion, "by hand")
         path.write_bytes(contents[path])
     return folder
-
-
-ANOTHER = ("--set", "moves.home.tube.radius=0.39")
 
 
 @pytest.mark.dear("makes a page of two motions")

@@ -1,4 +1,4 @@
-"""libfranka's joint position control; limits of Franka's arms."""
+"""libfranka's control of positions, by quintics of known peaks; limits that Franka prints."""
 
 from dataclasses import replace
 
@@ -11,10 +11,20 @@ from tubeplanner.controllers.controller_verdict import Effect
 from tubeplanner.controllers.franka_control import judged_by_franka
 from tubeplanner.controllers.franka_limits import franka_limits
 
-# FR3's velocity limits by position, against the formula as Franka prints it.
-
-
 FER, FR3 = franka_limits("fer"), franka_limits("fr3")
+FREE = replace(
+    FER,
+    velocity=np.full(7, 1e3),
+    acceleration=np.full(7, 1e6),
+    jerk=np.full(7, 1e9),
+    effort_rate=np.full(7, 1e9),
+)
+START = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.5])
+SHAPE = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
+POSITION = "joint_motion_generator_position_limits_violation"
+VELOCITY = "joint_motion_generator_velocity_limits_violation"
+ACCELERATION = "joint_motion_generator_velocity_discontinuity"
+JERK = "joint_motion_generator_acceleration_discontinuity"
 
 
 def test_the_velocity_is_limited_near_the_ends_of_the_second_joint():
@@ -38,24 +48,6 @@ def test_of_the_fr3_some_joints_have_other_ends_below_than_above_and_the_panda_o
     lower, upper = FER.velocity_bounds(np.full((3, 7), 2.8))
     assert upper == pytest.approx(np.tile(FER.velocity, (3, 1)))
     assert lower == pytest.approx(-upper)
-
-
-# libfranka's control of positions: each limit kept and exceeded by quintics of known peaks.
-
-
-FREE = replace(
-    FER,
-    velocity=np.full(7, 1e3),
-    acceleration=np.full(7, 1e6),
-    jerk=np.full(7, 1e9),
-    effort_rate=np.full(7, 1e9),
-)
-START = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.5])
-SHAPE = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
-POSITION = "joint_motion_generator_position_limits_violation"
-VELOCITY = "joint_motion_generator_velocity_limits_violation"
-ACCELERATION = "joint_motion_generator_velocity_discontinuity"
-JERK = "joint_motion_generator_acceleration_discontinuity"
 
 
 def turning(robot, angle, duration, joint=2, start=START):

@@ -39,7 +39,6 @@ DEAR = (
     *("docs/concepts/planning.md", "docs/concepts/sensitivities.md", "docs/first_plan.md"),
     *("docs/how_to/plan_again.md", "docs/how_to/zones.md"),
 )
-
 BLOCK = re.compile(r"^(<!-- not run: .* -->\n)?```(\w+)\n(.*?)^```$", re.M | re.S)
 # What another processor's rounding may move: numbers with a point, and whole ones with a unit.
 NUMBER = r"-?\d+(?:\.\d*(?:e[+-]?\d+)?|(?= (?:ms|mm|%)))"
@@ -50,6 +49,34 @@ REST = {
     "tube": {"points": [[0.4, 0, 0.4], [0.4, 0.2, 0.4]], "radius": 0.05},
     "start": {"seed": [0.0] * 6},
 }
+QUOTED = re.findall(r"^> `(.*)`$", PAGES["docs/how_to/troubleshooting.md"], re.M)
+RAIL = """\
+robot: {urdf: arm.urdf, tool_frame: flange}
+tube: {points: [[0.4, 0.5, 0.7], [0.4, 0.5, 0.5]], radius: 0.05}
+start: {seed: [0, 1, 0.5, 1.4, -0.4, 0]}
+"""
+WALL = """\
+robot:
+  urdf: example:ur5
+  tool_frame: tool0
+tube:
+  points: [[0.45, -0.3, 0.2], [0.45, -0.3, 0.5], [0.45, 0.3, 0.5], [0.45, 0.3, 0.2]]
+  radius: [0.03, 0.08, 0.03]
+  joint_signs: {elbow_joint: "+"}
+start: {joints: [-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0]}
+obstacles:
+  - {name: wall, box: [0.6, 0.05, 0.44], position: [0.6, 0, 0.22]}
+  - {name: table, box: [0.9, 1.6, 0.04], position: [0.75, 0, -0.02]}
+clearance: 0.01
+"""
+CONTACTS = "contacts:\n  - {links: [part, table], within: 0.03}\n"
+XACRO = 'name="rail_arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename='
+SOLID = '<cylinder radius="0.03" length="0.02"/>'
+IN_DEGREES = """\
+joint_limits:
+  elbow_joint: {has_velocity_limits: true,
+    max_velocity: !degrees 180.0}
+"""
 
 
 def require_same(printed, text):
@@ -328,37 +355,9 @@ def test_links_of_the_readme_lead_to_files():
         assert (ROOT / target).exists(), target
 
 
-QUOTED = re.findall(r"^> `(.*)`$", PAGES["docs/how_to/troubleshooting.md"], re.M)
-RAIL = """\
-robot: {urdf: arm.urdf, tool_frame: flange}
-tube: {points: [[0.4, 0.5, 0.7], [0.4, 0.5, 0.5]], radius: 0.05}
-start: {seed: [0, 1, 0.5, 1.4, -0.4, 0]}
-"""
-WALL = """\
-robot:
-  urdf: example:ur5
-  tool_frame: tool0
-tube:
-  points: [[0.45, -0.3, 0.2], [0.45, -0.3, 0.5], [0.45, 0.3, 0.5], [0.45, 0.3, 0.2]]
-  radius: [0.03, 0.08, 0.03]
-  joint_signs: {elbow_joint: "+"}
-start: {joints: [-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0]}
-obstacles:
-  - {name: wall, box: [0.6, 0.05, 0.44], position: [0.6, 0, 0.22]}
-  - {name: table, box: [0.9, 1.6, 0.04], position: [0.75, 0, -0.02]}
-clearance: 0.01
-"""
 PICK = first_block("yaml", PAGES["docs/how_to/contacts.md"])
 CYCLE = first_block("yaml", PAGES["docs/how_to/cycles.md"])
 WEIGHT = re.search(r"part, payload: .*", CYCLE).group(0)
-CONTACTS = "contacts:\n  - {links: [part, table], within: 0.03}\n"
-XACRO = 'name="rail_arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename='
-SOLID = '<cylinder radius="0.03" length="0.02"/>'
-IN_DEGREES = """\
-joint_limits:
-  elbow_joint: {has_velocity_limits: true,
-    max_velocity: !degrees 180.0}
-"""
 
 
 def changed(text, *changes):

@@ -17,6 +17,7 @@ from tubeplanner.progress import PlanningClock, TimeLimitReached
 QUICK = PlanOptions(quality="fast", slack=0.0)
 LINE = {"tube.points": [[0.3, -0.5, 0], [0.3, 0.5, 0]], "obstacles": []}
 NO_LIMIT = float("inf")
+LOSS = {"scale": 60.0, "most": 60.0, "is_loss": True}
 
 
 def line(radius=0.03, **changes):
@@ -166,9 +167,6 @@ def bracket(smaller=None, larger=None, helps=True, **change):
 )
 def test_the_next_size_is_between_or_beyond_what_is_known(known, size):
     assert known.next_size == size
-
-
-LOSS = {"scale": 60.0, "most": 60.0, "is_loss": True}
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,9 @@ ABOVE = np.sqrt((CLEARANCE + HEAD) ** 2 - 2 * NEAREST**2)
 QUICK = PlanOptions(quality="fast")
 GRAVITY, HEAD_MASS = 9.81, 1.0
 PAYLOAD = {"mass": 0.5, "com": [0, 0, 0], "inertia": [0, 0, 0, 0, 0, 0]}
+WIDER = "(up to eleven times)"
+MOVED = "(moved by up to 1 m)"
+TURNED = "(each joint by up to 1 rad or m)"
 
 
 def unposed(**changes):
@@ -402,11 +405,6 @@ def test_what_was_not_narrowed_says_so():
     assert [tried_text(value, is_close=True) for value in ("", "3 mm")] == ["", "3 mm"]
     open_texts = [tried_text(value, is_close=False) for value in ("", "3 mm")]
     assert open_texts == ["(not narrowed)", "3 mm (not narrowed)"]
-
-
-WIDER = "(up to eleven times)"
-MOVED = "(moved by up to 1 m)"
-TURNED = "(each joint by up to 1 rad or m)"
 
 
 @pytest.mark.parametrize(

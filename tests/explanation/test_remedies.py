@@ -18,6 +18,7 @@ ROOM_KEYS = (
     *("field", "from", "to", "unit", "duration", "text"),
     *("too_much", "too_much_text", "is_exact"),
 )
+EVERYWHERE = {"a": 0.4, "b": 0.03, "c": 30.0, "d": 5.0}
 
 
 def test_json_has_the_keys_that_are_read_and_infinity_is_a_word():
@@ -29,9 +30,6 @@ def test_json_has_the_keys_that_are_read_and_infinity_is_a_word():
     assert remedy["certified"] is True
     assert (remedy["from"], remedy["to"]) == (0.1, 0.3)
     assert (room["from"], room["to"]) == (["-.inf", 1.0], None)
-
-
-EVERYWHERE = {"a": 0.4, "b": 0.03, "c": 30.0, "d": 5.0}
 
 
 def search_of(thresholds, groups, **stub):

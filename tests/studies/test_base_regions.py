@@ -25,6 +25,12 @@ from tubeplanner.studies.leading_seeds import leading_seeds
 from tubeplanner.studies.movable_problem import MovableProblem
 from tubeplanner.studies.placement_region import Region
 
+# The gantry's base is a cube of 0.1 m whose top is at -0.05: it stands on the floor's top.
+ON_FLOOR = ("floor",)
+THERE = Stand(-0.2, -0.3, 0.0, -0.5)
+POINTS = [[0.4, 0.0, 0.0], [0.35, 0.0, 0.0]]
+BELOW = np.array([-0.8, 1.6])  # the elbow is on the right of the way to the tool
+
 
 def test_a_grid_stands_in_the_middles_of_cells_and_turns_all_the_way():
     grid = Region.of([0.0, 1.0, -1.0, 1.0], 0.25).grid(8 * 8, 0.5)
@@ -84,10 +90,6 @@ def test_what_is_no_region_is_refused(bounds, message):
         Region.of(bounds, 0.0)
 
 
-# The gantry's base is a cube of 0.1 m whose top is at -0.05: it stands on the floor's top.
-ON_FLOOR = ("floor",)
-
-
 def at(folder, x, y, **changes):
     """Return the gantry's problem with its base somewhere, beside a post from -0.4 to -0.2."""
     path = gantry(folder, [FLOOR, POST], **changes)
@@ -135,9 +137,6 @@ def test_ignored_pairs_and_moving_links_do_not_count(tmp_path):
     roof = {"name": "roof", "box": [1, 1, 0.05], "position": [0, 0, 0.02]}
     hits = gantry(tmp_path, [roof], name="roof")
     require_base_free(load_problem(hits))
-
-
-THERE = Stand(-0.2, -0.3, 0.0, -0.5)
 
 
 def movable(path, **changes):
@@ -188,14 +187,9 @@ def test_a_base_keeps_its_roll_and_pitch(tmp_path):
 
 
 def test_what_contradicts_itself_is_refused(tmp_path):
+    path = gantry(tmp_path, start={"joints": [0, 0], "seed": [0, 0]})
     with pytest.raises(ProblemError, match="gantry: start takes either joints or seed"):
-        movable(gantry(tmp_path, start={"joints": [0, 0], "seed": [0, 0]}))
-    with pytest.raises(ProblemError, match="this is a cycle"):
-        movable("example:ur5/through_the_door")
-
-
-POINTS = [[0.4, 0.0, 0.0], [0.35, 0.0, 0.0]]
-BELOW = np.array([-0.8, 1.6])  # the elbow is on the right of the way to the tool
+        movable(path)
 
 
 def problem(two_link, seed=BELOW, obstacles=(), points=POINTS):

@@ -19,6 +19,12 @@ from tubeplanner.trajectory.joint_trajectory import concatenate
 from tubeplanner.trajectory.trajectory_file import read_trajectory
 from tubeplanner.views import figure_files
 
+PROBLEM, LINE = "example:two_link/paper_5_50mm", "example:two_link/paper_1_30mm"
+KEYS = (
+    *("method", "kind", "status", "certified", "answered_by", "duration", "planning_time"),
+    *("failures", "smoothness", "peak_jerk", "peak_jerk_joint", "at_limit", "tube_use", "message"),
+)
+
 
 def push(*rows, widths):
     """Return the trajectory of the slider with some accelerations, one after the other."""
@@ -67,13 +73,6 @@ def test_a_tool_beside_the_axis_uses_its_share_of_the_tube_averaged_over_time(sl
     short = slider.with_tube(Tube([[-0.5, 0, 0], [0.0, 0, 0]], 0.1))
     trajectory = JointTrajectory(["slide"], [0, 0.1, 0.2], [[[0], [1.0]], [[0], [0]]])
     assert trajectory_measures(short, trajectory).tube_use == pytest.approx(0.25, abs=1e-9)
-
-
-PROBLEM, LINE = "example:two_link/paper_5_50mm", "example:two_link/paper_1_30mm"
-KEYS = (
-    *("method", "kind", "status", "certified", "answered_by", "duration", "planning_time"),
-    *("failures", "smoothness", "peak_jerk", "peak_jerk_joint", "at_limit", "tube_use", "message"),
-)
 
 
 @pytest.fixture(scope="module")
@@ -194,8 +193,6 @@ def test_the_command_as_json_and_its_exit_status(run, tmp_path):
     [
         (("--methods", "bobrow"), "unknown method 'bobrow'"),
         (("-o", "t.txt"), "ends in .csv or .json"),
-        (("--plot", "t.jpg"), "ends in .png, .pdf or .svg"),
-        (("--quality", "good"), "quality 'good'"),
         (("--trajectories", "nowhere/else"), "the folder"),
     ],
 )

@@ -32,6 +32,7 @@ WRONG_PLACES = [
     *(("duration", "1"), ("seeds", {"start": ["a"]}), ("yaw", None), ("position", [0, 0])),
     ("x", 1),
 ]
+LINE = '{"key": "p", "row": {"status": "success"}}\n'
 
 
 def test_answers_that_may_be_are_taken_and_others_refused():
@@ -92,9 +93,6 @@ def test_a_torn_last_line_is_dropped(path, length):
     with Journal(path) as journal:
         assert len(journal) == 0
     assert path.read_bytes() == b""
-
-
-LINE = '{"key": "p", "row": {"status": "success"}}\n'
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,11 @@ from tubeplanner.studies.placement_row import PlacementRow, grouped, tried
 from tubeplanner.studies.placement_trials import SEARCH_OPTIONS
 
 LOW, HIGH = -2.0, 3.0
+FEW = PlaceOptions(points=8, quality="fast", slack=0.0)
+ONE = replace(FEW, points=1)
+HERE = [-0.3, -0.3, 0.0, 0.0]  # one place: only the angle is open
+IN_POST = [-0.3, -0.3, 0.3, 0.3]
+ANSWERS = {}
 
 
 def neighbours(point, share):
@@ -90,13 +95,6 @@ def test_steps_halve_so_often_and_gains_too_small_do_not_count():
     pattern_search([((0.0, 0.0), 1.0), ((2.0, 2.0), 1.0)], neighbours, values, 2)
     assert sizes == [8, 8, 8]  # all ways go on side by side
     assert pattern_search([], neighbours, values, 2) == []
-
-
-FEW = PlaceOptions(points=8, quality="fast", slack=0.0)
-ONE = replace(FEW, points=1)
-HERE = [-0.3, -0.3, 0.0, 0.0]  # one place: only the angle is open
-IN_POST = [-0.3, -0.3, 0.3, 0.3]
-ANSWERS = {}
 
 
 def answer(fn, *args):

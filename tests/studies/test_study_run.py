@@ -21,6 +21,8 @@ from tubeplanner.studies.study_result import StudyResult
 from tubeplanner.studies.study_row import StudyRow, crashed_answer, planned_answer, refused_answer
 from tubeplanner.studies.study_run import StudyProgress
 
+GRID = {RADIUS: [0.02, -1, 0.03], EFFORT: [1, 0.5]}
+
 
 def row_of(options=QUICK, **changes):
     named = {name.replace("__", "."): value for name, value in changes.items()}
@@ -138,9 +140,6 @@ def test_the_shortest_and_whether_there_is_any():
     assert not nothing.succeeded
     assert nothing.shortest is None
     assert StudyResult(small_study(), ()).counts == {}
-
-
-GRID = {RADIUS: [0.02, -1, 0.03], EFFORT: [1, 0.5]}
 
 
 @pytest.fixture

@@ -276,20 +276,6 @@ def test_the_command_says_where_the_page_is_if_no_browser_opens(monkeypatch, run
     assert Path(json.loads(out)["html"]).exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--html", "page.png"], "name a file that ends in .html"),
-        (["--html", "nowhere/page.html"], "does not exist"),
-        (["gone.json"], "gone.json"),
-    ],
-)
-def test_bad_arguments_are_named(arguments, message, run):
-    status, _, err = run("view", "example:two_link/around_a_post", *arguments)
-    assert status == 2
-    assert message in err
-
-
 def test_executed_paths_are_lines_that_change_colour_outside_the_tube(stored):
     """Of three arms that follow the plan round a post, one stands 60 mm aside."""
     problem, trajectory = stored("two_link/around_a_post", REFINEMENT)
