@@ -321,22 +321,19 @@ def test_errors_belong_to_their_intervals():
     np.testing.assert_allclose(enclosure.error[:, 0] / enclosure.width, 2 / 4**8)
 
 
-def test_the_error_is_just_that_of_the_next_power():
-    """Of degree 8, one more than the polynomials have: the bound is met, not only kept."""
-    trajectory = JointTrajectory(["u"], [0, 1.0], [[[1.0]], [[0.0]]])
-    enclosure = enclosed(trajectory, ORDER_EIGHT, np.ones(1))
-    u = np.linspace(0, 1, 100_001)
-    off = abs(enclosure.at(u)[:, 0] - u**8)
-    assert off.max() == pytest.approx(enclosure.error[0, 0], rel=1e-6)
+@pytest.mark.parametrize("duration", [1.0, 2.0])
+def test_the_error_is_just_that_of_the_next_power(duration):
+    """Of degree 8, one more than the polynomials have: the bound is met, not only kept.
 
-
-def test_the_error_of_a_rate_is_just_that_of_the_next_power():
-    """At an end of the interval the polynomials' derivative misses all that it may."""
-    trajectory = JointTrajectory(["u"], [0, 2.0], [[[0.5]], [[0.0]]])
-    enclosure = enclosed_rate(trajectory, ORDER_EIGHT, np.ones(1))
-    t = np.linspace(0, 2, 100_001)
-    off = abs(enclosure.at(t)[:, 0] - 4 * (t / 2) ** 7)
-    assert off.max() == pytest.approx(enclosure.error[0, 0], rel=1e-6)
+    At an end of the interval the polynomials' derivative misses all that it may.
+    """
+    trajectory = JointTrajectory(["u"], [0, duration], [[[1 / duration]], [[0.0]]])
+    t = np.linspace(0, duration, 100_001)
+    found, rate = (make(trajectory, ORDER_EIGHT, np.ones(1)) for make in (enclosed, enclosed_rate))
+    off = abs(found.at(t)[:, 0] - (t / duration) ** 8)
+    assert off.max() == pytest.approx(found.error[0, 0], rel=1e-6)
+    off = abs(rate.at(t)[:, 0] - 8 / duration * (t / duration) ** 7)
+    assert off.max() == pytest.approx(rate.error[0, 0], rel=1e-6)
     assert off.argmax() in (0, len(t) - 1)
 
 
@@ -380,19 +377,14 @@ def test_tool_velocity_and_efforts_are_what_they_are_said_to_be(arm, degree):
 def test_terms_are_added_up_with_their_bounds():
     """Of a joint that moves as t^4: position, twice the velocity and three times the jerk."""
     trajectory = JointTrajectory(["u"], [0, 0.5], [[[1.0]], *[[[0.0]]] * 4])
-    terms = [
-        Quantity(0, lambda q: q, lambda joints, width: joints),
-        Quantity(
-            1,
-            lambda q, v: 2 * v,
-            lambda joints, width: 2 * derivative(joints) / width[:, None],
-        ),
-        Quantity(
-            3,
-            lambda q, v, a, j: 3 * j,
-            lambda joints, width: 3 * derivative(joints, 3) / width[:, None] ** 3,
-        ),
-    ]
+
+    def term(order, factor):
+        def majorant(joints, width):
+            return factor * derivative(joints, order) / width[:, None] ** order
+
+        return Quantity(order, lambda *states: factor * states[order], majorant)
+
+    terms = [term(0, 1), term(1, 2), term(3, 3)]
     whole = total(terms)
     assert whole.derivatives == 3
     enclosure = enclosed(trajectory, whole, np.array([1e-9]))

@@ -7,6 +7,7 @@ import pytest
 from bumps import with_bump
 from cases import changed
 from scipy.spatial.transform import Rotation
+from wandering import wandering
 
 from tubeplanner import GoalRegion, JointTrajectory, PlanningProblem, Seed, Tube, verify
 from tubeplanner.verification.enclosed_pose import enclosed_pose
@@ -98,18 +99,6 @@ def referred(points, rotations, tolerance, radius=9.0, **options):
     return Tube(points, radius, orientations=quaternions, rotation_tolerance=tolerance, **options)
 
 
-def wavy(robot, seed, pieces=4, width=0.1):
-    """Return cubics that wander about, continuous in position only."""
-    rng = np.random.default_rng(seed)
-    n = robot.joint_count
-    first = np.clip(rng.uniform(-1, 1, n), robot.limits.lower_position, robot.limits.upper_position)
-    knots = first + np.cumsum(rng.uniform(-0.3, 0.35, (pieces + 1, n)), axis=0)
-    bend = rng.uniform(-3, 3, (pieces, n))
-    slope = np.diff(knots, axis=0) / width - bend * width
-    coefficients = np.stack([bend, slope, knots[:-1]])
-    return JointTrajectory(robot.joint_names, width * np.arange(pieces + 1), coefficients)
-
-
 def around(robot, trajectory, seed, tolerance, reach=0.2):
     """Return a tube near the tool whose reference turns along; its nearest points pass the ends."""
     rng = np.random.default_rng(seed)
@@ -129,7 +118,7 @@ TOLERANCES = {
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", TOLERANCES)
 def test_the_least_margin_is_bracketed(name, seed, robot):
-    trajectory = wavy(robot, seed)
+    trajectory = wandering(robot, seed)
     tube = around(robot, trajectory, seed, TOLERANCES[name])
     visits = [Visit(0, 0.0, 0.23), Visit(1, 0.23, trajectory.duration)]
     least = least_margin(robot, tube, trajectory, visits)
@@ -148,7 +137,7 @@ def test_the_least_margin_is_bracketed(name, seed, robot):
 
 def test_touching_a_bound_is_decided(ur5):
     """The bound is set to the largest value the trajectory takes: contact without crossing."""
-    trajectory, used = wavy(ur5, 0), 3.0
+    trajectory, used = wandering(ur5, 0), 3.0
     for _ in range(4):
         tube = around(ur5, trajectory, 0, [[used, INF, INF], INF])
         least = least_margin(ur5, tube, trajectory)
@@ -285,7 +274,7 @@ def test_a_trajectory_that_no_machine_could_make_is_left_open(two_link):
 
 def test_halving_ends_after_so_many_rows(ur5, monkeypatch):
     """The bounds then count as they stand."""
-    trajectory = wavy(ur5, 1)
+    trajectory = wandering(ur5, 1)
     tube, count = around(ur5, trajectory, 1, [0.5, 0.5]), len(pose_of(ur5, trajectory).tool.width)
     whole = least_margin(ur5, tube, trajectory)
     monkeypatch.setattr("tubeplanner.verification.rotation_visits._MAX_ROWS", count)

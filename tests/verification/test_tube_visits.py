@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev, Polynomial
+from wandering import wandering
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
 from tubeplanner.branches.inverse_kinematics import solve_position
@@ -29,16 +30,10 @@ POST = ("two_link/around_a_post", "branch-and-bound")
 # The least margin of known visits, against dense evaluation and closed forms.
 
 
-def wavy(two_link, seed=0, pieces=5):
-    """Return cubics that wander about, continuous in position only, and their enclosed tool."""
-    rng = np.random.default_rng(seed)
-    knots = np.array([0.0, -1.0]) + np.cumsum(rng.uniform(-0.2, 0.25, (pieces + 1, 2)), axis=0)
-    bend = rng.uniform(-2, 2, (pieces, 2))
-    width = 0.1
-    slope = np.diff(knots, axis=0) / width - bend * width
-    coefficients = np.stack([bend, slope, knots[:-1]])
-    trajectory = JointTrajectory(two_link.joint_names, width * np.arange(pieces + 1), coefficients)
-    return trajectory, enclosed_tool(two_link, trajectory, 1e-7)
+def wavy(robot, seed):
+    """Return a trajectory that wanders about, and its enclosed tool."""
+    trajectory = wandering(robot, seed)
+    return trajectory, enclosed_tool(robot, trajectory, 1e-7)
 
 
 def whole(trajectory):
