@@ -13,7 +13,7 @@ from tubeplanner.files.cycle_writer import cycle_contents
 from tubeplanner.files.trajectory_writer import TrajectoryFiles
 
 START, END = [0.0, 0.0, 0.0], [0.4, 0.1, 0.2]
-SLOW, FAST = 4.0, 0.1  # [s] of a move; motors can do the first
+SLOW, FAST = 1.5, 0.1  # [s] of a move; motors can do the first
 ANOTHER = ("--set", "moves.home.tube.radius=0.39")
 
 
