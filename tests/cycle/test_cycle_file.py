@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from small_cycle import SMALL
 
-from cycles import DWELL, HOME, PART, PICK, PLACE, cycle_fields, planar_arm
+from cycles import DWELL, HOME, PART, PICK, PLACE, planar_arm
 from tubeplanner import (
     Attach,
     Cycle,
@@ -42,6 +42,28 @@ TOP = (
     "period, closed, moves"
 )
 TO_PICK, CLOSE, TAKE, TO_PLACE, OPEN, LET_GO, BACK = range(7)
+
+
+def cycle_fields():
+    """Return `pick_and_place` as a cycle file has it."""
+    robot = planar_arm()
+    home, pick, place = robot.tool_position(np.array([HOME, PICK, PLACE])).round(9).tolist()
+    return {
+        "format": "tubeplanner/cycle",
+        "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
+        "start": {"joints": HOME.tolist()},
+        "obstacles": [{"name": "part", "sphere": PART[0], "position": [*pick[:2], PART[1]]}],
+        "closed": True,
+        "moves": [
+            {"name": "to_pick", "tube": {"points": [home, pick], "radius": 0.2}},
+            {"event": "gripper", "set": "close", "dwell": DWELL},
+            {"attach": "part"},
+            {"name": "to_place", "tube": {"points": [pick, place], "radius": 0.2}},
+            {"event": "gripper", "set": "open", "dwell": DWELL},
+            {"detach": "part"},
+            {"name": "back", "tube": {"points": [place, home], "radius": 0.2}},
+        ],
+    }
 
 
 def with_(k, **changes):

@@ -70,25 +70,3 @@ def slow_motion(cycle, seams=(HOME, PICK, PLACE, HOME), duration=2.0):
 
 def weight(mass, com=(0.0, 0.0, 0.0)):
     return Payload(mass, com, (0.01, 0.02, 0.015, 0.001, 0.0, 0.0))
-
-
-def cycle_fields():
-    """Return `pick_and_place` as a cycle file has it."""
-    robot = planar_arm()
-    home, pick, place = robot.tool_position(np.array([HOME, PICK, PLACE])).round(9).tolist()
-    return {
-        "format": "tubeplanner/cycle",
-        "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
-        "start": {"joints": HOME.tolist()},
-        "obstacles": [{"name": "part", "sphere": PART[0], "position": [*pick[:2], PART[1]]}],
-        "closed": True,
-        "moves": [
-            {"name": "to_pick", "tube": {"points": [home, pick], "radius": 0.2}},
-            {"event": "gripper", "set": "close", "dwell": DWELL},
-            {"attach": "part"},
-            {"name": "to_place", "tube": {"points": [pick, place], "radius": 0.2}},
-            {"event": "gripper", "set": "open", "dwell": DWELL},
-            {"detach": "part"},
-            {"name": "back", "tube": {"points": [place, home], "radius": 0.2}},
-        ],
-    }
