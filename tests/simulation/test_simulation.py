@@ -189,20 +189,16 @@ def stages_of(cycle, draw=RUNS, **errors):
 
 
 def test_a_stage_begins_where_something_changes_hands(tmp_path):
+    """Without errors the plant is the model with what it carries."""
     cycle = picking(tmp_path)
     stages = stages_of(cycle, Draw(1))
     taken = DURATION + DWELL
     times = [0.0, taken, taken + DWELL + DURATION + DWELL]
     assert [stage.begin for stage in stages] == pytest.approx(times)
-    robots = [cycle.legs[k].robot for k in range(3)]
-    assert all(stage.robot is robot for stage, robot in zip(stages, robots, strict=True))
-    masses = [stage.plants[0].bodies[TIP].mass for stage in stages]
-    np.testing.assert_allclose(masses, [1.0, 3.0, 1.0], rtol=1e-12)
-
-
-def test_without_errors_the_plant_is_the_model_with_what_it_carries(tmp_path):
-    for stage in stages_of(picking(tmp_path), Draw(1)):
-        for body, expected in zip(stage.plants[0].bodies, stage.robot.inertias, strict=True):
+    np.testing.assert_allclose([tip_masses(stage)[0] for stage in stages], [1, 3, 1], rtol=1e-12)
+    for stage, leg in zip(stages, cycle.legs, strict=True):
+        assert stage.robot is leg.robot
+        for body, expected in zip(stage.plants[0].bodies, leg.robot.inertias, strict=True):
             assert body.mass == pytest.approx(expected.mass)
             np.testing.assert_allclose(body.com, expected.com, atol=1e-12)
             np.testing.assert_allclose(body.inertia, expected.inertia, atol=1e-12)

@@ -16,19 +16,13 @@ PERIOD = 0.001
 TIME = np.arange(1201) * PERIOD
 
 
-@pytest.fixture
-def plan(tmp_path):
-    robot = with_motors(
-        one_joint(tmp_path),
-        armature=0.3,
-        viscous_friction=0.5,
-        backwards_friction=1.0,
-        forwards_friction=2.0,
-    )
-    return planned_motion(robot, quintic(), TIME, PERIOD)
+def bar(tmp_path, mass=0.0, armature=0.0):
+    friction = {"viscous_friction": 0.5, "backwards_friction": 1.0, "forwards_friction": 2.0}
+    return with_motors(one_joint(tmp_path, mass=mass), armature=armature, **friction)
 
 
-def test_it_is_the_plan_and_then_its_goal_by_the_middles_of_periods(plan):
+def test_it_is_the_plan_and_then_its_goal_by_the_middles_of_periods(tmp_path):
+    plan = planned_motion(bar(tmp_path, armature=0.3), quintic(), TIME, PERIOD)
     np.testing.assert_allclose(plan.start.position[::100], quintic().position(TIME[::100]))
     assert (plan.start.position[1000:] == plan.start.position[-1]).all()
     assert not plan.start.velocity[1000:].any()
@@ -103,15 +97,10 @@ def test_at_the_start_all_hold_the_weight(tmp_path, name):
     np.testing.assert_allclose(found, robot.gravity_effort(np.array([[0.3]])), atol=0.02)
 
 
-def bar(tmp_path):
-    friction = {"viscous_friction": 0.5, "backwards_friction": 1.0, "forwards_friction": 2.0}
-    return with_motors(one_joint(tmp_path, mass=MASS), **friction)
-
-
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_on_the_way_efforts_are_those_of_the_equation_of_motion(tmp_path, name):
     """Far behind and too slow, in periods so long that their middles are elsewhere."""
-    robot, motion, period, k = bar(tmp_path), rest_to_rest(["turn"], 0.3, 0.9, 2.0), 0.1, 7
+    robot, motion, period, k = bar(tmp_path, MASS), rest_to_rest(["turn"], 0.3, 0.9, 2.0), 0.1, 7
     plan = planned_motion(robot, motion, np.arange(21) * period, period)
     late, slow = 0.2, 0.1
     start, middle = motion.at(np.array([k * period])), motion.at(np.array([(k + 0.5) * period]))
