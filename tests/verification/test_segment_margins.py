@@ -55,27 +55,6 @@ def test_of_equal_choices_the_deepest_is_taken(margin, expected):
     assert best_switching_samples(np.array(margin)).tolist() == expected
 
 
-def chain(margin):
-    """Return the largest worst margin of an ordered visit: sample after sample, segment by segment.
-
-    Whoever is in segment k was there at the sample before, or in segment k-1 at this one.
-    """
-    best = np.minimum.accumulate(margin[:, 0])
-    for inside in margin.T[1:]:
-        arrived, last = best.copy(), -np.inf
-        for i, here in enumerate(inside):
-            last = best[i] = min(here, max(last, arrived[i]))
-    return best[-1]
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_no_other_choice_leaves_more_among_many_samples(seed):
-    rng = np.random.default_rng(seed)
-    drift = np.linspace(-3, 3, 60)[:, None] - np.array([-2.0, 0.0, 2.0])
-    margin = rng.normal(size=(60, 3)) - 0.3 * drift**2
-    assert worst_margin(margin, best_switching_samples(margin)) == chain(margin)
-
-
 @pytest.mark.parametrize("at", [0, 4])
 def test_a_point_may_be_passed_before_or_after_the_switching_time(at):
     margin, inside = np.ones((5, 2)), {1: np.where(np.arange(5) == at, 0.5, -1.0)}
