@@ -185,29 +185,21 @@ def test_a_jump_is_found_at_its_joint_and_time(order, stored):
     assert where.time in trajectory.breakpoints[[20, 21]]
 
 
-def test_a_jump_of_position_is_judged_in_radians(stored):
-    """There and back: a milliradian in sum, within a thousandth but not within the tolerance."""
-    problem, trajectory = stored(UR5)
-    jumping = raised(trajectory, 0, 20, 1, 5e-4)
-    certificate = verify(problem, jumping, Tolerance(1e-4, 1e-3))
-    condition = certificate.conditions["continuity"]
-    assert "continuity" in certificate.failures()
-    assert condition.unit == "rad"
-    assert condition.margin == pytest.approx(-1e-3, rel=1e-6)
-
-
 @pytest.mark.parametrize("to_and_fro", [False, True])
-def test_many_small_jumps_add_up(two_link, to_and_fro):
-    """A staircase up, or up and down, in no time; each step is within the tolerance."""
+def test_many_small_jumps_add_up_in_radians(two_link, to_and_fro):
+    """A staircase up, or up and down, in no time; each step is within the tolerance.
+
+    Shares of the largest position do not count.
+    """
     problem = load_problem("example:two_link/paper_1_30mm")
-    steps, height, tolerance = 600, 8e-4, Tolerance(1e-3, 1e-3)
+    steps, height, tolerance = 600, 8e-4, Tolerance(1e-3, 0.9)
     k = np.arange(steps) % 2 if to_and_fro else np.arange(steps)
     q = np.array([1.0, 0.5]) + height * k[:, None] * np.array([1.0, 0.0])
     times = np.linspace(0.0, 0.01, steps + 1)
     staircase = JointTrajectory(two_link.joint_names, times, q[None])
     condition = verify(problem, staircase, tolerance).conditions["continuity"]
     assert condition.margin == pytest.approx(-height * (steps - 1))
-    assert condition.where.joint == "joint1"
+    assert (condition.unit, condition.where.joint) == ("rad", "joint1")
     assert not condition.holds(tolerance)
 
 
@@ -311,12 +303,6 @@ def test_a_tool_that_is_not_at_its_pose_is_found(end, shift, rpy, unit, margin, 
 # A trajectory that still moves at an end: found, at its joint, measured by its largest rates.
 
 
-def test_a_trajectory_that_does_not_stop_is_found(stored):
-    problem, trajectory = stored(UR5)
-    moving = trajectory.between(0.0, trajectory.duration * 0.97)
-    assert {"rest", "goal"} <= set(verify(problem, moving).failures())
-
-
 @pytest.mark.parametrize("at_end", [False, True])
 @pytest.mark.parametrize("order", [1, 2])
 def test_motion_at_an_end_is_measured_by_the_largest(order, at_end, stored):
@@ -332,6 +318,8 @@ def test_motion_at_an_end_is_measured_by_the_largest(order, at_end, stored):
             (moving.acceleration, dense.acceleration),
         )
     ]
-    condition = verify(problem, moving).conditions["rest"]
+    certificate = verify(problem, moving)
+    condition = certificate.conditions["rest"]
+    assert "rest" in certificate.failures()
     assert condition.margin == pytest.approx(-max(shares), rel=1e-3)
     assert (condition.where.time, condition.where.joint) == (time, "joint2")

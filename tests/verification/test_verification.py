@@ -116,7 +116,9 @@ def test_a_tolerance_must_be_small_and_not_negative(absolute, relative):
 
 def test_joints_may_come_in_any_order_but_must_be_the_problems(stored):
     problem, trajectory = stored(UR5)
-    assert verify(problem, trajectory.reordered(trajectory.joint_names[::-1])).passed
+    other = verify(problem, trajectory.reordered(trajectory.joint_names[::-1]))
+    assert other.passed
+    assert other.braking == verify(problem, trajectory).braking
     alien = JointTrajectory(["x"], [0, 1], np.zeros((2, 1, 1)))
     with pytest.raises(TrajectoryError, match="the trajectory moves the joints x"):
         verify(problem, alien)
