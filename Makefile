@@ -55,7 +55,7 @@ study: $(VENV)/.installed-test
 
 # Those that tests only look at, planned again; needed when a bundled problem changes.
 trajectories: $(VENV)/.installed-test
-	$(BIN)/python tests/helpers/refresh_trajectories.py
+	$(BIN)/python tests/helpers/stored_trajectories.py
 
 lint: style types layers
 

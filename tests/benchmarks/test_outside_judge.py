@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from follower_arm import RULES, follower_arm
+from arms import RULES, follower_arm
 
 import outside_judge
 from outside.arm import Arm

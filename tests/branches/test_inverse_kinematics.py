@@ -4,8 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from follower_arm import follower_arm
-from rail_arm import rail_arm
+from arms import follower_arm, rail_arm
 
 from tubeplanner import load_robot
 from tubeplanner.branches import inverse_kinematics

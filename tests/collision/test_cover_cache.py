@@ -9,7 +9,7 @@ import numpy as np
 import platformdirs
 import pytest
 import trimesh
-from few_links import axle
+from arms import axle
 
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.cover_cache import VARIABLE, cache_folder, cached

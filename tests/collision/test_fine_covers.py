@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from covers import outside
+from cases import outside
 
 from tubeplanner.collision.cover_error import cover_error
 from tubeplanner.collision.fine_cover import OUTER_ERROR, fine_cover

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from covers import outside
-from few_links import INERTIAL, LIMIT, joint, link, loaded, solid, solid_link
+from arms import INERTIAL, LIMIT, joint, link, loaded, solid, solid_link
+from cases import outside, refusal
 from numpy.testing import assert_allclose as close
 from scipy.spatial import ConvexHull
 
-from refusals import refusal
 from tubeplanner import LimitOverrides
 from tubeplanner.collision import link_elements as module
 from tubeplanner.collision.collision_checker import CollisionChecker

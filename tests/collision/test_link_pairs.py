@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cases import SHORTEST
-from few_links import axle, joint, loaded, solid_link
+from arms import axle, joint, loaded, solid_link
+from cases import SHORTEST, refusal
 from numpy.testing import assert_array_equal as same
 
-from refusals import refusal
 from tubeplanner import (
     AttachedSolid,
     LimitOverrides,

@@ -5,8 +5,8 @@ import struct
 
 import numpy as np
 import pytest
+from cases import refusal
 
-from refusals import refusal
 from tubeplanner import Obstacle, ProblemError, placement_of
 from tubeplanner.collision.mesh_bounds import files_beside, mesh_bytes
 from tubeplanner.collision.mesh_cover import load_mesh

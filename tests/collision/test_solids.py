@@ -5,13 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from cases import SHORTEST
-from covers import outside
+from cases import SHORTEST, outside, refusal
 from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
 from scipy.spatial.transform import Rotation
 
-from refusals import refusal
 from tubeplanner import (
     AttachedSolid,
     Obstacle,

@@ -5,7 +5,7 @@ import re
 
 import pytest
 from cases import SLIDE, rest_to_rest
-from recorded_page import data_of
+from shown_cycle import data_of
 
 from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
 from tubeplanner.cycle.cycle_reader import load_cycle

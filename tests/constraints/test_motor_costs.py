@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from arms import follower_arm
 from cases import ANGLE, INERTIA, PEAK_ACCELERATION, PEAK_VELOCITY, one_joint, quintic, with_motors
-from follower_arm import follower_arm
 from scipy.integrate import quad
 
 from tubeplanner import JointTrajectory, load_robot

@@ -13,9 +13,10 @@ from cases import (
     anywhere,
     one_joint,
     quintic,
+    random_motion,
+    random_motors,
     with_motors,
 )
-from directed_samples import random_motion, random_motors
 from scipy.interpolate import CubicSpline
 
 from tubeplanner import JointTrajectory, LimitOverrides, Payload, load_robot, verify

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cases import rest_to_rest
-from two_link_cycles import three_moves
+from small_cycle import three_moves
 
 from cycles import DWELL, HOME, PICK, PLACE, move, pick_and_place, planar_arm, slow_motion
 from tubeplanner import (

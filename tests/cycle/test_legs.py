@@ -4,9 +4,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from small_cycle import small_cycle
-from two_link_cycles import cycle_of
-from two_link_cycles import move as move_fields
+from small_cycle import cycle_of, small_cycle
+from small_cycle import move as move_fields
 
 from cycles import HOME, PICK, PLACE, move, planar_arm, weight
 from tubeplanner import (

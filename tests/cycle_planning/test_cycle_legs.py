@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from two_link_cycles import cycle_of, move
+from small_cycle import cycle_of, move
 
 from tubeplanner import PlanOptions
 from tubeplanner.cycle.cycle_reader import parse_cycle

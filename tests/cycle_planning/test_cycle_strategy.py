@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from two_link_cycles import cycle_of, move, three_moves
+from small_cycle import cycle_of, move, three_moves
 
 from tubeplanner import (
     Cycle,

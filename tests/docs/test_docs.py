@@ -10,7 +10,7 @@ from io import StringIO
 from pathlib import Path
 
 import pytest
-from rail_arm import rail_arm
+from arms import rail_arm
 from ruamel.yaml import YAML
 
 import tubeplanner

@@ -7,13 +7,14 @@ each time, where the tests otherwise try few, always the same ones.
 import math
 import os
 from datetime import timedelta
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-from tubeplanner import TubePlannerError
+from tubeplanner import LimitOverrides, TubePlannerError, load_robot
 
 EXAMPLES = int(os.environ.get("TUBEPLANNER_EXAMPLES", 0))
 LONGEST = timedelta(seconds=20)  # anything else is a hang
@@ -74,3 +75,13 @@ def accepted(make, *arguments, **named):
         assert str(error)
         assert str(error).isprintable(), repr(str(error))
         return None
+
+
+LINE = [[0.3, -0.3, 0], [0.3, 0.3, 0]]
+
+
+@cache
+def arm(**changes):
+    """Return the two-link arm, loaded once, with other arguments of `load_robot`."""
+    given = {"gravity": (0, 0, 0), "limits": LimitOverrides(velocity=50.0)}
+    return load_robot("example:two_link", "hand", **given, **changes)

@@ -1,10 +1,13 @@
-"""Problems, robots and moves that tests of several folders use."""
+"""Problems, robots, moves and runs that tests of several folders use, and looks at them."""
 
 from dataclasses import fields as dataclass_fields
 from dataclasses import replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from tubeplanner import (
     JointTrajectory,
@@ -18,14 +21,24 @@ from tubeplanner import (
     load_robot,
     sweep_field,
 )
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
+from tubeplanner.outcome import Place
 from tubeplanner.problem.robustness import Robustness
 from tubeplanner.problem.tightening import Tightening
+from tubeplanner.refinement.link_constraints import LinkConstraints
+from tubeplanner.refinement.spline_constraints import SplineConstraints
+from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.robot.joint_motors import JointMotors
+from tubeplanner.simulation.executed_tube import Extreme
 from tubeplanner.simulation.execution import AFTERWARDS, Execution
+from tubeplanner.simulation.judged_runs import JudgedRun
 from tubeplanner.simulation.plant import Draw, drawn_plants
 from tubeplanner.simulation.run_verdict import RunVerdict
 from tubeplanner.simulation.survival import Survival
 from tubeplanner.studies.field_sweep import FieldSweep
+from tubeplanner.trajectory.joint_trajectory import concatenate
+from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 
 # Of tests that compare durations, or that plan and look at something else: quicker.
 SHORTEST = PlanOptions(slack=0.0)
@@ -200,3 +213,117 @@ def pose_at(problem, q, seed=None):
     placement = np.eye(4)
     placement[:3, :3], placement[:3, 3] = rotation[0], position[0]
     return ToolPose(placement, seed)
+
+
+def refusal(kind, call, *arguments, **named):
+    """Return the message of the error of this kind that the call raises."""
+    with pytest.raises(kind) as caught:
+        call(*arguments, **named)
+    return str(caught.value)
+
+
+def outside(shapes, points):
+    """Return how far points (N, 3) are outside of all shapes; inside of one it is negative [m]."""
+    found = []
+    for shape in shapes:
+        planes = ConvexHull(shape.vertices).equations
+        found.append((points @ planes[:, :3].T + planes[:, 3]).max(axis=1) - shape.radius)
+    return np.min(found, axis=0)
+
+
+def with_bump(trajectory, joint, begin, width, size):
+    """Return the trajectory with a bump of one joint, as high as `size` [rad or m].
+
+    64 u^3 (1 - u)^3 is 1 at u = 1/2 and has neither slope nor curvature at its ends.
+    """
+    cuts = [0.0, begin, begin + width, trajectory.duration]
+    parts = [trajectory.between(low, high) for low, high in pairwise(cuts)]
+    rows = [np.zeros((7, *part.coefficients.shape[1:])) for part in parts]
+    for row, part in zip(rows, parts, strict=True):
+        row[7 - len(part.coefficients) :] = part.coefficients
+    assert rows[1].shape[1] == 1, "the bump must lie within one piece"
+    bump = np.array([-1.0, 3, -3, 1, 0, 0, 0]) / width ** np.arange(6, -1, -1)
+    rows[1][:, 0, joint] += 64 * size * bump
+    names = trajectory.joint_names
+    return concatenate(
+        [JointTrajectory(names, p.breakpoints, row) for p, row in zip(parts, rows, strict=True)]
+    )
+
+
+def judged_run(**given: Any) -> JudgedRun:
+    """Return a run that keeps everything at its bounds, but for what is given."""
+    bounds = Extreme(0.0, Place())
+    usual = {
+        "tube": bounds,
+        "rotation": None,
+        "points": None,
+        "tracking": bounds,
+        "tool_tracking": bounds,
+        "position": bounds,
+        "velocity": None,
+        "saturated": 0.0,
+        "obstacles": None,
+        "self_collision": None,
+        "clearance": 0.0,
+        "tube_by_segment": np.zeros(1),
+        "rotation_by_segment": np.array([-1e3]),
+        "position_by_joint": np.array([[-1e3], [0.0]]),
+    }
+    return JudgedRun(**(usual | given))
+
+
+def begun(problem, intervals):
+    """Return the spline on the branch by the first rule for redundant joints."""
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    return starting_spline(problem, branch, intervals)
+
+
+def constraints_of(problem, grid, **more):
+    """Return the constraints of a problem on a knot grid."""
+    radius = problem.tube.effective_radius
+    return SplineConstraints(problem, grid, LinkConstraints(problem), radius, **more)
+
+
+def waypoints_of(problem, count):
+    """Return so many configurations, equally spaced along the path, start and goal included."""
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    return candidate_waypoints(problem, branch, count)
+
+
+def wandering(robot, seed, pieces=4, width=0.1):
+    """Return pieces of a width [s] that begin within a radian of zero, within the limits."""
+    rng = np.random.default_rng(seed)
+    n = robot.joint_count
+    first = np.clip(rng.uniform(-1, 1, n), robot.limits.lower_position, robot.limits.upper_position)
+    knots = first + np.cumsum(rng.uniform(-0.3, 0.35, (pieces + 1, n)), axis=0)
+    bend = rng.uniform(-3, 3, (pieces, n))
+    slope = np.diff(knots, axis=0) / width - bend * width
+    coefficients = np.stack([bend, slope, knots[:-1]])
+    return JointTrajectory(robot.joint_names, width * np.arange(pieces + 1), coefficients)
+
+
+def random_motors(robot, rng):
+    """Return the robot with motors of all kinds, some of its joints with tables and pairs."""
+    n, effort = robot.joint_count, robot.limits.effort
+    tables = [
+        EffortRange(0, np.sort(rng.uniform(-2, 2, 4)), *(effort[0] * rng.uniform(1, 5, (2, 4)))),
+        EffortRange(1, np.zeros(1), *(effort[1] * rng.uniform(1, 5, (2, 1)))),
+    ]
+    return with_motors(
+        robot,
+        effort_ranges=tables,
+        armature=rng.uniform(0, 0.1, n),
+        viscous_friction=rng.uniform(0, 0.1, n) * effort,
+        backwards_friction=rng.uniform(0, 0.5, n) * effort,
+        forwards_friction=rng.uniform(0, 0.5, n) * effort,
+        saturation_effort=rng.uniform(1, 3, n) * effort,
+        no_load_velocity=rng.uniform(2, 5, n),
+        friction_uncertainty=rng.uniform(0, 0.3),
+    )
+
+
+def random_motion(robot, rng, breakpoints=(0.0, 0.2, 0.4, 0.6, 0.8)):
+    """Return quintics that jump at breakpoints; joints reverse inside the pieces."""
+    scale = np.array([60.0, 30.0, 20.0, 8.0, 1.0, 1.5])[:, None, None]
+    rows = scale * rng.uniform(-1, 1, (6, len(breakpoints) - 1, robot.joint_count))
+    return JointTrajectory(robot.joint_names, breakpoints, rows)

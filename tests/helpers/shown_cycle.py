@@ -4,6 +4,8 @@ The arm is `cases.SLIDE`. A part is taken, carried through a point without a sto
 cap comes and goes with it. Nothing of it is certified: views judge nothing.
 """
 
+import json
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -63,3 +65,17 @@ def motion_of(cycle, duration=1.0):
     legs = [rest_to_rest(names, *ends[k : k + 2], duration) for k in range(3)]
     passed = ((), (duration / 2,), ())
     return cycle_motion(cycle, [LegMotion(*pair) for pair in zip(legs, passed, strict=True)])
+
+
+def data_of(page):
+    """Return what a page hands to its script."""
+    return json.loads(re.search(r'id="data">(.*?)</script>', page, re.S).group(1))
+
+
+def materials_of(commands):
+    """Return the material of every object that is drawn, by its path."""
+    return {
+        command["path"]: command["object"]["materials"][0]
+        for command in commands
+        if command["type"] == "set_object"
+    }

@@ -1,10 +1,19 @@
-"""Trajectories that tests only look at: planned once, stored, judged against their problems."""
+"""Trajectories that tests only look at: planned once, stored, judged against their problems.
 
+Run as a program, it plans them again, or those whose problems are named: needed when a bundled
+problem changes; `test_stored_trajectories` says so. From the checkout:
+python tests/helpers/stored_trajectories.py [ur5/level_tray ...]
+"""
+
+import sys
 from functools import cache
 from pathlib import Path
 
 from cases import PROBLEMS
 
+from tubeplanner import PlanOptions, load_problem, plan
+from tubeplanner.files.export import trajectory_json
+from tubeplanner.files.origin import origin
 from tubeplanner.trajectory.trajectory_file import TrajectoryFile, read_trajectory_file
 
 STOP, SEARCH, REFINEMENT = "stop-at-corners", "branch-and-bound", "refinement"
@@ -34,3 +43,20 @@ def stored_trajectory(name: str, method: str) -> TrajectoryFile:
     path = stored_path(name, method)
     assert path.exists(), f"{path} is missing: run `{REFRESH}`"
     return read_trajectory_file(path)
+
+
+def refresh(names: list[str]) -> None:
+    FOLDER.mkdir(exist_ok=True)
+    for name, method in STORED:
+        if names and name not in names:
+            continue
+        problem = load_problem(f"example:{name}")
+        result = plan(problem, PlanOptions(method, slack=0.0))
+        assert result.trajectory is not None, f"{name} by {method}: {result.message}"
+        path = stored_path(name, method)
+        path.write_text(trajectory_json(result.trajectory, **origin(problem, method)))
+        print(f"{path.name}: {result.message}")
+
+
+if __name__ == "__main__":
+    refresh(sys.argv[1:])

@@ -203,4 +203,6 @@ def test_recorded_calls_read_and_write_within_bounds_and_what_does_not_is_notice
 
 def test_every_exported_function_is_called():
     uncalled = [name for name in exports() if name.encode() not in INPUTS]
-    assert uncalled == [], "record inputs: python tests/helpers/record_native_inputs.py"
+    assert uncalled == [], (
+        "record inputs: PYTHONPATH=src:tests/helpers python tests/native/record_inputs.py"
+    )

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from any_parts import LINE, arm
-from any_values import VALUES, accepted, examples
+from any_values import LINE, VALUES, accepted, arm, examples
 from hypothesis import given
 from hypothesis import strategies as st
 from small_cycle import small_cycle

@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 
 import pytest
 import yaml
-from hostile_names import HOSTILE, explained
+from gantry import HOSTILE, explained
 from rich.table import Table
 
 from tubeplanner import RobotError, load_robot

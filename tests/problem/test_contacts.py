@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import refusal
 
-from refusals import refusal
 from tubeplanner import Contact, Obstacle, PlanningProblem, ProblemError, Tube, placement_of
 from tubeplanner.problem.clearance_fields import (
     ClearanceFields,

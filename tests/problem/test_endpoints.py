@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import refusal
 
-from refusals import refusal
 from tubeplanner import (
     GoalRegion,
     JointTrajectory,

@@ -5,8 +5,8 @@ import json
 from pathlib import Path
 
 import pytest
+from cases import refusal
 
-from refusals import refusal
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.merged_fields import merged_fields
 from tubeplanner.problem.path_fields import move_paths

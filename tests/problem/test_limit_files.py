@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from cases import refusal
 from ruamel.yaml import YAML
 
-from refusals import refusal
 from tubeplanner import (
     LimitOverrides,
     PlanOptions,

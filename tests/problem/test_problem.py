@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from cases import refusal
 
-from refusals import refusal
 from tubeplanner import (
     LimitOverrides,
     Obstacle,

@@ -6,10 +6,10 @@ import json
 import jsonschema
 import numpy as np
 import pytest
+from cases import refusal
 from ruamel.yaml import YAML
 from small_cycle import SMALL
 
-from refusals import refusal
 from tubeplanner import ProblemError, load_problem, parse_problem
 from tubeplanner.files.problem_file import read_fields
 from tubeplanner.problem.document_kind import is_cycle, is_study, require_study

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from begun_splines import begun
+from cases import begun
 from scipy.interpolate import BSpline
 
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from begun_splines import begun
-from cases import SHORTEST
+from cases import SHORTEST, begun
 
 from tubeplanner import (
     AttachedSolid,

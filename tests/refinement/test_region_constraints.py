@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from begun_splines import begun
+from cases import begun
 
 from tubeplanner import GoalRegion, Tube
 from tubeplanner.constraints.path_samples import PathSamples

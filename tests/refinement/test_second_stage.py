@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from begun_splines import constraints_of
+from cases import constraints_of
 from scipy.optimize import brentq
 
 from tubeplanner import PlanOptions, Tube, plan, verify

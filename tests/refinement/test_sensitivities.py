@@ -5,8 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from begun_splines import begun
-from cases import SHORTEST, with_motors
+from cases import SHORTEST, begun, with_motors
 from scipy.spatial.transform import Rotation
 
 from tubeplanner import LimitOverrides, PlanningProblem, PointSpeed, Seed, Tube, load_robot, plan

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from begun_splines import constraints_of
-from cases import with_motors
+from cases import constraints_of, with_motors
 
 from tubeplanner import GoalRegion, PlanningProblem, Tube
 from tubeplanner.constraints.coulomb_friction import CoulombFriction, blended_friction

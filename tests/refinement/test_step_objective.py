@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from begun_splines import begun, constraints_of
-from cases import INERTIA, one_joint
+from cases import INERTIA, begun, constraints_of, one_joint
 from scipy.interpolate import BSpline
 
 from tubeplanner import PlanningProblem, Tube

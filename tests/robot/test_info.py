@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from cases import refusal
 
-from refusals import refusal
 from tubeplanner import LimitOverrides, MotorOverrides, RobotError, read_limits_file, read_preset
 from tubeplanner.robot.robot_info import robot_info
 from tubeplanner.robot.tool_frames import likely_tool_frame

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from few_links import joint, link, links, written
+from arms import joint, link, links, written
+from cases import refusal
 from numpy.testing import assert_array_equal as same
 
-from refusals import refusal
 from tubeplanner import LimitLayer, LimitOverrides, PointSpeed, RobotError, load_robot
 from tubeplanner.robot.joint_limits import resolve_limits
 from tubeplanner.robot.urdf import read_urdf

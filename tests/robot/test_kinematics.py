@@ -3,10 +3,9 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from follower_arm import follower_arm
+from arms import follower_arm, rail_arm
 from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
-from rail_arm import rail_arm
 
 from tubeplanner import LimitOverrides, PointSpeed, load_robot
 from tubeplanner.native.library import LIBRARY, NativeLibrary

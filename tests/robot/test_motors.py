@@ -4,10 +4,10 @@ import pickle
 
 import numpy as np
 import pytest
-from few_links import LIMIT, joint, link, links, loaded, written
+from arms import LIMIT, joint, link, links, loaded, written
+from cases import refusal
 from numpy.testing import assert_array_equal as same
 
-from refusals import refusal
 from tubeplanner import LimitLayer, LimitOverrides, MotorOverrides, RobotError, load_robot
 from tubeplanner.robot.joint_motors import JointMotors, resolve_motors
 from tubeplanner.robot.motor_overrides import MOTOR_QUANTITIES

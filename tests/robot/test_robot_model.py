@@ -8,14 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
-from cases import one_joint, with_motors
-from few_links import LIMIT, joint, link, links, loaded
-from follower_arm import follower_arm
+from arms import LIMIT, follower_arm, joint, link, links, loaded
+from cases import one_joint, refusal, with_motors
 from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
 from scipy.spatial.transform import Rotation
 
-from refusals import refusal
 from tubeplanner import LimitOverrides, Payload, PointSpeed, RobotError, ToolOffset, load_robot
 from tubeplanner.robot.effort_rate import effort_rate, effort_rate_derivatives, gravity_effort_rate
 

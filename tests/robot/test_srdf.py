@@ -1,8 +1,8 @@
 """Pairs that an SRDF allows to touch, and its named configurations."""
 
 import pytest
+from cases import refusal
 
-from refusals import refusal
 from tubeplanner import RobotError, parse_problem
 from tubeplanner.robot.srdf import read_allowed_pairs, read_group_states
 

@@ -5,11 +5,10 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from few_links import solid
-from follower_arm import JOINTS, LINKS, RULES, follower_arm
+from arms import JOINTS, LINKS, RULES, follower_arm, solid
+from cases import refusal
 from numpy.testing import assert_allclose as close
 
-from refusals import refusal
 from tubeplanner import (
     LimitOverrides,
     Obstacle,

@@ -5,9 +5,8 @@ import os
 import sys
 
 import pytest
-from cases import SLIDE
+from cases import SLIDE, refusal
 
-from refusals import refusal
 from tubeplanner import load_robot
 from tubeplanner.errors import RobotError
 from tubeplanner.files.fingerprint import robot_hash

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import rest_to_rest
-from judged_run import judged_run
+from cases import judged_run, rest_to_rest
 
 from tubeplanner import Robustness, Tube, load_problem
 from tubeplanner.outcome import Place

@@ -6,8 +6,8 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from arms import follower_arm
 from cases import INERTIA, SLIDE, one_joint, with_motors
-from follower_arm import follower_arm
 from scipy.integrate import solve_ivp
 
 from tubeplanner import BasePose, OptionError, RobotError, load_robot

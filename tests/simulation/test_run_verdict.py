@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import anywhere, rest_to_rest
-from judged_run import judged_run
+from cases import anywhere, judged_run, rest_to_rest
 from scipy.stats import binomtest
 from stored_trajectories import REFINEMENT
 

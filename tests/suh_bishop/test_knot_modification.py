@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from path_waypoints import waypoints_of
+from cases import waypoints_of
 
 from tubeplanner import (
     LimitOverrides,

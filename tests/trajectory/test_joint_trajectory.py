@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from cases import refusal
 from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
 from scipy.interpolate import PPoly
 
-from refusals import refusal
 from tubeplanner import JointTrajectory, TrajectoryError
 from tubeplanner.trajectory.averaging import averaged
 from tubeplanner.trajectory.b_spline import BSpline

@@ -6,9 +6,9 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from cases import refusal
 from ruamel.yaml import YAML
 
-from refusals import refusal
 from tubeplanner import JointTrajectory, verify
 from tubeplanner.errors import TrajectoryError
 from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from arms import rail_arm
 from cases import rest_to_rest
-from rail_arm import rail_arm
 
 from cycles import (
     DWELL,

@@ -4,9 +4,18 @@ from functools import reduce
 
 import numpy as np
 import pytest
-from bumps import with_bump
-from cases import INERTIA, PEAK_JERK, anywhere, changed, one_joint, quintic, with_motors
-from directed_samples import random_motion, random_motors, worst_curve_use, worst_use
+from cases import (
+    INERTIA,
+    PEAK_JERK,
+    anywhere,
+    changed,
+    one_joint,
+    quintic,
+    random_motion,
+    random_motors,
+    with_bump,
+    with_motors,
+)
 
 from tubeplanner import JointTrajectory, Tolerance, load_robot, verify
 from tubeplanner.robot.effort_range import EffortRange
@@ -14,6 +23,79 @@ from tubeplanner.robot.effort_rate import effort_rate
 from tubeplanner.verification.conditions import JUDGED
 from tubeplanner.verification.friction_jumps import friction_jumps
 from tubeplanner.verification.judged_motion import JudgedMotion
+
+# Efforts with friction at dense samples of random motions, written out.
+
+SHARES = np.linspace(0, 1, 2001)
+
+
+def samples(robot, trajectory):
+    """Return positions, velocities, efforts and what friction may change, dense, both sides.
+
+    Beside the even samples of every piece, both one-sided limits where a joint reverses, and the
+    instants at which one passes a corner of its table: at an instant, directions are those of
+    just before and just after.
+    """
+    motors, states = robot.motors, [[] for _ in range(5)]
+    for piece, width in enumerate(trajectory.widths):
+        rows = trajectory.coefficients[:, piece]
+        at = [SHARES * width]
+        for joint in range(robot.joint_count):
+            polynomials = [np.polyder(np.poly1d(rows[:, joint]))]
+            polynomials += [
+                np.poly1d(rows[:, joint]) - corner
+                for table in robot.limits.effort_ranges
+                if table.joint == joint
+                for corner in table.position
+            ]
+            roots = np.concatenate([polynomial.roots for polynomial in polynomials])
+            real = roots[abs(roots.imag) < 1e-9].real
+            at.append(real[(real > 0) & (real < width)])
+        time = np.sort(np.concatenate(at))
+        values = []
+        for order in range(3):
+            column = [np.poly1d(rows[:, j]).deriv(order)(time) for j in range(robot.joint_count)]
+            values.append(np.array(column).T)
+        beside = np.clip(time[:, None] + np.array([-1e-7, 1e-7]), 0, width)
+        smooth = robot.inverse_dynamics(*values)
+        for side in beside.T:
+            ahead = np.array(
+                [np.poly1d(rows[:, j]).deriv()(side) for j in range(robot.joint_count)]
+            ).T
+            dry = np.where(ahead > 0, motors.forwards_friction, -motors.backwards_friction)
+            friction = motors.viscous_friction * values[1] + dry
+            unsure = motors.friction_uncertainty * abs(friction)
+            new = (values[0], values[1], smooth + dry, unsure)
+            for state, value in zip(states, new, strict=False):
+                state.append(value)
+    return [np.concatenate(state) for state in states[:4]]
+
+
+def worst_use(robot, trajectory):
+    """Return the largest share of the effort limits that a sample uses."""
+    q, _, effort, unsure = samples(robot, trajectory)
+    most = robot.limits.effort
+    used = []
+    for way in (1, -1):
+        allowed = np.broadcast_to(most, q.shape).copy()
+        for table in robot.limits.effort_ranges:
+            side = table.forwards if way > 0 else table.backwards
+            allowed[:, table.joint] = np.interp(q[:, table.joint], table.position, side)
+        used.append(1 + (way * effort + unsure - allowed) / most)
+    return float(np.max(used))
+
+
+def worst_curve_use(robot, trajectory):
+    """Return the largest share of the torque-speed lines that a sample uses."""
+    _, v, effort, unsure = samples(robot, trajectory)
+    motors = robot.motors
+    share = v / motors.no_load_velocity
+    return float(
+        max(
+            np.max((way * effort + unsure) / motors.saturation_effort + way * share)
+            for way in (1, -1)
+        )
+    )
 
 
 def dry(back, forth):

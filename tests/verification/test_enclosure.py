@@ -7,8 +7,8 @@ from math import factorial
 
 import numpy as np
 import pytest
+from arms import follower_arm
 from cases import SLIDE, one_joint, with_motors
-from follower_arm import follower_arm
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebpts1
 

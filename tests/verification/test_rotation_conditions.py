@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bumps import with_bump
-from cases import changed
+from cases import changed, wandering, with_bump
 from scipy.spatial.transform import Rotation
-from wandering import wandering
 
 from tubeplanner import GoalRegion, JointTrajectory, PlanningProblem, Seed, Tube, verify
 from tubeplanner.verification.enclosed_pose import enclosed_pose

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from cases import wandering
 from numpy.polynomial import Chebyshev, Polynomial
-from wandering import wandering
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
 from tubeplanner.branches.inverse_kinematics import solve_position

@@ -9,8 +9,7 @@ from pkgutil import iter_modules
 
 import numpy as np
 import pytest
-from bumps import with_bump
-from cases import PROBLEMS, SHORTEST, changed, rest_to_rest, with_motors
+from cases import PROBLEMS, SHORTEST, changed, rest_to_rest, with_bump, with_motors
 
 from tubeplanner import (
     AttachedSolid,

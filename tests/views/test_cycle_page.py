@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded_page import data_of, materials_of
-from shown_cycle import GRIP, RELEASE, at, motion_of, shown_cycle
+from shown_cycle import GRIP, RELEASE, at, data_of, materials_of, motion_of, shown_cycle
 
 from tubeplanner import OptionError, ProblemError
 from tubeplanner.collision.obstacle import Obstacle

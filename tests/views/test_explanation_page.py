@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from asked_problems import PLANAR, REMEDY, ROOM
-from gantry import POST, gantry
-from hostile_names import HOSTILE
-from hostile_names import explained as hostile
+from gantry import HOSTILE, POST, gantry
+from gantry import explained as hostile
 
 from tubeplanner import (
     Explanation,

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cases import changed, followed
-from recorded_page import data_of, materials_of
+from shown_cycle import data_of, materials_of
 from stored_trajectories import REFINEMENT, STOP, stored_path
 
 from tubeplanner import (

@@ -4,8 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from cases import with_motors
-from path_waypoints import waypoints_of
+from cases import waypoints_of, with_motors
 
 from tubeplanner import (
     LimitOverrides,

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from cases import waypoints_of
 from numpy.polynomial import Polynomial
-from path_waypoints import waypoints_of
 
 from tubeplanner import Obstacle, PlanningProblem, Tube, placement_of
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch

@@ -1,6 +1,6 @@
 """Records inputs of the native functions from plans, and edge cases, for `driver.cpp`.
 
-    python tests/helpers/record_native_inputs.py
+    PYTHONPATH=src:tests/helpers python tests/native/record_inputs.py
 
 Needed when a native function takes other arguments, or a new one is written.
 """
@@ -15,7 +15,7 @@ from native_exports import exports
 
 from tubeplanner.native import library
 
-INPUTS = Path(__file__).parents[1] / "native/inputs.xz"
+INPUTS = Path(__file__).parent / "inputs.xz"
 PLANS = ("example:two_link/around_a_post", "example:ur5/over_the_wall")
 MOST_CALLS = 3  # of a function and number of joints or the like
 MOST_BYTES = {"program": 150_000, "call": 50_000}
