@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from brief_search import BRIEF
 from cases import ANGLE, anywhere, one_joint, quintic
 
 from tubeplanner import JointTrajectory, Objective, Planner, PlanOptions, plan, verify
@@ -206,16 +207,10 @@ def test_planning_again_says_that_it_began_with_the_last_motion(periodic):
     assert again.motion.spline.grid.is_fixed is False
 
 
-@pytest.mark.parametrize(
-    "method",
-    [
-        "branch-and-bound",
-        "stop-at-corners",
-        pytest.param("suh-bishop", marks=pytest.mark.slow),  # of ten seconds
-    ],
-)
+@pytest.mark.parametrize("method", ["branch-and-bound", "stop-at-corners", "suh-bishop"])
 def test_other_methods_answers_take_whole_periods(method, bundled):
-    problem, options = bundled(LINE), PlanOptions(method, candidate_points=15)
+    problem = bundled(LINE)
+    options = PlanOptions(method, candidate_points=15, suh_bishop=BRIEF)
     plain, result = (plan(each, options) for each in (problem, replace(problem, period=0.004)))
     assert (result.succeeded, result.method) == (True, method)
     assert in_periods(result.duration, 0.004) == ceil(plain.duration / 0.004)

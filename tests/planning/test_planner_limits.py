@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from brief_search import BRIEF
 from cases import INERTIA, SHORTEST, one_joint, with_motors
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -206,7 +207,7 @@ def test_the_second_stage_finds_something_with_friction_too(minimise):
 
 
 NAMES = ("joint1", "joint2")
-STOP, SEARCH = "stop-at-corners", "branch-and-bound"
+STOP, SEARCH, PAPER = "stop-at-corners", "branch-and-bound", "suh-bishop"
 UPPER, DECELERATION = 2.0, 4.0
 NEAR = {
     "joint1": {"deceleration": 4.0, "offset": 0.3, "lower": -0.5, "upper": 2.0},
@@ -292,27 +293,26 @@ def test_searches_keep_it(condition, limits):
     require_kept(result.certificate, condition, most=0.2)
 
 
-@pytest.mark.parametrize("method", [SEARCH, STOP])
+@pytest.mark.parametrize("method", [SEARCH, STOP, PAPER])
 def test_other_methods_keep_what_motors_have(method):
     problem = with_fields(LINE, **MOTORS[LINE])
-    result = plan(problem, PlanOptions(method, candidate_points=15, slack=0.0))
+    options = PlanOptions(method, candidate_points=15, slack=0.0, suh_bishop=BRIEF)
+    result = plan(problem, options)
     assert (result.succeeded, result.method) == (True, method)
     require_used(result)
 
 
-@pytest.mark.slow  # of ten seconds each
 @pytest.mark.parametrize(
-    "robot",
+    "limits",
     [
-        MOTORS[LINE],
-        {"limits": {"velocity_by_position": {"joint1": NEAR["joint1"]}}},
-        {"limits": {"point_speed": [asdict(point) for point in POINTS], "tool_speed": 0.8}},
+        {"velocity_by_position": {"joint1": NEAR["joint1"]}},
+        {"point_speed": [asdict(point) for point in POINTS], "tool_speed": 0.8},
     ],
 )
-def test_the_papers_method_keeps_limits(robot):
-    problem = with_fields(LINE, **robot)
-    result = plan(problem, PlanOptions("suh-bishop", slack=0.0))
-    assert (result.succeeded, result.method) == (True, "suh-bishop")
+def test_the_papers_method_keeps_limits(limits):
+    problem = with_fields(LINE, limits=limits)
+    result = plan(problem, PlanOptions(PAPER, slack=0.0, candidate_points=15, suh_bishop=BRIEF))
+    assert (result.succeeded, result.method) == (True, PAPER)
     assert result.certificate.passed
 
 

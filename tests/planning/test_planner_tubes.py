@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import yaml
+from brief_search import BRIEF
 from cases import SHORTEST
 
 from never_stuck import drawn
@@ -131,15 +132,12 @@ def test_out_and_back_passes_the_compulsory_point(two_link):
 
 @pytest.mark.parametrize(
     ("method", "visit"),
-    [
-        ("stop-at-corners", "ordered"),
-        ("branch-and-bound", "any"),
-        pytest.param("suh-bishop", "ordered", marks=pytest.mark.slow),  # of ten seconds
-    ],
+    [("stop-at-corners", "ordered"), ("branch-and-bound", "any"), ("suh-bishop", "ordered")],
 )
 def test_other_methods_keep_a_box(two_link, method, visit):
     problem = problem_in(two_link, boxes(0.12, 0.04), visit=visit)
-    answer = plan(problem, PlanOptions(method, candidate_points=15, slack=0.0))
+    options = PlanOptions(method, candidate_points=15, slack=0.0, suh_bishop=BRIEF)
+    answer = plan(problem, options)
     assert verify(problem, answer.trajectory).passed
 
 
@@ -420,20 +418,13 @@ def test_the_end_may_be_turned_less_than_the_way(bound, tolerance, stored):
     assert "rotation" in verify(turned, loosely_turned).failures()
 
 
-@pytest.mark.parametrize(
-    "method",
-    [
-        "stop-at-corners",
-        "branch-and-bound",
-        pytest.param("suh-bishop", marks=pytest.mark.slow),  # of ten seconds
-    ],
-)
+@pytest.mark.parametrize("method", ["stop-at-corners", "branch-and-bound", "suh-bishop"])
 @pytest.mark.parametrize("visit", ["ordered", "any"])
 def test_every_method_ends_in_the_ball(method, visit, bundled):
     problem = bundled(POST)
     tube = Tube(problem.tube.points, problem.tube.radius, visit=visit)
     problem = with_goal(replace(problem, tube=tube), 0.02, position=[0.22, 0.44, 0.0])
-    result = plan(problem, PlanOptions(method, candidate_points=8))
+    result = plan(problem, PlanOptions(method, candidate_points=15, suh_bishop=BRIEF))
     assert result.succeeded
     assert away(problem, result) <= 0.02
 
@@ -503,7 +494,7 @@ def test_a_bead_of_two_millimetres_is_faster_than_every_scheme():
     ],
 )
 def test_a_wider_tube_is_never_slower(name, radii):
-    results = [plan(narrowed(name, radius), SHORTEST) for radius in radii]
+    results = [plan(narrowed(name, radius), FAST) for radius in radii]
     for narrow, wide in pairwise(results):
         assert wide.duration <= 1.01 * narrow.duration
     assert results[0].method == "refinement"
