@@ -154,25 +154,6 @@ def test_what_cannot_be_posed_is_status_2_if_no_change_helps(
     assert message in out
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--set", "tube.radus=0.1"), "unknown key 'radus' (did you mean 'radius'?)"),
-        (("--set", "tube=null"), "tube is required; `tubeplanner route` finds one"),
-        (("--set", "robot.tool_frame=haed"), "unknown tool_frame 'haed' (did you mean 'head'?)"),
-        (("--quality", "bst"), "unknown quality 'bst' (did you mean 'best'?)"),
-        (("--time-limit", "-1"), "time_limit is -1 s; it must be > 0"),
-        (("--time-limit", "nan"), "time_limit is nan s; it must be > 0"),
-        (("--processes", "0"), "Invalid value for '--processes'"),
-        (("--html", "why.txt"), "name a file that ends in .html"),
-    ],
-)
-def test_bad_input_is_status_2(run, tmp_path, arguments, message):
-    status, out, err = run("explain", gantry(tmp_path), *arguments)
-    assert (status, out) == (2, "")
-    assert message in err
-
-
 def test_a_cycle_is_refused_with_the_fields_of_plan(run_json, cycle_path):
     status, fields = run_json("explain", cycle_path)
     assert (status, fields["status"]) == (2, "bad_input")

@@ -145,11 +145,6 @@ def test_the_picture_is_a_png(run, bare):
     assert run("info", bare, "--plot", bare.parent / "arm.jpg")[0] == 2
 
 
-@pytest.mark.parametrize("name", ["example:nothing", "nothing.urdf", "nothing.yaml"])
-def test_what_is_not_there_is_refused(run, name):
-    assert run("info", name)[0] == 2
-
-
 def rows(text):
     """Return the cells of the rows of all tables, by the first."""
     cells = ([cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines())
@@ -191,7 +186,6 @@ def test_links_are_listed_with_what_their_covers_stand_off(run, run_json):
     assert status == 0
     for each in report["links"]:
         assert each["link"] in text
-    assert run("links", "nothing.yaml")[0] == 2
 
 
 @pytest.mark.dear("reads the meshes of an arm")

@@ -89,6 +89,7 @@ def test_every_commented_field_may_be_given_alone(starter):
         check_problem_fields(parse_yaml(one), "the file")
 
 
+@pytest.mark.dear("plans the first problem of an arm")
 @pytest.mark.parametrize("name", slow_but(["scara"], ["scara", "ur5"]))
 def test_the_commented_fields_load_all_together(starter, name):
     every = parse_problem(parse_yaml(_switched_on(starter(name))))
@@ -97,6 +98,7 @@ def test_the_commented_fields_load_all_together(starter, name):
     assert every.clearance == 0.01 and every.period == 0.001 and every.goal is not None
 
 
+@pytest.mark.dear("plans the first problem of an arm")
 def test_limits_that_the_urdf_lacks_are_placeholders_to_be_replaced(starter):
     text = starter("scara")
     fields = parse_yaml(text)["robot"]["limits"]
@@ -150,13 +152,12 @@ def test_json_has_the_text_and_another_tool_frame_is_taken(run_json, named, tmp_
     assert set(fields["start"]["joints"]) == {"turn", "extend"}
 
 
-def test_an_arm_too_weak_to_hold_itself_and_another_ending_are_refused(run, tmp_path):
+def test_an_arm_too_weak_to_hold_itself_is_refused(run, tmp_path):
     weak = SLIDE.replace('effort="20"', 'effort="1e-3"').replace("0 0 -0.1", "0.2 0 0")
     (tmp_path / "weak.urdf").write_text(weak)
     status, _, error = run("init", tmp_path / "weak.urdf")
     assert status == 2
     assert "gravity takes at most 70% of the effort limits" in error
-    assert run("init", "example:two_link", "-o", tmp_path / "a.json")[0] == 2
 
 
 def test_a_commented_line_that_is_wrong_would_be_noticed():

@@ -170,40 +170,6 @@ def test_an_infeasible_problem_is_an_answer(run, run_json, tmp_path):
     assert {fields[name] for name in absent} == {None}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["plan", "example:ur5/over"], "unknown bundled problem 'ur5/over'"),
-        (["plan", "nowhere.yaml"], "problem file nowhere.yaml does not exist"),
-        (["plan", PROBLEM, "--method", "magic"], "unknown method 'magic'"),
-        (["plan", PROBLEM, "--rate", "0"], "rate is 0 Hz; it must be > 0 and finite"),
-        (["plan", PROBLEM, "--time-limit", "-1"], "time_limit is -1 s"),
-        (["plan", PROBLEM, "-o", "/nowhere/t.json"], "the folder /nowhere does not exist"),
-        (["plan", PROBLEM, "--plot", "x.jpg"], "name a file that ends in .png, .pdf or .svg"),
-        (["plan", PROBLEM, "-o", "t.json", "--html", "t.txt"], "name a file that ends in .html"),
-        (["plan", PROBLEM, "-o", "a", "--csv", "a"], "is the same file as a; choose another"),
-        (["plan", PROBLEM, "--spped", "1"], "No such option"),
-        (["plan"], "Missing argument 'PROBLEM'"),
-        (["paln", PROBLEM], "No such command 'paln'"),
-        (["check", PROBLEM, "nowhere.json"], "nowhere.json cannot be read: No such file"),
-        (["check", PROBLEM, "x.json", "--tolerance", "small"], "'small' is not ABS or ABS,REL"),
-    ],
-)
-def test_bad_input_is_named_and_exits_with_2(arguments, message, run, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    status, out, err = run(*arguments)
-    assert status == 2
-    assert out == ""
-    assert message in err
-    status, out, _ = run(*arguments, "--json")
-    assert status == 2
-    fields = json.loads(out)
-    assert fields["status"] == "bad_input"
-    assert message in fields["message"]
-    assert set(fields) >= FIELDS
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_where_a_problem_contradicts_itself_is_known(run_json, tmp_path):
     points, apart = [[0.3, y, 0] for y in (-0.3, 0, 0.3)], [{"joint2": [-2, -1]}, {"joint2": "+"}]
     path = problem_file(tmp_path, tube={"points": points, "radius": 0.03, "joint_signs": apart})

@@ -75,19 +75,6 @@ def test_a_blocked_line_is_refused_with_links_and_place(problem, run_json):
     assert not target.exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--max-radius", "0"), "max_radius is 0 m; it must be > 0"),
-        (("--configurations", "-o", "x.yaml"), "--configurations compares and writes no file"),
-    ],
-)
-def test_wrong_usage_is_refused(arguments, message, problem, run):
-    status, _, err = run("measure", problem, *arguments)
-    assert status == 2
-    assert message in err
-
-
 def test_configurations_tell_elbow_up_from_elbow_down(problem, run, run_json):
     status, fields = run_json("measure", problem, "--configurations")
     assert status == 0

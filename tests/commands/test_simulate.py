@@ -65,40 +65,6 @@ def test_errors_are_those_that_are_given(run_json):
     assert 0.005 < report["seen"]["tool_tracking"]["worst"]["value"] < 0.021
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--mass", "2"], "robustness.mass is 2; give a number from 0 to 0.9"),
-        (["--controller", "lqr"], "unknown controller 'lqr'"),
-        (["--runs", "0"], "runs is 0"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(run, words, message):
-    status, _, error = run("simulate", *CASE, *words)
-    assert status == 2
-    assert message in error
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--plot", "runs.jpg"], "--plot runs.jpg: name a file that ends in .png"),
-        (["--html", "runs.png"], "--html runs.png: a page is written"),
-        (["--plot", "nowhere/runs.png"], "nowhere does not exist"),
-        (["--plot", "runs.png", "--html", "nowhere/runs.html"], "nowhere does not exist"),
-    ],
-)
-def test_files_that_could_not_be_written_are_refused_before_any_work(
-    run, tmp_path, monkeypatch, words, message
-):
-    monkeypatch.chdir(tmp_path)
-    missing = ("simulate", "example:no/such", "no.json")  # else that would be the message
-    status, _, error = run(*missing, *words)
-    assert status == 2
-    assert message in error
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_inputs_are_not_overwritten(run, tmp_path):
     trajectory = shutil.copy(CASE[1], tmp_path / "motion.png")
     status, _, error = run("simulate", CASE[0], trajectory, "--plot", trajectory)

@@ -87,21 +87,6 @@ def test_a_study_without_any_answer_fails(run, run_json, here, study):
     assert "nothing written; to keep the answer, give -o TABLE.csv or --plot" in out
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("-o", "t.txt"), "ends in .csv or .json"),
-        (("--plot", "t.jpg"), "ends in .png"),
-        (("-o", "no/t.csv"), "the folder"),
-        (("--processes", "0"), "'--processes': 0 is not in the range x>=1"),
-    ],
-)
-def test_wrong_usage_is_refused_by_name(arguments, message, run, study):
-    status, _, err = run("study", study([0.03]), *arguments)
-    assert status == 2
-    assert message in err
-
-
 def test_neither_problems_nor_what_is_no_journal_are_overwritten(run, study, tmp_path):
     problem, journal, path = tmp_path / "p.json", tmp_path / "t.jsonl", study([0.03])
     problem.write_text(json.dumps({"include": PROBLEM}))

@@ -221,6 +221,7 @@ def test_the_cheapest_change_comes_first_and_what_helps_nothing_is_said(near_the
     assert not {remedy.field for remedy in found.remedies} & vain
 
 
+@pytest.mark.dear("tries many changes")
 def test_the_effort_and_the_payload_that_gravity_allows_are_found(tmp_path):
     limits = FIELDS["robot"]["limits"] | {"effort": {"along": 100.0, "across": 12.0}}
     robot = FIELDS["robot"] | {"gravity": [0, -GRAVITY, 0], "limits": limits, "payload": PAYLOAD}

@@ -152,6 +152,7 @@ def test_a_wrong_name_lists_those_there_are(slider):
         compare(slider, [])
 
 
+@pytest.mark.dear("plans by three methods and checks two files")
 def test_the_command_prints_writes_and_draws(run, tmp_path, monkeypatch):
     monkeypatch.setattr(figure_files, "figure_file", lambda figure, path: b"a figure")
     table, figure, folder = tmp_path / "c.csv", tmp_path / "c.png", tmp_path / "trajectories"
@@ -186,17 +187,3 @@ def test_the_command_as_json_and_its_exit_status(run, tmp_path):
         assert tuple(row) == KEYS
         assert certified or row["failures"]["rest"]["unit"] == "relative"
         assert fields["rows"] == json.loads(path.read_text())["rows"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--methods", "bobrow"), "unknown method 'bobrow'"),
-        (("-o", "t.txt"), "ends in .csv or .json"),
-        (("--trajectories", "nowhere/else"), "the folder"),
-    ],
-)
-def test_wrong_usage_is_refused_by_name(arguments, message, run):
-    status, _, err = run("compare", LINE, *arguments)
-    assert status == 2
-    assert message in err

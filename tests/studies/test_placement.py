@@ -166,6 +166,7 @@ def test_the_best_angle_is_the_one_that_uses_both_axes_fully(placement):
     assert unplanned.message.startswith(text)
 
 
+@pytest.mark.dear("plans at some twenty places, for all tests of this file")
 def test_the_gain_is_that_over_the_problem_as_given(placement, folder):
     given = plan(load_problem(gantry(folder)), PlanOptions(quality="fast", slack=0.0))
     assert placement.given.stand == Stand(0, 0, 0, 0)

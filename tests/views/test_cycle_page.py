@@ -111,6 +111,7 @@ def colours_of(commands):
     return {path: material["color"] for path, material in materials_of(commands).items()}
 
 
+@pytest.mark.dear("makes the page that others look at")
 def test_every_move_has_a_tube_in_its_own_colour_and_a_part_moves_by_itself(commands):
     objects = colours_of(commands)
     tubes = [objects[f"/meshcat/tube/0/body_0/move_{k}"] for k in range(4)]

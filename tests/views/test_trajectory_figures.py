@@ -301,6 +301,7 @@ def test_the_problem_of_a_leg_is_that_which_the_judge_has(cycle, motion):
         assert names == ({"part", "cap"} if k == 1 else set())
 
 
+@pytest.mark.dear("makes a figure of a cycle")
 def test_a_leg_that_begins_where_it_has_no_place_is_drawn(cycle, tmp_path, undrawn):
     ends = np.array([START, [3.5, 0.0, 0.0], LEFT, START])  # beyond a joint's limit
     names = cycle.robot.joint_names

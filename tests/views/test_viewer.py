@@ -251,6 +251,7 @@ def test_a_page_that_there_is_no_room_for_leaves_no_folder(refused, shown, monke
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.dear("judges three files")
 def test_the_command_shows_files_of_every_kind(stored, run, tmp_path):
     problem, trajectory = stored("two_link/around_a_post")
     names, page = ["t.json", "t.csv", "t.yaml"], tmp_path / "page.html"
