@@ -91,6 +91,7 @@ def test_a_given_last_goal_of_a_closed_cycle_is_where_it_begins() -> None:
     assert abs(result.motion.seams[0] - there).max() < 1e-9
 
 
+@pytest.mark.dear("plans three cycles")
 def test_passing_through_saves_the_stop() -> None:
     first, second = move("first", "abc"), move("second", "cd")
     stops = plan_cycle(cycle_of(first, second), SHORTEST)
@@ -121,7 +122,10 @@ def test_rests_take_their_time_and_what_is_attached_weighs() -> None:
     assert duration[1] > 1.03 * duration[0]
 
 
-@pytest.mark.parametrize("passes", [False, True])
+@pytest.mark.parametrize(
+    "passes",
+    [pytest.param(False, marks=pytest.mark.dear("begins at every configuration there")), True],
+)
 def test_a_blocked_move_is_told_with_its_number_name_and_segment(passes: bool) -> None:
     """Of two that are planned as one leg, segments are counted over all."""
     wall = {"name": "wall", "box": [0.5, 0.02, 0.5], "position": [0.3, 0.4, 0.0]}
@@ -136,6 +140,7 @@ def test_a_blocked_move_is_told_with_its_number_name_and_segment(passes: bool) -
     else:
         assert result.place.move == "second"
         assert "move 2 of 2, 'second'" in result.message
+        assert "other configurations at its start led nowhere either" in result.message
 
 
 @pytest.mark.parametrize("sign", "+-")
