@@ -377,18 +377,16 @@ def test_where_velocity_binds_its_share_is_looked_for_as_well(elasticity, more, 
 
 
 def test_what_is_short_is_taken_and_of_what_is_to_spare_half_is_given_back():
+    """Where that gains much."""
     plans = Formulas(price=40.0, slower=5.0)
     found = plans.answer()
     first, second = plans.taken
     assert 1e-3 < first < 1.2e-3
     assert second - 1e-3 == pytest.approx((first - 1e-3) / 2)
     assert found.kept_back.radius[0] == second
-
-
-def test_what_gains_little_is_not_given_back():
-    plans = Formulas(price=4.0)
-    found = plans.answer()
-    assert plans.taken == [found.kept_back.radius[0]]
+    cheap = Formulas(price=4.0)
+    assert cheap.answer().kept_back.radius[0] == cheap.taken[-1]
+    assert len(cheap.taken) == 1
 
 
 def test_it_is_taken_again_until_no_run_fails():
@@ -498,14 +496,11 @@ def test_what_survives_with_few_arms_is_tried_with_all():
 def test_of_failing_plans_the_share_counts_not_the_number():
     """12 of 16 are worse than 17 of 32."""
     plans = Formulas()
-
-    def failing(failed, runs):
-        tried = plans.simulated(plans.kept(), plans.planned(plans.kept(), None), WORKING)
-        return replace(tried, verdict=RunVerdict(runs, failed, {}))
-
-    few, all_ = failing(12, 16), failing(17, 32)
-    assert kept_back._better(few, all_) is all_
-    assert kept_back._better(all_, few) is all_
+    tried = plans.simulated(plans.kept(), plans.planned(plans.kept(), None), WORKING)
+    few, every = (
+        replace(tried, verdict=RunVerdict(*counts, {})) for counts in ((16, 12), (32, 17))
+    )
+    assert kept_back._better(few, every) is kept_back._better(every, few) is every
 
 
 def following(lacks, trajectory=object):
@@ -525,10 +520,10 @@ def test_what_is_written_survives_as_well():
     follow, given = following(2e-4)
     found = plans.answer(follow)
     assert found.survives
-    assert [float(problem.radius[0]) for problem, _ in given] == pytest.approx([1.1e-3, 1.21e-3])
-    assert found.kept_back is given[1][0]
-    assert found.duration == 1.01 * given[1][1].duration
-    assert given[1][1].duration == plans.duration(found.kept_back)
+    (first, _), (second, shortest) = given
+    assert [first.radius[0], second.radius[0]] == pytest.approx([1.1e-3, 1.21e-3])
+    assert found.kept_back is second
+    assert found.duration == 1.01 * shortest.duration == 1.01 * plans.duration(second)
 
 
 @pytest.mark.parametrize(
