@@ -57,9 +57,12 @@ def test_the_same_as_json_and_of_other_runs_by_another_seed(run_json):
     assert (report["plot"], report["html"]) == (None, None)
 
 
-@pytest.mark.dear("simulates")
-def test_errors_are_those_that_are_given(run_json):
+@pytest.mark.dear("simulates twice")
+def test_errors_are_those_that_are_given(run, run_json):
     words = [word for name in EXACT for word in (f"--{name}", "0")]
+    _, text, _ = run("simulate", *CASE, "--runs", "1", *words, "--base", "0")
+    assert "0 of 1 runs failed" in text
+    assert text.endswith("nothing written; to keep the answer, give --plot or --html\n")
     _, report = run_json("simulate", *CASE, "--runs", "2", "--base", "0.02", *words)
     assert report["seen"]["tracking"]["worst"]["value"] < 1e-3
     assert 0.005 < report["seen"]["tool_tracking"]["worst"]["value"] < 0.021
