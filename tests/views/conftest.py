@@ -35,7 +35,7 @@ def quick_pictures():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figure_files, "_DPI", 40)
-        patch.setattr(rendered_solids, "_PIXELS", 250)
+        patch.setattr(rendered_solids, "_PIXELS", 60)
         for module in (problem_scene, cycle_scene, space_solids):
             patch.setattr(module, "link_parts", link_parts)
         yield

@@ -5,6 +5,7 @@ import pytest
 
 from tubeplanner import Obstacle, placement_of
 from tubeplanner.collision.convex_shape import box
+from tubeplanner.views import rendered_solids
 from tubeplanner.views.palette import CARRIED_COLOR, rgb
 from tubeplanner.views.rendered_solids import RenderedSolid, rendered
 from tubeplanner.views.space_solids import obstacle_solids
@@ -13,6 +14,12 @@ from tubeplanner.views.surface import shape_surface
 
 RED, BLUE = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 ABOVE = SpaceView(np.array([0.0, 0.0, 1.0]))
+
+
+@pytest.fixture(autouse=True)
+def fine_pictures(monkeypatch):
+    """Pixels are looked at one by one."""
+    monkeypatch.setattr(rendered_solids, "_PIXELS", 250)
 
 
 def plate(height, color, side=1.0, alpha=1.0, edges=False):
