@@ -37,11 +37,15 @@ from tubeplanner.simulation.plant import Draw, drawn_plants
 from tubeplanner.simulation.run_verdict import RunVerdict
 from tubeplanner.simulation.survival import Survival
 from tubeplanner.studies.field_sweep import FieldSweep
+from tubeplanner.suh_bishop.knot_modification import ModificationOptions
+from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 from tubeplanner.trajectory.joint_trajectory import concatenate
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 
 # Of tests that compare durations, or that plan and look at something else: quicker.
 SHORTEST = PlanOptions(slack=0.0)
+# The method of 1988 with a small budget.
+BRIEF = SuhBishopOptions(ModificationOptions(halvings=1), 0, 1, 1, max_knots=11, node_budget=100)
 
 PROBLEMS = (
     "two_link/around_a_post",

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brief_search import BRIEF
-from cases import ANGLE, anywhere, one_joint, quintic
+from cases import ANGLE, BRIEF, anywhere, one_joint, quintic
 
 from tubeplanner import JointTrajectory, Objective, Planner, PlanOptions, plan, verify
 from tubeplanner.constraints.effort_costs import EffortCosts

@@ -5,8 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from brief_search import BRIEF
-from cases import INERTIA, SHORTEST, one_joint, with_motors
+from cases import BRIEF, INERTIA, SHORTEST, one_joint, with_motors
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 

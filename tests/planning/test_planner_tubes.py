@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import yaml
-from brief_search import BRIEF
-from cases import SHORTEST
+from cases import BRIEF, SHORTEST
 
 from never_stuck import drawn
 from outside.trajectory import read_trajectory
