@@ -1,4 +1,4 @@
-"""The outside judge on bases and clearances."""
+"""The outside judge on bases, on clearances of pairs and segments, and on contacts."""
 
 import json
 from dataclasses import replace
@@ -18,23 +18,18 @@ from lifting_arm import (
     trajectory_of,
     written,
 )
-from placed_problem import SHIFT, TURN, bundled_fields, placed_fields
+from placed_problem import TURN, bundled_fields, placed_fields
 from small_cycle import SMALL
 
 import outside_judge
 from outside.distances import DEEP, NEAR, Poses, least_margin, near_distances, signed_distance
 from outside.files import BadInput
-from outside.trajectory import read_trajectory
-from outside_judge import TOLERANCE, Judge, main
+from outside_judge import Judge, main
 from tubeplanner import parse_cycle, verify, verify_cycle, write_cycle_motion
 from tubeplanner.files.export import trajectory_json
 
-# The outside judge reads where a robot stands by itself.
-
-
 NAME = "two_link/around_a_post"
 AS_QUATERNION = {"position": [0.3, -0.2, 1.1], "quaternion": [0.4, -0.8, 2.0, 1.2]}
-PLACES = {"turned": TURN, "by a quaternion": AS_QUATERNION}
 
 
 @pytest.fixture(autouse=True)
@@ -43,27 +38,25 @@ def few_samples(monkeypatch):
 
 
 @pytest.fixture
-def judge(tmp_path):
+def judged(tmp_path):
     """Return a function from a problem's fields and a motion to what is seen."""
 
     def of(fields, trajectory):
-        problem, motion = tmp_path / "problem.yaml", tmp_path / "motion.json"
-        problem.write_text(yaml.safe_dump(fields))
+        motion = tmp_path / "motion.json"
         motion.write_text(trajectory_json(trajectory))
-        return outside_judge.judge(problem, motion)
+        return outside_judge.judge(written(tmp_path, fields), motion)
 
     return of
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("base", [TURN, AS_QUATERNION], ids=["turned", "by a quaternion"])
 def test_a_motion_is_as_good_wherever_its_cell_stands_and_no_robot_may_be_aside(
-    place, stored, judge
+    base, stored, judged
 ):
     _, trajectory = stored(NAME)
     fields = bundled_fields(NAME)
-    here = judge(fields, trajectory)
-    placed = placed_fields(fields, PLACES[place])
-    there = judge(placed, trajectory)
+    placed = placed_fields(fields, base)
+    here, there = judged(fields, trajectory), judged(placed, trajectory)
     assert outside_judge.passes(there)
     assert there.keys() == here.keys()
     for name, each in there.items():
@@ -71,60 +64,40 @@ def test_a_motion_is_as_good_wherever_its_cell_stands_and_no_robot_may_be_aside(
             assert each.margin == pytest.approx(here[name].margin, rel=1e-6, abs=1e-6)
     for axis in range(3):
         placed["robot"]["base"]["position"][axis] += 0.03
-        assert not outside_judge.passes(judge(placed, trajectory))
+        assert not outside_judge.passes(judged(placed, trajectory))
         placed["robot"]["base"]["position"][axis] -= 0.03
 
 
 @pytest.mark.dear("judges a cycle")
 def test_a_cycle_is_as_good_wherever_its_cell_stands(small_plan, tmp_path):
     """What is taken is an obstacle before, and must be where the hand is."""
-    fields, motion = yaml.safe_load(SMALL), tmp_path / "motion.json"
-    cycle = parse_cycle(placed_fields(fields, TURN))
-    moved = replace(small_plan.motion, cycle=cycle)
-    assert verify_cycle(cycle, moved).passed
-    write_cycle_motion(motion, moved)
-    path = tmp_path / "cycle.yaml"
-    path.write_text(yaml.safe_dump(placed_fields(fields, TURN)))
-    assert outside_judge.passes(outside_judge.judge(path, motion))
+    fields, path = placed_fields(yaml.safe_load(SMALL), TURN), tmp_path / "motion.json"
+    cycle = parse_cycle(fields)
+    motion = replace(small_plan.motion, cycle=cycle)
+    assert verify_cycle(cycle, motion).passed
+    write_cycle_motion(path, motion)
+    assert outside_judge.passes(outside_judge.judge(written(tmp_path, fields), path))
 
 
-def test_a_field_of_the_base_that_is_not_known_is_refused(stored, judge):
-    _, trajectory = stored(NAME)
-    fields = placed_fields(bundled_fields(NAME), {**SHIFT, "yaw": 1.0})
-    with pytest.raises(BadInput, match=r"robot\.base\.yaw is not known here"):
-        judge(fields, trajectory)
-
-
-# The outside judge on clearances of pairs and segments, and on contacts.
-
-
-def judged(folder, fields, way):
-    path = folder / "trajectory.json"
-    path.write_text(trajectory_json(trajectory_of(way)))
-    return Judge(written(folder, fields)).judge(read_trajectory(path))
+def judged_way(judged, case, **more):
+    """Return what is seen of a case of the arm that lifts, with other fields of its problem."""
+    return judged(fields_of(case) | more, trajectory_of(case.way))
 
 
 LOOKED_AT = [
-    "the default where a segment has none",
-    "a pair before a segment",
-    "a lift",
-    "a lift in contact at the goal alone",
-    "a pair's own clearance when contact ends",
-    "sideways",
-    "back into the ball",
-    "beside the ball",
-    "back into the ball in another segment",
-    "set down where the goal is open",
-    "overlap at an open goal",
-    "over, in contact at the start alone",
-    "over in a union",
+    *("the default where a segment has none", "a pair before a segment", "a lift", "sideways"),
+    *("a lift in contact at the goal alone", "a pair's own clearance when contact ends"),
+    *("back into the ball", "beside the ball", "back into the ball in another segment"),
+    *("set down where the goal is open", "overlap at an open goal"),
+    *("over, in contact at the start alone", "over in a union"),
 ]
 
 
-@pytest.mark.parametrize("case", [CASES[name] for name in LOOKED_AT], ids=LOOKED_AT)
-def test_the_margin_is_that_of_the_closed_form(tmp_path, case):
+@pytest.mark.parametrize("name", LOOKED_AT)
+def test_the_margin_is_that_of_the_closed_form(judged, name):
     """Up to what hand-overs are chosen by, and down to where it is not measured any closer."""
-    condition = judged(tmp_path, fields_of(case), case.way)["obstacles"]
+    case = CASES[name]
+    condition = judged_way(judged, case)["obstacles"]
     known = [float(np.clip(margin, DEEP, NEAR)) for margin in (condition.margin, case.margin)]
     assert known[0] == pytest.approx(known[1], abs=2e-5)
     assert min(case.margin, NEAR) - 2e-5 <= condition.margin <= case.margin + 0.02
@@ -132,32 +105,33 @@ def test_the_margin_is_that_of_the_closed_form(tmp_path, case):
 
 
 @pytest.mark.parametrize("second", [0.0213, 0.0217])
-def test_a_trajectory_passes_if_some_choice_of_hand_overs_does(tmp_path, second):
+def test_a_trajectory_passes_if_some_choice_of_hand_overs_does(judged, tmp_path, second):
     """Both capsules hold the cube from 30 mm before the middle to 30 mm behind it."""
     asked = {"clearance": {"segments": [0.008, second]}}
     case = Case(RISE, [0, 1, 2], asked, 0.0, None, radius=0.03)
-    found = judged(tmp_path, fields_of(case), case.way)
-    assert all(one.holds(TOLERANCE) for one in found.values()) == (second < 0.0215)
-    own = verify(*lifting(tmp_path, case)).failures()
-    assert bool(own) == (second >= 0.0215)
+    assert outside_judge.passes(judged_way(judged, case)) == (second < 0.0215)
+    assert bool(verify(*lifting(tmp_path, case)).failures()) == (second >= 0.0215)
 
 
-def test_links_keep_a_pairs_own_clearance_from_each_other(tmp_path):
-    for asked, margin in ((0.149, 0.001), (0.151, -0.001)):
-        pairs = [{"links": ["hand", "base"], "clearance": asked}]
-        case = Case(RISE, [0, 1, 2], {"clearance": {"pairs": pairs}}, 0.0, None)
-        found = judged(tmp_path, fields_of(case), case.way)
-        assert found["self_collision"].margin == pytest.approx(margin, abs=1e-6)
-        assert found["obstacles"].margin == pytest.approx(0.01, abs=1e-6)
+@pytest.mark.parametrize(("asked", "margin"), [(0.149, 0.001), (0.151, -0.001)])
+def test_links_keep_a_pairs_own_clearance_from_each_other(judged, asked, margin):
+    pairs = [{"links": ["hand", "base"], "clearance": asked}]
+    found = judged_way(judged, Case(RISE, [0, 1, 2], {"clearance": {"pairs": pairs}}, 0.0, None))
+    assert found["self_collision"].margin == pytest.approx(margin, abs=1e-6)
+    assert found["obstacles"].margin == pytest.approx(0.01, abs=1e-6)
 
 
-def test_a_segment_without_length_and_one_that_goes_on_keep_their_clearance(tmp_path):
+def test_a_segment_without_length_and_one_that_goes_on_keep_their_clearance(judged):
     """The file's numbers are those of its points, also where some of them count for nothing."""
-    fields = fields_of(Case(RISE, [0, 0, 1, 2], {}, 0.0, None))
-    fields["clearance"] = {"segments": [0.008, 0.008, 0.017]}
-    assert judged(tmp_path, fields, RISE)["obstacles"].margin > NEAR
-    fields["clearance"] = {"segments": [0.017, 0.017, 0.008]}
-    assert judged(tmp_path, fields, RISE)["obstacles"].margin == pytest.approx(-0.007, abs=1e-4)
+    case = Case(RISE, [0, 0, 1, 2], {}, 0.0, None)
+    found = judged_way(judged, case, clearance={"segments": [0.008, 0.008, 0.017]})
+    assert found["obstacles"].margin > NEAR
+    found = judged_way(judged, case, clearance={"segments": [0.017, 0.017, 0.008]})
+    assert found["obstacles"].margin == pytest.approx(-0.007, abs=1e-4)
+
+
+ROBOT = {"urdf": "lifting.urdf", "tool_frame": "hand", "gravity": [0, 0, 0]}
+PAIR = {"links": ["cart", "table"], "clearance": 0.1}
 
 
 @pytest.mark.parametrize(
@@ -165,20 +139,18 @@ def test_a_segment_without_length_and_one_that_goes_on_keep_their_clearance(tmp_
     [
         ({"clearance": {"segments": [0.01]}}, "clearance.segments has 1 entries for 2 segments"),
         ({"clearance": {"colour": 1}}, "clearance.colour is not known here"),
+        ({"clearance": {"pairs": [PAIR]}}, "cart and table are not held against each other"),
         ({"contacts": [CONTACT | {"colour": 1}]}, "contacts.colour is not known here"),
         ({"contacts": [CONTACT | {"segments": [2]}]}, "neither the first nor the last"),
         (contacts(links=["hand", "tabel"]), "hand and tabel are not held against each other"),
-        (
-            {"clearance": {"pairs": [{"links": ["cart", "table"], "clearance": 0.1}]}},
-            "cart and table are not held against each other",
-        ),
+        ({"robot": ROBOT | {"base": {"yaw": 1.0}}}, "robot.base.yaw is not known here"),
     ],
 )
-def test_what_cannot_be_judged_is_refused_by_name(tmp_path, asked, message, capsys):
-    fields = fields_of(Case(LIFT, [0, 1, 2], asked, 0.0, None))
+def test_what_cannot_be_judged_is_refused_by_name(judged, tmp_path, asked, message, capsys):
+    case = Case(LIFT, [0, 1, 2], asked, 0.0, None)
     with pytest.raises(BadInput, match=message):
-        judged(tmp_path, fields, LIFT)
-    assert main([str(written(tmp_path, fields)), str(tmp_path / "trajectory.json")]) == 2
+        judged_way(judged, case)
+    assert main([str(tmp_path / "lifting.yaml"), str(tmp_path / "motion.json")]) == 2
     assert message in capsys.readouterr().err
 
 
@@ -200,9 +172,8 @@ def test_what_is_asked_may_change_from_sample_to_sample(tmp_path):
     assert 0 < measured.sum() < 250
 
 
-def test_json_holds_the_verdict(tmp_path, capsys):
-    case, motion = CASES["sideways"], tmp_path / "trajectory.json"
-    motion.write_text(trajectory_json(trajectory_of(case.way)))
-    assert main([str(written(tmp_path, fields_of(case))), str(motion), "--json"]) == 1
+def test_json_holds_the_verdict(judged, tmp_path, capsys):
+    judged_way(judged, CASES["sideways"])
+    assert main([str(tmp_path / "lifting.yaml"), str(tmp_path / "motion.json"), "--json"]) == 1
     obstacles = json.loads(capsys.readouterr().out)["conditions"]["obstacles"]
     assert obstacles["holds"] is False
