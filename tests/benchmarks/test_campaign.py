@@ -43,104 +43,104 @@ def test_narrower_is_all_the_same_but_for_the_radii(built):
     assert narrower["tube"]["points"] == fields["tube"]["points"]
 
 
+def pairs(*durations):
+    return {"pairs": dict(zip(("forwards", "backwards", "narrower"), durations, strict=True))}
+
+
 @pytest.mark.parametrize(
-    "forwards, backwards, narrower, slow",
+    ("line", "slow"),
     [
-        (1.0, 1.005, 1.05, []),
-        (1.02, 1.0, 1.05, ["forwards"]),
-        (1.02, 1.02, 1.0, ["forwards", "backwards"]),
-        (1.0, None, None, ["backwards"]),
-        (None, None, None, []),
+        (pairs(1.0, 1.005, 1.05), []),
+        (pairs(1.02, 1.0, 1.05), ["forwards"]),
+        (pairs(1.02, 1.02, 1.0), ["forwards", "backwards"]),
+        (pairs(1.0, None, None), ["backwards"]),
+        (pairs(None, None, None), []),
+        ({"duration": 1.0, "baseline": 1.1}, []),
+        ({"duration": 1.2, "baseline": 1.1}, ["beside a baseline"]),
+        ({"duration": None, "baseline": 1.1}, ["beside a baseline"]),
     ],
 )
-def test_stuck_is_slower_than_the_best_by_a_hundredth(forwards, backwards, narrower, slow):
-    pairs = {"forwards": forwards, "backwards": backwards, "narrower": narrower}
-    assert campaign.stuck({"pairs": pairs}) == slow
-
-
-@pytest.mark.parametrize(
-    ("duration", "baseline", "slow"),
-    [(1.0, 1.1, []), (1.2, 1.1, ["beside a baseline"]), (None, 1.1, ["beside a baseline"])],
-)
-def test_nor_may_a_baseline_be_faster(duration, baseline, slow):
-    assert campaign.stuck({"duration": duration, "baseline": baseline}) == slow
+def test_stuck_is_slower_than_the_best_or_a_baseline_by_a_hundredth(line, slow):
+    assert campaign.stuck(line) == slow
 
 
 def _line(seed, **more):
     return {"seed": seed, "arm": "ur5", "segments": 1, "scale": 0.01, "message": "", **more}
 
 
-def marks(printed):
-    """Return the rows of the table of marks by their names."""
-    rows = [line.partition(" ") for line in printed.splitlines()]
-    return {name: rest.strip() for name, _, rest in rows}
+@pytest.fixture
+def run_campaign(monkeypatch, capsys):
+    """Return a function from arguments to the exit status, the table of marks and all output."""
+
+    def of(*arguments, examine=campaign.examine):
+        monkeypatch.setattr(campaign, "examine", examine)
+        monkeypatch.setattr("sys.argv", ["campaign.py", *map(str, arguments)])
+        status, printed = campaign.main(), capsys.readouterr().out
+        rows = [line.partition(" ") for line in printed.splitlines()]
+        return status, {name: rest.strip() for name, _, rest in rows}, printed
+
+    return of
 
 
-def test_what_is_wrong_is_listed_and_ends_with_status_1(tmp_path, monkeypatch, capsys):
+def test_what_is_wrong_is_listed_and_ends_with_status_1(run_campaign, tmp_path):
     answers = [
         _line(0, status="success", judged=True, duration=1.0, planning_time=1.0),
         _line(1, status="success", judged=False, worst="tube", duration=1.0, planning_time=1.0),
         _line(2, status="tube_blocked"),
     ]
-    monkeypatch.setattr(campaign, "examine", lambda seed, options: answers[seed])
     output = tmp_path / "lines.jsonl"
-    monkeypatch.setattr("sys.argv", ["campaign.py", "--count", "3", "--output", str(output)])
-    assert campaign.main() == 1
-    printed = capsys.readouterr().out
-    wrong = marks(printed)["wrong"].split()
-    assert wrong == ["1", "of", "2", "solved", "0", "MISSED", "[seeds", "1]"]
-    assert "2 of 3, 66.67%" in marks(printed)["solved"]
+    arguments = ("--count", 3, "--output", output)
+    status, marks, printed = run_campaign(*arguments, examine=lambda seed, options: answers[seed])
+    assert status == 1
+    assert marks["wrong"].split() == ["1", "of", "2", "solved", "0", "MISSED", "[seeds", "1]"]
+    assert "2 of 3, 66.67%" in marks["solved"]
     assert "WRONG seed 1 (ur5" in printed
     assert len(output.read_text().splitlines()) == 3
 
 
-def test_a_seed_that_raises_is_a_line_of_its_own(tmp_path, monkeypatch, capsys):
+def test_a_seed_that_raises_is_a_line_of_its_own(run_campaign):
     def examine(seed, options):
         if seed == 1:
             raise ZeroDivisionError("in a test")
         return _line(seed, status="tube_blocked")
 
-    monkeypatch.setattr(campaign, "examine", examine)
-    monkeypatch.setattr("sys.argv", ["campaign.py", "--count", "3"])
-    assert campaign.main() == 0
-    printed = capsys.readouterr().out
+    status, marks, printed = run_campaign("--count", 3, examine=examine)
+    assert status == 0
     assert printed.count("3 problems with a witness") == 1
-    assert "0 of 3, 0.00%" in marks(printed)["solved"]
+    assert "0 of 3, 0.00%" in marks["solved"]
     assert "   1  crash: ZeroDivisionError: in a test [seeds 1]" in printed
 
 
 # It builds, plans and judges a random problem in processes: 12 s.
 @pytest.mark.slow
-def test_a_problem_is_planned_by_processes_and_its_answer_judged(tmp_path, monkeypatch, capsys):
+def test_a_problem_is_planned_by_processes_and_its_answer_judged(run_campaign, tmp_path):
     output = tmp_path / "lines.jsonl"
-    arguments = ["--seed", str(QUICK), "--count", "1", "--processes", "2", "--output", str(output)]
-    monkeypatch.setattr("sys.argv", ["campaign.py", *arguments])
-    assert campaign.main() == 0
-    found = marks(capsys.readouterr().out)
-    assert "0 of 1 solved" in found["wrong"]
-    assert "1 of 1, 100.00%" in found["solved"]
+    arguments = ("--seed", QUICK, "--count", 1, "--processes", 2, "--output", output)
+    status, marks, _ = run_campaign(*arguments)
+    assert status == 0
+    assert "0 of 1 solved" in marks["wrong"]
+    assert "1 of 1, 100.00%" in marks["solved"]
     line = json.loads(output.read_text())["row"]
     assert (line["seed"], line["status"], line["judged"]) == (QUICK, "success", True)
 
 
-def test_seeds_that_are_done_are_skipped_unless_they_were_done_otherwise(
-    tmp_path, monkeypatch, capsys
-):
+def test_seeds_that_are_done_are_skipped_unless_they_were_done_otherwise(run_campaign, tmp_path):
     output, done = tmp_path / "lines.jsonl", []
-    monkeypatch.setattr(
-        campaign, "examine", lambda seed, options: done.append(seed) or _line(seed, status="crash")
-    )
+
+    def examine(seed, options):
+        done.append(seed)
+        return _line(seed, status="crash")
 
     def seeds_of(*arguments):
         done.clear()
-        monkeypatch.setattr("sys.argv", ["campaign.py", *arguments, "--output", str(output)])
-        assert campaign.main() == 0
-        return list(done)
+        status, marks, _ = run_campaign(*arguments, "--output", output, examine=examine)
+        assert status == 0
+        return list(done), marks["solved"]
 
-    assert seeds_of("--count", "1") == [0]
+    assert seeds_of("--count", 1)[0] == [0]
     with output.open("a") as stream:
         stream.write('{"key": "torn')
-    assert seeds_of("--count", "2") == [1]
-    assert "0 of 2, 0.00%" in marks(capsys.readouterr().out)["solved"]
-    assert seeds_of("--count", "2", "--slack", "0.005") == [0, 1]
-    assert seeds_of("--count", "2", "--keep", str(tmp_path)) == []
+    seeds, solved = seeds_of("--count", 2)
+    assert seeds == [1] and "0 of 2, 0.00%" in solved
+    assert seeds_of("--count", 2, "--slack", 0.005)[0] == [0, 1]
+    assert seeds_of("--count", 2, "--keep", tmp_path)[0] == []
