@@ -11,69 +11,36 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_cycle import SMALL
 
-from tubeplanner import (
-    BasePose,
-    Contact,
-    GoalRegion,
-    JointTrajectory,
-    LimitOverrides,
-    MotorOverrides,
-    Objective,
-    Obstacle,
-    Payload,
-    PlanOptions,
-    PointSpeed,
-    ProblemError,
-    Tolerance,
-    ToolOffset,
-    ToolPose,
-    Tube,
-    load_problem,
-    parse_cycle,
-    parse_problem,
-    placement_of,
-)
+import tubeplanner as t
 from tubeplanner.commands.cli import main
 from tubeplanner.problem.problem_format import problem_schema
 
 # Any arguments make an object of the public API or raise one of our errors, never another's.
-
-
-STRAIGHT = Tube(np.array([[0.3, -0.3, 0], [0.3, 0.3, 0]]), np.array([0.03]))
-EYE = placement_of()
-WALL = Obstacle.box("wall", [0.1, 0.1, 0.1], EYE)
+EYE = t.placement_of()
+WALL = t.Obstacle.box("wall", [0.1, 0.1, 0.1], EYE)
+STILL = {"joint_names": ["a"], "breakpoints": [0.0, 1.0], "coefficients": np.zeros((6, 1, 1))}
 RIGHT = {
-    "Tube": (Tube, {"points": [[0.3, 0, 0], [0.3, 0.3, 0]], "radius": [0.03]}),
-    "box": (Obstacle.box, {"name": "wall", "size": [0.1, 0.1, 0.1], "placement": EYE}),
-    "sphere": (Obstacle.sphere, {"name": "ball", "radius": 0.1, "placement": EYE}),
-    "cylinder": (
-        Obstacle.cylinder,
-        {"name": "post", "radius": 0.1, "length": 1.0, "placement": EYE},
-    ),
-    "mesh": (Obstacle.mesh, {"name": "part", "path": "no.stl", "placement": EYE}),
-    "Obstacle": (Obstacle, {"name": "wall", "shapes": WALL.shapes}),
-    "placement_of": (placement_of, {"position": [0, 0, 0], "rpy": [0, 0, 0]}),
-    "Contact": (Contact, {"links": ("a", "b"), "within": 0.03}),
-    "GoalRegion": (GoalRegion, {"position": np.zeros(3), "tolerance": 0.01}),
-    "ToolPose": (ToolPose, {"placement": EYE}),
-    "Objective": (Objective, {"slack": 0.1, "minimise": "energy"}),
-    "PlanOptions": (PlanOptions, {}),
-    "JointTrajectory": (
-        JointTrajectory,
-        {"joint_names": ["joint1"], "breakpoints": [0.0, 1.0], "coefficients": np.zeros((6, 1, 1))},
-    ),
-    "Payload": (Payload, {"mass": 1.0}),
-    "ToolOffset": (ToolOffset, {}),
-    "BasePose": (BasePose, {}),
-    "PointSpeed": (PointSpeed, {"link": "hand", "position": (0.0, 0.0, 0.0), "speed": 1.0}),
-    "LimitOverrides": (LimitOverrides, {"velocity": {"joint1": 3.0}}),
-    "MotorOverrides": (MotorOverrides, {}),
-    "Tolerance": (Tolerance, {}),
+    "Tube": (t.Tube, {"points": [[0.3, 0, 0], [0.3, 0.3, 0]], "radius": [0.03]}),
+    "box": (t.Obstacle.box, {"name": "wall", "size": [0.1, 0.1, 0.1], "placement": EYE}),
+    "sphere": (t.Obstacle.sphere, {"name": "ball", "radius": 0.1, "placement": EYE}),
+    "cylinder": (t.Obstacle.cylinder, {"name": "a", "radius": 0.1, "length": 1, "placement": EYE}),
+    "mesh": (t.Obstacle.mesh, {"name": "part", "path": "no.stl", "placement": EYE}),
+    "Obstacle": (t.Obstacle, {"name": "wall", "shapes": WALL.shapes}),
+    "placement_of": (t.placement_of, {"position": [0, 0, 0], "rpy": [0, 0, 0]}),
+    "Contact": (t.Contact, {"links": ("a", "b"), "within": 0.03}),
+    "GoalRegion": (t.GoalRegion, {"position": np.zeros(3), "tolerance": 0.01}),
+    "ToolPose": (t.ToolPose, {"placement": EYE}),
+    "Objective": (t.Objective, {"slack": 0.1, "minimise": "energy"}),
+    "PlanOptions": (t.PlanOptions, {}),
+    "JointTrajectory": (t.JointTrajectory, STILL),
+    "Payload": (t.Payload, {"mass": 1.0}),
+    "ToolOffset": (t.ToolOffset, {}),
+    "BasePose": (t.BasePose, {}),
+    "PointSpeed": (t.PointSpeed, {"link": "hand", "position": (0.0, 0.0, 0.0), "speed": 1.0}),
+    "LimitOverrides": (t.LimitOverrides, {"velocity": {"joint1": 3.0}}),
+    "MotorOverrides": (t.MotorOverrides, {}),
+    "Tolerance": (t.Tolerance, {}),
 }
-
-
-def names_of(make):
-    return sorted(inspect.signature(make).parameters)
 
 
 @pytest.mark.parametrize("what", RIGHT)
@@ -81,14 +48,13 @@ def names_of(make):
 @given(data=st.data())
 def test_any_value_makes_an_object_or_is_refused(what, data):
     make, right = RIGHT[what]
-    names = data.draw(st.lists(st.sampled_from(names_of(make)), min_size=1, max_size=2))
+    known = st.sampled_from(sorted(inspect.signature(make).parameters))
+    names = data.draw(st.lists(known, min_size=1, max_size=2))
     arguments = {**right, **{name: data.draw(VALUES) for name in names}}
     repr(accepted(make, **arguments))
 
 
 # Any change of fields, in Python or by --set, is made or refused in one line.
-
-
 FILE = "example:two_link/around_a_post"
 PATHS = st.text(max_size=12) | st.sampled_from(
     [
@@ -108,7 +74,8 @@ CHANGES = VALUES | st.dictionaries(PATHS | st.integers() | st.none(), NEW, max_s
 TEXTS = st.text(max_size=8) | st.sampled_from(
     [
         *("0.02", "x0.5", "x1e999", ".nan", ".inf", "[0.1, 0.2]", "{a: 1}", "null", "true", "'"),
-        *("[", "{", "&a [*a]", "*x", "!!python/object:os.system x", "1e400", "9" * 400, "|"),
+        *("[", "{", "&a [*a]", "*x", "!!python/object:os.system x", "1e400", "9" * 400),
+        *("|", "[x0.5]"),
         *(
             "\x1b[31m",
             "- a",
@@ -130,14 +97,14 @@ OPTIONS = st.builds("{}={}".format, PATHS, TEXTS) | NAMES | st.text(max_size=10)
 @examples(15)
 @given(st.just(PROBLEM) | changed_documents(PROBLEM, problem_schema(), 1), CHANGES)
 def test_any_changes_of_a_problem_are_made_or_refused(document, changes):
-    repr(accepted(parse_problem, document, changes=changes))
+    repr(accepted(t.parse_problem, document, changes=changes))
 
 
 @examples(10)
 @given(CHANGES)
 def test_any_changes_of_a_cycle_or_a_file_are_made_or_refused(changes):
-    repr(accepted(parse_cycle, CYCLE, changes=changes))
-    repr(accepted(load_problem, FILE, changes=changes))
+    repr(accepted(t.parse_cycle, CYCLE, changes=changes))
+    repr(accepted(t.load_problem, FILE, changes=changes))
 
 
 @pytest.fixture(scope="module")
@@ -163,16 +130,13 @@ def test_any_set_is_made_or_refused_in_one_line(capfd, cycle_file, given, kind, 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (
-            [("tube.radius", 0.02)],
-            "changes are [('tube.radius', 0.02)]; give a map from field paths",
-        ),
+        ([("clearance", 0)], "changes are [('clearance', 0)]; give a map from field paths"),
         ({5: 1}, "5 is no field path; give text, such as 'tube.radius'"),
     ],
 )
 def test_changes_of_another_kind_are_named(changes, message):
-    with pytest.raises(ProblemError) as caught:
-        parse_problem(PROBLEM, changes=changes)
+    with pytest.raises(t.ProblemError) as caught:
+        t.parse_problem(PROBLEM, changes=changes)
     assert str(caught.value).startswith(message)
 
 
@@ -182,25 +146,25 @@ def nested(depth):
 
 def test_what_is_nested_too_deep_is_refused_in_documents_and_changes(tmp_path):
     too_deep = "lists and maps are nested more than 100 deep"
-    with pytest.raises(ProblemError, match=f"^problem: {too_deep}"):
-        parse_problem({**PROBLEM, "obstacles": nested(500)})
-    with pytest.raises(ProblemError, match=f"^clearance: {too_deep}"):
-        parse_problem(PROBLEM, changes={"clearance": nested(500)})
+    with pytest.raises(t.ProblemError, match=f"^problem: {too_deep}"):
+        t.parse_problem({**PROBLEM, "obstacles": nested(500)})
+    with pytest.raises(t.ProblemError, match=f"^clearance: {too_deep}"):
+        t.parse_problem(PROBLEM, changes={"clearance": nested(500)})
     path = tmp_path / "deep.json"
     path.write_text(json.dumps({**PROBLEM, "obstacles": nested(400)}))
-    with pytest.raises(ProblemError, match=f"{path} is malformed: {too_deep}"):
-        load_problem(path, changes={"tube.radius": 0.02})
+    with pytest.raises(t.ProblemError, match=f"{path} is malformed: {too_deep}"):
+        t.load_problem(path, changes={"tube.radius": 0.02})
 
 
 def test_a_factor_of_a_number_that_no_float_can_be_is_refused():
     huge = {**PROBLEM, "clearance": 10**400}
-    with pytest.raises(ProblemError, match=r"clearance: x0\.5 of a number that is too large"):
-        parse_problem(huge, changes={"clearance": "x0.5"})
+    with pytest.raises(t.ProblemError, match=r"clearance: x0\.5 of a number that is too large"):
+        t.parse_problem(huge, changes={"clearance": "x0.5"})
 
 
 @pytest.mark.parametrize("value", [np.zeros(3), np.zeros(0), [np.zeros(3)]])
 def test_arrays_in_a_document_are_blamed_on_it(value):
-    with pytest.raises(ProblemError, match=r"^problem: top level: unknown key 'a'"):
-        parse_problem({**PROBLEM, "a": value})
-    with pytest.raises(ProblemError, match=r"^problem: format is "):
-        parse_problem({**PROBLEM, "format": value})
+    with pytest.raises(t.ProblemError, match=r"^problem: top level: unknown key 'a'"):
+        t.parse_problem({**PROBLEM, "a": value})
+    with pytest.raises(t.ProblemError, match=r"^problem: format is "):
+        t.parse_problem({**PROBLEM, "format": value})

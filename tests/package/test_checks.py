@@ -6,14 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tubeplanner import (
-    MeasureOptions,
-    OptionError,
-    PlanOptions,
-    RouteOptions,
-    TeachOptions,
-    Tolerance,
-)
+import tubeplanner as t
 from tubeplanner.arguments import (
     given_options,
     given_path,
@@ -31,34 +24,42 @@ from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 @pytest.mark.parametrize(
     ("options", "wrong", "message"),
     [
-        (PlanOptions, {"method": 3}, "unknown method 3; there is: refinement"),
-        (PlanOptions, {"quality": ["fast"]}, r"unknown quality \['fast'\] .*; there is: fast"),
-        (PlanOptions, {"time_limit": "a"}, "time_limit is 'a'; it must be a number > 0"),
-        (PlanOptions, {"time_limit": np.nan}, "time_limit is nan s; it must be > 0"),
-        (PlanOptions, {"node_budget": 10.5}, "node_budget is 10.5; it must be a whole number >= 1"),
-        (PlanOptions, {"candidate_points": None}, "candidate_points is None; .* >= 2 and <= 1000"),
-        (PlanOptions, {"suh_bishop": 3}, "suh_bishop is 3; it must be SuhBishopOptions"),
-        (MeasureOptions, {"max_radius": "wide"}, "max_radius is 'wide'; it must be a number > 0"),
-        (RouteOptions, {"tries": "3"}, "tries is '3'; it must be a whole number >= 1"),
-        (RouteOptions, {"band": 1j}, "band is 1j; it must be a number > 0 and finite"),
-        (TeachOptions, {"deviation": None}, "deviation is None; it must be a number > 0"),
-        (TeachOptions, {"samples": 0}, "samples is 0; it must be >= 1"),
-        (TeachOptions, {"seed": -1}, "seed is -1; it must be >= 0"),
+        (t.PlanOptions, {"method": 3}, "unknown method 3; there is: refinement"),
+        (t.PlanOptions, {"quality": ["fast"]}, r"unknown quality \['fast'\] .*; there is: fast"),
+        (t.PlanOptions, {"time_limit": "a"}, "time_limit is 'a'; it must be a number > 0"),
+        (t.PlanOptions, {"time_limit": np.nan}, "time_limit is nan s; it must be > 0"),
+        (
+            t.PlanOptions,
+            {"node_budget": 10.5},
+            "node_budget is 10.5; it must be a whole number >= 1",
+        ),
+        (
+            t.PlanOptions,
+            {"candidate_points": None},
+            "candidate_points is None; .* >= 2 and <= 1000",
+        ),
+        (t.PlanOptions, {"suh_bishop": 3}, "suh_bishop is 3; it must be SuhBishopOptions"),
+        (t.MeasureOptions, {"max_radius": "wide"}, "max_radius is 'wide'; it must be a number > 0"),
+        (t.RouteOptions, {"tries": "3"}, "tries is '3'; it must be a whole number >= 1"),
+        (t.RouteOptions, {"band": 1j}, "band is 1j; it must be a number > 0 and finite"),
+        (t.TeachOptions, {"deviation": None}, "deviation is None; it must be a number > 0"),
+        (t.TeachOptions, {"samples": 0}, "samples is 0; it must be >= 1"),
+        (t.TeachOptions, {"seed": -1}, "seed is -1; it must be >= 0"),
         (SuhBishopOptions, {"doubled": "all"}, "doubled is 'all'; it must be a whole number >= 1"),
         (SuhBishopOptions, {"modification": {}}, "modification is {}; it must be ModificationOpt"),
         (ModificationOptions, {"growth": "2"}, "growth is '2'; it must be a number > 1 and finite"),
-        (Tolerance, {"absolute": "1 mm"}, r"tolerance: absolute is '1 mm', not in \[0, 1\)"),
+        (t.Tolerance, {"absolute": "1 mm"}, r"tolerance: absolute is '1 mm', not in \[0, 1\)"),
     ],
 )
 def test_an_option_of_the_wrong_kind_is_named(options, wrong, message):
-    with pytest.raises(OptionError, match=message):
+    with pytest.raises(t.OptionError, match=message):
         options(**wrong)
 
 
 def test_numbers_of_numpy_are_numbers():
-    options = PlanOptions(node_budget=np.int64(5), time_limit=np.float32(2.0))
+    options = t.PlanOptions(node_budget=np.int64(5), time_limit=np.float32(2.0))
     assert (options.node_budget, options.time_limit) == (5, 2.0)
-    assert PlanOptions(time_limit=np.inf).time_limit == np.inf
+    assert t.PlanOptions(time_limit=np.inf).time_limit == np.inf
 
 
 def test_numbers_of_numpy_of_half_the_width_are_finite_or_not_without_a_warning():
@@ -73,11 +74,11 @@ def test_numbers_of_numpy_of_half_the_width_are_finite_or_not_without_a_warning(
 
 
 def test_options_are_those_of_the_class_unless_others_are_given():
-    given = PlanOptions("suh-bishop")
-    assert given_options(given, PlanOptions) is given
-    assert given_options(None, PlanOptions) == PlanOptions()
-    with pytest.raises(OptionError, match=r"^options are {}; give PlanOptions$"):
-        given_options({}, PlanOptions)
+    given = t.PlanOptions("suh-bishop")
+    assert given_options(given, t.PlanOptions) is given
+    assert given_options(None, t.PlanOptions) == t.PlanOptions()
+    with pytest.raises(t.OptionError, match=r"^options are {}; give PlanOptions$"):
+        given_options({}, t.PlanOptions)
 
 
 @pytest.mark.parametrize("row", [[1, 2], (1, 2), range(1, 3), np.array([1, 2])])
@@ -87,25 +88,25 @@ def test_a_row_is_a_list_a_tuple_or_an_array(row):
 
 @pytest.mark.parametrize("other", ["12", {1: 2}, {1, 2}, 1.0, None, np.array(1.0), iter([1])])
 def test_anything_else_is_no_row(other):
-    with pytest.raises(OptionError, match=r"^radii is .*; give a list of numbers$"):
+    with pytest.raises(t.OptionError, match=r"^radii is .*; give a list of numbers$"):
         given_row("radii", other, "numbers")
 
 
 def test_whom_progress_is_told_to_can_be_called():
     require_callback(None)
     require_callback(print)
-    with pytest.raises(OptionError, match=r"^progress is 5; give a function, which is called"):
+    with pytest.raises(t.OptionError, match=r"^progress is 5; give a function, which is called"):
         require_callback(5)
 
 
 def test_an_executor_submits():
     require_executor(None)
     require_executor(Executor())
-    with pytest.raises(OptionError, match=r"^executor is \[\]; give one of concurrent\.futures"):
+    with pytest.raises(t.OptionError, match=r"^executor is \[\]; give one of concurrent\.futures"):
         require_executor([])
 
 
 def test_a_path_is_text_or_a_path():
     assert given_path("directory", "a") == given_path("directory", Path("a")) == Path("a")
-    with pytest.raises(OptionError, match=r"^directory is b'a'; give a path$"):
+    with pytest.raises(t.OptionError, match=r"^directory is b'a'; give a path$"):
         given_path("directory", b"a")

@@ -6,17 +6,7 @@ import numpy as np
 import pytest
 from cases import with_motors
 
-from tubeplanner import (
-    BasePose,
-    Contact,
-    JointTrajectory,
-    Objective,
-    Obstacle,
-    PlanningProblem,
-    Tube,
-    load_robot,
-    placement_of,
-)
+import tubeplanner as t
 from tubeplanner.refinement.control_variables import ControlVariables
 from tubeplanner.refinement.distances_along import DistancesAlong
 from tubeplanner.refinement.link_constraints import LinkConstraints
@@ -33,8 +23,8 @@ STEP = 1e-6
 
 @pytest.fixture(scope="module")
 def on_a_slope():
-    base = BasePose((0.3, -0.2, 1.1), (0.4, -1.2, 2.5))
-    return load_robot("example:ur5", "tool0", base=base)
+    base = t.BasePose((0.3, -0.2, 1.1), (0.4, -1.2, 2.5))
+    return t.load_robot("example:ur5", "tool0", base=base)
 
 
 def finite_difference(function, x, step=STEP):
@@ -109,7 +99,7 @@ def rotation_error_by_joints(share):
         rotation, tool = robot.tool_pose(q)
         along = np.array([0.7, -0.4, 0.5])
         points = np.array([[0, 0, 0], along]) + tool.mean(axis=0) - share * along
-        tube = Tube(points, 9.0, orientations=TURNED, rotation_tolerance=1.0).rotation
+        tube = t.Tube(points, 9.0, orientations=TURNED, rotation_tolerance=1.0).rotation
 
         def error(x):
             turned, at = robot.tool_pose(x)
@@ -135,14 +125,14 @@ def required_distance_by_joints(robot):
     """Near the start, where less is required of solids in contact the nearer the tool is."""
     q, _, _ = random_trajectory(robot)
     q = q[0] + 0.02 * (q - q[0])
-    tube = Tube(robot.tool_position(q[[0, -1]]) + np.diag([0.0, 1.0])[:, [0, 0, 1]], 9.0)
-    ball = Obstacle.sphere("ball", 0.1, placement_of([9.0, 9.0, 9.0]))
-    problem = PlanningProblem(
+    tube = t.Tube(robot.tool_position(q[[0, -1]]) + np.diag([0.0, 1.0])[:, [0, 0, 1]], 9.0)
+    ball = t.Obstacle.sphere("ball", 0.1, t.placement_of([9.0, 9.0, 9.0]))
+    problem = t.PlanningProblem(
         robot, tube, q[0], obstacles=[ball], clearance=30.0, self_collision=False
     )
     link = problem.collision.shapes[problem.collision.pairs[-1, 0]].owner
     reach = 1.5 * np.linalg.norm(robot.tool_position(q) - tube.points[0], axis=1).max()
-    problem = replace(problem, contacts=[Contact(("ball", link), reach)])
+    problem = replace(problem, contacts=[t.Contact(("ball", link), reach)])
     along, grid = DistancesAlong(problem, q[[0, -1]], 0.0), knot_grid(np.array([0.0, 1.0]), 20)
     samples, pair = grid.samples(np.array([0.5])), np.full(len(q), len(problem.collision.pairs) - 1)
 
@@ -156,7 +146,7 @@ def trajectory_by_time(order):
     def case(robot):
         rng = np.random.default_rng(6)
         n = robot.joint_count
-        trajectory = JointTrajectory(robot.joint_names, [0, 0.4, 1.0], rng.normal(size=(6, 2, n)))
+        trajectory = t.JointTrajectory(robot.joint_names, [0, 0.4, 1.0], rng.normal(size=(6, 2, n)))
         functions = (trajectory.position, trajectory.velocity, trajectory.acceleration)
         times = rng.uniform(0.01, 0.39, (20, 1))
         exact = functions[order + 1](times)[:, 0][:, :, None]
@@ -175,14 +165,14 @@ def objective_by_variables(minimise, **motors):
         points = np.linspace(q[0], q[1], grid.control_point_count)
         points[3:-3] += np.random.default_rng(8).normal(size=points[3:-3].shape)
         points[:3], points[-3:] = points[0], points[-1]
-        tube = Tube(robot.tool_position(points[[0, 5, -1]]), 9.0)
-        problem = PlanningProblem(
+        tube = t.Tube(robot.tool_position(points[[0, 5, -1]]), 9.0)
+        problem = t.PlanningProblem(
             robot,
             tube,
             points[0],
             points[-1],
             self_collision=False,
-            objective=Objective(minimise=minimise),
+            objective=t.Objective(minimise=minimise),
         )
         links, radius = LinkConstraints(problem), np.full(2, 9.0)
         constraints = SplineConstraints(problem, grid, links, radius, 0.8)

@@ -8,12 +8,12 @@ import threading
 import numpy as np
 import pytest
 
-from tubeplanner import PlanOptions, load_robot, parse_problem, plan, verify, view
+import tubeplanner as t
 from tubeplanner.errors import RobotError
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.resources import bundled_folder
 
-STOPS = PlanOptions("stop-at-corners", slack=0.0)
+STOPS = t.PlanOptions("stop-at-corners", slack=0.0)
 COPIES = {"pickled": lambda kept: pickle.loads(pickle.dumps(kept)), "copied": copy.deepcopy}
 
 
@@ -29,7 +29,7 @@ def post(planned):
 
 def test_a_robot_is_what_it_was(again):
     options = {"locked_joints": {"panda_finger_joint1": 0.03}, "gravity": (0.1, 0, -9)}
-    robot = load_robot("example:panda", "panda_hand_tcp", **options)
+    robot = t.load_robot("example:panda", "panda_hand_tcp", **options)
     other = again(robot)
     q, v, a = np.random.default_rng(0).uniform(-1, 1, (3, 5, 7))
     np.testing.assert_array_equal(other.inverse_dynamics(q, v, a), robot.inverse_dynamics(q, v, a))
@@ -41,7 +41,7 @@ def test_a_problem_plans_the_same(post, again):
     problem, result = post
     other = again(problem)
     assert problem_hash(other) == problem_hash(problem)
-    found = plan(other, STOPS)
+    found = t.plan(other, STOPS)
     np.testing.assert_array_equal(found.trajectory.coefficients, result.trajectory.coefficients)
     assert found.certificate == result.certificate
 
@@ -53,7 +53,7 @@ def test_a_result_is_what_it_was(post, again):
     assert other.as_dict() == result.as_dict()
     assert other.sensitivities == result.sensitivities
     assert other.path_minimum == result.path_minimum
-    assert verify(problem, other.trajectory) == result.certificate
+    assert t.verify(problem, other.trajectory) == result.certificate
     with pytest.raises(TypeError):
         other.certificate.conditions["effort"] = None
 
@@ -90,16 +90,16 @@ def test_without_its_files_a_problem_is_planned_and_a_view_names_what_is_missing
         "start": {"joints": [0.0]},
         "obstacles": [{"name": "post", "sphere": 0.05, "position": [-0.5, 0, 0]}],
     }
-    problem = parse_problem(data)
+    problem = t.parse_problem(data)
     packed = again(problem)
-    before = plan(problem, STOPS)
+    before = t.plan(problem, STOPS)
     assert before.succeeded
     shutil.rmtree(folder)
-    after = plan(packed, STOPS)
+    after = t.plan(packed, STOPS)
     np.testing.assert_array_equal(after.trajectory.coefficients, before.trajectory.coefficients)
-    assert verify(packed, before.trajectory) == before.certificate
+    assert t.verify(packed, before.trajectory) == before.certificate
     with pytest.raises(RobotError, match=r"mesh .*arm.stl.* does not exist"):
-        view(packed, after.trajectory)
+        t.view(packed, after.trajectory)
 
 
 def test_two_threads_judge_against_one_problem_as_one_does(post):
@@ -107,12 +107,12 @@ def test_two_threads_judge_against_one_problem_as_one_does(post):
     problem, result = post
     good = result.trajectory
     slow = good.scaled(1.5)
-    alone = {"good": verify(problem, good), "slow": verify(problem, slow)}
+    alone = {"good": t.verify(problem, good), "slow": t.verify(problem, slow)}
     found = {"good": [], "slow": []}
 
     def judge(name, trajectory):
         for _ in range(5):
-            found[name].append(verify(problem, trajectory))
+            found[name].append(t.verify(problem, trajectory))
 
     threads = [
         threading.Thread(target=judge, args=pair) for pair in (("good", good), ("slow", slow))
@@ -129,7 +129,7 @@ def test_two_threads_plan_one_problem_as_one_does(post):
     problem, result = post
     found = []
     threads = [
-        threading.Thread(target=lambda: found.append(plan(problem, STOPS))) for _ in range(2)
+        threading.Thread(target=lambda: found.append(t.plan(problem, STOPS))) for _ in range(2)
     ]
     for thread in threads:
         thread.start()
