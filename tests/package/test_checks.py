@@ -6,7 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import tubeplanner as t
+from tubeplanner import (
+    MeasureOptions,
+    OptionError,
+    PlanOptions,
+    RouteOptions,
+    TeachOptions,
+    Tolerance,
+)
 from tubeplanner.arguments import (
     given_options,
     given_path,
@@ -18,51 +25,39 @@ from tubeplanner.options import are_numbers, in_figures
 from tubeplanner.suh_bishop.knot_modification import ModificationOptions
 from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 
+
 # Options of a wrong kind are named like those out of range.
-
-
 @pytest.mark.parametrize(
     ("options", "wrong", "message"),
     [
-        (t.PlanOptions, {"method": 3}, "unknown method 3; there is: refinement"),
-        (t.PlanOptions, {"quality": ["fast"]}, r"unknown quality \['fast'\] .*; there is: fast"),
-        (t.PlanOptions, {"time_limit": "a"}, "time_limit is 'a'; it must be a number > 0"),
-        (t.PlanOptions, {"time_limit": np.nan}, "time_limit is nan s; it must be > 0"),
-        (
-            t.PlanOptions,
-            {"node_budget": 10.5},
-            "node_budget is 10.5; it must be a whole number >= 1",
-        ),
-        (
-            t.PlanOptions,
-            {"candidate_points": None},
-            "candidate_points is None; .* >= 2 and <= 1000",
-        ),
-        (t.PlanOptions, {"suh_bishop": 3}, "suh_bishop is 3; it must be SuhBishopOptions"),
-        (t.MeasureOptions, {"max_radius": "wide"}, "max_radius is 'wide'; it must be a number > 0"),
-        (t.RouteOptions, {"tries": "3"}, "tries is '3'; it must be a whole number >= 1"),
-        (t.RouteOptions, {"band": 1j}, "band is 1j; it must be a number > 0 and finite"),
-        (t.TeachOptions, {"deviation": None}, "deviation is None; it must be a number > 0"),
-        (t.TeachOptions, {"samples": 0}, "samples is 0; it must be >= 1"),
-        (t.TeachOptions, {"seed": -1}, "seed is -1; it must be >= 0"),
+        (PlanOptions, {"method": 3}, "unknown method 3; there is: refinement"),
+        (PlanOptions, {"quality": ["fast"]}, r"unknown quality \['fast'\] .*; there is: fast"),
+        (PlanOptions, {"time_limit": "a"}, "time_limit is 'a'; it must be a number > 0"),
+        (PlanOptions, {"time_limit": np.nan}, "time_limit is nan s; it must be > 0"),
+        (PlanOptions, {"node_budget": 10.5}, "node_budget is 10.5; it must be a whole number >= 1"),
+        (PlanOptions, {"candidate_points": None}, "candidate_points is None; .* >= 2 and <= 1000"),
+        (PlanOptions, {"suh_bishop": 3}, "suh_bishop is 3; it must be SuhBishopOptions"),
+        (MeasureOptions, {"max_radius": "wide"}, "max_radius is 'wide'; it must be a number > 0"),
+        (RouteOptions, {"tries": "3"}, "tries is '3'; it must be a whole number >= 1"),
+        (RouteOptions, {"band": 1j}, "band is 1j; it must be a number > 0 and finite"),
+        (TeachOptions, {"deviation": None}, "deviation is None; it must be a number > 0"),
+        (TeachOptions, {"samples": 0}, "samples is 0; it must be >= 1"),
+        (TeachOptions, {"seed": -1}, "seed is -1; it must be >= 0"),
         (SuhBishopOptions, {"doubled": "all"}, "doubled is 'all'; it must be a whole number >= 1"),
         (SuhBishopOptions, {"modification": {}}, "modification is {}; it must be ModificationOpt"),
         (ModificationOptions, {"growth": "2"}, "growth is '2'; it must be a number > 1 and finite"),
-        (t.Tolerance, {"absolute": "1 mm"}, r"tolerance: absolute is '1 mm', not in \[0, 1\)"),
+        (Tolerance, {"absolute": "1 mm"}, r"tolerance: absolute is '1 mm', not in \[0, 1\)"),
     ],
 )
 def test_an_option_of_the_wrong_kind_is_named(options, wrong, message):
-    with pytest.raises(t.OptionError, match=message):
+    with pytest.raises(OptionError, match=message):
         options(**wrong)
 
 
-def test_numbers_of_numpy_are_numbers():
-    options = t.PlanOptions(node_budget=np.int64(5), time_limit=np.float32(2.0))
+def test_numbers_of_numpy_are_numbers_finite_or_not_without_a_warning():
+    options = PlanOptions(node_budget=np.int64(5), time_limit=np.float32(2.0))
     assert (options.node_budget, options.time_limit) == (5, 2.0)
-    assert t.PlanOptions(time_limit=np.inf).time_limit == np.inf
-
-
-def test_numbers_of_numpy_of_half_the_width_are_finite_or_not_without_a_warning():
+    assert PlanOptions(time_limit=np.inf).time_limit == np.inf
     assert are_numbers([np.float32(0.5), 1, 2.0], 3)
     for value in (np.float32("inf"), np.float32("nan"), np.inf, 10**400):
         assert not are_numbers([value], 1)
@@ -71,14 +66,12 @@ def test_numbers_of_numpy_of_half_the_width_are_finite_or_not_without_a_warning(
 
 
 # Arguments of public functions: what they may be, and what is said of others.
-
-
 def test_options_are_those_of_the_class_unless_others_are_given():
-    given = t.PlanOptions("suh-bishop")
-    assert given_options(given, t.PlanOptions) is given
-    assert given_options(None, t.PlanOptions) == t.PlanOptions()
-    with pytest.raises(t.OptionError, match=r"^options are {}; give PlanOptions$"):
-        given_options({}, t.PlanOptions)
+    given = PlanOptions("suh-bishop")
+    assert given_options(given, PlanOptions) is given
+    assert given_options(None, PlanOptions) == PlanOptions()
+    with pytest.raises(OptionError, match=r"^options are {}; give PlanOptions$"):
+        given_options({}, PlanOptions)
 
 
 @pytest.mark.parametrize("row", [[1, 2], (1, 2), range(1, 3), np.array([1, 2])])
@@ -88,25 +81,27 @@ def test_a_row_is_a_list_a_tuple_or_an_array(row):
 
 @pytest.mark.parametrize("other", ["12", {1: 2}, {1, 2}, 1.0, None, np.array(1.0), iter([1])])
 def test_anything_else_is_no_row(other):
-    with pytest.raises(t.OptionError, match=r"^radii is .*; give a list of numbers$"):
+    with pytest.raises(OptionError, match=r"^radii is .*; give a list of numbers$"):
         given_row("radii", other, "numbers")
 
 
-def test_whom_progress_is_told_to_can_be_called():
-    require_callback(None)
-    require_callback(print)
-    with pytest.raises(t.OptionError, match=r"^progress is 5; give a function, which is called"):
-        require_callback(5)
-
-
-def test_an_executor_submits():
-    require_executor(None)
-    require_executor(Executor())
-    with pytest.raises(t.OptionError, match=r"^executor is \[\]; give one of concurrent\.futures"):
-        require_executor([])
+@pytest.mark.parametrize(
+    ("require", "right", "wrong", "message"),
+    [
+        (require_callback, print, 5, r"^progress is 5; give a function, which is called"),
+        (require_executor, Executor(), [], r"^executor is \[\]; give one of concurrent\.futures"),
+    ],
+)
+def test_progress_is_told_to_what_can_be_called_and_an_executor_submits(
+    require, right, wrong, message
+):
+    require(None)
+    require(right)
+    with pytest.raises(OptionError, match=message):
+        require(wrong)
 
 
 def test_a_path_is_text_or_a_path():
     assert given_path("directory", "a") == given_path("directory", Path("a")) == Path("a")
-    with pytest.raises(t.OptionError, match=r"^directory is b'a'; give a path$"):
+    with pytest.raises(OptionError, match=r"^directory is b'a'; give a path$"):
         given_path("directory", b"a")

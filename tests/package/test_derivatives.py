@@ -53,11 +53,8 @@ def effort_by(argument):
             varied[argument] = x
             return robot.inverse_dynamics(*varied)
 
-        return (
-            effort,
-            trajectory[argument],
-            robot.inverse_dynamics_derivatives(*trajectory)[argument],
-        )
+        exact = robot.inverse_dynamics_derivatives(*trajectory)[argument]
+        return effort, trajectory[argument], exact
 
     return case
 
@@ -112,12 +109,8 @@ def rotation_error_by_joints(share):
     return case
 
 
-RUBBING = {
-    "armature": 0.3,
-    "viscous_friction": 4.0,
-    "backwards_friction": 5.0,
-    "forwards_friction": 3.0,
-}
+RUBBING = {"armature": 0.3, "viscous_friction": 4.0}
+RUBBING |= {"backwards_friction": 5.0, "forwards_friction": 3.0}
 TURNED = [[0, 0, 0, 1], [0.5, 0.5, -0.5, 0.5]]
 
 
@@ -193,12 +186,9 @@ def objective_by_variables(minimise, **motors):
 
 
 OF_OBJECTIVES = {
-    "smoothness by control points and times": (objective_by_variables("smoothness"), 1e-5),
-    "energy by control points and times": (objective_by_variables("energy"), 1e-5),
-    "work by control points and times": (objective_by_variables("work"), 1e-5),
-    "smoothness with friction": (objective_by_variables("smoothness", **RUBBING), 1e-5),
-    "energy with friction": (objective_by_variables("energy", **RUBBING), 1e-5),
-    "work with friction": (objective_by_variables("work", **RUBBING), 1e-5),
+    f"{minimise}{words}": (objective_by_variables(minimise, **motors), 1e-5)
+    for minimise in ("smoothness", "energy", "work")
+    for words, motors in ((" by control points and times", {}), (" with friction", RUBBING))
 }
 TABLE = {
     "tool position by joints": (tool_by_joints, 1e-8),
@@ -214,12 +204,13 @@ TABLE = {
     "trajectory acceleration": (trajectory_by_time(1), 1e-7),
     **OF_OBJECTIVES,
 }
-
-
 # What motors cost is the dearest; friction and gravity take the same code for every arm.
 ARMS = [
-    *((name, "panda") for name in TABLE if name not in OF_OBJECTIVES),
-    *((name, "on_a_slope") for name in TABLE if name not in OF_OBJECTIVES),
+    *(
+        (name, arm)
+        for name in sorted(TABLE.keys() - OF_OBJECTIVES)
+        for arm in ("panda", "on_a_slope")
+    ),
     *((name, "two_link") for name in OF_OBJECTIVES),
     ("energy with friction", "on_a_slope"),
 ]

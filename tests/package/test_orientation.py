@@ -15,9 +15,8 @@ from tubeplanner.tube.rotations import (
     turning_gain_rate,
 )
 
+
 # Rotation matrices against scipy's.
-
-
 def test_quaternions_of_any_length_give_the_matrices_of_scipy():
     quaternions = np.random.default_rng(0).normal(size=(20, 4))
     expected = Rotation.from_quat(quaternions).as_matrix()
@@ -43,8 +42,6 @@ def test_a_matrix_gives_roll_pitch_and_yaw_back():
 
 
 # Rotation vectors against scipy and their own definitions, at all angles.
-
-
 ANGLES = (0.0, 1e-300, 1e-160, 1e-20, 1e-8, 9.99e-3, 1.001e-2, 1.0, 2.5, np.pi - 1e-9, np.pi)
 
 

@@ -34,10 +34,16 @@ def test_a_part_that_ends_early_is_over():
     assert stages == ["certificate"]
 
 
-def test_something_is_provided_once_and_only_inside(monkeypatch):
-    now, done = [0.0], []
+@pytest.fixture
+def now(monkeypatch):
+    """The time of the clock, to be set [s]."""
+    now = [0.0]
     monkeypatch.setattr("tubeplanner.progress.time.perf_counter", lambda: now[0])
-    clock = PlanningClock(10.0, None)
+    return now
+
+
+def test_something_is_provided_once_and_only_inside(now):
+    done, clock = [], PlanningClock(10.0, None)
 
     def provide():
         done.append(now[0])
@@ -53,10 +59,8 @@ def test_something_is_provided_once_and_only_inside(monkeypatch):
     assert done == [3.0]
 
 
-def test_nothing_is_provided_when_the_time_has_passed(monkeypatch):
-    now, done = [0.0], []
-    monkeypatch.setattr("tubeplanner.progress.time.perf_counter", lambda: now[0])
-    clock = PlanningClock(10.0, None)
+def test_nothing_is_provided_when_the_time_has_passed(now):
+    done, clock = [], PlanningClock(10.0, None)
     with clock.provided(0.25, lambda: done.append(1)), pytest.raises(TimeLimitReached):
         now[0] = 11.0
         clock.check()

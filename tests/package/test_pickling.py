@@ -3,10 +3,11 @@
 import copy
 import pickle
 import shutil
-import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from arms import INERTIAL, joint, link, written
 
 import tubeplanner as t
 from tubeplanner.errors import RobotError
@@ -58,34 +59,20 @@ def test_a_result_is_what_it_was(post, again):
         other.certificate.conditions["effort"] = None
 
 
-MESHED = """
-<robot name="meshed">
-  <link name="base"/>
-  <link name="arm">
-    <inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0"
-    iyz="0"/></inertial> <visual><geometry><mesh filename="arm.stl"/></geometry></visual>
-    <collision><geometry><mesh filename="arm.stl"/></geometry></collision>
-  </link>
-  <link name="tip"/>
-  <joint name="turn" type="revolute">
-    <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
-    <limit lower="-3" upper="3" effort="20" velocity="2"/>
-  </joint>
-  <joint name="end" type="fixed">
-    <parent link="arm"/><child link="tip"/><origin xyz="0.5 0 0"/>
-  </joint>
-</robot>
-"""
+MESH = '<geometry><mesh filename="arm.stl"/></geometry>'
+INNER = f"{INERTIAL}<visual>{MESH}</visual><collision>{MESH}</collision>"
 
 
 def test_without_its_files_a_problem_is_planned_and_a_view_names_what_is_missing(tmp_path, again):
     """The collision geometry travels with the problem, the visual meshes do not."""
     folder = tmp_path / "robot"
     folder.mkdir()
-    (folder / "meshed.urdf").write_text(MESHED)
+    turn = joint("turn", "base", "arm")
+    end = joint("end", "arm", "tip", "fixed", xyz="0.5 0 0")
+    urdf = written(folder, link("base", ""), link("arm", INNER), link("tip", ""), turn, end)
     shutil.copy(bundled_folder() / "ur5" / "part.stl", folder / "arm.stl")
     data = {
-        "robot": {"urdf": str(folder / "meshed.urdf"), "tool_frame": "tip"},
+        "robot": {"urdf": str(urdf), "tool_frame": "tip"},
         "tube": {"points": [[0.5, 0, 0], [0.3, 0.4, 0]], "radius": 0.2},
         "start": {"joints": [0.0]},
         "obstacles": [{"name": "post", "sphere": 0.05, "position": [-0.5, 0, 0]}],
@@ -102,39 +89,23 @@ def test_without_its_files_a_problem_is_planned_and_a_view_names_what_is_missing
         t.view(packed, after.trajectory)
 
 
+def run_together(*calls):
+    """Make calls at the same time; return what comes of each."""
+    with ThreadPoolExecutor(len(calls)) as threads:
+        return [future.result() for future in [threads.submit(call) for call in calls]]
+
+
 def test_two_threads_judge_against_one_problem_as_one_does(post):
     """Poses that one thread gives to links must not be measured by the other."""
     problem, result = post
-    good = result.trajectory
-    slow = good.scaled(1.5)
-    alone = {"good": t.verify(problem, good), "slow": t.verify(problem, slow)}
-    found = {"good": [], "slow": []}
-
-    def judge(name, trajectory):
-        for _ in range(5):
-            found[name].append(t.verify(problem, trajectory))
-
-    threads = [
-        threading.Thread(target=judge, args=pair) for pair in (("good", good), ("slow", slow))
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for name, certificates in found.items():
-        assert certificates == [alone[name]] * 5
+    motions = (result.trajectory, result.trajectory.scaled(1.5))
+    alone = [[t.verify(problem, motion)] * 5 for motion in motions]
+    calls = (lambda m=motion: [t.verify(problem, m) for _ in range(5)] for motion in motions)
+    assert run_together(*calls) == alone
 
 
 def test_two_threads_plan_one_problem_as_one_does(post):
     problem, result = post
-    found = []
-    threads = [
-        threading.Thread(target=lambda: found.append(t.plan(problem, STOPS))) for _ in range(2)
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for other in found:
+    for other in run_together(*[lambda: t.plan(problem, STOPS)] * 2):
         np.testing.assert_array_equal(other.trajectory.coefficients, result.trajectory.coefficients)
         assert other.certificate == result.certificate

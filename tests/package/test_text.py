@@ -17,8 +17,6 @@ from tubeplanner.studies.json_values import value_text
 from tubeplanner.studies.placement_region import Region, Stand
 
 # Names that messages, files and figures can hold, and how values are shown in messages.
-
-
 HIDDEN = [
     "a\nFAKE: passes",
     "a\x1b[31m",
@@ -57,16 +55,11 @@ def test_a_long_name_is_refused_in_a_short_message():
     assert len(str(caught.value)) < 200
 
 
-LONG = {
-    "text": "x" * 10**6,
-    "digits that Python does not write": 10**5000,
-    "digits": 10**300,
-    "a list": [1.0] * 10**6,
-    "a map": {1: "y" * 999},
-}
-
-
-@pytest.mark.parametrize("value", LONG.values(), ids=LONG)
+@pytest.mark.parametrize(
+    "value",
+    ["x" * 10**6, 10**5000, 10**300, [1.0] * 10**6, {1: "y" * 999}],
+    ids=["text", "digits that Python does not write", "digits", "a list", "a map"],
+)
 def test_long_values_are_shown_short(value):
     assert len(shown(value)) <= MAX_SHOWN + 3
     assert len(unknown_name("key", value, ["a", "b"])) < 150
@@ -110,18 +103,9 @@ SAYS = {
 }
 # Results of long computations: of all fields large arrays.
 FILLED = [
-    *("Comparison", "ComparisonRow", "Execution", "FieldRow", "FieldSweep", "JudgedRun"),
-    *("HandoverErrors", "JudgedCycle"),
-    *(
-        "PatternSurvey",
-        "Plant",
-        "SegmentMeasurement",
-        "Survival",
-        "SweepResult",
-        "SweepRow",
-        "Tightening",
-    ),
-    *("Study", "StudyResult", "StudyRow"),
+    *("Comparison", "ComparisonRow", "Execution", "FieldRow", "FieldSweep", "HandoverErrors"),
+    *("JudgedCycle", "JudgedRun", "PatternSurvey", "Plant", "SegmentMeasurement", "Study"),
+    *("StudyResult", "StudyRow", "Survival", "SweepResult", "SweepRow", "Tightening"),
     *("TrajectoryMeasures", "TubeAnswer", "TubeMeasurement", "View", "ZonedPath"),
 ]
 
@@ -141,10 +125,9 @@ def made(planned, small_plan):
         *(t.ToolPose(np.eye(4)), t.GoalRegion((0, 0, 1), 0.02), t.Contact(("a", "b"), 0.03)),
         *(t.Seed(np.zeros(7)), limits, t.MotorOverrides(), t.LimitLayer("a: ", limits)),
         *(t.PointSpeed("hand", (0, 0, 0), 1.0), t.Payload(1.0), t.ToolOffset(), t.Objective()),
-        t.BasePose(),
-        *(t.Robustness(), t.PlanOptions(), t.MeasureOptions(), t.TeachOptions(), t.RouteOptions()),
-        *(t.Draw(), t.Progress("planning"), t.SlowerRun("effort", 0.1, 0.5, result.place)),
-        *(t.RunVerdict(9, 1, {"tube": 1}), t.Blame("effort", "", 0.1, 0.1, ())),
+        *(t.BasePose(), t.Robustness(), t.PlanOptions(), t.MeasureOptions(), t.TeachOptions()),
+        *(t.RouteOptions(), t.Draw(), t.Progress("planning"), t.RunVerdict(9, 1, {"tube": 1})),
+        *(t.SlowerRun("effort", 0.1, 0.5, result.place), t.Blame("effort", "", 0.1, 0.1, ())),
         t.SearchStatistics(*range(8), False),
         *(t.WorkerProcesses(2), t.PosedProblem.read("example:two_link/around_a_post")),
         *t.plan_many(["no/such/file.yaml"], executor=ThreadPoolExecutor(1)),
@@ -178,14 +161,10 @@ def _of_places(problem, result):
 
 def _of_explanations(problem, result):
     """Return an explanation, a remedy and room."""
-    changes = {"tube.radius": [0.06] * 99}
-    text = "all radii times 2"
     radii, wider, missed = [0.03] * 99, [0.06] * 99, [0.05] * 99
-    remedy = t.Remedy(
-        "tube.radius", radii, wider, "m", 1.5, text, changes, 1.0, missed, "50 mm", True
-    )
-    told = "clearance 10 -> 20 mm"
-    room = t.Room("clearance", 0.01, 0.02, "m", 1.5, told, 0.021, "21 mm", True)
+    given = ("m", 1.5, "all radii times 2", {"tube.radius": wider}, 1.0, missed, "50 mm", True)
+    remedy = t.Remedy("tube.radius", radii, wider, *given)
+    room = t.Room("clearance", 0.01, 0.02, "m", 1.5, "clearance 10 -> 20 mm", 0.021, "21 mm", True)
     found = t.Explanation(problem.name, problem, result, None, (remedy,) * 99, ("a",) * 99)
     return [remedy, room, replace(found, tried=99)]
 
@@ -197,16 +176,14 @@ def _filled(cls):
     return instance
 
 
-def _classes():
-    public = {name: getattr(t, name) for name in t.__all__}
-    return [
-        name
-        for name, each in public.items()
-        if isinstance(each, type) and not issubclass(each, Exception)
-    ]
+CLASSES = [
+    name
+    for name in t.__all__
+    if isinstance(each := getattr(t, name), type) and not issubclass(each, Exception)
+]
 
 
-@pytest.mark.parametrize("name", _classes())
+@pytest.mark.parametrize("name", CLASSES)
 def test_a_public_class_prints_a_short_line(made, name):
     text = repr(made[name])
     assert len(text) <= MOST
@@ -219,11 +196,7 @@ def test_a_public_class_prints_a_short_line(made, name):
 
 def test_a_failed_certificate_names_what_fails(stored):
     problem, trajectory = stored("two_link/around_a_post")
-    fast = t.JointTrajectory(
-        trajectory.joint_names,
-        trajectory.breakpoints / 2,
-        trajectory.coefficients * 2.0 ** np.arange(len(trajectory.coefficients))[::-1, None, None],
-    )
+    fast = trajectory.scaled(0.5)
     assert "fails effort" in repr(t.verify(problem, fast))
 
 

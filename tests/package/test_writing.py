@@ -16,29 +16,37 @@ from tubeplanner.held_signals import signals_held
 from tubeplanner.staged_file import StagedFile, temporary_path
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_comes_at_the_end(number):
-    came = []
-    before = signal.signal(number, lambda *_: came.append("came"))
+@contextmanager
+def handled(**handlers):
+    """Handle signals by name otherwise for a while."""
+    before = {name: signal.signal(getattr(signal, name), each) for name, each in handlers.items()}
     try:
+        yield
+    finally:
+        for name, handler in before.items():
+            signal.signal(getattr(signal, name), handler)
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_comes_at_the_end(name):
+    came = []
+    with handled(**{name: lambda *_: came.append("came")}):
         with signals_held():
-            signal.raise_signal(number)
+            signal.raise_signal(getattr(signal, name))
             came.append("went on")
         assert came == ["went on", "came"]
-        signal.raise_signal(number)
+        signal.raise_signal(getattr(signal, name))
         assert came == ["went on", "came", "came"]
-    finally:
-        signal.signal(number, before)
 
 
 def test_ctrl_c_goes_before_what_went_wrong():
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt), signals_held():
-            signal.raise_signal(signal.SIGINT)
-            raise ValueError("a full disk")
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with (
+        handled(SIGINT=signal.default_int_handler),
+        pytest.raises(KeyboardInterrupt),
+        signals_held(),
+    ):
+        signal.raise_signal(signal.SIGINT)
+        raise ValueError("a full disk")
 
 
 def test_another_thread_holds_nothing_and_is_not_in_the_way():
@@ -291,32 +299,22 @@ def test_a_signal_at_any_line_leaves_the_old_files_or_the_new_ones(ready_folder,
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    handlers = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
     seen = set()
-    try:
-        for line in range(count_of_lines(ready_folder())):
-            for each in handlers:
-                signal.signal(each, interrupt)
-            out = ready_folder()
-            with (
-                pytest.raises(KeyboardInterrupt),
-                at_line(line, lambda: signal.raise_signal(number)),
-            ):
-                write(out)
-            seen.add(contents(out))
-            assert {path.name for path in out.iterdir()} == set(NAMES), line
-            if number == signal.SIGINT:
-                assert {signal.getsignal(each) for each in handlers} == {interrupt}, line
-    finally:
-        for each, handler in handlers.items():
-            signal.signal(each, handler)
+    for line in range(count_of_lines(ready_folder())):
+        out = ready_folder()
+        with (
+            handled(SIGINT=interrupt, SIGTERM=interrupt),
+            pytest.raises(KeyboardInterrupt),
+            at_line(line, lambda: signal.raise_signal(number)),
+        ):
+            write(out)
+        seen.add(contents(out))
+        assert {path.name for path in out.iterdir()} == set(NAMES), line
     assert seen == {OLD, NEW}
 
 
 @pytest.mark.slow  # a process is killed at each of some hundred lines
-def test_a_kill_at_any_line_leaves_whole_files_and_what_the_next_write_removes(
-    ready_folder,
-):
+def test_a_kill_at_any_line_leaves_whole_files_and_what_the_next_write_removes(ready_folder):
     left = set()
     for line in range(count_of_lines(ready_folder())):
         out = ready_folder()
