@@ -12,13 +12,8 @@ from tubeplanner.measurement.tool_moves import WantedTools, moved_tools
 from tubeplanner.native.library import LIBRARY, NativeLibrary
 from tubeplanner.tube.rotations import rotation_matrix
 
-NEEDS_LIBRARY = pytest.mark.skipif(
-    LIBRARY.functions is None, reason="the native library is left out"
-)
+NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="no native library")
 COUNT = 200
-
-
-# Configurations moved natively to where tools are wanted, against numpy.
 
 
 @NEEDS_LIBRARY
@@ -29,7 +24,6 @@ COUNT = 200
         ("ur5/over_the_wall", (True, True, True), (0.02, 0.05)),
         ("panda/between_shelves", (True, False, True), (0.0, 0.0)),
     ],
-    ids=["any", "all", "two"],
 )
 def test_moves_are_those_of_numpy(name, components, close, monkeypatch, bundled):
     problem, rng = bundled(name), np.random.default_rng(3)
@@ -65,9 +59,6 @@ def test_tools_get_where_they_are_wanted(bundled):
     turned, placed = robot.tool_pose(moved_tools(robot, q, bounds, wanted, np.full(2, 1e-6)))
     assert abs(placed - tool).max() < 2e-6
     assert abs(turned - rotation).max() < 2e-6
-
-
-# Sets of configurations, the boxes that leave collisions out, and bounds on many distances.
 
 
 @pytest.fixture(scope="module")
@@ -139,8 +130,7 @@ def test_a_box_leaves_all_points_out_and_cannot_grow():
 
 
 @pytest.mark.parametrize(
-    ("name", "joints", "determined"),
-    [("two_link", [1], True), ("ur5", [2, 4], False), ("panda", [1, 5], False)],
+    ("name", "joints", "determined"), [("two_link", [1], True), ("panda", [1, 5], False)]
 )
 def test_folding_joints(name, joints, determined, request):
     robot = request.getfixturevalue(name)

@@ -34,10 +34,11 @@ def test_collisions_are_in_the_set_and_collide(post):
     assert not found.failed
     assert allowed(post, 0.1).contains(found.q).all()
     assert (clearance.of_pairs(found.q, found.pair)[0] < 0).all()
+    free, _ = searched(post, 0.02)
+    assert free.failed and free.least_clearance > 0
 
 
 def test_beside_a_collision_there_are_more(post):
-    """Of few collisions by chance, many are known."""
     found, _ = searched(post, 0.055)
     assert len(found.q) > 0.1 * found.samples
 
@@ -48,11 +49,6 @@ def test_descents_find_what_chance_does_not(post):
     drawn = allowed(post, 0.048).sample(100, np.random.default_rng(2))
     assert (clearance.least(drawn, 0.0).clearance >= 0).all()
     assert not found.failed
-
-
-def test_a_free_set_has_none(post):
-    found, _ = searched(post, 0.02)
-    assert found.failed and found.least_clearance > 0
 
 
 def test_a_measured_segment_serves_again_where_it_is_the_same(post):

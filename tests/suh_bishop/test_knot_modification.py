@@ -7,13 +7,11 @@ import pytest
 from cases import waypoints_of
 
 from tubeplanner import (
-    LimitOverrides,
     Obstacle,
     OptionError,
     PlanningProblem,
     Seed,
     Tube,
-    load_robot,
     placement_of,
     quartic_spline,
     sequential_quartics,
@@ -72,17 +70,6 @@ def corner(two_link):
     return problem_of(two_link, [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0]], 0.15)
 
 
-def limited(_):
-    """Velocity, acceleration and jerk limits decide."""
-    limits = LimitOverrides(
-        velocity={"joint1": 2.0, "joint2": 2.5},
-        acceleration={"joint1": 15.0},
-        jerk={"joint2": 400.0},
-    )
-    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
-    return problem_of(robot)
-
-
 def past_a_ball(two_link):
     ball = Obstacle.sphere("ball", 0.03, placement_of([0.55, 0.0, 0]))
     return problem_of(two_link, obstacles=[ball])
@@ -90,7 +77,7 @@ def past_a_ball(two_link):
 
 @pytest.mark.parametrize(
     ("make", "count"),
-    [(problem_of, 3), (tight, 5), (corner, 4), (limited, 4), (past_a_ball, 4)],
+    [(problem_of, 3), (tight, 5), (corner, 4), (past_a_ball, 4)],
 )
 def test_it_finds_what_trying_every_direction_finds(make, count, two_link):
     problem = make(two_link)

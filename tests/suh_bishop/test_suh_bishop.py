@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from tubeplanner import (
-    Obstacle,
     OptionError,
     Payload,
     PlanningProblem,
@@ -16,7 +15,6 @@ from tubeplanner import (
     Seed,
     Tube,
     load_robot,
-    placement_of,
     plan,
     verify,
 )
@@ -62,13 +60,6 @@ def test_no_step_makes_it_slower_and_the_best_is_kept(example):
     assert result.phase_two.knots == best.knots == len(result.trajectory.breakpoints)
 
 
-def test_the_same_input_gives_the_same_output(example):
-    problem, result = example
-    again = plan(problem, OPTIONS)
-    assert again.phase_two == result.phase_two
-    np.testing.assert_array_equal(again.trajectory.coefficients, result.trajectory.coefficients)
-
-
 def test_what_it_did_is_in_the_json_and_in_words(example):
     _, result = example
     fields = json.loads(json.dumps(result.as_dict(), allow_nan=False))
@@ -104,31 +95,12 @@ def test_where_phase_one_finds_nothing_no_other_method_answers(bundled):
     assert result.search.cuts["tube"] > 0
 
 
-def straight(robot, obstacles=()):
-    tube = Tube([[0.45, -0.3, 0], [0.45, 0.2, 0]], 0.05, joint_signs={"joint2": "-"})
-    return PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0])), obstacles=obstacles)
-
-
 def test_gravity_that_no_motor_holds_is_the_reason():
     payload, gravity = Payload(60.0), (0, -9.81, 0)
     robot = load_robot("example:two_link", "hand", payload=payload, gravity=gravity)
-    assert plan(straight(robot), OPTIONS).status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
-
-
-def test_a_start_in_collision_is_the_reason(two_link):
-    ball = Obstacle.sphere("ball", 0.03, placement_of([0.45, -0.3, 0]))
-    result = plan(straight(two_link, [ball]), OPTIONS)
-    assert (result.status, result.place.obstacle) == (PlanStatus.TUBE_BLOCKED, "ball")
-
-
-def test_where_the_start_is_the_goal_there_is_nothing_to_move(two_link):
-    q = np.array([-0.3, -1.0])
-    tool = two_link.tool_position(q)
-    tube = Tube([tool, tool + np.array([0.001, 0, 0])], 0.1)
-    result = plan(PlanningProblem(two_link, tube, q, q), OPTIONS)
-    assert result.message == (
-        "the start is the goal: there is nothing to move; proved: there is no motion"
-    )
+    tube = Tube([[0.45, -0.3, 0], [0.45, 0.2, 0]], 0.05, joint_signs={"joint2": "-"})
+    problem = PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0])))
+    assert plan(problem, OPTIONS).status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
 
 
 def interrupting(stage, times):
