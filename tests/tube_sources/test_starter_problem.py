@@ -6,13 +6,6 @@ import pytest
 from tubeplanner import load_robot
 from tubeplanner.tube_sources.starter_route import starter_routes
 
-BAR = """<robot name="bar"><link name="base"/><link name="bar"><inertial><mass value="1"/>
-<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="tip"/>
-<joint name="turn" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 1 0"/>
-<limit lower="-2" upper="2" effort="9" velocity="1"/></joint>
-<joint name="end" type="fixed"><parent link="bar"/><child link="tip"/><origin xyz="0.5 0 0"/>
-</joint></robot>"""
-
 
 def routes_from(robot, q):
     """Return the routes of at most 0.8 rad from a configuration, which begin at its tool."""
@@ -48,9 +41,8 @@ def test_an_arm_in_a_plane_stays_in_it(two_link):
     np.testing.assert_allclose(routes[-2], stepped, atol=1e-8)
 
 
-def test_a_tool_on_a_circle_stays_on_it(tmp_path):
-    (tmp_path / "bar.urdf").write_text(BAR)
-    robot = load_robot(tmp_path / "bar.urdf", "tip")
+def test_a_tool_on_a_circle_stays_on_it():
+    robot = load_robot("example:two_link", "hand", joints=["joint2"])
     routes = starter_routes(robot, np.array([0.2]), 0.5)
     for points, direction in zip(routes, (1, -1), strict=True):
         turned = robot.tool_position(0.2 + direction * np.array([[0.0], [0.25], [0.5]]))

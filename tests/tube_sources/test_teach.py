@@ -1,25 +1,20 @@
 """teach: a tube from a recorded trail, unwrapped, without pauses and detours."""
 
 import json
+import re
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from arms import joint, links, loaded
 from click.testing import CliRunner
 
-from tubeplanner import TeachOptions, load_problem, load_robot
+from tubeplanner import TeachOptions, load_problem
 from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.commands.cli import cli
 from tubeplanner.errors import OptionError, TrajectoryError
 from tubeplanner.tube_sources.trail import joint_trail, moving_part, without_ways_back
 
-CONTINUOUS = """<robot name="turntable">
-  <link name="base"/>
-  <link name="arm"><inertial><mass value="1"/>
-    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/>
-    <axis xyz="0 0 1"/><limit effort="10" velocity="1"/></joint>
-</robot>"""
 CORNERS = np.array([[0.0, -1.2], [0.4, -1.6], [1.2, -1.6], [1.6, -0.8]])
 POST = "obstacles: [{name: post, cylinder: [0.02, 0.3], position: [0.55, 0.25, 0]}]\n"
 WALL = "obstacles: [{name: wall, box: [0.2, 0.2, 0.3], position: [0.3, 0.3, 0]}]\n"
@@ -50,9 +45,6 @@ def recorded(path, corners):
     return q
 
 
-# --- recorded trails ----------------------------------------------------------------------------
-
-
 def test_columns_are_matched_by_name_and_others_left_out(two_link):
     samples = np.array([[9.0, 0.2, 0.1], [9.0, 0.4, 0.3]])
     trail = joint_trail(two_link, ["gripper", "joint2", "joint1"], samples)
@@ -71,8 +63,8 @@ def test_degrees_are_noticed_and_noise_at_a_limit_is_no_fault(two_link):
 
 
 def test_continuous_joints_are_unwrapped(tmp_path):
-    (tmp_path / "turntable.urdf").write_text(CONTINUOUS)
-    robot = load_robot(tmp_path / "turntable.urdf", "arm")
+    turn = joint("turn", "base", "arm", "continuous", limit='<limit effort="10" velocity="1"/>')
+    robot = loaded(tmp_path, links("base", "arm"), turn, tool="arm")
     turning = np.linspace(0, 9, 50)[:, None]
     wrapped = (turning + np.pi) % (2 * np.pi) - np.pi
     np.testing.assert_allclose(joint_trail(robot, ["turn"], wrapped), turning, atol=1e-6)
@@ -117,17 +109,11 @@ def test_a_way_around_is_no_way_back(two_link):
     assert turns == [] and len(kept) == len(q)
 
 
-def test_trails_that_lead_nowhere_are_refused(two_link, ur5):
+def test_trails_that_lead_nowhere_are_refused(two_link):
     with pytest.raises(TrajectoryError, match=r"does not move: .* in 30 samples"):
         moving_part(np.random.default_rng(1).normal(0, 1e-3, (30, 2)))
     with pytest.raises(TrajectoryError, match="comes back the way it went; record the way out and"):
         without_ways_back(two_link, lines([0, 0.5], [0.8, 0.5], [0, 0.5]), 0.01)
-    turning_tool = lines([0, -1, 1, -1, -1.5, 0.0], [0, -1, 1, -1, -1.5, 1.0], count=20)
-    with pytest.raises(TrajectoryError, match=r"the tool moves by .* m only"):
-        without_ways_back(ur5, turning_tool, 0.01)
-
-
-# --- the command --------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -175,19 +161,12 @@ def test_a_trail_through_an_obstacle_is_an_answer_with_its_place(run, tmp_path):
     assert report["where"]["obstacle"] == "wall"
 
 
-EITHER = "teach takes either --urdf and --tool-frame, or --problem"
-ALONE = "--problem has robot and obstacles; leave out the other options for them"
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ((), EITHER),
-        (("--urdf", "example:ur5"), EITHER),
-        (("--problem", UR5, "--tool-frame", "tool0"), ALONE),
+        (("--urdf", "example:ur5"), "teach takes either --urdf and --tool-frame, or --problem"),
+        (("--problem", UR5, "--tool-frame", "tool0"), "leave out the other options for them"),
         ((*ROBOT, "--deviation", "0"), "deviation is 0 m; it must be > 0 and finite"),
-        (("--urdf", "example:ur5", "--tool-frame", "tool0"), "the trail has no joint shoulder_pan"),
-        (("--urdf", "example:two_lnk", "--tool-frame", "hand"), "did you mean 'two_link'?"),
     ],
 )
 def test_bad_input_ends_with_status_2(run, tmp_path, options, message):
@@ -201,7 +180,7 @@ def test_a_template_gives_robot_limits_and_obstacles(run, tmp_path):
     q = np.linspace(problem.start, problem.start + np.array([0, 0, 0, 0, 0, 0.5]), 20)
     path = write_trail(tmp_path / "trail.csv", problem.robot.joint_names, q)
     status, _, err = run("teach", path, "--problem", UR5)
-    assert status == 2 and "the tool moves by" in err
+    assert status == 2 and re.search(r"the tool moves by .* m only", err)
 
 
 def test_a_trail_of_too_many_segments_is_refused_before_measuring(run, tmp_path):
