@@ -261,10 +261,7 @@ def test_a_part_of_another_kind_is_named(given, message):
         (lambda: t.Attach("pen", payload=1), "attach 'pen': payload is 1; give a Payload"),
         (lambda: t.Attach("pen", solid=1), "attach 'pen': solid is 1; give an AttachedSolid"),
         (lambda: t.Detach(5), "what is detached is 5; a name must be text that is not empty"),
-        (
-            lambda: t.Detach("pen", "no"),
-            "detach 'pen': leaves_obstacle is 'no'; give True",
-        ),
+        (lambda: t.Detach("pen", "no"), "detach 'pen': leaves_obstacle is 'no'; give True"),
         (lambda: t.Cycle(SEED, 5), "steps[0] is 5; give Move, Event, Attach or Detach"),
         (lambda: t.Cycle(SEED, [], closed=1), "closed is 1; give True or False"),
     ],
