@@ -13,7 +13,6 @@ from cycles import (
     HOME,
     PICK,
     PLACE,
-    ball,
     move,
     pick_and_place,
     planar_arm,
@@ -30,13 +29,11 @@ from tubeplanner import (
     JointTrajectory,
     JudgedCondition,
     LimitOverrides,
-    Obstacle,
     Place,
     ProblemError,
     Tolerance,
     TrajectoryError,
     load_robot,
-    placement_of,
     verify_cycle,
 )
 from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
@@ -214,32 +211,6 @@ def test_a_cycle_that_does_not_close_is_found():
     condition = certificate.seams["closed"]["continuity"]
     assert (condition.margin, condition.where.joint) == (pytest.approx(-0.01), "joint2")
     assert failures(replace(motion, cycle=replace(CYCLE, closed=False))) == ["back: goal"]
-
-
-def test_a_part_taken_while_the_hand_comes_is_found():
-    """A move that is said to end before the arm stands still does not end at rest."""
-    marks = list(MOTION.marks)
-    marks[1] = replace(marks[1], time=1.9)
-    found = failures(CycleMotion(CYCLE, MOTION.trajectory, tuple(marks)))
-    assert "to_pick: rest" in found
-    assert f"{SEAM}: continuity" in found
-
-
-def test_a_part_that_was_put_in_the_way_is_hit():
-    """The part stands where it was put down: the next move's hand passes through it."""
-    robot = planar_arm()
-    through = np.array([0.4, -0.9])
-    part = ball(robot, PLACE)
-    steps = [
-        move(robot, "carry", PLACE, through, radius=0.3),
-        Attach("part"),
-        move(robot, "on", through, HOME, radius=0.3),
-    ]
-    post = Obstacle.sphere("post", 0.03, placement_of(robot.tool_position(HOME)))
-    cycle = Cycle(PLACE, steps, [part, post])
-    motion = slow_motion(cycle, (PLACE, through, HOME))
-    assert [each.name for each in cycle.problem(1, motion.seams).attached] == ["part"]
-    assert failures(motion) == ["on: obstacles"]
 
 
 def test_a_move_that_begins_where_its_problem_has_no_place_is_refused():

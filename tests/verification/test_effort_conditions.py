@@ -13,11 +13,10 @@ from cases import (
     quintic,
     random_motion,
     random_motors,
-    with_bump,
     with_motors,
 )
 
-from tubeplanner import JointTrajectory, Tolerance, load_robot, verify
+from tubeplanner import JointTrajectory, Tolerance, verify
 from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.robot.effort_rate import effort_rate
 from tubeplanner.verification.conditions import JUDGED
@@ -36,39 +35,24 @@ def samples(robot, trajectory):
     instants at which one passes a corner of its table: at an instant, directions are those of
     just before and just after.
     """
-    motors, states = robot.motors, [[] for _ in range(5)]
+    motors, states = robot.motors, []
     for piece, width in enumerate(trajectory.widths):
         rows = trajectory.coefficients[:, piece]
-        at = [SHARES * width]
-        for joint in range(robot.joint_count):
-            polynomials = [np.polyder(np.poly1d(rows[:, joint]))]
-            polynomials += [
-                np.poly1d(rows[:, joint]) - corner
-                for table in robot.limits.effort_ranges
-                if table.joint == joint
-                for corner in table.position
-            ]
-            roots = np.concatenate([polynomial.roots for polynomial in polynomials])
-            real = roots[abs(roots.imag) < 1e-9].real
-            at.append(real[(real > 0) & (real < width)])
-        time = np.sort(np.concatenate(at))
-        values = []
-        for order in range(3):
-            column = [np.poly1d(rows[:, j]).deriv(order)(time) for j in range(robot.joint_count)]
-            values.append(np.array(column).T)
-        beside = np.clip(time[:, None] + np.array([-1e-7, 1e-7]), 0, width)
-        smooth = robot.inverse_dynamics(*values)
-        for side in beside.T:
-            ahead = np.array(
-                [np.poly1d(rows[:, j]).deriv()(side) for j in range(robot.joint_count)]
-            ).T
+        polynomials = [np.polyder(row) for row in rows.T]
+        for table in robot.limits.effort_ranges:
+            polynomials += [np.polysub(rows[:, table.joint], at) for at in table.position]
+        roots = np.concatenate([np.roots(each) for each in polynomials])
+        real = roots[abs(roots.imag) < 1e-9].real
+        time = np.concatenate([SHARES * width, real[(real > 0) & (real < width)]])
+        pieces = np.full(len(time), piece)
+        q, v, a = (trajectory.within(pieces, time, order) for order in range(3))
+        smooth = robot.inverse_dynamics(q, v, a)
+        for step in (-1e-7, 1e-7):
+            ahead = trajectory.within(pieces, np.clip(time + step, 0, width), 1)
             dry = np.where(ahead > 0, motors.forwards_friction, -motors.backwards_friction)
-            friction = motors.viscous_friction * values[1] + dry
-            unsure = motors.friction_uncertainty * abs(friction)
-            new = (values[0], values[1], smooth + dry, unsure)
-            for state, value in zip(states, new, strict=False):
-                state.append(value)
-    return [np.concatenate(state) for state in states[:4]]
+            unsure = motors.friction_uncertainty * abs(motors.viscous_friction * v + dry)
+            states.append((q, v, smooth + dry, unsure))
+    return [np.concatenate(each) for each in zip(*states, strict=True)]
 
 
 def worst_use(robot, trajectory):
@@ -88,14 +72,8 @@ def worst_use(robot, trajectory):
 def worst_curve_use(robot, trajectory):
     """Return the largest share of the torque-speed lines that a sample uses."""
     _, v, effort, unsure = samples(robot, trajectory)
-    motors = robot.motors
-    share = v / motors.no_load_velocity
-    return float(
-        max(
-            np.max((way * effort + unsure) / motors.saturation_effort + way * share)
-            for way in (1, -1)
-        )
-    )
+    stall, share = robot.motors.saturation_effort, v / robot.motors.no_load_velocity
+    return max(((way * effort + unsure) / stall + way * share).max() for way in (1, -1))
 
 
 def dry(back, forth):
@@ -105,7 +83,7 @@ def dry(back, forth):
 VISCOUS, BACK, FORTH, LARGEST = 0.8, 0.9, 0.3, 5.0
 FRICTION = dry(BACK, FORTH)
 ALL = {"viscous_friction": VISCOUS, **FRICTION}
-UNSURE = {"viscous_friction": VISCOUS, "friction_uncertainty": 0.5}
+
 HEAVY = {"mass": 0.5, **dry(100.0, 100.0)}
 STALL, NO_LOAD = 6.0, 10.0
 LINE = {"saturation_effort": STALL, "no_load_velocity": NO_LOAD}
@@ -155,13 +133,11 @@ BETWEEN = course([1.0, 0.0], [-1.0, 1.0], [1.0, 0.0], width=0.5)
 NEEDED = {
     "forwards": (ALL, course([1.5, 0.2]), VISCOUS * 1.5 + FORTH, None),
     "backwards": (ALL, course([-1.5, 0.2]), VISCOUS * 1.5 + BACK, None),
-    "viscous friction alone, uncertain": (UNSURE, course([-2.0, 0.0]), 1.5 * VISCOUS * 2, None),
     # Gravity loads it by m g l; friction could hold it as well as not.
     "a joint that stands still": (HEAVY, course([0.0, 0.0]), 0.5 * 9.81 * LEVER, None),
     "a short way back": (dry(4.0, 0.0), course(SHORT_BACK), 4.0 + INERTIA * 0.002, 0.3),
     # Its acceleration is the largest at the reversal: 2 rad/s^2, and falls on either side.
     "at the reversal alone": (FRICTION, course(SLOWING), 2 * INERTIA + FORTH, AT),
-    "more friction forwards": (dry(0.1, 2.0), course(SLOWING), 2 * INERTIA + 2.0, AT),
     # The velocity touches zero and does not change its sign: nothing is backwards.
     "it stops and goes on": (dry(5.0, 0.0), course(TOUCHING), 2 * INERTIA * (1 - AT), 1.0),
     "it goes on with friction": (dry(0, 1), course(TOUCHING), 1 + 2 * INERTIA * (1 - AT), 1.0),
@@ -216,7 +192,6 @@ FALLING = table([0, 1], [6, 6], [4, 2])
 # The limit, friction, motion, what is left at the least in shares of the larger side, and when.
 LEFT = {
     "a pair, forwards": (PAIR, FORTH, FORTH, [1.0, 0.0], (2 + FORTH) / 4, None),
-    "a pair, forwards with much friction": (PAIR, 3.5, 3.5, [1.0, 0.0], 0.5 / 4, None),
     "a pair, backwards": (PAIR, BACK, BACK, [-1.0, 0.0], (2 - BACK) / 4, None),
     "a corner passed forwards": (CORNERS, BACK, FORTH, [1.0, -0.5], (1.5 - FORTH) / 4, 0.623),
     "a corner passed backwards": (CORNERS, BACK, FORTH, [-1.0, 0.5], (1 - BACK) / 4, 0.377),
@@ -235,17 +210,6 @@ def test_limits_may_differ_by_sign_and_position(bar, limit, back, forth, powers,
     assert time is None or condition.where.time == pytest.approx(time, abs=1e-6)
 
 
-def test_joints_with_and_without_friction_are_held_against_their_own(ur5):
-    """Friction of one joint alone: what the others use is as it was, to the last bit."""
-    motion = random_motion(ur5, np.random.default_rng(3))
-    plain = judged("effort", ur5, motion)
-    other = 5 if plain.where.joint != ur5.joint_names[5] else 4
-    dry = np.where(np.arange(6) == other, 1e-6, 0.0)
-    assert judged("effort", with_motors(ur5, forwards_friction=dry), motion) == plain
-    much = judged("effort", with_motors(ur5, forwards_friction=1e12 * dry), motion)
-    assert much.where.joint == ur5.joint_names[other]
-
-
 def test_a_joint_without_a_limit_is_not_asked(ur5):
     """However much friction it has."""
     limits, dry = ur5.limits.effort.copy(), np.zeros(6)
@@ -256,9 +220,7 @@ def test_a_joint_without_a_limit_is_not_asked(ur5):
     assert condition.margin == pytest.approx(1 - 500.0 / limits[3], abs=3.0)
 
 
-@pytest.mark.parametrize(
-    ("name", "seed"), [("two_link", 0), ("slide", 1), ("ur5", 2), ("slide", 11)]
-)
+@pytest.mark.parametrize(("name", "seed"), [("two_link", 0), ("slide", 1), ("ur5", 2)])
 def test_no_sample_uses_more_of_limits_and_lines_and_one_as_much(request, name, seed):
     """Arms with random motors, on random motions with reversals and breakpoints that jump."""
     robot, rng = request.getfixturevalue(name), np.random.default_rng(seed)
@@ -289,29 +251,6 @@ def test_a_motor_has_less_effort_the_faster_it_drives(bar, motors, motion, used)
     assert condition.margin == pytest.approx(1 - used, abs=1e-8)
     assert condition.where.joint == "turn"
     assert (condition.unit, condition.coverage) == ("relative", "for all t")
-
-
-@pytest.mark.parametrize("share", [1 - 1e-5, 1 + 1e-5])
-def test_a_line_that_is_touched_between_samples_decides(bar, share):
-    """A bump of the velocity; the line is touched where its effort falls and velocity rises."""
-    q = integral([16.0, -32.0, 16.0, 0.0, 1.0])  # v = 1 + (4 t (1 - t))^2
-    t = np.linspace(0, 1, 1_000_001)
-    effort, velocity = INERTIA * np.polyval(np.polyder(q, 2), t), np.polyval(np.polyder(q), t)
-    used = effort / STALL + velocity / NO_LOAD
-    line = {name: value * used.max() * share for name, value in LINE.items()}
-    robot = bar(limits={"effort": np.inf}, **line)
-    certificate = verify(anywhere(robot), course(q))
-    condition = certificate.conditions["motor_curve"]
-    assert condition.margin == pytest.approx(1 - 1 / share, abs=1e-8)
-    assert condition.where.time == pytest.approx(t[used.argmax()], abs=1e-3)
-    assert ("motor_curve" in certificate.failures()) == (share < 1)
-
-
-def test_effort_limits_still_cap_a_line(bar):
-    """The line has what it takes; the motor does not."""
-    robot, motion = bar(limits={"effort": 2.0}, **LINE), course([2.0, 0.0, 0.0], width=0.1)
-    assert judged("effort", robot, motion).margin == pytest.approx(1 - 4 * INERTIA / 2.0, abs=1e-8)
-    assert judged("motor_curve", robot, motion).margin > 0
 
 
 def test_only_joints_with_a_line_are_asked(ur5):
@@ -433,21 +372,6 @@ def test_viscous_friction_and_rotors_count(bar):
     assert condition.coverage == "for all t"
 
 
-def test_a_bump_between_samples_is_found():
-    """A fifth beyond the limit within a millisecond alone, of a motion at 0.3 rad/s."""
-    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0))
-    robot = with_motors(robot, limits={"effort_rate": [np.inf, 50.0]})
-    steady = JointTrajectory(robot.joint_names, [0, 1.0], [[[0.3, 0.3]], [[0.0, 0.0]]])
-    assert judged("effort_rate", robot, steady).margin > 0.9
-    begin, width, still = 0.5, 1e-3, np.zeros((1, 2))
-    inertia = robot.inverse_dynamics_derivatives(still + 0.3 * begin, still, still)[2][0, 1, 1]
-    size = 1.2 * 50.0 / (6 * 64 / width**3 * inertia)  # its jerk is the largest at its ends
-    condition = judged("effort_rate", robot, with_bump(steady, 1, begin, width, size))
-    assert condition.margin == pytest.approx(-0.2, abs=0.01)
-    assert condition.where.joint == "joint2"
-    assert begin <= condition.where.time <= begin + width
-
-
 def test_jumps_of_coulomb_friction_are_told_apart(bar):
     """They change nothing but the coverage."""
     motion = course(integral([1.0, -0.2], [1.0, -0.7]))
@@ -474,25 +398,20 @@ def test_friction_of_joints_without_a_limit_on_rates_is_not_told(ur5):
 # What holds of all three: found to two parts in a thousand, safe where undecided.
 
 
-@pytest.mark.parametrize("name", ["effort", "effort_rate"])
-def test_two_parts_in_a_thousand_are_found_with_joint_and_time(name, stored):
-    """A motor that has less by 0.2 % than a trajectory needs, at one instant."""
+def test_two_parts_in_a_thousand_of_a_rate_are_found_with_joint_and_time(stored):
+    """A motor that is slower by 0.2 % than a trajectory needs, at one instant."""
     problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
-    robot, limits = problem.robot, problem.robot.limits
+    robot = problem.robot
     piece = np.repeat(np.arange(len(trajectory.widths)), 5001)
     local = (np.linspace(0, 1, 5001) * trajectory.widths[:, None]).ravel()
-    states = [trajectory.within(piece, local, order) for order in range(4)]
-    if name == "effort":
-        values, limit = abs(robot.inverse_dynamics(*states[:3])), limits.effort.copy()
-    else:
-        values, limit = abs(effort_rate(robot, *states)), np.full(2, np.inf)
-    use = values / limits.effort
+    rates = abs(effort_rate(robot, *(trajectory.within(piece, local, k) for k in range(4))))
+    use = rates / robot.limits.effort
     row, joint = np.unravel_index(use.argmax(), use.shape)
-    limit[joint] = 0.998 * values[row, joint]
-    weak = with_motors(robot, limits={"velocity": np.inf, name: limit})
+    limit = np.where(np.arange(2) == joint, 0.998 * rates[row, joint], np.inf)
+    weak = with_motors(robot, limits={"velocity": np.inf, "effort_rate": limit})
     certificate = verify(changed(problem, robot=weak), trajectory)
-    assert certificate.failures() == [name]
-    condition = certificate.conditions[name]
+    assert certificate.failures() == ["effort_rate"]
+    condition = certificate.conditions["effort_rate"]
     assert condition.margin == pytest.approx(1 - 1 / 0.998, abs=1e-6)
     assert condition.where.joint == robot.joint_names[joint]
     time = trajectory.breakpoints[piece[row]] + local[row]

@@ -25,7 +25,6 @@ from tubeplanner.verification.enclosure import (
     enclosed,
     enclosed_rate,
     joint_bounds,
-    total,
 )
 from tubeplanner.verification.majorants import (
     derivative,
@@ -372,31 +371,6 @@ def test_tool_velocity_and_efforts_are_what_they_are_said_to_be(arm, degree):
     np.testing.assert_allclose(tool.start[0], 0)
     np.testing.assert_allclose(np.diff(tool.start), tool.width[:-1], atol=1e-12)
     np.testing.assert_allclose(tool.start[-1] + tool.width[-1], trajectory.duration)
-
-
-def test_terms_are_added_up_with_their_bounds():
-    """Of a joint that moves as t^4: position, twice the velocity and three times the jerk."""
-    trajectory = JointTrajectory(["u"], [0, 0.5], [[[1.0]], *[[[0.0]]] * 4])
-
-    def term(order, factor):
-        def majorant(joints, width):
-            return factor * derivative(joints, order) / width[:, None] ** order
-
-        return Quantity(order, lambda *states: factor * states[order], majorant)
-
-    terms = [term(0, 1), term(1, 2), term(3, 3)]
-    whole = total(terms)
-    assert whole.derivatives == 3
-    enclosure = enclosed(trajectory, whole, np.array([1e-9]))
-    t = np.linspace(0, 0.499, 50)
-    np.testing.assert_allclose(enclosure.at(t)[:, 0], t**4 + 8 * t**3 + 72 * t, atol=1e-9)
-    width = np.array([0.5])
-    joints = joint_bounds(trajectory, np.array([0]), np.zeros(1), width, 12)
-    bounds = whole.majorant(joints, width)
-    assert bounds.shape == (9, 1, 1)
-    values = [term.majorant(joints, width)[:9] for term in terms]
-    np.testing.assert_array_equal(bounds, values[0] + values[1] + values[2])
-    assert (bounds[:2, 0, 0] >= [1 / 16 + 1 + 36, 1 / 4 + 3 + 36]).all()
 
 
 def test_few_intervals_are_enough(stored):

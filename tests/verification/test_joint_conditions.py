@@ -87,27 +87,9 @@ def test_a_millionth_decides_between_samples(bar, sign, share):
     assert ("velocity" in failures) == (share < 1)
 
 
-def test_a_short_bump_is_found(bar):
-    """A thousandth of the duration, at ten times the velocity of the rest."""
-    times = np.cumsum([0.0, 0.3171, 0.001, 0.7])
-    rates = np.array([0.1, 1.5, 0.1])
-    places = 1.5 + np.cumsum([0.0, *(rates * np.diff(times))])[:-1]
-    trajectory = JointTrajectory(["turn"], times, np.array([rates, places])[:, :, None])
-    condition = judged(bar(), trajectory)
-    assert condition.margin == pytest.approx(left(places[2], 1.5), abs=1e-6)
-    assert 0.3171 <= condition.where.time <= 0.3181
-
-
 @pytest.mark.parametrize(
     ("start", "velocity"),
-    [
-        (UPPER, 0.0),
-        (UPPER - ZONE / 2, 0.0),
-        (UPPER - ZONE / 2, 1e-9),
-        (UPPER - ZONE / 2, 1e-3),
-        (LOWER, 0.0),
-        (UPPER + 0.5, 0.0),
-    ],
+    [(UPPER - ZONE / 2, 0.0), (UPPER - ZONE / 2, 1e-3), (LOWER, 0.0), (UPPER + 0.5, 0.0)],
 )
 def test_where_it_must_not_move_on_it_may_rest(bar, start, velocity):
     condition = judged(bar(), line(start, velocity))

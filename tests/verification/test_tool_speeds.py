@@ -145,12 +145,11 @@ def test_the_bounds_on_the_velocity_are_those_of_a_turning_lever(bar, kind):
 # Points of links.
 
 
-@pytest.mark.parametrize("speeds", [(5.0, 1.0, 3.0), (1.0, 2.0), (4.0, 3.0, 1.0)])
-def test_the_point_with_the_least_margin_is_named(bar, speeds):
-    condition = judged("point_speed", bar(**points(*speeds)), quintic(1.0, 1.0))
+def test_the_point_with_the_least_margin_is_named(bar):
+    condition = judged("point_speed", bar(**points(5.0, 1.0, 3.0)), quintic(1.0, 1.0))
     assert condition.margin == pytest.approx(1 - PEAK, abs=1e-2)
-    assert condition.where.point_speed == speeds.index(1.0)
-    assert f"bar, point_speed {speeds.index(1.0)}, t = " in str(condition.where)
+    assert condition.where.point_speed == 1
+    assert "bar, point_speed 1, t = " in str(condition.where)
 
 
 def test_a_point_of_the_base_does_not_move(bar):
@@ -240,8 +239,6 @@ SLOWED = driven((0.25, 0.29, SLOW))
     ("limits", "own", "margin", "segment"),
     [
         ([2.0, 0.5], None, 0.2, 1),
-        ([1.25, None], None, 0.2, 0),
-        ([None, 0.5], None, 0.2, 1),
         ([0.9, None], None, 1 - FAST / 0.9, 0),
         ([None, 0.3], None, 1 - SLOW / 0.3, 1),
         (None, 1.25, 0.2, 0),

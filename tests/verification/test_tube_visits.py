@@ -187,16 +187,6 @@ def test_a_union_is_visited_as_often_as_needed(two_link):
     assert least_margin(problem.tube, tool, visits).lower_bound > 0.02
 
 
-def test_switching_times_that_share_an_instant_stay_in_order(two_link):
-    """Three segments through one point: the tube doubles back on itself."""
-    points = [[0.45, -0.3, 0], [0.45, 0.0, 0], [0.45, -0.01, 0], [0.45, 0.25, 0]]
-    problem = PlanningProblem(two_link, Tube(points, 0.03), SEED)
-    _, visits = visited(problem, there_and_back(two_link).between(0.0, 1.1))
-    times = [visits[0].begin, *(visit.end for visit in visits)]
-    assert times == sorted(times)
-    assert [visit.segment for visit in visits] == [0, 1, 2]
-
-
 def test_switching_times_are_refined_between_samples(stored):
     """At the corner, a radius that leaves 10 um at the best instant, and less at all others."""
     problem, trajectory = stored(*POST)

@@ -1,11 +1,7 @@
 """verify: the table of conditions, and defects that each of them finds."""
 
-from dataclasses import replace
-from importlib import import_module
-from inspect import getmembers, isfunction
 from itertools import pairwise
 from pathlib import Path
-from pkgutil import iter_modules
 
 import numpy as np
 import pytest
@@ -19,7 +15,6 @@ from tubeplanner import (
     Obstacle,
     Place,
     PlanningProblem,
-    Seed,
     Tolerance,
     TrajectoryError,
     Tube,
@@ -30,26 +25,12 @@ from tubeplanner import (
 )
 from tubeplanner.errors import ProblemError
 from tubeplanner.trajectory.joint_trajectory import concatenate
-from tubeplanner.verification import judged
-from tubeplanner.verification.conditions import CONDITION_NAMES, JUDGED
+from tubeplanner.verification.conditions import CONDITION_NAMES
 from tubeplanner.verification.judged_condition import FOR_ALL_TIMES
 
 DOCS = Path(__file__).parents[2] / "docs"
 UR5, POST = "ur5/over_the_wall", "two_link/around_a_post"
 SEARCH = "branch-and-bound"
-
-
-def limited(problem, **limits):
-    """Return a problem whose robot has other limits, none on velocity unless given."""
-    return changed(problem, robot=with_motors(problem.robot, limits={"velocity": np.inf, **limits}))
-
-
-def in_tube(problem, radius=None, signs=None):
-    """Return a problem whose tube has other radii or joint signs."""
-    tube = problem.tube
-    radius = tube.radius if radius is None else radius
-    signs = tube.joint_ranges if signs is None else signs
-    return changed(problem, tube=Tube(tube.points, radius, joint_signs=signs))
 
 
 # The table of conditions: complete, and the one that the pages show.
@@ -65,18 +46,6 @@ def documented(page):
 def test_the_pages_list_and_explain_all_conditions():
     assert tuple(documented("reference/certificate.md")) == CONDITION_NAMES
     assert sorted(documented("concepts/certificate.md")) == sorted(CONDITION_NAMES)
-
-
-def test_every_condition_that_can_be_judged_is():
-    found = {
-        function
-        for module in iter_modules(judged.__path__, f"{judged.__name__}.")
-        for name, function in getmembers(import_module(module.name), isfunction)
-        if name.startswith("judge_")
-    }
-    assert found == set(JUDGED.values())
-    assert len(found) == len(JUDGED)
-    assert all(function.__name__ == f"judge_{name}" for name, function in JUDGED.items())
 
 
 @pytest.mark.parametrize("name", CONDITION_NAMES)
@@ -123,41 +92,6 @@ def test_joints_may_come_in_any_order_but_must_be_the_problems(stored):
         verify(problem, alien)
 
 
-def test_a_trajectory_through_the_wall_is_found(stored):
-    """Straight in joint space from pick to place."""
-    problem, trajectory = stored(UR5)
-    ends = trajectory.position(np.array([0.0, trajectory.duration]))
-    certificate = verify(problem, rest_to_rest(problem.robot.joint_names, *ends, 3.0))
-    condition = certificate.conditions["obstacles"]
-    assert {"obstacles", "tube"} <= set(certificate.failures())
-    assert condition.where.obstacle == "wall"
-    assert condition.margin < -0.02
-    assert condition.where.time == pytest.approx(1.5, abs=0.6)
-
-
-def test_links_that_meet_are_found(ur5):
-    """The elbow folds until the wrist is in the upper arm."""
-    q0, q1 = np.array([0, -1.2, 1.5, -1.5, -1.5, 0.0]), np.array([0, -1.2, 3.1, -1.5, -1.5, 0])
-    problem = PlanningProblem(ur5, Tube(ur5.tool_position(np.array([q0, q1])), 2.0), q0, q1)
-    certificate = verify(problem, rest_to_rest(ur5.joint_names, q0, q1, 4.0))
-    assert certificate.failures() == ["self_collision"]
-    assert "upper_arm_link" in certificate.conditions["self_collision"].where.links
-
-
-@pytest.mark.parametrize(("slack", "holds"), [(-1e-5, False), (1e-5, True)])
-def test_ranges_and_position_limits_are_judged_exactly(slack, holds, stored):
-    """A joint's largest value, which no sample has, and an end that is 1e-5 rad beside it."""
-    problem, trajectory = stored(POST)
-    highest = trajectory.per_piece(400).position.max(axis=0)
-    ranged = in_tube(problem, signs={"joint2": [-3.0, highest[1] + slack]})
-    upper = np.array([highest[0] + slack, 3.0])
-    for condition, asked in (
-        ("joint_signs", ranged),
-        ("position", limited(problem, upper_position=upper)),
-    ):
-        assert (condition not in verify(asked, trajectory).failures()) is holds
-
-
 def test_position_and_signs_say_where_they_are_nearest_to_their_ends(stored):
     problem, trajectory = stored(POST, SEARCH)
     t = np.linspace(0, trajectory.duration, 40_001)
@@ -183,14 +117,15 @@ def test_the_time_of_a_sign_counts_from_the_beginning(stored):
     elbow = trajectory.position(t)[:, 1]
     highest = float(elbow[t > 0.8 * trajectory.duration].max())
     signs = [{"joint2": "-"}, {"joint2": "-"}, {"joint2": [-3.0, highest + 1e-4]}]
-    condition = verify(in_tube(problem, signs=signs), trajectory).conditions["joint_signs"]
+    tube = Tube(problem.tube.points, problem.tube.radius, joint_signs=signs)
+    condition = verify(changed(problem, tube=tube), trajectory).conditions["joint_signs"]
     assert condition.margin <= 1e-4 + 1e-9
     assert condition.where.segment == 2
     near = np.flatnonzero(abs(t - condition.where.time) < 1e-4)
     assert elbow[near].max() == pytest.approx(highest + 1e-4 - condition.margin, abs=1e-6)
 
 
-@pytest.mark.parametrize("quantity", ["velocity", "acceleration", "jerk", "effort"])
+@pytest.mark.parametrize("quantity", ["velocity", "acceleration", "jerk"])
 def test_the_only_joint_with_a_limit_is_judged_and_named(quantity, stored):
     problem, trajectory = stored(POST)
     s = trajectory.per_piece(1000)
@@ -198,11 +133,11 @@ def test_the_only_joint_with_a_limit_is_judged_and_named(quantity, stored):
         "velocity": s.velocity,
         "acceleration": s.acceleration,
         "jerk": trajectory.jerk_per_piece(1000),
-        "effort": problem.robot.inverse_dynamics(s.position, s.velocity, s.acceleration),
     }
     limit = [np.inf, 0.9 * abs(values[quantity][:, 1]).max()]
-    tight = limited(problem, **{"effort": np.inf, quantity: limit})
-    certificate = verify(tight, trajectory)
+    limits = {"effort": np.inf, "velocity": np.inf, quantity: limit}
+    tight = with_motors(problem.robot, limits=limits)
+    certificate = verify(changed(problem, robot=tight), trajectory)
     assert certificate.failures() == [quantity]
     condition = certificate.conditions[quantity]
     assert condition.margin == pytest.approx(1 - 1 / 0.9, abs=1e-4)
@@ -296,69 +231,7 @@ def test_a_divided_tube_gets_the_same_trajectory_to_the_last_digit(bundled):
     assert str(radii[0]).startswith(f"radius of segments {radii[0].segment} to ")
 
 
-# Defects that last a fraction of a millisecond, where 2,000 samples see nothing.
-
-
-SAMPLES = 2000
-SHORT = 2e-4  # [s]
-
-
-def between_samples(trajectory, near, width=SHORT):
-    """Return a time after `near` at which samples of the trajectory miss what lasts so long."""
-    spacing = trajectory.duration / (SAMPLES - 1)
-    assert width < spacing
-    return (np.ceil(near / spacing) + 0.5) * spacing - width / 2
-
-
-def sampled(trajectory):
-    return trajectory.at(np.linspace(0, trajectory.duration, SAMPLES))
-
-
-def dense(trajectory, begin, width=SHORT):
-    return trajectory.at(np.linspace(begin, begin + width, 20_001))
-
-
-def test_an_effort_above_its_limit_for_a_tenth_of_a_millisecond(stored):
-    problem, trajectory = stored(POST, SEARCH)
-    slow = trajectory.scaled(1.5)
-    begin = between_samples(slow, 0.9)
-    spiked = with_bump(slow, 1, begin, SHORT, 2.5e-7)
-
-    def use(s):
-        effort = problem.robot.inverse_dynamics(s.position, s.velocity, s.acceleration)
-        return abs(effort) / problem.robot.limits.effort
-
-    assert (use(sampled(spiked)) < 0.99).all()
-    certificate = verify(problem, spiked)
-    assert certificate.failures() == ["effort"]
-    condition, used = certificate.conditions["effort"], use(dense(spiked, begin))
-    assert condition.margin == pytest.approx(1 - used.max(), abs=1e-6)
-    assert begin <= condition.where.time <= begin + SHORT
-    joint = problem.robot.joint_names[int(used.max(axis=0).argmax())]
-    assert condition.where.joint == joint
-    assert condition.coverage == "for all t"
-
-
-def test_a_tool_outside_the_tube_for_a_tenth_of_a_millisecond(stored):
-    """A radius that the trajectory just keeps, and a spike of 0.6 mm at its worst place."""
-    problem, trajectory = stored("two_link/paper_1_30mm", SEARCH)
-    least = verify(problem, trajectory).conditions["tube"]
-    tight = in_tube(problem, radius=problem.tube.radius - (least.margin - 1e-4))
-    begin = between_samples(trajectory, least.where.time)
-    failing = []
-    for size in (2e-3, -2e-3):
-        spiked = with_bump(trajectory, 0, begin, SHORT, size)
-        inside, out = (
-            tight.tube.margin(problem.robot.tool_position(s.position)).max(axis=1).min()
-            for s in (sampled(spiked), dense(spiked, begin))
-        )
-        assert inside > 0
-        failing.append((verify(tight, spiked).conditions["tube"], out))
-    worst, out = min(failing, key=lambda each: each[0].margin)
-    assert worst.margin < -2e-5
-    assert worst.margin == pytest.approx(out, abs=5e-6)
-    assert begin <= worst.where.time <= begin + SHORT
-    assert worst.where.segment == least.where.segment
+# A defect that 2,000 samples do not see.
 
 
 @pytest.mark.parametrize("free_by", [None, 1e-5])
@@ -367,7 +240,8 @@ def test_a_thin_plate_passed_between_two_samples(two_link, free_by):
     ball = Obstacle.sphere("grain", 5e-5, placement_of([0, 0, 0]))
     grain = AttachedSolid("grain", ball.shapes, touch_links=("link2",))
     trajectory = JointTrajectory(two_link.joint_names, [0, 0.25], [[[4.0, 0]], [[-0.5, -0.3]]])
-    crossing = between_samples(trajectory, 0.125, 0.0)
+    times = np.linspace(0, trajectory.duration, 2000)
+    crossing = times[1000:1002].mean()
     tool = two_link.tool_position(trajectory.position(np.array([crossing, crossing + 1e-6])))
     angle = np.arctan2(*(tool[1] - tool[0])[[1, 0]])
     outwards = tool[0] / np.linalg.norm(tool[0])
@@ -385,7 +259,7 @@ def test_a_thin_plate_passed_between_two_samples(two_link, free_by):
     checker = problem.collision
     (pair,) = checker.obstacle_pairs
     assert checker.owners(pair)[0] == ("grain",)
-    poses = zip(*two_link.body_poses(sampled(trajectory).position), strict=True)
+    poses = zip(*two_link.body_poses(trajectory.position(times)), strict=True)
     assert min(checker.distances(*pose, np.array([pair]))[0] for pose in poses) > 0
     condition = verify(problem, trajectory).conditions["obstacles"]
     if free_by is None:
@@ -394,29 +268,6 @@ def test_a_thin_plate_passed_between_two_samples(two_link, free_by):
         assert condition.where.time == pytest.approx(crossing, abs=5e-5)
     else:
         assert 0 < condition.margin < 2e-5
-
-
-def test_a_speed_above_its_limit_for_a_fraction_of_a_millisecond(stored):
-    """A bump of a joint of some micrometres."""
-    problem, trajectory = stored(POST, SEARCH)
-
-    def speed(at):
-        return np.linalg.norm(problem.robot.tool_velocity(at.position, at.velocity)[0], axis=1)
-
-    at = sampled(trajectory)
-    fastest, width = speed(at), 1e-4
-    limit = 1.001 * fastest.max()
-    begin = at.time[fastest.argmax()] + (at.time[1] - width) / 2
-    spiked = with_bump(trajectory, 0, begin, width, 1e-6)
-    assert speed(sampled(spiked)).max() < limit
-    tube = replace(problem.tube, tool_speed=limit)
-    before, after = (verify(problem.with_tube(tube), each) for each in (trajectory, spiked))
-    assert before.passed
-    assert "tool_speed" in after.failures()
-    condition = after.conditions["tool_speed"]
-    used = speed(dense(spiked, begin, width)).max() / limit
-    assert condition.margin == pytest.approx(1 - used, rel=0.02)
-    assert begin <= condition.where.time <= begin + width
 
 
 # Tubes of boxes and compulsory points, against closed forms: motions along the axes of a gantry.
@@ -460,12 +311,10 @@ def judged_in(gantry, tube, trajectory):
     ("offset", "tool_radius", "margin"),
     [
         ([0, 0.08, 0.005], 0.0, 0.015),
-        ([0, 0.095, 0.005], 0.0, 0.005),
         ([0, -0.095, -0.018], 0.0, 0.002),
-        ([0, 0.0, 0.0], 0.0, 0.02),
         ([0, 0.08, 0.005], 0.008, 0.007),
     ],
-    ids=["below the top", "beside a wall", "in a corner", "on the axis", "a tool with a radius"],
+    ids=["below the top", "in a corner", "a tool with a radius"],
 )
 def test_a_straight_motion_is_as_far_inside_as_its_nearest_face(
     gantry, offset, tool_radius, margin
@@ -532,17 +381,6 @@ def test_a_compulsory_point_that_is_left_out_is_found(gantry):
     assert every.conditions["points"].where.point == 3
     nothing = judged_in(gantry, Tube(points, 0.02, pass_through_points="none"), short)
     assert nothing.conditions["points"].margin is None
-
-
-def test_compulsory_points_are_passed_by_what_is_planned(two_link):
-    points = np.array([[0.45, -0.3, 0], [0.45, 0.1, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]])
-    tube = Tube(points, 0.05, joint_signs={"joint2": "-"}, pass_through_points="all")
-    result = plan(PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0]))), SHORTEST)
-    assert result.succeeded
-    assert "point 2 is the same as the one before" in result.notes[0]
-    time = np.linspace(0, result.duration, 5001)
-    tool = two_link.tool_position(result.trajectory.position(time))
-    assert np.linalg.norm(tool - points[1], axis=1).min() < 0.05 + 1e-6
 
 
 def test_a_start_outside_a_box_is_refused(gantry):
