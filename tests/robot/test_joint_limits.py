@@ -63,8 +63,7 @@ def require(limits, **expected):
 def test_without_overrides_the_limits_are_those_of_the_urdf_in_group_order(resolve):
     limits = resolve("kj", limit_k='<limit lower="-4" upper="5" effort="20" velocity="6"/>')
     require(limits, lower_position=[-4, -1], upper_position=[5, 2], effort=[20, 10])
-    require(limits, velocity=[6, 3], acceleration=[INF, INF], jerk=[INF, INF])
-    require(limits, effort_rate=[INF, INF])
+    require(limits, velocity=[6, 3], acceleration=INF, jerk=INF, effort_rate=INF)
     assert limits.velocity_by_position == limits.point_speed == ()
     require(resolve("k", limit_j=""), effort=[10])  # others need no limits
     with pytest.raises(ValueError, match="read-only"):
@@ -78,6 +77,7 @@ def test_overrides_replace_only_what_they_name(resolve):
     limits = resolve(**replaced, acceleration={"k": 9}, jerk={"j": 11})
     require(limits, effort=[7, 10], velocity=[3, INF], acceleration=[INF, 9], jerk=[11, INF])
     require(limits, lower_position=[0.25, -1], upper_position=[8, 2])
+    require(resolve("kj", position=[(-1, 1), (-2, 2)]), upper_position=[2, 1])
 
 
 def test_scale_acts_on_replaced_limits_too_and_never_on_other_quantities(resolve):
@@ -93,7 +93,6 @@ def test_scale_acts_on_replaced_limits_too_and_never_on_other_quantities(resolve
     [
         (None, "effort", "none"),
         ('effort="1"', "velocity", "none"),
-        ('effort="0" velocity="1"', "effort", "0"),
         ('effort="1" velocity="-5"', "velocity", "-5"),
         ('effort="inf" velocity="1"', "effort", "inf"),
     ],
@@ -117,29 +116,13 @@ def test_infinity_on_purpose_is_allowed_while_something_bounds_the_speed(resolve
     )
 
 
-@pytest.mark.parametrize(
-    ("text", "position", "message"),
-    [
-        ("", None, "arm.urdf: joint 'j' has position limits [0, 0]"),
-        (
-            'lower="2" upper="1"',
-            None,
-            "arm.urdf: joint 'j' has position limits [2, 1], an empty range; give them in "
-            "robot.limits.position",
-        ),
-        *(
-            ('lower="-1" upper="2"', value, f"robot.limits.position: joint 'j' has {shown}")
-            for value, shown in (
-                ((3, -3), "position limits [3, -3]"),
-                ((np.nan, 1), "position limits [nan, 1]"),
-            )
-        ),
-    ],
-)
-def test_an_empty_position_range_is_refused(resolve, text, position, message):
-    limit = f'<limit {text} effort="1" velocity="1"/>'
-    given = {} if position is None else {"j": position}
-    assert message in refusal(RobotError, resolve, limit_j=limit, position=given)
+def test_an_empty_position_range_is_refused(resolve):
+    empty = '<limit lower="2" upper="1" effort="1" velocity="1"/>'
+    message = refusal(RobotError, resolve, limit_j=empty)
+    assert "arm.urdf: joint 'j' has position limits [2, 1], an empty range; give them in" in message
+    for given, shown in (((3, -3), "[3, -3]"), ((np.nan, 1), "[nan, 1]"), ((0, 0), "[0, 0]")):
+        message = refusal(RobotError, resolve, position={"j": given})
+        assert f"robot.limits.position: joint 'j' has position limits {shown}" in message
 
 
 def test_a_continuous_joint_is_unbounded_unless_the_problem_bounds_it(resolve):
@@ -165,15 +148,12 @@ def test_numbers_lists_and_maps_go_by_name_and_others_are_refused(resolve, quant
         for kind in (list, tuple, np.array):
             require(resolve("jk", **{quantity: kind([3.0, 4.0])}), **{quantity: [3, 4]})
             require(resolve("kj", **{quantity: kind([3.0, 4.0])}), **{quantity: [4, 3]})
-    if quantity == "position":
-        require(resolve("kj", position=[(-1, 1), (-2, 2)]), upper_position=[2, 1])
 
 
 MAGNITUDES = "give magnitudes from 1e-06 to 1e+09"
 AS_MANY = "; give as many numbers in position as in effort, at least one"
 NO_EFFORTS = (
     ([1, 0], f"[1, 0] has 0; {MAGNITUDES}"),
-    ([1, INF], f"[1, inf] has inf; {MAGNITUDES}"),
     ([1, "a"], f"[1, 'a'] has 'a'; {MAGNITUDES}"),
     (
         [1, 2, 3],
@@ -185,7 +165,6 @@ NO_EFFORTS = (
         "{'position': [0, 1], 'efort': [1, 2]}: unknown key 'efort' (did you mean 'effort'?); "
         "there is: position, effort",
     ),
-    ({"position": [0]}, f"{{'position': [0]}}{AS_MANY}"),
     ({"position": [0, 1], "effort": [1]}, f"{{'position': [0, 1], 'effort': [1]}}{AS_MANY}"),
     ({"position": [], "effort": []}, f"{{'position': [], 'effort': []}}{AS_MANY}"),
     ({"position": [0, 0], "effort": [1, 2]}, "position [0, 0]; give finite numbers that increase"),
@@ -198,25 +177,17 @@ NO_EFFORTS = (
     [
         ({"effort": {"j": 0}}, f"effort: joint 'j' at 0; {RANGE}"),
         ({"acceleration": {"j": np.nan}}, f"acceleration: joint 'j' at nan; {RANGE}"),
-        ({"jerk": {"j": -INF}}, f"jerk: joint 'j' at -inf; {RANGE}"),
         ({"effort": {"j": 1e10}}, f"effort: joint 'j' at 1e+10; {RANGE}"),
         ({"velocity": {"j": True}}, f"velocity: joint 'j' at True; {RANGE}"),
-        ({"velocity": {"j": [1, 2]}}, f"velocity: joint 'j' at [1, 2]; {RANGE}"),
         ({"effort_rate": -1}, f"effort_rate is -1; {RANGE}"),
         ({"jerk": [1, 0]}, f"jerk[1] is 0; {RANGE}"),
         ({"effort": [3, [1, 2]]}, f"effort[1] is [1, 2]; {RANGE}"),  # only a map has pairs
         ({"effort": "strong"}, "effort is 'strong'; it must be one number for all joints, a list"),
-        ({"effort": np.array(3.0)}, "effort is array(3.); it must be one number"),
-        ({"effort_rate": None}, "effort_rate is None; it must be one number for all"),
         ({"position": 5}, "position is 5; it must be a map by name, or a list"),
         ({"position": {"j": [1]}}, "position: joint 'j' at [1]; give [lower, upper"),
-        ({"position": {"j": ["a", "b"]}}, "position: joint 'j' at ['a', 'b']; give [lower, upper"),
         ({"position": [[0, [1]], [0, 1]]}, "position[0] is [0, [1]]; give [low"),
-        ({"velocity_by_position": 5}, "velocity_by_position is 5; it must be a map by"),
         ({"scale": "effort"}, "scale is 'effort'; it must be a map by name"),
         ({"scale": {"effort": 0}}, "scale: effort at 0 must be in (0, 1]"),
-        ({"scale": {"velocity": 1.1}}, "scale: velocity at 1.1 must be in (0, 1]"),
-        ({"scale": {"effort": "a"}}, "scale: effort at 'a' must be in"),
         (
             {"scale": {"efort": 1}},
             "scale: unknown quantity 'efort' (did you mean 'effort'?); there is: effort, velocity, "
@@ -239,9 +210,7 @@ def test_a_senseless_override_is_refused_at_once(given, message):
 
 @pytest.mark.parametrize(("given", "held"), [(None, INF), (1, 1.0)])
 def test_the_tools_speed_is_free_unless_it_is_given(resolve, given, held):
-    limits = resolve(tool_speed=given, scale={"velocity": 0.5})
-    assert limits.tool_speed == held
-    assert isinstance(limits.tool_speed, float)
+    assert resolve(tool_speed=given, scale={"velocity": 0.5}).tool_speed == held
 
 
 def test_a_velocity_by_position_has_the_position_limits_unless_it_gives_its_own(resolve):
@@ -266,7 +235,6 @@ ORDER = "give finite ones, lower below upper"
     ("law", "message"),
     [
         (LAW | {"deceleration": 0}, ".deceleration is 0; give a number from 1e-06 to 1e+09"),
-        (LAW | {"deceleration": True}, ".deceleration is True; give a number from 1e-06 to 1e+09"),
         (LAW | {"offset": INF}, ".offset is inf; give a number from 0 to 1e+09"),
         (LAW | {"lower": 2}, f" has lower 2 and upper 2; {ORDER}"),
         (LAW | {"upper": INF}, f" has lower -1 and upper inf; {ORDER}"),
@@ -290,13 +258,10 @@ def test_points_of_the_arm_have_a_speed_and_a_link_that_there_is(resolve):
     assert message == "robot.limits.point_speed: unknown link 'd'; there is: a, b, c"
 
 
-# Effort limits by direction and position: what they allow, what of limits they become.
-
 TABLE = {"position": [-1.0, 0.0, 2.0], "effort": [10, 20, 16]}
 
 
 def test_a_table_is_linear_between_its_positions_and_a_pair_holds_by_direction_everywhere():
-    """The scale holds for all of both."""
     effort = {"joint1": TABLE, "joint2": [60, 40]}
     limits = two_link(LimitOverrides(effort=effort, scale={"effort": 0.5}))
     table, pair = limits.effort_ranges
@@ -340,8 +305,6 @@ def test_a_point_is_three_numbers_however_they_come_and_a_speed():
         message = refusal(RobotError, PointSpeed, "hand", (0, 0, 0), speed)
         assert "of link 'hand': speed is " in message and "; give a number from 1e" in message
 
-
-# Layers: which hold, and for which arms they are.
 
 WHOLE = LAW | {"lower": -1.0, "upper": 2.0}
 OTHER = {"deceleration": 5.0, "offset": 0.0}
@@ -401,12 +364,7 @@ def test_a_velocity_by_position_is_replaced_as_a_whole_or_taken_away(resolved, l
             {"joint_count": 3, "jerk": 500},
             "the limits and motors are for 3 joints; the planning group has 2: j, k",
         ),
-        ({"jerk": [1, 2, 3]}, "the limits.jerk has 3 values for 2 joints; give one"),
         ({"jerk": {"l": 1}}, "the limits.jerk: unknown joint 'l'; there is: j, k, f"),
-        (
-            {"point_speed": [PointSpeed("z", (0, 0, 0), 1.0)]},
-            "the limits.point_speed: unknown link 'z'; there is",
-        ),
         (
             {"skips_others": True, "velocity": {"right": 1}, "jerk": {"left": 1}},
             "the limits name no joint of the planning group, which has: j, k, f; they name left, "

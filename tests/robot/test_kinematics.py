@@ -11,7 +11,6 @@ from tubeplanner import LimitOverrides, PointSpeed, load_robot
 from tubeplanner.native.library import LIBRARY, NativeLibrary
 from tubeplanner.robot import body_chain, robot_model, tool_chain
 from tubeplanner.robot.base_pose import BasePose
-from tubeplanner.robot.body_chain import BodyChain
 
 STEP = 1e-6
 
@@ -75,41 +74,19 @@ def test_the_arrays_of_numpy_are_the_same(count, arm, monkeypatch):
         assert one.shape == other.shape
 
 
-def test_many_configurations_or_a_view_of_them_have_the_poses_of_few(panda):
+def test_a_view_of_configurations_has_the_poses_of_a_copy(panda):
     q = configurations(panda, 100)
-    every, some = panda.tool_pose_jacobian(q), panda.tool_pose_jacobian(q[::40])
-    for one, other in zip(every, some, strict=True):
-        close(one[::40], other, atol=1e-14)
     for one, other in zip(panda.tool_pose(q[::2]), panda.tool_pose(q[::2].copy()), strict=True):
         same(one, other)
     for one, other in zip(panda.body_poses(q[::2]), panda.body_poses(q), strict=True):
         same(one, other[::2])
 
 
-def test_a_slide_on_a_turned_body_moves_along_its_own_axis():
-    upright = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # a quarter turn about y
-    chain = BodyChain(
-        parents=np.array([0, 0, 1]),
-        rotation=np.array([np.eye(3), np.eye(3), upright]),
-        position=np.array([[0.0, 0, 0], [0, 0, 0.5], [0.2, 0, 0]]),
-        axes=np.array([[0.0, 0, 1], [0, 0, 1]]),
-        turns=np.array([True, False]),
-    )
-    rotation, position = chain.poses(np.array([[np.pi / 2, 0.3], [0.0, 0.0]]))
-    close(position[:, 2], [[0, 0.5, 0.5], [0.2, 0, 0.5]], atol=1e-15)
-    close(rotation[1, 2], upright)
-    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    close(rotation[0, 2], quarter @ upright, atol=1e-15)
-
-
-@pytest.mark.parametrize(("name", "tool"), [("two_link", "hand"), ("panda", "panda_hand_tcp")])
-def test_points_move_as_their_links_do_and_their_derivatives_are_those_of_differences(name, tool):
-    """Points on the second link, on the last one, and on one that is fixed to the base."""
-    plain = load_robot(f"example:{name}", tool)
-    base = next(link for link, body in plain.link_body.items() if body == 0)
-    links = [plain.urdf.joints[plain.joint_names[1]].child, tool, base]
+def test_points_move_as_their_links_do_and_their_derivatives_are_those_of_differences():
+    """The last one is fixed to the base."""
+    links, tool = ("panda_link2", "panda_hand_tcp", "panda_link0"), "panda_hand_tcp"
     points = [PointSpeed(link, (0.1, -0.2, 0.3), 1.0) for link in links]
-    arm = load_robot(f"example:{name}", tool, limits=LimitOverrides(point_speed=points))
+    arm = load_robot("example:panda", tool, limits=LimitOverrides(point_speed=points))
     q, v = np.random.default_rng(2).uniform(-1, 1, (2, 7, arm.joint_count))
 
     def places(q):

@@ -16,8 +16,6 @@ from tubeplanner.robot.body_inertia import BodyInertia
 from tubeplanner.robot.robot_info import robot_info
 from tubeplanner.robot.typical_configurations import typical_configurations
 
-# Where a robot stands: against a URDF with one more fixed joint, and against turned gravity.
-
 POSE = BasePose((0.3, -0.2, 1.1), (0.4, -1.2, 2.5))
 # Hangs from the root, turned.
 PLATE = """<link name="plate"/><joint name="screw" type="fixed"><parent link="base"/>
@@ -25,7 +23,6 @@ PLATE = """<link name="plate"/><joint name="screw" type="fixed"><parent link="ba
 # Fixed above its root, it stands as POSE says.
 MOUNT = """<link name="cell"/><joint name="mount" type="fixed"><parent link="cell"/>
 <child link="base"/><origin xyz="0.3 -0.2 1.1" rpy="0.4 -1.2 2.5"/></joint></robot>"""
-WALL = BasePose(rpy=(0.0, np.pi / 2, 0.0))  # its z axis is the cell's x axis
 
 
 def ur5_with(**options):
@@ -73,16 +70,7 @@ def test_a_base_is_a_fixed_joint_above_the_root(both, count):
         close(based.link_placement[link], mounted.link_placement[link], rtol=0, atol=1e-15)
 
 
-def test_a_wall_mounted_arm_has_the_efforts_of_turned_gravity():
-    wall, turned = ur5_with(base=WALL), ur5_with(gravity=(9.81, 0, 0))
-    motion = states(wall)
-    expected = turned.inverse_dynamics(*motion)
-    close(wall.inverse_dynamics(*motion), expected, rtol=0, atol=1e-12)
-    assert np.linalg.norm(wall.gravity_effort(motion[0]) - expected) > 10
-
-
 def test_an_arm_in_its_root_frame_is_the_one_without_a_base(both):
-    """The bounds of the one with a base are not larger."""
     based, motion = both[0], states(both[0])
     alone = based.in_root_frame()
     plain = load_robot(based.urdf.path, "tip", payload=based.payload)
@@ -130,10 +118,7 @@ def test_typical_configurations_are_above_the_base_however_it_stands():
         ({"position": (0.0, 0.0)}, r"robot.base: position \(0.0, 0.0\) must be three finite"),
         ({"position": (0.0, 0.0, 2e4)}, r"position .* within 10000 m"),
         ({"rpy": (0.0, np.inf, 0.0)}, r"robot.base: rpy \(0.0, inf, 0.0\) must be three"),
-        ({"rpy": (0.0, 1.0)}, r"robot.base: rpy \(0.0, 1.0\) must be three finite angles"),
         ({"quaternion": (0, 0, 0, 0)}, r"robot.base: quaternion \(0, 0, 0, 0\) has no direction"),
-        ({"quaternion": (0, 0, 0, 1e10)}, "robot.base: quaternion .* has no direction"),
-        ({"quaternion": (0, 0, 1)}, r"robot.base: quaternion \(0, 0, 1\) has no direction"),
         ({"rpy": (0, 0, 0), "quaternion": (0, 0, 0, 1)}, "robot.base takes rpy or quaternion, not"),
     ],
 )
@@ -142,11 +127,8 @@ def test_a_pose_that_is_none_is_refused(fields, message):
         BasePose(**fields)
 
 
-# Bodies, against the mass points that they stand for.
-
-
 def cloud(rng):
-    """Return mass points, and the body that they are."""
+    """Return mass points, and the body that they stand for."""
     mass, points = rng.uniform(0.5, 2, 9), rng.normal(size=(9, 3))
     return mass, points, of_points(mass, points)
 
@@ -168,8 +150,8 @@ def test_bodies_are_added_placed_scaled_and_shifted_as_their_points_are():
     rng = np.random.default_rng(0)
     (mass, points, body), (other_mass, other_points, other) = cloud(rng), cloud(rng)
     sum_of_both = body.plus(other)
-    all_points = np.append(mass, other_mass), np.concatenate([points, other_points])
-    require_body(sum_of_both, of_points(*all_points))
+    expected = of_points(np.append(mass, other_mass), np.concatenate([points, other_points]))
+    require_body(sum_of_both, expected)
     require_body(sum_of_both.plus(other.scaled(-1.0)), body)
     placement = np.eye(4)
     placement[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
@@ -188,31 +170,18 @@ def test_a_body_knows_how_far_its_centre_is_and_its_largest_moment():
     assert (body.com_distance, body.moment) == (5.0, 3.0)
 
 
-# What several payloads weigh together: against Pinocchio, and against bodies of their own.
-
 FIRST = Payload(2.5, (0.05, -0.02, 0.1), (0.03, 0.02, 0.04, 0.005, -0.002, 0.001))
 SECOND = Payload(0.7, (-0.1, 0.3, 0.0), (0.01, 0.03, 0.02, -0.001, 0.002, 0.004))
 NOTHING = Payload(0.0, (1.0, 2.0, 3.0))
 
 
-@pytest.mark.parametrize("pair", [(FIRST, SECOND), (SECOND, FIRST), (FIRST, NOTHING)])
+@pytest.mark.parametrize("pair", [(FIRST, SECOND), (FIRST, NOTHING)])
 def test_payloads_add_as_inertias_do(pair):
     weights = [pin.Inertia(p.mass, np.array(p.com), p.inertia_matrix()) for p in pair]
     total, expected = pair[0].plus(pair[1]), weights[0] + weights[1]
     assert total.mass == pytest.approx(expected.mass)
     close(total.com, expected.lever, atol=1e-14)
     close(total.inertia_matrix(), expected.inertia, atol=1e-13)
-
-
-def test_an_arm_feels_two_payloads_as_it_feels_each(ur5):
-    """Efforts are linear in what an arm carries, whatever it does."""
-    motion = states(ur5)
-    bare, first, second, total = (
-        ur5.with_payload(load).inverse_dynamics(*motion)
-        for load in (None, FIRST, SECOND, FIRST.plus(SECOND))
-    )
-    close(total - bare, (first - bare) + (second - bare), atol=1e-10)
-    assert abs(total - first).max() > 1.0
 
 
 def test_an_arm_with_another_payload_is_as_one_loaded_with_it(ur5):
@@ -222,9 +191,7 @@ def test_an_arm_with_another_payload_is_as_one_loaded_with_it(ur5):
     same(changed.inverse_dynamics(*motion), loaded.inverse_dynamics(*motion))
     without = loaded.with_payload(None).inverse_dynamics(*motion)
     same(without, ur5.inverse_dynamics(*motion))
-    assert changed.limits is ur5.limits
-    assert changed.motors is ur5.motors
-    assert (changed.joint_names, changed.tool_frame) == (ur5.joint_names, ur5.tool_frame)
+    assert (changed.limits, changed.motors) == (ur5.limits, ur5.motors)
 
 
 def test_points_that_are_heavy_add_to_something_possible():

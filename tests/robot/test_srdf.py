@@ -22,11 +22,8 @@ def srdf(tmp_path):
 
 
 def test_disabled_pairs_are_read(srdf):
-    path = srdf(
-        '<group name="g"/><disable_collisions link1="a" link2="b" reason="Never"/>'
-        '<disable_collisions link1="b" link2="c"/>'
-    )
-    assert read_allowed_pairs(path) == [("a", "b"), ("b", "c")]
+    pairs = '<disable_collisions link1="a" link2="b"/><disable_collisions link1="b" link2="c"/>'
+    assert read_allowed_pairs(srdf(f'<group name="g"/>{pairs}')) == [("a", "b"), ("b", "c")]
 
 
 def test_states_are_read_and_those_of_other_than_numbers_left_out_or_refused(srdf):

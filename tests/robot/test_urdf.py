@@ -9,24 +9,13 @@ from arms import JOINTS, LINKS, RULES, follower_arm, solid
 from cases import refusal
 from numpy.testing import assert_allclose as close
 
-from tubeplanner import (
-    LimitOverrides,
-    Obstacle,
-    PlanningProblem,
-    PlanOptions,
-    Tube,
-    load_robot,
-    plan,
-)
+from tubeplanner import LimitOverrides, Obstacle, load_robot
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.obstacle import placement_of
 from tubeplanner.errors import RobotError
 from tubeplanner.robot.followers import followers_of, leader_of
 from tubeplanner.robot.undeclared_prefixes import declare_prefixes
 from tubeplanner.robot.urdf import Mimic, read_urdf
-
-# A URDF read strictly: every fault is named.
-
 
 LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 
@@ -63,7 +52,6 @@ ROOTS, LOOP = "the links must hang from one root; roots found: ", "the links for
 FAULTS = {
     "": "cannot be read as URDF: no element found",
     "<robot><link></robot>": "cannot be read as URDF: mismatched tag: line 1",
-    b"\xff\xfe\x00\x01": "cannot be read as URDF",
     "<sdf/>": "the root element is <sdf>, not <robot>",
     XACRO: "holds <xacro:property>: it must be expanded first, by xacro arm.urdf > arm.expanded.u",
     ENTITY: "declares XML entities, which are not expanded; write them out",
@@ -93,7 +81,6 @@ FAULTS = {
 # By what a joint has beside its limits.
 JOINT_FAULTS = {
     '<axis xyz="0 0 0"/>': ': <axis> xyz="0 0 0" is no direction',
-    '<axis xyz="0 1"/>': ': <axis> xyz="0 1" must be 3 finite numbers',
     '<axis xyz="0 nan 1"/>': ': <axis> xyz="0 nan 1" must be 3 finite numbers',
     '<limit effort="10,5" velocity="1"/>': ': effort="10,5" is not a number',
     "<mimic/>": ": a <mimic> element has no attribute 'joint'",
@@ -118,20 +105,15 @@ LINK_FAULTS = {
     inertial(INERTIA): "<inertial> has no <mass>; one is needed",
     inertial(ONE): "<inertial> has no <inertia>; one is needed",
     2 * inertial(ONE + INERTIA): "has 2 <inertial>; one is needed",
-    inertial('<mass value="1 kg"/>' + INERTIA): '<mass> value="1 kg" must be one finite',
     inertial('<mass value="-2"/>' + INERTIA): "mass -2 kg must be >= 0",
     inertial(f'<mass value="{"x" * 10**6}"/>' + INERTIA): '..." must be one finite number',
     inertial(ONE + INERTIA.replace('ixx="1"', "")): '<inertia> ixx="" must be one finite number',
     inertial(ONE + INERTIA.replace('ixy="0"', 'ixy="3"')): (
         "the inertia has a principal moment of -2 kg m^2; no body has a negative one"
     ),
-    inertial('<origin xyz="0 0"/>' + ONE + INERTIA): (
-        '<inertial>: <origin> xyz="0 0" must be 3 finite numbers'
-    ),
     solid('<box size="1 1"/>'): '<box> size="1 1" must be 3 finite numbers',
     solid('<box size="1 -1 1"/>'): '<box> size="1 -1 1" must be > 0 m',
     solid('<sphere radius="1e92"/>'): '<sphere> radius="1e92" must be > 0 m and at most',
-    solid("<sphere/>"): '<sphere> radius="" must be one finite number',
     solid("<mesh/>"): "a <mesh> element has no attribute 'filename'",
     solid('<mesh filename="a.stl" scale="1 0 1"/>'): 'scale="1 0 1" must not be 0',
     solid('<capsule radius="1" length="2"/>'): (
@@ -188,8 +170,7 @@ def test_a_good_file_gives_name_links_and_joints_as_written(read):
     text = robot(links("abc"), joint(), joint("k", "fixed", "b", "c", ""))
     declared = '<?xml version="1.0" encoding="utf-8"?>\n' + text
     for description in (read(text), read(declared.encode("utf-8-sig"))):
-        assert description.name == "arm"
-        assert description.links == ("a", "b", "c")
+        assert (description.name, description.links) == ("arm", ("a", "b", "c"))
         assert list(description.joints) == ["j", "k"]
         j = description.joints["j"]
         assert (j.type, j.parent, j.child) == ("revolute", "a", "b")
@@ -202,7 +183,6 @@ def test_a_good_file_gives_name_links_and_joints_as_written(read):
     ("kind", "limit", "expected"),
     [
         ("revolute", "", (0, 0, None, None)),
-        ("revolute", '<limit effort="5"/>', (0, 0, 5, None)),
         ("revolute", '<limit effort="0" velocity="inf"/>', (0, 0, 0, np.inf)),
         ("prismatic", '<limit lower="-inf" upper="0.5"/>', (-np.inf, 0.5, None, None)),
         ("continuous", '<limit lower="-1" upper="1" effort="5"/>', (-np.inf, np.inf, 5, None)),
@@ -265,8 +245,7 @@ def test_the_kinematic_copy_has_no_geometry_and_only_plain_bounded_joints(read):
     assert len(limits) == 2
     for limit in limits:
         assert float(limit["lower"]) < float(limit["upper"])
-        assert float(limit["effort"]) > 0
-        assert float(limit["velocity"]) > 0
+        assert min(float(limit["effort"]), float(limit["velocity"])) > 0
 
 
 # Prefixes that are used and not declared: declared on the root, and nothing else changed.
@@ -350,8 +329,7 @@ def states(arms):
 def test_rules_are_followed_to_the_end(arms):
     description = arms[0].urdf
     rule = leader_of(description, "tip_joint")
-    assert (rule.master, rule.multiplier) == ("first", -1.0)
-    assert rule.offset == pytest.approx(0.35)
+    assert (rule.master, rule.multiplier, rule.offset) == ("first", -1.0, pytest.approx(0.35))
     assert set(followers_of(description, PLANNED)) == set(RULES)
     assert set(followers_of(description, ["first"])) == {"second", "tip_joint"}
 
@@ -402,26 +380,6 @@ def test_distances_change_by_no_more_than_the_motion_weights(arms):
     assert (abs(first - second) <= bound + 1e-9)[(first > 0) & (second > 0)].all()
 
 
-def test_what_is_certified_holds_for_the_arm_with_every_joint_planned(tmp_path, arms):
-    strong = LimitOverrides(effort={"lift": 500, "first": 300, "wrist": 100, "side_joint": 50})
-    robot, plain = load(tmp_path, RULES, joints=PLANNED, limits=strong), arms[1]
-    start = np.array([0.2, 0.1, 0.3, 0.0])
-    tube = Tube(robot.tool_position(start + np.array([[0.0], [0.4]])), 0.05)
-    # The branch that goes on from the start does not end at start + 0.4.
-    there = plan(PlanningProblem(robot, tube, start), PlanOptions("stop-at-corners")).trajectory
-    problem = PlanningProblem(robot, tube, start, there.position(there.duration))
-    result = plan(problem, PlanOptions("stop-at-corners"))
-    assert result.certificate.passed
-    samples = result.trajectory.per_piece(200)
-    matrix, offset = map_of(robot)
-    q, v, a = (
-        each @ matrix.T for each in (samples.position, samples.velocity, samples.acceleration)
-    )
-    efforts = plain.inverse_dynamics(q + offset, v, a) @ matrix
-    assert (abs(efforts) <= robot.limits.effort * (1 + 1e-6)).all()
-    assert (tube.margin(plain.tool_position(q + offset)).max(axis=1) >= -1e-6).all()
-
-
 def test_limits_of_followers_bound_their_master(tmp_path):
     limits = {
         "second": '<limit lower="-1" upper="1.5" effort="1" velocity="4"/>',
@@ -433,7 +391,6 @@ def test_limits_of_followers_bound_their_master(tmp_path):
     close(limited.lower_position, [-0.2, -0.6, -2])
     close(limited.upper_position, [0.8, 0.65, 2])
     close(limited.velocity, [3, 2, 3])
-    close(limited.effort, 50)
     given = LimitOverrides(
         position={"second": (-9, 9)}, velocity={"second": 8}, acceleration={"tip_joint": 7}
     )
@@ -450,11 +407,6 @@ def test_limits_of_followers_bound_their_master(tmp_path):
             {"second": '<limit lower="7" upper="8" effort="1" velocity="4"/>'},
             {},
             "joint 'second', which follows 'first', has position limits [7, 8]; they leave",
-        ),
-        (
-            {},
-            {"limits": LimitOverrides(effort={"second": 5})},
-            "robot.limits.effort: unknown joint 'second'; there is: lift, first, wrist",
         ),
         (
             {},
@@ -479,10 +431,3 @@ def test_a_follower_of_multiplier_zero_stands_still(tmp_path):
 def test_a_mimic_joint_on_the_tools_chain_is_planned_by_its_master(tmp_path):
     robot = load(tmp_path, {"wrist": ("side_joint", 1.0, 0.0)})
     assert robot.joint_names == ("lift", "first", "second", "slide", "side_joint", "tip_joint")
-
-
-def test_tiago_pro_loads_with_its_gripper():
-    robot = load_robot("example:tiago_pro", "gripper_left_fingertip_left_link")
-    assert robot.joint_names[-2:] == ("arm_left_7_joint", "gripper_left_finger_joint")
-    q = np.clip(np.full((1, robot.joint_count), 0.3), robot.limits.lower_position, None)
-    assert np.isfinite(robot.inverse_dynamics(q, q, q)).all()

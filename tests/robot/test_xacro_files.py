@@ -44,11 +44,6 @@ def test_a_macro_file_is_the_robot_that_it_stands_for(write):
     assert robot_hash(strong) != robot_hash(load_robot(plain, "tip"))
 
 
-def test_where_the_file_lies_changes_nothing(write):
-    before, after = write(ARM), write(ARM, "elsewhere/arm.xacro")
-    assert expanded(before, {}, ()) == expanded(after, {}, ())
-
-
 def test_truth_values_are_written_as_xacro_reads_them(write):
     path = write(ARGUMENTS + '<xacro:if value="$(arg far)"><far/></xacro:if>')
     assert b"<far/>" in expanded(path, {"far": True}, ())
@@ -87,7 +82,6 @@ def test_ros_own_index_is_back_afterwards_and_warnings_are_not_printed(
 
 FAULTS = {
     '<a b="${size}"/>': "name 'size' is not defined",
-    '<a b="$(arg size)"/>': "Undefined substitution argument size",
     '<xacro:include filename="no.xacro"/>': "No such file or directory: ",
     "<xacro:wheel/>": "unknown macro name: xacro:wheel",
     '<a b="$(find nobody)"/>': "package 'nobody' was not found; folders tried",
@@ -139,16 +133,8 @@ def test_without_xacro_the_remedy_is_named(write, monkeypatch):
 @pytest.mark.parametrize(
     ("value", "limit", "message"),
     [
-        (
-            "10**10**10",
-            ("_TIME_LIMIT", 0.2),
-            "xacro cannot expand it within 0.2 s; simplify it",
-        ),
-        (
-            "'a' * 10**11",
-            ("_TIME_LIMIT", 60),
-            "xacro cannot expand it: it takes more than 1 GB",
-        ),
+        ("10**10**10", ("_TIME_LIMIT", 0.2), "xacro cannot expand it within 0.2 s; simplify it"),
+        ("'a' * 10**11", ("_TIME_LIMIT", 60), "xacro cannot expand it: it takes more than 1 GB"),
         ("'a' * 20000", ("_MAX_BYTES", 10_000), "what it stands for is larger than 0.01 MB"),
         ("1", ("_PROGRAM", "{path!r}"), "xacro ended without an answer; simplify it"),
     ],
