@@ -285,12 +285,8 @@ def test_radii_or_a_factor_scale_the_whole_box():
     assert twice.tool_radius == 0.005
     np.testing.assert_allclose(twice.regions.half[0], [0.195, 0.035, 0.035])
     np.testing.assert_array_equal(Tube(LINE, 0.02).scaled(1.5).radius, [0.03])
-
-
-def test_one_radius_serves_the_discs():
-    tube = Tube(CORNER, 0.05, cross_section=[FLAT, None])
-    np.testing.assert_allclose(tube.radius, [0.02, 0.05])
-    np.testing.assert_array_equal(tube.effective_radius, tube.regions.radius)
+    of_discs = Tube(CORNER, 0.05, cross_section=[FLAT, None])
+    np.testing.assert_allclose(of_discs.radius, [0.02, 0.05])
 
 
 @pytest.mark.parametrize("nothing", [None, [None, None]])
@@ -311,8 +307,6 @@ def test_a_tube_made_from_a_tube_is_the_same_to_the_last_digit():
 
 
 GIVE = "give box: [w, h] and up: [x, y, z]"
-SIDES = "sides are from 2e-06 to 10000 m"
-HAS_BOX = "but segment 0 has a box"
 
 
 def bad(section, message, points=LINE, radius=None, **others):
@@ -325,21 +319,14 @@ def bad(section, message, points=LINE, radius=None, **others):
         bad([FLAT, FLAT], "give one map with box and up, or 1, one for each segment"),
         bad(5, "tube.cross_section is 5; give one map"),
         bad({}, f"tube.cross_section[0] is {{}}; {GIVE}", radius=1),
-        bad([0], "tube.cross_section[0] is 0; give box", radius=1),
-        bad({"box": [1, 1]}, GIVE),
         bad(FLAT | {"radius": 1}, GIVE),
         bad([FLAT, {"up": [0, 0, 1]}], "tube.cross_section[1] is {'up'", CORNER),
         bad(FLAT | {"box": [1]}, "tube.cross_section[0].box is [1]; give [w, h] [m], finite"),
-        bad(FLAT | {"box": 0.2}, "tube.cross_section[0].box is 0.2; give [w, h] [m], finite"),
-        bad(FLAT | {"box": [0.1, 0]}, f"box is [0.1, 0.0]; {SIDES}"),
-        bad(FLAT | {"box": [0.1, 2e4]}, SIDES),
+        bad(FLAT | {"box": [0.1, 0]}, "box is [0.1, 0.0]; sides are from 2e-06 to 10000 m"),
         bad(FLAT | {"box": [np.nan, 0.1]}, "box is [nan, 0.1]; give [w, h] [m], finite numbers"),
-        bad(FLAT | {"box": [np.inf, 0.1]}, "box is [inf, 0.1]; give [w, h] [m], finite numbers"),
         bad(FLAT | {"box": [True, 0.1]}, "box is [True, 0.1]; give [w, h] [m], finite numbers"),
         bad(FLAT | {"up": [0, 1]}, "tube.cross_section[0].up is [0, 1]; give [x, y, z], finite"),
-        bad(FLAT | {"up": [0, 0, np.nan]}, "up is [0, 0, nan]; give [x, y, z], finite numbers"),
         bad(FLAT | {"up": [2, 0, 0]}, "up is [2.0, 0.0, 0.0], parallel to its segment; give"),
-        bad(FLAT | {"up": [1, 1e-7, 0]}, "parallel to its segment; give a direction across it"),
         bad([None, FLAT | {"up": [0, 1, 0]}], "cross_section[1].up is", CORNER, 1),
         bad(FLAT, "tube.radius is 0.03 m, but every segment has a box", LINE, 0.03),
         bad(
@@ -349,8 +336,7 @@ def bad(section, message, points=LINE, radius=None, **others):
             CORNER,
             [0.05, 0.05],
         ),
-        bad(FLAT, f"tube.radius[0] is nan m, {HAS_BOX}", LINE, [np.nan]),
-        bad(FLAT, f"tube.radius[0] is 'a' m, {HAS_BOX}", LINE, ["a"]),
+        bad(FLAT, "tube.radius[0] is nan m, but segment 0 has a box", LINE, [np.nan]),
         bad(
             [None, FLAT],
             "tube.radius[0] is missing: segment 0 has no box (tube.cross_section); give one",
@@ -358,7 +344,6 @@ def bad(section, message, points=LINE, radius=None, **others):
         ),
         bad([FLAT, None], "tube.radius[1] is missing", CORNER, [None, None]),
         bad([FLAT, None], "tube.radius has 3 values for 2", CORNER, [1.0, 1.0, 1.0]),
-        bad([FLAT, None], "tube.radius 'ab' is no number", CORNER, "ab"),
         bad(None, "tube.radius [0.03, None] is no number or list", CORNER, [0.03, None]),
         bad(FLAT, "must be >= 0 and below the smallest radius, 0.02 m", tool_radius=0.02),
     ],

@@ -35,32 +35,18 @@ def test_distances_agree_with_brute_force_along_every_segment():
         np.testing.assert_array_equal(of(p, part), of(p)[:, part])
 
 
-@pytest.mark.parametrize(
-    ("point", "nearest", "distance"),
-    [
-        ([0.3, 0.4, 0], [0.3, 0, 0], 0.4),
-        ([-3, 4, 0], [0, 0, 0], 5.0),
-        ([2, 0, 0], [1, 0, 0], 1.0),
-        ([0.5, 0, 0], [0.5, 0, 0], 0.0),
-    ],
-    ids=["beside", "before the start", "beyond the end", "on the segment"],
-)
-def test_the_nearest_point_is_on_the_segment(point, nearest, distance):
-    tube = Tube(LINE, 0.1)
-    p = np.array([point], dtype=float)
-    np.testing.assert_allclose(tube.nearest(p), [[nearest]], atol=1e-15)
-    np.testing.assert_allclose(tube.distance(p), [[distance]], atol=1e-15)
+def test_the_nearest_point_is_on_the_segment():
+    """Beside it, before its start, beyond its end, and where the point itself is."""
+    tube, p = Tube(LINE, 0.1), np.array([[0.3, 0.4, 0], [-3, 4, 0], [2, 0, 0], [0.5, 0, 0]])
+    nearest = [[0.3, 0, 0], [0, 0, 0], [1, 0, 0], [0.5, 0, 0]]
+    np.testing.assert_allclose(tube.nearest(p)[:, 0], nearest, atol=1e-15)
+    np.testing.assert_allclose(tube.distance(p)[:, 0], [0.4, 5, 1, 0], atol=1e-15)
 
 
 def test_the_margin_is_what_is_left_of_each_effective_radius():
     tube = Tube(CORNER, [0.3, 0.5], tool_radius=0.1)
     np.testing.assert_allclose(tube.effective_radius, [0.2, 0.4])
     np.testing.assert_allclose(tube.margin(np.array([[0.5, 0.05, 0]])), [[0.15, -0.1]])
-
-
-@pytest.mark.parametrize(("radius", "kept"), [(0.2, [0.2] * 3), ([0.1, 0.2, 0.3],) * 2])
-def test_one_radius_serves_all_segments(radius, kept):
-    np.testing.assert_array_equal(Tube(POINTS, radius).radius, kept)
 
 
 def test_a_tube_keeps_its_own_copy_that_cannot_be_written_to():
@@ -101,11 +87,8 @@ def test_a_field_can_be_replaced():
     ("sign", "expected"),
     [
         ("+", (0, INF)),
-        (1, (0, INF)),
         ("-", (-INF, 0)),
-        (-1, (-INF, 0)),
         ("0", (-INF, INF)),
-        (0, (-INF, INF)),
         ((0.3, 0.3), (0.3, 0.3)),
         ([-INF, 1.0], (-INF, 1.0)),
     ],
@@ -121,9 +104,8 @@ def test_a_sign_is_a_range(sign, expected):
         ({"j": "+"}, [[-INF, 0]] * 2, [[INF, INF]] * 2),
         ([{"j": "-"}, {"j": [0, 2], "i": "+"}], [[-INF, -INF], [0, 0]], [[INF, 0], [INF, 2]]),
         ([{"j": [0, 1]}, {"j": [1, 2]}], [[-INF, 0], [-INF, 1]], [[INF, 1], [INF, 2]]),
-        ([{"j": [0, 1]}, {"i": [5, 6]}], [[-INF, 0], [5, -INF]], [[INF, 1], [6, INF]]),
     ],
-    ids=["none", "one map", "a sign change at zero", "ranges that touch", "different joints"],
+    ids=["none", "one map", "a sign change at zero", "ranges that touch"],
 )
 def test_one_map_serves_all_segments_or_each_has_its_own(signs, lower, upper):
     tube = Tube(CORNER, 0.1) if signs is None else Tube(CORNER, 0.1, joint_signs=signs)
@@ -134,10 +116,8 @@ def test_one_map_serves_all_segments_or_each_has_its_own(signs, lower, upper):
     ("speeds", "kept"),
     [
         (0.5, [0.5, 0.5]),
-        (np.float64(0.5), [0.5, 0.5]),
         (np.array(0.5), [0.5, 0.5]),
         ([None, 2], [INF, 2.0]),
-        ((0.3, INF), [0.3, INF]),
         (np.array([0.3, INF]), [0.3, INF]),
     ],
 )
@@ -164,13 +144,11 @@ def test_some_points_keep_the_speeds_of_their_segments():
 
 COUNT = "has shape ({}); at least two points"
 FINITE = "tube.points must be finite numbers"
-NO_LIST = "is no list of points [x, y, z]"
 NO_NUMBER = "is no number or list of numbers"
 RADIUS = "m; it must be from 1e-06 to 10000 m"
 TOOL_RADIUS = "must be >= 0 and below the smallest radius, {} m, by at least 1e-06 m"
 SIGN = "is none of '+', '-', '0', 1, -1, 0, [lower, upper]"
 SPEED = "it must be from 1e-06 to 10000 m/s, or null where the tool's speed is free"
-FREE = "null where the tool's speed is free"
 
 
 def fault(message, points=LINE, radius=1, **options):
@@ -188,46 +166,30 @@ def speed_fault(shown, speed, points=LINE, at=0):
 @pytest.mark.parametrize(
     ("points", "radius", "options", "message"),
     [
-        fault(f"tube.points {COUNT.format('')} [x, y, z] are needed", 5),
-        fault(COUNT.format("1, 3"), [[0, 0, 0]]),
+        fault(f"tube.points {COUNT.format('1, 3')} [x, y, z] are needed", [[0, 0, 0]]),
         fault(COUNT.format("2, 2"), [[0, 0], [1, 0]]),
-        fault(f"tube.points: [[0, 0, 0], [1, 0]] {NO_LIST}", [[0, 0, 0], [1, 0]]),
-        fault(NO_LIST, [[0, 0, "a"], [1, 0, 0]]),
+        fault("tube.points: [[0, 0, 0], [1, 0]] is no list of points [", [[0, 0, 0], [1, 0]]),
         fault(FINITE, [[0, 0, 0], [1, 0, np.nan]]),
-        fault(FINITE, [[0, 0, 0], [INF, 0, 0]]),
         fault(f"{FINITE} within 10000 m", [[0, 0, 0], [2e4, 0, 0]]),
         fault("tube.points: points 0 and 1 are the same", [[0, 0, 0], [1e-7, 0, 0]]),
-        fault(
-            "points 1 and 2 are the same within 1e-06 m; segment 1 between them would be left out",
-            [[0, 0, 0], [1, 0, 0], [1, 0, 0], [1, 1, 0]],
-            [1, 2, 3],
-        ),
         fault("tube.radius has 3 values for 2 segments; give one, or one each", CORNER, [1, 1, 1]),
         fault(f"tube.radius[0] is 0 {RADIUS}", LINE, 0),
         fault(f"tube.radius[1] is -0.2 {RADIUS}", CORNER, [0.1, -0.2]),
         fault(f"tube.radius[0] is nan {RADIUS}", LINE, np.nan),
-        fault(f"tube.radius[0] is inf {RADIUS}", LINE, INF),
         fault(f"tube.radius[0] is 9.9e-07 {RADIUS}", LINE, 9.9e-7),
-        fault(f"tube.radius[0] is 100000 {RADIUS}", LINE, 1e5),
         fault(NO_NUMBER, LINE, True),
-        fault(NO_NUMBER, LINE, "1"),
         fault(NO_NUMBER, LINE, np.ma.masked_all(1)),
-        fault(f"tool_radius 0.2 m {TOOL_RADIUS.format(0.2)}", CORNER, [0.3, 0.2], tool_radius=0.2),
         fault("tube.tool_radius -0.1 m must be >= 0", tool_radius=-0.1),
-        fault("tube.tool_radius nan m must be >= 0", tool_radius=np.nan),
         fault(TOOL_RADIUS.format(1), tool_radius=1 - 1e-9),
         fault(TOOL_RADIUS.format(1), tool_radius="a"),
-        fault(TOOL_RADIUS.format(1), tool_radius=True),
         fault(
             "unknown value 'order' (did you mean 'ordered'?); there is: ordered, any", visit="order"
         ),
         fault("tube.joint_signs has 2 maps for 1 segments; give one, or one", joint_signs=[{}, {}]),
         fault("tube.joint_signs: '+' is no map", joint_signs="+"),
         sign_fault(f"'++' {SIGN}", "++"),
-        sign_fault(f"2 {SIGN}", 2),
         sign_fault(f"True {SIGN}", True),
         sign_fault("the range [1, 0] is reversed", [1, 0]),
-        sign_fault(f"[0, 1, 2] {SIGN}", [0, 1, 2]),
         sign_fault("the range [nan, 1] is reversed or no number", [np.nan, 1]),
         fault(
             "tube.joint_signs: joint 'j' has the range [0.0, 1.0] in segment 0 and [1.5, 2.0] in "
@@ -236,19 +198,12 @@ def speed_fault(shown, speed, points=LINE, at=0):
             CORNER,
             joint_signs=[{"j": [0, 1]}, {"j": [1.5, 2]}],
         ),
-        speed_fault("0", 0),
         speed_fault("-1.5", [None, -1.5], CORNER, 1),
         speed_fault("nan", np.nan),
         speed_fault("9e-07", 9e-7),
-        speed_fault("100000.0", 1e5),
-        speed_fault("-inf", -INF),
         speed_fault("True", True),
         speed_fault("'fast'", "fast"),
-        speed_fault("[1.0]", [[1.0]]),
-        fault(
-            f"3 values for 2 segments; give one, or one each, {FREE}", CORNER, tool_speed=[1, 1, 1]
-        ),
-        fault("tube.tool_speed has 0 values for 2 segments; give one", CORNER, tool_speed=[]),
+        fault("3 values for 2 segments; give one, or one each, null", CORNER, tool_speed=[1, 1, 1]),
     ],
 )
 def test_a_fault_is_named(points, radius, options, message):
@@ -374,11 +329,9 @@ def apart(name, points=STRAIGHT, radius=0.1, **options):
         apart("signs", joint_signs=[{"elbow": "+"}, {"elbow": "0"}]),
         apart("all", pass_through_points="all"),
         apart("speed", tool_speed=[0.5, 0.6]),
-        apart("free speed", tool_speed=[None, 0.6]),
         apart("tolerance", orientations=[UP] * 3, rotation_tolerance=[0.1, 0.2]),
         apart("turn", orientations=[UP, SIDEWAYS, UP], rotation_tolerance=0.1),
         apart("back", [[0, 0, 0], [1, 0, 0], [0.5, 0, 0]]),
-        apart("there and back", [[0, 0, 0], [1, 0, 0], [0, 0, 0]]),
         apart("off", [[0, 0, 0], [1, 2e-8, 0], [2, 0, 0]]),
     ],
 )
