@@ -33,10 +33,7 @@ def test_every_example_name_leads_to_a_urdf_on_this_machine(name):
 
 
 def test_bundled_robots_and_problems_are_listed_by_name():
-    assert (
-        resources.bundled_robots()["two_link"]
-        == resources.bundled_folder() / "two_link" / "two_link.urdf"
-    )
+    assert resources.bundled_robots()["two_link"] == BUNDLED / "two_link" / "two_link.urdf"
     assert {"ur5/over_the_wall", "two_link/around_a_post"} <= set(resources.bundled_problems())
 
 
@@ -122,9 +119,7 @@ def test_packages_are_found_where_the_user_or_ros_says(tmp_path, monkeypatch, va
     assert resources.find_description("package://my_arm/urdf/arm.urdf", Path(), folders) == path
 
 
-def test_a_package_folder_may_be_the_package_and_folders_of_the_user_come_first(
-    tmp_path, monkeypatch
-):
+def test_a_package_folder_may_be_the_package_and_hides_that_of_ros(tmp_path, monkeypatch):
     mine = write(tmp_path / "mine" / "my_arm" / "arm.urdf")
     write(tmp_path / "ros" / "my_arm" / "arm.urdf")
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros"))
@@ -158,15 +153,12 @@ def test_without_example_robot_data_the_message_says_what_to_install(monkeypatch
     def missing(name):
         raise importlib.metadata.PackageNotFoundError(name)
 
+    uncached = resources._example_robot_data_share.__wrapped__
+    monkeypatch.setattr(resources, "_example_robot_data_share", uncached)
     monkeypatch.setattr(resources.importlib.metadata, "distribution", missing)
-    resources._example_robot_data_share.cache_clear()
-    try:
-        with pytest.raises(RobotError, match="pip install example-robot-data"):
-            resources.find_description("example:ur5", Path())
-        assert resources.find_description("example:two_link", Path()).is_file()
-    finally:
-        monkeypatch.undo()
-        resources._example_robot_data_share.cache_clear()
+    with pytest.raises(RobotError, match="pip install example-robot-data"):
+        resources.find_description("example:ur5", Path())
+    assert resources.find_description("example:two_link", Path()).is_file()
 
 
 # The URDFs in each release of example-robot-data, as listed from its wheel.
@@ -195,14 +187,11 @@ def test_a_robot_of_another_release_says_so(monkeypatch):
 
 
 def test_a_package_path_may_not_leave_its_package(tmp_path):
-    (tmp_path / "arm").mkdir()
-    (tmp_path / "secret.stl").write_text("x")
-    with pytest.raises(
-        RobotError, match=r"package://arm/\.\./secret\.stl leads out of the package"
-    ):
-        resources.find_mesh(
-            "package://arm/../secret.stl", tmp_path / "arm" / "arm.urdf", (tmp_path,)
-        )
+    urdf = write(tmp_path / "arm" / "arm.urdf")
+    write(tmp_path / "secret.stl", "x")
+    message = r"package://arm/\.\./secret\.stl leads out of the package"
+    with pytest.raises(RobotError, match=message):
+        resources.find_mesh("package://arm/../secret.stl", urdf, (tmp_path,))
 
 
 def test_a_package_is_the_folder_that_says_it_is_one(tmp_path, no_ros):

@@ -75,6 +75,12 @@ def test_it_is_beside_its_target_until_it_is_put(tmp_path):
     assert target.stat().st_mode & 0o777 == 0o640
 
 
+def put(path, content):
+    with StagedFile(path) as file:
+        file.write(content)
+        file.put()
+
+
 def test_it_is_removed_unless_it_is_put(tmp_path):
     with pytest.raises(ValueError, match="no answer"), StagedFile(tmp_path / "a"):
         raise ValueError("no answer")
@@ -84,9 +90,7 @@ def test_it_is_removed_unless_it_is_put(tmp_path):
 def test_content_comes_whole_in_pieces(tmp_path, monkeypatch):
     write = os.write
     monkeypatch.setattr(os, "write", lambda descriptor, data: write(descriptor, data[:3]))
-    with StagedFile(tmp_path / "a") as file:
-        file.write(b"0123456789")
-        file.put()
+    put(tmp_path / "a", b"0123456789")
     assert (tmp_path / "a").read_bytes() == b"0123456789"
 
 
@@ -103,23 +107,15 @@ def test_what_a_killed_process_left_is_taken_over(tmp_path):
 
 
 def test_who_writes_the_same_file_waits(tmp_path):
-    target, order = tmp_path / "a", []
-
-    def second():
-        with StagedFile(target) as file:
-            order.append("second")
-            file.write(b"second")
-            file.put()
-
+    target = tmp_path / "a"
+    thread = threading.Thread(target=put, args=(target, b"second"))
     with StagedFile(target) as file:
-        thread = threading.Thread(target=second)
         thread.start()
         thread.join(0.1)
+        assert thread.is_alive()
         file.write(b"first")
-        order.append("first")
         file.put()
     thread.join()
-    assert order == ["first", "second"]
     assert target.read_bytes() == b"second"
     assert list(tmp_path.iterdir()) == [target]
 
