@@ -12,8 +12,6 @@ from tubeplanner.refinement.smoother_tube import smoother_problem
 from tubeplanner.refinement.tube_chains import sharpest_bend
 from tubeplanner.refinement.widened_tube import widened_radius
 
-# A narrower tube inside a tube, about a smoother path.
-
 SEED = Seed([-0.2, -1.3, 1.9, -2.0, -1.6, 0])
 RADIUS = 0.005
 
@@ -94,9 +92,6 @@ def test_sharp_corners_are_not_smoothed(ur5):
     assert smoother_problem(problem(ur5, zigzag, 0.002)) is None
 
 
-# Coarse knots in a tube as wide as they are coarse.
-
-
 def grid(*intervals):
     return KnotGrid(tuple(np.linspace(0, 1, count + 1) for count in intervals))
 
@@ -109,7 +104,6 @@ RIGHT_ANGLE = [*STRAIGHT, [0.6, 0.2, 0]]
     ("points", "radius", "intervals", "expected"),
     [
         (STRAIGHT, 0.001, [3], 0.2 * 0.6 / 3),  # a fifth of a knot interval
-        (STRAIGHT, 0.001, [300], 0.001),
         (RIGHT_ANGLE, 0.001, [2, 1], 0.1 * 0.2),  # a tenth of the shorter leg
         # A straight continuation is no corner; the first segment is widened by its knots.
         ([[0, 0, 0], [0.3, 0, 0], [0.6, 0, 0], [0.6, 0.3, 0]], 0.001, [2, 2, 2], 0.03),
@@ -129,10 +123,7 @@ def test_a_hairpin_is_hardly_widened():
 
 
 def test_without_widening_there_is_an_answer_too(bundled, monkeypatch):
-    """What the widened tube leads astray is planned again in the tube as it is.
-
-    Links count as inside on the coarsest knots: widened starts are given up on them.
-    """
+    """Links count as inside on the coarsest knots: widened starts are given up on them."""
     widened, original = [], refinement.widened_radius
 
     def recorded(tube, grid):

@@ -1,19 +1,11 @@
 """Variables of a step: free control points, their bounds, columns common to legs."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from cases import begun
-from scipy.interpolate import BSpline
 
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
-from tubeplanner.refinement.descent import FIRST_PENALTY
-from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.shared_columns import LegShape, shared_columns
-from tubeplanner.refinement.trust_region import TrustRegion
-
-# What the optimiser may move: bounds, and a goal that is left open.
 
 
 @pytest.fixture(scope="module", params=["ur5/over_the_wall", "panda/between_shelves"])
@@ -76,29 +68,6 @@ def test_the_tool_stays_at_an_open_goal(case):
     np.testing.assert_allclose(share + share[::-1], 1.0, atol=1e-9)
 
 
-def test_a_goal_that_moves_makes_no_leap_of_the_jerk(bundled):
-    """The exact jerk after a step along the goal's free directions is what it is to first order.
-
-    On fine knots that are clustered at the goal; the correction that keeps the tool there, put onto
-    the last control points alone, gave a thousand times as much.
-    """
-    problem = bundled("ur5/over_the_wall")
-    spline = begun(problem, 81)
-    variables = ControlVariables(problem, spline.grid)
-    points = spline.control_points
-    held = variables.held(points)
-    free = np.linalg.svd(held)[2][len(held)]
-    share = np.linspace(0, 1, len(variables.lower)) ** 3
-    step = 0.03 * share[:, None] * free
-
-    def jerk(control_points):
-        knots = spline.grid.knots(spline.switching_times)
-        return abs(BSpline(knots, control_points, 3).derivative(3)(knots[3:-4])).max()
-
-    linear = jerk(points + variables.change(step))
-    assert jerk(variables.moved(points, step)) == pytest.approx(linear, rel=0.05)
-
-
 def test_points_are_moved_into_the_ranges_of_all_phases_they_count_in(case):
     problem, spline, variables = case
     far = spline.control_points + 20.0
@@ -108,29 +77,8 @@ def test_points_are_moved_into_the_ranges_of_all_phases_they_count_in(case):
     np.testing.assert_array_equal(inside[~moving], far[~moving])
 
 
-def test_a_goal_left_open_is_where_the_motion_is_fastest(bundled):
-    problem = bundled("ur5/over_the_wall")
-    assert problem.goal is None
-    spline = begun(problem, 8)
-
-    def improved(problem):
-        """Return what some steps make of the spline, whatever its links meet."""
-        program = SequentialProgram(problem, spline.grid)
-        steps = {"min_gain": 1e-4, "max_steps": 40}
-        first, region = program.iterate(spline), TrustRegion(0.2)
-        return program.improved(first, region, FIRST_PENALTY, **steps).iterate
-
-    free, held = improved(problem), improved(replace(problem, goal=spline.control_points[-1]))
-    assert free.excess < 1e-3 and held.excess < 1e-3
-    assert free.duration < 0.995 * held.duration
-    tool = problem.robot.tool_position(free.spline.control_points[-1:])[0]
-    np.testing.assert_allclose(tool, problem.tube.points[-1], atol=1e-6)
-
-
 def test_an_open_goal_without_redundant_joints_stays_where_it_is(bundled):
-    """Two joints in a plane: the tool's place leaves them nothing to choose."""
     problem = bundled("two_link/paper_1_10mm")
-    assert problem.goal is None
     spline = begun(problem, 12)
     variables = ControlVariables(problem, spline.grid)
     assert (variables.column[-3:] == FIXED).all()
@@ -184,9 +132,6 @@ def test_tied_ends_have_the_bounds_of_both(with_start, bundled):
         assert variables.upper[place].tolist() == [1, 2, 1, 2, 1, 1]
 
 
-# Which variables legs share, and their order.
-
-
 # Three, one and two configurations of two joints; one, no and two switching times.
 LEGS = [LegShape(3, 2, 1), LegShape(1, 2, 0), LegShape(2, 2, 2)]
 
@@ -196,6 +141,8 @@ def test_configurations_stand_first_then_switching_times_then_eta_then_elastic()
     assert first.tolist() == [0, 1, 2, 3, 4, 5, 12, 15, 18]
     assert second.tolist() == [6, 7, 16, 19]
     assert third.tolist() == [8, 9, 10, 11, 13, 14, 17, 20]
+    (cycle,) = shared_columns([LegShape(3, 2, 1)], [True])  # of one leg
+    assert cycle.tolist() == [2, 3, 0, 1, 2, 3, 4, 5, 6]
 
 
 @pytest.mark.parametrize(
@@ -212,21 +159,6 @@ def test_tied_ends_are_the_same_configuration(is_tied, first):
     assert columns[1][:2].tolist() == [4, 5]
     assert columns[2][:4].tolist() == [6, 7, 8, 9]
     assert columns[0][6] == 10
-
-
-@pytest.mark.parametrize("is_tied", [[True, True, True], [True, False, False]])
-def test_no_column_is_left_out_and_only_tied_ones_are_shared(is_tied):
-    legs = [LegShape(4, 3, 2), LegShape(5, 3, 1), LegShape(3, 3, 0)]
-    columns = shared_columns(legs, is_tied)
-    every, count = np.unique(np.concatenate(columns), return_counts=True)
-    assert every.tolist() == list(range(len(every)))
-    assert (count == 2).sum() == 3 * sum(is_tied)
-    assert count.max() <= 2
-    for k in np.flatnonzero(is_tied):
-        size = 3 * legs[k].configurations
-        np.testing.assert_array_equal(columns[k][size - 3 : size], columns[(k + 1) % 3][:3])
-    (own,) = shared_columns([LegShape(3, 2, 1)], [True])  # a cycle of one leg
-    assert own.tolist() == [2, 3, 0, 1, 2, 3, 4, 5, 6]
 
 
 # Of forty switching times, two beside a phase of thirty knot intervals.

@@ -122,18 +122,6 @@ def test_the_velocity_stays_within_its_hull_and_touches_it():
     np.testing.assert_allclose(bound, derivative.control_points, rtol=1e-12, atol=1e-12)
 
 
-def test_times_change_with_both_ends_of_their_phase():
-    """Linearly: a finite difference is exact."""
-    samples = SMALL_GRID.samples(np.array([0.0, 0.3, 1.0]))
-    found = samples.times_by_switching(SMALL_GRID.switch_count)
-    for column, switching in enumerate((1, 2)):
-        moved = SWITCHING_TIMES.copy()
-        moved[switching] += 0.01
-        expected = (samples.times(moved) - samples.times(SWITCHING_TIMES)) / 0.01
-        np.testing.assert_allclose(found[:, column], expected, atol=1e-12)
-    assert samples.times_by_switching(0).shape == (len(samples.share), 0)
-
-
 def test_on_a_fixed_grid_no_switching_time_moves():
     fixed = KnotGrid(SMALL_GRID.shares, SMALL_GRID.chains, is_fixed=True)
     assert (SMALL_GRID.switch_count, fixed.switch_count) == (2, 0)

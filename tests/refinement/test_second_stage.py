@@ -21,7 +21,6 @@ LEAST_JERK, LEAST_VARIATION = 720.0, 16.0  # of one metre from rest to rest in o
 
 @pytest.fixture(scope="module")
 def sliding(slider):
-    """The slider's shortest motion."""
     return plan(slider, PlanOptions(slack=0))
 
 
@@ -53,10 +52,9 @@ def quintic(x):
 
 
 def least_fourth_power():
-    """Return the least integral of the fourth power of the jerk of one metre, in one second.
+    """By Euler and Lagrange the jerk's third power is a parabola, here about the middle.
 
-    What is least has a third power without a third derivative (Euler and Lagrange): a parabola,
-    here about the middle. Its roots are where the acceleration vanishes at the end.
+    Its roots are where the acceleration vanishes at the end.
     """
     x = (np.arange(200_000) + 0.5) / 200_000
     root = brentq(lambda r: np.cbrt((x - 0.5) ** 2 - r).mean(), 0.01, 0.2)
@@ -65,10 +63,7 @@ def least_fourth_power():
 
 
 def test_with_time_enough_the_least_jerk_is_what_calculus_says(slider, sliding, monkeypatch):
-    """The jerk alone, dear: it has one minimum, from rest to rest with zero acceleration.
-
-    Where jerk vanishes its fourth power is flat: the last tenths are found slowly, if at all.
-    """
+    """Where jerk vanishes its fourth power is flat: the last tenths are found slowly, if at all."""
     monkeypatch.setattr(smoothness_measures, "_WEIGHTS", (0.0, 0.0, 4.0))
     found = smoothed(slider, sliding, 2.0).trajectory
     least = least_fourth_power()
@@ -90,13 +85,6 @@ def test_the_mixture_is_no_worse_than_the_quintic_and_within_what_is_possible(sl
     at = found._program.iterate(replace(sliding.motion.spline, control_points=points))
     assert at.squared_duration < longest**2
     assert objective.value(found._found) < objective.value(at) + 0.05
-
-
-def test_little_time_brings_the_jerk_most_of_the_way(slider, sliding):
-    little, some = (
-        integral(smoothed(slider, sliding, slack).trajectory, 2) for slack in (0.005, 0.1)
-    )
-    assert integral(sliding.trajectory, 2) > 5 * little > 20 * some
 
 
 @pytest.fixture(scope="module")

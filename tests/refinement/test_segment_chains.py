@@ -16,8 +16,6 @@ from tubeplanner.refinement.ordered_segments import (
 from tubeplanner.refinement.phased_spline import KnotGrid
 from tubeplanner.refinement.tube_chains import largest_kink, sharpest_bend, tube_chains
 
-# Which tube segments make up a phase.
-
 
 def chains_of(points, radius=0.01, **more):
     return tube_chains(SimpleNamespace(tube=Tube(points, radius, **more)))
@@ -50,7 +48,6 @@ def test_a_circle_of_many_chords_is_one_chain(count, radius, noise):
 
 
 def test_a_sharp_corner_between_short_segments_ends_a_chain():
-    """And is no bend of chains then."""
     points, chains = right_angle(16), (range(16), range(16, 32))
     assert chains_of(points) == chains
     assert sharpest_bend(Tube(points, 0.01)) == pytest.approx(np.pi / 2)
@@ -91,9 +88,6 @@ def test_a_circle_bends_by_its_radius_of_curvature_in_radii():
     radius = 0.01
     bend = sharpest_bend(Tube(circle(1000), radius))
     assert bend == pytest.approx(radius / 0.07, abs=2 * np.pi / 1000)
-
-
-# The segments of a chain's samples: in order, and as near as can be.
 
 
 @pytest.mark.parametrize("pays", [False, True])
@@ -175,10 +169,7 @@ def hairpin():
 
 @pytest.mark.parametrize("turns_at", [0.025, 0.034])
 def test_a_short_cut_that_leaves_a_bend_out_is_outside(turns_at):
-    """A tool that goes that far along both legs is, half-way between, in the capsules of either.
-
-    The bend is 15 mm away, 1.9 radii; a tool that is about to leave it out is held to it.
-    """
+    """The bend is 15 mm away, 1.9 radii; a tool that is about to leave it out is held to it."""
     tube = hairpin()
     segments, share = chained(tube, 31)
     to_and_fro = turns_at * (1 - abs(2 * share - 1))

@@ -12,7 +12,6 @@ from tubeplanner.constraints.effort_rate import EffortRate
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limits import speed_limits
 from tubeplanner.constraints.time_scaling import minimum_duration, scaling_factor
-from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.refinement.goal_constraints import evaluated_turn, goal_keys
 from tubeplanner.refinement.linear_rows import StepSize
 from tubeplanner.refinement.link_constraints import LinkConstraints
@@ -25,11 +24,8 @@ from tubeplanner.refinement.speed_limit_rows import EvaluatedSpeedLimit
 from tubeplanner.refinement.spline_constraints import BLENDED, WIDELY_BLENDED
 from tubeplanner.refinement.spline_start import knot_grid
 from tubeplanner.robot.effort_range import EffortRange
-from tubeplanner.robot.effort_rate import effort_rate
 from tubeplanner.trajectory.directed_stretches import common_stretches
 from tubeplanner.trajectory.joint_trajectory import from_spline
-
-# Conditions of the optimisation: against what they stand for and against finite differences.
 
 ENDS = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
@@ -143,11 +139,7 @@ def test_rows_have_the_slack_of_the_trajectory_and_those_left_out_cannot_be_brok
 
 @pytest.mark.parametrize("kind", ALL_LIMITS)
 def test_rows_know_what_the_duration_gives(case, kind):
-    """At the duration that the limit allows, the tightest row has no slack; beyond it, some.
-
-    In another one the slack is that of its own rows, multiplied by the highest power of the ratio
-    of the durations, by which rows are told. In its least duration no sample is beyond the limit.
-    """
+    """At the duration that the limit allows, the tightest row has no slack; beyond it, some."""
     limit = Kinds(kind, case).at(case[1])
     y = float(limit.squared_durations.max())
     rows = limit.rows(np.sqrt(y), None)
@@ -165,53 +157,6 @@ def test_rows_know_what_the_duration_gives(case, kind):
     for i in np.flatnonzero(limit.squared_durations > 0):  # no speed is too fast elsewhere
         own = used.at(limit.squared_durations[i] ** -0.5)[i]
         assert max((sign * own).max() for sign in signs) == pytest.approx(1.0, abs=1e-9)
-
-
-def test_the_least_duration_is_that_of_every_limit(case):
-    """Run in it, some limit is just met, and none is broken."""
-    problem, spline, samples = case
-    robot, limits, phase = problem.robot, problem.robot.limits, samples.phase
-    at = sampled(spline, samples)
-    found = [Kinds(kind, case).at(spline).squared_durations for kind in LIMITS]
-    for i, y in enumerate(np.max(found, axis=0)):
-        q, v, a, j = (at.by_x[order, i : i + 1] / y ** (order / 2) for order in range(4))
-        used = [
-            abs(robot.inverse_dynamics(q, v, a)) / limits.effort,
-            abs(v) / limits.velocity,
-            abs(a) / limits.acceleration,
-            abs(j) / limits.jerk,
-            abs(effort_rate(robot, q, v, a, j)) / limits.effort_rate,
-        ]
-        tool = robot.tool_jacobian(q)[1][0, :3] @ v[0]
-        used.append(np.full(v.shape, np.linalg.norm(tool) / problem.tube.tool_speed[phase[i]]))
-        for law in limits.velocity_by_position:
-            speed, to_go = v[0, law.joint], law.upper - q[0, law.joint]
-            if speed < 0:
-                speed, to_go = -speed, q[0, law.joint] - law.lower
-            allowed = np.sqrt(2 * law.deceleration * to_go) - law.offset
-            used.append(np.full(v.shape, speed / allowed))
-        speeds = np.linalg.norm(robot.point_velocities(q, v)[0][:, 0], axis=1)
-        shares = speeds / [point.speed for point in limits.point_speed]
-        used.append(np.full(v.shape, shares.max()))
-        assert np.max(used) == pytest.approx(1.0, abs=1e-9)
-
-
-@pytest.mark.parametrize("kind", LIMITS)
-def test_every_limit_has_a_key_and_rows(case, kind):
-    limit = Kinds(kind, case).at(case[1])
-    rows, keys, robot = limit.rows(0.8, None), limit.limit.keys, case[0].robot
-    assert np.unique(rows.limit).tolist() == list(range(len(keys)))
-    assert len(rows) == limit.row_count
-    every = range(robot.joint_count)
-    joints = {"jerk": every[:1], "effort_rate": every[1:]}.get(kind, every)
-    named = {
-        "tool_speed": [(kind, None, segment) for segment in range(2)],
-        "point_speed": [(kind, None, None)] * 2,
-    }.get(kind, [(kind, joint, None) for joint in joints])
-    assert [(key.kind, key.joint, key.segment) for key in keys] == named
-    if kind == "point_speed":
-        points = [(point.link, k) for k, point in enumerate(robot.limits.point_speed)]
-        assert [(key.link, key.point) for key in keys] == points
 
 
 def test_effort_rates_count_on_both_sides_of_every_knot(case):
@@ -246,16 +191,11 @@ def test_the_rotations_rows_and_its_ball_are_its_margin(case):
     np.testing.assert_allclose(evaluated.angle().excess, used[:, 3] - 1 + margin, atol=1e-12)
     slack = evaluated.slack(1.0, 1.0).reshape(len(used), -1).min(axis=1)
     np.testing.assert_allclose(slack, 1 - margin - used[:, :3].max(axis=1), atol=1e-12)
-    rows = evaluated.rows(1.0, None)  # components of the second alone
-    assert np.unique(rows.limit).tolist() == [1]
-    assert evaluated.angle().numbers.ravel().tolist() == [0, 1]
+    assert set(evaluated.rows(1.0, None).limit) == {1}  # components of the second alone
 
 
-def test_a_tool_that_is_free_or_at_rest_limits_nothing(case):
-    """Only samples of the other segment use something, and all rows are its limit's.
-
-    At rest the direction of the velocity is none: nothing there changes the share.
-    """
+def test_a_tool_that_is_free_limits_nothing(case):
+    """Only samples of the other segment use something, and all rows are its limit's."""
     problem, spline, samples = case
     problem = problem.with_tube(replace(problem.tube, tool_speed=[None, 0.9]))
     limit = Kinds("tool_speed", (problem, spline, samples)).at(spline)
@@ -264,18 +204,10 @@ def test_a_tool_that_is_free_or_at_rest_limits_nothing(case):
     assert (squared[samples.phase == 0] == 0).all()
     assert (squared[samples.phase == 1] > 0).all()
     assert set(limit.rows(np.sqrt(squared.max()), None).limit.tolist()) == {0}
-    still = np.stack([problem.start[None], np.zeros((1, 6)), np.ones((1, 6))])
-    at, limit = PathSamples(problem, still, lambda: np.ones(1, dtype=int)), ToolSpeed(problem)
-    assert limit.used(at).at(2.0).tolist() == [[0.0]]
-    assert all((change == 0).all() for change in limit.by_path(at, 2.0).values())
-    assert limit.used(at).largest_speed(limit.signs).tolist() == [[np.inf]]
 
 
 def test_room_is_unused_by_segment(case):
-    """A share of the region's size that counts as outside; least what is always left.
-
-    If it is to be run in a duration, that one counts; what limits ask for is known beside it.
-    """
+    """A share of the region's size that counts as outside; least what is always left."""
     (problem, spline, _), room = case, np.array([0.3, 0.0])
     plain, kept = (constraints_of(problem, spline.grid, room=each) for each in (None, room))
     before, after = (constraints.at(spline).regions[0] for constraints in (plain, kept))
@@ -289,7 +221,6 @@ def test_room_is_unused_by_segment(case):
 
 
 def test_between_samples_changes_nothing(case):
-    """It looks everywhere, and what is watched stays as it was."""
     problem, spline, _ = case
     constraints = constraints_of(problem, spline.grid)
     before, dense = constraints.at(spline), constraints.between_samples(spline)
@@ -310,7 +241,6 @@ def test_samples_of_the_tube_are_added_on_either_side_of_an_instant_too(case, x)
     constraints.add_samples(spline, x)
     times = constraints._tube_samples.times(spline.switching_times)[known:]
     spacing = np.diff(spline.grid.breakpoints(spline.switching_times)).max() / 20
-    assert times[0] == pytest.approx(x)
     beside = np.unique(np.round(times, 9))
     assert np.diff(beside).max() <= spacing / 4 + 1e-9
     assert [beside[0] < x, beside[-1] > x] == [x > 0, x < 1]
@@ -356,11 +286,7 @@ def efforts(constraints, spline):
 
 
 def beyond(constraints, spline, intervals, near=0.15):
-    """Return by what share efforts ask for more than they need, blended over so many intervals.
-
-    Of the squared duration, at samples that are not so near to an end; what they need is by the
-    direction there.
-    """
+    """Return the share of the squared duration that efforts ask for beyond what they need."""
     constraints.blend(intervals)
     effort = efforts(constraints, spline)
     exact = scaling_factor(constraints._problem, *effort.at.by_x[:3]) ** -2.0
@@ -369,10 +295,7 @@ def beyond(constraints, spline, intervals, near=0.15):
 
 
 def test_blended_over_fewer_intervals_it_comes_nearer_to_what_is_exact(two_link):
-    """And is never less.
-
-    Of few knots all of the largest velocity is blended, and no more.
-    """
+    """And is never less."""
     constraints, spline = constraints_and_spline(two_link, True, **BRAKING_FRICTION)
     wide, narrow, least = (beyond(constraints, spline, k) for k in (WIDELY_BLENDED, BLENDED, 1.0))
     assert least.min() > -1e-9
@@ -390,26 +313,14 @@ def test_blended_over_fewer_intervals_it_comes_nearer_to_what_is_exact(two_link)
 
 
 def test_where_nothing_reverses_it_is_exact_in_the_end(two_link):
-    """From the start to the goal: there joints are slow, but their directions are known.
-
-    Widely blended only the outermost intervals know them, in the end all in which joints get fast.
-    """
+    """At start and goal joints are slow, but their directions are known."""
     constraints, spline = constraints_and_spline(two_link, False, **BRAKING_FRICTION)
     blended = constraints.between_samples(spline).duration
     shape = from_spline(two_link.joint_names, spline.bspline())
     assert blended == pytest.approx(minimum_duration(constraints._problem, shape), rel=1e-3)
-    unsure = {}
     for intervals in (WIDELY_BLENDED, BLENDED):
         share = beyond(constraints, spline, intervals, 0.02)
         assert share.any() == (intervals == WIDELY_BLENDED)
-        effort = efforts(constraints, spline)
-        friction, interval = effort.path.coulomb_friction, effort.at.evaluation_points.interval
-        differs = (friction.most > friction.least).any(axis=1)
-        unsure[intervals] = set(interval[differs])
-    last = spline.grid.interval_count - 1
-    assert {1, last - 1} <= unsure[WIDELY_BLENDED]
-    assert not {0, last} & unsure[WIDELY_BLENDED]
-    assert unsure[BLENDED] == set()
 
 
 def test_blending_changes_something_only_once_and_only_with_coulomb_friction(two_link):

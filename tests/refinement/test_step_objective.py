@@ -21,8 +21,6 @@ from tubeplanner.refinement.step_block import Step
 from tubeplanner.refinement.step_cost import _PROXIMITY, _SMOOTHING, StepCost
 from tubeplanner.trajectory.joint_trajectory import from_spline
 
-# Motions whose measures have closed forms.
-
 SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
 RUN_IN = 0.8
 
@@ -68,8 +66,6 @@ def bar(tmp_path, **limits):
     """A bar in free rotation: its effort is its inertia times its acceleration."""
     return unbounded(one_joint(tmp_path, **limits))
 
-
-# Energy and work as the second stage measures them: closed forms, and bounds.
 
 TRAVEL = np.array([1.3])
 
@@ -124,14 +120,6 @@ def test_work_of_a_bar_is_its_greatest_kinetic_energy_rounded_upwards(tmp_path):
     assert found[0] < found[1] < found[2] < 1.5 * rises
 
 
-def test_work_against_gravity_does_not_depend_on_the_speed(tmp_path):
-    """Of a motion so slow that nothing but gravity counts: upwards it is the height."""
-    problem, spline = unbounded(one_joint(tmp_path, mass=0.5)), monotone(1, TRAVEL)
-    expected = 0.5 * 9.81 * 0.5 * np.sin(1.3)
-    found = Work(1, 1e-6).total(motion(problem, spline, 1e3))
-    assert found == pytest.approx(expected, rel=1e-3)
-
-
 def test_the_model_of_work_bends_more_than_power(tmp_path):
     """Power is a product, which bends both ways: what bends downwards is left out."""
     problem, spline = bar(tmp_path), monotone(1, TRAVEL)
@@ -153,8 +141,6 @@ def test_the_model_of_work_bends_more_than_power(tmp_path):
         missed.append(bend > bends[:, own].sum())
     assert any(missed)  # by the residuals of power alone
 
-
-# What smoothness is measured by: against closed forms.
 
 RATE, VARIATION, JERK = range(3)
 
@@ -198,8 +184,6 @@ def test_without_a_limit_the_largest_effort_of_the_motion_is_the_unit(tmp_path):
     assert expected - 2 * len(width) * 0.01 < found < expected
 
 
-# The quadratic part of a step's cost is what it says it is.
-
 DAMPING = 0.7
 
 
@@ -229,10 +213,7 @@ def cost(spline, variables, step, switching):
 
 
 def test_it_is_the_cost_of_a_step_but_for_what_there_was_before(cost_case):
-    """Squared rates are what is damped; everything that may change has some curvature.
-
-    Else the solver's program would have no single answer.
-    """
+    """Squared rates are what is damped; everything that may change has some curvature."""
     spline, variables, step_cost = cost_case
     rng = np.random.default_rng(0)
     step = 0.01 * rng.normal(size=variables.lower.shape)
@@ -247,9 +228,6 @@ def test_it_is_the_cost_of_a_step_but_for_what_there_was_before(cost_case):
     squared_rates = step_cost.squared_rates(spline, step, switching)
     assert DAMPING * squared_rates == pytest.approx(x @ (rates @ x), rel=1e-9)
     assert np.linalg.eigvalsh(step_cost.quadratic(spline).hessian.dense()).min() > 0
-
-
-# What steps of the second stage gain: the model of its measures near a trajectory.
 
 
 def smoothness(problem, spline, run_in):
@@ -341,22 +319,6 @@ def test_its_curvature_by_switching_times_is_that_of_the_jerks_themselves(case):
     slope = (raised(1e-6) - raised(-1e-6)) / 2e-6
     expected = 12 * (raised(0.0) ** 2 * slope**2).sum() / (raised(0.0) ** 4).sum()
     assert model.hessian[-1, -1] == pytest.approx(FIRST_WORTH * expected, rel=1e-4)
-
-
-def test_a_moving_goal_counts_once_for_all_its_control_points(case):
-    """The gradient by the joints of an open goal is that of every point that moves along."""
-    problem, spline, _ = case
-    model = Model(replace(problem, goal=None), spline)
-    steps = np.zeros((2, *model.variables.lower.shape))
-    steps[0, -1, 1], steps[1, -1, 1] = 1e-6, -1e-6  # it lifts the arm: gravity counts there
-    sides = []
-    for step in steps:
-        moved = spline.control_points + model.variables.change(step)
-        at = model.constraints.at(replace(spline, control_points=moved))
-        sides.append(model.objective.value(at))
-    numeric = (sides[0] - sides[1]) / 2e-6
-    found = model.gradient[:-1].reshape(steps[0].shape)[-1, 1]
-    assert found == pytest.approx(FIRST_WORTH * numeric, rel=1e-4)
 
 
 def objective_beside(slider, run_in):

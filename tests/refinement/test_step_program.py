@@ -10,7 +10,7 @@ from scipy.sparse import csr_matrix
 
 from tubeplanner import load_problem
 from tubeplanner.native.library import LIBRARY
-from tubeplanner.refinement.banded_program import BandedProgram, _without
+from tubeplanner.refinement.banded_program import BandedProgram
 from tubeplanner.refinement.descent import FIRST_PENALTY, Remembered
 from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.shared_columns import LegShape, shared_columns
@@ -22,16 +22,11 @@ from tubeplanner.refinement.trust_region import TrustRegion
 
 NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
 
-# Both that solve programs of steps, on programs of real trajectories.
-
 FINE, AGREE = 1e-8, 1e-6
 
 
 def linearized(name, intervals, trust, **tube):
-    """Return a block with all rows that a step needs, its columns, where switching times stand.
-
-    Of a trajectory to first order, in a tube with other fields.
-    """
+    """Return a block with all rows that a step needs, its columns, where switching times stand."""
     changes = {f"tube.{field}": value for field, value in tube.items()}
     problem = load_problem(f"example:{name}", changes=changes)
     spline = begun(problem, intervals)
@@ -91,33 +86,6 @@ def test_both_find_the_same_least_cost(name, intervals, trust, tube):
     if tube:
         assert is_among[1:-1].all() and not is_among.all()
         assert abs(steps[0].switching).max() > 1e-5
-
-
-@NEEDS_LIBRARY
-def test_rows_that_join_lead_to_the_same_step_as_rows_given_at_once():
-    block, columns, _ = linearized("two_link/around_a_post", 8, 0.1)
-    (whole,) = BandedProgram([block], columns).solve(FINE)
-    counts = np.array([len(rows.count) for rows in block.rows])
-    some = len(counts) // 2
-    begin = replace(block, rows=block.rows[:some], slack=block.slack[: counts[:some].sum()])
-    program = BandedProgram([begin], columns)
-    assert program.solve(1e-4) is not None
-    program.join([block])
-    (step,) = program.solve(FINE)
-    assert cost(block, step) == pytest.approx(cost(block, whole), abs=AGREE)
-    assert whole.multipliers.sum() > 0.5
-    assert step.multipliers.sum() == pytest.approx(whole.multipliers.sum(), rel=1e-3)
-
-
-@NEEDS_LIBRARY
-def test_rows_lose_what_would_move_what_is_held_and_no_more():
-    rows = SparseRows(np.array([3.0, 1.0, 2.0, 5.0]), np.array([0, 1, 2, 0]), np.array([3, 1]))
-    held = SparseRows(np.array([0.6, 0.8]), np.array([1, 2]), np.array([2]))
-    first, second = _without(rows, [held]).rows()
-    whole = np.zeros(3)
-    np.add.at(whole, first.column, first.data)
-    assert whole == pytest.approx([3.0, 1 - 0.6 * 2.2, 2 - 0.8 * 2.2])
-    assert second.data.tolist() == [5.0]
 
 
 # Small programs with known solutions, of one leg and of two, for both that solve them.
@@ -241,7 +209,6 @@ def test_a_row_that_joins_is_obeyed_and_has_its_own_multiplier(solved):
     assert step.multipliers == pytest.approx([1.0, 0.5], abs=1e-3)
 
 
-# What a third difference of configurations may be, and how steeply it counts.
 STEEP, COUNT = 1e10, 300
 
 
