@@ -20,8 +20,6 @@ from tubeplanner.constraints.binding_limits import binding_rows, bound_share, cl
 from tubeplanner.constraints.closest_pairs import ClosestPairs, closest_pairs
 from tubeplanner.constraints.limit_use import LimitUse, limit_uses
 
-# Closest pairs against all pairs measured, and where the points are known.
-
 BALL = """<robot name="ball"><link name="base"/><link name="arm">
 <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
 <collision><origin xyz="0.5 0 0"/><geometry><sphere radius="0.1"/></geometry></collision></link>
@@ -95,8 +93,6 @@ def test_what_may_touch_is_left_out_while_it_may(tmp_path):
     assert obstacles.margin[1] == pytest.approx(0.19)
     np.testing.assert_allclose(links.distance, -HALF - POST, atol=1e-9)
 
-
-# What binds when: moves whose answer is known.
 
 EFFORT, MASS = 10.0, 2.0  # of the slider on its rail [N], [kg]
 

@@ -10,8 +10,6 @@ from tubeplanner.constraints.time_scaling import scaled_to_limits, scaling_facto
 from tubeplanner.constraints.velocity_by_position import VelocityByPositionLimit
 from tubeplanner.outcome import Infeasible, PlanStatus
 
-# The planners' velocity limits that fall towards the ends of joints' ranges, on one joint.
-
 DECELERATION, OFFSET, LOWER, UPPER = 4.0, 0.6, -1.0, 2.0
 ZONE = OFFSET**2 / (2 * DECELERATION)  # how near to its ends the joint may not move towards them
 LAW = {"deceleration": DECELERATION, "offset": OFFSET, "lower": LOWER, "upper": UPPER}
@@ -39,7 +37,6 @@ def path(problem, q, rate):
     ("q", "up", "down"),
     [
         (0.0, np.sqrt(16.0) - OFFSET, np.sqrt(8.0) - OFFSET),
-        (1.5, np.sqrt(4.0) - OFFSET, np.sqrt(20.0) - OFFSET),
         (UPPER - 2 * ZONE, (np.sqrt(2) - 1) * OFFSET, np.sqrt(8 * (3 - 2 * ZONE)) - OFFSET),
         (UPPER - 0.9 * ZONE, 0.0, np.sqrt(8 * (3 - 0.9 * ZONE)) - OFFSET),
         (UPPER + 0.1, 0.0, np.sqrt(8 * 3.1) - OFFSET),
@@ -93,9 +90,7 @@ def test_one_that_moves_on_is_refused_by_name(limited):
     shown = f"{UPPER - ZONE / 2:.4f}"
     assert f"moves up at {shown}, where limits.velocity_by_position" in str(reason)
     assert f"from {UPPER - ZONE:.4f} on" in str(reason)
-    down = limit.refusal(path(problem, LOWER, -1.0))
-    assert "moves down at -1.0000" in str(down)
-    assert f"from {LOWER + ZONE:.4f} on" in str(down)
+    assert "moves down at -1.0000" in str(limit.refusal(path(problem, LOWER, -1.0)))
 
 
 def test_away_from_its_end_and_where_it_must_not_move_the_place_does_not_count(limited):
@@ -134,9 +129,6 @@ def test_a_shape_is_run_as_fast_as_the_law_lets_it(limited, sign):
         scaled_to_limits(problem, quintic(end + sign * ZONE / 2, 1.0))
 
 
-# How near to their ends joints come whose velocity limits fall towards these.
-
-
 def test_the_range_ends_where_a_hundredth_of_the_largest_velocity_is_left(limited, tmp_path):
     """But start and goal are inside; no law, or one that leaves no range, bounds nothing."""
     problem, limit = limited()
@@ -160,9 +152,7 @@ def test_the_range_ends_where_a_hundredth_of_the_largest_velocity_is_left(limite
         (0.0, UPPER - ZONE, 0.6, False),
         (2.0, UPPER - ZONE / 2, 0.6, True),
         (UPPER - ZONE / 2, 2.0, 0.6, False),
-        (0.0, LOWER + ZONE / 2, 0.6, False),
         (-1.0, LOWER + ZONE / 2, 0.6, True),
-        (0.0, 2.0, 0.0, True),
         (0.0, 2.1, 0.0, False),
     ],
 )

@@ -97,8 +97,6 @@ def test_of_many_peaks_the_highest_is_found():
     assert found == pytest.approx(1e-3, abs=1e-8)
 
 
-# Peaks of a trajectory: against closed forms, and against differences of the tool's path.
-
 LEVER = 0.5  # [m]
 
 

@@ -24,8 +24,6 @@ from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.constraints.unused_speed import unused_speed
 from tubeplanner.robot.effort_range import EffortRange
 
-# The limit on the tool's speed: which one counts where.
-
 
 @pytest.mark.parametrize(
     ("tube_speed", "robot_speed", "expected"),
@@ -101,23 +99,6 @@ def test_each_point_is_a_share_of_its_own_limit(bar, ur5):
     np.testing.assert_allclose(limit.by_path(at, 2.0)[1][..., 0], expected, atol=1e-12)
     still = speed_by_path(ur5.tool_velocity(*np.zeros((2, 3, 6))), np.ones(3))
     assert all((each == 0).all() for each in still)
-
-
-@pytest.mark.parametrize(("points", "most"), [(POINTS, 1.0), (POINTS[1:], 2.0), ([], np.inf)])
-def test_the_slowest_limit_counts(bar, points, most):
-    """The first allows 1 rad/s, the second 2 rad/s, as far as other limits do."""
-    free, problem, shape = bar([]), bar(points), quintic(2.0, 1.0)
-    at = shape.at(np.linspace(0, 1, 101)[1:-1])
-    known = at.position, at.velocity, at.acceleration
-    allowed = np.minimum(scaling_factor(free, *known), most / abs(at.velocity[:, 0]))
-    np.testing.assert_allclose(scaling_factor(problem, *known), allowed, rtol=1e-9)
-    scaled = scaled_to_limits(problem, shape)
-    fastest = abs(scaled.at(np.linspace(0, scaled.duration, 10_001)).velocity).max()
-    if np.isfinite(most):
-        assert fastest == pytest.approx(most, rel=1e-6)
-
-
-# Shares of limits against the certificate at the same instants, and where they are known.
 
 
 def only(uses, kind):
@@ -229,10 +210,7 @@ def test_friction_is_that_of_the_direction_in_which_a_joint_moves_next(tmp_path)
     ],
 )
 def test_of_a_range_the_distance_from_its_middle_counts(tmp_path, lower, upper, expected):
-    """Of one that is open on one side, that from where the joint is farthest from its end.
-
-    In a range without width a joint is at its end.
-    """
+    """Of one that is open on one side, that from where the joint is farthest from its end."""
     robot = one_joint(tmp_path, position=[lower, upper], velocity=np.inf)
     uses = limit_uses(anywhere(robot), rest_to_rest(["turn"], 0.0, 2.0, 1.0), 3)
     if expected is None:
@@ -264,9 +242,6 @@ def test_the_tool_and_every_point_that_is_limited_have_their_own_share():
     for k, (use, lever) in enumerate(zip(uses.of("point_speed"), (0.5, 1.0), strict=True)):
         assert (use.name, use.point) == (f"point {k} on link1", k)
         np.testing.assert_allclose(use.share, velocity * lever / 2, atol=1e-9)
-
-
-# How much speed is left: against trajectories that use all of a limit, and slower ones.
 
 
 def test_a_slower_one_leaves_what_it_is_slower_and_the_fastest_hardly_any(planned):

@@ -38,8 +38,6 @@ def test_largest_speeds_agree_to_rounding(powers, signs, monkeypatch):
     assert np.isinf(pure).any() or len(signs) > 1
 
 
-# The largest speed that cubics allow: no smaller one is too fast, and it solves the equation.
-
 COUNT = 20_000
 
 
@@ -123,10 +121,6 @@ INF, BOTH = np.inf, (1.0, -1.0)
 def test_the_largest_speed_is_the_root_of_either_side(terms, signs, speeds):
     used = SpeedPolynomial({k: np.array([term], dtype=float) for k, term in terms.items()})
     np.testing.assert_allclose(used.largest_speed(signs), [speeds], rtol=1e-14)
-
-
-def test_a_power_that_is_minus_zero_changes_nothing():
-    np.testing.assert_allclose(largest_speed(np.array([-1.0, 0.0, 4.0, -0.0])), 0.5)
 
 
 def test_a_polynomial_is_the_sum_of_its_terms():

@@ -28,10 +28,7 @@ from tubeplanner.constraints.time_scaling import (
     scaling_factor,
 )
 from tubeplanner.outcome import Infeasible, PlanStatus
-from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.robot.effort_rate import effort_rate
-
-# Time scaling against moves whose minimum time is known in closed form.
 
 FREE = {"velocity": np.inf, "effort": np.inf}
 BY_EFFORT = np.sqrt(INERTIA * ANGLE * PEAK_ACCELERATION / 5)
@@ -68,32 +65,6 @@ def test_one_joint_move_takes_its_known_minimum_time(tmp_path, limits, armature,
     if "jerk" in limits:
         free = minimum_duration(problem, quintic(), with_jerk=False)
         assert free == pytest.approx(BY_VELOCITY, rel=1e-7)
-
-
-def test_gravity_takes_its_share_of_the_effort(tmp_path):
-    """The scaled trajectory meets the effort limit at its worst instant, and never breaks it."""
-    robot = one_joint(tmp_path, mass=0.5, velocity=np.inf)
-    trajectory = scaled_to_limits(anywhere(robot), quintic())
-    samples = trajectory.at(np.linspace(0, trajectory.duration, 20_001))
-    lever, mass = 0.5, 0.5
-    inertia = INERTIA + mass * lever**2
-    gravity = mass * lever * 9.81 * np.cos(samples.position)
-    effort = inertia * samples.acceleration + gravity
-    assert abs(effort).max() == pytest.approx(5.0, rel=1e-6)
-    assert abs(effort).max() <= 5.0 * (1 + 1e-9)
-
-
-@pytest.mark.parametrize("acceleration", [np.inf, 0.1])
-def test_scaling_factor_says_how_much_faster_each_sample_could_be_run(tmp_path, acceleration):
-    robot = one_joint(tmp_path, mass=0.5, acceleration=acceleration)
-    samples = quintic(duration=2.0).at(np.array([0.4, 1.1]))
-    known = (samples.position, samples.velocity, samples.acceleration)
-    factor = scaling_factor(anywhere(robot), *known)
-    for i, b in enumerate(factor):
-        q, v, a = samples.position[[i]], b * samples.velocity[[i]], b**2 * samples.acceleration[[i]]
-        effort = abs(robot.inverse_dynamics(q, v, a)[0, 0]) / 5
-        use = max(effort, abs(v[0, 0]) / 4, abs(a[0, 0]) / acceleration)
-        assert use == pytest.approx(1.0, rel=1e-12)
 
 
 def test_a_joint_at_rest_limits_nothing_and_takes_no_time(tmp_path):
@@ -197,10 +168,7 @@ FRICTION = {"backwards_friction": BACK, "forwards_friction": FORTH}
 
 
 def worst(robot, plain, state, speed):
-    """Return the largest share that a limit of efforts or velocities is beyond, (N,).
-
-    From the rigid arm's efforts alone, written out joint by joint.
-    """
+    """Return the largest share that a limit of efforts or velocities is beyond, (N,)."""
     (q, v, a), motors, limits = state, robot.motors, robot.limits
     v, a = v * speed[:, None], a * speed[:, None] ** 2
     smooth = plain.inverse_dynamics(q, v, a) + motors.armature * a
@@ -224,11 +192,7 @@ def worst(robot, plain, state, speed):
 
 @pytest.mark.parametrize(("name", "seed"), [("two_link", 0), ("two_link", 1), ("ur5", 2)])
 def test_it_is_the_first_speed_that_breaks_a_limit(request, name, seed):
-    """Of 600 states: all slower ones keep all limits, one just faster does not.
-
-    Beyond it some are fast enough again that velocity helps: braking by friction, islands that a
-    robot which is slowed down would fall off.
-    """
+    """Beyond it some are fast enough again that velocity helps: braking by friction."""
     plain, rng = request.getfixturevalue(name), np.random.default_rng(seed)
     robot, count = random_motors(plain, rng), 600
     q, v, a = rng.normal(size=(3, count, plain.joint_count))
@@ -245,10 +209,7 @@ def test_it_is_the_first_speed_that_breaks_a_limit(request, name, seed):
 
 
 def test_braking_is_limited_by_what_viscous_friction_takes_first(tmp_path):
-    """-(I a) s^2 + d v s <= L: friction is too much, then inertia needs it.
-
-    Faster ones that limits allow do not count. If 4 I L > (d v)^2, the hump stays below the limit.
-    """
+    """-(I a) s^2 + d v s <= L: friction is too much, then inertia needs it."""
     plain, v, a = one_joint(tmp_path, velocity=1e3), np.array([[1.0]]), np.array([[-1.0]])
 
     def factor(viscous):
@@ -273,7 +234,6 @@ LARGEST_THERE = np.poly1d([-1.0, 1.0, 2.75]).integ()
     [
         # Constant acceleration that reverses between samples.
         ([1.5, -3.0 * 0.371, 0.0], 3.0, -1),
-        ([1.5, -3.0 * 0.9993, 0.0], 3.0, -1),
         ([1.5, -3.0 * 2e-4, 0.0], 3.0, -1),
         ((LARGEST_THERE - LARGEST_THERE(0.5)).integ().c, 3.0, -1),
         # From 6 rad/s^2 of braking down to 1; back it goes from 0.6 s on, where 3 are left.
@@ -295,18 +255,6 @@ def test_friction_counts_on_both_sides_of_reversals_and_at_ends(
     assert found == pytest.approx(expected, rel=1e-7)
 
 
-def test_a_quintic_with_viscous_friction_meets_its_limit_at_its_worst_instant(tmp_path):
-    """Which is neither where the acceleration is largest nor where the velocity is."""
-    robot = with_motors(one_joint(tmp_path, velocity=1e3), viscous_friction=1.5, **FRICTION)
-    motion = scaled_to_limits(anywhere(robot), quintic(ANGLE))
-    t = np.linspace(0, motion.duration, 50_001)
-    effort = (INERTIA * motion.acceleration(t) + 1.5 * motion.velocity(t) + FORTH)[:, 0]
-    assert abs(effort).max() == pytest.approx(5.0, rel=1e-7)
-    assert abs(effort).max() <= 5.0
-    slow = estimated_duration(anywhere(robot), quintic(ANGLE))
-    assert slow == pytest.approx(motion.duration, rel=0.02)
-
-
 @pytest.mark.parametrize(
     ("mass", "friction", "message"),
     [
@@ -325,15 +273,6 @@ def test_up_is_refused_where_weight_and_friction_are_too_much(tmp_path, mass, fr
     if friction:
         down = scaled_to_limits(problem, quintic(-1.0))
         assert verify(problem, down).conditions["effort"].margin == pytest.approx(0, abs=1e-6)
-
-
-def test_a_way_on_which_less_is_left_than_needed_is_refused(tmp_path):
-    """The table runs out at 0.8 rad."""
-    table = EffortRange(0, np.array([0.0, 1.0]), np.array([5.0, 0.2]), np.array([5.0, 0.2]))
-    robot = with_motors(one_joint(tmp_path), [table], forwards_friction=1.0)
-    with pytest.raises(Infeasible, match=r"needs 1\.00 N m .* its effort limit is 0\.\d\d;"):
-        minimum_duration(anywhere(robot), quintic(1.0))
-    assert minimum_duration(anywhere(robot), quintic(0.7)) > 0
 
 
 @pytest.mark.parametrize(("name", "seed"), [("two_link", 0), ("two_link", 1), ("ur5", 2)])
