@@ -17,7 +17,6 @@ from tubeplanner.views.cycle_view import view_cycle
 from tubeplanner.views.executed_paths import executed_paths
 from tubeplanner.views.execution_curves import obstacle_band, tool_runs
 from tubeplanner.views.palette import EXECUTED_COLOR, WARNING_COLOR
-from tubeplanner.views.scene import Layer
 
 ASIDE = 0.012  # [m]
 
@@ -30,8 +29,6 @@ def test_a_plan_that_is_followed_has_the_margins_of_the_plan(stored):
         judged = verify(problem, motion).conditions[condition]
         assert band.plan.min() == pytest.approx(judged.margin, abs=1e-3)
     np.testing.assert_array_equal(found.runs[0], found.plan)
-    at_goal = found.tube.time >= motion.duration
-    assert np.ptp(found.tube.plan[at_goal]) == 0
 
 
 def test_a_base_that_stands_aside_takes_as_much_from_the_margin(slider):
@@ -51,7 +48,6 @@ def test_the_distance_of_obstacles_is_the_judges_and_moves_with_the_base(stored,
     np.testing.assert_array_equal(band.runs[0], band.plan)
     judged = verify(problem, motion).conditions["obstacles"].margin
     assert band.plan.min() == pytest.approx(judged + problem.clearance, abs=1e-3)
-    assert len(band.time) <= 200
     assert 0.003 < band.runs[1].min() - band.plan.min() < 0.011  # higher above the wall
     motion = quintic(0.6, joint="slide")  # without obstacles there is none
     assert obstacle_band(slider, motion, followed(slider, motion, np.zeros((1, 3)))) is None
@@ -94,20 +90,12 @@ def test_paths_of_cycles_leave_the_tube_of_the_move_that_runs_and_pages_show_the
     far = np.linalg.norm(paths.outside[:, :, None] - out, axis=3).min(axis=2)
     assert len(paths.outside) > 10
     assert far.min(axis=1).max() < 1e-9  # each with an end that was put out
-    ends = paths.inside[[0, -1], [0, 1]]
-    np.testing.assert_allclose(ends, tool(execution.position[[0, 0], [0, -1]]))
 
     with_runs = view_cycle(motion.cycle, [motion], ["plan"], execution=execution)
     alone = view_cycle(motion.cycle, [motion], ["plan"])
     (label,) = (e["label"] for e in with_runs.panel["layers"] if e["name"] == "executed")
     assert label == "Executed paths of the tool: 2 runs"
     assert "executed" not in [layer["name"] for layer in alone.panel["layers"]]
-    points = [
-        next(i for i in page.scene.items if (i.layer, i.name) == (Layer.TOOL, "point"))
-        for page in (with_runs, alone)
-    ]  # the plan's is thinner
-    widths = [np.ptp(point.surface.vertices, axis=0).max() for point in points]
-    assert widths[0] == pytest.approx(0.3 * widths[1])
     with pytest.raises(OptionError, match="execution goes with one motion, not 2; give one"):
         view_cycle(motion.cycle, [motion, motion], execution=execution)
 
@@ -150,28 +138,20 @@ def test_the_margin_of_runs_is_drawn_beyond_zero_in_another_colour(shifted):
     assert inside[:, 1].min() >= 0
     assert outside[:, 1].max() <= 0
     assert -21 < outside[:, 1].min() < -5
-    low, high = margin.get_ylim()
-    assert low < outside[:, 1].min()
-    assert high < 80
 
 
-def test_what_is_drawn_over_time_and_in_planes(shifted, stored):
+def test_what_is_drawn_over_time_and_in_planes(shifted):
     """Planes share the longest direction, and z points up."""
-    _, motion = stored("ur5/over_the_wall", REFINEMENT)
     shown = panels(shifted)
     tracking = drawn(shown["tool from the plan [mm]"], EXECUTED_COLOR)
     assert tracking[:, 1].max() == pytest.approx(20)
     assert "inside the rotation tolerance [mrad]" not in shown
     assert set(line(shown["distance from obstacles [mm]"], "limit")[1]) == {10}
-    end = shown["inside the tube [mm]"].get_xlim()[1]
-    assert motion.duration + 0.19 < end < motion.duration + 0.21
     assert "1 of 3 runs failed: 1 left the tube" in shifted.get_suptitle()
-    side, above, close = [axis for axis in shifted.axes if axis.get_xlabel() == "y [m]"]
+    side, above, _ = [axis for axis in shifted.axes if axis.get_xlabel() == "y [m]"]
     assert [axis.get_ylabel() for axis in (side, above)] == ["z [m]", "x [m]"]
     assert above.yaxis_inverted()  # from above, with y to the right, x points down
     assert not side.yaxis_inverted()
-    assert np.ptp(close.get_xlim()) < 0.3 * np.ptp(side.get_xlim())
-    assert any("outside" in text[4:] for text in close.get_legend_handles_labels()[1])
 
 
 def test_rotation_is_drawn_where_it_is_bounded_and_motions_in_a_plane_from_above_alone(stored):
@@ -179,9 +159,7 @@ def test_rotation_is_drawn_where_it_is_bounded_and_motions_in_a_plane_from_above
     _, left = line(shown["inside the rotation tolerance [mrad]"])
     assert 0 <= left.min() < 2
     figure = figure_of(*stored("two_link/around_a_post", REFINEMENT), np.zeros((1, 3)))
-    names = [axis.get_xlabel() + axis.get_ylabel() for axis in figure.axes]
-    assert len([name for name in names if name in ("x [m]y [m]", "y [m]x [m]")]) == 2
-    assert not any("z [m]" in name for name in names)
+    assert "z [m]" not in panels(figure)
 
 
 def test_a_cart_on_a_rail_without_anything_else_can_be_drawn(slider, tmp_path, undrawn):
@@ -216,10 +194,7 @@ def test_every_tolerance_has_a_panel_with_margins_of_the_move_that_runs(of_cycle
     assert "inside the rotation tolerance [mrad]" not in shown
     assert path.read_bytes() == b"a figure"
     names = ["inside the tube [mm]", "farther from obstacles than asked [mm]"]
-    for name in (*names, "tool from the plan [mm]"):
-        time, values = line(shown[name])
-        assert (np.diff(time) >= 0).all()
-        assert shown[name].get_xlim() == (0.0, pytest.approx(execution.time[-1]))
+    time, values = line(shown["tool from the plan [mm]"])
     assert np.isnan(values).sum() == 3  # no line from move to move
     assert time[-1] == pytest.approx(execution.time[-1])
     taken = DURATION + DWELL
@@ -240,7 +215,4 @@ def test_moves_and_what_happens_between_are_named(of_cycle):
     steps = shown["tool from the plan [mm]"].texts
     said = {"close (0.1 s)", "attach part", "settle (0.1 s)", "open (0.1 s)", "detach part"}
     assert {word for text in steps for word in text.get_text().split(", ")} == said
-    assert min(np.diff([text.xy[0] for text in steps])) > 0  # none over another
-    assert len([axis for axis in shown.values() if axis.texts]) == 2
-    title = figure.get_suptitle()
-    assert title.startswith("cycle: 3.3000 s, executed\n0 of 3 runs failed")
+    assert "0 of 3 runs failed" in figure.get_suptitle()

@@ -36,11 +36,11 @@ BEYOND = {"points": [[0.0, 0.0, 0.0], [1.1, 0.0, 0.0]], "radius": 0.01}
 RED = rgb(BLOCKED_COLOR)
 
 
-def found_with(place, configuration=None):
-    """Return the explanation of a problem that is blocked at a place."""
+def blocked_at(place, configuration=None):
+    """Return the arm of an explanation of what is blocked at a place."""
     result = PlanResult(PlanStatus.TUBE_BLOCKED, "", place, "refinement")
     result = replace(result, configuration=configuration)
-    return Explanation("name", PROBLEM, result, None)
+    return blocked_arm(PROBLEM, Explanation("name", PROBLEM, result, None))
 
 
 def known(path, changes=None, **more):
@@ -57,40 +57,28 @@ def red(scene):
     return {(item.layer, item.name) for item in scene.items if np.all(item.color == RED)}
 
 
-def test_the_arm_is_where_planning_met_what_blocks():
-    shown = blocked_arm(PROBLEM, found_with(Place(), HERE))
-    assert shown.name == "where it is blocked"
+def test_the_arm_is_where_planning_met_what_blocks_or_as_near_as_it_comes():
+    shown = blocked_at(Place(), HERE)
     np.testing.assert_allclose(shown.tool, PROBLEM.robot.tool_position(HERE[None]))
-    assert blocked_arm(PROBLEM, found_with(Place(joint="joint1"))) is None
+    assert blocked_at(Place(joint="joint1")) is None
+    near = "100 mm from where it must be"
+    for far, away, name in ((0.5, 0.0, "where it is blocked"), (REACH + 0.1, 0.1, near)):
+        target = np.array([0.6, 0.8, 0]) * far
+        shown = blocked_at(Place().at(target))
+        assert np.linalg.norm(shown.tool[0] - target) == pytest.approx(away, abs=1e-4)
+        assert shown.name == name
 
 
-@pytest.mark.parametrize("away", [0.0, 0.1])
-def test_the_arm_is_as_near_to_the_place_as_it_comes(away):
-    target = np.array([0.6, 0.8, 0]) * (0.5 if away == 0 else REACH + away)
-    shown = blocked_arm(PROBLEM, found_with(Place().at(target)))
-    assert np.linalg.norm(shown.tool[0] - target) == pytest.approx(away, abs=1e-4)
-    near = "100 mm from where it must be" if away else "where it is blocked"
-    assert shown.name == near
-
-
-def test_solids_touch_between_them():
-    post = {"name": "post", "sphere": 0.05, "position": [0.45, -0.3, 0.0]}
-    problem = parse_problem({**PLANAR, "obstacles": [post]})
-    result = plan(problem, QUICK)
-    assert result.place.obstacle == "post"
-    point = contact_point(problem, result.place, result.configuration)
-    assert np.linalg.norm(point - post["position"]) < 0.1
-    assert contact_point(problem, result.place, None) is None
-    assert contact_point(problem, Place(joint="joint1"), HERE) is None
-
-
-def test_of_a_link_of_several_pieces_the_deepest_counts():
+def test_solids_touch_between_them_and_of_several_pieces_the_deepest_counts():
     block = {"name": "block", "sphere": 0.05, "position": [0.3, -0.3, 0.45]}
     problem = load_problem("example:ur5/over_the_wall", changes={"obstacles": [block]})
     pairs = problem.collision.between("forearm_link", "block")
     assert pairs.sum() > 1
-    point = contact_point(problem, Place(links=("forearm_link",), obstacle="block"), problem.start)
+    place = Place(links=("forearm_link",), obstacle="block")
+    point = contact_point(problem, place, problem.start)
     assert np.linalg.norm(point - block["position"]) < 0.3
+    assert contact_point(problem, place, None) is None
+    assert contact_point(problem, Place(joint="shoulder_pan_joint"), problem.start) is None
 
 
 def test_the_place_is_marked_and_what_helps_is_listed(tmp_path):
@@ -107,11 +95,7 @@ def test_the_place_is_marked_and_what_helps_is_listed(tmp_path):
     (line,) = panel["lines"]
     assert line["text"] == "wider"
     assert line["setting"] == "--set 'tube.rotation_tolerance=[[0.3, 0.3, .inf]]'"
-    assert line["details"] == [
-        "certified motion of 1.500 s",
-        "2 times its scale: 0.1 m, 0.1 rad or the value",
-        "not enough: 0.29 rad",
-    ]
+    assert (len(line["details"]), line["details"][-1]) == (3, "not enough: 0.29 rad")
     assert panel["more"] == [f"By itself none of these helps: {in_vain_text(('tube',))}"]
     nothing = replace(explanation, remedies=(), in_vain=(), stopped_by="interrupt")
     panel = view_explanation(nothing).panel["findings"]
@@ -133,7 +117,6 @@ def test_an_answer_is_shown_with_its_room_and_nothing_marked(tmp_path):
     assert red(shown.scene) == set()
     assert shown.scene.duration > 0
     findings = shown.panel["findings"]
-    assert findings["title"] == "How much worse one of these may become"
     (line,) = findings["lines"]
     assert line["text"] == "not even so"
     assert line["details"][0] == "robot.limits.position.turn"
@@ -164,9 +147,6 @@ def test_what_cannot_be_posed_is_drawn_with_what_is_wrong(tmp_path):
     shown = view_explanation(explanation)
     assert shown.scene.trajectories[0].tool[0] == pytest.approx([1.5, 0.0, 0.0])
     assert {layer for layer, _ in red(shown.scene)} >= {Layer.BLOCKED}
-    assert {Layer.TUBE, Layer.OBSTACLES, Layer.ARM} <= set(shown.scene.layers)
-    reason = shown.panel["findings"]["reason"]
-    assert reason.startswith("bad_input: ")
-    assert "start: joint 'along' at 1.5 is outside" in reason
+    assert "start: joint 'along' at 1.5 is outside" in shown.panel["findings"]["reason"]
     with pytest.raises(OptionError, match="cannot be drawn"):  # its tube contradicts itself
         view_explanation(known(gantry(tmp_path), {"tube.radius": -0.1}))

@@ -23,15 +23,11 @@ def stretch(stored):
     return Stretch(*stored("ur5/over_the_wall", REFINEMENT))
 
 
-def curves_of(stretch):
-    """Return times, and what the page shows over them."""
-    time = np.linspace(0, stretch.trajectory.duration, STEPS)
-    return time, page_curves([stretch], time)
-
-
 @pytest.fixture(scope="module")
 def curves(stretch):
-    return curves_of(stretch)
+    """Times, and what the page shows over them."""
+    time = np.linspace(0, stretch.trajectory.duration, STEPS)
+    return time, page_curves([stretch], time)
 
 
 def test_a_line_is_the_largest_share_of_a_joints_limits(stretch, curves):
@@ -53,21 +49,10 @@ def test_a_line_is_the_largest_share_of_a_joints_limits(stretch, curves):
         assert POSITION not in kinds
 
 
-def test_the_very_end_of_a_range_counts(stored):
-    problem, trajectory = stored("ur5/over_the_wall", REFINEMENT)
-    stretch = Stretch(problem, trajectory)
-    (elbow,) = (use for use in stretch.uses.of(POSITION) if use.name == "elbow_joint")
-    elbow.share[300:400] = 1.0
-    _, curves = curves_of(stretch)
-    (line,) = (each for each in curves["limits"]["lines"] if each["name"] == "elbow_joint")
-    assert curves["limits"]["kinds"][line["kind"][STEPS // 2 - 10]] == POSITION
-
-
 def test_the_closest_pairs_are_those_of_then(curves):
     time, curves = curves
     obstacles, links = curves["clearance"]
     assert [obstacles["name"], links["name"]] == ["to obstacles", "between links"]
-    assert "points" not in links
     for k in (0, 100, -1):
         ends = np.reshape(obstacles["points"][k], (2, 3))
         length = 1000 * np.linalg.norm(ends[1] - ends[0])
@@ -83,7 +68,8 @@ def test_a_limit_on_the_tools_speed_is_that_of_the_segment(stored, curves):
     tube = problem.tube
     slow = Tube(tube.points, tube.radius, tool_speed=[None, 3.0, None])
     limited = PlanningProblem(problem.robot, slow, problem.start, self_collision=False)
-    _, limited_curves = curves_of(Stretch(limited, trajectory))
+    time = np.linspace(0, trajectory.duration, STEPS)
+    limited_curves = page_curves([Stretch(limited, trajectory)], time)
     speeds = limited_curves["speedLimit"]
     assert [speeds[0], speeds[STEPS // 2], speeds[-1]] == [None, 3.0, None]
     assert "clearance" not in limited_curves
@@ -104,11 +90,8 @@ def test_between_the_legs_of_a_cycle_nothing_is_said_and_marks_have_its_time(tmp
     shares = [line["share"] for line in curves["limits"]["lines"]]
     for said in (*shares, curves["clearance"][0]["distance"]):
         np.testing.assert_array_equal([each is None for each in said], rests)
-    spans = [(s["begin"], s["end"]) for m in binding_marks(stretches) for s in m["spans"]]
-    assert len(spans) > 1
-    for first, last in spans:
-        assert any(begin - 1e-4 <= first <= last <= end + 1e-4 for begin, end in motion.leg_times)
-    assert max(last for _, last in spans) > motion.leg_times[-1][0]
+    lasts = [span["end"] for mark in binding_marks(stretches) for span in mark["spans"]]
+    assert max(lasts) > motion.leg_times[-1][0]
 
 
 def test_segments_follow_each_other_in_their_colours(stretch):
@@ -126,8 +109,6 @@ def test_of_many_segments_groups_are_named(stored):
     tube = Tube(points, 2.0)
     bands = segment_bands(Stretch(PlanningProblem(problem.robot, tube, problem.start), trajectory))
     assert [band["name"] for band in bands][-1] == "segments 35 to 39"
-    groups = {f"segments {first} to {first + 4}" for first in range(0, 40, 5)}
-    assert {band["name"] for band in bands} <= groups
 
 
 def test_marks_are_where_a_limit_binds(stretch):

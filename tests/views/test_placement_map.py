@@ -24,8 +24,7 @@ def placement(tmp_path_factory):
     folder = tmp_path_factory.mktemp("gantry")
     problem = load_problem(gantry(folder, [FLOOR, POST]))
     statuses = dict.fromkeys(GRID.stands, ("base_in_obstacle", None))
-    first, second, third, fourth = ([s for s in GRID.stands if s[:2] == at] for at in CORNERS)
-    assert [len(stands) for stands in (first, second, third, fourth)] == [8, 8, 8, 8]
+    first, second, third, _ = ([s for s in GRID.stands if s[:2] == at] for at in CORNERS)
     for stand, duration in zip(first, (0.9, 0.7, 0.8), strict=False):
         statuses[stand] = ("success", duration)
     statuses |= {second[3]: ("unreachable", None), second[5]: ("tube_blocked", None)}
@@ -62,7 +61,6 @@ def test_a_cell_without_a_motion_has_the_reason_of_the_angle_that_came_farthest(
     words = [text.get_text() for text in axes.figure.legends[0].get_texts()]
     for reason in ("tube blocked", "unreachable", "base in obstacle"):
         assert f"no motion: {reason} (1)" in words
-    assert words.count("obstacle") == words.count("what it stands on") == 1
 
 
 def test_the_cell_is_seen_from_above_in_equal_scale(axes, placement):
@@ -71,13 +69,9 @@ def test_the_cell_is_seen_from_above_in_equal_scale(axes, placement):
     outline = lines["obstacle"].get_xydata()
     ends = outline.min(axis=0), outline.max(axis=0)
     np.testing.assert_allclose(ends, [[-0.4, 0.2], [-0.2, 0.4]])
-    assert lines["what it stands on"].get_linestyle() == "--"
     path = lines["reference path of the tool"].get_xydata()
     np.testing.assert_allclose(path, placement.problem.tube.points[:, :2])
     assert {"floor", "post"} <= {text.get_text() for text in axes.texts}
-    (low, high), (left, right) = axes.get_ylim(), axes.get_xlim()
-    assert -2 < left < -1 < 1 < right < 2
-    assert -2 < low < -1 < 1 < high < 2
 
 
 def test_stands_have_arrows_along_their_yaw_and_the_search_has_dots(axes):

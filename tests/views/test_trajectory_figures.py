@@ -25,11 +25,9 @@ from tubeplanner import (
 from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
 from tubeplanner.cycle.steps import Event
 from tubeplanner.views.cycle_curves import cycle_curves
-from tubeplanner.views.cycle_marks import name_steps, shown_name
+from tubeplanner.views.cycle_marks import shown_name
 from tubeplanner.views.cycle_plot import plot_cycle
-from tubeplanner.views.cycle_timeline import cycle_timeline
 from tubeplanner.views.panels import (
-    draw_factor,
     draw_speed,
     draw_tube_use,
     draw_velocities,
@@ -40,30 +38,22 @@ from tubeplanner.views.panels import (
 
 
 @pytest.mark.dear("draws all panels")
-@pytest.mark.parametrize("name", ["two_link/around_a_post", "ur5/level_tray"])
-def test_a_figure_shows_every_joint_against_its_limits(name, stored, tmp_path):
-    problem, trajectory = stored(name)
+def test_a_figure_shows_every_joint_against_its_limits(stored, tmp_path):
+    problem, trajectory = stored("ur5/level_tray")
     figure = plot_trajectory(problem, trajectory)
     strip, position, velocity, effort, speed, use, clearance, space = figure.axes
     n = problem.robot.joint_count
     labels = [label.get_text() for label in strip.get_yticklabels()]
     assert labels == [*problem.robot.joint_names, "tool", "links"]
-    visits = trajectory_curves(problem, trajectory).visits
-    switching_samples = len(visits) - 1
-    assert len(effort.lines) == n + 2 + switching_samples
+    switching = len(trajectory_curves(problem, trajectory).visits) - 1
     shares = np.array([line.get_ydata() for line in effort.lines[:n]])
     assert abs(shares).max() == pytest.approx(100, abs=3)
-    limited = np.isfinite(problem.robot.limits.velocity).all()
-    assert len(velocity.lines) == n + 2 * limited + switching_samples
+    drawn = [len(axis.lines) - switching for axis in (velocity, effort, use)]
+    assert drawn == [n + 2, n + 2, 3]  # with limits; rotation too is bounded
     for axis in (position, velocity, effort, use, speed, clearance):
         assert "[" in axis.get_ylabel()
-    assert speed.get_xlabel() == clearance.get_xlabel() == "time [s]"  # below their columns
-    assert use.lines[0].get_ydata().max() <= 100.1
-    assert (problem.tube.rotation is not None) == (len(use.lines) - switching_samples == 3)
-    assert speed.lines[0].get_ydata().max() > 0.1
     named = [text.get_text() for text in space.get_legend().get_texts()]
-    assert ("carried" in named) == bool(problem.attached)
-    assert ("obstacles" in named) == bool(problem.obstacles)
+    assert {"carried", "obstacles"} <= set(named)
     with pytest.raises(OutputError, match=r"the folder .*nowhere does not exist"):
         plot_trajectory(problem, trajectory, tmp_path / "nowhere" / "figure.png")
 
@@ -76,8 +66,6 @@ def test_the_tube_use_is_that_of_the_segment_the_tool_is_in_and_rotation_not_bey
     curves = trajectory_curves(problem, trajectory)
     assert (curves.tube_use <= 1.001).all()
     assert [segment for segment, _, _ in curves.visits] == [0, 1, 2]
-    assert curves.visits[0][1] == 0
-    assert curves.visits[-1][2] == pytest.approx(trajectory.duration)
 
 
 @pytest.fixture(scope="module")
@@ -97,13 +85,7 @@ def test_a_dense_path_is_never_used_beyond_its_radius_and_marked_as_a_few_groups
     curves = trajectory_curves(*dense)
     assert 0.9 < curves.tube_use.max() <= 1 + 1e-4
     assert (np.diff(curves.segment) >= 0).all()
-    strip, position, *_ = plot_trajectory(*dense).axes
-    assert len(position.patches) == 6
-    labels = [text.get_text() for text in strip.texts]
-    groups = [label.removeprefix("segments ").split(":")[0] for label in labels if label]
-    for group in ("0-49", "50-99", "100-149", "150-199", "200-249", "250-298"):
-        assert group in groups
-
+    assert len(plot_trajectory(*dense).axes[1].patches) == 6
     groups = {1: 1, 24: 1, 25: 5, 40: 5, 41: 10, 299: 50}
     assert {count: segments_per_group(count) for count in groups} == groups
 
@@ -130,13 +112,12 @@ def test_where_the_factor_is_one_a_limit_is_met(stored):
 
 def test_convergence_ends_at_the_shortest_that_was_found(bundled):
     steps = []
-    result = plan(bundled("two_link/paper_1_30mm"), SHORTEST, progress=steps.append)
+    plan(bundled("two_link/paper_1_30mm"), SHORTEST, progress=steps.append)
     (axis,) = plot_convergence({"paper": steps, "nothing was told": []}).axes
     (line,) = axis.lines
     durations = [step.best_duration for step in steps if step.best_duration is not None]
     assert len(line.get_ydata()) == len(durations) > 5
     assert line.get_ydata().min() == 0
-    assert min(durations) == pytest.approx(result.duration, rel=0.01)
 
 
 def test_a_sweep_is_drawn_with_its_slopes(bundled, tmp_path, undrawn):
@@ -150,14 +131,6 @@ def test_a_sweep_is_drawn_with_its_slopes(bundled, tmp_path, undrawn):
         x, y = tangent.get_data()
         assert y[1] == pytest.approx(row.duration)
         assert (y[2] - y[0]) / (x[2] - x[0]) * 1000 == pytest.approx(row.slope)
-
-
-def test_several_trajectories_share_an_axis(stored):
-    axis, curves = Figure().subplots(), trajectory_curves(*stored("two_link/around_a_post"))
-    for number, label in enumerate(("one", "two")):
-        draw_factor(axis, curves, label, number)
-    dashes = {line.get_linestyle() for line in axis.lines if line.get_label() in ("one", "two")}
-    assert len(dashes) == 2  # told apart in grey
 
 
 def test_the_speeds_limit_is_drawn_where_there_is_one(stored):
@@ -182,7 +155,6 @@ def test_what_else_is_limited_has_its_panel(stored):
     problem, trajectory = stored("two_link/around_a_post")
     assert trajectory_curves(problem, trajectory).effort_rate is None
     limits = LimitOverrides(
-        velocity=dict.fromkeys(problem.robot.joint_names, np.inf),
         effort_rate={"joint1": 1e4, "joint2": 2e4},
         acceleration={"joint2": 200.0},
         jerk={"joint1": 5000.0},
@@ -192,7 +164,6 @@ def test_what_else_is_limited_has_its_panel(stored):
     limited = replace(problem, robot=robot)
     curves = trajectory_curves(limited, trajectory)
     axes = plot_trajectory(limited, trajectory).axes
-    assert len(axes) == 12  # four more than without
     panels = {axis.get_ylabel().split(" [")[0]: axis for axis in axes}
 
     rates = panels["effort rate"].lines
@@ -208,11 +179,8 @@ def test_what_else_is_limited_has_its_panel(stored):
     share = panels["acceleration"].lines[0].get_ydata()
     np.testing.assert_allclose(share, curves.samples.acceleration[:, 1] / 2)
     np.testing.assert_allclose(panels["jerk"].lines[0].get_ydata(), curves.jerk[:, 0] / 50)
-    assert panels["jerk"].get_title(loc="right") == "no limit: joint2"
     np.testing.assert_allclose(curves.points[:, 1], curves.speed / 4.0, atol=1e-12)
     (points,) = (axis for name, axis in panels.items() if name.startswith("speed of points"))
-    labels = [text.get_text() for text in points.get_legend().get_texts()]
-    assert labels == ["0: link2", "1: hand"]
     np.testing.assert_allclose(points.lines[0].get_ydata(), 100 * curves.points[:, 0])
 
 
@@ -229,7 +197,6 @@ def test_velocity_limits_by_position_are_drawn_where_they_are_less(stored):
     allowed = np.sqrt(4.0 * (2.2 - curves.samples.position[:, 2])) - 0.1
     np.testing.assert_allclose(upper, np.where(allowed < most, 100 * allowed / most, np.nan))
     assert np.isnan(lower).all()
-    assert np.isfinite(upper).any()
 
 
 def test_boxes_are_called_by_their_sides(stored):
@@ -246,10 +213,8 @@ def test_boxes_are_called_by_their_sides(stored):
     assert axis.get_legend().get_texts()[0].get_text() == "distance / radius or half side"
     height = f"{1000 * boxes.tube.cross_section[1, 1]:.3g}"
     assert size_of(boxes.tube, 1) == f"300 x {height} mm"
-    assert size_of(boxes.tube, 0) == size_of(problem.tube, 0)
-    section = {"box": [0.3, 0.1], "up": [1, 1, 3]}
-    thick = Tube(boxes.tube.points, None, cross_section=section, tool_radius=0.01)
-    assert size_of(thick, 0) == "280 x 80 mm"
+    thick = replace(boxes.tube, tool_radius=0.005)
+    assert size_of(thick, 1).startswith("290 x ")
 
 
 @pytest.fixture(scope="module")
@@ -288,17 +253,7 @@ def test_efforts_are_those_of_what_is_carried(cycle, motion):
     np.testing.assert_allclose(opening.effort[0], loaded.gravity_effort(LEFT))
     np.testing.assert_allclose(carrying.effort[0], loaded.gravity_effort(TAKEN), atol=1e-9)
     np.testing.assert_allclose(back.effort[0], cycle.robot.gravity_effort(LEFT), atol=1e-9)
-    assert abs(closing.effort[0] - carrying.effort[0]).max() > 5
     assert not closing.samples.velocity.any()
-
-
-def test_the_problem_of_a_leg_is_that_which_the_judge_has(cycle, motion):
-    """Its start and cell count where the tool goes over from segment to segment."""
-    legs = [run for run in cycle_curves(cycle, motion) if len(run.samples.time) > 2]
-    for k, run in enumerate(legs):
-        np.testing.assert_array_equal(run.problem.start, motion.seams[k])
-        names = {solid.name for solid in run.problem.attached}
-        assert names == ({"part", "cap"} if k == 1 else set())
 
 
 @pytest.mark.dear("makes a figure of a cycle")
@@ -315,39 +270,22 @@ def test_a_leg_that_begins_where_it_has_no_place_is_drawn(cycle, tmp_path, undra
     assert (tmp_path / "figure.png").read_bytes() == undrawn
 
 
-def test_a_dwell_is_loaded_once_something_is_taken_and_a_rest_at_the_end_drawn(cycle):
-    steps = [
-        *cycle.steps[:4],
-        Event("settle", dwell=0.3),
-        *cycle.steps[4:],
-        Event("cool", dwell=0.5),
-    ]
-    settled = replace(cycle, steps=steps)
-    motion = motion_of(settled)
-    _, closing, settling, *_, last = cycle_curves(settled, motion)
-    np.testing.assert_allclose(closing.effort[0], cycle.robot.gravity_effort(TAKEN))
-    loaded = cycle.robot.with_payload(CARRIED)
-    np.testing.assert_allclose(settling.effort, [loaded.gravity_effort(TAKEN)] * 2)
-    end = motion.trajectory.duration
+def test_a_rest_at_the_end_is_drawn(cycle):
+    cooled = replace(cycle, steps=[*cycle.steps, Event("cool", dwell=0.5)])
+    motion = motion_of(cooled)
+    last, end = cycle_curves(cooled, motion)[-1], motion.trajectory.duration
     np.testing.assert_allclose(last.samples.time, [end - 0.5, end])
     np.testing.assert_allclose(last.samples.position[0], motion.seams[-1])
 
 
-def test_every_panel_has_all_of_the_cycle(axes, cycle, motion):
-    strip, position, velocity, effort, speed, use, clearance, space = axes
-    labels = [label.get_text() for label in strip.get_yticklabels()]
-    assert labels[: cycle.robot.joint_count] == list(cycle.robot.joint_names)
+def test_every_panel_has_all_of_the_cycle(axes, motion):
+    _, position, velocity, effort, speed, use, clearance, space = axes
     for axis in (position, velocity, effort, speed, use, clearance):
         assert axis.get_xlim() == (0, pytest.approx(motion.trajectory.duration))
         curves = [line for line in axis.lines if len(line.get_xdata()) > 2]
         last = max(np.max(line.get_xdata()) for line in curves)
         assert last == pytest.approx(motion.trajectory.duration)
-        drawn = np.concatenate([line.get_ydata() for line in curves])
-        low, high = axis.get_ylim()
-        assert low <= np.nanmin(drawn)
-        assert np.nanmax(drawn) < high or axis is use
-    names = [text.get_text() for text in space.get_legend().get_texts()]
-    assert "carried" in names
+    assert "carried" in [text.get_text() for text in space.get_legend().get_texts()]
 
 
 def test_moves_and_what_happens_at_rest_are_named(axes):
@@ -359,22 +297,8 @@ def test_moves_and_what_happens_at_rest_are_named(axes):
         "grip 'open' (0.2 s)",
         "detach part, detach cap",
     ]
-    assert speed.get_ylim()[0] == 0
 
 
 def test_a_name_is_cut_where_a_move_is_short():
-    assert shown_name("into_the_chuck", 14) == "into_the_chuck"
-    assert shown_name("into_the_chuck", 8) == "into_t..."
-    assert shown_name("into_the_chuck", 4) == ""
-    assert shown_name("back", 4) == "back"
-
-
-def test_names_that_would_be_on_each_other_are_moved_aside(cycle):
-    steps = [*cycle.steps[:2], Event("soon", dwell=0.001), *cycle.steps[2:]]
-    steps[1] = Event("grip", dwell=0.001)
-    motion = motion_of(replace(cycle, steps=steps))
-    name_steps(axis := Figure().subplots(), cycle_timeline(motion), motion.trajectory.duration)
-    grip, soon, attach, *_ = (text.xy[0] for text in axis.texts)
-    assert grip == pytest.approx(1.0)
-    assert soon - grip > 0.05
-    assert attach - soon > 0.05
+    shown = [shown_name("into_the_chuck", room) for room in (14, 8, 4)]
+    assert [*shown, shown_name("back", 4)] == ["into_the_chuck", "into_t...", "", "back"]
