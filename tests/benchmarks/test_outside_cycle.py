@@ -105,7 +105,7 @@ class Files:
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
-    monkeypatch.setattr(Judge.judge, "__defaults__", (200,))  # enough for straight lines
+    monkeypatch.setattr(Judge.judge, "__defaults__", (60,))  # enough for straight lines
     return Files(tmp_path)
 
 
@@ -157,7 +157,8 @@ def test_planted_faults_are_seen_by_both_judges(plant, broken, files):
     assert files.broken() == broken
 
 
-def test_margins_are_those_of_the_closed_form(files):
+def test_margins_are_those_of_the_closed_form(files, monkeypatch):
+    monkeypatch.setattr(Judge.judge, "__defaults__", (200,))
     found = files.judged()
     assert outside_judge.passes(found)
     held = 1 - (HAND + PART) * GRAVITY / LIMIT
@@ -198,6 +199,7 @@ def split(files):
     files.trajectory["marks"][3:4] = [{"time": 1.2, "move": "up"}, {"time": 2.2, "move": "across"}]
 
 
+@pytest.mark.dear("judges a cycle three times")
 def test_moves_without_a_stop_are_one_leg_of_which_all_is_asked(files):
     split(files)
     files.step(4)["contacts"] = [ON_TABLE | {"segments": [0]}]  # its start is no end of the leg
