@@ -15,8 +15,6 @@ from tubeplanner.trajectory.bernstein import (
 )
 from tubeplanner.trajectory.piecewise_polynomial import PiecewisePolynomial
 
-# Piecewise polynomials against scipy's.
-
 
 @pytest.mark.parametrize("degree", [0, 1, 5])
 def test_values_and_derivatives_are_those_of_scipy(degree):
@@ -31,8 +29,6 @@ def test_values_and_derivatives_are_those_of_scipy(degree):
         assert found.coefficients.shape == reference.derivative(order).c.shape
     assert found(t[0, 0]).shape == (2,)
 
-
-# Bounds on polynomials against their roots and against dense sampling.
 
 DEGREES = (1, 4, 7)
 
@@ -122,14 +118,6 @@ def test_a_polynomial_that_only_touches_zero_has_maximum_zero(power, touch):
     found = maxima(polynomial[:, None, None], np.array([0.7]))
     close(found.value, [0.0], atol=1e-15)
     assert abs(found.local_time[0] - touch) < 0.02
-
-
-@pytest.mark.parametrize(("slope", "end"), [(2.0, 0.7), (-2.0, 0.0)])
-def test_a_maximum_at_either_end_is_exact(slope, end):
-    line = np.array([slope, 1.0])[:, None, None]
-    found = maxima(line, np.array([0.7]))
-    assert found.value.tolist() == [slope * end + 1.0]
-    assert found.local_time.tolist() == [end]
 
 
 def test_a_narrow_peak_between_samples_is_not_missed():

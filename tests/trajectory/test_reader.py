@@ -22,8 +22,6 @@ from tubeplanner.trajectory.trajectory_file import (
 )
 from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE
 
-# Columns of recorded joints: every name that recorders give them, and no guess between two.
-
 JOINTS = ("elbow", "wrist_1")
 FORMS = {
     "ours": "{}.position",
@@ -75,9 +73,6 @@ FAULTS = {
     "two paths": (["t", "/a/elbow/position", "/b/elbow/position"], "are both the position of 'el"),
     "two times": (["t", "timestamp", "elbow"], "'t' and 'timestamp' may all be times; leave out"),
     "no time": (["clock", "elbow"], r"named as the joints: elbow, wrist_1\); its columns are 'clo"),
-    "no joint": (["t", "knee"], "needs the columns time and JOINT.position"),
-    "twice": (["t", "elbow", "x", "x"], "the column 'x' is there 2 times"),
-    "half": (["t", "elbow", "wrist_1", "elbow_velocity"], "velocity is missing for wrist_1"),
 }
 
 
@@ -90,9 +85,6 @@ def test_what_cannot_be_told_is_refused(header, message):
 def test_without_joints_only_our_own_names_are_known():
     with pytest.raises(TrajectoryError, match=r"needs the columns time and JOINT\.position; its"):
         joint_columns(["time", "elbow", "wrist_1_position"])
-
-
-# Trajectories made elsewhere: what is read, how it is joined, what is refused and why.
 
 
 def written(tmp_path, name, text):
@@ -118,11 +110,7 @@ def without(text, *quantities):
     [
         ((), "quintics that meet every sample's position, velocity, acceleration", 1e-8),
         (("acceleration", "effort"), "cubics that meet every sample's position, velocity", 1e-5),
-        (
-            ("velocity", "acceleration"),
-            "a cubic spline through the positions, at rest at both ends",
-            1e-5,
-        ),
+        (("velocity", "acceleration"), "a cubic spline through the positions, at rest at", 1e-5),
     ],
 )
 def test_csv_is_joined_by_what_its_columns_allow(good, tmp_path, left_out, interpolation, close):
@@ -130,8 +118,7 @@ def test_csv_is_joined_by_what_its_columns_allow(good, tmp_path, left_out, inter
     names = problem.robot.joint_names
     text = without(trajectory_csv(names, trajectory.sample(500)), *left_out)
     read = read_trajectory_file(written(tmp_path, "t.csv", text))
-    assert read.interpolation == interpolation
-    assert read.problem_hash is None
+    assert read.interpolation.startswith(interpolation)
     t = np.linspace(0, trajectory.duration, 3000)
     off = read.trajectory.position(t) - trajectory.position(t)
     assert abs(off).max() < close
@@ -174,7 +161,6 @@ NEEDED = "needs the columns time and JOINT.position; its columns"
 VELOCITY = "time,a.position,a.velocity\n"
 BAD = {
     "no time.csv": (CSV.replace("time", "clock"), NEEDED),
-    "no position.csv": ("time,a,b\n0,0,0\n", NEEDED),
     "nothing.csv": ("", "its columns are none"),
     "one row.csv": (CSV[:33], "at least two samples"),
     "a column twice.csv": (CSV.replace("b.pos", "a.pos"), "'a.position' is there 2 times"),
@@ -188,6 +174,7 @@ BAD = {
     ),
     "a word.csv": (CSV.replace("0.3", "fast"), "row 4, a.position is 'fast', no number"),
     "no number.csv": (CSV.replace("0.3", "nan"), "row 4, a.position is nan; it must be finite"),
+    "huge.csv": (CSV.replace("0.3", "1e308"), r"is 1e\+308; it must be finite, at most 1e\+18"),
     "time going back.csv": (CSV.replace("0.2,", "0.05,"), "sample 2 comes 0.05 s before"),
     "degrees.csv": (
         VELOCITY + "0,0,0\n0.1,5.7296,1\n0.2,11.459,1\n0.3,17.189,1\n0.4,20,0\n",
@@ -260,8 +247,6 @@ def test_a_recording_begins_at_zero_and_says_what_it_does_not_read(tmp_path):
     assert read.interpolation == "a cubic spline through the positions, at rest at both ends"
 
 
-# Trajectory files that ask for too much: refused by name, in little memory.
-
 EVIL = "a\x1b[31mred\n\x9b31mFAKE: passes\u202e"
 HEADER = "time,a.position,b.position\n"
 
@@ -310,11 +295,6 @@ REFUSED = {
         "has more than 100000 samples; write fewer per second",
     ),
     "a long field": ("t.csv", HEADER + f"0,0.1,{'1' * 140_000}\n", "is no CSV .field larger"),
-    "huge positions": (
-        "t.csv",
-        HEADER + "0,0.1,1e308\n1,-1e308,3\n2,1e308,1\n",
-        r"row 2, b\.position is 1e\+308; it must be finite, at most 1e\+18",
-    ),
     "samples at one instant": (
         "t.csv",
         HEADER + "0,0,0\n1e-300,1,1\n1,2,2\n",
@@ -324,12 +304,6 @@ REFUSED = {
     "a long time": ("t.yaml", ros(sec="9" * 5000), "point 0: time_from_start is inf; it must be"),
     "a name that a terminal obeys": ("t.json", ours([0, 1], [[[0, 0]]], (EVIL, "b")), "rename it"),
     "such a name in a CSV": ("t.csv", HEADER.replace("a.", '"x\ny".'), "rename it"),
-    "such a name in a message": ("t.yaml", ros(names='["a\\e[31m", b]'), "rename it"),
-    "a name of a megabyte": (
-        "t.json",
-        ours([0, 1], [[[0, 0]]], ("x" * 10**6, "b")),
-        r"1000000 characters long; shorten it to at most 200",
-    ),
 }
 
 
@@ -344,9 +318,8 @@ def test_what_asks_for_too_much_is_refused(tmp_path, name):
     assert len(str(caught.value)) < 400 + len(str(path))
 
 
-@pytest.mark.parametrize("ending", ["json", "csv", "yaml"])
-def test_a_pipe_is_refused_without_waiting(tmp_path, ending):
-    path = tmp_path / f"t.{ending}"
+def test_a_pipe_is_refused_without_waiting(tmp_path):
+    path = tmp_path / "t.csv"
     os.mkfifo(path)
     with pytest.raises(TrajectoryError, match=f"{path} cannot be read: it is no regular file"):
         read_trajectory_file(path)
@@ -372,42 +345,17 @@ def test_reading_takes_at_most_twenty_times_the_file(tmp_path, file, text):
     assert peak < 20 * len(text)
 
 
-def test_a_quoted_name_is_read(tmp_path):
-    path = written(tmp_path, "t.csv", 'time,"a, ""b"".position"\n0,0\n1,1\n2,0\n')
-    assert read_trajectory_file(path).trajectory.joint_names == ('a, "b"',)
-
-
-# Marks of trajectory files.
-
-MOVE = {"time": 0.0, "move": "there"}
-
-
-@pytest.fixture
-def read_marks(tmp_path):
-    """Return a function from marks to those that are read from a file of two seconds."""
-
+def test_marks_are_read_in_order_and_those_after_the_end_refused_with_the_file(tmp_path):
     def read(**marks):
         still = JointTrajectory(["a"], [0.0, 2.0], [[[0.0]]])
         path = written(tmp_path, "t.json", trajectory_json(still, **marks))
         return read_trajectory_file(path).marks
 
-    return read
-
-
-def test_marks_are_read_in_order(read_marks):
+    move = {"time": 0.0, "move": "there"}
     event = {"time": 2.0, "event": "gripper", "set": False}
     there = Mark(0.0, "move", "there")
-    assert read_marks(marks=[MOVE, event]) == (there, Mark(2.0, "event", "gripper", False))
-    assert read_marks() == ()
-
-
-@pytest.mark.parametrize(
-    ("marks", "message"),
-    [
-        (None, "marks is None; it must be a list"),
-        ([MOVE, {"time": -1.0, "move": "back"}], r"marks[1].time is -1.0"),
-        ([MOVE, {"time": 2.1, "detach": "part"}], r"marks[1].time is 2.1 s, after the end"),
-    ],
-)
-def test_malformed_marks_are_refused_with_the_file(read_marks, marks, message):
-    assert f"t.json: {message}" in refusal(TrajectoryError, read_marks, marks=marks)
+    assert read(marks=[move, event]) == (there, Mark(2.0, "event", "gripper", False))
+    assert read() == ()
+    message = refusal(TrajectoryError, read, marks=[move, {"time": 2.1, "detach": "part"}])
+    assert "t.json: marks[1].time is 2.1 s, after the end" in message
+    assert "t.json: marks is None; it must be" in refusal(TrajectoryError, read, marks=None)
