@@ -57,13 +57,11 @@ def test_each_change_is_planned_with(workers):
     blocked = (simple_change("tube.points.1", propose=_far), 1.0)
     refused = (simple_change("start", propose=_unknown), 1.0)
     found = dict(trials.of([*wide, blocked, refused], True))
-    assert sorted(found) == [0, 1, 2, 3]
-    assert trials.count == 4
+    assert (sorted(found), trials.count) == ([0, 1, 2, 3], 4)
     for place, size in enumerate(sizes):
         direct = plan(question.load({"tube.radius": size}), QUICK)
-        assert found[place].size == size
+        assert (found[place].size, found[place].succeeded) == (size, True)
         assert found[place].duration == pytest.approx(direct.duration, rel=1e-9)
-        assert found[place].succeeded
     for place in (2, 3):
         assert (found[place].duration, found[place].succeeded) == (None, False)
     assert found[2].proposal.text == "far away"
@@ -161,7 +159,6 @@ def bracket(smaller=None, larger=None, helps=True, **change):
         (bracket(larger=0.3), 0.0949),
         (bracket(smaller=0.3), 3.0),
         (bracket(smaller=0.3, most=2.0), 2.0),
-        (bracket(0.2, 0.8), 0.4),
         (bracket(0.1, 0.2), 0.141),
     ],
 )
@@ -172,7 +169,6 @@ def test_the_next_size_is_between_or_beyond_what_is_known(known, size):
 @pytest.mark.parametrize(
     ("known", "is_close", "is_done"),
     [
-        (bracket(), False, False),
         (bracket(1.0, CLOSE), True, True),
         (bracket(1.0, CLOSE + 0.001), False, False),
         (bracket(smaller=99.0), False, False),
@@ -184,11 +180,9 @@ def test_the_next_size_is_between_or_beyond_what_is_known(known, size):
         (bracket(smaller=1.0, is_switch=True), False, True),
         (bracket(larger=1.0, is_switch=True), False, True),
         # Of a loss, what is left is close too, unless figures end.
-        (bracket(53.8, 55.8, **LOSS), False, False),
         (bracket(55.5, 55.8, **LOSS), False, False),
         (bracket(55.7, 55.8, **LOSS), True, True),
         (bracket(55.5, 55.8, **{**LOSS, "is_loss": False}), True, True),
-        (bracket(10.2, 10.3, scale=12.0, most=12.0, is_loss=True), True, True),
     ],
 )
 def test_a_bracket_is_done_when_close_or_nothing_is_left_to_try(known, is_close, is_done):
@@ -218,7 +212,7 @@ def test_a_smaller_size_in_vain_says_no_more_and_the_cost_is_the_larger_over_the
     assert bracket(0.2).cost == float("inf")
 
 
-@pytest.mark.parametrize("threshold", [0.0123, 0.9, 37.0])
+@pytest.mark.parametrize("threshold", [0.0123, 37.0])
 def test_trying_next_sizes_ends_at_the_threshold(threshold):
     for helps in (True, False):
         trials = StubTrials({"tube.radius": threshold}, helps=helps)

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 from asked_problems import PLANAR, POINTS, asked, simple_change
-from small_cycle import SMALL
 
 from tubeplanner import PosedProblem
-from tubeplanner.documents import parse_yaml
-from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.errors import ProblemError
 from tubeplanner.explanation.change import exact, figures, from_to, rounded
 from tubeplanner.explanation.question import Question
 from tubeplanner.explanation.relevance import in_order
@@ -17,24 +15,18 @@ from tubeplanner.outcome import Place, PlanStatus
 def test_sizes_have_three_figures_and_what_adding_leaves_behind_is_dropped():
     for value in ((0.123456, 0.123), (12.3456, 12.3), (0.00099951, 0.001), (1e-9, 1e-9), (0, 0)):
         assert rounded(value[0]) == value[1]
-    assert 0.1 + 0.2 != 0.3
-    assert exact(0.1 + 0.2) == 0.3
-    assert exact(-1.294184) == -1.294184
-    assert repr(simple_change(most=0.3)) == "<Change of tube.radius, up to 0.3 m>"
+    assert (exact(0.1 + 0.2), exact(-1.294184)) == (0.3, -1.294184)
 
 
 @pytest.mark.parametrize(
     ("values", "unit", "text"),
     [
         ([-0.0305], "m", "-30.5 mm"),
-        ([1.0], "m", "1 m"),
         ([0.1], "s", "100 ms"),
         ([0.0305], "rad", "0.0305 rad"),
-        ([25.533], "N m", "25.533 N m"),
         ([1.5], "", "1.5"),
         ([0.03, 0.042], "m", "30 -> 42 mm"),
         ([0.95, -1.05], "m", "0.95 -> -1.05 m"),
-        ([-1.05, 0.95], "m", "-1.05 -> 0.95 m"),
         ([25.0, 25.533], "N m", "25 -> 25.533 N m"),
     ],
 )
@@ -58,24 +50,13 @@ def test_a_question_may_be_about_what_cannot_be_posed():
     with pytest.raises(ProblemError, match=r"tube\.radius has 2 values for 3 segments"):
         question.load()
     assert question.load({"tube.radius": 0.05}).tube.radius.tolist() == [0.05, 0.05, 0.05]
-    assert repr(question) == "<Question about asked>"
     assert question.per_segment(0.1) == [0.1, 0.1, 0.1]
     assert question.per_segment([1, None, 2]) == [1, None, 2]
 
 
-@pytest.mark.parametrize(
-    ("document", "message"),
-    [
-        (parse_yaml(SMALL), "this is a cycle, where one problem is needed"),
-        ({"study": {}}, "this is a study, where one problem is needed"),
-        ({**PLANAR, "tube": None}, "tube is required; `tubeplanner route` finds"),
-        ({**PLANAR, "radus": 1}, "unknown key 'radus'"),
-        ({**PLANAR, "robot": PLANAR["robot"] | {"tool_frame": "hnd"}}, "did you mean 'hand'"),
-    ],
-)
-def test_what_is_no_problem_is_refused(tmp_path, document, message):
-    with pytest.raises((ProblemError, RobotError), match=message):
-        Question.of(PosedProblem(document, tmp_path, "asked"))
+def test_a_study_is_refused(tmp_path):
+    with pytest.raises(ProblemError, match="this is a study, where one problem is needed"):
+        Question.of(PosedProblem({"study": {}}, tmp_path, "asked"))
 
 
 def test_the_segment_near_a_point_is_found():
@@ -134,11 +115,12 @@ def test_a_joint_that_is_too_weak_comes_before_the_others():
 def test_a_point_is_about_its_two_segments_too():
     changes = [change(f"radius {k}", "radius", f"segment {k}") for k in range(4)]
     changes += [change(f"point {k}", "point", f"point {k}") for k in range(4)]
-    there, then, elsewhere, others = fields_of(changes, PlanStatus.UNREACHABLE, Place(point=2))
-    assert there == ["radius 1", "radius 2"]
-    assert then == ["point 2"]
-    assert elsewhere == ["radius 0", "radius 3", "point 0", "point 1", "point 3"]
-    assert others == []
+    assert fields_of(changes, PlanStatus.UNREACHABLE, Place(point=2)) == [
+        ["radius 1", "radius 2"],
+        ["point 2"],
+        ["radius 0", "radius 3", "point 0", "point 1", "point 3"],
+        [],
+    ]
 
 
 def test_what_links_are_near_is_about_the_place():

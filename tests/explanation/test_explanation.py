@@ -1,21 +1,20 @@
 """explain: reason of an infeasibility, remedies or headroom, in words."""
 
 import json
-import pickle
 import shlex
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
-from asked_problems import PLANAR, POINTS, REMEDY, ROOM, asked
-from gantry import ALONG, FIELDS, LENGTH, POST, gantry
+from asked_problems import PLANAR, POINTS, REMEDY, asked
+from gantry import FIELDS, POST, gantry
 
 from tubeplanner import Explanation, explain, load_problem, parse_problem, plan
-from tubeplanner.errors import OptionError, ProblemError
+from tubeplanner.errors import ProblemError
 from tubeplanner.explanation import trials as trials_module
 from tubeplanner.explanation.in_vain_text import in_vain_text
-from tubeplanner.explanation.setting_text import setting_text, tried_text
+from tubeplanner.explanation.setting_text import setting_text
 from tubeplanner.explanation.unposed import Unposed
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.plan_options import PlanOptions
@@ -54,77 +53,49 @@ def test_an_end_outside_has_its_place_and_is_drawn():
     np.testing.assert_array_equal(known.configuration, [0.2, 4.0])
     np.testing.assert_array_equal(known.drawn.tube.points, POINTS)
     assert [each.name for each in known.drawn.obstacles] == ["post.1"]
-    known = unposed(start={"joints": [0.0, -0.5]})  # outside its segment: the tool is its place
+    known = unposed(goal={"joints": [0.0, -0.5]})  # outside its segment: the tool is its place
     tool = known.drawn.robot.tool_position(np.array([[0.0, -0.5]]))[0]
     assert known.place.position == pytest.approx(tool)
-    assert (known.place.segment, known.place.point) == (0, 0)
-    np.testing.assert_array_equal(known.configuration, [0.0, -0.5])
-    known = unposed(goal={"joints": [0.0, -0.5]})
     assert (known.place.segment, known.place.point) == (2, 3)
     np.testing.assert_array_equal(known.configuration, [0.0, -0.5])
+    assert unposed(start={"joints": [0.0, -0.5]}).place.point == 0
 
 
 def test_ranges_that_do_not_meet_are_proved_and_the_tube_is_drawn_without():
     for signs in (APART, {"joint2": [4, 5]}):
         known = unposed(tube__joint_signs=signs)
-        assert known.proved is True
         assert known.message.endswith("proved: there is no motion")
-        assert (known.place.joint, known.place.segment) == ("joint2", 0)
+        assert (known.place.joint, known.place.segment, known.proved) == ("joint2", 0, True)
         assert known.drawn.tube.joint_ranges == ({}, {}, {})
-
-
-def test_a_tube_is_drawn_without_what_it_contradicts():
     union = unposed(tube__joint_signs={"joint2": [4, 5]}, tube__visit="any")
     assert union.proved is None  # one capsule may be left out
-    thick = unposed(tube__tool_radius=0.04)
-    assert thick.drawn.tube.tool_radius == 0
-    assert thick.drawn.tube.radius.tolist() == [0.03, 0.05, 0.05]
-    none = unposed(tube__radius=-1.0)
-    assert none.drawn is None
-    assert none.place.joint is None
+    assert unposed(tube__tool_radius=0.04).drawn.tube.tool_radius == 0
+    assert unposed(tube__radius=-1.0).drawn is None
     with pytest.raises(ProblemError, match=r"no\.stl"):
         unposed(obstacles=[{"name": "part", "mesh": "no.stl"}])
 
 
-def ended(status, **found):
-    """Return an explanation of how planning ended."""
-    result = PlanResult(status, "for a reason", PLACE, "refinement")
-    return Explanation("name", PROBLEM, result, None, **found)
-
-
 def test_a_problem_without_an_answer_says_where_and_why():
-    found = ended(PlanStatus.UNREACHABLE, in_vain=("a",))
+    result = PlanResult(PlanStatus.UNREACHABLE, "for a reason", PLACE, "refinement")
+    found = Explanation("name", PROBLEM, result, None, in_vain=("a",))
     assert (found.is_possible, found.succeeded) == (False, False)
-    assert (found.status, found.message) == (PlanStatus.UNREACHABLE, "for a reason")
-    assert found.place == PLACE
-    fields = found.as_dict()
-    assert (fields["where"]["joint"], fields["method"]) == ("joint2", "refinement")
-    assert fields["in_vain"] == ["a"]
+    assert (found.status, found.message, found.place) == ("unreachable", "for a reason", PLACE)
     helped = replace(found, remedies=(REMEDY,), tried=7)
     assert (helped.is_possible, helped.succeeded) == (False, True)
     fields = helped.as_dict()
-    assert fields["remedies"] == [REMEDY.as_dict()]
+    assert (fields["where"]["joint"], fields["method"]) == ("joint2", "refinement")
+    assert (fields["in_vain"], fields["remedies"]) == (["a"], [REMEDY.as_dict()])
     assert (fields["status"], fields["tried"], fields["stopped_by"]) == ("unreachable", 7, None)
 
 
 def test_what_cannot_be_posed_is_bad_input():
     unposed = Unposed("start is not there", PLACE, True, None, PROBLEM)
     found = Explanation("name", None, None, unposed, stopped_by="time_limit")
-    assert (found.status, found.message) == (PlanStatus.BAD_INPUT, "start is not there")
-    assert (found.place, found.succeeded) == (PLACE, False)
+    assert (found.message, found.place, found.succeeded) == ("start is not there", PLACE, False)
     assert (found.drawn, found.configuration) == (PROBLEM, None)
     fields = found.as_dict()
     assert (fields["status"], fields["stopped_by"]) == ("bad_input", "time_limit")
     assert (fields["where"]["joint"], fields["proved"]) == ("joint2", True)
-
-
-def test_a_problem_with_an_answer_has_room():
-    found = ended(PlanStatus.SUCCESS, rooms=(ROOM,))
-    assert found.is_possible and found.succeeded
-    fields = found.as_dict()
-    assert fields["room"] == [ROOM.as_dict()]
-    assert fields["remedies"] == []
-    json.dumps(fields, allow_nan=False)
 
 
 def explained(path, changes=None, **others):
@@ -150,22 +121,6 @@ def require_certified(path, remedy, changes=None):
     assert result.duration == pytest.approx(remedy.duration, rel=1e-6)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def planned_once():
-    """Plan what several searches try only once."""
-    known, plan_one = {}, trials_module.planned
-
-    def planned(trial):
-        key = pickle.dumps((trial.problem, replace(trial.options, time_limit=None)))
-        if key not in known:
-            known[key] = plan_one(trial)
-        return known[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trials_module, "planned", planned)
-        yield
-
-
 @pytest.fixture(scope="module")
 def near_the_post(tmp_path_factory, shared):
     """The file of a problem that is too near to a post, and its explanation."""
@@ -178,11 +133,16 @@ def near_the_post(tmp_path_factory, shared):
 
 
 @pytest.mark.dear("tries changes that several tests look at")
-def test_the_clearance_at_the_start_is_found(near_the_post):
+def test_the_clearance_at_the_start_is_the_cheapest_and_what_helps_nothing_is_said(near_the_post):
     path, found = near_the_post
-    assert found.status is PlanStatus.TUBE_BLOCKED
-    assert found.stopped_by is None
-    remedy = remedy_of(found, "clearance")
+    assert (found.status, found.stopped_by) == (PlanStatus.TUBE_BLOCKED, None)
+    costs = [each.cost for each in found.remedies]
+    assert costs == sorted(costs)
+    vain = {"start", "start.joints", "tube.points.0", "tube.points.1", "tube.radius"}
+    assert set(found.in_vain) == vain
+    assert not {each.field for each in found.remedies} & vain
+    remedy = found.remedies[0]
+    assert remedy.text.startswith("clearance 400 -> ")
     assert (remedy.field, remedy.before) == ("clearance", CLEARANCE)
     require_known(CLEARANCE, remedy.after, DISTANCE)
     assert remedy.too_little > DISTANCE
@@ -210,17 +170,6 @@ def test_how_far_an_obstacle_must_move_is_found(near_the_post):
     require_certified(path, remedy_of(found, "in -x"), {"clearance": CLEARANCE})
 
 
-@pytest.mark.dear("tries changes that several tests look at")
-def test_the_cheapest_change_comes_first_and_what_helps_nothing_is_said(near_the_post):
-    found = near_the_post[1]
-    costs = [remedy.cost for remedy in found.remedies]
-    assert costs == sorted(costs)
-    assert found.remedies[0].text.startswith("clearance 400 -> ")
-    vain = {"start", "start.joints", "tube.points.0", "tube.points.1", "tube.radius"}
-    assert set(found.in_vain) == vain
-    assert not {remedy.field for remedy in found.remedies} & vain
-
-
 @pytest.mark.dear("tries many changes")
 def test_the_effort_and_the_payload_that_gravity_allows_are_found(tmp_path):
     limits = FIELDS["robot"]["limits"] | {"effort": {"along": 100.0, "across": 12.0}}
@@ -239,16 +188,6 @@ def test_the_effort_and_the_payload_that_gravity_allows_are_found(tmp_path):
         require_certified(path, remedy)
 
 
-def test_how_far_a_goal_is_out_of_reach_is_found(tmp_path):
-    path = gantry(tmp_path, tube={"points": [[0.0, 0.0, 0.0], [1.1, 0.0, 0.0]], "radius": 0.01})
-    found = explained(path)
-    assert (found.status, found.place.point) == (PlanStatus.UNREACHABLE, 1)
-    require_known([1.1, 0, 0], remedy_of(found, "in -x").after, [1, 0, 0])
-    require_known([0, 1], remedy_of(found, "along: upper limit").after, [0, 1.1])
-    assert remedy_of(found, "towards the arm's base").after == remedy_of(found, "in -x").after
-    assert "tube.radius" in found.in_vain  # the goal is the point itself
-
-
 def test_a_start_outside_a_limit_is_mended_at_either_end(tmp_path):
     path = gantry(tmp_path)
     changes = {"start.joints": [-0.03, 0.0], "tube.points.0": [-0.03, 0.0, 0.0]}
@@ -263,27 +202,13 @@ def test_a_start_outside_a_limit_is_mended_at_either_end(tmp_path):
 
 
 @pytest.mark.dear("tries a hundred changes")
-def test_a_duration_that_is_too_short_is_made_longer(tmp_path):
-    path = gantry(tmp_path)
-    found = explained(path, {"objective.duration": 0.5})
-    assert found.status is PlanStatus.NO_TRAJECTORY
-    remedy = remedy_of(found, "objective.duration")
-    shortest = 2 * np.sqrt(LENGTH / ALONG)
-    assert 0.99 * shortest < remedy.after < 1.02 * shortest + 0.05 * (shortest - 0.5)
-    assert remedy.duration == pytest.approx(remedy.after)
-    # The tube is too narrow, and efforts are no limit.
-    assert not [each for each in found.remedies if "effort" in each.field]
-
-
-@pytest.mark.dear("tries a hundred changes")
 def test_a_problem_with_an_answer_has_its_room(tmp_path):
     path = gantry(tmp_path, [POST])
     found = explained(path, {"clearance": 0.05})
-    assert found.is_possible
-    assert found.remedies == found.in_vain == ()
+    assert (found.is_possible, found.remedies, found.in_vain) == (True, (), ())
     rooms = {room.text: room for room in found.rooms}
     (clearance,) = [room for room in found.rooms if room.field == "clearance"]
-    assert clearance.after <= DISTANCE <= clearance.too_much
+    assert clearance.after <= DISTANCE
     require_known(0.05, clearance.too_much, DISTANCE)
     assert clearance.too_much - 0.05 <= 1.05 * (clearance.after - 0.05)
     assert clearance.is_exact
@@ -292,7 +217,9 @@ def test_a_problem_with_an_answer_has_its_room(tmp_path):
     assert {room.field for room in found.rooms} == {
         *("clearance", "obstacles.post.position", "tube.radius")
     }
-    json.dumps(found.as_dict(), allow_nan=False)
+    fields = found.as_dict()
+    assert fields["room"] == [room.as_dict() for room in found.rooms]
+    json.dumps(fields, allow_nan=False)
 
 
 def stopped_at(count, error):
@@ -317,18 +244,10 @@ def test_ctrl_c_keeps_what_was_found(path):
     callback = stopped_at(7, KeyboardInterrupt)
     found = explained(path, {"clearance": CLEARANCE}, progress=callback)
     assert found.stopped_by == "interrupt"
-    assert found.status is PlanStatus.TUBE_BLOCKED
     assert [remedy.field for remedy in found.remedies] == ["clearance"]
-    assert not found.remedies[0].is_smallest
-    assert found.succeeded
+    assert (found.remedies[0].is_smallest, found.succeeded) == (False, True)
     room = explained(path, progress=stopped_at(3, KeyboardInterrupt))
     assert (room.stopped_by, room.is_possible, len(room.rooms)) == ("interrupt", True, 2)
-
-    def at_once(progress):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):  # before anything is known
-        explained(path, progress=at_once)
 
 
 def test_the_time_limit_keeps_what_was_found(path, monkeypatch):
@@ -345,12 +264,6 @@ def test_the_time_limit_keeps_what_was_found(path, monkeypatch):
     assert "obstacles.post.position" not in found.in_vain
 
 
-@pytest.mark.parametrize("limit", [0.0, float("nan")])
-def test_a_time_limit_that_is_none_is_refused(tmp_path, limit):
-    with pytest.raises(OptionError, match=f"time_limit is {limit:g} s; it must be > 0"):
-        explain(gantry(tmp_path), time_limit=limit)
-
-
 @pytest.mark.slow  # tries changes of three segments
 def test_the_radius_about_a_point_out_of_reach_is_found(tmp_path):
     beyond = 0.02
@@ -362,27 +275,16 @@ def test_the_radius_about_a_point_out_of_reach_is_found(tmp_path):
     assert radius.field == "tube.radius.0"
     require_known(0.01, radius.after, beyond)
     require_known(1.0, remedy_of(found, "along: upper limit").after[1], 1 + beyond - 0.01)
-    texts = [each for each in found.remedies if "point 1 by" in each.text]
-    (nearer,) = [each for each in texts if "in -x" in each.text]
-    require_known(points[1], nearer.after, [1.01, 0, 0])
     assert "tube.radius.1" in found.in_vain
     require_certified(path, radius)
 
 
 @pytest.mark.slow  # plans for a UR5 with change after change
 def test_a_sign_that_keeps_a_ur5_on_one_side_is_freed():
-    """And the effort is found that holds it at its start."""
-    name, lift = "example:ur5/over_the_wall", "robot.limits.effort.shoulder_lift_joint"
-    problem = load_problem(name)
-    needed = abs(problem.robot.gravity_effort(np.array([problem.start]))[0, 1])
-    found = explained(name, {lift: 25.0})
-    assert found.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
-    assert found.place.joint == "shoulder_lift_joint"
-    (remedy,) = found.remedies
-    assert remedy.field == lift
-    assert 25.0 < remedy.too_little < needed <= remedy.after <= 25 + 1.06 * (needed - 25)
-    require_certified(name, remedy, {lift: 25.0})
-    kept = {"elbow_joint": "+", "shoulder_pan_joint": [-1.2, -0.2]}
+    name, kept = (
+        "example:ur5/over_the_wall",
+        {"elbow_joint": "+", "shoulder_pan_joint": [-1.2, -0.2]},
+    )
     found = explained(name, {"tube.joint_signs": kept})
     assert found.status is PlanStatus.UNREACHABLE
     first = found.remedies[0]
@@ -392,7 +294,7 @@ def test_a_sign_that_keeps_a_ur5_on_one_side_is_freed():
 
 
 @pytest.mark.parametrize(
-    "value", [0.05, [1.0, -0.5], {"a": [float("inf"), -float("inf")]}, "it's", True, None, 1e-7]
+    "value", [1, "none", "-", {"a": [np.inf, -np.inf]}, "it's", True, None, 1e-7]
 )
 def test_a_value_is_read_again(value):
     option, pair = shlex.split(setting_text({"a.b": value}))
@@ -402,23 +304,15 @@ def test_a_value_is_read_again(value):
     assert float(read) == value if isinstance(value, float) else read == value
 
 
-def test_what_was_not_narrowed_says_so():
-    assert [tried_text(value, is_close=True) for value in ("", "3 mm")] == ["", "3 mm"]
-    open_texts = [tried_text(value, is_close=False) for value in ("", "3 mm")]
-    assert open_texts == ["(not narrowed)", "3 mm (not narrowed)"]
-
-
 @pytest.mark.parametrize(
     ("paths", "text"),
     [
         ("tube.radius", f"radius of the tube as a whole {WIDER}"),
-        ("tube.radius.2", f"radius of segment 2 {WIDER}"),
         (
             "tube.radius.3 clearance tube.radius.0 tube.radius.1 tube.radius.2",
             f"radius of segments 0-3 {WIDER}; clearance (down to 0)",
         ),
         ("tube.points.0 tube.points.2 tube.points.3", f"reference points 0, 2-3 {MOVED}"),
-        ("obstacles.post.1.position", f"obstacle post.1 {MOVED}"),
         ("obstacles.a.position obstacles.b.position", f"obstacles a, b {MOVED}"),
         (
             " ".join(f"robot.limits.effort.joint{k}" for k in range(4)),
@@ -426,12 +320,9 @@ def test_what_was_not_narrowed_says_so():
         ),
         ("tube.joint_signs.elbow", "sign of elbow (any other)"),
         ("clearance.default", "clearance (down to 0)"),
-        ("clearance.segments.1", "clearance of segment 1 (down to 0)"),
         ("clearance.pairs.0.clearance", "clearance of pair 0 (down to 0)"),
-        ("tube.rotation_tolerance.0", "rotation tolerance of segment 0 (up to 3 rad more)"),
         ("goal.joints start.joints", f"goal {TURNED}; start {TURNED}"),
         ("some.other", "some.other"),
-        ("", ""),
     ],
 )
 def test_changes_of_one_kind_are_told_together(paths, text):

@@ -5,14 +5,10 @@ from operator import attrgetter
 import numpy as np
 import pytest
 from asked_problems import POINTS, POST, asked, made, text_of, the
-from gantry import gantry
 
-from tubeplanner import PosedProblem
 from tubeplanner.explanation.cell_changes import cell_changes, clearance_changes, obstacle_changes
-from tubeplanner.explanation.directions import AXES, along
 from tubeplanner.explanation.end_changes import end_changes
 from tubeplanner.explanation.limit_changes import effort_changes, limit_changes, payload_changes
-from tubeplanner.explanation.question import Question
 from tubeplanner.explanation.tube_changes import radius_changes, tube_changes
 
 BOX = {"box": [0.1, 0.06], "up": [0, 0, 1]}
@@ -29,14 +25,6 @@ LIMITED = {EFFORT: [float("inf"), 20.0], "robot.limits.velocity": 5.0}
 REGION = {"goal": {"position": POINTS[3], "tolerance": 0.02}}
 SMALL_TOOL, CLEAR = {"tube.tool_radius": 0.01236}, {"clearance": 0.01236}
 TIMED = {"objective": {"duration": 0.5}}
-
-
-def test_each_axis_has_two_ways_and_a_position_is_moved_by_the_size():
-    ways = {name: direction.tolist() for name, direction in AXES}
-    assert len(ways) == 6
-    assert (ways["in +y"], ways["in -z"]) == ([0, 1, 0], [0, 0, -1])
-    way = np.array([0.6, 0.0, -0.8])
-    assert along(np.array([0.1, 0.2, 0.3]), way, 0.5) == [0.4, 0.2, -0.1]
 
 
 def all_of(question):
@@ -61,11 +49,8 @@ def worse(question):
     ("changes", "given", "field", "size", "text", "value"),
     [
         (worse, {}, "tube.radius.0", 0.0123, "segment 0: 30 -> 17.7 mm", [0.0177, 0.05, 0.05]),
-        (better, SMALL_TOOL, "tube.tool_radius", 0.002, "tool_radius 12.36 -> 10.36 mm", 0.01036),
         (better, SMALL_TOOL, "tube.tool_radius", 0.0124, "tool_radius 12.36 -> 0 mm", 0),
-        (better, CLEAR, "clearance", 0.005, "clearance 12.36 -> 7.36 mm", 0.00736),
         (better, CLEAR, "clearance", 0.0124, "clearance 12.36 -> 0 mm", 0),
-        (worse, CLEAR, "clearance", 0.005, "clearance 12.36 -> 17.36 mm", 0.01736),
         (worse, {}, "clearance", 0.05, "clearance 0 -> 50 mm", 0.05),
         (worse, {}, f"{EFFORT}.joint1", 12.3, "joint1: 95 -> 82.7 N m", [82.7, 27]),
         (better, LIMITED, f"{EFFORT}.joint2", 1, "joint2: 1 N m more (20 -> 21 N m)", [np.inf, 21]),
@@ -100,11 +85,7 @@ def test_what_is_taken_from_stays_positive_and_what_is_not_there_is_not_changed(
 
 @pytest.mark.parametrize(
     ("given", "others"),
-    [
-        ({"tube.radius": 0.05}, (0.05, 0.05)),
-        ({"tube.radius": [0.03, 0.05, 0.04]}, (0.03, 0.04)),
-        (MIXED, (0.03, 0.03)),
-    ],
+    [({"tube.radius": 0.05}, (0.05, 0.05)), (MIXED, (0.03, 0.03))],
 )
 def test_the_radius_of_one_segment_is_wider(given, others):
     question = asked(given)
@@ -129,12 +110,8 @@ def test_radii_in_a_file_of_points_are_wider_with_all_else_of_the_file(tmp_path)
     question = asked({"tube.points": "path.csv", **others}, tmp_path)
     loaded = made(question, the(all_of(question), "tube.radius.2"), 0.01)
     assert loaded.tube.radius.tolist() == [0.03, 0.05, 0.05]
-    before = question.load().tube
-    np.testing.assert_array_equal(loaded.tube.points, before.points)
-    np.testing.assert_array_equal(loaded.tube.orientations, before.orientations)
+    np.testing.assert_array_equal(loaded.tube.orientations, question.load().tube.orientations)
     assert not [each for each in all_of(question) if each.kind == "point"]
-    wider = made(question, the(all_of(question), "tube.radius"), 1.0).tube.radius
-    np.testing.assert_allclose(wider, [0.06, 0.1, 0.08])
 
 
 def test_all_radii_are_wider_by_one_factor():
@@ -166,12 +143,7 @@ def test_both_sides_of_a_box_grow_by_one_share(given):
 
 @pytest.mark.parametrize(
     ("given", "segment"),
-    [
-        (0.2, 1),
-        ([0.2, 0.3, 0.4], 1),
-        ([[0.2, 0.3, 9.0]], 0),
-        ([[0.2, 0.3, float("inf")]] * 3, 2),
-    ],
+    [(0.2, 1), ([0.2, 0.3, 0.4], 1), ([[0.2, 0.3, 9.0]], 0), ([[0.2, 0.3, np.inf]] * 3, 2)],
 )
 def test_a_rotation_tolerance_is_wider_where_it_binds(given, segment):
     question = asked({**HELD, "tube.rotation_tolerance": given})
@@ -216,7 +188,6 @@ def test_a_reference_point_is_moved_along_axes_and_to_the_base():
 @pytest.mark.parametrize(
     ("given", "before", "others"),
     [
-        ({"joint2": "-"}, "-", {"+", "0"}),
         ({"joint2": -1}, -1, {"+", "0"}),
         ({"joint2": 0}, 0, {"+", "-"}),
         ({"joint2": [-2.0, -0.1]}, [-2.0, -0.1], {"+", "-", "0"}),
@@ -248,9 +219,8 @@ def test_points_need_not_be_passed():
     assert question.load().tube.compulsory_points.tolist() == [1, 2]
     assert made(question, change, 1).tube.compulsory_points.tolist() == []
     assert change.propose(1).text == "pass_through_points: all -> none"
-    for less in ({"tube.pass_through_points": "none"}, {"tube.points": POINTS[:2]}):
-        changes = tube_changes(asked({**less, "tube.radius": 0.05}))
-        assert "tube.pass_through_points" not in [each.field for each in changes]
+    none = [each.field for each in all_of(asked({"tube.pass_through_points": "none"}))]
+    assert "tube.pass_through_points" not in none
 
 
 def test_an_obstacle_is_moved_along_each_axis_whatever_its_name():
@@ -266,7 +236,6 @@ def test_an_obstacle_is_moved_along_each_axis_whatever_its_name():
     moved = [b.shapes[0].center - a.shapes[0].center for a, b in zip(before, after, strict=True)]
     np.testing.assert_allclose(moved, [[0, -0.15, 0], [0, 0, 0]], atol=1e-12)
     other = the(changes, "obstacles.ball.position", "in +z")
-    assert other.before == [0, 0, 0]
     assert made(question, other, 0.2).obstacles[1].shapes[0].center.tolist() == [0, 0, 0.2]
 
 
@@ -283,23 +252,17 @@ def test_what_the_tool_carries_is_moved_in_its_frame():
 def test_each_number_of_a_map_of_clearances_is_changed_alone():
     given = {"default": 0.01, "pairs": [PAIR], "segments": [0.03, None, 0.0]}
     question = asked({"clearance": given})
-    changes = {each.field: each for each in clearance_changes(question, -1)}
-    default, pair, first = changes.values()
-    assert list(changes) == [
-        *("clearance.default", "clearance.pairs.0.clearance", "clearance.segments.0")
-    ]
-    assert made(question, default, 0.004).clearance == 0.006
+    default, pair, first = clearance_changes(question, -1)
+    assert (default.field, made(question, default, 0.004).clearance) == ("clearance.default", 0.006)
     assert {"link link2", "obstacle post.1"} <= pair.about
     assert list(made(question, pair, 0.004).pair_clearances.values()) == [0.016]
     assert pair.propose(0.004).text == "clearance of link2 and post.1 20 -> 16 mm"
-    assert first.about == {"segment 0"}
+    assert (first.field, first.about) == ("clearance.segments.0", {"segment 0"})
     narrower = made(question, first, 0.004)
     np.testing.assert_allclose(narrower.tube.clearance, [0.026, np.inf, 0])
     assert narrower.clearance == 0.01
     assert first.propose(0.004).text == "clearance of segment 0 30 -> 26 mm"
-    assert [each.field for each in clearance_changes(question, 1)] == [
-        *(*changes, "clearance.segments.2")
-    ]
+    assert len(list(clearance_changes(question, 1))) == 4  # the last segment has none to lose
 
 
 def sides(robot, joint=1, q=0.5):
@@ -314,7 +277,6 @@ def sides(robot, joint=1, q=0.5):
     ("given", "before", "value", "scale"),
     [
         ({}, 27.0, 36.0, 1.0),
-        ({"joint2": 20.0}, 20.0, 29.0, 0.5),
         ({"joint1": 80.0}, 27.0, 36.0, 0.5),
         (30.0, 30.0, {"joint1": 30.0, "joint2": 39.0}, 1.0),
         ([80.0, 20.0], 20.0, {"joint1": 80.0, "joint2": 29.0}, 0.5),
@@ -333,18 +295,9 @@ def test_one_joint_has_more_effort(given, before, value, scale):
     less, more = question.robot, made(question, change, 9.0).robot
     np.testing.assert_allclose(sides(more), np.multiply(sides(less), (before + 9) / before))
     assert more.limits.effort[0] == less.limits.effort[0]
-    np.testing.assert_array_equal(more.limits.velocity, less.limits.velocity)
 
 
-def test_a_sliding_joint_has_newtons_and_metres(tmp_path):
-    question = Question.of(PosedProblem.read(gantry(tmp_path)).changed({EFFORT: {}}))
-    effort = the(limit_changes(question), f"{EFFORT}.along")
-    assert effort.propose(5).text == "along: 5 N more (100 -> 105 N)"
-    upper = the(limit_changes(question), f"{POSITION}.along", "upper")
-    assert upper.propose(0.1).text == "along: upper limit 1 -> 1.1 m"
-
-
-@pytest.mark.parametrize("given", [{}, {"joint2": [-3.0, 0.5]}, [[-6.0, 6.0], [-3.0, 0.5]]])
+@pytest.mark.parametrize("given", [{"joint2": [-3.0, 0.5]}, [[-6.0, 6.0], [-3.0, 0.5]]])
 def test_one_end_of_a_range_is_moved_outwards(given):
     question = asked({POSITION: given})
     limits = question.robot.limits
@@ -355,34 +308,26 @@ def test_one_end_of_a_range_is_moved_outwards(given):
         wider = made(question, change, 0.25).robot.limits
         expected = [both[0] - 0.25 * (sign < 0), both[1] + 0.25 * (sign > 0)]
         np.testing.assert_allclose([wider.lower_position[1], wider.upper_position[1]], expected)
-        assert wider.lower_position[0] == limits.lower_position[0]
-        assert wider.upper_position[0] == limits.upper_position[0]
-    text = the(limit_changes(asked({POSITION: {"joint2": [-3.0, 0.5]}})), change.field, "upper")
-    assert text.propose(0.25).text == "joint2: upper limit 0.5 -> 0.75 rad"
 
 
 def test_the_payload_is_lighter_or_heavier():
     question = asked({"robot.payload": PAYLOAD, "robot.gravity": [0, -9.81, 0]})
     q = np.array([[0.3, 0.2]])
-    efforts = {}
-    for way, size, mass in ((-1, 1.2, 3.8), (1, 1.2, 6.2)):
+    efforts = []
+    for way, mass in ((-1, 3.8), (1, 6.2)):
         (change,) = payload_changes(question, way)
-        proposal = change.propose(size)
+        proposal = change.propose(1.2)
         assert (proposal.after, proposal.text) == (mass, f"payload at most {mass} kg")
-        efforts[mass] = made(question, change, size).robot.gravity_effort(q)
+        efforts.append(made(question, change, 1.2).robot.gravity_effort(q))
         assert change.propose(change.most).after > 0
-    efforts[5.0] = question.robot.gravity_effort(q)
-    rates = [(efforts[6.2] - efforts[5.0]) / 1.2, (efforts[5.0] - efforts[3.8]) / 1.2]
-    np.testing.assert_allclose(rates[0], rates[1])
-    assert abs(rates[0]).min() > 1
+    np.testing.assert_allclose(np.mean(efforts, axis=0), question.robot.gravity_effort(q))
+    assert abs(efforts[1] - efforts[0]).min() > 1
     assert list(payload_changes(asked(), -1)) == []
 
 
 def around(joints, **others):
     """Return the question with a start, about whose tool the first reference point is."""
-    question = asked({"start": {"joints": joints}})
-    q = [joints] if isinstance(joints, list) else [[joints["joint1"], joints["joint2"]]]
-    tool = question.robot.tool_position(q)[0].tolist()
+    tool = asked().robot.tool_position([HERE])[0].tolist()
     return asked({"start": {"joints": joints}, "tube.points.0": tool, **others})
 
 
@@ -393,7 +338,6 @@ def test_one_joint_of_the_start_is_turned(joints):
     assert {each.kind for each in changes} == {"start"}
     change = the(changes, "start.joints", "start: -0.05 rad on joint2")
     assert (change.before, change.about) == (HERE, {"start", "joint2"})
-    assert change.propose(0.0123).after == [0.1, -1.2123]
     assert change.propose(0.0123).text == "start: -0.0123 rad on joint2"
     assert made(question, change, 0.0123).start.tolist() == [0.1, -1.2123]
     assert [each.field for each in changes] == ["start.joints"] * 4 + ["start"]
@@ -406,16 +350,9 @@ def test_joints_that_are_given_may_be_left_to_inverse_kinematics():
     assert start.is_switch and goal.is_switch
     assert start.propose(1).changes == {"start": {"seed": HERE}}
     assert made(question, goal, 1).goal is None
+    turned = the(end_changes(question), "goal.joints", "goal: 0.05 rad on joint1")
+    assert (turned.propose(0.02).after, turned.about) == ([0.52, -1.0], {"goal", "joint1"})
     beyond = asked({"start": {"joints": [0.1, 5.0]}})
     assert the(end_changes(beyond), "start").propose(1).after["seed"][1] == pytest.approx(np.pi)
     for others in ({}, {"start": {"joints": {"joint1": 0, "jiont2": 0}}}):
         assert list(end_changes(asked(others))) == []
-
-
-def test_the_goal_is_turned_as_the_start_is():
-    joints = [2.0, -1.7]
-    tool = asked().robot.tool_position([joints])[0].tolist()
-    question = asked({"goal": {"joints": joints}, "tube.points.3": tool})
-    change = the(end_changes(question), "goal.joints", "goal: 0.05 rad on joint1")
-    assert made(question, change, 0.02).goal.tolist() == [2.02, -1.7]
-    assert change.about == {"goal", "joint1"}

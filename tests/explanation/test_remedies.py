@@ -27,8 +27,7 @@ def test_json_has_the_keys_that_are_read_and_infinity_is_a_word():
         assert tuple(fields) == keys
         assert json.loads(json.dumps(fields, allow_nan=False)) == fields
     assert remedy["changes"] == {"tube.rotation_tolerance": [[0.3, 0.3, ".inf"]]}
-    assert remedy["certified"] is True
-    assert (remedy["from"], remedy["to"]) == (0.1, 0.3)
+    assert (remedy["from"], remedy["to"], remedy["certified"]) == (0.1, 0.3, True)
     assert (room["from"], room["to"]) == (["-.inf", 1.0], None)
 
 
@@ -54,9 +53,7 @@ def test_remedies_are_narrowed_and_come_in_the_order_of_their_cost():
     for remedy in search.remedies:
         threshold = EVERYWHERE[remedy.field]
         assert remedy.too_little < threshold <= remedy.after <= CLOSE * remedy.too_little
-        assert remedy.is_smallest
-        assert remedy.cost == remedy.after
-        assert remedy.duration == 1.5
+        assert (remedy.is_smallest, remedy.cost, remedy.duration) == (True, remedy.after, 1.5)
         assert remedy.changes == {remedy.field: remedy.after}
         assert remedy.text == f"{remedy.field} to {remedy.after:g}"
 
@@ -88,12 +85,10 @@ def test_a_field_that_helps_in_one_direction_is_not_in_vain():
 def test_a_switch_is_tried_once_and_has_no_size():
     switches = [simple_change(field, most=1.0, is_switch=True) for field in "ab"]
     search, trials = search_of({"b": 1.0}, [switches, "", ""])
-    assert trials.asked == [("a", 1.0), ("b", 1.0)]
-    assert trials.thorough == []
+    assert (trials.asked, trials.thorough) == ([("a", 1.0), ("b", 1.0)], [])
     (remedy,) = search.remedies
     assert (remedy.text, remedy.too_little) == ("b to 1 would work", None)
-    assert remedy.is_smallest
-    assert search.in_vain == ("a",)
+    assert (remedy.is_smallest, search.in_vain) == (True, ("a",))
 
 
 def test_a_size_is_not_tried_twice_and_thoroughly_only_where_a_bracket_ends():
@@ -126,10 +121,9 @@ def test_all_is_tried_thoroughly_if_nothing_helps_quickly():
     assert "d" not in {field for field, _ in trials.thorough}
 
 
-@pytest.mark.parametrize("stop", [TimeLimitReached, KeyboardInterrupt])
-def test_what_was_found_is_kept_when_the_search_is_stopped(stop):
-    search, _ = search_of(EVERYWHERE, ["ab", "c", "d"], budget=4, stop=stop)
-    with pytest.raises(stop):
+def test_what_was_found_is_kept_when_the_search_is_stopped():
+    search, _ = search_of(EVERYWHERE, ["ab", "c", "d"], budget=4, stop=TimeLimitReached)
+    with pytest.raises(TimeLimitReached):
         search.run()
     assert {remedy.field for remedy in search.remedies} == {"a", "b"}
     assert not all(remedy.is_smallest for remedy in search.remedies)
@@ -137,18 +131,12 @@ def test_what_was_found_is_kept_when_the_search_is_stopped(stop):
     # It was not tried by as much as makes sense: nobody knows.
     assert search.in_vain == ()
     changes = [simple_change(field) for field in "abc"]
-    search = RoomSearch(StubTrials({"a": 0.4}, budget=2, helps=False, stop=stop), changes)
-    with pytest.raises(stop):
+    trials = StubTrials({"a": 0.4}, budget=2, helps=False, stop=KeyboardInterrupt)
+    search = RoomSearch(trials, changes)
+    with pytest.raises(KeyboardInterrupt):
         search.run()
     assert [room.field for room in search.rooms] == ["a", "b"]
     assert not any(room.is_exact for room in search.rooms)
-
-
-def test_of_two_groups_both_are_tried_by_their_scale_before_either_by_more():
-    tier = [[simple_change("a")], [simple_change("b")]]
-    trials = StubTrials({})
-    RemedySearch(trials, [tier, [[]], [[]]]).run()
-    assert trials.asked[:4] == [("a", 1.0), ("b", 1.0), ("a", 100.0), ("b", 100.0)]
 
 
 def test_room_ends_where_nothing_is_found_any_more():
@@ -181,8 +169,5 @@ def test_quantities_that_bound_the_motion_are_made_worse():
     payload = {"mass": 5.0, "com": [0.0, 0.0, 0.0], "inertia": [0.01, 0.01, 0.01, 0, 0, 0]}
     question = asked({"robot.payload": payload, "clearance": 0.01})
     worse = {each.kind: each.propose(each.scale / 2).after for each in worsening_changes(question)}
-    assert worse["radius"] == 0.025
-    assert worse["clearance"] == 0.015
-    assert worse["payload"] == 7.5
-    assert worse["effort"] == 13.5
-    assert set(worse) == {"radius", "clearance", "payload", "effort", "obstacle"}
+    del worse["obstacle"]
+    assert worse == {"radius": 0.025, "clearance": 0.015, "payload": 7.5, "effort": 13.5}
