@@ -136,9 +136,8 @@ def test_without_widening_there_is_an_answer_too(bundled, monkeypatch):
     monkeypatch.setattr(refinement, "_is_hopeless", is_hopeless)
     monkeypatch.setattr(refinement, "widened_radius", recorded)
     result = plan(bundled("two_link/paper_5_10mm"), PlanOptions(quality="fast", slack=0.0))
-    assert result.succeeded
+    assert result.succeeded and len(widened) > 0
     assert result.method == "refinement"
-    assert len(widened) > 0
 
 
 def test_a_box_is_widened_on_all_sides():

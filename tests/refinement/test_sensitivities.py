@@ -1,13 +1,14 @@
 """Sensitivities of the duration, motors included, against planning again."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from cases import SHORTEST, begun, with_motors
+from cases import begun, with_motors
 from scipy.spatial.transform import Rotation
 
-from tubeplanner import LimitOverrides, PlanningProblem, PointSpeed, Seed, Tube, load_robot, plan
+from tubeplanner import LimitOverrides, PlanningProblem, PointSpeed, Seed, Tube, load_robot
 from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.refinement.descent import FIRST_PENALTY
 from tubeplanner.refinement.refinement import Refinement
@@ -154,7 +155,6 @@ def test_prices_are_what_planning_again_finds(name):
 
 
 def test_prices_name_what_they_are_of_and_the_dearest_come_first():
-    """A segment's parts share a number; the goal's tolerance has none."""
     keys = {
         LimitKey("effort", 1): -0.1,
         LimitKey("radius", None, 0): -0.4,
@@ -183,17 +183,20 @@ def test_only_refinement_has_sensitivities_and_the_dearest_come_first(planned):
     assert radius.elasticity < -0.01  # of one segment alone, without switching times
 
 
-def test_a_start_on_its_rotation_tolerance_costs_nothing(two_link):
-    """No variable moves the start, and what is near it hardly: neither has a sensitivity."""
-    start, goal = np.array([-0.9, 1.2]), np.array([0.1, 1.2])
-    tool = two_link.tool_position(np.array([start, goal]))
-    turned = Rotation.from_rotvec(np.outer([start.sum() + 0.1, goal.sum()], [0, 0, 1])).as_quat()
-    tube = Tube(tool, 0.3, orientations=turned, rotation_tolerance=0.1)
-    result = plan(PlanningProblem(two_link, tube, start, goal), SHORTEST)
-    assert result.succeeded
-    assert result.certificate.conditions["rotation"].margin == pytest.approx(0.0, abs=1e-6)
-    (turn,) = (one.elasticity for one in result.sensitivities if one.limit == "rotation")
-    assert -0.05 < turn <= 0.0
-    effort = sum(one.elasticity for one in result.sensitivities if one.limit == "effort")
-    assert effort < -0.3  # but other limits do cost something
-    assert all(one.saved < 0.1 * result.duration for one in result.sensitivities)
+@pytest.mark.dear("refines the motion of six joints")
+def test_a_start_on_bounds_of_its_rotation_has_sane_prices(bundled):
+    """Where a path can hardly leave, steps hardly use the tolerance: multipliers said minutes."""
+    problem, angle = bundled("ur5/level_tray"), 0.0524
+    turn = Rotation.from_matrix(problem.robot.tool_pose(problem.start)[0])
+    first = (turn * Rotation.from_rotvec([-angle, 0, 0])).as_quat()
+    count = problem.tube.segment_count
+    turns = {"orientations": [first] * (count + 1)}
+    turns["rotation_tolerance"] = [(angle, angle, np.inf)] * count
+    problem = problem.with_tube(replace(problem.tube, **turns))
+    refinement = refined(problem)
+    duration = polished(problem, refinement.spline)[1].duration
+    dearest, *others = limit_sensitivities(problem, refinement, duration)
+    assert dearest.limit == "velocity"
+    assert 0.02 < dearest.saved < 0.1
+    turns = [one for one in others if (one.limit, one.segment) == ("rotation", 0)]
+    assert sum(one.saved for one in turns) < 0.005
