@@ -235,28 +235,29 @@ def test_what_are_no_steps_is_refused(steps):
     repr(accepted(t.Cycle, SEED, steps))
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"robot": "arm.urdf"}, "robot is 'arm.urdf'; give a RobotModel, as load_robot returns"),
-        ({"tube": LINE}, "tube is [[0.3, -0.3, 0], [0.3, 0.3, 0]]; give a Tube"),
-        ({"self_collision": 1}, "self_collision is 1; give True or False"),
-        ({"name": None}, "name is None; give text"),
-        ({"obstacles": np.array(1.0)}, "obstacles[0] is array(1.); give Obstacle.box"),
-        ({"ignore_collisions": [("a", 1)]}, "ignore_collisions[0] is ('a', 1); give pairs of nam"),
-        ({"ignore_collisions": [[[1], [1, 2]]]}, "ignore_collisions[0] is [[1], [1, 2]]; give pai"),
-    ],
-)
-def test_a_part_of_another_kind_is_named(given, message):
-    right = {"robot": arm(), "tube": t.Tube(LINE, 0.03), "start": SEED}
-    with pytest.raises(t.ProblemError) as caught:
-        t.PlanningProblem(**{**right, **given})
-    assert str(caught.value).startswith(message)
+def problem(**given):
+    return t.PlanningProblem(**{"robot": arm(), "tube": t.Tube(LINE, 0.03), "start": SEED, **given})
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
+        (
+            lambda: problem(robot="arm.urdf"),
+            "robot is 'arm.urdf'; give a RobotModel, as load",
+        ),
+        (lambda: problem(tube=LINE), "tube is [[0.3, -0.3, 0], [0.3, 0.3, 0]]; give a Tube"),
+        (lambda: problem(self_collision=1), "self_collision is 1; give True or False"),
+        (lambda: problem(name=None), "name is None; give text"),
+        (lambda: problem(obstacles=np.array(1.0)), "obstacles[0] is array(1.); give Obstacle.box"),
+        (
+            lambda: problem(ignore_collisions=[("a", 1)]),
+            "ignore_collisions[0] is ('a', 1); give pairs of nam",
+        ),
+        (
+            lambda: problem(ignore_collisions=[[[1], [1, 2]]]),
+            "ignore_collisions[0] is [[1], [1, 2]]; give pai",
+        ),
         (lambda: t.Move("over", None, None), "move 'over': robot is None;"),
         (lambda: t.Attach("pen", payload=1), "attach 'pen': payload is 1; give a Payload"),
         (lambda: t.Attach("pen", solid=1), "attach 'pen': solid is 1; give an AttachedSolid"),
@@ -266,7 +267,7 @@ def test_a_part_of_another_kind_is_named(given, message):
         (lambda: t.Cycle(SEED, [], closed=1), "closed is 1; give True or False"),
     ],
 )
-def test_a_step_of_another_kind_is_named(make, message):
+def test_a_part_or_step_of_another_kind_is_named(make, message):
     with pytest.raises(t.ProblemError) as caught:
         make()
     assert str(caught.value).startswith(message)

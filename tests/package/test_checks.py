@@ -1,8 +1,5 @@
 """Checks of user input: numbers within bounds, options, rows, paths, executors."""
 
-from concurrent.futures import Executor
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -16,10 +13,7 @@ from tubeplanner import (
 )
 from tubeplanner.arguments import (
     given_options,
-    given_path,
     given_row,
-    require_callback,
-    require_executor,
 )
 from tubeplanner.options import are_numbers, in_figures
 from tubeplanner.suh_bishop.knot_modification import ModificationOptions
@@ -83,25 +77,3 @@ def test_a_row_is_a_list_a_tuple_or_an_array(row):
 def test_anything_else_is_no_row(other):
     with pytest.raises(OptionError, match=r"^radii is .*; give a list of numbers$"):
         given_row("radii", other, "numbers")
-
-
-@pytest.mark.parametrize(
-    ("require", "right", "wrong", "message"),
-    [
-        (require_callback, print, 5, r"^progress is 5; give a function, which is called"),
-        (require_executor, Executor(), [], r"^executor is \[\]; give one of concurrent\.futures"),
-    ],
-)
-def test_progress_is_told_to_what_can_be_called_and_an_executor_submits(
-    require, right, wrong, message
-):
-    require(None)
-    require(right)
-    with pytest.raises(OptionError, match=message):
-        require(wrong)
-
-
-def test_a_path_is_text_or_a_path():
-    assert given_path("directory", "a") == given_path("directory", Path("a")) == Path("a")
-    with pytest.raises(OptionError, match=r"^directory is b'a'; give a path$"):
-        given_path("directory", b"a")
