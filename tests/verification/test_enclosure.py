@@ -8,7 +8,7 @@ from math import factorial
 import numpy as np
 import pytest
 from arms import follower_arm
-from cases import SLIDE, one_joint, with_motors
+from cases import one_joint, with_motors
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebpts1
 
@@ -412,16 +412,6 @@ def test_the_terms_add_up_to_what_the_planners_limit(efforts_arm):
     efforts = sum(term.values(*states[: term.derivatives + 1]) for term in terms)
     expected = efforts_arm.inverse_dynamics(*states)
     np.testing.assert_allclose(efforts, expected, rtol=1e-12, atol=1e-12)
-
-
-def test_friction_of_the_urdf_is_not_in_it_unasked(tmp_path):
-    """What rigid bodies need is the same whichever way they move; its bound counts on that."""
-    path = tmp_path / "with_friction.urdf"
-    path.write_text(SLIDE.replace("<limit", '<dynamics damping="3" friction="2"/><limit'))
-    robot = load_robot(path, "tip")
-    q, v, a = random_states(robot)
-    values = effort_terms(robot)["rigid bodies and motors"].values
-    np.testing.assert_allclose(values(q, -v, a), values(q, v, a), rtol=1e-9, atol=1e-9)
 
 
 def test_what_rotors_and_friction_take_is_missed_by_no_more_than_the_error(tmp_path):

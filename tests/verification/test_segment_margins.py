@@ -44,21 +44,12 @@ def test_no_other_choice_leaves_more(seed):
 @pytest.mark.parametrize(
     ("margin", "expected"),
     [
-        # Switching times may share an instant.
-        ([[1.0, -1, -1], [1, 1, 1], [-1, -1, 1]], [1, 1]),
-        # Of equal choices the one deepest in both segments is taken.
         ([[0.1, 0.1], [0.5, 0.2], [0.5, 0.5], [0.2, 0.5], [0.1, 0.1]], [2]),
         ([[0.1, 0.1], [0.2, 0.5], [0.5, 0.5], [0.5, 0.2], [0.1, 0.1]], [2]),
     ],
 )
 def test_of_equal_choices_the_deepest_is_taken(margin, expected):
     assert best_switching_samples(np.array(margin)).tolist() == expected
-
-
-@pytest.mark.parametrize("at", [0, 4])
-def test_a_point_may_be_passed_before_or_after_the_switching_time(at):
-    margin, inside = np.ones((5, 2)), {1: np.where(np.arange(5) == at, 0.5, -1.0)}
-    assert worst_margin(margin, best_switching_samples(margin, inside), inside) == 0.5
 
 
 @pytest.mark.parametrize("at", range(5))
