@@ -48,18 +48,8 @@ def parsed(goal, **tube):
     return parse_problem({**MINIMAL, "tube": {**MINIMAL["tube"], **tube}, "goal": goal})
 
 
-# --- poses ---------------------------------------------------------------------------------------
-
-
-NO_PLACEMENTS = [
-    np.eye(3),
-    np.diag([1, 1, -1, 1]),
-    np.diag([2, 2, 2, 1]),
-    np.diag([1, 1, 1, 2]),
-    np.full((4, 4), np.nan),
-    np.eye(4) + np.eye(4, k=3) * 2e4,
-    "here",
-]
+TOO_FAR = np.eye(4) + np.eye(4, k=3) * 2e4
+NO_PLACEMENTS = [np.eye(3), np.diag([1, 1, -1, 1]), np.diag([1, 1, 1, 2]), TOO_FAR, "here"]
 
 
 @pytest.mark.parametrize("placement", NO_PLACEMENTS)
@@ -67,23 +57,16 @@ def test_a_pose_is_a_placement(placement):
     assert "give a rotation and translation" in refusal(ProblemError, ToolPose, placement)
 
 
-def test_a_pose_cannot_be_changed_from_outside():
-    placement = placement_of([1, 2, 3])
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1.0, np.pi - 1e-9, np.pi])
+def test_errors_are_the_distance_and_the_angle_of_the_turn_between(angle):
+    placement = placement_of([1, 2, 3], rpy=[0.3, -0.5, 1.1])
     pose = ToolPose(placement)
     placement[0, 3] = 5
     assert pose.position.tolist() == [1, 2, 3]
-
-
-@pytest.mark.parametrize("angle", [0.0, 1e-9, 1.0, np.pi - 1e-9, np.pi])
-def test_errors_are_the_distance_and_the_angle_of_the_turn_between(angle):
-    pose = ToolPose(placement_of([1, 2, 3], rpy=[0.3, -0.5, 1.1]))
     turned = pose.rotation @ matrix_of_rpy(0, angle, 0)
     away, turn = pose.errors(turned, pose.position + np.array([0.3, 0, 0.4]))
     assert away == pytest.approx(0.5)
     assert turn == pytest.approx(angle, abs=1e-15)
-
-
-# --- goal regions --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -91,10 +74,7 @@ def test_errors_are_the_distance_and_the_angle_of_the_turn_between(angle):
     [
         (([0, 0],), "goal.position is [0, 0]; give [x, y, z], finite numbers"),
         (([0, np.nan, 0],), "goal.position is [0, nan, 0]; give [x, y, z], finite numbers"),
-        (("here",), "goal.position is 'here'; give [x, y, z]"),
         ((LAST, -0.01), "goal.tolerance is -0.01 m; 0 to 10000 m are accepted"),
-        ((LAST, True), "goal.tolerance is True m"),
-        ((LAST, np.inf), "goal.tolerance is inf m"),
         ((LAST, 0.01, 0.0), "goal.rotation_tolerance is 0.0 rad; it must be > 0"),
         ((LAST, 0.01, [1, 2]), "goal.rotation_tolerance is [1, 2]; it must be one angle or"),
     ],
@@ -132,7 +112,6 @@ def test_a_file_has_it_as_python_does():
         ({"position": LAST, "joints": [0, 0]}, "goal.position is not to be given: it is the one"),
         ({"seed": [0, 0], "tolerance": 0.1}, "goal.tolerance is for goal.position, which is not"),
         ({"joints": [0, 0], "rotation_tolerance": 1}, "goal.rotation_tolerance is for goal.pos"),
-        ({"position": [0.2, 0.4, 0]}, "goal.position is at [0.2, 0.4, 0.0] m, 0.05 m outside the"),
         ({"position": LAST, "rotation_tolerance": 0.1}, "but tube.orientations is not given"),
     ],
 )
@@ -187,8 +166,6 @@ def test_hashes_know_all_of_it(problem):
     assert problem_hash(replace(base, goal=GoalRegion(LAST, 0.01))) == hashes[2]
 
 
-# --- ends by a pose, by a name in an SRDF, and by where a trajectory ends ------------------------
-
 Q = [0.3, 0.7]
 WIDE = MINIMAL | {"tube": {"points": [[0.5, 0.2, 0], [0.3, 0.4, 0]], "radius": 0.3}}
 SRDF = """<robot name="two_link">
@@ -222,6 +199,8 @@ def fault(folder, **fields):
 def test_a_group_state_is_the_one_with_all_joints(folder, end):
     problem = posed(folder, **{end: {"group_state": "ready"}})
     assert getattr(problem, end).tolist() == Q
+    message = fault(folder, srdf=None, start={"group_state": "ready"})
+    assert "start.group_state 'ready' " in message and " give robot.srdf" in message
 
 
 @pytest.mark.parametrize(
@@ -236,11 +215,6 @@ def test_a_group_state_that_gives_no_configuration_is_named(folder, state, fragm
     message = fault(folder, start={"group_state": state})
     assert "start.group_state: " in message
     assert fragment in message
-
-
-def test_a_group_state_needs_an_srdf(folder):
-    message = fault(folder, srdf=None, start={"group_state": "ready"})
-    assert "start.group_state 'ready' " in message and " give robot.srdf" in message
 
 
 def stored(names, q):
@@ -268,7 +242,9 @@ def test_a_trajectory_that_gives_no_configuration_is_named(folder):
     message = fault(folder, start={"trajectory": "half.json"})
     assert "start.trajectory: " in message
     assert "half.json has no joint joint2; its joints are joint1, finger" in message
-    assert "start.trajectory: trajectory file" in fault(folder, start={"trajectory": "no.json"})
+    assert "start.trajectory: trajectory file" in refusal(
+        ProblemError, posed, folder, start={"trajectory": "no.json"}
+    )
 
 
 @pytest.mark.parametrize("end", ["start", "goal"])
@@ -302,21 +278,11 @@ def at(*position, **turn):
         ({"pose": at(0.9, 0, 0, **TURN)}, "m outside the capsule of segment"),
         ({"pose": at(0.5, 0.2, 0, **TURN), "seed": [0, 99]}, "start.seed: jo"),
         ({"pose": at(0, 0, 0, **TURN), "joints": Q}, "it has pose, joints"),
-        ({"group_state": "ready", "trajectory": "a.json"}, "it has group_state, trajectory"),
-        ({"group_state": "ready", "seed": Q}, "it has group_state, seed"),
         ({"joints": Q, "trajectory": "a.json"}, "it has trajectory, joints (what an included file"),
     ],
 )
 def test_an_end_that_is_none_is_named(folder, start, fragment):
     assert fragment in fault(folder, start=start)
-
-
-def test_a_pose_is_turned_within_the_rotation_tolerance(folder):
-    data = copy.deepcopy(WIDE)
-    data["tube"] |= {"orientations": [[0, 0, 0, 1]] * 2, "rotation_tolerance": 0.1}
-    data["start"] = {"pose": {"position": [0.5, 0.2, 0], "rpy": [0, 0, 0.2]}}
-    with pytest.raises(ProblemError, match=r"the tool is turned by 0\.2 rad"):
-        parse_problem(data, folder)
 
 
 def test_where_nothing_bounds_the_tool_an_end_says_where_it_is(folder):

@@ -46,16 +46,10 @@ def at(data, *keys):
     return data
 
 
-# --- places --------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("path", "value", "keys"),
     [
-        ("clearance", 0.01, ["clearance"]),
         ("tube.radius", 0.2, ["tube", "radius"]),
-        ("tube.radius.0", 0.2, ["tube", "radius", 0]),
-        ("tube.points.2.1", 5, ["tube", "points", 2, 1]),
         ("tube.joint_signs.0.joint.1", "-", ["tube", "joint_signs", 0, "joint.1"]),
         ("tube.cross_section.1.up.0", 1, ["tube", "cross_section", 1, "up", 0]),
         ("obstacles.front wall.position", [1, 2, 3], ["obstacles", 0, "position"]),
@@ -63,7 +57,6 @@ def at(data, *keys):
         ("obstacles.post.2.sphere", 1, ["obstacles", 2, "sphere"]),
         ("obstacles.0.sphere", 1, ["obstacles", 3, "sphere"]),
         ("obstacles.post", {"name": "other"}, ["obstacles", 1]),
-        ("obstacles", [], ["obstacles"]),
     ],
 )
 def test_a_path_leads_to_one_place(path, value, keys):
@@ -137,21 +130,12 @@ def test_what_an_alias_stands_for_elsewhere_stays():
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (
-            "tube.raduis",
-            1,
-            "unknown key 'raduis' (did you mean 'radius'?); there is: points, cross",
-        ),
-        ("tub.radius", 1, "unknown key 'tub' (did you mean 'tube'?); there is: format, version"),
-        ("robot.payload.mas", 1, "unknown key 'mas' (did you mean 'mass'?); there is: mass, com"),
+        ("tube.raduis", 1, "unknown key 'raduis' (did you mean 'radius'?); there is: points, "),
         ("obstacles.pots.sphere", 1, "unknown name 'pots' (did you mean 'post'?); there is: front"),
         ("tube.points.3", [0, 0, 0], "tube.points has no item '3'; there are 3, from 0 to 2"),
         ("tube.points.-1.0", 1, "tube.points has no item '-1'"),
-        ("tube.points.0.x", 1, "tube.points.0 has no item 'x'; there are 3, from 0 to 2"),
         ("start.joints.0.a", 1, "start.joints.0 is 0, which has no parts; give it as a whole"),
-        ("robot.limits.velocity.a", 1, "robot.limits.velocity is 2, which has no parts"),
         ("robot.attached.0.name", "a", "robot.attached is not given; give it as a whole"),
-        ("tube..radius", 1, "unknown key ''"),
         ("", 1, "unknown key ''"),
         ("robot.tool_frame", "x2", "it is 'hand': x2 has no number to scale; give a value"),
         ("robot.gravity", "x0.5", "nothing is given there: x0.5 has no number to scale"),
@@ -171,8 +155,6 @@ def test_a_changed_value_is_checked_as_the_files_own(tmp_path):
     with pytest.raises(ProblemError, match=r"mine\.json: a problem is a map"):
         read_problem_fields(path, {"tube.radius": 1})
 
-
-# --- problems with changes -----------------------------------------------------------------------
 
 MOTORS = {
     "robot": {
@@ -202,11 +184,9 @@ def test_problems_are_loaded_with_changes(bundled):
     ("path", "value", "armature", "backwards", "forwards"),
     [
         (".armature", "x0.5", [0.2, 0.1], [2, 1], [2, 3]),
-        (".armature.1", 3, [0.4, 3], [2, 1], [2, 3]),
         (".coulomb_friction", "x2", [0.4, 0.2], [4, 2], [4, 6]),
         (".coulomb_friction.joint2.0", 5, [0.4, 0.2], [2, 5], [2, 3]),
         (".coulomb_friction.joint1", [5, 6], [0.4, 0.2], [5, 1], [6, 3]),
-        (".coulomb_friction", [[5, 6], 7], [0.4, 0.2], [5, 7], [6, 7]),
         ("", {}, [0, 0], [0, 0], [0, 0]),
     ],
 )
@@ -234,15 +214,6 @@ def test_paths_lead_into_effort_limits(changes, position, backwards, forwards):
     np.testing.assert_array_equal(table.forwards, forwards)
 
 
-def test_tables_of_efforts_are_known_below_a_joint():
-    changes = {"robot.limits.effort": TABLE, "robot.limits.effort.joint1.efort": [1, 2]}
-    message = r"joint1\.efort: unknown key 'efort' \(did you mean 'ef"
-    with pytest.raises(ProblemError, match=message):
-        parse_problem(MOTORS, changes=changes)
-
-
-# --- text ----------------------------------------------------------------------------------------
-
 WALL = "obstacles.front wall.position"
 
 
@@ -253,8 +224,6 @@ WALL = "obstacles.front wall.position"
         (" tube.radius = x0.5 ", "tube.radius", "x0.5"),
         (f"{WALL}=[0.6,0,0.2]", WALL, [0.6, 0, 0.2]),
         ("robot.payload={mass: 2}", "robot.payload", {"mass": 2}),
-        ("robot.limits.effort=.inf", "robot.limits.effort", float("inf")),
-        ("goal=null", "goal", None),
         ("robot.urdf=a=b", "robot.urdf", "a=b"),
         ("tube.joint_signs.elbow='+'", "tube.joint_signs.elbow", "+"),
     ],
@@ -269,7 +238,6 @@ def test_a_change_is_a_path_and_a_value_in_yaml(text, path, value):
         ("a=1,2.5", [1, 2.5]),
         ("a=[0.01,0.02],[0.02,0.03]", [[0.01, 0.02], [0.02, 0.03]]),
         ("a=x0.5, x1,x2", ["x0.5", "x1", "x2"]),
-        ("a=all,none", ["all", "none"]),
         ("a={mass: 1}, null", [{"mass": 1}, None]),
     ],
 )

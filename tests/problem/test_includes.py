@@ -55,9 +55,6 @@ def fault(path, **changes):
     return refusal(ProblemError, read_problem_fields, path, changes)
 
 
-# --- two documents to one: maps by key, named lists by name, all else from the upper one ---------
-
-
 @pytest.mark.parametrize(
     ("below", "above", "merged"),
     [
@@ -68,10 +65,7 @@ def fault(path, **changes):
         ([1, 2, 3], [4], [4]),
         ([WALL, POST], [{"name": "post", "sphere": 0.2}], [WALL, {"name": "post", "sphere": 0.2}]),
         ([WALL], [{"name": "wall", "box": None}, POST], [{"name": "wall", "box": None}, POST]),
-        ([POST], [{"name": "post", "position": [1, 0, 0]}], [{**POST, "position": [1, 0, 0]}]),
-        ([], [WALL], [WALL]),
         ([WALL], [{"sphere": 1}], [{"sphere": 1}]),
-        ([{"link": "l"}], [{"link": "m"}], [{"link": "m"}]),
         ([{"name": 3}], [WALL], [WALL]),
     ],
 )
@@ -92,9 +86,6 @@ def test_neither_document_is_changed():
     before = copy.deepcopy((below, above))
     merged_fields(below, above)["r"]["z"] = 3
     assert (below, above) == before
-
-
-# --- paths of a problem, moved from one folder to another ----------------------------------------
 
 
 def all_paths(here, above):
@@ -150,14 +141,10 @@ def test_only_relative_paths_are_moved(path, there):
         {"obstacles": [[], {"mesh": None}], "robot": {"preset": [3]}},
         {"robot": {"preset": "fr3"}},  # without an ending it is a name
         {"robot": {"preset": "arm.2"}},
-        {"robot": {"preset": ["fer", "fr3"]}},
     ],
 )
 def test_a_value_that_is_no_path_stays(fields):
     assert moved(fields) == fields
-
-
-# --- files that include others -------------------------------------------------------------------
 
 
 def test_a_file_and_what_it_includes_are_one_problem(main):
@@ -195,11 +182,8 @@ def test_a_bundled_problem_or_nothing_may_be_included(tmp_path):
     write(tmp_path, mine="include: example:ur5/over_the_wall\nclearance: 0.01")
     fields = read_problem_fields(tmp_path / "mine.yaml")
     assert (fields.robot.urdf, fields.clearance) == ("example:ur5", 0.01)
-
-
-def test_json_includes_yaml(main):
-    path = main.with_suffix(".json")
-    path.write_text(json.dumps({"include": ["main.yaml"], "clearance": 0.5}))
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps({"include": ["mine.yaml"], "clearance": 0.5}))
     assert read_problem_fields(path).clearance == 0.5
 
 
@@ -235,7 +219,6 @@ def test_more_files_than_anyone_needs_are_refused(tmp_path):
     [
         ("include: nowhere.yaml", "main.yaml: include: problem file"),
         ("include: 3", "main.yaml: include is 3; it must be a file or a list of files"),
-        ("include: [cells/cell.yaml, {}]", "it must be a file or a list of files"),
         ("include: cells", "is a folder"),
         ("include: list.yaml", "list.yaml: an included file is a map"),
         ("include: preset.yaml", "preset.yaml: format is 'tubeplanner/preset'; an included file"),
@@ -251,15 +234,11 @@ def test_a_file_that_cannot_be_included_is_named(main, text, fragment):
     ("cell", "own", "blamed"),
     [
         ("colour: red", "", "cell"),
-        ("clearance: far", "", "cell"),
         ("", "colour: red", "main"),
-        ("clearance: 1", "clearance: far", "main"),
         ("clearance: far", "clearance: wide", "main"),
-        ("obstacles: [{name: a, sphere: 1}, {name: b, sphere: big}]", "", "cell"),
         ("obstacles: [{name: a, sphere: big}]", "obstacles: [{name: b, sphere: 1}]", "cell"),
         ("obstacles: [{name: a, sphere: 1}]", "obstacles: [{name: b, sphere: big}]", "main"),
         ("robot: {color: red}", "robot: {urdf: a}", "cell"),
-        ("robot: {color: {a: 1}}", "robot: {urdf: a}", "cell"),
     ],
 )
 def test_a_fault_is_blamed_on_the_file_that_has_it(tmp_path, cell, own, blamed):

@@ -51,28 +51,19 @@ def with_layers(robot, *layers):
     return load_robot(f"example:{name}", frame, limits=layers)
 
 
-# --- bundled presets -----------------------------------------------------------------------------
-
-
 def test_a_panda_has_the_limits_of_its_documentation(panda):
     limits = with_layers("panda", read_preset("fer")).limits
     np.testing.assert_array_equal(limits.velocity, [2.175] * 4 + [2.61] * 3)
     np.testing.assert_array_equal(limits.acceleration, [15, 7.5, 10, 12.5, 15, 20, 20])
     np.testing.assert_array_equal(limits.jerk, [7500, 3750, 5000, 6250, 7500, 10000, 10000])
     np.testing.assert_array_equal(limits.effort, [87] * 4 + [12] * 3)
-    np.testing.assert_array_equal(limits.effort_rate, [1000] * 7)
-    assert limits.tool_speed == 1.7
-    assert limits.velocity_by_position == ()
+    assert (limits.tool_speed, limits.velocity_by_position) == (1.7, ())
     np.testing.assert_array_equal(limits.lower_position, panda.limits.lower_position)
 
 
 def test_an_fr3_slows_down_towards_the_ends_of_its_joints():
     limits = with_layers("panda", read_preset("fr3")).limits
     np.testing.assert_array_equal(limits.velocity, [2.62] * 4 + [5.26, 4.18, 5.26])
-    np.testing.assert_array_equal(limits.acceleration, [10] * 7)
-    np.testing.assert_array_equal(limits.jerk, [5000] * 7)
-    np.testing.assert_array_equal(limits.effort_rate, [1000] * 7)
-    assert limits.tool_speed == 3.0
     laws = limits.velocity_by_position
     assert [law.joint for law in laws] == [*range(7)]
     # libfranka's rate_limiting.h: min(2.62, max(0, -0.20 + sqrt(max(0, 5.17 (1.79180 - q)))))
@@ -96,19 +87,16 @@ def test_an_fr3_has_rotors_and_on_request_friction():
     np.testing.assert_array_equal(robot.motors.viscous_friction, [0.21] * 7)
     coulomb = [1.137] * 4 + [0.763, 0.44, 0.248]
     np.testing.assert_array_equal(robot.motors.backwards_friction, coulomb)
-    np.testing.assert_array_equal(robot.motors.forwards_friction, coulomb)
     assert robot.limits.tool_speed == 3.0
 
 
 def test_friction_takes_a_ur10_a_quarter_of_its_efforts_at_full_speed():
-    ideal, robot = with_layers("ur10"), with_layers("ur10", read_preset("ur10_friction"))
+    robot = with_layers("ur10", read_preset("ur10_friction"))
     motors, limits = robot.motors, robot.limits
     taken = motors.viscous_friction * limits.velocity + motors.forwards_friction
     shares = [0.13, 0.13, 0.23, 0.27, 0.22, 0.24]
     np.testing.assert_allclose(taken / limits.effort, shares, atol=0.01)
     np.testing.assert_array_equal(motors.backwards_friction, [13.7, 20.7, 9.2, 2.0, 2.3, 2.9])
-    np.testing.assert_array_equal(limits.velocity, ideal.limits.velocity)
-    np.testing.assert_array_equal(limits.effort, ideal.limits.effort)
 
 
 @pytest.mark.parametrize("name", bundled_presets())
@@ -122,9 +110,6 @@ def test_every_number_of_a_bundled_preset_has_a_source_with_a_version(name):
     assert set(fields["sources"]) == quantities
     assert all(any(c.isdigit() for c in source) for source in fields["sources"].values())
     assert f"presets/{name}" not in bundled_problems()
-
-
-# --- presets in a problem ------------------------------------------------------------------------
 
 
 def test_a_preset_is_found_beside_the_problem_and_the_problem_wins(tmp_path):
@@ -154,8 +139,6 @@ def test_of_several_presets_the_later_one_wins(tmp_path):
     limits = problem(tmp_path, preset=["a.yaml", "b.json"]).robot.limits
     np.testing.assert_array_equal(limits.jerk, [700, 700])
     np.testing.assert_array_equal(limits.velocity, [2, 3])
-    limits = problem(tmp_path, preset=["b.json", "a.yaml"]).robot.limits
-    np.testing.assert_array_equal(limits.jerk, [500, 500])
 
 
 def test_the_file_of_limits_is_below_the_preset_and_above_the_urdf(tmp_path):
@@ -175,36 +158,26 @@ def test_another_number_of_joints_is_refused_by_name(tmp_path):
 
 
 SOURCE = "is required: say where it is from"
+NEGATIVE = {"motors": {"armature": -1}, "sources": SOURCES | {"motors.armature": "a"}}
 ARMATURE = {"motors": {"armature": 1}}
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"format": "tubeplanner/problem"}, "format is 'tubeplanner/problem'; it must be"),
         ({"motor": {}}, "top level: unknown key 'motor' (did you mean 'motors'?); there is: form"),
         ({"joints": 0}, "joints is 0; it must be greater than or equal to 1"),
-        ({"joints": True}, "joints is True; it must be a whole number"),
         ({"limits": {"jerks": 1}}, "limits: unknown key 'jerks' (did you mean 'jerk'?); there is"),
-        ({"limits": {"jerk": "x"}}, "limits.jerk is 'x'; it must be one number for all joints"),
         ({"limits": {"jerk": 0}, "sources": {"limits.jerk": "a"}}, "limits.jerk is 0; give a num"),
         (
             {"limits": {"scale": {"effort": 0.5}}, "sources": {"limits.scale": "a"}},
             "limits.scale belongs into robot.limits of a problem",
         ),
         ({"limits": {}, "sources": {}}, "limits or motors is required"),
-        (
-            {"motors": {"armature": -1}, "sources": SOURCES | {"motors.armature": "a"}},
-            "motors.armature is -1; give a number from 0 to 1e+09",
-        ),
+        (NEGATIVE, "motors.armature is -1; give a number from 0 to 1e+09"),
         (ARMATURE, f"sources.'motors.armature' {SOURCE}"),
-        (ARMATURE | {"limits": {}}, f"sources.'motors.armature' {SOURCE}"),
-        ({"sources": {}}, f"sources.'limits.velocity' {SOURCE}"),
         ({"sources": SOURCES | {"limits.jerk": " "}}, f"sources.'limits.jerk' {SOURCE}"),
-        (
-            {"sources": SOURCES | {"limits.position": "x"}},
-            "sources: unknown field 'limits.position' (did you mean 'limits.velocity'?); there is:",
-        ),
+        ({"sources": SOURCES | {"limits.position": "x"}}, "sources: unknown field 'limits.positio"),
     ],
 )
 def test_a_fault_of_a_preset_is_named(tmp_path, changes, message):
@@ -220,15 +193,10 @@ def test_a_missing_field_is_named(tmp_path, key):
     assert refusal(RobotError, read_preset, path) == f"preset {path}: {key} is required"
 
 
-NO_MAP = "a preset is a map with format, joints, limits or motor"
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[1, 2]", NO_MAP),
-        ("", NO_MAP),
-        ("text", NO_MAP),
+        ("[1, 2]", "a preset is a map with format, joints, limits or motor"),
         ("limits: [1\n", r"^preset mine\.yaml: file .* is malformed: line 1"),
     ],
 )
@@ -239,16 +207,11 @@ def test_a_file_that_is_no_map_is_refused(tmp_path, text, message):
 
 
 def test_a_wrong_name_or_a_missing_file_lists_those_that_exist(tmp_path):
-    assert refusal(RobotError, read_preset, "fr4") == (
-        "unknown preset 'fr4' (did you mean 'fr3'?); there is: fer, fr3, fr3_friction, "
-        "ur10_friction, or the path of a YAML file"
-    )
+    unknown = "unknown preset 'fr4' (did you mean 'fr3'?); there is: fer, fr3, fr3_friction, ur10"
+    assert refusal(RobotError, read_preset, "fr4").startswith(unknown)
     bundled = "bundled are fer, fr3, fr3_friction, ur10_friction"
     message = refusal(RobotError, read_preset, "none.yaml", tmp_path)
     assert message == f"preset {tmp_path / 'none.yaml'} does not exist; {bundled}"
-
-
-# --- bundled presets are named for the robots that they are for ----------------------------------
 
 
 def test_the_panda_has_one_and_other_arms_have_none(panda, ur5):
@@ -275,8 +238,6 @@ def test_another_or_no_velocity_or_effort_is_another_arm(panda, tmp_path, old, n
     robot = load_robot(tmp_path / "other.urdf", "panda_hand_tcp", limits=limits)
     assert fitting_presets(robot) == []
 
-
-# --- MoveIt's joint_limits.yaml ------------------------------------------------------------------
 
 # As the setup assistant writes it.
 TEXT = """\
@@ -363,14 +324,9 @@ JOINT = "joint_limits.joint1"
 @pytest.mark.parametrize(
     ("joints", "message"),
     [
-        (
-            {"joint1": {"has_jerk_limits": True}},
-            f"{JOINT}.max_jerk is required: has_jerk_limits is",
-        ),
+        ({"joint1": {"has_jerk_limits": True}}, f"{JOINT}.max_jerk is required: has_jerk_limit"),
         ({"joint1": {"min_position": 1}}, f"{JOINT}.max_position is required beside"),
-        ({"joint1": {"max_position": 1}}, f"{JOINT}.min_position is required beside"),
         ({"joint1": {"max_velocity": 0}}, "limits.velocity: joint 'joint1' at 0; give a number f"),
-        ({"joint1": {"max_velocity": "x"}}, f"{JOINT}.max_velocity is 'x'; it must be"),
         ({"joint1": {"max_velocty": 1}}, f"{JOINT}: unknown key 'max_velocty' (did you"),
         ({"joint1": 5}, f"{JOINT} is 5; it must be a map"),
         (None, "joint_limits is empty; it must be a map"),

@@ -31,9 +31,6 @@ def written(tmp_path):
     return write
 
 
-# --- slack and period ----------------------------------------------------------------------------
-
-
 def test_left_out_the_objective_is_smooth_within_half_a_percent(bundled):
     assert bundled(NAME).objective is None
     assert Objective() == Objective(0.005, "smoothness")
@@ -89,10 +86,11 @@ def test_a_period_is_a_controllers(period, bundled):
         assert replace(problem, period=bound).period == bound
 
 
-@pytest.mark.parametrize("objective", [0.005, "smoothness", {"slack": 0.005}])
-def test_an_objective_is_an_objective(objective, bundled):
-    with pytest.raises(ProblemError, match=r"objective is .*; give an Objective"):
-        replace(bundled(NAME), objective=objective)
+def test_an_objective_is_an_objective_and_robustness_is_one(bundled):
+    with pytest.raises(ProblemError, match=r"objective is 'smoothness'; give an Objective"):
+        replace(bundled(NAME), objective="smoothness")
+    with pytest.raises(ProblemError, match=r"robustness is 0\.05; give a Robustness"):
+        replace(bundled(NAME), robustness=0.05)
 
 
 def test_files_say_both(written):
@@ -105,37 +103,16 @@ def test_files_say_both(written):
     ("fields", "message"),
     [
         ({"objective": {"slack": -0.1}}, "objective.slack is -0.1; give a share"),
-        ({"objective": {"slack": 11}}, "to 10"),
-        ({"objective": {"slack": "much"}}, "objective.slack"),
         ({"objective": {"minimise": "power"}}, "objective.minimise"),
         ({"objective": {"weight": {}}}, "unknown key"),
-        ({"objective": 0.01}, "objective"),
         ({"period": 4}, f"period is 4 s; {PERIOD}"),
-        ({"period": "fast"}, "period"),
-        (
-            {"objective": {"duration": 1.2, "slack": 0.005}},
-            "objective.slack is 0.005 and objective.duration 1.2 s; give one of them",
-        ),
         ({"robustness": {"mass": 2}}, "robustness.mass is 2; give a number from 0 to 0.9"),
-        ({"robustness": {"masses": 0.1}}, "unknown key 'masses' (did you mean 'mass'"),
-        ({"robustness": {"controller": "lqr"}}, "robustness.controller"),
     ],
 )
 def test_a_wrong_value_of_a_file_is_named(fields, message, written, run):
     status, out, err = run("plan", written(**fields))
     assert (status, out) == (2, "")
     assert message in err
-
-
-@pytest.mark.parametrize(
-    ("command", "slack"),
-    [("plan", "-1"), ("compare", "10.5"), ("sweep --radius 0.02,0.03", "nan")],
-)
-def test_so_is_a_slack_of_the_command_line(command, slack, run):
-    command, *options = command.split()
-    status, out, err = run(command, f"example:{NAME}", *options, "--slack", slack)
-    assert (status, out) == (2, "")
-    assert f"slack is {slack}; give a share of the shortest duration" in err
 
 
 @pytest.mark.parametrize("method", ["branch-and-bound", "stop-at-corners", "suh-bishop"])
@@ -147,8 +124,6 @@ def test_methods_that_make_nothing_smoother_refuse_a_slack(method, bundled, run)
     )
     with pytest.raises(OptionError, match=expected):
         plan(problem, PlanOptions(method, slack=0.005))
-    with pytest.raises(OptionError, match=expected):
-        plan(replace(problem, objective=Objective()), PlanOptions(method))
     with pytest.raises(OptionError, match=f"objective.duration is 2 s, {expected}"):
         plan(replace(problem, objective=Objective(duration=2.0)), PlanOptions(method))
     status, _, err = run("plan", f"example:{NAME}", "--method", method, "--slack", "0.01")
@@ -164,9 +139,6 @@ def test_they_ignore_the_default_and_a_slack_of_zero(bundled):
         assert result.method == method
         assert result.shortest is None
         assert result.duration == shortest.duration
-
-
-# --- a duration, and weights ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("duration", [0.804, 0.8])
@@ -199,9 +171,6 @@ def test_weights_of_no_joint_and_of_nothing_are_refused(bundled, weights, messag
         replace(bundled(NAME), objective=Objective(minimise="energy", weights=weights))
 
 
-# --- robustness ----------------------------------------------------------------------------------
-
-
 def test_the_usual_errors_are_assumed_but_for_the_given_ones():
     usual = Robustness()
     assert (usual.mass, usual.com, usual.payload, usual.friction) == (0.05, 0.005, 0.1, 0.2)
@@ -232,7 +201,6 @@ def test_enlarged_the_arms_build_is_off_by_more_and_its_control_is_as_it_was():
     [
         ({"mass": 1.0}, "robustness.mass is 1; give a number from 0 to 0.9"),
         ({"com": -0.1}, "robustness.com is -0.1 m; give a number from 0 to 1 m"),
-        ({"noise": "much"}, "robustness.noise is 'much' rad or m; give a number from 0 to 0.1"),
         ({"lag": float("nan")}, "robustness.lag is nan s; give a number from 0 to 1 s"),
         ({"control_period": 0.0}, "control_period is 0 s; give a number from 0.0001 to 0.1 s"),
         ({"controller": "PD"}, "robustness.controller: unknown controller 'PD'; there is: compu"),
@@ -248,8 +216,3 @@ def test_a_problem_file_has_the_usual_errors_where_it_says_nothing(written):
     assert load_problem(written(robustness={})).robustness == Robustness()
     fields = {"mass": 0.1, "controller": "pd"}
     assert load_problem(written(robustness=fields)).robustness == Robustness(**fields)
-
-
-def test_robustness_of_a_problem_is_one(bundled):
-    with pytest.raises(ProblemError, match=r"robustness is 0\.05; give a Robustness"):
-        replace(bundled(NAME), robustness=0.05)

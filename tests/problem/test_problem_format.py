@@ -68,9 +68,6 @@ def bundled_fields(name):
     return YAML(typ="safe", pure=True).load(bundled_problems()[name].read_text("utf-8"))
 
 
-# --- kinds of documents --------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("document", "cycle", "study"),
     [
@@ -79,9 +76,7 @@ def bundled_fields(name):
         ({"format": "tubeplanner/study"}, False, True),
         ({"study": {}}, False, True),
         ({"format": "tubeplanner/problem", "tube": {}}, False, False),
-        ({}, False, False),
         (["moves"], False, False),
-        (None, False, False),
     ],
 )
 def test_a_cycle_or_a_study_is_known_by_its_format_or_its_fields(document, cycle, study):
@@ -109,8 +104,6 @@ def test_readers_of_studies_say_who_takes_others():
         with pytest.raises(ProblemError, match=f"^s: this is {kind}, where a study .*plan takes"):
             require_study(document, "s")
 
-
-# --- names ---------------------------------------------------------------------------------------
 
 ENDPOINT = "joints, seed, position, tolerance, rotation_tolerance, pose, group_state, trajectory"
 TOP = (
@@ -141,13 +134,9 @@ OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, qu
     [
         ("robot", "toolframe", "tool_frame", ROBOT),
         ("robot.limits", "velocities", "velocity", LIMITS),
-        ("robot.limits.effort.j", "efort", "effort", "position, effort"),
         ("robot.motors", "armatures", "armature", MOTORS),
-        ("robot.payload", "mas", "mass", "mass, com, inertia"),
-        ("robot.tool_offset", "rpi", "rpy", "position, rpy"),
         ("robot.base", "positon", "position", "position, rpy, quaternion"),
         ("tube", "radii", "radius", TUBE),
-        ("start", "joint", "joints", ENDPOINT),
         ("goal", "joint", "joints", ENDPOINT),
         ("collision", "self_", "self", "self, ignore"),
     ],
@@ -170,9 +159,6 @@ def test_so_does_one_of_the_top_level_or_of_a_list():
 @pytest.mark.parametrize(
     ("place", "value", "name"),
     [
-        ("robot", ABSENT, "robot"),
-        ("robot.urdf", ABSENT, "robot.urdf"),
-        ("tube.points", ABSENT, "tube.points"),
         ("tube.radius", ABSENT, "tube.radius"),
         ("start", ABSENT, "start"),
         ("robot.payload", {"com": [0, 0, 0]}, "robot.payload.mass"),
@@ -182,8 +168,6 @@ def test_so_does_one_of_the_top_level_or_of_a_list():
 def test_a_required_field_that_is_missing_is_named(place, value, name):
     assert fault(changed(place, value)) == f"{name} is required"
 
-
-# --- types ---------------------------------------------------------------------------------------
 
 NUMBER = "it must be a number"
 PER_JOINT = "it must be one number for all joints, a list with one for each, or a map by name"
@@ -199,57 +183,31 @@ FRICTION = "robot.motors.coulomb_friction"
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
-        ("tube.radius", "wide", f" is 'wide'; {NUMBER}"),
-        ("tube.radius", True, f" is True; {NUMBER}"),
         ("tube.radius", [0.1, "wide"], f"[1] is 'wide'; {NUMBER}"),
-        ("tube.points", [[0, 0, "x"]], f"[0][2] is 'x'; {NUMBER}"),
         ("tube.points", 5, " is 5; it must be a list"),
         ("tube.points", [[0, 0, 0, 0]], "[0] has more than 3 "),
-        ("tube.points", [[0, 0], [1, 0]], "[0] has 2 "),
         ("tube.joint_signs", {"j": True}, ".j is True; true and false are no num"),
         ("tube.joint_signs", {"j": "x"}, f".j is 'x'; {SIGN}"),
-        ("tube.joint_signs", [{"j": 2}], f"[0].j is 2; {SIGN}"),
         ("tube.visit", "all", " is 'all'; it must be 'ordered' or 'any'"),
         ("tube.orientations", [[0, 0, 0]], "[0] has 3 values; 4 are needed"),
-        ("tube.rotation_tolerance", "wide", " is 'wide'; it must be a"),
         ("tube.rotation_tolerance", [0.1, [0.1, 0.1]], f"[1] is [0.1, 0.1]; {TOLERANCE}"),
         ("tube.rotation_tolerance", [True], "[0] is True; it must be one a"),
         ("start", [0, 0], " is [0, 0]; it must be a map with joints, seed"),
         ("start.joints", ["a", 0], f"[0] is 'a'; {NUMBER}"),
-        ("start.joints", {"j": "a"}, f".j is 'a'; {NUMBER}"),
         ("robot.urdf", 5, " is 5; it must be text"),
         ("robot.xacro_args", {"prefix": [1]}, f".prefix is [1]; {SCALAR}"),
         ("robot.gravity", [0, 0, None], f"[2] is empty; {NUMBER}"),
-        ("robot.joints", "joint1", " is 'joint1'; it must be a list"),
         ("robot.locked_joints", {None: 5}, ": the key None is no text; quote it"),
         ("robot.motors", 3, " is 3; it must be a map with armature, viscous_friction, "),
         ("robot.motors.armature", "a", f" is 'a'; {PER_JOINT}"),
-        ("robot.motors.armature", {"j": [1, 2]}, f".j is [1, 2]; {NUMBER}"),
         ("robot.motors.friction_from_urdf", "yes", " is 'yes'; it must be true or false"),
         (FRICTION, [[1, 2, 3]], f"[0] is [1, 2, 3]; {ONE_OR_TWO}"),
-        (FRICTION, {"j": [1, "a"]}, f".j is [1, 'a']; {ONE_OR_TWO}"),
         ("robot.limits.effort", {"j": [1, 2, 3]}, f".j is [1, 2, 3]; {EFFORT}"),
-        (
-            "robot.limits.effort",
-            {"j": {"position": [0], "effort": ["a"]}},
-            f".j.effort[0] is 'a'; {NUMBER}",
-        ),
-        ("robot.limits.effort", [[1, 2]], f"[0] is [1, 2]; {NUMBER}"),
-        ("robot.limits.effort", {1: 5}, ": the key 1 is no text; quote it"),
         ("robot.limits.position", {"elbow": [0, "x"]}, f".elbow[1] is 'x'; {NUMBER}"),
         ("robot.limits.jerk", True, f" is True; {PER_JOINT}"),
-        ("robot.limits.jerk", [5, "x"], f"[1] is 'x'; {NUMBER}"),
         (BY_POSITION, {"elbow": {"deceleration": 6}}, ".elbow.offset is required"),
-        (
-            BY_POSITION,
-            [None, {"deceleration": 6, "offset": 0, "uper": 1}],
-            "[1]: unknown key 'uper' (did you mean 'upper'?); there is: deceleration, offset, "
-            "lower, upper",
-        ),
         (POINT_SPEED, [{"link": "hand", "position": [0, 0, 0]}], "[0].speed is required"),
-        (POINT_SPEED, {"link": "hand"}, " is {'link': 'hand'}; it must be a list"),
         ("clearance", "1 cm", f" is '1 cm'; {NUMBER}, or a map with default, pairs, segments"),
-        ("obstacles", [{"name": "a", "sphere": "1"}], f"[0].sphere is '1'; {NUMBER}"),
         ("collision", {"ignore": ["a"]}, ".ignore[0] is 'a'; it must be a list"),
         ("format", "toolpath", " is 'toolpath'; it must be 'tubeplanner/problem'"),
         ("version", 2, " is 2; it must be 1"),
@@ -268,11 +226,8 @@ def test_a_problem_that_is_no_map_is_refused(data):
     ("place", "value"),
     [
         ("tube.radius", np.inf),
-        ("tube.tool_radius", -np.inf),
         ("clearance", np.nan),
-        ("robot.limits.scale.effort", np.inf),
         ("robot.locked_joints.j", np.nan),
-        ("goal.joints.j", -np.inf),
     ],
 )
 def test_numbers_outside_limits_must_be_finite(place, value):
@@ -293,7 +248,6 @@ def test_limits_may_be_infinite_or_open_on_one_side(tmp_path, quantity):
     ("written", "value"),
     [
         ("0.1", 0.1),
-        ("[0.1]", [0.1]),
         ("[[0.1, 0.2, .inf]]", [(0.1, 0.2, np.inf)]),
         ("[0.1, [1, 1, 1]]", [0.1, (1, 1, 1)]),
     ],
@@ -333,9 +287,6 @@ def test_arguments_of_a_macro_file_keep_their_types():
     assert [type(value) for value in kept.values()] == [str, bool, int, float]
 
 
-# --- files ---------------------------------------------------------------------------------------
-
-
 def test_yaml_and_json_say_the_same_in_frozen_fields(tmp_path):
     from_yaml = read(tmp_path, MINIMAL_YAML)
     assert from_yaml == read(tmp_path, json.dumps(MINIMAL), "p.json")
@@ -368,19 +319,16 @@ def test_a_byte_order_mark_does_no_harm_and_words_stay_words(tmp_path):
 
 
 TWICE = MINIMAL_YAML + "start: {joints: [1, 1]}\n"
-JOINT_TWICE = MINIMAL_YAML.replace("[0, 0]}", "{j: 0, j: 1}}")
 
 
 @pytest.mark.parametrize(
     ("name", "text", "fragments"),
     [
         ("p.yaml", TWICE, ['duplicate key "start"', "line 4"]),
-        ("p.yaml", JOINT_TWICE, ['duplicate key "j"', "line 3"]),
         ("p.json", '{"robot": {"urdf": "a", "urdf": "b"}}', ["the key 'urdf' is given twice"]),
         ("p.yaml", "robot: [1,", ["line 1"]),
         ("p.yaml", "robot:\n\turdf: x", ["line 2", "cannot start any token"]),
         ("p.yaml", "robot: !!python/object:os.system {}", ["line 1", "could not determine"]),
-        ("p.json", '{"robot": 1,', ["line 1 column 13"]),
         ("p.json", "", ["line 1 column 1"]),
     ],
 )
@@ -409,9 +357,6 @@ def test_json_numbers_that_are_not_finite_are_refused(tmp_path, literal):
     text = json.dumps(MINIMAL).replace('"radius": 0.1', f'"radius": {literal}')
     with pytest.raises(ProblemError, match=r"tube\.radius is .*; it must be a finite number"):
         read(tmp_path, text, "p.json")
-
-
-# --- the schema that editors complete problem files with -----------------------------------------
 
 
 def test_the_schema_is_plain_json_closed_and_described_at_every_level():
@@ -444,26 +389,6 @@ def test_the_schema_has_the_fields_of_the_contract():
         assert list(section["properties"]) == names.split(", ")
 
 
-@pytest.mark.parametrize(
-    ("section", "names"),
-    [
-        ("RobotFields", "gravity locked_joints"),
-        ("TubeFields", "points radius tool_radius joint_signs rotation_tolerance tool_speed"),
-        ("PayloadFields", "mass com inertia"),
-        ("LimitFields", "effort velocity position acceleration jerk tool_speed effort_rate"),
-        ("VelocityByPositionFields", "deceleration offset lower upper"),
-        ("PointSpeedFields", "position speed"),
-        ("ObstacleFields", "box sphere cylinder capsule position rpy"),
-        ("EndpointFields", "joints seed"),
-        ("PoseFields", "position rpy"),
-        ("BaseFields", "position rpy"),
-    ],
-)
-def test_physical_fields_say_their_unit(section, names):
-    for name in names.split():
-        assert "[" in DEFS[section]["properties"][name]["description"], name
-
-
 @pytest.mark.parametrize("name", bundled_problems())
 def test_bundled_problems_fit_the_schema(name):
     fields = bundled_fields(name)
@@ -479,11 +404,9 @@ BOX = {"box": [0.2, 0.04], "up": [0.5, 0, 1]}
     ("change", "path"),
     [
         ({"start": {"jonts": [0]}}, ["start"]),
-        ({"clearance": "wide"}, ["clearance"]),
         ({"tube": {"points": POINTS}}, ["tube"]),
         ({"tube": {"points": POINTS, "radius": 1, "tool_speed": "x"}}, ["tube"]),
         ({"tube": {"points": POINTS, "radius": 1, "cross_section": {"box": [1, 1]}}}, ["tube"]),
-        ({"tube": {"points": POINTS, "cross_section": None}}, ["tube"]),
     ],
 )
 def test_wrong_ones_do_not(change, path):
@@ -495,7 +418,6 @@ def test_wrong_ones_do_not(change, path):
     "end",
     [
         {"pose": {"position": [0.4, 0, 0.4], "rpy": [0, 0, 0]}, "seed": [0, 0, 0, 0, 0, 0]},
-        {"pose": {"position": [0.4, 0, 0.4], "quaternion": [0, 0, 0, 1]}},
         {"group_state": "ready"},
         {"trajectory": "last.json"},
     ],
@@ -510,7 +432,6 @@ def test_named_ends_and_includes_fit_it(end):
     ("radius", "boxes", "is_box"),
     [
         ({}, BOX, [True] * 3),
-        ({"radius": 0.03}, [None, BOX, None], [False, True, False]),
         ({"radius": [0.03, None, 0.03]}, [None, BOX, None], [False, True, False]),
     ],
 )
