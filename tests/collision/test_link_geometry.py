@@ -22,8 +22,6 @@ from tubeplanner.collision.mesh_cover import cover_mesh
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_mesh
 
-# Collision elements as the URDF has them, read by its parser or from the cache.
-
 ARM = solid('<box size="0.1 0.2 0.3"/>', '<origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/>')
 ARM += solid('<sphere radius="0.4"/>') + solid('<cylinder radius="0.5" length="0.6"/>')
 ARM += solid('<mesh filename="a.stl" scale="1 -2 3"/>') + solid('<mesh filename="b.obj"/>')
@@ -62,9 +60,6 @@ def test_elements_are_those_of_the_urdf_or_the_cache_which_parses_nothing(robot,
     assert described(warm) == EXPECTED
     for one, other in zip(warm, cold, strict=True):
         np.testing.assert_array_equal(one.placement, other.placement)
-
-
-# Convex covers of links: they hold the whole link, and little else.
 
 
 @pytest.fixture
@@ -138,23 +133,16 @@ def bone():
     return trimesh.util.concatenate(parts), inside
 
 
-@pytest.mark.parametrize("axis", [0, 2])
-def test_the_inside_of_a_concave_solid_is_covered_along_any_axis(axis):
+def test_the_inside_of_a_concave_solid_is_covered_along_any_axis():
     mesh, inside = bone()
-    mesh.vertices = np.roll(mesh.vertices, axis, axis=1)
+    mesh.vertices = np.roll(mesh.vertices, 2, axis=1)
     points = np.random.default_rng(3).uniform(-0.5, 0.5, (5000, 3))
-    inner = points[inside(np.roll(points, -axis, axis=1))]
+    inner = points[inside(np.roll(points, -2, axis=1))]
     cover = cover_mesh(mesh)
     assert len(inner) > 100
     assert outside(cover, inner).max() < 1e-9
     assert 1 < len(cover) <= 8
     assert volume(cover) < 0.6 * mesh.convex_hull.volume
-
-
-def test_a_convex_mesh_stays_one_shape():
-    mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
-    (shape,) = cover_mesh(mesh)
-    close(ConvexHull(shape.vertices).volume, mesh.volume, rtol=1e-9)
 
 
 def test_primitives_are_placed_by_their_origin_in_the_body_frame(tip_shapes):
@@ -193,22 +181,13 @@ def test_a_mesh_beside_the_urdf_is_read_and_scaled(tmp_path, tip_shapes, scale, 
         ('<mesh filename="none.stl"/>', "none.stl, named in"),
         ('<mesh filename="package://nobody/a.stl"/>', "package://nobody/a.stl was not found"),
         ('<mesh filename="noise.stl"/>', "link 'tip': mesh"),
-        (
-            '<mesh filename="noise.xyzabc"/>',
-            "noise.xyzabc is no readable XYZABC file; export it again",
-        ),
-        ('<mesh filename="empty.obj"/>', "empty.obj has no vertices"),
+        ('<mesh filename="noise.xyzabc"/>', "noise.xyzabc is no readable XYZABC file; export it"),
     ],
 )
 def test_mesh_that_cannot_be_used_is_named(tmp_path, tip_shapes, geometry, message):
-    for name, content in (("noise.stl", "noise"), ("noise.xyzabc", "noise"), ("empty.obj", "")):
-        (tmp_path / name).write_text(content)
+    for name in ("noise.stl", "noise.xyzabc"):
+        (tmp_path / name).write_text("noise")
     assert message in refusal(RobotError, tip_shapes, solid(geometry))
-
-
-def test_links_without_collision_geometry_have_no_shapes(tip_shapes):
-    visual = "<visual><geometry><sphere radius='1'/></geometry></visual>"
-    assert tip_shapes(visual) == {}
 
 
 def test_a_prefix_that_is_not_declared_leaves_geometry_and_joints_as_they_are(tmp_path):
@@ -222,9 +201,6 @@ def test_a_prefix_that_is_not_declared_leaves_geometry_and_joints_as_they_are(tm
     assert robot.urdf.undeclared == {"drake": ("tip", "soft", "ball", "jerk")}
 
 
-# How far covers stand off is stated, and true.
-
-
 def arm_of(folder, base, tip):
     """Return an arm of two links, given what they are."""
     parts = solid_link("base", base), solid_link("tip", tip)
@@ -234,7 +210,6 @@ def arm_of(folder, base, tip):
 @pytest.mark.parametrize(
     ("geometry", "error"),
     [
-        ('<box size="0.1 0.2 0.3"/>', 0.0),
         ('<sphere radius="0.1"/>', 0.0),
         ('<cylinder radius="0.1" length="0.3"/>', 0.1 * (1 / np.cos(np.pi / 24) - 1)),
     ],

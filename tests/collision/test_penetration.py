@@ -10,8 +10,6 @@ from tubeplanner.collision.convex_shape import box, capsule, convex_hull, sphere
 from tubeplanner.collision.gilbert import separating_directions
 from tubeplanner.collision.separation import PlacedShapes
 
-# Separating directions of random hulls, against distances by nonnegative least squares.
-
 
 def shortest(first, second):
     """Return the distance of two hulls: that of the origin from the hull of all differences."""
@@ -56,8 +54,6 @@ def test_what_has_enough_is_no_longer_looked_at(hulls):
     assert (again[once >= 0] == once[once >= 0]).all()
     assert (again >= once).all()
 
-
-# How deep shapes overlap, where the depth is known.
 
 TABLE = (0.9, 1.6, 0.04)
 PART = (0.06, 0.06, 0.1)
