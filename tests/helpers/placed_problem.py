@@ -8,7 +8,6 @@ from yaml import safe_load
 
 from tubeplanner.resources import bundled_problems
 
-SHIFT = {"position": [0.75, -0.5, 1.25]}
 # About an axis along no diagonal and no side.
 TURN = {"position": [0.3, -0.2, 1.1], "rpy": [0.4, -1.2, 2.5]}
 

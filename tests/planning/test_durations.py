@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cases import ANGLE, BRIEF, anywhere, one_joint, quintic
 
-from tubeplanner import JointTrajectory, Objective, Planner, PlanOptions, plan, verify
+from tubeplanner import JointTrajectory, Objective, PlanOptions, plan, verify
 from tubeplanner.constraints.effort_costs import EffortCosts
 from tubeplanner.files.trajectory_writer import TrajectoryFiles
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
@@ -19,9 +19,8 @@ from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.second_stage import SecondStage
 from tubeplanner.trajectory.trajectory_file import joined_samples
 
-LINE, POST, WALL = "two_link/paper_1_30mm", "two_link/around_a_post", "ur5/over_the_wall"
+LINE, POST = "two_link/paper_1_30mm", "two_link/around_a_post"
 WHOLE = "the duration is a multiple of the period, 0.004 s; the breakpoints are not"
-AFRESH = "planned from the last motion, not afresh"
 LONGEST = 6.0
 
 
@@ -77,11 +76,11 @@ def test_work_is_least_where_a_bar_swings_by_itself(tmp_path):
 
 @pytest.fixture(scope="module")
 def periodic(bundled):
-    """Return a function from a problem's name and a period to the problem and its motion."""
+    """Return a function from a period to the problem of a line and its motion."""
 
     @cache
-    def of(name, period):
-        problem = replace(bundled(name), period=period)
+    def of(period):
+        problem = replace(bundled(LINE), period=period)
         return problem, plan(problem)
 
     return of
@@ -89,8 +88,8 @@ def periodic(bundled):
 
 @pytest.fixture(scope="module")
 def least(planned):
-    """Return a function from a problem's name to its least duration without a period."""
-    return lambda name: planned(name, "refinement")[1].duration
+    """The least duration of the line without a period."""
+    return planned(LINE, "refinement")[1].duration
 
 
 def in_periods(times, period):
@@ -100,13 +99,10 @@ def in_periods(times, period):
     return counts.round().astype(int)
 
 
-@pytest.mark.parametrize(
-    ("name", "period"),
-    [(LINE, 0.004), pytest.param(WALL, 0.008, marks=pytest.mark.slow)],  # an arm of six joints
-)
-def test_duration_and_all_breakpoints_are_multiples(name, period, periodic, least):
+def test_duration_and_all_breakpoints_are_multiples(periodic, least):
     """What is written, without a rate, is the motion itself, judged as our own trajectories are."""
-    problem, result = periodic(name, period)
+    period = 0.004
+    problem, result = periodic(period)
     for trajectory in (result.trajectory, result.shortest):
         places = in_periods(trajectory.breakpoints, period)
         assert np.diff(places).min() >= 1
@@ -124,15 +120,14 @@ def test_duration_and_all_breakpoints_are_multiples(name, period, periodic, leas
     assert verify(problem, joined).passed
     # Slack counts from the least multiple that was found.
     fewest = in_periods(result.shortest_duration, period)
-    assert ceil(least(name) / period - 1e-3) <= fewest
+    assert ceil(least / period - 1e-3) <= fewest
     # Knots no closer than a period cost a little at every switch.
-    assert result.shortest_duration < 1.05 * least(name)
+    assert result.shortest_duration < 1.05 * least
     assert fewest <= in_periods(result.duration, period) == int(1.005 * fewest + 1e-9)
 
 
 def test_where_smoothing_fails_the_shortest_motion_in_periods_is_left(periodic, monkeypatch):
-    """It is that of slack zero."""
-    problem, result = periodic(LINE, 0.004)
+    problem, result = periodic(0.004)
     shortest = plan(problem, PlanOptions(slack=0))
     assert shortest.shortest is None
     monkeypatch.setattr(SecondStage, "run", lambda self: False)
@@ -143,8 +138,7 @@ def test_where_smoothing_fails_the_shortest_motion_in_periods_is_left(periodic, 
 
 
 def test_long_periods_make_slow_motions_on_few_knots(periodic):
-    """At least as many as leave a control point that may move."""
-    problem, result = periodic(LINE, 1.0)
+    problem, result = periodic(1.0)
     count = in_periods(result.duration, 1.0)
     assert count >= 4
     assert len(result.trajectory.widths) == count
@@ -172,7 +166,7 @@ def test_where_none_is_found_the_shortest_motion_is_slowed_down(error, bundled, 
     monkeypatch.setattr(Refinement, "run_on", run_on)
     result = plan(replace(bundled(LINE), period=0.004))
     assert tried == [True] * 8
-    assert in_periods(result.duration, 0.004) == ceil(least(LINE) / 0.004)
+    assert in_periods(result.duration, 0.004) == ceil(least / 0.004)
     (note,) = [note for note in result.notes if "period" in note]
     assert note.startswith(WHOLE)
 
@@ -196,16 +190,6 @@ def test_an_interrupt_leaves_whole_periods(bundled):
     assert result.shortest is None
 
 
-def test_planning_again_says_that_it_began_with_the_last_motion(periodic):
-    problem, _ = periodic(LINE, 0.004)
-    planner = Planner(problem, PlanOptions(slack=0, quality="fast"))
-    first = planner.plan()
-    again = planner.replan(problem.with_tube(problem.tube.scaled(1.02)))
-    assert AFRESH in again.notes and AFRESH not in first.notes
-    in_periods(again.trajectory.breakpoints, 0.004)
-    assert again.motion.spline.grid.is_fixed is False
-
-
 @pytest.mark.parametrize("method", ["branch-and-bound", "stop-at-corners", "suh-bishop"])
 def test_other_methods_answers_take_whole_periods(method, bundled):
     problem = bundled(LINE)
@@ -219,16 +203,6 @@ def test_other_methods_answers_take_whole_periods(method, bundled):
     assert result.notes[-1].startswith(WHOLE)
     assert (result.search is None) == (plain.search is None)
     assert (result.phase_two is None) == (plain.phase_two is None)
-
-
-def test_without_an_answer_a_period_changes_nothing(bundled):
-    problem = bundled(LINE)
-    points = problem.tube.points + np.array([3.0, 0, 0])
-    far = problem.with_tube(replace(problem.tube, points=points))
-    plain, result = plan(far), plan(replace(far, period=0.004))
-    assert not plain.succeeded
-    for field in ("status", "message", "notes"):
-        assert getattr(result, field) == getattr(plain, field)
 
 
 def test_a_slower_motion_that_fails_is_no_answer(bundled, monkeypatch):
@@ -248,7 +222,6 @@ def test_a_slower_motion_that_fails_is_no_answer(bundled, monkeypatch):
 
 
 # Durations and periods, at the edges of rounding too.
-
 
 PERIOD = 0.001
 

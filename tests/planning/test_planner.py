@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import PROBLEMS, SHORTEST, unlimited
+from cases import SHORTEST, unlimited
 from gantry import gantry
-from placed_problem import SHIFT, TURN, bundled_fields, placed_fields
-from ruamel.yaml import YAML
+from placed_problem import TURN, bundled_fields, placed_fields
 from stored_trajectories import REFINEMENT
 
 from tubeplanner import (
@@ -16,7 +15,6 @@ from tubeplanner import (
     PlanningProblem,
     PlanOptions,
     PlanStatus,
-    ProblemError,
     Seed,
     Tube,
     load_problem,
@@ -28,7 +26,6 @@ from tubeplanner import (
 )
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.collision.link_covers import link_covers
-from tubeplanner.files.fingerprint import problem_hash
 from tubeplanner.outcome import Place
 from tubeplanner.planning.blocked_spot import blocked_spot, surely_blocked_spot
 from tubeplanner.problem.problem_format import (
@@ -41,7 +38,6 @@ from tubeplanner.progress import PlanningClock
 from tubeplanner.resources import bundled_problems
 
 STOP, SEARCH = "stop-at-corners", "branch-and-bound"
-FEW = PlanOptions(SEARCH, candidate_points=15)  # a quick search
 FAST = PlanOptions(quality="fast", slack=0.0)
 # Durations [s], refinement at its default quality: the shortest over the processor types Haswell,
 # Prescott, Zen and SandyBridge (OPENBLAS_CORETYPE) and a processor with AVX-512. They round
@@ -63,7 +59,6 @@ BEST = {
     "panda/between_shelves": 0.58605,
     "xarm7/from_crate_to_crate": 0.48494,
 }
-EACH, TOGETHER = 1.006, 1.002
 
 
 @pytest.mark.parametrize("name", BEST)
@@ -72,7 +67,7 @@ def test_a_plan_is_certified_and_takes_no_longer_than_the_best_known(name, plann
     assert (result.status, result.method) == (PlanStatus.SUCCESS, REFINEMENT)
     assert result.certificate.passed
     assert 0 < result.certificate_time < result.planning_time
-    assert result.duration <= EACH * BEST[name]
+    assert result.duration <= 1.006 * BEST[name]
     if name.endswith("10mm"):  # the narrower, the longer it takes: nothing of it is given away
         margin = result.certificate.conditions["tube"].margin
         assert 0 <= margin <= 0.01 * problem.tube.radius.min()
@@ -81,32 +76,16 @@ def test_a_plan_is_certified_and_takes_no_longer_than_the_best_known(name, plann
 @pytest.mark.dear("plans all of them, where no other test did")
 def test_nor_do_all_of_them_together(planned):
     ratios = [planned(name, REFINEMENT)[1].duration / best for name, best in BEST.items()]
-    assert np.exp(np.mean(np.log(ratios))) <= TOGETHER
-
-
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_bundled_problems_are_worth_looking_at(name, planned):
-    """A turn of 90 degrees, at most 3 cm, an obstacle within 5 cm; refined, far faster."""
-    problem, result = planned(name)
-    along = np.diff(problem.tube.points, axis=0)
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    turn = np.degrees(np.arccos(np.clip((along[:-1] * along[1:]).sum(axis=1), -1, 1)))
-    assert turn.max() >= 90 - 1e-9
-    assert problem.tube.radius.min() <= 0.03
-    assert result.certificate.conditions["obstacles"].margin + problem.clearance < 0.05
-    assert (result.method, result.search, result.phase1_duration) == (STOP, None, None)
-    assert planned(name, REFINEMENT)[1].duration < 0.6 * result.duration
+    assert np.exp(np.mean(np.log(ratios))) <= 1.002
 
 
 def test_a_problem_with_every_field_is_planned():
     """The sample has every field of the format, whether at its default or not."""
-    path = bundled_problems()["ur5/every_field"]
-    fields = YAML(typ="safe", pure=True).load(path.read_text())
-    for name, model in (("robot", RobotFields), ("tube", TubeFields)):
-        assert set(fields[name]) == set(model.model_fields)
-    assert set(fields) == set(ProblemFields.model_fields)
-    kinds = {key for obstacle in fields["obstacles"] for key in obstacle}
-    assert kinds == set(ObstacleFields.model_fields)
+    fields = bundled_fields("ur5/every_field")
+    obstacles = {key for obstacle in fields["obstacles"] for key in obstacle}
+    given = (fields, fields["robot"], fields["tube"], obstacles)
+    models = (ProblemFields, RobotFields, TubeFields, ObstacleFields)
+    assert list(map(set, given)) == [set(model.model_fields) for model in models]
     assert plan(load_problem("example:ur5/every_field"), PlanOptions(quality="fast")).succeeded
 
 
@@ -116,12 +95,9 @@ def two_link_problem(two_link, obstacles=(), radius=0.03, **more):
     return PlanningProblem(two_link, tube, seed, obstacles=obstacles, **more)
 
 
-# Above link1.
 BALL = Obstacle.sphere("ball", 0.04, placement_of([0.36, 0.0, 0.05]))
 POST = Obstacle.cylinder("post", 0.02, 0.3, placement_of([0.37, 0.0, 0.0]))
 BLOCK = Obstacle.box("block", [0.1, 0.1, 0.1], placement_of([0.3, -0.3, 0.0]))
-
-
 IN_CONTACTS = "list [link2, block] in contacts if they may be that near there, in collision.ignore"
 
 
@@ -143,14 +119,10 @@ def test_an_obstacle_in_the_way_is_named(obstacle, clearance, link, said, two_li
 
 
 def test_branch_and_bound_may_pass_what_blocks_the_reference_path(two_link):
-    result = plan(two_link_problem(two_link, [BALL]), FEW)
+    result = plan(two_link_problem(two_link, [BALL]), PlanOptions(SEARCH, candidate_points=15))
     assert (result.succeeded, result.method) == (True, SEARCH)
     assert 0 < result.certificate.conditions["obstacles"].margin < 0.01
     assert result.search.cuts["collision"] > 0
-
-
-def test_what_a_clearance_leaves_free_is_passed(two_link):
-    assert plan(two_link_problem(two_link, [POST]), SHORTEST).succeeded
 
 
 def test_links_in_each_others_way_are_named(ur5):
@@ -168,11 +140,12 @@ def test_an_open_goal_is_reported(two_link):
     assert f"the goal was left open and became [{q[0]:.4f}, {q[1]:.4f}]" in result.message
 
 
-def test_a_start_that_is_the_goal_leaves_nothing_to_plan(two_link):
+@pytest.mark.parametrize("method", ["refinement", "suh-bishop"])
+def test_a_start_that_is_the_goal_leaves_nothing_to_plan(method, two_link):
     q = np.array([0.3, -1.0])
     tool = two_link.tool_position(q[None])[0]
     tube = Tube(tool + np.array([[0, 0, 0], [0.02, 0, 0]]), 0.05)
-    result = plan(PlanningProblem(two_link, tube, q, q), SHORTEST)
+    result = plan(PlanningProblem(two_link, tube, q, q), PlanOptions(method))
     assert (result.status, result.proved) == (PlanStatus.NO_TRAJECTORY, True)
     assert result.message == (
         "the start is the goal: there is nothing to move; proved: there is no motion"
@@ -351,14 +324,6 @@ def test_a_closed_loop_is_planned(two_link, given_goal):
     assert nearest <= far
 
 
-def test_the_duration_falls_while_refining(two_link):
-    told = []
-    result = plan(two_link_problem(two_link), SHORTEST, progress=told.append)
-    durations = [p.best_duration for p in told if p.best_duration and "72 knots" in p.stage]
-    assert durations[0] > 1.05 * durations[-1]
-    assert durations[-1] == pytest.approx(result.duration, rel=0.01)
-
-
 @pytest.mark.parametrize("stop", ["interrupt", "time_limit"])
 def test_refinement_that_is_stopped_leaves_what_is_certified(two_link, stop, clock):
     def callback(progress):
@@ -431,21 +396,14 @@ def test_any_order_of_visits_is_searched(two_link):
 # A problem whose cell is moved together with its robot is the same problem.
 
 
-# FCL finds a distance this well [m].
-ROUNDING = 1e-5
-
-
-def placed(name, place=TURN):
+def placed(name):
     folder = bundled_problems()[name].parent
-    return parse_problem(placed_fields(bundled_fields(name), place), folder)
+    return parse_problem(placed_fields(bundled_fields(name), TURN), folder)
 
 
-@pytest.mark.parametrize(
-    ("name", "place"), [("two_link/around_a_post", SHIFT), ("ur5/level_tray", TURN)]
-)
-def test_the_judge_has_the_same_margins_elsewhere(name, place, bundled, stored):
-    _, trajectory = stored(name, REFINEMENT)
-    problem, elsewhere = bundled(name), placed(name, place)
+def test_the_judge_has_the_same_margins_elsewhere(stored):
+    problem, trajectory = stored("ur5/level_tray", REFINEMENT)
+    elsewhere = placed("ur5/level_tray")
     np.testing.assert_array_equal(elsewhere.collision.pairs, problem.collision.pairs)
     assert link_covers(elsewhere.collision) == link_covers(problem.collision)
     expected = verify(problem, trajectory).conditions
@@ -455,7 +413,8 @@ def test_the_judge_has_the_same_margins_elsewhere(name, place, bundled, stored):
         if one.margin is None:  # nothing is asked
             assert expected[condition].margin is None
         else:
-            rounding = ROUNDING if condition in ("obstacles", "self_collision") else 1e-9
+            # FCL finds a distance within 10 micrometres.
+            rounding = 1e-5 if condition in ("obstacles", "self_collision") else 1e-9
             assert one.margin == pytest.approx(expected[condition].margin, rel=1e-6, abs=rounding)
 
 
@@ -467,19 +426,7 @@ def test_the_plan_is_the_same_elsewhere(planned):
     np.testing.assert_allclose(begun, start, rtol=0, atol=1e-9)
 
 
-def test_a_moved_base_alone_is_another_problem(bundled):
-    name = "ur5/over_the_wall"
-    fields = bundled_fields(name)
-    fields["robot"]["base"] = {"position": [0.01, 0.0, 0.0]}
-    with pytest.raises(ProblemError, match="start: the tool is at"):
-        parse_problem({**fields, "tube": {**fields["tube"], "radius": 0.005}})
-    assert problem_hash(parse_problem(fields)) != problem_hash(bundled(name))
-
-
-# Planning that gives up early: quick refusals, and the same answers.
-
-
-EARLY = replace(FAST, persistent=False)
+# Planning that gives up early: quick refusals.
 
 
 def with_ball(radius):
@@ -488,16 +435,9 @@ def with_ball(radius):
     return load_problem("example:two_link/around_a_post", changes={"obstacles": [ball]})
 
 
-def test_an_answer_is_the_same_and_other_methods_take_no_notice(bundled):
-    problem = bundled("two_link/paper_2_30mm")
-    for method in ("refinement", STOP):
-        early, fast = (plan(problem, replace(each, method=method)) for each in (EARLY, FAST))
-        assert early.duration == fast.duration
-
-
 def test_a_place_without_a_configuration_ends_it_at_once():
-    stages = []
-    result = plan(with_ball(0.06), EARLY, lambda now: stages.append(now.stage))
+    stages, early = [], replace(FAST, persistent=False)
+    result = plan(with_ball(0.06), early, lambda now: stages.append(now.stage))
     assert (result.status, result.proved) == (PlanStatus.TUBE_BLOCKED, False)
     assert result.place.obstacle == "ball"
     assert result.starts_tried
@@ -513,7 +453,6 @@ def test_the_tool_may_pass_anywhere_in_the_tube():
 
 
 # A motion of a thousandth of the size takes as long, if the limits shrink with it.
-
 
 # To and fro past corners nearer to each other than the tube is wide, then away: a path with phases
 # of very different lengths [m].

@@ -24,15 +24,12 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.baselines.baselines import judged_baseline
-from tubeplanner.constraints.effort_costs import EffortCosts
 from tubeplanner.constraints.motor_effort import motor_effort
 from tubeplanner.robot.effort_range import EffortRange
 
 # Plans with motors: a bar's against its least time, integrated by itself, and whole arms'.
 
-
 TRAVEL, LEVER, GRAVITY = 1.3, 0.5, 9.81  # [rad, m, m/s^2]
-FREE = {"velocity": 1e3}
 
 
 @dataclass
@@ -54,7 +51,7 @@ class Bar:
         """Return a problem in which it turns one way, and nothing else is asked."""
         table = [np.array(row) for row in (self.positions, self.backwards, self.forwards)]
         robot = with_motors(
-            one_joint(folder, self.mass, **FREE),
+            one_joint(folder, self.mass, velocity=1e3),
             [EffortRange(0, *table)],
             armature=self.armature,
             viscous_friction=self.viscous,
@@ -144,13 +141,6 @@ MOTORS = {
             "friction_uncertainty": 0.2,
         }
     },
-    "ur10/onto_a_conveyor": {"preset": "ur10_friction"},
-}
-
-
-COSTS = {
-    "smoothness": lambda robot, motion: abs(motion.derivative_coefficients(3)).max(),
-    "energy": lambda robot, motion: EffortCosts(robot, motion).energy(robot.limits.effort**-2),
 }
 
 
@@ -162,14 +152,7 @@ def require_used(result):
     assert min(margin for margin in used if margin is not None) == pytest.approx(0, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "two_link/around_a_post",
-        LINE,
-        pytest.param("ur10/onto_a_conveyor", marks=pytest.mark.slow),  # an arm with friction
-    ],
-)
+@pytest.mark.parametrize("name", MOTORS)
 def test_plans_keep_what_motors_have_and_use_it(name, planned):
     problem = with_fields(name, **MOTORS[name])
     result = plan(problem, SHORTEST)
@@ -188,22 +171,18 @@ def test_plans_keep_what_motors_have_and_use_it(name, planned):
             assert 1 - 1e-3 <= most <= 1 + 1e-9
 
 
-@pytest.mark.parametrize("minimise", ["smoothness", "energy"])
-def test_the_second_stage_finds_something_with_friction_too(minimise):
-    """Kept exactly: what is slack is used up, and the note speaks of no failure."""
-    problem = with_fields(LINE, **MOTORS[LINE])
-    problem = replace(problem, objective=Objective(0.02, minimise))
+def test_the_second_stage_finds_something_with_friction_too():
+    """Kept exactly: what is slack is used up."""
+    problem = replace(with_fields(LINE, **MOTORS[LINE]), objective=Objective(0.02))
     result = plan(problem)
     assert result.certificate.passed
     assert result.shortest_duration < result.duration <= 1.02 * result.shortest_duration * 1.000001
-    assert not np.array_equal(result.trajectory.coefficients, result.shortest.coefficients)
     longer = result.shortest.scaled(result.duration / result.shortest.duration)
-    saved = COSTS[minimise](problem.robot, result.trajectory)
-    assert saved < 0.99 * COSTS[minimise](problem.robot, longer)
+    jerks = [abs(motion.derivative_coefficients(3)).max() for motion in (result.trajectory, longer)]
+    assert jerks[0] < 0.99 * jerks[1]
 
 
 # Every method keeps every limit and uses it.
-
 
 NAMES = ("joint1", "joint2")
 STOP, SEARCH, PAPER = "stop-at-corners", "branch-and-bound", "suh-bishop"
@@ -222,10 +201,10 @@ SHELVES, WALL = "panda/between_shelves", "ur5/over_the_wall"
 POINTS = [PointSpeed("hand", (0.0, 0.1, 0.0), 0.6), PointSpeed("link2", (0.0, 0.0, 0.0), 0.5)]
 
 
-def bent(gravity=(0, 0, 0), tube_speed=None, **limits):
+def bent(tube_speed=None, **limits):
     """A two-link arm with limits in a tube around a corner."""
     limits = LimitOverrides(velocity=dict.fromkeys(NAMES, np.inf), **limits)
-    robot = load_robot("example:two_link", "hand", gravity=gravity, limits=limits)
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
     points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
     tube = Tube(points, 0.05, joint_signs={"joint2": "-"}, tool_speed=tube_speed)
     return PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0])))
@@ -236,7 +215,6 @@ LIMITED = {
     "accelerations": ("acceleration", {"acceleration": {"joint1": 8.0, "joint2": 15.0}}),
     "jerks": ("jerk", {"jerk": {"joint1": 300.0, "joint2": 600.0}}),
     "effort rates": ("effort_rate", {"effort_rate": {"joint1": 300.0, "joint2": 200.0}}),
-    "one effort rate": ("effort_rate", {"effort_rate": {"joint2": 60.0}, "gravity": (0, -1.6, 0)}),
     "velocity by position": ("velocity", {"velocity_by_position": NEAR}),
     "speeds of points": ("point_speed", {"point_speed": POINTS}),
     "speed in a segment": ("tool_speed", {"tube_speed": [None, 0.5]}),
@@ -252,8 +230,8 @@ def require_kept(certificate, condition, most=0.01):
 
 
 @cache
-def free_duration(method, gravity=(0, 0, 0)):
-    return plan(bent(gravity), PlanOptions(method, quality="fast", slack=0.0)).duration
+def free_duration(method):
+    return plan(bent(), PlanOptions(method, quality="fast", slack=0.0)).duration
 
 
 @pytest.mark.parametrize(
@@ -263,11 +241,10 @@ def free_duration(method, gravity=(0, 0, 0)):
 )
 def test_plans_keep_a_limit_and_use_it(name, method):
     condition, fields = LIMITED[name]
-    free = {"gravity": fields["gravity"]} if "gravity" in fields else {}
     result = plan(bent(**fields), PlanOptions(method, quality="fast", slack=0.0))
     assert (result.succeeded, result.method) == (True, method)
     require_kept(result.certificate, condition)
-    assert free_duration(method, **free) < 0.99 * result.duration
+    assert free_duration(method) < 0.99 * result.duration
     if (condition, method) == ("effort_rate", "refinement"):
         dear = [one for one in result.sensitivities if one.limit == "effort_rate"]
         assert {one.joint for one in dear} == set(fields["effort_rate"])
@@ -301,14 +278,9 @@ def test_other_methods_keep_what_motors_have(method):
     require_used(result)
 
 
-@pytest.mark.parametrize(
-    "limits",
-    [
-        {"velocity_by_position": {"joint1": NEAR["joint1"]}},
-        {"point_speed": [asdict(point) for point in POINTS], "tool_speed": 0.8},
-    ],
-)
-def test_the_papers_method_keeps_limits(limits):
+def test_the_papers_method_keeps_limits():
+    limits = {"point_speed": [asdict(point) for point in POINTS], "tool_speed": 0.8}
+    limits["velocity_by_position"] = {"joint1": NEAR["joint1"]}
     problem = with_fields(LINE, limits=limits)
     result = plan(problem, PlanOptions(PAPER, slack=0.0, candidate_points=15, suh_bishop=BRIEF))
     assert (result.succeeded, result.method) == (True, PAPER)
@@ -391,34 +363,11 @@ def test_a_goal_in_a_zone_is_refused(bar, start, goal):
 # Whole arms, as their makers limit them.
 
 
-@pytest.mark.slow  # arms of six and seven joints, of seconds each
-@pytest.mark.parametrize("joint", [1, 3])
-def test_a_motion_goes_round_a_zone_that_the_fastest_would_enter(planned, joint):
-    """Four tenths of what the free motion exceeds its ends by are left to it."""
-    free, fastest = planned(SHELVES, "refinement")
-    motion = fastest.trajectory
-    q = motion.position(np.linspace(0, motion.duration, 2001))[:, joint]
-    sign = 1.0 if q.max() - max(q[0], q[-1]) > min(q[0], q[-1]) - q.min() else -1.0
-    top = max(sign * q[0], sign * q[-1])
-    beyond = (sign * q).max() - top
-    assert beyond > 0.02
-    upper = top + 0.4 * beyond + 0.3**2 / (2 * DECELERATION)
-    ends = sorted([sign * upper, -sign * 9.0])
-    law = {"deceleration": DECELERATION, "offset": 0.3, "lower": ends[0], "upper": ends[1]}
-    limits = LimitOverrides(velocity_by_position={free.robot.joint_names[joint]: law})
-    robot = load_robot("example:panda", "panda_hand_tcp", limits=limits)
-    goal = motion.position(np.array([motion.duration]))[0]
-    result = plan(replace(free, robot=robot, goal=goal))
-    assert (result.succeeded, result.method) == (True, "refinement")
-    require_kept(result.certificate, "velocity")
-    assert result.duration < 1.7 * motion.duration
-
-
 def by_joint(value):
     return {f"panda_joint{k + 1}": one for k, one in enumerate(value)}
 
 
-@pytest.mark.slow  # likewise
+@pytest.mark.slow  # arms of six and seven joints, of seconds each
 @pytest.mark.parametrize(
     ("name", "limits", "condition", "most"),
     [
@@ -439,31 +388,3 @@ def test_an_arm_keeps_what_its_maker_limits(name, limits, condition, most, plann
     if condition == "point_speed":
         (price,) = (one for one in result.sensitivities if one.limit == "point_speed")
         assert price.elasticity < -0.05
-
-
-@pytest.mark.slow  # likewise
-def test_a_ur5_is_slow_over_the_wall(planned):
-    """At its limit in the middle for most of the time, and certified."""
-    problem, fastest = planned(WALL, "refinement")
-    limited = problem.with_tube(replace(problem.tube, tool_speed=[None, 0.5, None]))
-    result = plan(limited, SHORTEST)
-    require_kept(result.certificate, "tool_speed", most=0.2)
-    trajectory = result.trajectory
-    at = trajectory.at(np.linspace(0, trajectory.duration, 2001))
-    fast = np.linalg.norm(problem.robot.tool_velocity(at.position, at.velocity)[0], axis=1)
-    assert (abs(fast - 0.5) < 0.005).mean() > 0.4
-    assert fast.max() > 0.6
-    prices = {p.segment: p.elasticity for p in result.sensitivities if p.limit == "tool_speed"}
-    assert min(prices, key=prices.get) == 1
-    assert prices[1] < -0.4
-    assert fastest.duration < 0.8 * result.duration
-
-
-@pytest.mark.slow  # forty segments
-def test_chains_of_segments_with_a_limit_or_none_keep_it():
-    angles = np.linspace(-0.6, 0.9, 40)
-    points = np.column_stack([0.45 * np.cos(angles), 0.45 * np.sin(angles), 0 * angles])
-    speeds = [0.6 if 10 <= k < 20 else None for k in range(39)]
-    tube = Tube(points, 0.02, joint_signs={"joint2": "-"}, tool_speed=speeds)
-    result = plan(PlanningProblem(bent().robot, tube, Seed(np.array([0.0, -1.0]))), SHORTEST)
-    require_kept(result.certificate, "tool_speed", most=0.2)

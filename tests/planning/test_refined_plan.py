@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cases import SHORTEST
-from scipy.spatial.transform import Rotation
 
 from tubeplanner import PlanningProblem, PlanOptions, Seed, Tube, plan, verify
 from tubeplanner.planning import narrowed_plan as module
@@ -15,9 +14,7 @@ from tubeplanner.refinement.tube_chains import tube_chains
 
 # Paths of many points: certified, and as fast as the same curve of few.
 
-
 RADIUS = 0.005
-FAST = PlanOptions(slack=0.0, quality="fast")
 
 
 def circle(two_link, count):
@@ -33,7 +30,7 @@ def test_more_chords_make_no_slower_motion_and_each_has_its_price(two_link):
     totals, durations = [], []
     for count in (25, 50):
         problem = circle(two_link, count)
-        answer = plan(problem, FAST)
+        answer = plan(problem, PlanOptions(slack=0.0, quality="fast"))
         assert answer.method == "refinement"
         assert verify(problem, answer.trajectory).passed
         prices = [p for p in answer.sensitivities if p.limit == "radius"]
@@ -46,22 +43,9 @@ def test_more_chords_make_no_slower_motion_and_each_has_its_price(two_link):
     assert durations[1] < 1.01 * durations[0]
 
 
-def test_ctrl_c_during_the_first_step_has_an_answer_that_stops_at_corners(two_link):
-    """Before there is any trajectory of refinement's own: as soon as the branch is known."""
-
-    def interrupt(progress):
-        if progress.stage.startswith("refinement"):
-            raise KeyboardInterrupt
-
-    answer = plan(circle(two_link, 25), SHORTEST, progress=interrupt)
-    assert (answer.succeeded, answer.method) == (True, "stop-at-corners")
-    assert answer.stopped_by == "interrupt"
-
-
-def ur5_problem(robot, points, radius, **more):
-    more = {"joint_signs": {"elbow_joint": "+"}} | more
-    seed = Seed([-0.2, -1.3, 1.9, -2, -1.6, 0])
-    return PlanningProblem(robot, Tube(points, radius, **more), seed)
+def ur5_problem(robot, points, radius):
+    tube = Tube(points, radius, joint_signs={"elbow_joint": "+"})
+    return PlanningProblem(robot, tube, Seed([-0.2, -1.3, 1.9, -2, -1.6, 0]))
 
 
 def curve(count):
@@ -96,41 +80,6 @@ def test_forty_sharp_corners_all_end_a_phase(ur5):
     problem = ur5_problem(ur5, points, 0.002)
     assert len(tube_chains(problem)) == 40
     assert require_refined(problem) < 0.83  # it is 0.807, and 1.76 with stops
-
-
-@pytest.mark.slow
-def test_bends_sharper_than_the_tube_is_wide_are_not_left_out(ur5):
-    """It was not certified; it takes 1.3 s with stops."""
-    path = [
-        np.array([0.35 + 0.01 * (k // 2), 0.03 * ((k + 1) // 2 % 2) - 0.015, 0.3])
-        for k in range(16)
-    ]
-    rounded = [path[0]]
-    for before, at, after in zip(path, path[1:], path[2:], strict=False):
-        back, onward = ((p - at) / np.linalg.norm(p - at) for p in (before, after))
-        angle = np.linspace(0, np.pi / 2, 20)[:, None]
-        rounded += list(at + 0.0025 * ((1 - np.sin(angle)) * back + (1 - np.cos(angle)) * onward))
-    rounded = np.array([*rounded, path[-1]])
-    along = np.append(0, np.cumsum(np.linalg.norm(np.diff(rounded, axis=0), axis=1)))
-    shares = np.linspace(0, along[-1], 401)
-    points = np.column_stack([np.interp(shares, along, column) for column in rounded.T])
-    assert require_refined(ur5_problem(ur5, points, 0.005)) < 0.5
-
-
-@pytest.mark.slow
-def test_joint_signs_may_change_within_a_dense_path(ur5):
-    signs = [{"shoulder_pan_joint": "-"}] * 92 + [{"shoulder_pan_joint": "0"}] * 108
-    problem = ur5_problem(ur5, curve(200) - [0, 0.1, 0], RADIUS, joint_signs=signs)
-    assert len(tube_chains(problem)) == 2
-    require_refined(problem)
-
-
-@pytest.mark.slow
-def test_a_dense_path_may_bound_the_tools_rotation(ur5):
-    first = ur5.tool_pose(np.array([[-0.2, -1.3, 1.9, -2.0, -1.6, 0]]))[0]
-    upright = np.tile(Rotation.from_matrix(first[0]).as_quat(), (201, 1))
-    tube = {"orientations": upright, "rotation_tolerance": 0.2}
-    require_refined(ur5_problem(ur5, curve(200), RADIUS, **tube))
 
 
 # Wide tubes are planned through narrower ones where links get stuck in them.

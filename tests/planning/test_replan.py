@@ -8,7 +8,6 @@ from cases import SHORTEST
 
 from tubeplanner import (
     Obstacle,
-    Payload,
     Planner,
     PlanningProblem,
     PlanOptions,
@@ -53,16 +52,10 @@ def with_moved_obstacle(problem, step):
     return replace(problem, obstacles=(Obstacle(first.name, shapes), *others))
 
 
-def with_payload(problem, mass):
-    again, _ = problem.robot.__reduce__()
-    return replace(problem, robot=again(payload=Payload(mass=mass)))
-
-
 CHANGES = {
     "narrower": lambda problem: problem.with_tube(problem.tube.scaled(0.9)),
     "goal": lambda problem: with_moved_goal(problem, [0.005, -0.008, 0.0]),
     "obstacle": lambda problem: with_moved_obstacle(problem, [0.0, 0.01, 0.0]),
-    "payload": lambda problem: with_payload(problem, 0.5),
 }
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import pose_at
 
 from tubeplanner import (
     Obstacle,
@@ -11,7 +12,6 @@ from tubeplanner import (
     PlanOptions,
     PlanStatus,
     Seed,
-    ToolPose,
     Tube,
     placement_of,
     plan,
@@ -24,7 +24,6 @@ from tubeplanner.planning.plan_result import refused_result
 from tubeplanner.progress import PlanningClock
 
 IN_THE_WAY = "in the start configuration"
-PROVED = "; proved: there is no motion"
 
 
 def reason(**fields):
@@ -75,7 +74,7 @@ def test_a_given_end_in_collision_is_proved(two_link, at):
     result = plan(between(two_link, block_at(two_link.tool_position(np.array(at)))))
     assert (result.status, result.proved) == (PlanStatus.TUBE_BLOCKED, True)
     assert result.as_dict()["proved"] is True
-    assert result.message.endswith(PROVED)
+    assert result.message.endswith("; proved: there is no motion")
 
 
 def test_moved_as_the_message_says_it_no_longer_blocks(two_link):
@@ -101,21 +100,11 @@ def test_clearance_that_a_given_end_leaves_is_in_the_message(two_link):
     assert IN_THE_WAY not in refusal_of(freed)
 
 
-def test_what_a_seed_leads_to_in_collision_is_not_proved(two_link):
+def test_what_a_seed_or_a_pose_leads_to_in_collision_is_not_proved(two_link):
     problem = between(two_link, block_at(two_link.tool_position(np.array(START))))
-    result = plan(replace(problem, start=Seed(np.array(START))))
-    assert (result.status, result.proved) == (PlanStatus.TUBE_BLOCKED, False)
-
-
-def test_a_chosen_configuration_of_a_pose_proves_nothing(panda):
-    q = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])
-    rotation, tool = panda.tool_pose(q)
-    tube = Tube(tool + np.array([[0, 0, 0], [0.05, 0, 0]]), 0.02)
-    placement = placement_of(tool)
-    placement[:3, :3] = rotation
-    problem = PlanningProblem(panda, tube, ToolPose(placement), obstacles=[block_at(tool)])
-    result = plan(problem, PlanOptions(quality="fast"))
-    assert (result.status, result.proved) == (PlanStatus.TUBE_BLOCKED, False)
+    for start in (Seed(np.array(START)), pose_at(problem, START)):
+        result = plan(replace(problem, start=start))
+        assert (result.status, result.proved) == (PlanStatus.TUBE_BLOCKED, False)
     assert ", 1 start tried" in result.message
 
 

@@ -116,7 +116,6 @@ def test_what_blocks_is_named_before_the_rotation_tolerance(name, status, named,
         ("joint signs", FAR, "start from its seed: joint signs are in the way of the orient", True),
         ("goal in an obstacle", BLOCKED, "'block'", False),
         ("heavy", HEAVY, "needs 111.45 N m against gravity alone, its effort limit is 87.00", True),
-        pytest.param(*SIGNS, True, marks=pytest.mark.slow),  # tries every branch before
     ],
 )
 def test_planning_names_it(name, status, named, persistent, possible):

@@ -97,14 +97,6 @@ def test_of_a_box_both_sides_are_smaller_by_twice_as_much():
     assert saved == pytest.approx({"width": 0.001 * 60 / 50, "height": 0.001 * 100 / 90})
 
 
-@pytest.mark.slow  # plans and simulates many tightened problems
-def test_the_same_problem_has_the_same_answer(usual):
-    problem, robust, _ = usual
-    again = plan(problem, SHORTEST)
-    assert np.array_equal(again.trajectory.coefficients, robust.trajectory.coefficients)
-    assert again.as_dict()["robustness"] == robust.as_dict()["robustness"]
-
-
 @pytest.mark.dear("simulates two dozen runs")
 def test_a_plan_that_survives_by_itself_is_left_as_it_is():
     problem = problem_with(QUIET)
