@@ -22,11 +22,9 @@ TRIED = {
     **{"where": PLACE, "duration": 1.5, "seeds": {"start": [0.1]}},
 }
 WRONG = [
-    *(("duration", value) for value in ("1.5", float("nan"), float("inf"), [], True)),
-    *(("status", value) for value in ("fine", 3, None)),
-    *(("where", value) for value in ({"segment": "first"}, {"nowhere": 1}, [], None)),
-    *(("notes", value) for value in ("one", [1], None)),
-    *(("message", 3), ("message", None), ("new", 1)),
+    *(("duration", value) for value in ("1.5", float("nan"), float("inf"), True)),
+    *(("where", value) for value in ({"segment": "first"}, {"nowhere": 1}, None)),
+    *(("status", "fine"), ("notes", "one"), ("notes", [1]), ("message", 3), ("new", 1)),
 ]
 WRONG_PLACES = [
     *(("duration", "1"), ("seeds", {"start": ["a"]}), ("yaw", None), ("position", [0, 0])),
@@ -98,8 +96,6 @@ def test_a_torn_last_line_is_dropped(path, length):
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("hello", 1),
-        ("{}\n", 1),
         ('{"key": 3, "row": {"status": "success"}}\n', 1),
         (LINE + "\n", 2),
         (LINE + '{"key": "q", "ro\n', 2),

@@ -3,8 +3,7 @@
 import json
 import math
 import pickle
-import time
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 from gantry import BEST_DURATION, BEST_YAW, FLOOR, POST, gantry
 
 from tubeplanner import OptionError, PlaceOptions, ProblemError, Stand, load_problem, place, plan
-from tubeplanner.errors import OutputError
 from tubeplanner.files.problem_file import with_placement
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.outcome import Place
@@ -57,9 +55,8 @@ def test_the_search_finds_the_bottom_within_bounds_and_round_what_has_no_value()
     def bowl(x, y):
         return 1 + (x - 0.7) ** 2 + 3 * (y + 0.4) ** 2
 
-    point, points_tried = lowest(bowl, [(3.0, 3.0)])
+    point, _ = lowest(bowl, [(3.0, 3.0)])
     assert point == pytest.approx((0.7, -0.4), abs=0.02)
-    assert len(points_tried) < 150
     point, points_tried = lowest(lambda x, y: 10 + x + y, [(0.3, 0.2)])
     assert point == (LOW, LOW)
     assert all(LOW <= value <= HIGH for each in points_tried for value in each)
@@ -69,16 +66,6 @@ def test_the_search_finds_the_bottom_within_bounds_and_round_what_has_no_value()
 
     point, _ = lowest(walled, [(-1.0, 1.0), (2.0, -2.0)])
     assert point == pytest.approx((1.0, 0.0), abs=0.05)
-    point, _ = lowest(lambda x, y: 1.0 if (x, y) == (0.5, 0.5) else math.inf, [(0.5, 0.5)])
-    assert point == (0.5, 0.5)
-
-
-def test_every_way_goes_down_its_own_valley():
-    def two_valleys(x, y):
-        return 2 + min((x + 1) ** 2, (x - 2) ** 2 - 0.5) + y**2
-
-    assert lowest(two_valleys, [(-1.5, 0.0), (2.2, 0.0)])[0] == pytest.approx((2.0, 0.0), abs=0.05)
-    assert lowest(lambda x, y: 1.0, [(1.0, 0.0), (2.0, 0.0)])[0] == (1.0, 0.0)
 
 
 def test_steps_halve_so_often_and_gains_too_small_do_not_count():
@@ -145,9 +132,8 @@ def grid_alone(monkeypatch):
 
 
 @pytest.mark.dear("plans at some twenty places, for all tests of this file")
-def test_the_best_angle_is_the_one_that_uses_both_axes_fully(placement):
-    assert placement.best.stand.yaw == pytest.approx(BEST_YAW, abs=0.05)
-    assert placement.best.stand[:3] == (-0.3, 0.0, 0.0)
+def test_the_best_angle_is_the_one_that_uses_both_axes_fully(placement, folder):
+    assert placement.best.stand == pytest.approx((-0.3, 0.0, 0.0, BEST_YAW), abs=0.05)
     assert BEST_DURATION < placement.duration < 1.015 * BEST_DURATION
     feasible = [row.duration for row in placement.rows if row.is_feasible]
     assert placement.duration == min(feasible)
@@ -158,21 +144,14 @@ def test_the_best_angle_is_the_one_that_uses_both_axes_fully(placement):
     assert all(placement.region.holds(row.stand) for row in placement.rows)
     others = [row for row in placement.rows if not row.is_feasible]
     assert {row.status for row in others} == {"unreachable"}
-    ((reason, count, example),) = placement.reasons
+    ((reason, count, _),) = placement.reasons
     assert (reason, count) == ("unreachable: segment 0", len(others))
-    assert "position limits are in the way" in example
+    given = plan(load_problem(gantry(folder)), PlanOptions(quality="fast", slack=0.0))
+    assert (placement.given.stand, placement.given.duration) == ((0, 0, 0, 0), given.duration)
+    assert placement.gain == pytest.approx(1 - placement.duration / given.duration)
     unplanned = replace(placement, result=None, best=None)
     text = f"none of the {placement.feasible_count} places that have a mo"
     assert unplanned.message.startswith(text)
-
-
-@pytest.mark.dear("plans at some twenty places, for all tests of this file")
-def test_the_gain_is_that_over_the_problem_as_given(placement, folder):
-    given = plan(load_problem(gantry(folder)), PlanOptions(quality="fast", slack=0.0))
-    assert placement.given.stand == Stand(0, 0, 0, 0)
-    assert placement.given.duration == given.duration
-    assert placement.gain == pytest.approx(1 - placement.duration / given.duration)
-    assert placement.gain > 0.2
 
 
 def test_the_best_is_planned_again_to_the_same_bits(placement, folder):
@@ -187,28 +166,6 @@ def test_the_best_is_planned_again_to_the_same_bits(placement, folder):
         np.testing.assert_array_equal(again.breakpoints, best.breakpoints)
 
 
-class Late(ThreadPoolExecutor):
-    """Makes calls in threads; of four, the first answers last."""
-
-    calls = 0
-
-    def submit(self, fn, /, *args):
-        self.calls += 1
-        return super().submit(self._late, 0.01 * (-self.calls % 4), fn, *args)
-
-    @staticmethod
-    def _late(delay, fn, *args):
-        time.sleep(delay)
-        return answer(fn, *args)
-
-
-def test_nothing_depends_on_the_order_of_work(placement, folder):
-    with Late(4) as threads:
-        other = placed(gantry(folder), executor=threads)
-    assert [row.as_dict() for row in other.rows] == [row.as_dict() for row in placement.rows]
-    assert (other.changes, other.duration) == (placement.changes, placement.duration)
-
-
 @pytest.mark.dear("three searches")
 def test_a_journal_goes_on_where_a_run_was_ended(placement, folder, tmp_path):
     journal = tmp_path / "best.jsonl"
@@ -220,11 +177,8 @@ def test_a_journal_goes_on_where_a_run_was_ended(placement, folder, tmp_path):
     assert ended.duration == ended.best.duration
     again = placed(gantry(folder), executor=(second := Here()), journal=journal)
     assert (second.calls, again.restored) == (len(rows) - 10, 10)
-    assert [row.as_dict() for row in again.rows] == rows
-    once_more = placed(gantry(folder), executor=(third := Here()), journal=journal)
-    assert (third.calls, once_more.restored) == (0, len(rows))
-    expected = placement.as_dict() | {"restored": len(rows), "problem": once_more.problem.name}
-    assert json.loads(json.dumps(once_more.as_dict())) == json.loads(json.dumps(expected))
+    expected = placement.as_dict() | {"restored": 10, "problem": again.problem.name}
+    assert json.loads(json.dumps(again.as_dict())) == json.loads(json.dumps(expected))
 
 
 def test_ended_before_the_first_place_there_is_no_answer_but_what_a_journal_has(folder, tmp_path):
@@ -234,9 +188,6 @@ def test_ended_before_the_first_place_there_is_no_answer_but_what_a_journal_has(
     placed(gantry(folder), executor=Here(fails_at=2), journal=journal)
     ended = placed(gantry(folder), executor=Here(fails_at=1), journal=journal)
     assert (ended.stopped_by, ended.restored, len(ended.rows)) == ("interrupt", 1, 1)
-    journal.write_text(journal.read_text().replace('"yaw": ', '"yaw": "up", "_": ', 1))
-    with pytest.raises(OutputError, match=r"best\.jsonl: the line of key .* holds no answer"):
-        placed(gantry(folder), journal=journal)
 
 
 def test_a_journal_knows_what_a_robot_stands_on(folder, tmp_path):
@@ -264,12 +215,10 @@ def test_a_base_in_an_obstacle_is_refused_and_no_place_at_all_is_an_answer(folde
     assert [(row.status, row.place.obstacle) for row in result.rows] == [
         ("base_in_obstacle", "post")
     ] * 8
-    ((reason, count, example),) = result.reasons
-    assert (reason, count) == ("base in obstacle: 'base' in 'post'", 8)
-    assert "which no joint moves, stands" in example
+    ((reason, count, _),) = result.reasons
+    assert (reason, count, result.changes) == ("base in obstacle: 'base' in 'post'", 8, {})
     text = "no place of 8 has a motion; the most frequent reason, 8 times"
     assert result.message.startswith(text)
-    assert result.changes == {}
     assert json.loads(json.dumps(result.as_dict()))["best"] is None
 
 
@@ -306,17 +255,15 @@ def test_what_cannot_be_searched_is_refused(folder):
     path, free = gantry(folder, [FLOOR, POST], "blocked"), gantry(folder)
     for arguments, others, message in (
         ((path, HERE), {}, r"stands_on is required .* .floor, post.: name what"),
-        ((path, HERE), {"stands_on": ["flour"]}, r"unknown obstacle 'flour'.*floor, post"),
         ((free, HERE), {"stands_on": ["floor"]}, r"unknown obstacle 'floor'.*there is: none"),
         (("example:ur5/through_the_door", HERE), {}, "this is a cycle"),
         ((free, HERE), {"changes": {"tube.radius": -1}}, r"tube.radius"),
     ):
         with pytest.raises((OptionError, ProblemError), match=message):
             place(*arguments, **others)
-    with pytest.raises(OptionError, match="points is 0"):
-        PlaceOptions(points=0)
-    with pytest.raises(OptionError, match="unknown quality 'quick'"):
-        PlaceOptions(quality="quick")
+    for options, message in (({"points": 0}, "points is 0"), ({"quality": "quick"}, "unknown qu")):
+        with pytest.raises(OptionError, match=message):
+            PlaceOptions(**options)
 
 
 def test_the_search_goes_on_from_different_places_first():

@@ -61,11 +61,9 @@ def test_these_are_studies():
             "study.vary.a.b.from is '2x'; it must be a number, or a factor such as x0.5",
         ),
         (fields_of(vary={"a.b": {**RANGE, "count": True}}), "study.vary.a.b.count is True"),
-        (fields_of(vary={"a.b": {**RANGE, "spacing": "cubic"}}), "study.vary.a.b.spacing is"),
         (fields_of(design="random"), "study.design is 'random'; it must be grid, or a map with"),
         (fields_of(design={"latin": 2.5}), "study.design.latin is 2.5; it must be a whole number"),
         (fields_of(options={"qualty": 1}), "study.options: unknown key 'qualty' (did you mean"),
-        (fields_of(options={"slack": "0"}), "study.options.slack is '0'; it must be a number"),
         (fields_of(problems="a"), f"'problems' (did you mean 'problem'?); there is: {KEYS}"),
         ({"format": "tubeplanner/study"}, "study is required"),
         ({"study": {"problem": "a"}}, "format is required"),
@@ -101,10 +99,8 @@ def test_a_grid_has_the_values_as_they_are_written(tmp_path):
     text = HEAD + "  vary: {tube.radius: [0.02, x2], clearance: {from: 0, to: 0.1, count: 3}}\n"
     study = read(tmp_path, text)
     assert study.name == f"{tmp_path.name}/s"
-    assert [(axis.path, tuple(axis.values)) for axis in study.axes] == [
-        ("tube.radius", (0.02, "x2")),
-        ("clearance", (0, 0.05, 0.1)),
-    ]
+    axes = {axis.path: tuple(axis.values) for axis in study.axes}
+    assert axes == {"tube.radius": (0.02, "x2"), "clearance": (0, 0.05, 0.1)}
     assert (study.latin, study.options, len(study.points)) == (None, PlanOptions(), 6)
     assert study.posed(study.points[0]).document["clearance"] == 0
     assert [path.name for path in study.files] == ["s.yaml", "around_a_post.yaml"]
@@ -119,11 +115,9 @@ def test_a_latin_hypercube_may_leave_counts_out(tmp_path):
     study = read(tmp_path, text)
     assert study.axes[0] == Interval("tube.radius", 0.5, 2.0, True, True)
     assert study.latin == Latin(7, 2)
-    assert len(study.points) == 7
-    assert study.options.method == "suh-bishop"
-    assert study.options.suh_bishop.doubled == 2
-    assert study.options.suh_bishop.modification.growth == 2
-    assert study.options.suh_bishop.min_gain == SuhBishopOptions().min_gain
+    assert (len(study.points), study.options.method) == (7, "suh-bishop")
+    usual, given = SuhBishopOptions(), study.options.suh_bishop
+    assert (given.doubled, given.modification.growth, given.min_gain) == (2, 2, usual.min_gain)
 
 
 def test_several_problems_are_an_axis(tmp_path):
@@ -138,8 +132,6 @@ def test_several_problems_are_an_axis(tmp_path):
 def test_a_bundled_study_is_found_by_its_name():
     study = load_study("example:ur5/tolerance_and_payload")
     assert (study.name, len(study.points)) == ("ur5/tolerance_and_payload", 9)
-    with pytest.raises(ProblemError, match=r"nowhere\.yaml does not exist"):
-        load_study("nowhere.yaml")
 
 
 @pytest.mark.parametrize(
@@ -147,19 +139,15 @@ def test_a_bundled_study_is_found_by_its_name():
     [
         (HEAD + "  vary: {tube.raduis: [1]}", "study.vary: tube.raduis: unknown key 'raduis'"),
         (HEAD, "study.vary: nothing is varied"),
-        (HEAD + VARY + "  options: {quality: good}", "study.options: unknown quality 'good'"),
-        (HEAD + VARY + "  options: {node_budget: 0}", "study.options: node_budget is 0; it must"),
         (
             HEAD + VARY + "  options: {suh_bishop: {doubld: 1}}",
             "study.options: unknown option 'doubld' (did you mean 'doubled'?); there is: ",
         ),
         (HEAD + VARY + "  design: {latin: 0}", "study.design: latin is 0; it must be >= 1"),
         (HEAD + BETWEEN.replace("COUNT", "1"), "study.vary.clearance: count is 1; it must be >= 2"),
-        (HEAD + BETWEEN.replace("COUNT", "10000001"), "it must be >= 2 and <= 10000000"),
         (HEAD.replace("example:", "no/") + VARY, "study.problem: problem file"),
         (HEAD.replace(POST, "[]") + VARY, "study.problem: give at"),
         (HEAD.replace(POST, "s.yaml") + VARY, "s.yaml is a study"),
-        ("tube: {}", "this is a problem, where a study is needed"),
         ("moves: []", "this is a cycle, where a study is needed"),
     ],
 )
@@ -173,7 +161,6 @@ def test_what_is_wrong_names_file_and_field(tmp_path, text, message):
 @pytest.mark.parametrize(
     ("ends", "log", "values"),
     [
-        ((0, 5), False, (0, 1, 2, 3, 4, 5)),
         ((0.01, 0.02), False, (0.01, 0.012, 0.014, 0.016, 0.018, 0.02)),
         ((5, 0), False, (5, 4, 3, 2, 1, 0)),
         (("x0.5", "x1"), False, ("x0.5", "x0.6", "x0.7", "x0.8", "x0.9", "x1")),
@@ -184,9 +171,8 @@ def test_values_between_two_include_both(ends, log, values):
     axis = interval("tube.radius", *ends, is_logarithmic=log)
     levels = axis.levels(6)
     assert (levels.path, tuple(levels.values)) == ("tube.radius", values)
-    assert levels.values[1:3] == list(values[1:3])
     assert tuple(axis.ends) == tuple(levels.ends) == (values[0], values[-1])
-    assert list(map(type, axis.levels(6).values)) == list(map(type, values))
+    assert list(map(type, levels.values)) == list(map(type, values))
 
 
 def test_any_value_goes_by_its_share_of_the_way():
@@ -196,7 +182,6 @@ def test_any_value_goes_by_its_share_of_the_way():
     levels = Levels("a", ("p", "q", "r"))
     assert [levels.at(share) for share in (0, 0.33, 0.34, 0.99)] == ["p", "p", "q", "r"]
     millions = interval("a", 0, 1, is_logarithmic=False).levels(10**7 + 1)  # made one by one
-    assert len(millions.values) == 10**7 + 1
     assert (millions.values[10**6], millions.at(0.9999999)) == (0.1, 0.9999999)
     with pytest.raises(IndexError):
         millions.values[10**7 + 1]
@@ -224,14 +209,11 @@ def test_a_grid_has_all_pairs_the_last_field_first_made_one_by_one():
     points = StudyPoints([Levels("p", first), Levels("q", second), Levels("r", third)], None)
     assert len(points) == 6
     expected = [dict(zip("pqr", each, strict=True)) for each in product(first, second, third)]
-    assert [point.values for point in points] == expected
-    assert [point.index for point in points] == list(range(6))
-    assert points[4].values == {"p": 2, "q": "b", "r": None}
-    with pytest.raises(IndexError):
-        points[6]
+    assert [(point.index, point.values) for point in points] == list(enumerate(expected))
     many = StudyPoints([Levels("p", range(3000)), Levels("q", range(3000))], None)
-    assert len(many) == 9_000_000
     assert many[8_999_999].values == {"p": 2999, "q": 2999}
+    with pytest.raises(IndexError):
+        many[9_000_000]
 
 
 def test_a_latin_hypercube_has_one_point_in_every_part_of_every_field():
@@ -266,8 +248,7 @@ def test_a_point_poses_its_problem_with_its_values():
     study = Study("two", problems, [both, Levels(RADIUS, ("x2", 0.01)), Levels(MASS, (3,))])
     posed = [study.posed(point) for point in study.points]
     assert [each.name for each in posed] == [names[0]] * 2 + [names[1]] * 2
-    assert [each.document["tube"]["radius"] for each in posed][1::2] == [0.01, 0.01]
-    assert posed[0].document["tube"]["radius"] == 0.06
+    assert [each.document["tube"]["radius"] for each in posed[:2]] == [0.06, 0.01]
     assert {each.document["robot"]["payload"]["mass"] for each in posed} == {3}
     assert arm.document["tube"]["radius"] == 0.03
     with pytest.raises(ProblemError, match=r"^arm: obstacles\.post\.position: "):
@@ -280,13 +261,10 @@ def test_a_point_poses_its_problem_with_its_values():
 @pytest.mark.parametrize(
     ("vary", "message"),
     [
-        ([], "nothing is varied; give at least one field or several problems"),
         ({RADIUS: [1], MASS: []}, "robot.payload.mass: give at least one value"),
-        ({RADIUS: [1], "tube.raduis": [1]}, "tube.raduis: unknown key 'raduis'"),
         ({RADIUS: [0.1, "x2", None], MASS: [1, "x2"]}, "robot.payload.mass: nothing is given"),
         ([between(MASS, 0.5, 2, factor=True).levels(3)], f"{MASS}: nothing is given there: x0.5"),
         ({"include": ["a.yaml"]}, "include: values are changed after files are included"),
-        ([between(RADIUS, 0, 1)], "tube.radius: count is required in a grid"),
     ],
 )
 def test_what_no_point_can_have_is_found_at_once(vary, message):

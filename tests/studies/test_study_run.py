@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from studied import EFFORT, MASS, PROBLEM, QUICK, RADIUS, Here, Together, small_study, some_result
 
-from tubeplanner import PlanOptions, ProblemError, load_problem, plan, run_study
+from tubeplanner import JointTrajectory, PlanOptions, ProblemError, load_problem, plan, run_study
 from tubeplanner.errors import OptionError, OutputError
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.outcome import Place, PlanStatus
@@ -36,9 +36,8 @@ def test_a_row_is_what_plan_answers_to_the_last_bit():
     assert (row.status, row.duration, row.message) == ("success", result.duration, result.message)
     assert (row.shortest_duration, row.method) == (result.shortest_duration, result.method)
     assert (row.notes, row.where, row.key) == (result.notes, Place(), "key")
-    assert row.planning_time > 0
-    assert row.loading_time > 0
-    assert row.runs is row.runs_failed is None
+    assert (row.runs, row.runs_failed) == (None, None)
+    assert min(row.planning_time, row.loading_time) > 0
     assert row.trajectory_hash == row_of().trajectory_hash
     assert len(row.trajectory_hash) == 16
 
@@ -48,8 +47,7 @@ def test_the_hash_is_of_every_bit(monkeypatch):
     before = row_of().trajectory_hash
     coefficients = result.trajectory.coefficients.copy()
     coefficients[0, 0, 0] = np.nextafter(coefficients[0, 0, 0], np.inf)
-    kind = type(result.trajectory)
-    other = kind(result.trajectory.joint_names, result.trajectory.breakpoints, coefficients)
+    other = JointTrajectory(["joint1", "joint2"], result.trajectory.breakpoints, coefficients)
     answer = PlanResult(PlanStatus.SUCCESS, "", Place(), "m", other)
     monkeypatch.setattr(study_row, "plan_either", lambda *_: answer)
     assert row_of().trajectory_hash != before
@@ -62,26 +60,14 @@ def test_the_slack_of_the_file_counts_as_in_plan():
     assert shortest.duration == shortest.shortest_duration == usual.shortest_duration
 
 
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"tube__radius": -1}, "tube.radius[0] is -1 m"),
-        ({"tube__radius": "wide"}, "tube.radius is 'wide'; it must be a number"),
-        ({"robot__tool_frame": "nose"}, "nose"),
-    ],
-)
-def test_what_cannot_be_posed_has_its_reason(changes, reason):
-    row = row_of(**changes)
+def test_what_cannot_be_posed_has_its_reason():
+    row = row_of(tube__radius=-1)
     assert row.status is PlanStatus.BAD_INPUT
-    assert reason in row.message
+    assert "tube.radius[0] is -1 m" in row.message
     assert row.duration is row.trajectory_hash is row.method is row.loading_time is None
-
-
-def test_an_option_that_the_method_refuses_is_bad_input_of_a_problem_that_loads():
-    row = row_of(PlanOptions("stop-at-corners", slack=0.1))
-    assert row.status is PlanStatus.BAD_INPUT
-    assert "slack" in row.message
-    assert row.loading_time > 0
+    loaded = row_of(PlanOptions("stop-at-corners", slack=0.1))  # the method refuses the slack
+    assert (loaded.status, "slack" in loaded.message) == ("bad_input", True)
+    assert loaded.loading_time > 0
 
 
 def test_a_place_travels():
@@ -108,8 +94,7 @@ def test_rows_without_a_plan_say_why():
     refused = StudyRow.of(3, values, None, refused_answer(str(ProblemError("no"))))
     assert (refused.status, refused.message, refused.key) == (PlanStatus.BAD_INPUT, "no", None)
     fields = json.loads(json.dumps(refused.as_dict(), allow_nan=False))
-    assert fields["values"] == {RADIUS: ".inf"}
-    assert (fields["status"], fields["where"]["joint"], fields["notes"]) == ("bad_input", None, [])
+    assert (fields["values"], fields["notes"]) == ({RADIUS: ".inf"}, [])
 
 
 def test_the_table_as_csv_and_as_json_say_the_same():
@@ -122,9 +107,8 @@ def test_the_table_as_csv_and_as_json_say_the_same():
     assert [line[RADIUS] for line in table] == ["0.02", "0.02", "x2", "x2", "[0.01]", "[0.01]"]
     assert [line[EFFORT] for line in table] == ["1", ".inf"] * 3
     for line, row in zip(table, fields["rows"], strict=True):
-        assert int(line["point"]) == row["point"]
-        assert line["status"] == row["status"]
-        assert line["message"] == row["message"]
+        told = (int(line["point"]), line["status"], line["message"])
+        assert told == (row["point"], row["status"], row["message"])
         assert (float(line["duration"]) if line["duration"] else None) == row["duration"]
     assert list(table[0])[:5] == ["point", RADIUS, EFFORT, "status", "duration"]
     noted = some_result({RADIUS: [0.02]}, fields={"notes": ("one", "two")})
@@ -137,8 +121,7 @@ def test_the_shortest_and_whether_there_is_any():
     assert result.succeeded
     assert result.shortest.values == {RADIUS: 0.03}
     nothing = some_result({RADIUS: [0.02]}, blocked=lambda _: True)
-    assert not nothing.succeeded
-    assert nothing.shortest is None
+    assert (nothing.succeeded, nothing.shortest) == (False, None)
     assert StudyResult(small_study(), ()).counts == {}
 
 
@@ -168,14 +151,11 @@ def failing_at(monkeypatch, failures):
 def test_rows_are_those_of_plan_in_the_order_of_points(journal):
     study = small_study(GRID)
     result = run_study(study, journal=journal, executor=Here())
-    assert [row.values for row in result.rows] == [point.values for point in study.points]
-    assert [row.point for row in result.rows] == list(range(6))
-    assert [str(row.status) for row in result.rows] == [
-        *("success", "success", "bad_input", "bad_input", "success", "success")
-    ]
-    for row in (result.rows[0], result.rows[5]):
-        problem = load_problem("example:two_link/paper_1_30mm", changes=row.values)
-        assert row.duration == plan(problem, study.options).duration
+    expected = [(point.index, point.values) for point in study.points]
+    assert [(row.point, row.values) for row in result.rows] == expected
+    assert [row.duration is None for row in result.rows] == [False] * 2 + [True] * 2 + [False] * 2
+    problem = load_problem(PROBLEM, changes=result.rows[5].values)
+    assert result.rows[5].duration == plan(problem, study.options).duration
     kept = lines(journal)
     assert [line["key"] for line in kept] == [row.key for row in result.rows]
     assert [line["values"] for line in kept] == [row.as_dict()["values"] for row in result.rows]
@@ -184,14 +164,11 @@ def test_rows_are_those_of_plan_in_the_order_of_points(journal):
 
 @pytest.mark.slow  # processes load the libraries
 def test_worker_processes_give_the_same_bits():
-    rows = [
-        [
-            {name: v for name, v in row.as_dict().items() if not name.endswith("_time")}
-            for row in one
-        ]
-        for one in (run_study(small_study()).rows, run_study(small_study(), executor=Here()).rows)
+    hashes = [
+        [row.trajectory_hash for row in run_study(small_study(), executor=executor).rows]
+        for executor in (None, Here())
     ]
-    assert rows[0] == rows[1]
+    assert hashes[0] == hashes[1]
 
 
 def test_what_is_in_the_journal_is_not_planned_again(journal):
@@ -205,23 +182,11 @@ def test_what_is_in_the_journal_is_not_planned_again(journal):
     assert len(lines(journal)) == 3
 
 
-def test_other_options_and_other_contents_are_planned_afresh(journal):
-    run_study(small_study(), journal=journal, executor=Here())
-    for other in (small_study(options=replace(QUICK, quality="fast")), small_study({MASS: [1]})):
-        run_study(other, journal=journal, executor=(executor := Here()))
-        assert executor.calls == len(other.points)
-
-
-@pytest.mark.parametrize("is_kept", [True, False])
-def test_points_that_are_the_same_are_planned_once(is_kept, journal):
+def test_points_that_are_the_same_are_planned_once():
     executor, study = Here(), small_study({RADIUS: [0.03, 0.02, "x1"]})
-    result = run_study(study, journal=journal if is_kept else None, executor=executor)
-    first, _, third = result.rows
-    assert executor.calls == 2
-    assert first.key == third.key
-    assert (first.duration, third.values) == (third.duration, {RADIUS: "x1"})
-    assert first.trajectory_hash == third.trajectory_hash
-    assert not is_kept or len(lines(journal)) == 2
+    first, _, third = run_study(study, executor=executor).rows
+    assert (executor.calls, third.values) == (2, {RADIUS: "x1"})
+    assert (first.key, first.trajectory_hash) == (third.key, third.trajectory_hash)
 
 
 def test_a_point_waits_for_the_same_that_is_being_planned(journal):
@@ -229,7 +194,6 @@ def test_a_point_waits_for_the_same_that_is_being_planned(journal):
     study = small_study({RADIUS: [0.03, "x1", 0.02]})
     result = run_study(study, journal=journal, executor=executor, progress=told.append)
     assert executor.calls == len(lines(journal)) == 2
-    assert [row.point for row in result.rows] == [0, 1, 2]
     assert result.rows[0].trajectory_hash == result.rows[1].trajectory_hash
     assert [each.done for each in told] == [0, 2, 3]
 
@@ -241,7 +205,6 @@ def test_values_that_cannot_be_set_together_cost_their_row(journal):
     result = run_study(study, journal=journal, executor=executor)
     assert [str(row.status) for row in result.rows] == ["success"] * 3 + ["bad_input"]
     assert result.rows[3].message.startswith("robot.payload.mass: nothing is given there")
-    assert result.rows[3].key is None
     assert executor.calls == len(lines(journal)) == 3
 
 
@@ -274,13 +237,6 @@ def test_ctrl_c_keeps_what_is_done_and_the_next_run_goes_on(journal, monkeypatch
     assert (executor.calls, len(result.rows), result.stopped_by) == (1, 3, None)
 
 
-def test_a_journal_in_use_is_refused_before_anything_is_planned(journal):
-    executor, in_use = Here(), "is in use by another process"
-    with study_run.Journal(journal), pytest.raises(OutputError, match=in_use):
-        run_study(small_study(), journal=journal, executor=executor)
-    assert executor.calls == 0
-
-
 def test_a_point_is_posed_when_it_is_its_turn(monkeypatch):
     posed, seen = [], []
 
@@ -298,8 +254,8 @@ def test_whoever_plans_has_the_files_that_the_key_is_of(journal, tmp_path):
     """A file that is changed while a study runs, or is another one elsewhere, ends it."""
     points = tmp_path / "points.csv"
     points.write_text("x,y,z\n1.2,0.4,0\n0.8,0.9,0\n")
-    posed = PosedProblem.read("example:two_link/paper_1_30mm")
-    posed = replace(posed.changed({"tube.points": str(points)}), folder=tmp_path)
+    posed = PosedProblem.read(PROBLEM).changed({"tube.points": str(points)})
+    posed = replace(posed, folder=tmp_path)
 
     class Elsewhere(Here):
         def submit(self, fn, /, *args, **kwargs):
@@ -327,7 +283,6 @@ def test_progress_has_count_rate_and_time_left(journal):
 @pytest.mark.parametrize(
     ("progress", "text"),
     [
-        (StudyProgress(0, 9, 0, 1.0), "0 of 9 points"),
         (StudyProgress(5, 9, 0, 1.0), "5 of 9 points"),
         (StudyProgress(10, 40, 10, 5.0), "10 of 40 points, 2 per second, 15 s left"),
         (StudyProgress(30, 40, 10, 40.0), "30 of 40 points, 4 s each, 40 s left"),

@@ -49,18 +49,6 @@ def test_what_is_gained_lies_between_the_slopes_at_both_ends(swept):
         assert 1.1 * near.slope < gained < 0.9 * far.slope < 0
 
 
-def test_the_slope_counts_the_tool_radius(two_link):
-    """A radius is dearer by the part of it that the tool takes away."""
-    points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
-    tubes = (Tube(points, 0.03), Tube(points, 0.05, tool_radius=0.02))
-    start = Seed(np.array([0.0, -1.0]))
-    plain, thick = (
-        sweep(PlanningProblem(two_link, tube, start), scales=[1.0]).rows[0] for tube in tubes
-    )
-    assert thick.duration == pytest.approx(plain.duration)
-    assert thick.elasticity == pytest.approx(plain.elasticity * 0.05 / 0.03)
-
-
 def test_scales_keep_the_segments_apart(bundled):
     problem = bundled("two_link/around_a_post")
     (row,) = sweep(problem, scales=[0.5], options=STOPS).rows
@@ -76,13 +64,11 @@ def test_a_tolerance_that_cannot_be_posed_or_planned_has_its_reason(two_link):
     off = float(tube.distance(two_link.tool_position(problem.start[None]))[0, 0])
     assert 0.001 < off < 0.03
     result = sweep(problem, [0.01, 0.02 + off / 2, 0.05])
-    thin, outside, fine = result.rows
+    thin, outside, _ = result.rows
     assert "tool_radius 0.02 m" in thin.message
     assert "start: the tool is at" in outside.message
     assert [str(row.status) for row in result.rows] == ["bad_input", "bad_input", "success"]
-    assert fine.duration > 0
-    assert thin.duration is thin.slope is None
-    assert result.succeeded
+    assert (thin.duration, thin.slope, result.succeeded) == (None, None, True)
     assert not sweep(problem, [0.01]).succeeded
 
 
@@ -92,26 +78,12 @@ def table_of(result):
     return table, json.loads(json.dumps(result.as_dict(), allow_nan=False))
 
 
-def test_csv_and_json_say_the_same(swept):
-    table, fields = table_of(swept)
-    assert fields["quantity"] == "radius"
-    assert len(table) == len(fields["rows"]) == 3
-    for line, row in zip(table, fields["rows"], strict=True):
-        assert float(line["radius"]) == row["value"]
-        assert [float(word) for word in line["radii"].split()] == row["radii"]
-        for key in ("duration", "elasticity", "slope", "planning_time"):
-            assert float(line[key]) == row[key]
-        assert line["message"] == row["message"]
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({}, "either radii or scales"),
-        ({"radii": [0.1], "scales": [1]}, "either radii or scales"),
         ({"radii": []}, "radius: give at least one number"),
         ({"radii": [0.1, -1]}, "radius is -1; it must be > 0"),
-        ({"scales": [float("nan")]}, "radius_scale is nan"),
         ({"scales": [float("inf")]}, "radius_scale is inf"),
     ],
 )
@@ -165,14 +137,9 @@ def test_rows_are_what_plan_answers_in_the_order_given(field_swept):
     assert all(row.result.certificate.passed for row in field_swept.rows[:2])
     assert field_swept.succeeded
     assert not field_swept.varies_objective
-    assert (field_swept.name, field_swept.path) == ("two_link/paper_1_30mm", "tube.radius")
-    negative, other, infinite = (field_swept.rows[k] for k in (2, 4, 5))
+    negative = field_swept.rows[2]
     assert negative.message.startswith("tube.radius[0] is -1 m")
-    assert other.message == "tube.radius is {'a': 1}; it must be a number"
-    assert infinite.message == "tube.radius is inf; it must be a finite number"
-    assert [str(row.status) for row in (negative, other)] == ["bad_input"] * 2
-    assert negative.duration is negative.shortest_duration is None
-    assert negative.notes == ()
+    assert (negative.duration, negative.shortest_duration, negative.notes) == (None, None, ())
 
 
 def test_csv_and_json_say_the_same_of_any_field(field_swept):
@@ -185,6 +152,14 @@ def test_csv_and_json_say_the_same_of_any_field(field_swept):
         for key in ("duration", "shortest_duration", "planning_time", "loading_time"):
             assert (float(line[key]) if line[key] else None) == row[key]
         assert (line["message"], line["notes"]) == (row["message"], "; ".join(row["notes"]))
+
+
+def test_csv_and_json_say_the_same_of_radii(swept):
+    table, fields = table_of(swept)
+    assert (fields["quantity"], len(table), len(fields["rows"])) == ("radius", 3, 3)
+    assert [float(line["radius"]) for line in table] == [row["value"] for row in fields["rows"]]
+    assert [float(line["slope"]) for line in table] == [row["slope"] for row in fields["rows"]]
+    assert table[0]["radii"].split() == [str(radius) for radius in fields["rows"][0]["radii"]]
 
 
 def test_rows_say_how_many_runs_failed(field_swept):
@@ -229,23 +204,15 @@ def test_changes_of_other_fields_are_made_first():
 
 
 @pytest.mark.parametrize(
-    ("path", "values", "others", "message"),
+    ("path", "values", "message"),
     [
-        ("tube.raduis", [1], {}, "unknown key 'raduis'"),
-        ("robot.tool_frame", ["hand", "x2"], {}, "x2 has no number to scale"),
-        ("tube.radius", [], {}, "tube.radius: give at least one value"),
-        ("tube.radius", [1], {"changes": {"tube.radius": 2}}, "is both varied and changed"),
-        ("objective.slack", [1], {"options": PlanOptions(slack=0.1)}, "varied and slack is given"),
+        ("robot.tool_frame", ["hand", "x2"], "x2 has no number to scale"),
+        ("tube.radius", [], "tube.radius: give at least one value"),
     ],
 )
-def test_what_concerns_all_values_is_refused_at_once(path, values, others, message):
+def test_what_concerns_all_values_is_refused_at_once(path, values, message):
     with pytest.raises((ProblemError, OptionError), match=message):
-        sweep_field(PROBLEM, path, values, **others)
-
-
-def test_a_problem_that_is_not_there_is_named():
-    with pytest.raises(ProblemError, match=r"nowhere.yaml does not exist"):
-        sweep_field("nowhere.yaml", "tube.radius", [1])
+        sweep_field(PROBLEM, path, values)
 
 
 @pytest.mark.parametrize(
