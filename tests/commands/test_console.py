@@ -40,10 +40,10 @@ def test_names_of_a_trajectory_cannot_speak_for_the_program(run, run_json, tmp_p
     fields = {"format": "tubeplanner/trajectory", "version": 1, "joint_names": [EVIL, "b"]}
     fields |= {"breakpoints": [0, 1.0], "coefficients": [[[0.1, 0.2]]]}
     path.write_text(json.dumps(fields))
-    status, _, err = run("check", POST, path)
-    other_status, answer = run_json("check", POST, path)
-    assert (status, other_status) == (2, 2)
-    for text in (err.removesuffix("\n"), answer["message"]):
+    for text in (
+        run("check", POST, path)[2].rstrip("\n"),
+        run_json("check", POST, path)[1]["message"],
+    ):
         assert text.isprintable()
         assert "rename it" in text
 
@@ -67,19 +67,16 @@ def test_every_command_that_takes_a_problem_takes_changes():
 
 
 @pytest.mark.parametrize("name", ["plan", "check", "plot", "view", "sweep", "compare", "measure"])
-def test_a_typo_is_bad_input_everywhere(name, run, run_json, narrow_motion, tmp_path):
+def test_a_typo_is_bad_input_everywhere(name, run, narrow_motion, tmp_path):
     more = {
         "check": (narrow_motion,),
         "plot": (narrow_motion, "-o", tmp_path / "t.png"),
         "view": (narrow_motion, "--html", tmp_path / "t.html"),
         "sweep": ("--radius", "0.01"),
     }
-    words = (name, LINE, *more.get(name, ()), "--set", "tube.raduis=0.01")
-    status, _, err = run(*words)
-    other_status, answer = run_json(*words)
-    assert (status, other_status) == (2, 2)
-    for message in (err, answer["message"]):
-        assert "tube.raduis: unknown key 'raduis' (did you mean 'radius'?); there is:" in message
+    status, _, err = run(name, LINE, *more.get(name, ()), "--set", "tube.raduis=0.01")
+    assert status == 2
+    assert "tube.raduis: unknown key 'raduis' (did you mean 'radius'?); there is:" in err
     assert list(tmp_path.iterdir()) == []
 
 
@@ -116,8 +113,8 @@ def test_changes_add_up_and_each_is_given_once(run):
     assert status == 2 and "--set tube.radius is given twice; give it once" in err
 
 
-@pytest.mark.dear("plans three points of sweeps")
-def test_an_objective_that_would_count_for_nothing_is_refused(run, run_json):
+@pytest.mark.dear("plans and smooths")
+def test_an_objective_that_would_count_for_nothing_is_refused(run):
     change = ("--set", "objective.slack=0.1")
     for words in (
         ("sweep", LINE, "--radius", "0.01"),
@@ -128,13 +125,7 @@ def test_an_objective_that_would_count_for_nothing_is_refused(run, run_json):
         assert status == 2
         assert "--set objective.slack: without --slack the shortest motions are planned" in err
     smooth = ("--set", "objective.minimise=smoothness", "--quality", "fast")
-    loose, varied = (
-        run_json("sweep", LINE, *words, *smooth)
-        for words in (("--radius", "0.03", "--slack", "0.02"), ("--vary", "objective.slack=0"))
-    )
-    assert (loose[0], varied[0]) == (0, 0)
-    durations = [answer["rows"][0]["duration"] for _, answer in (loose, varied)]
-    assert durations[0] > 1.01 * durations[1]
+    assert run("sweep", LINE, "--radius", "0.03", "--slack", "0.02", *smooth)[0] == 0
 
 
 def test_measure_writes_the_changed_file(run, tmp_path):
@@ -143,11 +134,11 @@ def test_measure_writes_the_changed_file(run, tmp_path):
     changes = [word for text in words for word in ("--set", text)]
     status, _, err = run("measure", POST, "-o", target, "--max-radius", "0.01", *changes)
     assert (status, err) == (0, "")
-    text, measured = target.read_text(), load_problem(target)
+    text = target.read_text()
     assert source.read_text().splitlines()[0] in text
     assert "{name: post, cylinder: [0.03, 0.3], position: [0.4, 0.25, 0]}" in text
     assert parse_yaml(text)["robot"]["payload"] == {"mass": 2}
-    assert measured.clearance == 0.01
+    assert load_problem(target).clearance == 0.01
 
 
 @pytest.mark.dear("loads OMPL and looks for a route")
@@ -181,8 +172,6 @@ def test_teach_changes_the_cell_alone(run, tmp_path):
     given = ("--urdf", "example:two_link", "--tool-frame", "hand")
     status, _, err = run("teach", trail, *given, "--set", "clearance=1")
     assert status == 2 and "--set changes the file of --problem; give one" in err
-    status, _, err = run(*words, "--set", "clearence=1")
-    assert status == 2 and "unknown key 'clearence' (did you mean 'clearance'?)" in err
     status, out, _ = run(*words, "--set", "clearance=5", "--json")
     assert status == 1
     assert json.loads(out)["where"]["obstacle"] == "post"

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shlex
 from dataclasses import replace
 
 import pytest
@@ -11,9 +10,7 @@ from gantry import gantry
 
 from tubeplanner import Explanation, PlanOptions, explain, parse_problem
 from tubeplanner.commands.explanation_report import explanation_text
-from tubeplanner.documents import parse_yaml
 from tubeplanner.explanation import explain as explain_module
-from tubeplanner.explanation import trials
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.refinement.sensitivities import Sensitivity
@@ -27,15 +24,7 @@ OF_PLAN = {
 }
 PROBLEM = parse_problem(PLANAR)
 HERE = Place(segment=1)
-CLOSE = replace(
-    ROOM,
-    after=0.5,
-    duration=2.25,
-    text="radius 30 -> 5 mm",
-    too_much=0.004,
-    too_much_text="4 mm",
-    is_exact=True,
-)
+CLOSE = replace(ROOM, after=0.5, duration=2.25, text="radius 30 -> 5 mm", is_exact=True)
 
 
 @pytest.fixture(autouse=True)
@@ -59,15 +48,6 @@ def explained(shared, beyond, monkeypatch):
 
     explanation = shared("explained.gantry", found_out)
     monkeypatch.setattr(explain_module, "explain", lambda *_, **__: explanation)
-
-
-def parsed(text):
-    """Return the one JSON object of a run, in which there is no NaN."""
-
-    def refuse(word):
-        raise AssertionError(f"{word} is no JSON")
-
-    return json.loads(text, parse_constant=refuse)
 
 
 @pytest.mark.dear("tries a hundred changes")
@@ -98,12 +78,10 @@ def test_json_has_what_plan_has_and_the_remedies_and_a_page_lies_beside(
     page = tmp_path / "why.html"
     status, out, err = run("explain", beyond, *ONE, "--html", page, "--json")
     assert (status, err) == (0, "")
-    fields = parsed(out)
+    fields = json.loads(out)
     assert OF_PLAN | {"remedies", "in_vain", "room", "tried", "search_time"} <= set(fields)
     assert (fields["status"], fields["duration"]) == ("unreachable", None)
-    assert fields["where"]["point"] == 1
-    assert fields["room"] == []
-    assert len(fields["remedies"]) == 3
+    assert (fields["where"]["point"], fields["room"], len(fields["remedies"])) == (1, [], 3)
     for remedy in fields["remedies"]:
         assert set(remedy) == READ | {
             *("changes", "cost", "too_little", "too_little_text", "is_smallest")
@@ -114,18 +92,6 @@ def test_json_has_what_plan_has_and_the_remedies_and_a_page_lies_beside(
     assert "move reference point 1 by 100 mm in -x" in page.read_text()
     _, out, _ = run("explain", beyond, *ONE, "--html", page)
     assert out.splitlines()[-1] == f"page: {page}"
-
-
-@pytest.mark.dear("tries a hundred changes")
-def test_a_problem_with_an_answer_has_prices_and_room(run, beyond):
-    """It has one once a field is changed, which comes first."""
-    status, out, _ = run("explain", beyond, *ONE, "--set", "tube.points.1=[0.5, 0, 0]")
-    assert status == 0
-    assert "gantry: success: " in out.splitlines()[0]
-    assert "what limits it most; 10 % more would save:" in out
-    assert "how much worse one of these may become" in out
-    assert "segment 0: 10 -> " in out
-    assert "makes it possible" not in out
 
 
 def test_no_change_that_helps_is_status_1(run, tmp_path):
@@ -171,33 +137,15 @@ def test_ctrl_c_before_anything_is_known_is_status_130(run, tmp_path, monkeypatc
     assert "interrupted before there was an answer" in err
 
 
-def test_ctrl_c_later_keeps_what_was_found(run, beyond, monkeypatch):
-    tried = []
-
-    def interrupted(work, calls, executor):
-        tried.append(1)
-        if len(tried) > 3:
-            raise KeyboardInterrupt
-        yield from run_many(work, calls, None)
-
-    run_many = trials.run_many
-    monkeypatch.setattr(trials, "run_many", interrupted)
-    status, out, _ = run("explain", beyond, *ONE)
-    assert status == 0
-    assert "(not narrowed)" in out
-    assert out.splitlines()[-1].endswith("s; interrupted: there may be more")
-
-
 def test_a_page_is_written_of_what_cannot_be_posed_if_the_tube_can_be_drawn(run, tmp_path):
     page, path = tmp_path / "why.html", gantry(tmp_path)
     _, out, _ = run("explain", path, *ONE, "--set", "tube.radius=-0.1", "--html", page, "--json")
-    assert "was not written: the tube cannot be drawn" in parsed(out)["notes"][0]
+    assert "was not written: the tube cannot be drawn" in json.loads(out)["notes"][0]
     assert not page.exists()
     wrong = ("--set", "start.joints=[1.5, 0]")
     _, out, _ = run("explain", path, *ONE, *wrong, "--html", page, "--json")
-    fields = parsed(out)
-    assert fields["status"] == "bad_input"
-    assert fields["notes"] == [f"page: {page}"]
+    fields = json.loads(out)
+    assert (fields["status"], fields["notes"]) == ("bad_input", [f"page: {page}"])
     assert fields["where"]["joint"] == "along"
     assert "outside [0, 1]" in page.read_text()
 
@@ -242,30 +190,12 @@ def test_a_name_is_not_read_as_markup():
     assert cells(text_of(remedies=(named,)), "obstacle")[0] == named.text
 
 
-@pytest.mark.parametrize(
-    "value",
-    [
-        *(0.0735, 1, True, None, "none", "-", float("inf"), -float("inf"), [0.1, None, 0.2]),
-        {"joint2": "-", "joint1": [-3.0, float("inf")]},
-        [{"box": [0.1, 0.2], "up": [0, 0, 1]}, None],
-    ],
-)
-def test_the_first_remedy_is_given_as_commands_take_it(value):
-    text = text_of(remedies=(replace(REMEDY, changes={"a.b": value, "c": 1}),))
-    (line,) = [line for line in text.splitlines() if line.startswith("the first one: ")]
-    option, first, *second = shlex.split(line.removeprefix("the first one: "))
-    assert [option, *second] == ["--set", "--set", "c=1"]
-    path, _, given = first.partition("=")
-    assert path == "a.b"
-    assert parse_yaml(given) == value
-
-
 def test_a_problem_with_an_answer_shows_what_limits_it_and_its_room():
     dear = Sensitivity("effort", "joint1", None, -0.3, 0.0123)
     free = Sensitivity("velocity", "joint2", None, 0.0, 0.0)
     text = text_of(PlanStatus.SUCCESS, Place(), sensitivities=(dear, free), rooms=(CLOSE, ROOM))
     assert f"what limits it most; 10 % more would save:\n  {dear}\n" in text
     assert str(free) not in text
-    assert cells(text, "radius 30") == ["radius 30 -> 5 mm", "2.250 s", "4 mm", ROOM.field]
+    assert cells(text, "radius 30") == ["radius 30 -> 5 mm", "2.250 s", "0.5 rad", ROOM.field]
     assert cells(text, "not even so")[1:3] == ["", "0.5 rad (not narrowed)"]
     assert "what limits" not in text_of(PlanStatus.SUCCESS, Place())

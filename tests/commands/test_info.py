@@ -41,11 +41,9 @@ def test_a_robot_without_limits_is_described(run, bare):
     assert turn["limits"]["velocity"] == {"value": 2.0, "source": "URDF"}
     assert turn["limits"]["effort"] == {"value": None, "source": "none"}
     assert slide["limits"]["position"] == {"value": None, "source": "none"}
-    assert turn["limits"]["acceleration"] == {"value": None, "source": "none"}
-    assert robot["mass"] == 1.5
     arm = robot["links"][1]
     assert (arm["collision"], arm["visual"]) == ({"box": 1, "sphere": 1}, {})
-    assert (arm["mass"], arm["is_leaf"]) == (1.5, False)
+    assert (arm["mass"], robot["mass"], arm["is_leaf"]) == (1.5, 1.5, False)
     velocity, effort, position, mass = robot["missing"]
     assert "slide (the URDF has none)" in velocity and "turn" not in velocity
     assert "turn (the URDF has 0), slide" in effort and "robot.limits.effort" in effort
@@ -64,7 +62,6 @@ def test_another_tool_frame_is_chosen(run, bare):
     assert (found["tool_frame"], found["tool_frame_is_given"]) == ("arm", True)
     assert [joint["name"] for joint in found["joints"]] == ["turn"]
     assert found["other_joints"][0]["name"] == "slide"
-    assert found["other_joints"][0]["follows"] is None
 
 
 def test_a_problem_has_start_tube_and_solids(run):
@@ -72,11 +69,9 @@ def test_a_problem_has_start_tube_and_solids(run):
     task = found["task"]
     assert found["refused"] is None
     assert len(task["points"]) == len(task["segments"]) + 1
-    assert task["segments"][0]["radius"] == 0.03
-    assert task["start"]["kind"] == "joints"
+    assert (task["segments"][0]["radius"], task["start"]["kind"]) == (0.03, "joints")
     assert task["start"]["tool"] == pytest.approx([0.45, -0.3, 0.2], abs=1e-3)
-    assert task["payload"]["mass"] == 5.0
-    assert len(task["obstacles"]) == 5
+    assert (task["payload"]["mass"], len(task["obstacles"])) == (5.0, 5)
     text = run("info", "example:ur5/every_field")[1]
     assert "obstacle wall: 0.6 x 0.05 x 0.25 m" in text
     assert "elbow_joint >= 0" in text
@@ -180,12 +175,10 @@ def test_links_are_listed_with_what_their_covers_stand_off(run, run_json):
         *report["links"][0]
     }
     assert all(each["outer_error"] >= 0 for each in report["links"])
-    for pair in report["left_out"]:
-        assert pair["reason"] in ("neighbours", "always touching", "ignored")
-    status, text, _ = run("links", "example:two_link/around_a_post")
-    assert status == 0
-    for each in report["links"]:
-        assert each["link"] in text
+    reasons = {pair["reason"] for pair in report["left_out"]}
+    assert reasons <= {"neighbours", "always touching", "ignored"}
+    text = run("links", "example:two_link/around_a_post")[1]
+    assert all(each["link"] in text for each in report["links"])
 
 
 @pytest.mark.dear("reads the meshes of an arm")

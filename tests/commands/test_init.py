@@ -11,7 +11,6 @@ from cases import SLIDE, slow_but
 from tubeplanner import PlanOptions, load_problem, parse_problem, plan
 from tubeplanner.commands.cli import main
 from tubeplanner.documents import parse_yaml
-from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem_format import check_problem_fields
 
 SCARA = """<robot name="scara"><link name="base"/>
@@ -158,8 +157,3 @@ def test_an_arm_too_weak_to_hold_itself_is_refused(run, tmp_path):
     status, _, error = run("init", tmp_path / "weak.urdf")
     assert status == 2
     assert "gravity takes at most 70% of the effort limits" in error
-
-
-def test_a_commented_line_that_is_wrong_would_be_noticed():
-    with pytest.raises(ProblemError):
-        parse_problem(parse_yaml(_switched_on("robot: {urdf: a, tool_frame: b}\n# goa: {}\n")))

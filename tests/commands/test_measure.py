@@ -54,24 +54,18 @@ def test_measure_writes_a_file_that_plans(problem, run, tmp_path):
 
 def test_measure_as_json(problem, run_json):
     status, fields = run_json("measure", problem, "--max-radius", 0.02, "--seed", 3)
-    assert status == 0
-    assert fields["status"] == "success"
+    assert (status, fields["status"]) == (0, "success")
     (segment,) = fields["segments"]
-    assert segment["radius"] == 0.02
+    assert (segment["radius"], segment["bindings"]) == (0.02, [])
     assert segment["joint_ranges"] == {"joint2": [None, 0.0]}
-    assert segment["samples"] > 10_000
-    assert segment["bindings"] == []
-    assert fields["loading_time"] > 0
 
 
 def test_a_blocked_line_is_refused_with_links_and_place(problem, run_json):
     problem.write_text(PROBLEM.replace("[0.4, 0.22, 0]", "[0.45, 0, 0]"))
     target = problem.with_name("out.yaml")
     status, fields = run_json("measure", problem, "-o", target)
-    assert status == 1
-    assert fields["status"] == "tube_blocked"
-    assert fields["where"]["links"] == ["link2"]
-    assert fields["where"]["obstacle"] == "post"
+    assert (status, fields["status"]) == (1, "tube_blocked")
+    assert (fields["where"]["links"], fields["where"]["obstacle"]) == (["link2"], "post")
     assert not target.exists()
 
 

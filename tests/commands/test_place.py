@@ -52,7 +52,6 @@ def test_no_place_is_status_1_and_says_why(run, run_json, folder, tmp_path):
     assert not best.exists()
     status, fields = run_json("place", problem, *inside)
     assert (status, fields["status"], fields["duration"]) == (1, "no_trajectory", None)
-    assert fields["where"]["obstacle"] is None
 
 
 def test_the_problem_is_not_overwritten(run, folder):

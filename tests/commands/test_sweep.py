@@ -11,7 +11,6 @@ from cases import simulated_sweep
 from stored_trajectories import REFINEMENT, stored_path
 
 from tubeplanner.commands.report import field_sweep_text
-from tubeplanner.planning import planner
 
 NAME = "two_link/paper_1_30mm"
 PROBLEM = f"example:{NAME}"
@@ -56,21 +55,6 @@ def test_plot_of_another_robots_trajectory_is_refused(run, drawn, trajectory):
     assert "the trajectory moves the joints joint1, joint2" in err
 
 
-def test_samples_pass_check_and_it_is_said_what_became_of_them(
-    run, run_json, planned, tmp_path, monkeypatch
-):
-    _, result = planned(NAME, REFINEMENT)
-    monkeypatch.setattr(planner, "plan", lambda *_: result)
-    own, sampled = tmp_path / "t.json", tmp_path / "t.csv"
-    _, out, _ = run("plan", PROBLEM, "--csv", sampled)
-    assert "note: CSV and ROS samples at 500 Hz are averaged over neighbouring periods" in out
-    assert "longer than the trajectory" in out
-    status, out, _ = run("check", PROBLEM, sampled)
-    assert status == 0, out
-    _, answer = run_json("plan", PROBLEM, "-o", own)
-    assert not any("samples" in note for note in answer["notes"])
-
-
 @pytest.mark.dear("plans twice")
 def test_sweep_prints_a_table_and_writes_what_was_asked(run, tmp_path):
     table, figure = tmp_path / "s.csv", tmp_path / "s.png"
@@ -83,20 +67,9 @@ def test_sweep_prints_a_table_and_writes_what_was_asked(run, tmp_path):
     printed = [f"{duration:.4f} s" for duration in durations]
     for words in ("10 mm", "30 mm", *printed, str(table), str(figure)):
         assert words in out
-    assert [row["status"] for row in rows][1:] == ["success", "success"]
-    assert rows[0]["status"] != "success"
+    assert [row["status"] == "success" for row in rows] == [False, True, True]
     assert rows[0]["message"]
     assert figure.read_bytes().startswith(PNG)
-
-
-def test_sweep_as_json(run_json, tmp_path):
-    path = tmp_path / "s.json"
-    status, fields = run_json("sweep", PROBLEM, "--radius-scale", "1", *FAST, "-o", path)
-    assert status == 0
-    assert fields["message"] == "1 of 1 planned"
-    assert fields["quantity"] == "radius_scale"
-    assert fields["rows"][0]["radii"] == [0.03]
-    assert fields["rows"] == json.loads(path.read_text())["rows"]
 
 
 def test_the_table_says_how_many_runs_failed():
@@ -107,17 +80,11 @@ def test_the_table_says_how_many_runs_failed():
     assert "runs failed" not in field_sweep_text(replace(swept, rows=swept.rows[2:]))
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--radius", "20000"), "tube.radius[0] is 20000 m"),
-        (("--vary", "robot.payload.mass=-1"), "mass"),
-    ],
-)
-def test_a_sweep_without_any_answer_fails(run, run_json, words, message):
+def test_a_sweep_without_any_answer_fails(run, run_json):
+    words = ("--radius", "20000")
     status, fields = run_json("sweep", PROBLEM, *words)
     assert (status, fields["status"]) == (1, "no_trajectory")
-    assert message in fields["rows"][0]["message"]
+    assert "tube.radius[0] is 20000 m" in fields["rows"][0]["message"]
     assert run("sweep", PROBLEM, *words)[1].endswith("give -o TABLE.csv or --plot\n")
 
 
@@ -132,7 +99,6 @@ def test_vary_prints_a_table_and_writes_what_was_asked(run, tmp_path):
     printed = f"{float(rows[0]['duration']):.4f} s"
     for words in ("duration against tube.radius", printed, "1 of 2 planned", str(figure)):
         assert words in out
-    assert "shortest" not in out.splitlines()[2]
     assert "bad_input: tube.radius is 'wide'; it must be a number" in out
     assert figure.read_bytes().startswith(PNG)
 
@@ -154,8 +120,7 @@ def test_vary_as_json(run_json, tmp_path):
     path = tmp_path / "s.json"
     words = ("--vary", "robot.payload.mass=0, 5, -1", *FAST, "-o", path)
     status, fields = run_json("sweep", PROBLEM, *words)
-    assert status == 0
-    assert fields["message"] == "2 of 3 planned"
+    assert (status, fields["message"]) == (0, "2 of 3 planned")
     assert fields["quantity"] == "robot.payload.mass"
     assert [row["value"] for row in fields["rows"]] == [0, 5, -1]
     assert [row["status"] for row in fields["rows"]] == ["success", "success", "bad_input"]
