@@ -143,23 +143,15 @@ def test_its_rotation_is_a_row_after_those_of_the_segments(problem):
     turned = problem(GoalRegion(LAST, 0.01, (0.1, np.inf, 0.2)), **tube)
     np.testing.assert_array_equal(turned.rotation.bounds[:2], np.inf)
     assert turned.rotation.bounds[2].tolist() == [0.1, np.inf, 0.2, np.inf]
-    half_turn = 2 * np.arctan2(0.6, 0.8)
-    cosine, sine = np.cos(half_turn), np.sin(half_turn)
-    expected = [[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]]
+    expected = matrix_of_rpy(0, 0, 2 * np.arctan2(0.6, 0.8))
     anywhere = np.array([[5.0, 3.0, 1.0], [0.0, 0.0, 0.0]])
     for reference in turned.rotation.reference(anywhere, 2):
         np.testing.assert_allclose(reference, expected, atol=1e-12)
 
 
 def test_hashes_know_all_of_it(problem):
-    goals = [
-        None,
-        GoalRegion(LAST),
-        GoalRegion(LAST, 0.01),
-        GoalRegion([0.21, 0.3, 0], 0.01),
-        GoalRegion(LAST, 0.01, 0.1),
-        GoalRegion(LAST, 0.01, (0.1, 0.1, 0.1)),
-    ]
+    goals = [None, GoalRegion(LAST), GoalRegion(LAST, 0.01), GoalRegion([0.21, 0.3, 0], 0.01)]
+    goals += [GoalRegion(LAST, 0.01, 0.1), GoalRegion(LAST, 0.01, (0.1, 0.1, 0.1))]
     base = problem(None, orientations=FLAT, rotation_tolerance=0.5)
     hashes = [problem_hash(replace(base, goal=goal)) for goal in goals]
     assert len(set(hashes)) == len(goals)
@@ -242,9 +234,7 @@ def test_a_trajectory_that_gives_no_configuration_is_named(folder):
     message = fault(folder, start={"trajectory": "half.json"})
     assert "start.trajectory: " in message
     assert "half.json has no joint joint2; its joints are joint1, finger" in message
-    assert "start.trajectory: trajectory file" in refusal(
-        ProblemError, posed, folder, start={"trajectory": "no.json"}
-    )
+    assert "start.trajectory: trajectory file" in fault(folder, start={"trajectory": "no.json"})
 
 
 @pytest.mark.parametrize("end", ["start", "goal"])

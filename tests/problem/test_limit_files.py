@@ -20,11 +20,7 @@ from tubeplanner import (
 from tubeplanner.problem.fitting_presets import fitting_presets
 from tubeplanner.resources import bundled_presets, bundled_problems
 
-SOURCES = {
-    "limits.velocity": "data sheet",
-    "limits.jerk": "controller",
-    "limits.tool_speed": "cell",
-}
+SOURCES = {"limits.velocity": "sheet", "limits.jerk": "controller", "limits.tool_speed": "cell"}
 PRESET = {
     "format": "tubeplanner/preset",
     "joints": 2,
@@ -241,15 +237,12 @@ def test_another_or_no_velocity_or_effort_is_another_arm(panda, tmp_path, old, n
 
 # As the setup assistant writes it.
 TEXT = """\
-# joint_limits.yaml allows the dynamics properties specified in the URDF to be overwritten
 default_velocity_scaling_factor: 0.1
 default_acceleration_scaling_factor: 1.0
 joint_limits:
   finger:
     has_velocity_limits: true
     max_velocity: 0.2
-    has_acceleration_limits: false
-    max_acceleration: 0
   joint1:
     has_position_limits: true
     min_position: -1.5
@@ -265,8 +258,6 @@ joint_limits:
   joint2:
     has_velocity_limits: false
     max_velocity: 100
-    has_acceleration_limits: false
-    max_acceleration: 0
 """
 
 
@@ -352,7 +343,5 @@ def test_a_missing_a_malformed_or_another_robots_file_is_named(tmp_path):
     with pytest.raises(RobotError, match=r"^file of limits .*bad\.yaml is malformed: line 1"):
         read_limits_file(tmp_path / "bad.yaml")
     read(tmp_path, {"elbow": {"max_velocity": 2.0}})
-    assert refusal(RobotError, problem, tmp_path, limits_file="joint_limits.yaml") == (
-        f"problem: {tmp_path / 'joint_limits.yaml'}: limits name no joint of the planning group, "
-        "which has: joint1, joint2; they name elbow"
-    )
+    message = refusal(RobotError, problem, tmp_path, limits_file="joint_limits.yaml")
+    assert message.endswith("which has: joint1, joint2; they name elbow")

@@ -1,16 +1,15 @@
 """Objective, controller period and Robustness: demands on a motion beside its duration."""
 
+import json
 import re
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from tubeplanner import Objective, PlanOptions, load_problem, plan
 from tubeplanner.errors import OptionError, ProblemError
 from tubeplanner.problem.robustness import CONTROLLERS, Robustness
-from tubeplanner.resources import bundled_problems
 
 NAME = "two_link/paper_1_30mm"
 PERIOD = "give the controller's, 1e-05 to 1 s"
@@ -22,18 +21,11 @@ def written(tmp_path):
     """Return a function from fields to a problem file with them."""
 
     def write(**fields):
-        data = YAML(typ="safe").load(bundled_problems()[NAME].read_text())
-        path = tmp_path / "problem.yaml"
-        with path.open("w") as file:
-            YAML(typ="safe").dump({**data, **fields}, file)
+        path = tmp_path / "problem.json"
+        path.write_text(json.dumps({"include": f"example:{NAME}", **fields}))
         return path
 
     return write
-
-
-def test_left_out_the_objective_is_smooth_within_half_a_percent(bundled):
-    assert bundled(NAME).objective is None
-    assert Objective() == Objective(0.005, "smoothness")
 
 
 @pytest.mark.parametrize("slack", [-0.001, 10.1, np.inf, np.nan, "0.005", True])
@@ -96,7 +88,9 @@ def test_an_objective_is_an_objective_and_robustness_is_one(bundled):
 def test_files_say_both(written):
     problem = load_problem(written(objective={"slack": 0.02}, period=0.004))
     assert (problem.objective, problem.period) == (Objective(0.02, "smoothness"), 0.004)
-    assert load_problem(written()).period is None
+    plain = load_problem(written())
+    assert (plain.objective, plain.period) == (None, None)
+    assert Objective() == Objective(0.005, "smoothness")
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,13 @@
 """Reference points from a CSV file: columns, faults by line, the tube of a problem."""
 
+import json
+
 import numpy as np
 import pytest
-import yaml
 
 from tubeplanner import load_problem
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.point_file import read_points
-from tubeplanner.resources import bundled_problems
 
 PLAIN = "0.45,-0.3,0.2\n0.45,-0.3,0.5\n0.45,0.3,0.5\n0.45,0.3,0.2\n"
 RADII = "0.45,-0.3,0.2,0.04\n0.45,-0.3,0.5,0.03\n0.45,0.3,0.5,0.05\n0.45,0.3,0.2,\n"
@@ -62,12 +62,10 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 
 
 def problem_with(folder, text, **tube):
-    fields = yaml.safe_load(bundled_problems()["ur5/over_the_wall"].read_text())
     (folder / "path.csv").write_text(text)
-    tube = {**fields["tube"], "points": "path.csv", **tube}
-    fields["tube"] = {key: value for key, value in tube.items() if value is not None}
-    path = folder / "problem.yaml"
-    path.write_text(yaml.safe_dump(fields))
+    tube = {"points": "path.csv"} | tube
+    path = folder / "problem.json"
+    path.write_text(json.dumps({"include": "example:ur5/over_the_wall", "tube": tube}))
     return load_problem(path)
 
 

@@ -10,7 +10,7 @@ from cases import refusal
 from ruamel.yaml import YAML
 from small_cycle import SMALL
 
-from tubeplanner import ProblemError, load_problem, parse_problem
+from tubeplanner import ProblemError, load_problem
 from tubeplanner.files.problem_file import read_fields
 from tubeplanner.problem.document_kind import is_cycle, is_study, require_study
 from tubeplanner.problem.problem_fields import read_problem_fields
@@ -150,7 +150,6 @@ def test_so_does_one_of_the_top_level_or_of_a_list():
     known = f"there is: {TOP}"
     message = f"top level: unknown key 'clearence' (did you mean 'clearance'?); {known}"
     assert fault(changed("clearence", 1)) == message
-    assert fault(changed("xyz", 1)) == f"top level: unknown key 'xyz'; {known}"
     message = f"unknown key 'spere' (did you mean 'sphere'?); there is: {OBSTACLE}"
     solids = [{"name": "a", "sphere": 1}, {"name": "b", "spere": 1}]
     assert fault(changed("obstacles", solids)) == f"obstacles[1]: {message}"
@@ -175,9 +174,6 @@ ONE_OR_TWO = "it must be a number, or [backwards, forwards]"
 EFFORT = f"{NUMBER}, [backwards, forwards], or a map with position and effort"
 TOLERANCE = "it must be one angle or three bounds [x, y, z] [rad], .inf where free"
 SCALAR = "it must be a text, a number, true or false"
-SIGN = "it must be '+', '-', "
-BY_POSITION, POINT_SPEED = "robot.limits.velocity_by_position", "robot.limits.point_speed"
-FRICTION = "robot.motors.coulomb_friction"
 
 
 @pytest.mark.parametrize(
@@ -187,7 +183,7 @@ FRICTION = "robot.motors.coulomb_friction"
         ("tube.points", 5, " is 5; it must be a list"),
         ("tube.points", [[0, 0, 0, 0]], "[0] has more than 3 "),
         ("tube.joint_signs", {"j": True}, ".j is True; true and false are no num"),
-        ("tube.joint_signs", {"j": "x"}, f".j is 'x'; {SIGN}"),
+        ("tube.joint_signs", {"j": "x"}, ".j is 'x'; it must be '+', '-', "),
         ("tube.visit", "all", " is 'all'; it must be 'ordered' or 'any'"),
         ("tube.orientations", [[0, 0, 0]], "[0] has 3 values; 4 are needed"),
         ("tube.rotation_tolerance", [0.1, [0.1, 0.1]], f"[1] is [0.1, 0.1]; {TOLERANCE}"),
@@ -201,12 +197,16 @@ FRICTION = "robot.motors.coulomb_friction"
         ("robot.motors", 3, " is 3; it must be a map with armature, viscous_friction, "),
         ("robot.motors.armature", "a", f" is 'a'; {PER_JOINT}"),
         ("robot.motors.friction_from_urdf", "yes", " is 'yes'; it must be true or false"),
-        (FRICTION, [[1, 2, 3]], f"[0] is [1, 2, 3]; {ONE_OR_TWO}"),
+        ("robot.motors.coulomb_friction", [[1, 2, 3]], f"[0] is [1, 2, 3]; {ONE_OR_TWO}"),
         ("robot.limits.effort", {"j": [1, 2, 3]}, f".j is [1, 2, 3]; {EFFORT}"),
         ("robot.limits.position", {"elbow": [0, "x"]}, f".elbow[1] is 'x'; {NUMBER}"),
         ("robot.limits.jerk", True, f" is True; {PER_JOINT}"),
-        (BY_POSITION, {"elbow": {"deceleration": 6}}, ".elbow.offset is required"),
-        (POINT_SPEED, [{"link": "hand", "position": [0, 0, 0]}], "[0].speed is required"),
+        ("robot.limits.velocity_by_position", {"j": {"deceleration": 6}}, ".j.offset is required"),
+        (
+            "robot.limits.point_speed",
+            [{"link": "a", "position": [0, 0, 0]}],
+            "[0].speed is required",
+        ),
         ("clearance", "1 cm", f" is '1 cm'; {NUMBER}, or a map with default, pairs, segments"),
         ("collision", {"ignore": ["a"]}, ".ignore[0] is 'a'; it must be a list"),
         ("format", "toolpath", " is 'toolpath'; it must be 'tubeplanner/problem'"),
@@ -222,14 +222,7 @@ def test_a_problem_that_is_no_map_is_refused(data):
     assert fault(data) == "a problem is a map with robot, tube and start"
 
 
-@pytest.mark.parametrize(
-    ("place", "value"),
-    [
-        ("tube.radius", np.inf),
-        ("clearance", np.nan),
-        ("robot.locked_joints.j", np.nan),
-    ],
-)
+@pytest.mark.parametrize(("place", "value"), [("tube.radius", np.inf), ("clearance", np.nan)])
 def test_numbers_outside_limits_must_be_finite(place, value):
     assert fault(changed(place, value)) == f"{place} is {value}; it must be a finite number"
 
@@ -245,12 +238,7 @@ def test_limits_may_be_infinite_or_open_on_one_side(tmp_path, quantity):
 
 
 @pytest.mark.parametrize(
-    ("written", "value"),
-    [
-        ("0.1", 0.1),
-        ("[[0.1, 0.2, .inf]]", [(0.1, 0.2, np.inf)]),
-        ("[0.1, [1, 1, 1]]", [0.1, (1, 1, 1)]),
-    ],
+    ("written", "value"), [("0.1", 0.1), ("[0.1, [1, 1, .inf]]", [0.1, (1, 1, np.inf)])]
 )
 def test_a_rotation_tolerance_is_angles_or_triples(tmp_path, written, value):
     more = f"orientations: [[0, 0, 0, 1]], rotation_tolerance: {written}"
@@ -428,17 +416,9 @@ def test_named_ends_and_includes_fit_it(end):
         VALIDATOR.validate(fields | {"include": include})
 
 
-@pytest.mark.parametrize(
-    ("radius", "boxes", "is_box"),
-    [
-        ({}, BOX, [True] * 3),
-        ({"radius": [0.03, None, 0.03]}, [None, BOX, None], [False, True, False]),
-    ],
-)
-def test_boxes_fit_it(radius, boxes, is_box):
+def test_boxes_fit_it():
     fields = bundled_fields("ur5/over_the_wall")
     del fields["tube"]["radius"]
-    fields["tube"] |= {**radius, "cross_section": boxes}
-    VALIDATOR.validate(fields)
-    folder = bundled_problems()["ur5/over_the_wall"].parent
-    assert parse_problem(fields, folder).tube.is_box.tolist() == is_box
+    mixed = {"radius": [0.03, None, 0.03], "cross_section": [None, BOX, None]}
+    for more in ({"cross_section": BOX}, mixed):
+        VALIDATOR.validate(fields | {"tube": fields["tube"] | more})
