@@ -182,13 +182,6 @@ def test_a_fault_of_a_preset_is_named(tmp_path, changes, message):
     assert refusal(RobotError, read_preset, path).startswith(f"preset {path}: {message}")
 
 
-@pytest.mark.parametrize("key", ["format", "joints", "sources"])
-def test_a_missing_field_is_named(tmp_path, key):
-    path = tmp_path / "mine.yaml"
-    path.write_text(json.dumps({name: value for name, value in PRESET.items() if name != key}))
-    assert refusal(RobotError, read_preset, path) == f"preset {path}: {key} is required"
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [

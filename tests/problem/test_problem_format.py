@@ -202,11 +202,7 @@ SCALAR = "it must be a text, a number, true or false"
         ("robot.limits.position", {"elbow": [0, "x"]}, f".elbow[1] is 'x'; {NUMBER}"),
         ("robot.limits.jerk", True, f" is True; {PER_JOINT}"),
         ("robot.limits.velocity_by_position", {"j": {"deceleration": 6}}, ".j.offset is required"),
-        (
-            "robot.limits.point_speed",
-            [{"link": "a", "position": [0, 0, 0]}],
-            "[0].speed is required",
-        ),
+        ("robot.limits.point_speed", [{"link": "a", "position": [0, 0, 0]}], "[0].speed is requi"),
         ("clearance", "1 cm", f" is '1 cm'; {NUMBER}, or a map with default, pairs, segments"),
         ("collision", {"ignore": ["a"]}, ".ignore[0] is 'a'; it must be a list"),
         ("format", "toolpath", " is 'toolpath'; it must be 'tubeplanner/problem'"),
