@@ -41,24 +41,22 @@ class Recorder:
         is_program = name.startswith("step_program_")
 
         def call(*given):
-            packed = self.packed(name, given) if is_program or self.wants(name, given) else None
+            key = name, tuple(one for one in given if isinstance(one, int) and one < 10)
+            packed = self.packed(name, given) if is_program or self.wants(key) else None
             result = function(*given)
             if is_program:
                 self.add_to_program(name, given, result, packed)
             elif packed is not None and len(packed) <= MOST_BYTES["call"]:
-                self.keep((name, self.joints(given)), [(packed,)])
+                self.keep(key, [(packed,)])
             return result
 
         return call
 
-    def joints(self, given):
-        return tuple(one for one in given if isinstance(one, int) and one < 10)
-
-    def wants(self, name, given):
-        return self.takes_all or self.counts.get((name, self.joints(given)), 0) < MOST_CALLS
+    def wants(self, key):
+        return self.takes_all or self.counts.get(key, 0) < MOST_CALLS
 
     def keep(self, key, calls):
-        if self.takes_all or self.counts.get(key, 0) < MOST_CALLS:
+        if self.wants(key):
             self.counts[key] = self.counts.get(key, 0) + 1
             self.kept.append(calls)
 
@@ -127,32 +125,19 @@ def packed_shapes(address):
     return b"".join(parts)
 
 
-def plan_problems():
-    from tubeplanner import PlanOptions, load_problem, plan
+def plan_problems_and_measure_a_tube():
+    from tubeplanner import PlanOptions, load_problem, measure_tube, plan
 
     for name in PLANS:
         assert plan(load_problem(name), PlanOptions(quality="fast")).succeeded
-
-
-def measure_a_tube():
-    from tubeplanner import load_problem, measure_tube
-
     assert measure_tube(load_problem(PLANS[0])).succeeded
 
 
 def no_samples():
     """Call every function with no rows."""
-    from tubeplanner.native import (
-        convex_pairs,
-        inverse_kinematics,
-        kinematics,
-        regions,
-        speed_roots,
-        spline_basis,
-        spline_rows,
-    )
+    from tubeplanner.native import inverse_kinematics, kinematics, regions, speed_roots
 
-    none, places = np.zeros(0), (np.zeros(0, int), np.zeros(0), np.zeros(0, int))
+    none = np.zeros(0)
     table, q = np.zeros((2, 41)), np.zeros((0, 2))
     kinematics.native_last_jacobians(table, q)
     kinematics.native_last_poses(table[:0], np.zeros((1, 2)))
@@ -167,6 +152,15 @@ def no_samples():
     empty = np.zeros((0, 3))
     regions.plane_slack(planes, empty, axes, np.zeros(0, int), none, (none, none))
     speed_roots.largest_speeds({0: none, 1: none}, (1.0,))
+    no_rows_of_splines()
+    for count in (0, 1):
+        measure_pairs(count)
+
+
+def no_rows_of_splines():
+    from tubeplanner.native import spline_basis, spline_rows
+
+    places = (np.zeros(0, int), np.zeros(0), np.zeros(0, int))
     knots = (np.array([0, 1]), np.array([0.0, 0.0]))
     times = np.array([0.0, 1.0])
     weights = spline_basis.cubic_weights(times, knots, places)
@@ -179,13 +173,13 @@ def no_samples():
     spline_rows.near_rows(spline, {0: np.zeros((0, 1, 1))}, np.zeros((1, 0, 1)), (1.0,), size)
     spline_rows.row_reach(*rows, (0.1, np.zeros(0)))
     step = (np.zeros((4, 1)), np.zeros(0), 0.0)
-    spline_rows.used_by_step(np.zeros(0, int), (*rows, none), step)
-    for count in (0, 1):
-        measure_pairs(convex_pairs, count)
+    spline_rows.used_by_step(np.zeros(0, int), (*rows, np.zeros(0)), step)
 
 
-def measure_pairs(convex_pairs, count):
+def measure_pairs(count):
     """Call the functions of pairs with no pairs, and with one of two points."""
+    from tubeplanner.native import convex_pairs
+
     box = (np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)), np.zeros((2, 3)))
     points = [np.zeros((1, 3)), np.ones((1, 3))]
     arrays = (np.array([0, 1]), points, np.zeros(2), box[0], np.zeros(2), *box[1:])
@@ -225,8 +219,7 @@ ORIGINAL = library.native_function
 if __name__ == "__main__":
     recorder = Recorder()
     library.native_function = recorder.wrapped
-    plan_problems()
-    measure_a_tube()
+    plan_problems_and_measure_a_tube()
     recorder.takes_all = True
     no_samples()
     small_programs()

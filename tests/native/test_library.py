@@ -12,17 +12,8 @@ import pytest
 from native_exports import exports
 
 from tubeplanner.native import library
-from tubeplanner.native.build import (
-    LEVELS,
-    SOURCES,
-    compiler,
-    library_path,
-    source_files,
-    source_key,
-)
+from tubeplanner.native.build import LEVELS, SOURCES, compiler, library_path, source_key
 from tubeplanner.native.library import LIBRARY, Bytes, Doubles, Integers, NativeLibrary
-
-# Which library is loaded, and why none is.
 
 IS_BUILT = pytest.mark.skipif(not library_path("baseline").exists(), reason="it is not built")
 
@@ -98,13 +89,6 @@ def test_the_library_of_another_level_must_be_of_these_sources_too(monkeypatch, 
     assert loaded(monkeypatch, TUBEPLANNER_BASELINE="1").functions is not None
 
 
-def test_functions_of_a_library_that_is_left_out_are_none(monkeypatch):
-    monkeypatch.setattr(library, "LIBRARY", NativeLibrary(None, "for a test"))
-    assert library.native_function("cubic_values") is None
-
-
-# What the functions are given.
-
 WRAPPERS = ("convex_pairs", "inverse_kinematics", "kinematics", "regions", "speed_roots")
 WRAPPERS += ("spline_basis", "spline_rows", "step_program", "clearance_bounds", "tool_moves")
 C_TYPES = {"integer": ctypes.c_int64, "int": ctypes.c_int, "double": ctypes.c_double}
@@ -113,25 +97,11 @@ C_TYPES |= {"double*": Doubles, "integer*": Integers, "bool*": Bytes}
 
 
 @pytest.mark.parametrize(
-    ("kind", "array"),
-    [
-        (Doubles, np.zeros(3, dtype=np.float32)),
-        (Doubles, np.zeros((3, 3)).T[:2]),
-        (Integers, np.zeros(3, dtype=np.int32)),
-        (Bytes, np.zeros(3, dtype=np.int64)),
-    ],
+    ("kind", "array"), [(Doubles, np.zeros(3, dtype=np.float32)), (Doubles, np.zeros((3, 3)).T[:2])]
 )
 def test_arrays_of_other_types_or_with_gaps_are_refused(kind, array):
     with pytest.raises(TypeError, match="is not a contiguous one of"):
         kind.from_param(array)
-
-
-def test_functions_get_the_address_of_an_array_or_none():
-    array = np.arange(3.0)
-    assert ctypes.addressof(Doubles.from_param(array)) == array.ctypes.data
-    array.flags.writeable = False
-    assert Doubles.from_param(array).value == array.ctypes.data
-    assert Doubles.from_param(None) is None
 
 
 @pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
@@ -154,8 +124,6 @@ def test_python_declares_all_functions_as_the_sources_do(monkeypatch):
     assert asked == {name: each for name, each in declared.items() if name not in texts}
 
 
-# The native functions under the sanitizers of addresses and undefined behaviour.
-
 HERE = Path(__file__).parent
 FLAGS = ("-std=c++17", "-g", "-fopenmp-simd", "-fsanitize=address,undefined")
 FLAGS += ("-fno-sanitize-recover=all", '-DTUBEPLANNER_SOURCES=""', '-DTUBEPLANNER_LEVEL=""')
@@ -169,16 +137,10 @@ def compiled(folder, *arguments):
     assert done.returncode == 0, done.stderr
 
 
-def ran(folder, objects):
-    """Link the driver, let it call what was recorded, and return how it ended."""
-    compiled(folder, *objects, "-o", "driver")
-    return subprocess.run([folder / "driver", folder / "inputs"], capture_output=True, text=True)
-
-
 # Compiling all sources for the sanitizers takes ten seconds; all recorded calls, a few hundredths.
 @pytest.mark.slow
 @pytest.mark.skipif(compiler() is None, reason="there is no C++ compiler")
-def test_recorded_calls_read_and_write_within_bounds_and_what_does_not_is_noticed(tmp_path):
+def test_recorded_calls_read_and_write_within_bounds(tmp_path):
     known = exports().values()
     lines = ["#pragma once", '#include "convex_pairs.h"']
     lines += [export.declaration() for export in known]
@@ -186,19 +148,12 @@ def test_recorded_calls_read_and_write_within_bounds_and_what_does_not_is_notice
     (tmp_path / "exports.h").write_text("\n".join(lines) + "\n")
     (tmp_path / "inputs").write_bytes(INPUTS)
     compiled(tmp_path, "-c", HERE / "driver.cpp")
-    compiled(tmp_path, "-O1", "-c", *source_files())
-    objects = {path.stem: path for path in tmp_path.glob("*.o")}
-    done = ran(tmp_path, objects.values())
+    compiled(tmp_path, "-O1", "-c", *SOURCES.glob("*.cpp"))
+    compiled(tmp_path, *tmp_path.glob("*.o"), "-o", "driver")
+    command = [tmp_path / "driver", tmp_path / "inputs"]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert int(re.fullmatch(r"(\d+) calls\n", done.stdout)[1]) > 300
-
-    wrong, right = (SOURCES / "spline_basis.cpp").read_text(), "n < count; ++n, weights += POINTS"
-    assert right in wrong
-    (tmp_path / "wrong.cpp").write_text(wrong.replace(right, right.replace("<", "<=")))
-    compiled(tmp_path, "-O1", "-c", "wrong.cpp")
-    done = ran(tmp_path, (objects | {"spline_basis": tmp_path / "wrong.o"}).values())
-    assert done.returncode != 0
-    assert "heap-buffer-overflow" in done.stderr
 
 
 def test_every_exported_function_is_called():

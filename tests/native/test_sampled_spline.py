@@ -69,26 +69,3 @@ def test_rows_agree_to_rounding(joints, size, hull, monkeypatch):
     for rows, product, reach in zip(compiled, products, reaches, strict=True):
         np.testing.assert_allclose(product, used_by_step(rows, *step), rtol=1e-10, atol=1e-10)
         np.testing.assert_allclose(reach, rows.reach(SIZES[1]), rtol=1e-10)
-
-
-@pytest.mark.parametrize("is_compiled", [True, False])
-def test_rows_that_are_left_out_are_those_that_no_step_breaks(is_compiled, monkeypatch):
-    if not is_compiled:
-        pure(monkeypatch)
-    spline, size = at(6), SIZES[1]
-    for every, near in zip(rows_of(spline, None), rows_of(spline, size), strict=True):
-        left_out = ~np.isin(every.index, near.index)
-        assert left_out.any()
-        assert (every.slack[left_out] >= every.reach(size)[left_out]).all()
-    assert (near.slack < near.reach(size)).all()  # of planes, a little slack alone keeps none
-
-
-@pytest.mark.parametrize("samples", [slice(None), np.array([4, 1, 1])])
-def test_the_chain_rule_agrees_to_rounding(samples, monkeypatch):
-    spline = at(7)
-    count = len(spline.first[samples])
-    by_path = {k: np.random.default_rng(k).normal(size=(count, 2, 7)) for k in (0, 2)}
-    compiled = spline.chained(by_path, samples)
-    pure(monkeypatch)
-    for ours, theirs in zip(compiled, spline.chained(by_path, samples), strict=True):
-        np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-9)
