@@ -11,7 +11,6 @@ from tubeplanner.refinement.phased_spline import (
     KnotGrid,
     PhasedSpline,
     VelocityHull,
-    basis_by_switching,
     segments_of_pieces,
 )
 from tubeplanner.refinement.sampled_spline import SampledSpline, _basis, sampled
@@ -118,15 +117,6 @@ def test_the_velocity_stays_within_its_hull_and_touches_it():
         assert (velocity.min(axis=0) >= bound.min(axis=0) - 1e-12).all()
     derivative = phased.bspline().derivative()
     np.testing.assert_allclose(bound, derivative.control_points, rtol=1e-12, atol=1e-12)
-
-
-def test_on_a_fixed_grid_no_switching_time_moves():
-    fixed = KnotGrid(SMALL_GRID.shares, SMALL_GRID.chains, is_fixed=True)
-    assert (SMALL_GRID.switch_count, fixed.switch_count) == (2, 0)
-    samples = fixed.samples(np.array([0.5]))
-    assert basis_by_switching(samples, fixed, SWITCHING_TIMES).shape[0] == 0
-    found = sampled(PhasedSpline(fixed, SWITCHING_TIMES, control_points()), samples)
-    assert found.by_switching.shape == (0, 4, fixed.interval_count, 2)
 
 
 @pytest.mark.parametrize("intervals", [8, 64])

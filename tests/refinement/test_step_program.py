@@ -10,7 +10,7 @@ from scipy.sparse import csr_matrix
 
 from tubeplanner import load_problem
 from tubeplanner.native.library import LIBRARY
-from tubeplanner.refinement.banded_program import BandedProgram
+from tubeplanner.refinement.banded_program import BandedProgram, _without
 from tubeplanner.refinement.descent import FIRST_PENALTY, Remembered
 from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.shared_columns import LegShape, shared_columns
@@ -86,6 +86,15 @@ def test_both_find_the_same_least_cost(name, intervals, trust, tube):
     if tube:
         assert is_among[1:-1].all() and not is_among.all()
         assert abs(steps[0].switching).max() > 1e-5
+
+
+def test_rows_lose_what_would_move_what_is_held_and_no_more():
+    rows = SparseRows(np.array([3.0, 1.0, 2.0, 5.0]), np.array([0, 1, 2, 0]), np.array([3, 1]))
+    held = SparseRows(np.array([0.6, 0.8]), np.array([1, 2]), np.array([2]))
+    first, second = _without(rows, [held]).rows()
+    found = dict(zip(first.column.tolist(), first.data, strict=True))
+    assert found == pytest.approx({0: 3.0, 1: 1 - 0.6 * 2.2, 2: 2 - 0.8 * 2.2})
+    assert second.data.tolist() == [5.0]
 
 
 # Small programs with known solutions, of one leg and of two, for both that solve them.
