@@ -51,13 +51,14 @@ def test_plan_writes_what_was_asked_and_says_where(run, tmp_path):
     files = {option: tmp_path / option.strip("-") for option in ("-o", "--csv", "--ros")}
     files |= {"--plot": tmp_path / "figure.png", "--html": tmp_path / "page.html"}
     arguments = [word for pair in files.items() for word in pair]
-    status, out, err = run("plan", PROBLEM, *STOPS, *arguments)
+    status, out, err = run("plan", PROBLEM, *STOPS, "--time-left", *arguments)
     assert (status, err) == (0, "")
     for path in files.values():
         assert path.stat().st_size > 1000
         assert str(path) in out
     assert "stop-at-corners" in files["--html"].read_text()
     assert "success: certified trajectory of" in out
+    assert "time left on this path: motors that switch instantly would take" in out
     _, peaks, missing, *_ = out.splitlines()
     assert peaks.startswith("peaks: joint acceleration ") and "tool speed" in peaks
     assert missing.startswith("nothing limits acceleration or jerk; ")
