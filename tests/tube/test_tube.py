@@ -260,8 +260,7 @@ def test_all_other_demands_stay():
     narrowed = narrowed_tube(tube, BY, NOT_TURNED)
     assert narrowed.joint_ranges == tube.joint_ranges
     assert narrowed.tool_speed.tolist() == tube.tool_speed.tolist()
-    assert narrowed.numbers.tolist() == [0, 3, 4]
-    assert narrowed.pass_through_points == "all"
+    assert (narrowed.numbers.tolist(), narrowed.pass_through_points) == ([0, 3, 4], "all")
 
 
 def test_nothing_left_is_no_tube():
@@ -332,6 +331,7 @@ def apart(name, points=STRAIGHT, radius=0.1, **options):
         apart("tolerance", orientations=[UP] * 3, rotation_tolerance=[0.1, 0.2]),
         apart("turn", orientations=[UP, SIDEWAYS, UP], rotation_tolerance=0.1),
         apart("back", [[0, 0, 0], [1, 0, 0], [0.5, 0, 0]]),
+        apart("there and back", [[0, 0, 0], [1, 0, 0], [0, 0, 0]]),
         apart("off", [[0, 0, 0], [1, 2e-8, 0], [2, 0, 0]]),
     ],
 )
