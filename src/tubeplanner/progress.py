@@ -1,14 +1,13 @@
 """Progress callbacks, and how planning ends early: the time limit and Ctrl-C."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, TypeVar
 
-import numpy as np
-
-from tubeplanner.arguments import require_callback
+from tubeplanner.errors import OptionError, shown
 
 StoppedBy: TypeAlias = Literal["time_limit", "interrupt"]
 _Answer = TypeVar("_Answer")
@@ -58,7 +57,7 @@ class PlanningClock:
     def __init__(self, time_limit: float | None, callback: ProgressCallback | None) -> None:
         require_callback(callback)
         self._begin = time.perf_counter()
-        self._limit = np.inf if time_limit is None else time_limit
+        self._limit = math.inf if time_limit is None else time_limit
         self._callback = callback
         self._stage = ""
         self._parts: list[str] = []
@@ -144,3 +143,11 @@ def until_stopped(work: Callable[[], _Answer]) -> tuple[_Answer | None, StoppedB
         return None, "time_limit"
     except KeyboardInterrupt:
         return None, "interrupt"
+
+
+def require_callback(progress: object) -> None:
+    """Raise OptionError unless progress is reported to nobody, or to what can be called."""
+    if progress is not None and not callable(progress):
+        raise OptionError(
+            f"progress is {shown(progress)}; give a function, which is called with every stage"
+        )

@@ -14,14 +14,9 @@ from tubeplanner import (
     TeachOptions,
     Tolerance,
 )
-from tubeplanner.arguments import (
-    given_options,
-    given_path,
-    given_row,
-    require_callback,
-    require_executor,
-)
+from tubeplanner.arguments import given_options, given_path, given_row, require_executor
 from tubeplanner.options import are_numbers, in_figures
+from tubeplanner.progress import require_callback
 from tubeplanner.suh_bishop.knot_modification import ModificationOptions
 from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 

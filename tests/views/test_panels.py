@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from tubeplanner import load_problem, plan, plot_trajectory
 from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.views.motor_panels import draw_motor, draw_motors, motor_joints
-from tubeplanner.views.panels import draw_efforts, trajectory_curves
+from tubeplanner.views.panels import draw_efforts
+from tubeplanner.views.stretch import trajectory_curves
 
 MOTORS = {
     "robot.limits.effort": {"joint1": [70, 95], "joint2": 27},

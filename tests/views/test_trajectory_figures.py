@@ -33,15 +33,8 @@ from tubeplanner.views.cycle_marks import name_steps, shown_name
 from tubeplanner.views.cycle_plot import plot_cycle
 from tubeplanner.views.cycle_timeline import cycle_timeline
 from tubeplanner.views.figure_files import figure_file
-from tubeplanner.views.panels import (
-    draw_factor,
-    draw_speed,
-    draw_tube_use,
-    draw_velocities,
-    segments_per_group,
-    size_of,
-    trajectory_curves,
-)
+from tubeplanner.views.panels import draw_factor, draw_speed, draw_tube_use, draw_velocities
+from tubeplanner.views.stretch import segments_per_group, size_of, trajectory_curves
 
 
 @pytest.mark.dear("draws all panels and, of one motion, pixels")

@@ -44,7 +44,7 @@ class CheckedCycle:
     def as_dict(self) -> dict[str, Any]:
         """Return the JSON object, loading_time still absent."""
         from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
-        from tubeplanner.cycle_planning.cycle_result import move_rows
+        from tubeplanner.cycle.cycle_motion import move_rows
         from tubeplanner.native.library import LIBRARY
         from tubeplanner.outcome import Place
 
