@@ -4,14 +4,14 @@ Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usa
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, MutableMapping, Sequence
 from errno import ENOSPC
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import click
 
-from tubeplanner.commands.check_command import check
 from tubeplanner.commands.console import (
     AS_JSON,
     BAD_INPUT,
@@ -30,23 +30,10 @@ from tubeplanner.commands.console import (
     say_unwritten,
     shown_progress,
 )
-from tubeplanner.commands.explain_command import explain
-from tubeplanner.commands.info_command import info
-from tubeplanner.commands.init_command import init
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
-from tubeplanner.commands.links_command import links
-from tubeplanner.commands.measure_command import measure
-from tubeplanner.commands.place_command import place
 from tubeplanner.commands.plan_outputs import PlanOutputs
 from tubeplanner.commands.planned import planned
-from tubeplanner.commands.reproduce_command import reproduce
-from tubeplanner.commands.simulate_command import simulate
-from tubeplanner.commands.study_command import study
-from tubeplanner.commands.study_commands import compare, sweep
-from tubeplanner.commands.study_commands import plot as draw
-from tubeplanner.commands.tube_commands import route, teach
 from tubeplanner.commands.version_option import VERSION
-from tubeplanner.commands.view_command import view
 from tubeplanner.errors import OptionError, TubePlannerError
 
 
@@ -93,7 +80,57 @@ def _known(error: TubePlannerError) -> dict[str, Any]:
     return {"where": error.place.as_dict(), "proved": error.proved}
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+class _LazyCommands(MutableMapping[str, click.Command]):
+    """Commands by name; the module of each is imported when the command is first looked up.
+
+    The group's help looks up all of them; running one, or suggesting one for a name that does not
+    exist, imports no other.
+    """
+
+    def __init__(self, modules: dict[str, str]) -> None:
+        """Take the module of each command, where a function of its name defines it."""
+        self._commands: dict[str, str | click.Command] = {**modules}
+
+    def __getitem__(self, name: str) -> click.Command:
+        command = self._commands[name]
+        return getattr(import_module(command), name) if isinstance(command, str) else command
+
+    def __setitem__(self, name: str, command: click.Command) -> None:
+        self._commands[name] = command
+
+    def __delitem__(self, name: str) -> None:
+        del self._commands[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._commands)
+
+    def __len__(self) -> int:
+        return len(self._commands)
+
+
+_COMMANDS = {
+    "check": "tubeplanner.commands.check_command",
+    "compare": "tubeplanner.commands.study_commands",
+    "explain": "tubeplanner.commands.explain_command",
+    "info": "tubeplanner.commands.info_command",
+    "init": "tubeplanner.commands.init_command",
+    "links": "tubeplanner.commands.links_command",
+    "measure": "tubeplanner.commands.measure_command",
+    "place": "tubeplanner.commands.place_command",
+    "plot": "tubeplanner.commands.study_commands",
+    "reproduce": "tubeplanner.commands.reproduce_command",
+    "route": "tubeplanner.commands.tube_commands",
+    "simulate": "tubeplanner.commands.simulate_command",
+    "study": "tubeplanner.commands.study_command",
+    "sweep": "tubeplanner.commands.study_commands",
+    "teach": "tubeplanner.commands.tube_commands",
+    "view": "tubeplanner.commands.view_command",
+}
+
+
+@click.group(
+    commands=_LazyCommands(_COMMANDS), context_settings={"help_option_names": ["-h", "--help"]}
+)
 @VERSION
 def cli() -> None:
     """Plan a smooth, certified trajectory of a robot arm whose tool stays in a tube.
@@ -217,24 +254,3 @@ def schema(cycle: bool, of_study: bool, json: bool) -> None:
         raise OptionError("schema takes either --cycle or --study")
     made = study_schema if of_study else cycle_schema if cycle else problem_schema
     print_json(made(), indent=2)
-
-
-for command in (
-    check,
-    explain,
-    simulate,
-    draw,
-    sweep,
-    study,
-    compare,
-    measure,
-    links,
-    place,
-    info,
-    init,
-    teach,
-    route,
-    view,
-    reproduce,
-):
-    cli.add_command(command)
