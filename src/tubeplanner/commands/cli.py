@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterator, MutableMapping, Sequence
 from errno import ENOSPC
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import click
@@ -15,24 +14,15 @@ import click
 from tubeplanner.commands.console import (
     AS_JSON,
     BAD_INPUT,
-    INFEASIBLE,
     INTERRUPTED,
-    PATH,
-    SET,
-    SLACK,
     SUCCESS,
     empty_report,
     fail,
-    load_either_timed,
     nowhere,
     print_json,
     say,
-    say_unwritten,
-    shown_progress,
 )
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
-from tubeplanner.commands.plan_outputs import PlanOutputs
-from tubeplanner.commands.planned import planned
 from tubeplanner.commands.version_option import VERSION
 from tubeplanner.errors import OptionError, TubePlannerError
 
@@ -110,14 +100,15 @@ class _LazyCommands(MutableMapping[str, click.Command]):
 
 _COMMANDS = {
     "check": "tubeplanner.commands.check_command",
-    "compare": "tubeplanner.commands.study_commands",
+    "compare": "tubeplanner.commands.comparison_report",
     "explain": "tubeplanner.commands.explain_command",
     "info": "tubeplanner.commands.info_command",
     "init": "tubeplanner.commands.init_command",
     "links": "tubeplanner.commands.links_command",
     "measure": "tubeplanner.commands.measure_command",
     "place": "tubeplanner.commands.place_command",
-    "plot": "tubeplanner.commands.study_commands",
+    "plan": "tubeplanner.commands.planned",
+    "plot": "tubeplanner.commands.view_command",
     "reproduce": "tubeplanner.commands.reproduce_command",
     "route": "tubeplanner.commands.tube_commands",
     "simulate": "tubeplanner.commands.simulate_command",
@@ -138,72 +129,6 @@ def cli() -> None:
     PROBLEM is a problem file (YAML or JSON) or example:ROBOT/NAME for a bundled one; plan, check,
     info, view, plot and simulate take cycle files too. STUDY is a file of many plans.
     """
-
-
-@cli.command()
-@click.argument("problem")
-@click.option("-o", "--output", type=PATH, help="Trajectory file (JSON).")
-@click.option("--csv", type=PATH, help="Samples as CSV.")
-@click.option("--ros", type=PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
-@click.option("--rate", type=float, help="Samples per second [1/period, or else 500].")
-@click.option("--plot", type=PATH, help="Figure (PNG, PDF or SVG).")
-@click.option("--html", type=PATH, help="The trajectory in 3D, one page that works offline.")
-@click.option(
-    "--method", help="refinement [default], branch-and-bound, stop-at-corners or suh-bishop."
-)
-@click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
-@click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
-@SLACK
-@click.option("--time-left", is_flag=True, help="Report the path's least time, bang-bang.")
-@SET
-@AS_JSON
-def plan(
-    problem: str,
-    output: Path | None,
-    csv: Path | None,
-    ros: Path | None,
-    rate: float | None,
-    plot: Path | None,
-    html: Path | None,
-    method: str | None,
-    quality: str,
-    time_limit: float | None,
-    slack: float | None,
-    time_left: bool,
-    changes: dict[str, Any],
-    as_json: bool,
-) -> int:
-    """Plan PROBLEM, or a whole cycle, certify the answer, and write the requested files.
-
-    Writes nothing unless the certificate passes.
-    """
-    from tubeplanner.files.trajectory_writer import TrajectoryFiles
-    from tubeplanner.planning.plan_options import METHODS, PlanOptions
-
-    options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit, slack=slack)
-    outputs = PlanOutputs(TrajectoryFiles(output, csv, ros, rate), plot, html)
-    outputs.require_usable(problem)
-    interrupted = False
-    with shown_progress() as enter:
-        loaded, loading_time = load_either_timed(problem, enter, changes)
-        outputs.require_usable(problem, loaded.robot.urdf.path)
-        outputs.require_names(loaded.robot.joint_names)
-        answer = planned(loaded, options, enter, with_minimum=time_left)
-        succeeded = answer.result.succeeded
-        if succeeded:
-            held = hold_interrupts()
-            answer = answer.written(outputs)
-            interrupted = bool(held)
-    if as_json:
-        fields = {**answer.as_dict(), "loading_time": loading_time}
-        print_json(fields | ({"stopped_by": "interrupt"} if interrupted else {}))
-    else:
-        say(answer.text(loading_time))
-        for kind, path in outputs.paths() if succeeded else ():
-            say(f"{kind}: {path}")
-        if succeeded and not outputs.paths():
-            say_unwritten("-o T.json", "--csv", "--ros", "--plot", "--html")
-    return SUCCESS if succeeded else INFEASIBLE
 
 
 @cli.command()

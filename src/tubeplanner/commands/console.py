@@ -28,6 +28,15 @@ SLACK = click.option(
     type=float,
     help="Share of the shortest duration that the motion may take more; 0: the shortest.",
 )
+TOOL_FRAME = click.option(
+    "--tool-frame", help="Link that carries the tool [the end of the longest chain]."
+)
+PACKAGE_DIR = click.option(
+    "--package-dir",
+    "package_dirs",
+    multiple=True,
+    help="Further folder that holds packages of package:// names; repeatable.",
+)
 
 
 def _changes(context: click.Context, option: click.Parameter, given: tuple[str, ...]) -> Any:
@@ -64,6 +73,16 @@ def require_ending(path: Path | None, option: str, endings: tuple[str, ...]) -> 
     """
     if path is not None and path.suffix.lower() not in endings:
         raise OptionError(f"{option} {path}: name a file that ends in {' or '.join(endings)}")
+
+
+def require_page(path: Path | None) -> None:
+    """Check that the name of a page ends like one.
+
+    Raises:
+        OptionError: It is not.
+    """
+    if path is not None and path.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(f"--html {path}: a page is written; name a file that ends in .html")
 
 
 def load_timed(

@@ -17,11 +17,11 @@ from tubeplanner.commands.console import (
     empty_report,
     nowhere,
     print_json,
+    require_page,
     say,
     shown_progress,
 )
 from tubeplanner.commands.interrupts import hold_interrupts
-from tubeplanner.commands.view_command import require_page
 from tubeplanner.commands.workers import processes_option, workers_of
 
 if TYPE_CHECKING:

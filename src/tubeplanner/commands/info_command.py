@@ -10,8 +10,10 @@ import click
 from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
+    PACKAGE_DIR,
     PATH,
     SET,
+    TOOL_FRAME,
     empty_report,
     nowhere,
     print_json,
@@ -26,15 +28,6 @@ if TYPE_CHECKING:
     from tubeplanner.robot.robot_info import RobotInfo
 
 _PROBLEM_ENDINGS = (".yaml", ".yml", ".json")
-TOOL_FRAME = click.option(
-    "--tool-frame", help="Link that carries the tool [the end of the longest chain]."
-)
-PACKAGE_DIR = click.option(
-    "--package-dir",
-    "package_dirs",
-    multiple=True,
-    help="Further folder that holds packages of package:// names; repeatable.",
-)
 
 
 @click.command()

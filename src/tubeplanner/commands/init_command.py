@@ -7,7 +7,9 @@ import click
 from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
+    PACKAGE_DIR,
     PATH,
+    TOOL_FRAME,
     empty_report,
     nowhere,
     print_json,
@@ -15,7 +17,6 @@ from tubeplanner.commands.console import (
     say,
     shown_progress,
 )
-from tubeplanner.commands.info_command import PACKAGE_DIR, TOOL_FRAME
 from tubeplanner.commands.interrupts import hold_interrupts
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tubeplanner.commands.answer_files import write_answer
-from tubeplanner.commands.view_command import require_page
+from tubeplanner.commands.console import require_page
 
 if TYPE_CHECKING:
     from tubeplanner.cycle.cycle_motion import CycleMotion

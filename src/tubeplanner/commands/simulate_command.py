@@ -16,12 +16,12 @@ from tubeplanner.commands.console import (
     SET,
     load_either_timed,
     print_json,
+    require_page,
     say,
     say_unwritten,
     shown_progress,
 )
 from tubeplanner.commands.interrupts import hold_interrupts
-from tubeplanner.commands.view_command import require_page
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -25,6 +25,7 @@ from tubeplanner.commands.console import (
 )
 from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.errors import OptionError
+from tubeplanner.tube_sources.tube_answer import TubeAnswer
 
 if TYPE_CHECKING:
     from tubeplanner.tube_sources.measured_plan import PlannedTube
@@ -224,11 +225,38 @@ def _print_answer(
         problem = str(kept["problem"]) if "problem" in kept else None
         print_json({**fields, "loading_time": loading_time, "problem": problem})
     else:
-        from tubeplanner.commands.report import tube_text
-
         say(tube_text(name, answer))
         for kind, path in kept.items():
             say(f"{kind}: {path}")
         if answer.succeeded and not kept:
             say_unwritten("-o PROBLEM.yaml")
     return SUCCESS if answer.succeeded else INFEASIBLE
+
+
+def tube_text(name: str, answer: "TubeAnswer") -> str:
+    """Return the result of a search for a tube as text.
+
+    Args:
+        name: Of the problem.
+        answer: Its result.
+    """
+    lines = [f"{name}: searched for {answer.search_time:.1f} s"]
+    if answer.compared:
+        listed = ", ".join("none" if one is None else f"{one:.3f} s" for one in answer.compared)
+        lines.append(f"trajectories along the routes compared: {listed}")
+    if answer.found is not None:
+        tube = answer.found.problem.tube
+        for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):
+            place = ", ".join(f"{x:.4f}" for x in point)
+            width = "" if radius is None else f", then a radius of {1000 * radius:.1f} mm"
+            lines.append(f"point {k}: [{place}] m{width}")
+    if answer.measured is not None and answer.measured is not answer.found:
+        radii = ", ".join(f"{1000 * radius:.1f}" for radius in answer.measured.problem.tube.radius)
+        lines.append(
+            f"measured tube, in which nothing collides: {answer.measured.duration:.4f} s within "
+            f"radii of {radii} mm"
+        )
+    lines += [f"note: {note}" for note in answer.notes]
+    lines.append(f"{answer.status}: {answer.message}")
+    place = str(answer.place)
+    return "\n".join([*lines, f"where: {place}"] if place else lines)
