@@ -13,6 +13,7 @@ from typing import Any, Protocol
 from tubeplanner.commands.console import say, say_unwritten
 from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.errors import OptionError
+from tubeplanner.files.output_files import write_files
 
 OTHERS_NOT_TRIED = "; interrupted, the others were not tried"
 
@@ -27,8 +28,6 @@ def write_answer(contents: Mapping[Path, bytes], folder: Path | None = None) -> 
     Raises:
         OutputError: They could not be written.
     """
-    from tubeplanner.files.output_files import write_files
-
     hold_interrupts()
     write_files(contents, folder)
 

@@ -1,5 +1,8 @@
 """The command line, and nothing else: arguments in, text and exit status out.
 
+A command's module is imported when the command is called. NumPy is not imported before, here or in
+`console`: a report of bad usage or of Ctrl-C needs none.
+
 Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usage; 130 interrupted.
 """
 
@@ -7,7 +10,6 @@ import sys
 from collections.abc import Iterator, MutableMapping, Sequence
 from errno import ENOSPC
 from importlib import import_module
-from typing import Any
 
 import click
 
@@ -25,6 +27,15 @@ from tubeplanner.commands.console import (
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
 from tubeplanner.commands.version_option import VERSION
 from tubeplanner.errors import OptionError, TubePlannerError
+from tubeplanner.outcome import ContradictionError
+from tubeplanner.resources import (
+    bundled_cycles,
+    bundled_presets,
+    bundled_problems,
+    bundled_robots,
+    bundled_studies,
+    example_robot_names,
+)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -46,8 +57,11 @@ def main(arguments: Sequence[str]) -> int:
             return fail("bad_input", error.format_message(), as_json, BAD_INPUT)
         error.show()
         return BAD_INPUT
+    except ContradictionError as error:
+        known = {"where": error.place.as_dict(), "proved": error.proved}
+        return fail("bad_input", str(error), as_json, BAD_INPUT, **known)
     except TubePlannerError as error:
-        return fail("bad_input", str(error), as_json, BAD_INPUT, **_known(error))
+        return fail("bad_input", str(error), as_json, BAD_INPUT)
     except (KeyboardInterrupt, click.Abort):
         message = "interrupted before there was an answer"
         return fail("interrupted", message, as_json, INTERRUPTED)
@@ -59,15 +73,6 @@ def main(arguments: Sequence[str]) -> int:
         kind = type(error).__name__
         message = f"internal error, please report it with the problem file: {kind}: {error}"
         return fail("bad_input", message, as_json, BAD_INPUT)
-
-
-def _known(error: TubePlannerError) -> dict[str, Any]:
-    """Return the fields of JSON that are known of bad input."""
-    from tubeplanner.outcome import ContradictionError
-
-    if not isinstance(error, ContradictionError):
-        return {}
-    return {"where": error.place.as_dict(), "proved": error.proved}
 
 
 class _LazyCommands(MutableMapping[str, click.Command]):
@@ -135,15 +140,6 @@ def cli() -> None:
 @AS_JSON
 def robots(as_json: bool) -> None:
     """List what `example:` finds: problems, cycles, studies, robots; and presets of limits."""
-    from tubeplanner.resources import (
-        bundled_cycles,
-        bundled_presets,
-        bundled_problems,
-        bundled_robots,
-        bundled_studies,
-        example_robot_names,
-    )
-
     problems, cycles = list(bundled_problems()), list(bundled_cycles())
     presets = bundled_presets()
     if as_json:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from rich.table import Table
@@ -36,15 +36,11 @@ from tubeplanner.files.export import trajectory_json
 from tubeplanner.files.origin import origin
 from tubeplanner.files.output_files import require_writable
 from tubeplanner.planning.plan_options import PlanOptions
-from tubeplanner.studies.comparison import Comparison
+from tubeplanner.studies.comparison import Comparison, ComparisonRow
 from tubeplanner.studies.comparison import compare as compare_methods
-from tubeplanner.verification.judged_condition import RELATIVE
+from tubeplanner.verification.judged_condition import RELATIVE, JudgedCondition
 from tubeplanner.views.comparison_plot import plot_comparison
 from tubeplanner.views.figure_files import figure_file, require_figure
-
-if TYPE_CHECKING:
-    from tubeplanner.studies.comparison import Comparison, ComparisonRow
-    from tubeplanner.verification.judged_condition import JudgedCondition
 
 _MEASURED = ("planned in", "smooth", "peak jerk", "at a limit", "tube used")
 _MANY = 999.5  # [%]: from here on three digits would be a power of ten
@@ -100,15 +96,13 @@ def compare(
         report = empty_report("success" if certified else "no_trajectory", message, nowhere())
         print_json({**report, "loading_time": loading_time, **result.as_dict()})
     else:
-        from tubeplanner.commands.comparison_report import comparison_text
-
         say(comparison_text(result), message, sep="\n")
         say_files(outputs, "-o TABLE.csv", "--plot", "--trajectories")
     return SUCCESS if certified else INFEASIBLE
 
 
 def _write_comparison(
-    result: "Comparison", output: Path | None, figure: Path | None, folder: Path | None
+    result: Comparison, output: Path | None, figure: Path | None, folder: Path | None
 ) -> list[Path]:
     """Write all requested files or none; return the paths of the trajectories."""
     hold_interrupts()
@@ -122,7 +116,7 @@ def _write_comparison(
     return list(trajectories)
 
 
-def _trajectory_files(result: "Comparison", folder: Path) -> dict[Path, bytes]:
+def _trajectory_files(result: Comparison, folder: Path) -> dict[Path, bytes]:
     """Return every trajectory as a trajectory file that says whether it is certified."""
     files = {}
     for row in result.rows:
@@ -133,7 +127,7 @@ def _trajectory_files(result: "Comparison", folder: Path) -> dict[Path, bytes]:
     return files
 
 
-def comparison_text(result: "Comparison") -> str:
+def comparison_text(result: Comparison) -> str:
     """Return a comparison as a table and the rows' messages, as wide as the terminal.
 
     In a narrow terminal measures are left out, the last ones first.
@@ -150,7 +144,7 @@ def comparison_text(result: "Comparison") -> str:
     return "\n".join(_broken(line) for line in lines)
 
 
-def _table(result: "Comparison", count: int) -> Table:
+def _table(result: Comparison, count: int) -> Table:
     """Return a comparison as a table with so many of the measures."""
     table = Table(title=f"{result.problem.name}: methods compared", title_justify="left")
     table.add_column("method", no_wrap=True)
@@ -164,7 +158,7 @@ def _table(result: "Comparison", count: int) -> Table:
     return table
 
 
-def _verdict(row: "ComparisonRow") -> str:
+def _verdict(row: ComparisonRow) -> str:
     """Return what is said of a row's certificate, a failed condition on a line."""
     if row.duration is None:
         return str(row.status).replace("_", " ")
@@ -172,7 +166,7 @@ def _verdict(row: "ComparisonRow") -> str:
     return "FAILS: " + ",\n".join(failed) if failed else "passes"
 
 
-def _measures(row: "ComparisonRow") -> list[str]:
+def _measures(row: ComparisonRow) -> list[str]:
     """Return the cells of `_MEASURED`."""
     spent, measured = f"{row.planning_time:.2f} s", row.measures
     if measured is None:
@@ -182,7 +176,7 @@ def _measures(row: "ComparisonRow") -> list[str]:
     return [spent, measured.smoothness, jerk, *shares]
 
 
-def _excess(condition: "JudgedCondition") -> str:
+def _excess(condition: JudgedCondition) -> str:
     """Return by how much a trajectory violates a condition, with its unit."""
     missed = -(condition.margin or 0.0)
     if condition.unit != RELATIVE:

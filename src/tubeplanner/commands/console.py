@@ -1,4 +1,7 @@
-"""What commands share: options, exit status, progress on a terminal, JSON on standard output."""
+"""What commands share: options, exit status, progress on a terminal, JSON on standard output.
+
+What loads NumPy is imported when it is called, as `cli` imports this module.
+"""
 
 import json
 import sys
@@ -12,6 +15,7 @@ import click
 
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
 from tubeplanner.errors import OptionError, on_one_line
+from tubeplanner.outcome import Place
 
 if TYPE_CHECKING:
     from tubeplanner.cycle.cycle import Cycle
@@ -191,8 +195,6 @@ def empty_report(status: str, message: str, where: dict[str, Any]) -> dict[str, 
 
 def nowhere() -> dict[str, Any]:
     """Return the place of a run without one, as JSON values."""
-    from tubeplanner.outcome import Place
-
     return Place().as_dict()
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from rich.markup import escape
@@ -26,12 +26,18 @@ from tubeplanner.commands.console import (
 from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.commands.report import rendered
 from tubeplanner.errors import OptionError
-from tubeplanner.measurement.measured_tube import SegmentMeasurement, TubeMeasurement
-from tubeplanner.measurement.sign_patterns import PatternSurvey
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.files.problem_file import with_other_tube
+from tubeplanner.measurement.measured_tube import (
+    MeasureOptions,
+    SegmentMeasurement,
+    TubeMeasurement,
+)
+from tubeplanner.measurement.sign_patterns import PatternSurvey, survey_patterns
+from tubeplanner.measurement.tube_measurement import measure_tube
 from tubeplanner.problem.problem import PlanningProblem
-
-if TYPE_CHECKING:
-    from tubeplanner.measurement.measured_tube import MeasureOptions
+from tubeplanner.problem.problem_layers import ProblemLayers
+from tubeplanner.resources import find_problem
 
 
 @click.command()
@@ -67,8 +73,6 @@ def measure(
 
     Ignores the file's own radii; its joint signs and its start select the configuration.
     """
-    from tubeplanner.measurement.measured_tube import MeasureOptions
-
     options = MeasureOptions(max_radius, seed=seed, max_segments=max_segments)
     if configurations and output is not None:
         raise OptionError("--configurations compares and writes no file; leave out one of them")
@@ -79,17 +83,11 @@ def measure(
 
 def _measure(
     problem: str,
-    options: "MeasureOptions",
+    options: MeasureOptions,
     changes: dict[str, Any],
     output: Path | None,
     as_json: bool,
 ) -> int:
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.files.problem_file import with_other_tube
-    from tubeplanner.measurement.tube_measurement import measure_tube
-    from tubeplanner.problem.problem_layers import ProblemLayers
-    from tubeplanner.resources import find_problem
-
     outputs = [] if output is None else [output]
     require_writable(outputs, [Path(problem)])
     with shown_progress() as enter:
@@ -113,11 +111,7 @@ def _measure(
     return SUCCESS if result.succeeded else INFEASIBLE
 
 
-def _compare(
-    problem: str, options: "MeasureOptions", changes: dict[str, Any], as_json: bool
-) -> int:
-    from tubeplanner.measurement.sign_patterns import survey_patterns
-
+def _compare(problem: str, options: MeasureOptions, changes: dict[str, Any], as_json: bool) -> int:
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes)
         survey = survey_patterns(loaded, options, enter)
@@ -129,9 +123,7 @@ def _compare(
     return SUCCESS if survey.suggested is not None else INFEASIBLE
 
 
-def measurement_text(
-    problem: "PlanningProblem", result: "TubeMeasurement", loading_time: float
-) -> str:
+def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_time: float) -> str:
     """Return a measured tube as a table of what limits each radius and range, and the counts."""
     lines = [
         f"{problem.name}: {problem.robot.name}, loaded in {loading_time:.2f} s, measured in "
@@ -156,7 +148,7 @@ def measurement_text(
     return "\n".join([*lines, f"where: {place}"] if place else lines)
 
 
-def _measured_rows(segment: "SegmentMeasurement") -> list[tuple[str, str, str]]:
+def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
     """Return what is bounded, by how much, and what limits it there."""
     ended: dict[str | None, list[str]] = {}
     for binding in segment.bindings:
@@ -169,7 +161,7 @@ def _measured_rows(segment: "SegmentMeasurement") -> list[tuple[str, str, str]]:
     return rows
 
 
-def patterns_text(problem: "PlanningProblem", survey: "PatternSurvey") -> str:
+def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
     """Return sign patterns as a table, and the suggested one."""
     table = Table(title=f"{problem.name}: configurations by segment", title_justify="left")
     for heading in ("segment", "signs", "reachable", "free", "radius up to", "why not"):

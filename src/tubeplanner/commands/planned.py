@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -19,19 +19,21 @@ from tubeplanner.commands.console import (
     say_unwritten,
     shown_progress,
 )
+from tubeplanner.commands.cycle_report import cycle_plan_text
 from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.commands.plan_outputs import PlanOutputs
+from tubeplanner.commands.report import plan_text
+from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
+from tubeplanner.cycle.cycle import Cycle
+from tubeplanner.cycle_planning.cycle_planner import plan_cycle
+from tubeplanner.cycle_planning.cycle_result import CycleResult
 from tubeplanner.errors import OptionError
 from tubeplanner.files.trajectory_writer import TrajectoryFiles
 from tubeplanner.planning.plan_options import METHODS, PlanOptions
-
-if TYPE_CHECKING:
-    from tubeplanner.cycle.cycle import Cycle
-    from tubeplanner.cycle_planning.cycle_result import CycleResult
-    from tubeplanner.planning.plan_options import PlanOptions
-    from tubeplanner.planning.plan_result import PlanResult
-    from tubeplanner.problem.problem import PlanningProblem
-    from tubeplanner.progress import ProgressCallback
+from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.planning.planner import plan as plan_problem
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import ProgressCallback
 
 
 @click.command()
@@ -71,8 +73,6 @@ def plan(
 
     Writes nothing unless the certificate passes.
     """
-    from tubeplanner.planning.plan_options import PlanOptions
-
     options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit, slack=slack)
     outputs = PlanOutputs(TrajectoryFiles(output, csv, ros, rate), plot, html)
     outputs.require_usable(problem)
@@ -100,9 +100,9 @@ def plan(
 
 
 def planned(
-    loaded: "PlanningProblem | Cycle",
-    options: "PlanOptions",
-    enter: "ProgressCallback",
+    loaded: PlanningProblem | Cycle,
+    options: PlanOptions,
+    enter: ProgressCallback,
     *,
     with_minimum: bool,
 ) -> "PlannedProblem | PlannedCycle":
@@ -117,19 +117,13 @@ def planned(
     Raises:
         OptionError: That is asked of a cycle.
     """
-    from tubeplanner.cycle.cycle import Cycle
-
     if not isinstance(loaded, Cycle):
-        from tubeplanner.planning.planner import plan
-
-        return PlannedProblem(loaded, plan(loaded, options, enter), with_minimum)
+        return PlannedProblem(loaded, plan_problem(loaded, options, enter), with_minimum)
     if with_minimum:
         raise OptionError(
             "--time-left is about the path of one motion, and a cycle has several; leave it out, "
             "or plan a move as a problem of its own"
         )
-    from tubeplanner.cycle_planning.cycle_planner import plan_cycle
-
     return PlannedCycle(loaded, plan_cycle(loaded, options, enter))
 
 
@@ -143,8 +137,8 @@ class PlannedProblem:
         with_minimum: Whether to report the least time for the path.
     """
 
-    problem: "PlanningProblem"
-    result: "PlanResult"
+    problem: PlanningProblem
+    result: PlanResult
     with_minimum: bool
 
     def written(self, outputs: PlanOutputs) -> "PlannedProblem":
@@ -160,8 +154,6 @@ class PlannedProblem:
 
     def text(self, loading_time: float) -> str:
         """Return what is printed otherwise; loading took so long [s]."""
-        from tubeplanner.commands.report import plan_text
-
         return plan_text(self.problem, self.result, loading_time, with_minimum=self.with_minimum)
 
 
@@ -174,8 +166,8 @@ class PlannedCycle:
         result: Its result.
     """
 
-    cycle: "Cycle"
-    result: "CycleResult"
+    cycle: Cycle
+    result: CycleResult
 
     def written(self, outputs: PlanOutputs) -> "PlannedCycle":
         """Write the answer to files; return the same with notes about them."""
@@ -185,14 +177,10 @@ class PlannedCycle:
 
     def as_dict(self) -> dict[str, Any]:
         """Return what is printed as JSON."""
-        from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
-
         motion = self.result.motion
         peaks = None if motion is None else trajectory_peaks(self.cycle.robot, motion.trajectory)
         return {**self.result.as_dict(), **peaks_as_dict(peaks), "path_minimum": None}
 
     def text(self, loading_time: float) -> str:
         """Return what is printed otherwise; loading took so long [s]."""
-        from tubeplanner.commands.cycle_report import cycle_plan_text
-
         return cycle_plan_text(self.cycle, self.result, loading_time)

@@ -8,17 +8,17 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from tubeplanner.baselines.fastest_parameterization import NOT_PROVED
 from tubeplanner.collision.collision_checker import ALWAYS_TOUCHING
+from tubeplanner.constraints.trajectory_peaks import TrajectoryPeaks
 from tubeplanner.problem.fitting_presets import fitting_presets
-from tubeplanner.verification.judged_condition import RELATIVE
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.verification.certificate import Certificate
+from tubeplanner.verification.judged_condition import RELATIVE, JudgedCondition, Tolerance
 
 if TYPE_CHECKING:
-    from tubeplanner.constraints.trajectory_peaks import TrajectoryPeaks
     from tubeplanner.planning.plan_result import PlanResult
-    from tubeplanner.problem.problem import PlanningProblem
-    from tubeplanner.robot.robot_model import RobotModel
-    from tubeplanner.verification.certificate import Certificate
-    from tubeplanner.verification.judged_condition import JudgedCondition, Tolerance
 
 _WIDTH_OF_A_FILE, _VERY_WIDE = 160, 10_000  # [characters]
 # Rounding errors of the machine are shown as zero.
@@ -27,7 +27,7 @@ _SENSITIVITIES_SHOWN = 3
 
 
 def plan_text(
-    problem: "PlanningProblem",
+    problem: PlanningProblem,
     result: "PlanResult",
     loading_time: float,
     *,
@@ -80,10 +80,8 @@ def plan_text(
     return "\n".join(lines)
 
 
-def _minimum_lines(problem: "PlanningProblem", result: "PlanResult") -> list[str]:
+def _minimum_lines(problem: PlanningProblem, result: "PlanResult") -> list[str]:
     """Return a line on what motors that switch instantly would save on the path, if it is known."""
-    from tubeplanner.baselines.fastest_parameterization import NOT_PROVED
-
     if result.path_minimum is None or not result.duration:
         return []
     left = 100 * max(1 - result.path_minimum / result.duration, 0.0)
@@ -95,7 +93,7 @@ def _minimum_lines(problem: "PlanningProblem", result: "PlanResult") -> list[str
     ]
 
 
-def peaks_lines(robot: "RobotModel", peaks: "TrajectoryPeaks") -> list[str]:
+def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
     """Return a trajectory's peaks, and which limits to give where nothing bounds them.
 
     Args:
@@ -118,7 +116,7 @@ def peaks_lines(robot: "RobotModel", peaks: "TrajectoryPeaks") -> list[str]:
     return lines
 
 
-def certificate_text(certificate: "Certificate") -> str:
+def certificate_text(certificate: Certificate) -> str:
     """Return a certificate as a table, as wide as the terminal."""
     table = Table(title="Certificate", title_justify="left")
     for heading in ("condition", "margin", "holds", "where", "coverage"):
@@ -128,7 +126,7 @@ def certificate_text(certificate: "Certificate") -> str:
     return rendered(table)
 
 
-def condition_cells(condition: "JudgedCondition", tolerance: "Tolerance") -> tuple[str, ...]:
+def condition_cells(condition: JudgedCondition, tolerance: Tolerance) -> tuple[str, ...]:
     """Return margin, verdict, place and coverage of a condition as cells of a table."""
     if condition.margin is None:
         return "", "not required", "", condition.coverage
@@ -139,7 +137,7 @@ def condition_cells(condition: "JudgedCondition", tolerance: "Tolerance") -> tup
     return margin, verdict, escape(str(condition.where)), condition.coverage
 
 
-def other_speeds_line(certificate: "Certificate") -> str:
+def other_speeds_line(certificate: Certificate) -> str:
     """Return one line on how soon the arm comes to rest, and on slower runs."""
     said = []
     braking = certificate.braking
@@ -159,7 +157,7 @@ def other_speeds_line(certificate: "Certificate") -> str:
     return "; ".join(said)
 
 
-def left_out_lines(certificate: "Certificate") -> list[str]:
+def left_out_lines(certificate: Certificate) -> list[str]:
     """Return a note that names the pairs of links that always touch; none if there are none."""
     pairs = [pair for pair in certificate.left_out if pair.reason == ALWAYS_TOUCHING]
     named = "; ".join(" and ".join(pair.links) for pair in pairs)

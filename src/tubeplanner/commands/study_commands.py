@@ -1,9 +1,10 @@
 """The command that sweeps over tolerances or the values of any field."""
 
 from collections.abc import Callable
-from contextlib import nullcontext
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from rich.markup import escape
@@ -35,17 +36,16 @@ from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.commands.report import rendered
 from tubeplanner.commands.workers import processes_option, workers_of
 from tubeplanner.errors import OptionError
-from tubeplanner.studies.field_sweep import FieldSweep
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.problem.field_paths import is_of_objective, parse_variation
+from tubeplanner.studies.field_sweep import FieldSweep, sweep_field
 from tubeplanner.studies.json_values import value_text
 from tubeplanner.studies.tolerance_sweep import SweepResult
-
-if TYPE_CHECKING:
-    from concurrent.futures import Executor
-    from contextlib import AbstractContextManager
-
-    from tubeplanner.planning.plan_options import PlanOptions
-    from tubeplanner.studies.field_sweep import FieldSweep
-    from tubeplanner.studies.tolerance_sweep import SweepResult
+from tubeplanner.studies.tolerance_sweep import sweep as sweep_problem
+from tubeplanner.views.field_plot import plot_field_sweep
+from tubeplanner.views.figure_files import figure_file, require_figure
+from tubeplanner.views.study_plots import plot_sweep
 
 
 @click.command()
@@ -84,11 +84,6 @@ def sweep(
     Plans the shortest motions, unless --slack or --vary objective.... says otherwise. Exit status 0
     if any of them has a certified trajectory; the other rows say why not.
     """
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.planning.plan_options import PlanOptions
-    from tubeplanner.studies.tolerance_sweep import sweep as sweep_problem
-    from tubeplanner.views.figure_files import require_figure
-
     if (radius is not None) + (radius_scale is not None) + bool(variations) != 1:
         raise OptionError("sweep takes either --radius or --radius-scale or --vary")
     options = PlanOptions(quality=quality, slack=slack)
@@ -119,7 +114,8 @@ def sweep(
         report = {**empty_report(status, message, nowhere()), "loading_time": loading_time}
         print_json({**report, **result.as_dict()})
     else:
-        say(_sweep_text(result), message, sep="\n")
+        text = field_sweep_text(result) if isinstance(result, FieldSweep) else sweep_text(result)
+        say(text, message, sep="\n")
         say_files(outputs, "-o TABLE.csv", "--plot")
     return SUCCESS if result.succeeded else INFEASIBLE
 
@@ -128,14 +124,11 @@ def _swept_field(
     problem: str,
     variations: tuple[str, ...],
     changes: dict[str, Any],
-    options: "PlanOptions",
-    executor: "Executor | None",
+    options: PlanOptions,
+    executor: Executor | None,
     progress: Callable[[object], None],
-) -> "FieldSweep":
+) -> FieldSweep:
     """Return a sweep over the one field that is varied."""
-    from tubeplanner.problem.field_paths import is_of_objective, parse_variation
-    from tubeplanner.studies.field_sweep import sweep_field
-
     if len(variations) > 1:
         raise OptionError(f"--vary {variations[1]}: a sweep varies one field; leave out the others")
     path, values = parse_variation("--vary", variations[0])
@@ -150,25 +143,14 @@ def _swept_field(
     )
 
 
-def _sweepers(processes: int | None) -> "AbstractContextManager[Executor | None]":
+def _sweepers(processes: int | None) -> AbstractContextManager[Executor | None]:
     """Return what plans a sweep; without a number, this process."""
     return nullcontext() if processes is None else workers_of(processes)
 
 
-def _sweep_text(result: "SweepResult | FieldSweep") -> str:
-    from tubeplanner.studies.field_sweep import FieldSweep
-
-    return field_sweep_text(result) if isinstance(result, FieldSweep) else sweep_text(result)
-
-
 def _write_sweep(
-    result: "SweepResult | FieldSweep", output: Path | None, figure: Path | None
+    result: SweepResult | FieldSweep, output: Path | None, figure: Path | None
 ) -> None:
-    from tubeplanner.studies.field_sweep import FieldSweep
-    from tubeplanner.views.field_plot import plot_field_sweep
-    from tubeplanner.views.figure_files import figure_file
-    from tubeplanner.views.study_plots import plot_sweep
-
     hold_interrupts()
     contents: dict[Path, bytes] = {}
     if output is not None:
@@ -188,7 +170,7 @@ def _numbers(option: str, text: str | None) -> list[float] | None:
         raise OptionError(f"{option} '{text}' is no list of numbers with commas between") from None
 
 
-def sweep_text(result: "SweepResult") -> str:
+def sweep_text(result: SweepResult) -> str:
     """Return a sweep as a table, as wide as the terminal, and the rows' messages."""
     scaled = result.quantity != "radius"
     table = Table(title=f"{result.problem.name}: duration against tolerance", title_justify="left")
@@ -209,7 +191,7 @@ def sweep_text(result: "SweepResult") -> str:
     return rendered(table)
 
 
-def field_sweep_text(result: "FieldSweep") -> str:
+def field_sweep_text(result: FieldSweep) -> str:
     """Return a sweep over a field as a table, as wide as the terminal, and the answers' notes."""
     table = Table(title=f"{result.name}: duration against {result.path}", title_justify="left")
     headings = ["duration", *["shortest"] * result.varies_objective]

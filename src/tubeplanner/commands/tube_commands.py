@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -25,11 +25,19 @@ from tubeplanner.commands.console import (
 )
 from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.errors import OptionError
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.files.problem_file import read_fields, with_problem
+from tubeplanner.files.taught_problem import read_cell, taught_problem
+from tubeplanner.problem.problem_layers import ProblemLayers
+from tubeplanner.resources import find_problem
+from tubeplanner.trajectory.trajectory_file import read_trajectory_file
+from tubeplanner.tube_sources.joint_route import require_ompl
+from tubeplanner.tube_sources.measured_plan import PlannedTube
+from tubeplanner.tube_sources.route import find_route
+from tubeplanner.tube_sources.route_candidates import RouteOptions
+from tubeplanner.tube_sources.teach import TeachOptions
+from tubeplanner.tube_sources.teach import teach as teach_tube
 from tubeplanner.tube_sources.tube_answer import TubeAnswer
-
-if TYPE_CHECKING:
-    from tubeplanner.tube_sources.measured_plan import PlannedTube
-    from tubeplanner.tube_sources.tube_answer import TubeAnswer
 
 _OUTPUT = click.option("-o", "--output", type=PATH, help="Problem file with the tube.")
 _MAX_RADIUS = click.option(
@@ -80,14 +88,6 @@ def route(
     is certified goes to the file of -o, which `plan` plans; a tube that was measured beside it, to
     the file of --measured.
     """
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.files.problem_file import read_fields
-    from tubeplanner.problem.problem_layers import ProblemLayers
-    from tubeplanner.resources import find_problem
-    from tubeplanner.tube_sources.joint_route import require_ompl
-    from tubeplanner.tube_sources.route import find_route
-    from tubeplanner.tube_sources.route_candidates import RouteOptions
-
     options = RouteOptions(
         seed, tries, checks, max_radius=max_radius, samples=samples, time_limit=time_limit
     )
@@ -150,12 +150,6 @@ def teach(
     JointTrajectory. The robot comes from --urdf and --tool-frame, or with its limits and obstacles
     from --problem.
     """
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.files.taught_problem import read_cell, taught_problem
-    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
-    from tubeplanner.tube_sources.teach import TeachOptions
-    from tubeplanner.tube_sources.teach import teach as teach_tube
-
     if (template is None) == (urdf is None or tool_frame is None):
         raise OptionError("teach takes either --urdf and --tool-frame, or --problem")
     if template is not None and (obstacles is not None or urdf or tool_frame):
@@ -186,11 +180,9 @@ def _require_none_of(changes: Iterable[str], found: tuple[str, ...], source: str
 
 
 def _write(
-    fields: Any, folder: Path, found: "Mapping[Path | None, PlannedTube | None]"
+    fields: Any, folder: Path, found: Mapping[Path | None, PlannedTube | None]
 ) -> list[Path]:
     """Write the problems that were found to the files that are asked for; return these files."""
-    from tubeplanner.files.problem_file import with_problem
-
     hold_interrupts()
     contents = {
         path: with_problem(fields, folder, path, tube.problem)
@@ -202,7 +194,7 @@ def _write(
     return list(contents)
 
 
-def _noted(answer: "TubeAnswer", measured: Path | None) -> "TubeAnswer":
+def _noted(answer: TubeAnswer, measured: Path | None) -> TubeAnswer:
     """Return an answer that tells of the file of a measured tube if it has none for it."""
     if measured is None or not answer.succeeded or answer.measured is not None:
         return answer
@@ -212,7 +204,7 @@ def _noted(answer: "TubeAnswer", measured: Path | None) -> "TubeAnswer":
 
 def _print_answer(
     name: str,
-    answer: "TubeAnswer",
+    answer: TubeAnswer,
     loading_time: float | None,
     files: Mapping[str, Path | None],
     written: list[Path],
@@ -233,7 +225,7 @@ def _print_answer(
     return SUCCESS if answer.succeeded else INFEASIBLE
 
 
-def tube_text(name: str, answer: "TubeAnswer") -> str:
+def tube_text(name: str, answer: TubeAnswer) -> str:
     """Return the result of a search for a tube as text.
 
     Args:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -24,18 +24,19 @@ from tubeplanner.commands.console import (
 from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.motion_of_file import motion_of_file
+from tubeplanner.files.cycle_motion_notes import cycle_motion_notes
 from tubeplanner.files.cycle_notes import notes_on_cycle_file
 from tubeplanner.files.file_notes import notes_on_file
+from tubeplanner.files.motion_notes import has_other_part, motion_notes
 from tubeplanner.files.output_files import require_writable
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.trajectory_file import TrajectoryFile, read_trajectory_file
 from tubeplanner.views.cycle_plot import plot_cycle
+from tubeplanner.views.cycle_view import view_cycle
 from tubeplanner.views.figure_files import figure_file, require_figure
 from tubeplanner.views.plotting import plot_trajectory
-
-if TYPE_CHECKING:
-    from tubeplanner.cycle.cycle import Cycle
-    from tubeplanner.problem.problem import PlanningProblem
-    from tubeplanner.views.viewer import View
+from tubeplanner.views.viewer import View, names_of_files
+from tubeplanner.views.viewer import view as view_problem
 
 
 @click.command()
@@ -56,8 +57,6 @@ def view(
     Notes say whether each motion passes under PROBLEM, and what differs if it was made for another.
     Of a cycle all moves are on one time line, with what happens between them.
     """
-    from tubeplanner.cycle.cycle import Cycle
-
     require_page(html)
     if html is not None:
         require_writable([html], [Path(problem), *trajectories])
@@ -91,12 +90,9 @@ def view(
 
 
 def _shown(
-    problem: "PlanningProblem", paths: tuple[Path, ...], enter: Callable[[object], None]
-) -> "View":
+    problem: PlanningProblem, paths: tuple[Path, ...], enter: Callable[[object], None]
+) -> View:
     """Return the view of a problem and the motions of files, each judged."""
-    from tubeplanner.files.motion_notes import has_other_part, motion_notes
-    from tubeplanner.views.viewer import names_of_files, view
-
     files = [read_trajectory_file(path, problem.robot.joint_names) for path in paths]
     named, notes = dict(zip(names_of_files(paths), files, strict=True)), []
     for k, (name, file) in enumerate(named.items()):
@@ -105,18 +101,11 @@ def _shown(
     enter("scene")
     other = [name for name, file in named.items() if has_other_part(problem, file)]
     motions = (file.trajectory for file in files)
-    return view(problem, *motions, names=list(named), notes=notes, empty_handed=other)
+    return view_problem(problem, *motions, names=list(named), notes=notes, empty_handed=other)
 
 
-def _shown_cycle(
-    cycle: "Cycle", paths: tuple[Path, ...], enter: Callable[[object], None]
-) -> "View":
+def _shown_cycle(cycle: Cycle, paths: tuple[Path, ...], enter: Callable[[object], None]) -> View:
     """Return the view of a cycle and its motions of files, each judged."""
-    from tubeplanner.files.cycle_motion_notes import cycle_motion_notes
-    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
-    from tubeplanner.views.cycle_view import view_cycle
-    from tubeplanner.views.viewer import names_of_files
-
     files = [read_trajectory_file(path, cycle.robot.joint_names) for path in paths]
     motions = [motion_of_file(cycle, *pair) for pair in zip(paths, files, strict=True)]
     names, notes = names_of_files(paths), []
@@ -142,8 +131,6 @@ def plot(
 
     Without -o the figure goes next to the trajectory, under its name with the ending .png.
     """
-    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
-
     target = output or trajectory.with_suffix(".png")
     require_figure(target, "-o")
     require_writable([target], [trajectory, Path(problem)])
@@ -167,11 +154,9 @@ def plot(
 
 
 def _drawn(
-    loaded: "PlanningProblem | Cycle", path: Path, read: "TrajectoryFile", target: Path
+    loaded: PlanningProblem | Cycle, path: Path, read: TrajectoryFile, target: Path
 ) -> tuple[list[str], bytes]:
     """Return what else is to be known of a trajectory file, and its figure."""
-    from tubeplanner.cycle.cycle import Cycle
-
     if isinstance(loaded, Cycle):
         figure = plot_cycle(loaded, motion_of_file(loaded, path, read))
         notes = notes_on_cycle_file(loaded, read)
