@@ -11,6 +11,7 @@ from gantry import FIELDS, gantry
 from small_cycle import SMALL
 
 from tubeplanner import Explanation, PlanOptions, explain, parse_problem
+from tubeplanner.commands import explain_command
 from tubeplanner.commands.explanation_report import explanation_text
 from tubeplanner.documents import parse_yaml
 from tubeplanner.explanation import explain as explain_module
@@ -51,7 +52,7 @@ def explained(shared, beyond, monkeypatch):
         return explain(beyond, options=PlanOptions(quality="fast"), time_limit=1000.0)
 
     explanation = shared("explained.gantry", found_out)
-    monkeypatch.setattr(explain_module, "explain", lambda *_, **__: explanation)
+    monkeypatch.setattr(explain_command, "search", lambda *_, **__: explanation)
 
 
 def parsed(text):
