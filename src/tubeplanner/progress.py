@@ -61,7 +61,6 @@ class PlanningClock:
         self._callback = callback
         self._stage = ""
         self._parts: list[str] = []
-        self._provision: tuple[float, Callable[[], None]] | None = None
 
     @property
     def elapsed(self) -> float:
@@ -93,20 +92,6 @@ class PlanningClock:
         self.announce(Progress(stage))
         self.check()
 
-    @contextmanager
-    def provided(self, share: float, provision: Callable[[], None]) -> Iterator[None]:
-        """Let a check inside do something, once, when a share of the time limit has passed.
-
-        Args:
-            share: Of the time limit, between 0 and 1.
-            provision: What it does; checks of its own are plain ones.
-        """
-        self._provision = share, provision
-        try:
-            yield
-        finally:
-            self._provision = None
-
     def check(self) -> None:
         """Raise if the time limit has passed.
 
@@ -115,9 +100,6 @@ class PlanningClock:
         """
         if self.remaining <= 0:
             raise TimeLimitReached
-        if self._provision is not None and self.used >= self._provision[0]:
-            (_, provision), self._provision = self._provision, None
-            provision()
 
     @property
     def past_limit(self) -> str:
