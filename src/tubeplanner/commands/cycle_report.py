@@ -17,7 +17,7 @@ from tubeplanner.verification.conditions import CONDITION_NAMES
 from tubeplanner.verification.cycle_certificate import CycleCertificate
 from tubeplanner.verification.judged_condition import JudgedCondition
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # the planner loads SciPy, and `check` does not need it
     from tubeplanner.cycle_planning.cycle_result import CycleResult
     from tubeplanner.cycle_planning.leg_plan import LegPlan
 

@@ -1,4 +1,8 @@
-"""The output files of a plan."""
+"""The output files of a plan.
+
+What draws is imported when a figure or page is asked for: it loads parts of SciPy that plans do
+without.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -17,7 +17,7 @@ from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.judged_condition import RELATIVE, JudgedCondition, Tolerance
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # the planner loads SciPy, and `check` does not need it
     from tubeplanner.planning.plan_result import PlanResult
 
 _WIDTH_OF_A_FILE, _VERY_WIDE = 160, 10_000  # [characters]
