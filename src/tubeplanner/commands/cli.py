@@ -6,10 +6,13 @@ A command's module is imported when the command is called. NumPy is not imported
 Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usage; 130 interrupted.
 """
 
+import ast
 import sys
 from collections.abc import Iterator, MutableMapping, Sequence
 from errno import ENOSPC
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 
 import click
 
@@ -76,11 +79,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 class _LazyCommands(MutableMapping[str, click.Command]):
-    """Commands by name; the module of each is imported when the command is first looked up.
-
-    The group's help looks up all of them; running one, or suggesting one for a name that does not
-    exist, imports no other.
-    """
+    """Commands by name; the module of each is imported when the command is first looked up."""
 
     def __init__(self, modules: dict[str, str]) -> None:
         """Take the module of each command, where a function of its name defines it."""
@@ -101,6 +100,31 @@ class _LazyCommands(MutableMapping[str, click.Command]):
 
     def __len__(self) -> int:
         return len(self._commands)
+
+    def help_of(self, name: str) -> str:
+        """Return the help text of a command, without an import of its module."""
+        command = self._commands[name]
+        if isinstance(command, click.Command):
+            return command.help or ""
+        spec = find_spec(command)
+        assert spec is not None and spec.origin is not None
+        tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+        functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
+        return next(ast.get_docstring(each) or "" for each in functions if each.name == name)
+
+
+class _LazyGroup(click.Group):
+    """A group whose help imports no command; else `--help` would take ten times as long."""
+
+    commands: _LazyCommands
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands with their short help."""
+        names = self.list_commands(ctx)
+        width = formatter.width - 6 - max(map(len, names))
+        stubs = [click.Command(name, help=self.commands.help_of(name)) for name in names]
+        with formatter.section("Commands"):
+            formatter.write_dl([(str(each.name), each.get_short_help_str(width)) for each in stubs])
 
 
 _COMMANDS = {
@@ -125,7 +149,9 @@ _COMMANDS = {
 
 
 @click.group(
-    commands=_LazyCommands(_COMMANDS), context_settings={"help_option_names": ["-h", "--help"]}
+    cls=_LazyGroup,
+    commands=_LazyCommands(_COMMANDS),
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 @VERSION
 def cli() -> None:
