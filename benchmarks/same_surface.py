@@ -98,8 +98,8 @@ def _blanked(content: bytes, *folders: Path) -> bytes:
     head = content.partition(b"\n")[0].split(b",")
     if b"planning_time" in head:  # a table
         rows = list(csv.reader(io.StringIO(content.decode())))
-        column = rows[0].index("planning_time")
-        lines = (row[:column] + row[column + 1 :] for row in rows)
+        kept = [k for k, name in enumerate(rows[0]) if not re.fullmatch(r"\w+_time|key", name)]
+        lines = ([row[k] for k in kept] for row in rows)
         content = "\n".join(map(repr, lines)).encode()
     return content
 
