@@ -29,6 +29,7 @@ SURFACE = HERE / "benchmarks/surface"
 # In sentences, JSON and CSV.
 BLANKED = (
     rb"(?<=in )[\d.]+ m?s\b",
+    rb"(?<=for )[\d.]+ m?s\b",
     rb"(?<=certificate )[\d.]+ m?s\b",
     rb"(?<=\"key\": \")\w+",
     rb"(?<=seconds\": )[\d.e+-]+",
