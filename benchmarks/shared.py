@@ -56,7 +56,7 @@ class Checkout:
             [sys.executable, "-c", SHORTEST + driver],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env=_environment(folder),
+            env=environment(folder),
             text=True,
         )
 
@@ -79,7 +79,7 @@ def asked_once(folder: Path, driver: str, question: Any, limit: float) -> dict[s
             [sys.executable, "-c", SHORTEST + driver],
             input=json.dumps(question) + "\n",
             stdout=subprocess.PIPE,
-            env=_environment(folder),
+            env=environment(folder),
             text=True,
             timeout=limit,
             check=True,
@@ -90,7 +90,7 @@ def asked_once(folder: Path, driver: str, question: Any, limit: float) -> dict[s
     return answer
 
 
-def _environment(folder: Path) -> dict[str, str]:
+def environment(folder: Path) -> dict[str, str]:
     """Return the variables of a process that works with a checkout's sources."""
     if not any((folder / "src/tubeplanner/native").glob("*.so")):
         # Without it answers are slower and differ in their last digits.

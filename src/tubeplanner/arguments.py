@@ -48,14 +48,6 @@ def given_row(name: str, given: object, of: str) -> list[Any]:
     return list(given)  # type: ignore[call-overload]  # a list, tuple or range
 
 
-def require_callback(progress: object) -> None:
-    """Raise OptionError unless progress is reported to nobody, or to what can be called."""
-    if progress is not None and not callable(progress):
-        raise OptionError(
-            f"progress is {shown(progress)}; give a function, which is called with every stage"
-        )
-
-
 def require_executor(executor: object) -> None:
     """Raise OptionError unless an executor is None or one."""
     if executor is not None and not callable(getattr(executor, "submit", None)):

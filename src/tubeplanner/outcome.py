@@ -112,6 +112,9 @@ class ContradictionError(ProblemError):
         self.configuration = configuration
 
 
+_ATTRIBUTES = ("place", "proved", "starts", "configuration")
+
+
 class Infeasible(Exception):
     """There is no answer, for a reason and at a place; `plan` turns it into its result.
 
@@ -139,3 +142,8 @@ class Infeasible(Exception):
         self.proved = proved
         self.starts = starts
         self.configuration = configuration
+
+    def replaced(self, **changes: Any) -> "Infeasible":
+        """Return the same reason with other attributes."""
+        values: dict[str, Any] = {name: getattr(self, name) for name in _ATTRIBUTES} | changes
+        return Infeasible(self.status, str(self), **values)

@@ -1,14 +1,13 @@
 """Progress callbacks, and how planning ends early: the time limit and Ctrl-C."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, TypeVar
 
-import numpy as np
-
-from tubeplanner.arguments import require_callback
+from tubeplanner.errors import OptionError, shown
 
 StoppedBy: TypeAlias = Literal["time_limit", "interrupt"]
 _Answer = TypeVar("_Answer")
@@ -58,11 +57,10 @@ class PlanningClock:
     def __init__(self, time_limit: float | None, callback: ProgressCallback | None) -> None:
         require_callback(callback)
         self._begin = time.perf_counter()
-        self._limit = np.inf if time_limit is None else time_limit
+        self._limit = math.inf if time_limit is None else time_limit
         self._callback = callback
         self._stage = ""
         self._parts: list[str] = []
-        self._provision: tuple[float, Callable[[], None]] | None = None
 
     @property
     def elapsed(self) -> float:
@@ -94,20 +92,6 @@ class PlanningClock:
         self.announce(Progress(stage))
         self.check()
 
-    @contextmanager
-    def provided(self, share: float, provision: Callable[[], None]) -> Iterator[None]:
-        """Let a check inside do something, once, when a share of the time limit has passed.
-
-        Args:
-            share: Of the time limit, between 0 and 1.
-            provision: What it does; checks of its own are plain ones.
-        """
-        self._provision = share, provision
-        try:
-            yield
-        finally:
-            self._provision = None
-
     def check(self) -> None:
         """Raise if the time limit has passed.
 
@@ -116,9 +100,6 @@ class PlanningClock:
         """
         if self.remaining <= 0:
             raise TimeLimitReached
-        if self._provision is not None and self.used >= self._provision[0]:
-            (_, provision), self._provision = self._provision, None
-            provision()
 
     @property
     def past_limit(self) -> str:
@@ -144,3 +125,11 @@ def until_stopped(work: Callable[[], _Answer]) -> tuple[_Answer | None, StoppedB
         return None, "time_limit"
     except KeyboardInterrupt:
         return None, "interrupt"
+
+
+def require_callback(progress: object) -> None:
+    """Raise OptionError unless progress is reported to nobody, or to what can be called."""
+    if progress is not None and not callable(progress):
+        raise OptionError(
+            f"progress is {shown(progress)}; give a function, which is called with every stage"
+        )

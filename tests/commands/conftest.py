@@ -7,10 +7,25 @@ import pytest
 from small_cycle import SMALL
 from studied import Here
 
-from tubeplanner.commands import explain_command, place_command, study_command
+from tubeplanner.commands import (
+    comparison_report,
+    explain_command,
+    info_command,
+    place_command,
+    plan_outputs,
+    reproduce_command,
+    simulate_command,
+    study_command,
+    study_commands,
+    view_command,
+)
 from tubeplanner.views import figure_files
 
 PNG = b"\x89PNG"
+DRAWING = (
+    *(comparison_report, info_command, place_command, plan_outputs, reproduce_command),
+    *(simulate_command, study_command, study_commands, view_command),
+)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -33,6 +48,12 @@ def real_figures():
         (cycle_plot, "plot_cycle"): lambda cycle, motion: Figure(),
         (execution_plot, "plot_execution"): lambda problem, motion, runs, judged: Figure(),
         (cycle_execution_plot, "plot_cycle_execution"): lambda motion, runs, judged: Figure(),
+    }
+    instead = {
+        (module, name): function
+        for (home, name), function in instead.items()
+        for module in (home, *DRAWING)
+        if hasattr(module, name)
     }
     with pytest.MonkeyPatch.context() as patch:
         real = {place: getattr(*place) for place in instead}

@@ -10,6 +10,7 @@ from stored_trajectories import REFINEMENT, stored_path
 
 import tubeplanner
 from tubeplanner import PlanOptions, load_problem, plan
+from tubeplanner.commands import study_commands
 from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.cli import cli
 from tubeplanner.commands.console import printable
@@ -189,7 +190,7 @@ def test_from_the_writing_on_an_interrupt_ends_nothing(tmp_path):
     ("words", "spoiled"),
     [
         ("view {motion} --html", "tubeplanner.views.viewer.page_html"),
-        ("info --plot", "tubeplanner.views.figure_files.figure_file"),
+        ("info --plot", "tubeplanner.commands.info_command.figure_file"),
     ],
 )
 def test_what_a_library_drew_that_swallowed_an_interrupt_is_not_written(
@@ -209,15 +210,13 @@ def test_what_a_library_drew_that_swallowed_an_interrupt_is_not_written(
 
 
 def test_an_answer_is_drawn_and_written_whole(run, tmp_path, monkeypatch):
-    from tubeplanner.views import study_plots
-
-    real = study_plots.plot_sweep
+    real = study_commands.plot_sweep
 
     def draw(result):
         signal.raise_signal(signal.SIGTERM)
         return real(result)
 
-    monkeypatch.setattr(study_plots, "plot_sweep", draw)
+    monkeypatch.setattr(study_commands, "plot_sweep", draw)
     table, figure = tmp_path / "a.csv", tmp_path / "a.png"
     options = ("--radius-scale", "1", "--quality", "fast", "-o", table, "--plot", figure)
     assert run("sweep", LINE, *options)[0] == 0
@@ -238,7 +237,7 @@ def test_a_study_may_be_planned_by_a_cluster(run, here, monkeypatch):
         raise KeyboardInterrupt
 
     study, address = "example:ur5/tolerance_and_payload", "tcp://127.0.0.1:1"
-    monkeypatch.setattr("tubeplanner.studies.study_run.run_study", interrupted)
+    monkeypatch.setattr("tubeplanner.commands.study_command.run_study", interrupted)
     assert run("study", study, "--scheduler", address)[0] == 130
     assert here == [(None, address)]
 

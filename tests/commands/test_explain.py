@@ -9,6 +9,7 @@ from asked_problems import PLANAR, REMEDY, ROOM
 from gantry import gantry
 
 from tubeplanner import Explanation, PlanOptions, explain, parse_problem
+from tubeplanner.commands import explain_command
 from tubeplanner.commands.explanation_report import explanation_text
 from tubeplanner.explanation import explain as explain_module
 from tubeplanner.outcome import Place, PlanStatus
@@ -47,7 +48,7 @@ def explained(shared, beyond, monkeypatch):
         return explain(beyond, options=PlanOptions(quality="fast"), time_limit=1000.0)
 
     explanation = shared("explained.gantry", found_out)
-    monkeypatch.setattr(explain_module, "explain", lambda *_, **__: explanation)
+    monkeypatch.setattr(explain_command, "search", lambda *_, **__: explanation)
 
 
 @pytest.mark.dear("tries a hundred changes")

@@ -15,9 +15,9 @@ from ruamel.yaml import YAML
 from stored_trajectories import REFINEMENT, stored_path
 
 from tubeplanner import LimitOverrides, Place, PlanOptions, load_problem, load_robot, plan
+from tubeplanner.commands import answer_files, planned
 from tubeplanner.commands.cli import main
 from tubeplanner.commands.report import peaks_lines
-from tubeplanner.planning import planner
 from tubeplanner.resources import bundled_presets
 
 NAME, NARROW = "two_link/around_a_post", "two_link/paper_1_30mm"
@@ -181,15 +181,13 @@ def test_an_interrupt_before_anything_is_certified_exits_with_130(run, run_json,
 def test_an_interrupt_while_a_certified_answer_is_written_loses_nothing(
     run_json, monkeypatch, tmp_path
 ):
-    from tubeplanner.files import output_files
-
-    write = output_files.write_files
+    write = answer_files.write_files
 
     def interrupted_write(*contents):
         signal.raise_signal(signal.SIGINT)
         write(*contents)
 
-    monkeypatch.setattr(output_files, "write_files", interrupted_write)
+    monkeypatch.setattr(answer_files, "write_files", interrupted_write)
     path = tmp_path / "t.json"
     status, fields = run_json("plan", PROBLEM, *STOPS, "-o", path)
     assert (status, fields["status"]) == (0, "success")
@@ -310,7 +308,7 @@ def in_steps(tmp_path, shared, monkeypatch):
     path = in_periods(tmp_path, 0.004)
     quick = PlanOptions(quality="fast", slack=0.0)
     result = shared("narrow.in_periods", lambda: plan(load_problem(path), quick))
-    monkeypatch.setattr(planner, "plan", lambda *_: result)
+    monkeypatch.setattr(planned, "plan_problem", lambda *_: result)
     return path
 
 

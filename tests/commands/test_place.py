@@ -3,7 +3,7 @@
 import pytest
 from gantry import BEST_DURATION, FLOOR, POST, gantry
 
-from tubeplanner.studies import placement
+from tubeplanner.commands import place_command
 
 REGION = ("--region", "-0.3,-0.3,0,0", "--points", "8", "--quality", "fast")
 
@@ -67,7 +67,7 @@ def test_a_robot_may_stand_on_none_of_the_obstacles(run, folder, monkeypatch):
         stood_on.append(stands_on)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(placement, "place", search)
+    monkeypatch.setattr(place_command, "search", search)
     for words in ((), ("--stands-on", "none"), ("--stands-on", "floor")):
         assert run("place", gantry(folder, [FLOOR, POST]), *REGION, *words)[0] == 130
     assert stood_on == [None, (), ("floor",)]

@@ -5,7 +5,7 @@ import csv
 import pytest
 import yaml
 
-from tubeplanner.cycle_planning import cycle_planner
+from tubeplanner.commands import planned
 
 FAST = ("--quality", "fast", "--slack", "0")
 OUTPUTS = {"-o": "json", "--csv": "csv", "--ros": "yaml", "--plot": "png", "--html": "html"}
@@ -14,7 +14,7 @@ OUTPUTS = {"-o": "json", "--csv": "csv", "--ros": "yaml", "--plot": "png", "--ht
 @pytest.fixture
 def answered(small_plan, monkeypatch):
     """The small cycle is planned already."""
-    monkeypatch.setattr(cycle_planner, "plan_cycle", lambda *_: small_plan)
+    monkeypatch.setattr(planned, "plan_cycle", lambda *_: small_plan)
 
 
 @pytest.mark.dear("makes a figure and a page of a cycle")
@@ -59,11 +59,11 @@ def test_the_object_has_moves_marks_and_prices(run_json, answered, cycle_path):
 def test_a_blocked_move_is_told_and_nothing_is_written(run, run_json, cycle_path, monkeypatch):
     results = []
 
-    def once(*arguments, planned=cycle_planner.plan_cycle):
-        results[:] = results or [planned(*arguments)]
+    def once(*arguments, plan_cycle=planned.plan_cycle):
+        results[:] = results or [plan_cycle(*arguments)]
         return results[0]
 
-    monkeypatch.setattr(cycle_planner, "plan_cycle", once)
+    monkeypatch.setattr(planned, "plan_cycle", once)
     blocks = ("--set", "moves.beside.tube.joint_signs.joint2='+'")
     output = cycle_path.with_name("t.json")
     status, text, _ = run("plan", cycle_path, *FAST, *blocks, "-o", output)

@@ -79,7 +79,7 @@ def test_nothing_is_written_on_failure(run, tmp_path, monkeypatch):
     def failing(*_, **__):
         raise OutputError("no page today")
 
-    monkeypatch.setattr("tubeplanner.views.viewer.view", failing)
+    monkeypatch.setattr("tubeplanner.commands.simulate_command.view", failing)
     files = ("--plot", tmp_path / "runs.png", "--html", tmp_path / "runs.html")
     status, text, error = run("simulate", *CASE, "--runs", "1", *files)
     assert (status, text) == (2, "")

@@ -10,7 +10,7 @@ import pytest
 from cases import simulated_sweep
 from stored_trajectories import REFINEMENT, stored_path
 
-from tubeplanner.commands.report import field_sweep_text
+from tubeplanner.commands.study_commands import field_sweep_text
 
 NAME = "two_link/paper_1_30mm"
 PROBLEM = f"example:{NAME}"

@@ -15,6 +15,7 @@ from ruamel.yaml import YAML
 
 import tubeplanner
 from tubeplanner import PlanOptions, load_cycle, load_study, parse_problem, read_preset
+from tubeplanner.commands import planned as plan_command
 from tubeplanner.commands.cli import cli, main
 from tubeplanner.cycle.cycle_format import cycle_schema
 from tubeplanner.files.fingerprint import problem_hash
@@ -165,6 +166,7 @@ def planned_once(shared, monkeypatch):
 
     monkeypatch.setattr(tubeplanner, "plan", once)
     monkeypatch.setattr(planner, "plan", once)
+    monkeypatch.setattr(plan_command, "plan_problem", once)
 
 
 @pytest.mark.parametrize("page", SLOW)

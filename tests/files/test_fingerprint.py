@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from small_cycle import small_cycle
+from tubeplanner.files.former_fingerprint import former_problem_hash, is_former_hash
 
 from tubeplanner import AttachedSolid, Obstacle, Seed, ToolPose, Tube, parse_problem, placement_of
 from tubeplanner.collision import link_pairs, mesh_cover, mesh_file
@@ -16,7 +17,6 @@ from tubeplanner.collision.convex_shape import box
 from tubeplanner.files.cycle_fingerprint import cycle_hash, cycle_part_hashes, differing_cycle_parts
 from tubeplanner.files.file_notes import notes_on_file
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
-from tubeplanner.files.former_fingerprint import former_problem_hash, is_former_hash
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.resources import bundled_folder
 from tubeplanner.trajectory.trajectory_file import TrajectoryFile

@@ -11,10 +11,7 @@ from tubeplanner import (
     TeachOptions,
     Tolerance,
 )
-from tubeplanner.arguments import (
-    given_options,
-    given_row,
-)
+from tubeplanner.arguments import given_options, given_row
 from tubeplanner.options import are_numbers, in_figures
 from tubeplanner.suh_bishop.knot_modification import ModificationOptions
 from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions

@@ -13,7 +13,8 @@ from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.views.binding_strip import BindingStrip, binding_strip, limited_motion
 from tubeplanner.views.clearance_panel import draw_clearance
 from tubeplanner.views.motor_panels import draw_motor, motor_joints
-from tubeplanner.views.panels import draw_efforts, trajectory_curves
+from tubeplanner.views.panels import draw_efforts
+from tubeplanner.views.stretch import trajectory_curves
 from tubeplanner.views.strip_panel import draw_strip, percent
 
 MOTORS = {

@@ -27,14 +27,8 @@ from tubeplanner.cycle.steps import Event
 from tubeplanner.views.cycle_curves import cycle_curves
 from tubeplanner.views.cycle_marks import shown_name
 from tubeplanner.views.cycle_plot import plot_cycle
-from tubeplanner.views.panels import (
-    draw_speed,
-    draw_tube_use,
-    draw_velocities,
-    segments_per_group,
-    size_of,
-    trajectory_curves,
-)
+from tubeplanner.views.panels import draw_speed, draw_tube_use, draw_velocities
+from tubeplanner.views.stretch import segments_per_group, size_of, trajectory_curves
 
 
 @pytest.mark.dear("draws all panels")

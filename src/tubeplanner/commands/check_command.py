@@ -2,7 +2,7 @@
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -19,15 +19,21 @@ from tubeplanner.commands.console import (
     shown_progress,
 )
 from tubeplanner.commands.cycle_check import CheckedCycle, checked_cycle
+from tubeplanner.commands.report import certificate_text, other_speeds_line, peaks_lines
+from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
+from tubeplanner.controllers.controller_verdict import ControllerVerdict
+from tubeplanner.controllers.controllers import judged_by
+from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.errors import OptionError
-
-if TYPE_CHECKING:
-    from tubeplanner.controllers.controller_verdict import ControllerVerdict
-    from tubeplanner.outcome import Place
-    from tubeplanner.problem.problem import PlanningProblem
-    from tubeplanner.trajectory.trajectory_file import TrajectoryFile
-    from tubeplanner.verification.certificate import Certificate
-    from tubeplanner.verification.judged_condition import Tolerance
+from tubeplanner.files.file_notes import notes_on_file
+from tubeplanner.native.library import LIBRARY
+from tubeplanner.outcome import Place
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.robot_notes import robot_notes
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile, read_trajectory_file
+from tubeplanner.verification.certificate import Certificate
+from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE, Tolerance
+from tubeplanner.verification.verification import verify
 
 
 @click.command()
@@ -50,11 +56,6 @@ def check(
     as_json: bool,
 ) -> int:
     """Judge the TRAJECTORY file against PROBLEM, or against a whole cycle."""
-    from tubeplanner.cycle.cycle import Cycle
-    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
-    from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE, Tolerance
-    from tubeplanner.verification.verification import verify
-
     asked = _tolerance(tolerance)
     with shown_progress() as enter:
         loaded, loading_time = load_either_timed(problem, enter, changes)
@@ -65,7 +66,7 @@ def check(
             enter("certificate")
             checked = checked_cycle(loaded, trajectory, read, limits)
             return _say_checked(trajectory, checked, loading_time, as_json)
-        verdict = _verdict(controller, loaded, read)
+        verdict = None if controller is None else judged_by(controller, loaded, read)
         enter("certificate")
         begin = time.perf_counter()
         certificate = verify(loaded, read.trajectory, limits)
@@ -98,21 +99,11 @@ def _say_checked(path: Path, checked: CheckedCycle, loading_time: float, as_json
     return SUCCESS if checked.certificate.passed else INFEASIBLE
 
 
-def _verdict(
-    controller: str | None, problem: "PlanningProblem", read: "TrajectoryFile"
-) -> "ControllerVerdict | None":
-    if controller is None:
-        return None
-    from tubeplanner.controllers.controllers import judged_by
-
-    return judged_by(controller, problem, read)
-
-
-def _accepted(verdict: "ControllerVerdict | None") -> bool:
+def _accepted(verdict: ControllerVerdict | None) -> bool:
     return verdict is None or verdict.accepted
 
 
-def _message(certificate: "Certificate", verdict: "ControllerVerdict | None") -> str:
+def _message(certificate: Certificate, verdict: ControllerVerdict | None) -> str:
     """Return what is said of the trajectory, without the full stop."""
     reasons = "; ".join(certificate.describe(name) for name in certificate.failures())
     message = f"fails: {reasons}" if reasons else "passes every condition"
@@ -121,26 +112,18 @@ def _message(certificate: "Certificate", verdict: "ControllerVerdict | None") ->
     return f"{message}; {verdict.name}: {verdict.summary}"
 
 
-def _notes(
-    problem: "PlanningProblem", read: "TrajectoryFile", certificate: "Certificate"
-) -> list[str]:
-    from tubeplanner.files.file_notes import notes_on_file
-    from tubeplanner.robot.robot_notes import robot_notes
-
+def _notes(problem: PlanningProblem, read: TrajectoryFile, certificate: Certificate) -> list[str]:
     notes = notes_on_file(problem, read, failed=not certificate.passed)
     return [*notes, *robot_notes(problem.robot)]
 
 
 def _report(
-    problem: "PlanningProblem",
-    read: "TrajectoryFile",
-    certificate: "Certificate",
-    verdict: "ControllerVerdict | None",
+    problem: PlanningProblem,
+    read: TrajectoryFile,
+    certificate: Certificate,
+    verdict: ControllerVerdict | None,
 ) -> dict[str, object]:
     """Return the JSON object, times still absent."""
-    from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
-    from tubeplanner.native.library import LIBRARY
-
     passed = certificate.passed and _accepted(verdict)
     message = f"the trajectory {_message(certificate, verdict)}"
     if verdict is not None and verdict.gravest is not None:
@@ -157,10 +140,8 @@ def _report(
     }
 
 
-def _where(certificate: "Certificate", verdict: "ControllerVerdict | None") -> "Place":
+def _where(certificate: Certificate, verdict: ControllerVerdict | None) -> Place:
     """Return where the first condition fails, or else the controller first minds something."""
-    from tubeplanner.outcome import Place
-
     failures = certificate.failures()
     if failures:
         return certificate.conditions[failures[0]].where
@@ -172,14 +153,11 @@ def _where(certificate: "Certificate", verdict: "ControllerVerdict | None") -> "
 
 
 def _print(
-    problem: "PlanningProblem",
-    read: "TrajectoryFile",
-    certificate: "Certificate",
-    verdict: "ControllerVerdict | None",
+    problem: PlanningProblem,
+    read: TrajectoryFile,
+    certificate: Certificate,
+    verdict: ControllerVerdict | None,
 ) -> None:
-    from tubeplanner.commands.report import certificate_text, other_speeds_line, peaks_lines
-    from tubeplanner.constraints.trajectory_peaks import trajectory_peaks
-
     peaks = trajectory_peaks(problem.robot, read.trajectory)
     say(*peaks_lines(problem.robot, peaks), certificate_text(certificate), sep="\n")
     say(other_speeds_line(certificate))
@@ -188,9 +166,7 @@ def _print(
     say(*lines, sep="\n", end="\n" if lines else "")
 
 
-def _tolerance(text: str | None) -> "Tolerance | None":
-    from tubeplanner.verification.judged_condition import Tolerance
-
+def _tolerance(text: str | None) -> Tolerance | None:
     if text is None:
         return None
     try:

@@ -1,53 +1,44 @@
 """The command line, and nothing else: arguments in, text and exit status out.
 
+A command's module is imported when the command is called. NumPy is not imported before, here or in
+`console`: a report of bad usage or of Ctrl-C needs none.
+
 Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usage; 130 interrupted.
 """
 
+import ast
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, MutableMapping, Sequence
 from errno import ENOSPC
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import click
 
-from tubeplanner.commands.check_command import check
 from tubeplanner.commands.console import (
     AS_JSON,
     BAD_INPUT,
-    INFEASIBLE,
     INTERRUPTED,
-    PATH,
-    SET,
-    SLACK,
     SUCCESS,
     empty_report,
     fail,
-    load_either_timed,
     nowhere,
     print_json,
     say,
-    say_unwritten,
-    shown_progress,
 )
-from tubeplanner.commands.explain_command import explain
-from tubeplanner.commands.info_command import info
-from tubeplanner.commands.init_command import init
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
-from tubeplanner.commands.links_command import links
-from tubeplanner.commands.measure_command import measure
-from tubeplanner.commands.place_command import place
-from tubeplanner.commands.plan_outputs import PlanOutputs
-from tubeplanner.commands.planned import planned
-from tubeplanner.commands.reproduce_command import reproduce
-from tubeplanner.commands.simulate_command import simulate
-from tubeplanner.commands.study_command import study
-from tubeplanner.commands.study_commands import compare, sweep
-from tubeplanner.commands.study_commands import plot as draw
-from tubeplanner.commands.tube_commands import route, teach
 from tubeplanner.commands.version_option import VERSION
-from tubeplanner.commands.view_command import view
 from tubeplanner.errors import OptionError, TubePlannerError
+from tubeplanner.outcome import ContradictionError
+from tubeplanner.resources import (
+    bundled_cycles,
+    bundled_presets,
+    bundled_problems,
+    bundled_robots,
+    bundled_studies,
+    example_robot_names,
+)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -69,8 +60,11 @@ def main(arguments: Sequence[str]) -> int:
             return fail("bad_input", error.format_message(), as_json, BAD_INPUT)
         error.show()
         return BAD_INPUT
+    except ContradictionError as error:
+        known = {"where": error.place.as_dict(), "proved": error.proved}
+        return fail("bad_input", str(error), as_json, BAD_INPUT, **known)
     except TubePlannerError as error:
-        return fail("bad_input", str(error), as_json, BAD_INPUT, **_known(error))
+        return fail("bad_input", str(error), as_json, BAD_INPUT)
     except (KeyboardInterrupt, click.Abort):
         message = "interrupted before there was an answer"
         return fail("interrupted", message, as_json, INTERRUPTED)
@@ -84,16 +78,81 @@ def main(arguments: Sequence[str]) -> int:
         return fail("bad_input", message, as_json, BAD_INPUT)
 
 
-def _known(error: TubePlannerError) -> dict[str, Any]:
-    """Return the fields of JSON that are known of bad input."""
-    from tubeplanner.outcome import ContradictionError
+class _LazyCommands(MutableMapping[str, click.Command]):
+    """Commands by name; the module of each is imported when the command is first looked up."""
 
-    if not isinstance(error, ContradictionError):
-        return {}
-    return {"where": error.place.as_dict(), "proved": error.proved}
+    def __init__(self, modules: dict[str, str]) -> None:
+        """Take the module of each command, where a function of its name defines it."""
+        self._commands: dict[str, str | click.Command] = {**modules}
+
+    def __getitem__(self, name: str) -> click.Command:
+        command = self._commands[name]
+        return getattr(import_module(command), name) if isinstance(command, str) else command
+
+    def __setitem__(self, name: str, command: click.Command) -> None:
+        self._commands[name] = command
+
+    def __delitem__(self, name: str) -> None:
+        del self._commands[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._commands)
+
+    def __len__(self) -> int:
+        return len(self._commands)
+
+    def help_of(self, name: str) -> str:
+        """Return the help text of a command, without an import of its module."""
+        command = self._commands[name]
+        if isinstance(command, click.Command):
+            return command.help or ""
+        spec = find_spec(command)
+        assert spec is not None and spec.origin is not None
+        tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+        functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
+        return next(ast.get_docstring(each) or "" for each in functions if each.name == name)
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+class _LazyGroup(click.Group):
+    """A group whose help imports no command; else `--help` would take ten times as long."""
+
+    commands: _LazyCommands
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands with their short help."""
+        names = self.list_commands(ctx)
+        width = formatter.width - 6 - max(map(len, names))
+        stubs = [click.Command(name, help=self.commands.help_of(name)) for name in names]
+        with formatter.section("Commands"):
+            formatter.write_dl([(str(each.name), each.get_short_help_str(width)) for each in stubs])
+
+
+_COMMANDS = {
+    "check": "tubeplanner.commands.check_command",
+    "compare": "tubeplanner.commands.comparison_report",
+    "explain": "tubeplanner.commands.explain_command",
+    "info": "tubeplanner.commands.info_command",
+    "init": "tubeplanner.commands.init_command",
+    "links": "tubeplanner.commands.links_command",
+    "measure": "tubeplanner.commands.measure_command",
+    "place": "tubeplanner.commands.place_command",
+    "plan": "tubeplanner.commands.planned",
+    "plot": "tubeplanner.commands.view_command",
+    "reproduce": "tubeplanner.commands.reproduce_command",
+    "route": "tubeplanner.commands.tube_commands",
+    "simulate": "tubeplanner.commands.simulate_command",
+    "study": "tubeplanner.commands.study_command",
+    "sweep": "tubeplanner.commands.study_commands",
+    "teach": "tubeplanner.commands.tube_commands",
+    "view": "tubeplanner.commands.view_command",
+}
+
+
+@click.group(
+    cls=_LazyGroup,
+    commands=_LazyCommands(_COMMANDS),
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @VERSION
 def cli() -> None:
     """Plan a smooth, certified trajectory of a robot arm whose tool stays in a tube.
@@ -104,84 +163,9 @@ def cli() -> None:
 
 
 @cli.command()
-@click.argument("problem")
-@click.option("-o", "--output", type=PATH, help="Trajectory file (JSON).")
-@click.option("--csv", type=PATH, help="Samples as CSV.")
-@click.option("--ros", type=PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
-@click.option("--rate", type=float, help="Samples per second [1/period, or else 500].")
-@click.option("--plot", type=PATH, help="Figure (PNG, PDF or SVG).")
-@click.option("--html", type=PATH, help="The trajectory in 3D, one page that works offline.")
-@click.option(
-    "--method", help="refinement [default], branch-and-bound, stop-at-corners or suh-bishop."
-)
-@click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
-@click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
-@SLACK
-@click.option("--time-left", is_flag=True, help="Report the path's least time, bang-bang.")
-@SET
-@AS_JSON
-def plan(
-    problem: str,
-    output: Path | None,
-    csv: Path | None,
-    ros: Path | None,
-    rate: float | None,
-    plot: Path | None,
-    html: Path | None,
-    method: str | None,
-    quality: str,
-    time_limit: float | None,
-    slack: float | None,
-    time_left: bool,
-    changes: dict[str, Any],
-    as_json: bool,
-) -> int:
-    """Plan PROBLEM, or a whole cycle, certify the answer, and write the requested files.
-
-    Writes nothing unless the certificate passes.
-    """
-    from tubeplanner.files.trajectory_writer import TrajectoryFiles
-    from tubeplanner.planning.plan_options import METHODS, PlanOptions
-
-    options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit, slack=slack)
-    outputs = PlanOutputs(TrajectoryFiles(output, csv, ros, rate), plot, html)
-    outputs.require_usable(problem)
-    interrupted = False
-    with shown_progress() as enter:
-        loaded, loading_time = load_either_timed(problem, enter, changes)
-        outputs.require_usable(problem, loaded.robot.urdf.path)
-        outputs.require_names(loaded.robot.joint_names)
-        answer = planned(loaded, options, enter, with_minimum=time_left)
-        succeeded = answer.result.succeeded
-        if succeeded:
-            held = hold_interrupts()
-            answer = answer.written(outputs)
-            interrupted = bool(held)
-    if as_json:
-        fields = {**answer.as_dict(), "loading_time": loading_time}
-        print_json(fields | ({"stopped_by": "interrupt"} if interrupted else {}))
-    else:
-        say(answer.text(loading_time))
-        for kind, path in outputs.paths() if succeeded else ():
-            say(f"{kind}: {path}")
-        if succeeded and not outputs.paths():
-            say_unwritten("-o T.json", "--csv", "--ros", "--plot", "--html")
-    return SUCCESS if succeeded else INFEASIBLE
-
-
-@cli.command()
 @AS_JSON
 def robots(as_json: bool) -> None:
     """List what `example:` finds: problems, cycles, studies, robots; and presets of limits."""
-    from tubeplanner.resources import (
-        bundled_cycles,
-        bundled_presets,
-        bundled_problems,
-        bundled_robots,
-        bundled_studies,
-        example_robot_names,
-    )
-
     problems, cycles = list(bundled_problems()), list(bundled_cycles())
     presets = bundled_presets()
     if as_json:
@@ -217,24 +201,3 @@ def schema(cycle: bool, of_study: bool, json: bool) -> None:
         raise OptionError("schema takes either --cycle or --study")
     made = study_schema if of_study else cycle_schema if cycle else problem_schema
     print_json(made(), indent=2)
-
-
-for command in (
-    check,
-    explain,
-    simulate,
-    draw,
-    sweep,
-    study,
-    compare,
-    measure,
-    links,
-    place,
-    info,
-    init,
-    teach,
-    route,
-    view,
-    reproduce,
-):
-    cli.add_command(command)

@@ -1,4 +1,7 @@
-"""What commands share: options, exit status, progress on a terminal, JSON on standard output."""
+"""What commands share: options, exit status, progress on a terminal, JSON on standard output.
+
+What loads NumPy is imported when it is called, as `cli` imports this module.
+"""
 
 import json
 import sys
@@ -12,6 +15,7 @@ import click
 
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
 from tubeplanner.errors import OptionError, on_one_line
+from tubeplanner.outcome import Place
 
 if TYPE_CHECKING:
     from tubeplanner.cycle.cycle import Cycle
@@ -27,6 +31,15 @@ SLACK = click.option(
     "--slack",
     type=float,
     help="Share of the shortest duration that the motion may take more; 0: the shortest.",
+)
+TOOL_FRAME = click.option(
+    "--tool-frame", help="Link that carries the tool [the end of the longest chain]."
+)
+PACKAGE_DIR = click.option(
+    "--package-dir",
+    "package_dirs",
+    multiple=True,
+    help="Further folder that holds packages of package:// names; repeatable.",
 )
 
 
@@ -64,6 +77,16 @@ def require_ending(path: Path | None, option: str, endings: tuple[str, ...]) -> 
     """
     if path is not None and path.suffix.lower() not in endings:
         raise OptionError(f"{option} {path}: name a file that ends in {' or '.join(endings)}")
+
+
+def require_page(path: Path | None) -> None:
+    """Check that the name of a page ends like one.
+
+    Raises:
+        OptionError: It is not.
+    """
+    if path is not None and path.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(f"--html {path}: a page is written; name a file that ends in .html")
 
 
 def load_timed(
@@ -172,8 +195,6 @@ def empty_report(status: str, message: str, where: dict[str, Any]) -> dict[str, 
 
 def nowhere() -> dict[str, Any]:
     """Return the place of a run without one, as JSON values."""
-    from tubeplanner.outcome import Place
-
     return Place().as_dict()
 
 

@@ -3,16 +3,22 @@
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tubeplanner.commands.console import empty_report
-
-if TYPE_CHECKING:
-    from tubeplanner.cycle.cycle import Cycle
-    from tubeplanner.cycle.cycle_motion import CycleMotion
-    from tubeplanner.trajectory.trajectory_file import TrajectoryFile
-    from tubeplanner.verification.cycle_certificate import CycleCertificate
-    from tubeplanner.verification.judged_condition import Tolerance
+from tubeplanner.commands.cycle_report import cycle_check_text
+from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
+from tubeplanner.cycle.cycle import Cycle
+from tubeplanner.cycle.cycle_motion import CycleMotion, move_rows
+from tubeplanner.cycle.motion_of_file import motion_of_file
+from tubeplanner.files.cycle_notes import notes_on_cycle_file
+from tubeplanner.native.library import LIBRARY
+from tubeplanner.outcome import Place
+from tubeplanner.robot.robot_notes import robot_notes
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile
+from tubeplanner.verification.cycle_certificate import CycleCertificate
+from tubeplanner.verification.cycle_verification import verify_cycle
+from tubeplanner.verification.judged_condition import Tolerance
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +32,8 @@ class CheckedCycle:
         notes: What else is to be known of the file.
     """
 
-    motion: "CycleMotion"
-    certificate: "CycleCertificate"
+    motion: CycleMotion
+    certificate: CycleCertificate
     certificate_time: float
     notes: tuple[str, ...]
 
@@ -43,11 +49,6 @@ class CheckedCycle:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the JSON object, loading_time still absent."""
-        from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
-        from tubeplanner.cycle_planning.cycle_result import move_rows
-        from tubeplanner.native.library import LIBRARY
-        from tubeplanner.outcome import Place
-
         motion, failures = self.motion, self.certificate.failures()
         status = "certificate_failed" if failures else "success"
         where = self.certificate.place(failures[0]) if failures else Place()
@@ -66,13 +67,11 @@ class CheckedCycle:
 
     def text(self) -> str:
         """Return what is printed otherwise, but for the last line."""
-        from tubeplanner.commands.cycle_report import cycle_check_text
-
         return cycle_check_text(self.motion, self.certificate, self.notes)
 
 
 def checked_cycle(
-    cycle: "Cycle", path: Path, file: "TrajectoryFile", tolerance: "Tolerance"
+    cycle: Cycle, path: Path, file: TrajectoryFile, tolerance: Tolerance
 ) -> CheckedCycle:
     """Judge the trajectory of a file as the motion of a cycle.
 
@@ -85,11 +84,6 @@ def checked_cycle(
     Raises:
         TrajectoryError: It has no marks, or others than the cycle's steps, or other joints.
     """
-    from tubeplanner.cycle.motion_of_file import motion_of_file
-    from tubeplanner.files.cycle_notes import notes_on_cycle_file
-    from tubeplanner.robot.robot_notes import robot_notes
-    from tubeplanner.verification.cycle_verification import verify_cycle
-
     motion = motion_of_file(cycle, path, file)
     begin = time.perf_counter()
     certificate = verify_cycle(cycle, motion, tolerance)

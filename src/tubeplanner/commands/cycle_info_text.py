@@ -1,23 +1,19 @@
 """What is in a cycle, as text for a terminal."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.commands.info_text import bare, end_line, robot_text, srdf_lines
 from tubeplanner.commands.report import rendered
+from tubeplanner.cycle.cycle import Cycle
+from tubeplanner.cycle.cycle_info import CycleInfo
+from tubeplanner.cycle.leg import Leg, Rest
 from tubeplanner.cycle.step_text import rest_text
-
-if TYPE_CHECKING:
-    from tubeplanner.cycle.cycle import Cycle
-    from tubeplanner.cycle.cycle_info import CycleInfo
-    from tubeplanner.cycle.leg import Leg, Rest
-    from tubeplanner.cycle.steps import Move
+from tubeplanner.cycle.steps import Move
 
 
-def cycle_text(info: "CycleInfo") -> str:
+def cycle_text(info: CycleInfo) -> str:
     """Return what is in a cycle as text."""
     lines = [robot_text(info.robot)]
     if info.srdf is not None:
@@ -29,7 +25,7 @@ def cycle_text(info: "CycleInfo") -> str:
     return "\n".join(lines)
 
 
-def _cycle_lines(cycle: "Cycle") -> list[str]:
+def _cycle_lines(cycle: Cycle) -> list[str]:
     """Return start, moves, rests and solids of a cycle."""
     ends = "ends where it begins" if cycle.closed else "ends where its last move does"
     moves = sum(len(leg.moves) for leg in cycle.legs)
@@ -45,7 +41,7 @@ def _cycle_lines(cycle: "Cycle") -> list[str]:
     ]
 
 
-def _step_table(cycle: "Cycle") -> str:
+def _step_table(cycle: Cycle) -> str:
     table = Table(title="moves and what happens between them", title_justify="left")
     table.add_column("what")
     for heading in ("segments", "length"):
@@ -62,23 +58,23 @@ def _step_table(cycle: "Cycle") -> str:
     return rendered(table)
 
 
-def _add_rest(table: Table, rest: "Rest") -> None:
+def _add_rest(table: Table, rest: Rest) -> None:
     if rest.steps:
         table.add_row(escape(f"at rest: {rest_text(rest)}"), "", "", "", "")
 
 
-def _length(move: "Move") -> str:
+def _length(move: Move) -> str:
     return f"{np.linalg.norm(np.diff(move.tube.points, axis=0), axis=1).sum():.4g} m"
 
 
-def _goal(cycle: "Cycle", move: "Move") -> str:
+def _goal(cycle: Cycle, move: Move) -> str:
     if move.goal is not None and not move.ends_openly:
         return "in a given configuration"
     closes = cycle.closed and move is cycle.legs[-1].moves[-1]
     return "as the cycle begins" if closes else "in any configuration"
 
 
-def _carried(cycle: "Cycle", k: int, leg: "Leg") -> str:
+def _carried(cycle: Cycle, k: int, leg: Leg) -> str:
     """Return what is carried in leg k."""
     payload, solids = leg.robot.payload, cycle.problem_from_anywhere(k).attached
     parts = [] if payload is None else [f"{payload.mass:g} kg"]

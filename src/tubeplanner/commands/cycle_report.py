@@ -9,24 +9,24 @@ from rich.table import Table
 
 from tubeplanner.commands.report import condition_cells, peaks_lines, rendered
 from tubeplanner.constraints.trajectory_peaks import trajectory_peaks
+from tubeplanner.cycle.cycle import Cycle
+from tubeplanner.cycle.cycle_motion import CycleMotion
+from tubeplanner.cycle.leg import Leg, Rest
 from tubeplanner.cycle.step_text import rest_text
 from tubeplanner.verification.conditions import CONDITION_NAMES
+from tubeplanner.verification.cycle_certificate import CycleCertificate
+from tubeplanner.verification.judged_condition import JudgedCondition
 
-if TYPE_CHECKING:
-    from tubeplanner.cycle.cycle import Cycle
-    from tubeplanner.cycle.cycle_motion import CycleMotion
-    from tubeplanner.cycle.leg import Leg, Rest
+if TYPE_CHECKING:  # the planner loads SciPy, and `check` does not need it
     from tubeplanner.cycle_planning.cycle_result import CycleResult
     from tubeplanner.cycle_planning.leg_plan import LegPlan
-    from tubeplanner.verification.cycle_certificate import CycleCertificate
-    from tubeplanner.verification.judged_condition import JudgedCondition
 
 _SENSITIVITIES_SHOWN = 3
 # Less is no gain that shared configurations are praised for [s].
 _LEAST_GAIN = 1e-4
 
 
-def cycle_plan_text(cycle: "Cycle", result: "CycleResult", loading_time: float) -> str:
+def cycle_plan_text(cycle: Cycle, result: "CycleResult", loading_time: float) -> str:
     """Return the result of planning a cycle as text.
 
     Args:
@@ -57,7 +57,7 @@ def cycle_plan_text(cycle: "Cycle", result: "CycleResult", loading_time: float) 
 
 
 def cycle_check_text(
-    motion: "CycleMotion", certificate: "CycleCertificate", notes: Sequence[str]
+    motion: CycleMotion, certificate: CycleCertificate, notes: Sequence[str]
 ) -> str:
     """Return the judgement of a cycle's motion as text.
 
@@ -79,7 +79,7 @@ def cycle_check_text(
     )
 
 
-def _timetable(motion: "CycleMotion", heading: str, said: Sequence[str]) -> str:
+def _timetable(motion: CycleMotion, heading: str, said: Sequence[str]) -> str:
     """Return when moves and rests begin, and what is said of each leg, below a heading."""
     table = Table(title="Moves", title_justify="left")
     for name in ("begins", "takes"):
@@ -98,7 +98,7 @@ def _timetable(motion: "CycleMotion", heading: str, said: Sequence[str]) -> str:
     return rendered(table)
 
 
-def _add_rest(table: Table, rest: "Rest", begin: float, end: float) -> None:
+def _add_rest(table: Table, rest: Rest, begin: float, end: float) -> None:
     if rest.steps:
         table.add_row(*_span(begin, end), escape(f"at rest: {rest_text(rest)}"), "")
 
@@ -107,7 +107,7 @@ def _span(begin: float, end: float) -> tuple[str, str]:
     return f"{begin:.4f} s", f"{end - begin:.4f} s"
 
 
-def _dearest(leg: "Leg", plan: "LegPlan") -> str:
+def _dearest(leg: Leg, plan: "LegPlan") -> str:
     """Return which limit costs a leg most; nothing if none costs anything."""
     found = max(plan.result.sensitivities, key=lambda each: each.saved, default=None)
     if found is None or found.saved <= 0:
@@ -134,7 +134,7 @@ def _gain_lines(result: "CycleResult") -> list[str]:
     return lines
 
 
-def _verdict(certificate: "CycleCertificate", leg: "Leg") -> str:
+def _verdict(certificate: CycleCertificate, leg: Leg) -> str:
     """Return whether a leg passes, and else what it fails."""
     name = leg.moves[0].name
     if name in certificate.refused:
@@ -143,7 +143,7 @@ def _verdict(certificate: "CycleCertificate", leg: "Leg") -> str:
     return f"FAILS: {failures}" if failures else "passes"
 
 
-def _certificate_text(certificate: "CycleCertificate") -> str:
+def _certificate_text(certificate: CycleCertificate) -> str:
     """Return the tightest of each condition over all moves, all that fail, and the seams."""
     judged = list({id(each): each for each in certificate.moves.values()}.values())
     moves = _condition_table("Certificate: each condition where it is tightest")
@@ -161,8 +161,8 @@ def _certificate_text(certificate: "CycleCertificate") -> str:
 
 
 def _told(
-    conditions: Sequence["JudgedCondition"], certificate: "CycleCertificate"
-) -> list["JudgedCondition"]:
+    conditions: Sequence[JudgedCondition], certificate: CycleCertificate
+) -> list[JudgedCondition]:
     """Return those of one condition, of all legs, that are told: what fails, or the tightest."""
     failing = [each for each in conditions if not each.holds(certificate.tolerance)]
     asked = [each for each in conditions if each.margin is not None]
@@ -176,7 +176,7 @@ def _condition_table(title: str) -> Table:
     return table
 
 
-def _geometry_lines(cycle: "Cycle") -> list[str]:
+def _geometry_lines(cycle: Cycle) -> list[str]:
     """Return a note where nothing is checked against obstacles."""
     problem = cycle.problem_from_anywhere(0)
     if not cycle.obstacles or problem.collision.has_link_geometry:

@@ -2,7 +2,7 @@
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -17,15 +17,18 @@ from tubeplanner.commands.console import (
     empty_report,
     nowhere,
     print_json,
+    require_page,
     say,
     shown_progress,
 )
+from tubeplanner.commands.explanation_report import explanation_text
 from tubeplanner.commands.interrupts import hold_interrupts
-from tubeplanner.commands.view_command import require_page
 from tubeplanner.commands.workers import processes_option, workers_of
-
-if TYPE_CHECKING:
-    from tubeplanner.explanation.explanation import Explanation
+from tubeplanner.explanation.explain import explain as search
+from tubeplanner.explanation.explanation import Explanation
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.views.explanation_view import view_explanation
 
 
 @click.command()
@@ -57,10 +60,6 @@ def explain(
     solved, say what limits it most, and how much worse each condition may become. Exit status 0 if
     the problem can be solved, as it is or with a change; else that of plan.
     """
-    from tubeplanner.explanation.explain import explain as search
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.planning.plan_options import PlanOptions
-
     require_page(html)
     if html is not None:
         require_writable([html], [Path(problem)])
@@ -83,10 +82,8 @@ def explain(
     return BAD_INPUT if found.problem is None else INFEASIBLE
 
 
-def _write_page(found: "Explanation", path: Path) -> list[str]:
+def _write_page(found: Explanation, path: Path) -> list[str]:
     """Write the page; return what is to be said of it."""
-    from tubeplanner.views.explanation_view import view_explanation
-
     if found.drawn is None:
         return [f"{path} was not written: the tube cannot be drawn"]
     hold_interrupts()
@@ -94,10 +91,8 @@ def _write_page(found: "Explanation", path: Path) -> list[str]:
     return [f"page: {path}"]
 
 
-def _answer(found: "Explanation", search_time: float, notes: list[str], as_json: bool) -> None:
+def _answer(found: Explanation, search_time: float, notes: list[str], as_json: bool) -> None:
     """Print what was found."""
-    from tubeplanner.commands.explanation_report import explanation_text
-
     if as_json:
         report = {**empty_report("", "", nowhere()), **found.as_dict()}
         print_json({**report, "search_time": search_time, "notes": notes})

@@ -1,23 +1,19 @@
 """What makes a problem impossible and what helps, or how much room it has, as text."""
 
-from typing import TYPE_CHECKING
-
 from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.commands.report import certificate_text, rendered
+from tubeplanner.explanation.explanation import Explanation
 from tubeplanner.explanation.in_vain_text import in_vain_text
+from tubeplanner.explanation.remedy import Remedy, Room
 from tubeplanner.explanation.setting_text import setting_text, tried_text
-
-if TYPE_CHECKING:
-    from tubeplanner.explanation.explanation import Explanation
-    from tubeplanner.explanation.remedy import Remedy, Room
 
 _SENSITIVITIES_SHOWN = 10
 _SCALES = "the smallest first: the scale of a place is 0.1 m, of an angle 0.1 rad, else the value"
 
 
-def explanation_text(found: "Explanation", search_time: float) -> str:
+def explanation_text(found: Explanation, search_time: float) -> str:
     """Return what was found out about a problem as text.
 
     Args:
@@ -34,7 +30,7 @@ def explanation_text(found: "Explanation", search_time: float) -> str:
     return "\n".join(lines)
 
 
-def _search_line(found: "Explanation", search_time: float) -> str:
+def _search_line(found: Explanation, search_time: float) -> str:
     ended = {
         None: "all changes were tried",
         "time_limit": "the time limit passed: with a larger --time-limit there may be more",
@@ -43,7 +39,7 @@ def _search_line(found: "Explanation", search_time: float) -> str:
     return f"{found.tried} plans with a change in {search_time:.1f} s; {ended}"
 
 
-def _remedy_lines(found: "Explanation") -> list[str]:
+def _remedy_lines(found: Explanation) -> list[str]:
     """Return a table of remedies, and what helps nothing."""
     if not found.remedies:
         lines = ["no single change was found that makes it possible"]
@@ -54,7 +50,7 @@ def _remedy_lines(found: "Explanation") -> list[str]:
     return lines
 
 
-def _remedy_table(remedies: "tuple[Remedy, ...]") -> str:
+def _remedy_table(remedies: tuple[Remedy, ...]) -> str:
     table = Table(
         title="any one of these makes it possible (planned with it and certified)",
         title_justify="left",
@@ -75,12 +71,12 @@ def _remedy_table(remedies: "tuple[Remedy, ...]") -> str:
     return f"{rendered(table)}\n{_SCALES}"
 
 
-def _setting_lines(remedy: "Remedy") -> list[str]:
+def _setting_lines(remedy: Remedy) -> list[str]:
     """Return how the first remedy is given to a command."""
     return [f"the first one: {setting_text(remedy.changes)}"]
 
 
-def _room_lines(found: "Explanation") -> list[str]:
+def _room_lines(found: Explanation) -> list[str]:
     """Return prices, margins and room of a problem that was planned."""
     result = found.result
     assert result is not None
@@ -96,7 +92,7 @@ def _room_lines(found: "Explanation") -> list[str]:
     return lines
 
 
-def _room_table(rooms: "tuple[Room, ...]") -> str:
+def _room_table(rooms: tuple[Room, ...]) -> str:
     table = Table(title="how much worse one of these may become", title_justify="left")
     table.add_column("still possible")
     table.add_column("duration", justify="right")

@@ -3,38 +3,37 @@
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
+    PACKAGE_DIR,
     PATH,
     SET,
+    TOOL_FRAME,
     empty_report,
     nowhere,
     print_json,
     say,
     shown_progress,
 )
+from tubeplanner.commands.cycle_info_text import cycle_text
+from tubeplanner.commands.info_text import problem_text, robot_text
+from tubeplanner.cycle.cycle_info import CycleInfo, cycle_info
+from tubeplanner.cycle.problem_or_cycle import is_cycle_file
 from tubeplanner.errors import OptionError
-
-if TYPE_CHECKING:
-    from tubeplanner.cycle.cycle_info import CycleInfo
-    from tubeplanner.problem.problem_info import ProblemInfo
-    from tubeplanner.robot.robot_info import RobotInfo
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.problem.problem_info import ProblemInfo, problem_info
+from tubeplanner.resources import EXAMPLE_PREFIX
+from tubeplanner.robot.robot_info import RobotInfo, robot_info
+from tubeplanner.tube_sources.shown_configuration import shown_configuration
+from tubeplanner.views.figure_files import figure_file, require_figure
+from tubeplanner.views.robot_plot import plot_robot
 
 _PROBLEM_ENDINGS = (".yaml", ".yml", ".json")
-TOOL_FRAME = click.option(
-    "--tool-frame", help="Link that carries the tool [the end of the longest chain]."
-)
-PACKAGE_DIR = click.option(
-    "--package-dir",
-    "package_dirs",
-    multiple=True,
-    help="Further folder that holds packages of package:// names; repeatable.",
-)
 
 
 @click.command()
@@ -58,9 +57,6 @@ def info(
     a problem also start, tube, obstacles and payload, of a cycle moves, rests and what is carried.
     Missing limits are no error here.
     """
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.views.figure_files import require_figure
-
     require_figure(plot, "--plot")
     if plot is not None:
         require_writable([plot], [Path(robot)])
@@ -70,9 +66,12 @@ def info(
             if package_dirs:
                 raise OptionError("--package-dir is for a URDF; a problem has robot.package_dirs")
             frame = {} if tool_frame is None else {"robot.tool_frame": tool_frame}
-            found: RobotInfo | ProblemInfo | CycleInfo = _problem_info(robot, changes | frame)
+            read = cycle_info if is_cycle_file(robot) else problem_info
+            found: RobotInfo | ProblemInfo | CycleInfo = read(robot, changes | frame)
         else:
-            found = _robot_info(robot, tool_frame, package_dirs, changes)
+            if changes:
+                raise OptionError(f"--set changes a problem file; {robot} is a robot")
+            found = robot_info(robot, tool_frame, package_dirs=package_dirs)
         if plot is not None:
             enter("picture")
             picture = _picture(found, plot)
@@ -91,40 +90,12 @@ def info(
 
 def is_problem(name: str) -> bool:
     """Return whether a name is that of a problem rather than of a robot."""
-    from tubeplanner.resources import EXAMPLE_PREFIX
-
     if name.startswith(EXAMPLE_PREFIX):
         return "/" in name
     return Path(name).suffix.lower() in _PROBLEM_ENDINGS
 
 
-def _problem_info(name: str, changes: Mapping[str, Any]) -> "ProblemInfo | CycleInfo":
-    from tubeplanner.cycle.cycle_info import cycle_info
-    from tubeplanner.cycle.problem_or_cycle import is_cycle_file
-    from tubeplanner.problem.problem_info import problem_info
-
-    return (cycle_info if is_cycle_file(name) else problem_info)(name, changes)
-
-
-def _robot_info(
-    name: str,
-    tool_frame: str | None,
-    package_dirs: tuple[str, ...],
-    changes: Mapping[str, Any],
-) -> "RobotInfo":
-    from tubeplanner.robot.robot_info import robot_info
-
-    if changes:
-        raise OptionError(f"--set changes a problem file; {name} is a robot")
-    return robot_info(name, tool_frame, package_dirs=package_dirs)
-
-
-def _picture(found: "RobotInfo | ProblemInfo | CycleInfo", path: Path) -> bytes:
-    from tubeplanner.robot.robot_info import RobotInfo
-    from tubeplanner.tube_sources.shown_configuration import shown_configuration
-    from tubeplanner.views.figure_files import figure_file
-    from tubeplanner.views.robot_plot import plot_robot
-
+def _picture(found: RobotInfo | ProblemInfo | CycleInfo, path: Path) -> bytes:
     problem = None if isinstance(found, RobotInfo) else found.problem
     arm = found.arm if isinstance(found, RobotInfo) else found.robot.arm
     return figure_file(plot_robot(arm, shown_configuration(arm, problem)), path)
@@ -139,12 +110,7 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _as_text(found: "RobotInfo | ProblemInfo | CycleInfo") -> str:
-    from tubeplanner.commands.cycle_info_text import cycle_text
-    from tubeplanner.commands.info_text import problem_text, robot_text
-    from tubeplanner.cycle.cycle_info import CycleInfo
-    from tubeplanner.problem.problem_info import ProblemInfo
-
+def _as_text(found: RobotInfo | ProblemInfo | CycleInfo) -> str:
     if isinstance(found, CycleInfo):
         return cycle_text(found)
     return problem_text(found) if isinstance(found, ProblemInfo) else robot_text(found)

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from rich.markup import escape
@@ -10,21 +10,18 @@ from rich.table import Table
 
 from tubeplanner.commands.report import rendered
 from tubeplanner.problem.goal_region import GoalRegion
-from tubeplanner.problem.problem import Seed
+from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.problem.problem_info import ProblemInfo, SrdfInfo
 from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.robot.joint_info import LIMITS, JointInfo, SourcedValue
-
-if TYPE_CHECKING:
-    from tubeplanner.problem.problem import PlanningProblem
-    from tubeplanner.problem.problem_info import ProblemInfo, SrdfInfo
-    from tubeplanner.robot.link_info import LinkInfo
-    from tubeplanner.robot.robot_info import OtherJoint, RobotInfo
+from tubeplanner.robot.link_info import LinkInfo
+from tubeplanner.robot.robot_info import OtherJoint, RobotInfo
 
 _TABLED = ("position", "velocity", "effort", "acceleration", "jerk")
 _NAMED_AT_MOST = 12  # joints or links in one line
 
 
-def robot_text(info: "RobotInfo") -> str:
+def robot_text(info: RobotInfo) -> str:
     """Return what is in a robot as text."""
     frame = info.tool_frame
     found = "" if info.tool_frame_is_given else ", the end of the longest chain"
@@ -47,7 +44,7 @@ def robot_text(info: "RobotInfo") -> str:
     return "\n".join(lines)
 
 
-def problem_text(info: "ProblemInfo") -> str:
+def problem_text(info: ProblemInfo) -> str:
     """Return what is in a problem as text."""
     lines = [robot_text(info.robot)]
     if info.srdf is not None:
@@ -114,7 +111,7 @@ def _motor_lines(joints: Sequence[JointInfo]) -> list[str]:
     ]
 
 
-def _other_joint_lines(others: Sequence["OtherJoint"]) -> list[str]:
+def _other_joint_lines(others: Sequence[OtherJoint]) -> list[str]:
     """Return the joints that are not planned, those locked at one place in one line."""
     lines, locked = [], defaultdict(list)
     for joint in others:
@@ -128,7 +125,7 @@ def _other_joint_lines(others: Sequence["OtherJoint"]) -> list[str]:
     return lines
 
 
-def _link_table(links: Sequence["LinkInfo"]) -> list[str]:
+def _link_table(links: Sequence[LinkInfo]) -> list[str]:
     """Return the links that have mass or geometry as a table; nothing if none has."""
     table = Table(title="links with mass or geometry", title_justify="left")
     table.add_column("link")
@@ -148,7 +145,7 @@ def _kinds(counts: Mapping[str, int]) -> str:
     return ", ".join(each) or "-"
 
 
-def _links_without(links: Sequence["LinkInfo"]) -> list[str]:
+def _links_without(links: Sequence[LinkInfo]) -> list[str]:
     solid = [link for link in links if link.collision or link.visual]
     weightless = [link.name for link in solid if not link.mass]
     unchecked = [link.name for link in links if link.mass and not link.collision]
@@ -158,7 +155,7 @@ def _links_without(links: Sequence["LinkInfo"]) -> list[str]:
     return lines
 
 
-def _frame_lines(info: "RobotInfo") -> list[str]:
+def _frame_lines(info: RobotInfo) -> list[str]:
     leaves = [name for name in info.leaf_links if name != info.tool_frame]
     inner = [link.name for link in info.links if not link.is_leaf and link.name != info.tool_frame]
     chosen = "given" if info.tool_frame_is_given else "choose another by --tool-frame"
@@ -169,7 +166,7 @@ def _frame_lines(info: "RobotInfo") -> list[str]:
     ]
 
 
-def _base_lines(info: "RobotInfo") -> list[str]:
+def _base_lines(info: RobotInfo) -> list[str]:
     base = info.arm.base
     if base is None:
         return []
@@ -187,7 +184,7 @@ def _missing_lines(missing: Sequence[str]) -> list[str]:
     return ["missing:", *(f"  {each}" for each in missing)]
 
 
-def srdf_lines(srdf: "SrdfInfo") -> list[str]:
+def srdf_lines(srdf: SrdfInfo) -> list[str]:
     """Return what an SRDF has."""
     states = [
         f"state {name}: " + ", ".join(f"{joint} {q:.4g}" for joint, q in values.items())
@@ -196,7 +193,7 @@ def srdf_lines(srdf: "SrdfInfo") -> list[str]:
     return [*states, f"SRDF: {len(srdf.disabled_pairs)} pairs of links may touch"]
 
 
-def _task_lines(problem: "PlanningProblem") -> list[str]:
+def _task_lines(problem: PlanningProblem) -> list[str]:
     """Return start, tube, solids and payload of a problem."""
     payload = problem.robot.payload
     lines = [f"problem {problem.name}:", end_line(problem, "start", problem.start)]
@@ -221,7 +218,7 @@ def bare(solid: object) -> str:
     return repr(solid).strip("<>").split(" ", 1)[1]
 
 
-def end_line(problem: "PlanningProblem", name: str, end: Any) -> str:
+def end_line(problem: PlanningProblem, name: str, end: Any) -> str:
     """Return how an end of a problem's motion is given, behind what it is called."""
     if isinstance(end, Seed):
         return f"{name}: by inverse kinematics from {_numbers(end.joints)}"
@@ -237,7 +234,7 @@ def _numbers(values: Any) -> str:
     return "[" + ", ".join(f"{value + 0.0:.4g}" for value in values) + "]"
 
 
-def _segment_table(problem: "PlanningProblem") -> str:
+def _segment_table(problem: PlanningProblem) -> str:
     tube = problem.tube
     table = Table(title="segments of the tube, in m and rad", title_justify="left")
     for heading in ("segment", "from", "to", "length", "radius", "what else"):
@@ -251,7 +248,7 @@ def _segment_table(problem: "PlanningProblem") -> str:
     return rendered(table)
 
 
-def _conditions(problem: "PlanningProblem", k: int) -> str:
+def _conditions(problem: PlanningProblem, k: int) -> str:
     """Return what a segment asks beside its radius."""
     tube, parts = problem.tube, []
     if tube.rotation is not None and np.isfinite(tube.rotation.bounds[k]).any():

@@ -7,7 +7,9 @@ import click
 from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
+    PACKAGE_DIR,
     PATH,
+    TOOL_FRAME,
     empty_report,
     nowhere,
     print_json,
@@ -15,8 +17,10 @@ from tubeplanner.commands.console import (
     say,
     shown_progress,
 )
-from tubeplanner.commands.info_command import PACKAGE_DIR, TOOL_FRAME
 from tubeplanner.commands.interrupts import hold_interrupts
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.files.starter_file import starter_text
+from tubeplanner.tube_sources.starter_problem import starter_problem
 
 
 @click.command()
@@ -37,10 +41,6 @@ def init(
     It has a start, a short tube that was planned, placeholders for limits that the URDF lacks, and
     commented examples of other fields.
     """
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.files.starter_file import starter_text
-    from tubeplanner.tube_sources.starter_problem import starter_problem
-
     require_ending(output, "-o", (".yaml", ".yml"))
     if output is not None:
         require_writable([output], [Path(robot)])

@@ -1,10 +1,14 @@
 """The command that lists the links of a robot: how closely they are covered, what is left out."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 import click
+from rich.markup import escape
+from rich.table import Table
 
+from tubeplanner.collision.link_covers import LinkCover, link_covers
 from tubeplanner.commands.console import (
     AS_JSON,
     SET,
@@ -15,6 +19,8 @@ from tubeplanner.commands.console import (
     say,
     shown_progress,
 )
+from tubeplanner.commands.report import rendered
+from tubeplanner.problem.problem import PlanningProblem
 
 
 @click.command()
@@ -26,8 +32,6 @@ def links(problem: str, changes: dict[str, Any], as_json: bool) -> None:
 
     Then the pairs of links and obstacles that are not checked against each other, and why.
     """
-    from tubeplanner.collision.link_covers import link_covers
-
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes)
         enter("covers of links")
@@ -39,6 +43,23 @@ def links(problem: str, changes: dict[str, Any], as_json: bool) -> None:
         listed = {"links": [asdict(each) for each in covers]}
         print_json({**fields, **listed, "left_out": [asdict(pair) for pair in left_out]})
         return
-    from tubeplanner.commands.report import links_text
-
     say(links_text(loaded, covers))
+
+
+def links_text(problem: PlanningProblem, covers: Sequence[LinkCover]) -> str:
+    """Return how closely links are covered as a table, and the pairs that are left out."""
+    table = Table(title=f"{problem.name}: links and their convex covers", title_justify="left")
+    table.add_column("link")
+    for heading in ("shapes", "stand off by", "where others come near", "by"):
+        table.add_column(heading, justify="right")
+    for each in covers:
+        closer = ("", "")
+        if each.closer_error is not None:
+            closer = (str(each.closer_shapes), f"{1000 * each.closer_error:.2f} mm")
+        error = f"{1000 * each.outer_error:.2f} mm"
+        table.add_row(escape(each.link), str(each.shapes), error, *closer)
+    pairs = [
+        f"not checked: {' and '.join(pair.links)} ({pair.reason})"
+        for pair in problem.collision.left_out
+    ]
+    return "\n".join([rendered(table), *pairs])

@@ -1,9 +1,12 @@
 """The command that measures how wide a tube may be, and in which configurations of the arm."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+from rich.markup import escape
+from rich.table import Table
 
 from tubeplanner.commands.answer_files import write_answer
 from tubeplanner.commands.console import (
@@ -21,10 +24,20 @@ from tubeplanner.commands.console import (
     shown_progress,
 )
 from tubeplanner.commands.interrupts import hold_interrupts
+from tubeplanner.commands.report import rendered
 from tubeplanner.errors import OptionError
-
-if TYPE_CHECKING:
-    from tubeplanner.measurement.measured_tube import MeasureOptions
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.files.problem_file import with_other_tube
+from tubeplanner.measurement.measured_tube import (
+    MeasureOptions,
+    SegmentMeasurement,
+    TubeMeasurement,
+)
+from tubeplanner.measurement.sign_patterns import PatternSurvey, survey_patterns
+from tubeplanner.measurement.tube_measurement import measure_tube
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.problem_layers import ProblemLayers
+from tubeplanner.resources import find_problem
 
 
 @click.command()
@@ -60,8 +73,6 @@ def measure(
 
     Ignores the file's own radii; its joint signs and its start select the configuration.
     """
-    from tubeplanner.measurement.measured_tube import MeasureOptions
-
     options = MeasureOptions(max_radius, seed=seed, max_segments=max_segments)
     if configurations and output is not None:
         raise OptionError("--configurations compares and writes no file; leave out one of them")
@@ -72,17 +83,11 @@ def measure(
 
 def _measure(
     problem: str,
-    options: "MeasureOptions",
+    options: MeasureOptions,
     changes: dict[str, Any],
     output: Path | None,
     as_json: bool,
 ) -> int:
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.files.problem_file import with_other_tube
-    from tubeplanner.measurement.tube_measurement import measure_tube
-    from tubeplanner.problem.problem_layers import ProblemLayers
-    from tubeplanner.resources import find_problem
-
     outputs = [] if output is None else [output]
     require_writable(outputs, [Path(problem)])
     with shown_progress() as enter:
@@ -98,8 +103,6 @@ def _measure(
         fields = {**empty_report("", "", nowhere()), **result.as_dict()}
         print_json({**fields, "loading_time": loading_time})
     else:
-        from tubeplanner.commands.report import measurement_text
-
         say(measurement_text(loaded, result, loading_time))
         if output is not None and result.succeeded:
             say(f"problem: {output}")
@@ -108,11 +111,7 @@ def _measure(
     return SUCCESS if result.succeeded else INFEASIBLE
 
 
-def _compare(
-    problem: str, options: "MeasureOptions", changes: dict[str, Any], as_json: bool
-) -> int:
-    from tubeplanner.measurement.sign_patterns import survey_patterns
-
+def _compare(problem: str, options: MeasureOptions, changes: dict[str, Any], as_json: bool) -> int:
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes)
         survey = survey_patterns(loaded, options, enter)
@@ -120,7 +119,56 @@ def _compare(
         fields = {**empty_report("", "", nowhere()), **survey.as_dict()}
         print_json({**fields, "loading_time": loading_time})
     else:
-        from tubeplanner.commands.report import patterns_text
-
         say(patterns_text(loaded, survey))
     return SUCCESS if survey.suggested is not None else INFEASIBLE
+
+
+def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_time: float) -> str:
+    """Return a measured tube as a table of what limits each radius and range, and the counts."""
+    lines = [
+        f"{problem.name}: {problem.robot.name}, loaded in {loading_time:.2f} s, measured in "
+        f"{result.measuring_time:.1f} s"
+    ]
+    if result.succeeded:
+        table = Table(title="Measured tube", title_justify="left")
+        for heading in ("segment", "bound", "largest", "ended by"):
+            table.add_column(heading)
+        for k, segment in enumerate(result.segments):
+            for row in _measured_rows(segment):
+                table.add_row(str(k), *map(escape, row))
+            table.add_section()
+        lines.append(rendered(table))
+        for k, segment in enumerate(result.segments):
+            lines.append(
+                f"segment {k}: tested with {segment.samples} random configurations, no collision "
+                f"(the {segment.collisions} found before lie outside)"
+            )
+    lines.append(f"{result.status}: {result.message}")
+    place = str(result.place)
+    return "\n".join([*lines, f"where: {place}"] if place else lines)
+
+
+def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
+    """Return what is bounded, by how much, and what limits it there."""
+    ended: dict[str | None, list[str]] = {}
+    for binding in segment.bindings:
+        side = "" if binding.bound == "radius" else f"{binding.bound}: "
+        place = replace(binding.place, joint=None, segment=None)
+        ended.setdefault(binding.place.joint, []).append(f"{side}{place}")
+    rows = [("radius", f"{1000 * segment.radius:.1f} mm", "; ".join(ended.get(None, [])))]
+    for name, (lower, upper) in segment.joint_ranges.items():
+        rows.append((name, f"[{lower:.3f}, {upper:.3f}]", "; ".join(ended.get(name, []))))
+    return rows
+
+
+def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
+    """Return sign patterns as a table, and the suggested one."""
+    table = Table(title=f"{problem.name}: configurations by segment", title_justify="left")
+    for heading in ("segment", "signs", "reachable", "free", "radius up to", "why not"):
+        table.add_column(heading)
+    for row in survey.rows:
+        signs = ", ".join(f"{name} {sign}" for name, sign in row.signs.items())
+        radius = "" if row.radius is None else f"{1000 * row.radius:.0f} mm"
+        verdicts = ["yes" if holds else "no" for holds in (row.reachable, row.free)]
+        table.add_row(str(row.segment), signs, *verdicts, radius, escape(row.message))
+    return f"{rendered(table)}\n{survey.message}"

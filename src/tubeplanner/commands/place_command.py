@@ -2,7 +2,7 @@
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -23,11 +23,18 @@ from tubeplanner.commands.console import (
     shown_progress,
 )
 from tubeplanner.commands.interrupts import hold_interrupts
+from tubeplanner.commands.place_report import placement_text
 from tubeplanner.commands.workers import processes_option, workers_of
 from tubeplanner.errors import OptionError
-
-if TYPE_CHECKING:
-    from tubeplanner.studies.placement_result import Placement
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.files.problem_file import with_placement
+from tubeplanner.problem.problem_layers import ProblemLayers
+from tubeplanner.resources import find_problem
+from tubeplanner.studies.placement import PlaceOptions
+from tubeplanner.studies.placement import place as search
+from tubeplanner.studies.placement_result import Placement
+from tubeplanner.views.figure_files import figure_file, require_figure
+from tubeplanner.views.placement_map import plot_placement
 
 _NONE = "none"
 
@@ -87,10 +94,6 @@ def place(
     joint moves are checked against obstacles, but for those that the robot stands on. With -o every
     answer is kept in a journal: run the same command again, and it goes on.
     """
-    from tubeplanner.resources import find_problem
-    from tubeplanner.studies.placement import PlaceOptions
-    from tubeplanner.studies.placement import place as search
-
     options = PlaceOptions(points, quality, slack)
     bounds, names = _bounds(region), _names(stands_on)
     source = find_problem(problem, Path())
@@ -119,22 +122,14 @@ def _require_usable(
     source: Path, output: Path | None, journal: Path | None, figure: Path | None
 ) -> None:
     """Raise unless the files can be written, and are none of those that are read."""
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.problem.problem_layers import ProblemLayers
-    from tubeplanner.views.figure_files import require_figure
-
     require_ending(output, "-o", (".yaml", ".yml", ".json"))
     require_figure(figure, "--plot")
     outputs = [path for path in (output, journal, figure) if path is not None]
     require_writable(outputs, ProblemLayers.read(source).files)
 
 
-def _answer(
-    found: "Placement", written: dict[str, Path], search_time: float, as_json: bool
-) -> None:
+def _answer(found: Placement, written: dict[str, Path], search_time: float, as_json: bool) -> None:
     """Print what was found and which files were written."""
-    from tubeplanner.commands.place_report import placement_text
-
     if as_json:
         status = "success" if found.succeeded else "no_trajectory"
         planned = {} if found.result is None else found.result.as_dict()
@@ -164,17 +159,13 @@ def _names(given: tuple[str, ...]) -> tuple[str, ...] | None:
 
 
 def _write(
-    found: "Placement",
+    found: Placement,
     source: Path,
     output: Path | None,
     figure: Path | None,
     changes: dict[str, Any],
 ) -> dict[str, Path]:
     """Write the requested files, or none; return them by what they are."""
-    from tubeplanner.files.problem_file import with_placement
-    from tubeplanner.views.figure_files import figure_file
-    from tubeplanner.views.placement_map import plot_placement
-
     hold_interrupts()
     contents: dict[Path, bytes] = {}
     written = {}

@@ -1,21 +1,18 @@
 """Where a robot is to stand, as text for a terminal."""
 
 from math import degrees
-from typing import TYPE_CHECKING
 
 from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.commands.report import rendered
-
-if TYPE_CHECKING:
-    from tubeplanner.studies.placement_region import Stand
-    from tubeplanner.studies.placement_result import Placement
+from tubeplanner.studies.placement_region import Stand
+from tubeplanner.studies.placement_result import Placement
 
 _MOST_REASONS = 12
 
 
-def placement_text(found: "Placement") -> str:
+def placement_text(found: Placement) -> str:
     """Return the places given and found, what was tried, and why places have no motion."""
     grid = set(found.grid.stands)
     on_grid = sum(row.stand in grid for row in found.rows)
@@ -32,7 +29,7 @@ def placement_text(found: "Placement") -> str:
     return "\n".join(lines)
 
 
-def _best_line(found: "Placement") -> str:
+def _best_line(found: Placement) -> str:
     if found.best is None or found.duration is None:
         return found.message
     gain = found.gain
@@ -42,17 +39,17 @@ def _best_line(found: "Placement") -> str:
     return f"best: {_stand_words(found.best.stand)}: {found.duration:.4f} s{words}"
 
 
-def _given_words(found: "Placement") -> str:
+def _given_words(found: Placement) -> str:
     duration = found.given.duration
     return found.given.message if duration is None else f"{duration:.4f} s"
 
 
-def _stand_words(stand: "Stand") -> str:
+def _stand_words(stand: Stand) -> str:
     x, y, z = (f"{value:.4g}" for value in stand[:3])
     return f"[{x}, {y}, {z}] m, yaw {stand.yaw:.4g} rad ({degrees(stand.yaw):.1f} deg)"
 
 
-def _reason_lines(found: "Placement") -> list[str]:
+def _reason_lines(found: Placement) -> list[str]:
     """Return a table of why places have no motion, the most frequent reason first."""
     if not found.reasons:
         return []

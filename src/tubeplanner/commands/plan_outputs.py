@@ -1,18 +1,23 @@
-"""The output files of a plan."""
+"""The output files of a plan.
+
+What draws is imported when a figure or page is asked for: it loads parts of SciPy that plans do
+without.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tubeplanner.commands.answer_files import write_answer
-from tubeplanner.commands.view_command import require_page
-
-if TYPE_CHECKING:
-    from tubeplanner.cycle.cycle_motion import CycleMotion
-    from tubeplanner.files.trajectory_writer import TrajectoryFiles
-    from tubeplanner.problem.problem import PlanningProblem
-    from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.commands.console import require_page
+from tubeplanner.cycle.cycle_motion import CycleMotion
+from tubeplanner.files.cycle_writer import cycle_contents
+from tubeplanner.files.export import require_no_formula
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.files.trajectory_writer import TrajectoryFiles
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.views.figure_files import figure_file, require_figure
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,7 @@ class PlanOutputs:
         html: With a page; likewise.
     """
 
-    files: "TrajectoryFiles"
+    files: TrajectoryFiles
     plot: Path | None
     html: Path | None
 
@@ -42,27 +47,21 @@ class PlanOutputs:
 
     def require_usable(self, *inputs: str | Path) -> None:
         """Raise if a file could not be written, before any work is done."""
-        from tubeplanner.files.output_files import require_writable
-        from tubeplanner.views.figure_files import require_figure
-
         require_figure(self.plot, "--plot")
         require_page(self.html)
         require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
 
     def require_names(self, joint_names: Sequence[str]) -> None:
         """Raise if a file cannot hold the names of the joints, before any work is done."""
-        from tubeplanner.files.export import require_no_formula
-
         if self.files.csv is not None:
             require_no_formula(joint_names)
 
     def write(
-        self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory"
+        self, problem: PlanningProblem, method: str, trajectory: JointTrajectory
     ) -> tuple[str, ...]:
         """Write all files, or none of them; return notes about them."""
         contents, notes = self.files.contents(trajectory, problem, method)
         if self.plot:
-            from tubeplanner.views.figure_files import figure_file
             from tubeplanner.views.plotting import plot_trajectory
 
             contents[self.plot] = figure_file(plot_trajectory(problem, trajectory), self.plot)
@@ -73,14 +72,11 @@ class PlanOutputs:
         write_answer(contents)
         return notes
 
-    def write_cycle(self, method: str, motion: "CycleMotion") -> tuple[str, ...]:
+    def write_cycle(self, method: str, motion: CycleMotion) -> tuple[str, ...]:
         """Write all files of a cycle's motion, or none of them; return notes about them."""
-        from tubeplanner.files.cycle_writer import cycle_contents
-
         contents, notes = cycle_contents(self.files, motion, method)
         if self.plot:
             from tubeplanner.views.cycle_plot import plot_cycle
-            from tubeplanner.views.figure_files import figure_file
 
             contents[self.plot] = figure_file(plot_cycle(motion.cycle, motion), self.plot)
         if self.html:

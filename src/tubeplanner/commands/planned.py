@@ -1,18 +1,130 @@
-"""What `plan` plans: a problem or a whole cycle, each with its result."""
+"""The command that plans a problem or a whole cycle."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
+import click
+
+from tubeplanner.commands.console import (
+    AS_JSON,
+    INFEASIBLE,
+    PATH,
+    SET,
+    SLACK,
+    SUCCESS,
+    load_either_timed,
+    print_json,
+    say,
+    say_unwritten,
+    shown_progress,
+)
+from tubeplanner.commands.cycle_report import cycle_plan_text
+from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.commands.plan_outputs import PlanOutputs
+from tubeplanner.commands.report import plan_text
+from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
+from tubeplanner.cycle.cycle import Cycle
+from tubeplanner.cycle_planning.cycle_planner import plan_cycle
+from tubeplanner.cycle_planning.cycle_result import CycleResult
 from tubeplanner.errors import OptionError
+from tubeplanner.files.trajectory_writer import TrajectoryFiles
+from tubeplanner.planning.plan_options import METHODS, PlanOptions
+from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.planning.planner import plan as plan_problem
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import ProgressCallback
 
-if TYPE_CHECKING:
-    from tubeplanner.cycle.cycle import Cycle
-    from tubeplanner.cycle_planning.cycle_result import CycleResult
-    from tubeplanner.planning.plan_options import PlanOptions
-    from tubeplanner.planning.plan_result import PlanResult
-    from tubeplanner.problem.problem import PlanningProblem
-    from tubeplanner.progress import ProgressCallback
+
+@click.command()
+@click.argument("problem")
+@click.option("-o", "--output", type=PATH, help="Trajectory file (JSON).")
+@click.option("--csv", type=PATH, help="Samples as CSV.")
+@click.option("--ros", type=PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
+@click.option("--rate", type=float, help="Samples per second [1/period, or else 500].")
+@click.option("--plot", type=PATH, help="Figure (PNG, PDF or SVG).")
+@click.option("--html", type=PATH, help="The trajectory in 3D, one page that works offline.")
+@click.option(
+    "--method", help="refinement [default], branch-and-bound, stop-at-corners or suh-bishop."
+)
+@click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
+@click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
+@SLACK
+@click.option("--time-left", is_flag=True, help="Report the path's least time, bang-bang.")
+@SET
+@AS_JSON
+def plan(
+    problem: str,
+    output: Path | None,
+    csv: Path | None,
+    ros: Path | None,
+    rate: float | None,
+    plot: Path | None,
+    html: Path | None,
+    method: str | None,
+    quality: str,
+    time_limit: float | None,
+    slack: float | None,
+    time_left: bool,
+    changes: dict[str, Any],
+    as_json: bool,
+) -> int:
+    """Plan PROBLEM, or a whole cycle, certify the answer, and write the requested files.
+
+    Writes nothing unless the certificate passes.
+    """
+    options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit, slack=slack)
+    outputs = PlanOutputs(TrajectoryFiles(output, csv, ros, rate), plot, html)
+    outputs.require_usable(problem)
+    interrupted = False
+    with shown_progress() as enter:
+        loaded, loading_time = load_either_timed(problem, enter, changes)
+        outputs.require_usable(problem, loaded.robot.urdf.path)
+        outputs.require_names(loaded.robot.joint_names)
+        answer = planned(loaded, options, enter, with_minimum=time_left)
+        succeeded = answer.result.succeeded
+        if succeeded:
+            held = hold_interrupts()
+            answer = answer.written(outputs)
+            interrupted = bool(held)
+    if as_json:
+        fields = {**answer.as_dict(), "loading_time": loading_time}
+        print_json(fields | ({"stopped_by": "interrupt"} if interrupted else {}))
+    else:
+        say(answer.text(loading_time))
+        for kind, path in outputs.paths() if succeeded else ():
+            say(f"{kind}: {path}")
+        if succeeded and not outputs.paths():
+            say_unwritten("-o T.json", "--csv", "--ros", "--plot", "--html")
+    return SUCCESS if succeeded else INFEASIBLE
+
+
+def planned(
+    loaded: PlanningProblem | Cycle,
+    options: PlanOptions,
+    enter: ProgressCallback,
+    *,
+    with_minimum: bool,
+) -> "PlannedProblem | PlannedCycle":
+    """Plan a problem or a cycle.
+
+    Args:
+        loaded: Which one.
+        options: How.
+        enter: As of `plan`.
+        with_minimum: Whether to report the least time for the path, of a problem.
+
+    Raises:
+        OptionError: That is asked of a cycle.
+    """
+    if not isinstance(loaded, Cycle):
+        return PlannedProblem(loaded, plan_problem(loaded, options, enter), with_minimum)
+    if with_minimum:
+        raise OptionError(
+            "--time-left is about the path of one motion, and a cycle has several; leave it out, "
+            "or plan a move as a problem of its own"
+        )
+    return PlannedCycle(loaded, plan_cycle(loaded, options, enter))
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +137,8 @@ class PlannedProblem:
         with_minimum: Whether to report the least time for the path.
     """
 
-    problem: "PlanningProblem"
-    result: "PlanResult"
+    problem: PlanningProblem
+    result: PlanResult
     with_minimum: bool
 
     def written(self, outputs: PlanOutputs) -> "PlannedProblem":
@@ -42,8 +154,6 @@ class PlannedProblem:
 
     def text(self, loading_time: float) -> str:
         """Return what is printed otherwise; loading took so long [s]."""
-        from tubeplanner.commands.report import plan_text
-
         return plan_text(self.problem, self.result, loading_time, with_minimum=self.with_minimum)
 
 
@@ -56,8 +166,8 @@ class PlannedCycle:
         result: Its result.
     """
 
-    cycle: "Cycle"
-    result: "CycleResult"
+    cycle: Cycle
+    result: CycleResult
 
     def written(self, outputs: PlanOutputs) -> "PlannedCycle":
         """Write the answer to files; return the same with notes about them."""
@@ -67,48 +177,10 @@ class PlannedCycle:
 
     def as_dict(self) -> dict[str, Any]:
         """Return what is printed as JSON."""
-        from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
-
         motion = self.result.motion
         peaks = None if motion is None else trajectory_peaks(self.cycle.robot, motion.trajectory)
         return {**self.result.as_dict(), **peaks_as_dict(peaks), "path_minimum": None}
 
     def text(self, loading_time: float) -> str:
         """Return what is printed otherwise; loading took so long [s]."""
-        from tubeplanner.commands.cycle_report import cycle_plan_text
-
         return cycle_plan_text(self.cycle, self.result, loading_time)
-
-
-def planned(
-    loaded: "PlanningProblem | Cycle",
-    options: "PlanOptions",
-    enter: "ProgressCallback",
-    *,
-    with_minimum: bool,
-) -> PlannedProblem | PlannedCycle:
-    """Plan a problem or a cycle.
-
-    Args:
-        loaded: Which one.
-        options: How.
-        enter: As of `plan`.
-        with_minimum: Whether to report the least time for the path, of a problem.
-
-    Raises:
-        OptionError: That is asked of a cycle.
-    """
-    from tubeplanner.cycle.cycle import Cycle
-
-    if not isinstance(loaded, Cycle):
-        from tubeplanner.planning.planner import plan
-
-        return PlannedProblem(loaded, plan(loaded, options, enter), with_minimum)
-    if with_minimum:
-        raise OptionError(
-            "--time-left is about the path of one motion, and a cycle has several; leave it out, "
-            "or plan a move as a problem of its own"
-        )
-    from tubeplanner.cycle_planning.cycle_planner import plan_cycle
-
-    return PlannedCycle(loaded, plan_cycle(loaded, options, enter))

@@ -1,8 +1,6 @@
 """Plans and certificates as text for a terminal."""
 
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,23 +8,17 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from tubeplanner.baselines.fastest_parameterization import NOT_PROVED
 from tubeplanner.collision.collision_checker import ALWAYS_TOUCHING
+from tubeplanner.constraints.trajectory_peaks import TrajectoryPeaks
 from tubeplanner.problem.fitting_presets import fitting_presets
-from tubeplanner.verification.judged_condition import RELATIVE
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.verification.certificate import Certificate
+from tubeplanner.verification.judged_condition import RELATIVE, JudgedCondition, Tolerance
 
-if TYPE_CHECKING:
-    from tubeplanner.collision.link_covers import LinkCover
-    from tubeplanner.constraints.trajectory_peaks import TrajectoryPeaks
-    from tubeplanner.measurement.measured_tube import SegmentMeasurement, TubeMeasurement
-    from tubeplanner.measurement.sign_patterns import PatternSurvey
+if TYPE_CHECKING:  # the planner loads SciPy, and `check` does not need it
     from tubeplanner.planning.plan_result import PlanResult
-    from tubeplanner.problem.problem import PlanningProblem
-    from tubeplanner.robot.robot_model import RobotModel
-    from tubeplanner.studies.field_sweep import FieldSweep
-    from tubeplanner.studies.tolerance_sweep import SweepResult
-    from tubeplanner.tube_sources.tube_answer import TubeAnswer
-    from tubeplanner.verification.certificate import Certificate
-    from tubeplanner.verification.judged_condition import JudgedCondition, Tolerance
 
 _WIDTH_OF_A_FILE, _VERY_WIDE = 160, 10_000  # [characters]
 # Rounding errors of the machine are shown as zero.
@@ -35,7 +27,7 @@ _SENSITIVITIES_SHOWN = 3
 
 
 def plan_text(
-    problem: "PlanningProblem",
+    problem: PlanningProblem,
     result: "PlanResult",
     loading_time: float,
     *,
@@ -88,10 +80,8 @@ def plan_text(
     return "\n".join(lines)
 
 
-def _minimum_lines(problem: "PlanningProblem", result: "PlanResult") -> list[str]:
+def _minimum_lines(problem: PlanningProblem, result: "PlanResult") -> list[str]:
     """Return a line on what motors that switch instantly would save on the path, if it is known."""
-    from tubeplanner.baselines.fastest_parameterization import NOT_PROVED
-
     if result.path_minimum is None or not result.duration:
         return []
     left = 100 * max(1 - result.path_minimum / result.duration, 0.0)
@@ -103,7 +93,7 @@ def _minimum_lines(problem: "PlanningProblem", result: "PlanResult") -> list[str
     ]
 
 
-def peaks_lines(robot: "RobotModel", peaks: "TrajectoryPeaks") -> list[str]:
+def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
     """Return a trajectory's peaks, and which limits to give where nothing bounds them.
 
     Args:
@@ -126,159 +116,7 @@ def peaks_lines(robot: "RobotModel", peaks: "TrajectoryPeaks") -> list[str]:
     return lines
 
 
-def sweep_text(result: "SweepResult") -> str:
-    """Return a sweep as a table, as wide as the terminal, and the rows' messages."""
-    scaled = result.quantity != "radius"
-    table = Table(title=f"{result.problem.name}: duration against tolerance", title_justify="left")
-    for heading in ("scale" if scaled else "radius", "duration", "10 % more radius", "planned in"):
-        table.add_column(heading, justify="right")
-    table.add_column("answer")
-    for row in result.rows:
-        value = f"{row.value:g}" if scaled else f"{1000 * row.value:g} mm"
-        if row.result is None or row.duration is None:
-            table.add_row(value, "", "", "", f"{row.status}: {escape(row.message)}")
-            continue
-        saved = (
-            "" if row.elasticity is None else f"{abs(100 * row.elasticity * row.duration):.2g} ms"
-        )
-        message = f"certified, {row.result.method}" + (f"; {row.note}" if row.note else "")
-        times = (f"{row.duration:.4f} s", saved and f"saves {saved}")
-        table.add_row(value, *times, f"{row.result.planning_time:.2f} s", message)
-    return rendered(table)
-
-
-def field_sweep_text(result: "FieldSweep") -> str:
-    """Return a sweep over a field as a table, as wide as the terminal, and the answers' notes."""
-    from tubeplanner.studies.json_values import value_text
-
-    table = Table(title=f"{result.name}: duration against {result.path}", title_justify="left")
-    headings = ["duration", *["shortest"] * result.varies_objective]
-    headings += [*["runs failed"] * result.is_simulated, "planned in"]
-    table.add_column(escape(result.path), justify="right")
-    for heading in headings:
-        table.add_column(heading, justify="right")
-    table.add_column("answer")
-    for row in result.rows:
-        value = escape(value_text(row.value))
-        if row.result is None or row.duration is None:
-            gaps = [""] * len(headings)
-            table.add_row(value, *gaps, f"{row.status}: {escape(row.message)}")
-            continue
-        durations = [row.duration, *[row.shortest_duration] * result.varies_objective]
-        cells = [f"{duration:.4f} s" for duration in durations]
-        seen = "" if row.verdict is None else f"{row.verdict.failed} of {row.verdict.runs}"
-        cells += [*[seen] * result.is_simulated, f"{row.result.planning_time:.2f} s"]
-        table.add_row(value, *cells, f"certified, {row.result.method}")
-    whose: dict[str, list[str]] = {}
-    for row in result.rows:
-        for note in row.notes:
-            whose.setdefault(note, []).append(value_text(row.value))
-    notes = [f"note ({', '.join(values)}): {note}" for note, values in whose.items()]
-    return "\n".join([rendered(table), *notes])
-
-
-def measurement_text(
-    problem: "PlanningProblem", result: "TubeMeasurement", loading_time: float
-) -> str:
-    """Return a measured tube as a table of what limits each radius and range, and the counts."""
-    lines = [
-        f"{problem.name}: {problem.robot.name}, loaded in {loading_time:.2f} s, measured in "
-        f"{result.measuring_time:.1f} s"
-    ]
-    if result.succeeded:
-        table = Table(title="Measured tube", title_justify="left")
-        for heading in ("segment", "bound", "largest", "ended by"):
-            table.add_column(heading)
-        for k, segment in enumerate(result.segments):
-            for row in _measured_rows(segment):
-                table.add_row(str(k), *map(escape, row))
-            table.add_section()
-        lines.append(rendered(table))
-        for k, segment in enumerate(result.segments):
-            lines.append(
-                f"segment {k}: tested with {segment.samples} random configurations, no collision "
-                f"(the {segment.collisions} found before lie outside)"
-            )
-    lines.append(f"{result.status}: {result.message}")
-    place = str(result.place)
-    return "\n".join([*lines, f"where: {place}"] if place else lines)
-
-
-def links_text(problem: "PlanningProblem", covers: "Sequence[LinkCover]") -> str:
-    """Return how closely links are covered as a table, and the pairs that are left out."""
-    table = Table(title=f"{problem.name}: links and their convex covers", title_justify="left")
-    table.add_column("link")
-    for heading in ("shapes", "stand off by", "where others come near", "by"):
-        table.add_column(heading, justify="right")
-    for each in covers:
-        closer = ("", "")
-        if each.closer_error is not None:
-            closer = (str(each.closer_shapes), f"{1000 * each.closer_error:.2f} mm")
-        error = f"{1000 * each.outer_error:.2f} mm"
-        table.add_row(escape(each.link), str(each.shapes), error, *closer)
-    pairs = [
-        f"not checked: {' and '.join(pair.links)} ({pair.reason})"
-        for pair in problem.collision.left_out
-    ]
-    return "\n".join([rendered(table), *pairs])
-
-
-def patterns_text(problem: "PlanningProblem", survey: "PatternSurvey") -> str:
-    """Return sign patterns as a table, and the suggested one."""
-    table = Table(title=f"{problem.name}: configurations by segment", title_justify="left")
-    for heading in ("segment", "signs", "reachable", "free", "radius up to", "why not"):
-        table.add_column(heading)
-    for row in survey.rows:
-        signs = ", ".join(f"{name} {sign}" for name, sign in row.signs.items())
-        radius = "" if row.radius is None else f"{1000 * row.radius:.0f} mm"
-        verdicts = ["yes" if holds else "no" for holds in (row.reachable, row.free)]
-        table.add_row(str(row.segment), signs, *verdicts, radius, escape(row.message))
-    return f"{rendered(table)}\n{survey.message}"
-
-
-def _measured_rows(segment: "SegmentMeasurement") -> list[tuple[str, str, str]]:
-    """Return what is bounded, by how much, and what limits it there."""
-    ended: dict[str | None, list[str]] = {}
-    for binding in segment.bindings:
-        side = "" if binding.bound == "radius" else f"{binding.bound}: "
-        place = replace(binding.place, joint=None, segment=None)
-        ended.setdefault(binding.place.joint, []).append(f"{side}{place}")
-    rows = [("radius", f"{1000 * segment.radius:.1f} mm", "; ".join(ended.get(None, [])))]
-    for name, (lower, upper) in segment.joint_ranges.items():
-        rows.append((name, f"[{lower:.3f}, {upper:.3f}]", "; ".join(ended.get(name, []))))
-    return rows
-
-
-def tube_text(name: str, answer: "TubeAnswer") -> str:
-    """Return the result of a search for a tube as text.
-
-    Args:
-        name: Of the problem.
-        answer: Its result.
-    """
-    lines = [f"{name}: searched for {answer.search_time:.1f} s"]
-    if answer.compared:
-        listed = ", ".join("none" if one is None else f"{one:.3f} s" for one in answer.compared)
-        lines.append(f"trajectories along the routes compared: {listed}")
-    if answer.found is not None:
-        tube = answer.found.problem.tube
-        for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):
-            place = ", ".join(f"{x:.4f}" for x in point)
-            width = "" if radius is None else f", then a radius of {1000 * radius:.1f} mm"
-            lines.append(f"point {k}: [{place}] m{width}")
-    if answer.measured is not None and answer.measured is not answer.found:
-        radii = ", ".join(f"{1000 * radius:.1f}" for radius in answer.measured.problem.tube.radius)
-        lines.append(
-            f"measured tube, in which nothing collides: {answer.measured.duration:.4f} s within "
-            f"radii of {radii} mm"
-        )
-    lines += [f"note: {note}" for note in answer.notes]
-    lines.append(f"{answer.status}: {answer.message}")
-    place = str(answer.place)
-    return "\n".join([*lines, f"where: {place}"] if place else lines)
-
-
-def certificate_text(certificate: "Certificate") -> str:
+def certificate_text(certificate: Certificate) -> str:
     """Return a certificate as a table, as wide as the terminal."""
     table = Table(title="Certificate", title_justify="left")
     for heading in ("condition", "margin", "holds", "where", "coverage"):
@@ -288,7 +126,7 @@ def certificate_text(certificate: "Certificate") -> str:
     return rendered(table)
 
 
-def condition_cells(condition: "JudgedCondition", tolerance: "Tolerance") -> tuple[str, ...]:
+def condition_cells(condition: JudgedCondition, tolerance: Tolerance) -> tuple[str, ...]:
     """Return margin, verdict, place and coverage of a condition as cells of a table."""
     if condition.margin is None:
         return "", "not required", "", condition.coverage
@@ -299,7 +137,7 @@ def condition_cells(condition: "JudgedCondition", tolerance: "Tolerance") -> tup
     return margin, verdict, escape(str(condition.where)), condition.coverage
 
 
-def other_speeds_line(certificate: "Certificate") -> str:
+def other_speeds_line(certificate: Certificate) -> str:
     """Return one line on how soon the arm comes to rest, and on slower runs."""
     said = []
     braking = certificate.braking
@@ -319,7 +157,7 @@ def other_speeds_line(certificate: "Certificate") -> str:
     return "; ".join(said)
 
 
-def left_out_lines(certificate: "Certificate") -> list[str]:
+def left_out_lines(certificate: Certificate) -> list[str]:
     """Return a note that names the pairs of links that always touch; none if there are none."""
     pairs = [pair for pair in certificate.left_out if pair.reason == ALWAYS_TOUCHING]
     named = "; ".join(" and ".join(pair.links) for pair in pairs)

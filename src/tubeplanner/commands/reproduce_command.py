@@ -16,6 +16,11 @@ from tubeplanner.commands.console import (
     shown_progress,
 )
 from tubeplanner.commands.interrupts import hold_interrupts
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.studies.reproduction import reproduce as reproduce_tables
+from tubeplanner.studies.reproduction_page import reproduction_page
+from tubeplanner.views.figure_files import figure_file
+from tubeplanner.views.reproduction_figures import FIGURES
 
 PAGE = "the_paper.md"
 
@@ -35,12 +40,6 @@ def reproduce(output: Path, as_json: bool) -> int:
 
     Uses the published method and the default one. It takes some minutes.
     """
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.studies.reproduction import reproduce as reproduce_tables
-    from tubeplanner.studies.reproduction_page import reproduction_page
-    from tubeplanner.views.figure_files import figure_file
-    from tubeplanner.views.reproduction_figures import FIGURES
-
     files = {caption: f"{name}.png" for name, (caption, _) in FIGURES.items()}
     page = output / PAGE
     written = [page, *(output / file for file in files.values())]

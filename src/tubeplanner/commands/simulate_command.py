@@ -1,10 +1,11 @@
 """The command `simulate`: execute a trajectory with arms that differ from the model."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import count
 from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -16,27 +17,36 @@ from tubeplanner.commands.console import (
     SET,
     load_either_timed,
     print_json,
+    require_page,
     say,
     say_unwritten,
     shown_progress,
 )
+from tubeplanner.commands.cycle_execution_report import (
+    cycle_execution_lines,
+    cycle_execution_report,
+)
+from tubeplanner.commands.execution_report import execution_lines, execution_report
 from tubeplanner.commands.interrupts import hold_interrupts
-from tubeplanner.commands.view_command import require_page
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from tubeplanner.cycle.cycle import Cycle
-    from tubeplanner.cycle.cycle_motion import CycleMotion
-    from tubeplanner.problem.problem import PlanningProblem
-    from tubeplanner.problem.robustness import Robustness
-    from tubeplanner.simulation.execution import Execution
-    from tubeplanner.simulation.judged_cycle import JudgedCycle
-    from tubeplanner.simulation.judged_runs import JudgedRun
-    from tubeplanner.simulation.plant import Draw
-    from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-    from tubeplanner.trajectory.trajectory_file import TrajectoryFile
-    from tubeplanner.views.viewer import View
+from tubeplanner.cycle.cycle import Cycle
+from tubeplanner.cycle.motion_of_file import motion_of_file
+from tubeplanner.files.cycle_notes import notes_on_cycle_file
+from tubeplanner.files.file_notes import notes_on_file
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.robustness import Robustness
+from tubeplanner.simulation.cycle_execution import executed_cycle
+from tubeplanner.simulation.execution import executed
+from tubeplanner.simulation.judged_cycle import judged_cycle
+from tubeplanner.simulation.judged_runs import judged_runs
+from tubeplanner.simulation.mujoco_model import require_mujoco
+from tubeplanner.simulation.plant import Draw, drawn_plants
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile, read_trajectory_file
+from tubeplanner.views.cycle_execution_plot import plot_cycle_execution
+from tubeplanner.views.cycle_view import view_cycle
+from tubeplanner.views.execution_plot import plot_execution
+from tubeplanner.views.figure_files import figure_file, require_figure
+from tubeplanner.views.viewer import View, view
 
 _ERRORS = {
     "mass": "Relative error of masses.",
@@ -57,7 +67,7 @@ _PLANNED = (
 )
 
 
-def _error_options(command: "Callable[..., Any]") -> "Callable[..., Any]":
+def _error_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for name, text in reversed(_ERRORS.items()):
         command = click.option(f"--{name.replace('_', '-')}", type=float, help=text)(command)
     return command
@@ -92,12 +102,6 @@ def simulate(
     others. An error that is not given is that of PROBLEM's robustness, or the usual one. Exit
     status 0 also if runs fail.
     """
-    from tubeplanner.cycle.cycle import Cycle
-    from tubeplanner.problem.robustness import Robustness
-    from tubeplanner.simulation.mujoco_model import require_mujoco
-    from tubeplanner.simulation.plant import Draw
-    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
-
     pictures = _Pictures(plot, html)
     pictures.require_usable(problem, trajectory)
     require_mujoco()
@@ -125,7 +129,7 @@ def simulate(
             say_unwritten("--plot", "--html")
 
 
-def _counted(enter: "Callable[[object], None]", stage: str, most: int) -> "Callable[[], None]":
+def _counted(enter: Callable[[object], None], stage: str, most: int) -> Callable[[], None]:
     """Return what enters a stage with how often it was called, of so many times."""
     done = count(1)
     return lambda: enter(f"{stage} {min(next(done), most)} of {most}")
@@ -150,20 +154,15 @@ class _Pictures:
 
     def require_usable(self, *inputs: str | Path) -> None:
         """Raise if a file could not be written, before any work is done."""
-        from tubeplanner.files.output_files import require_writable
-        from tubeplanner.views.figure_files import require_figure
-
         require_figure(self.plot, "--plot")
         require_page(self.html)
         require_writable([path for _, path in self.paths], [Path(path) for path in inputs])
 
-    def write(self, figure: "Callable[[], Any]", page: "Callable[[], View]") -> None:
+    def write(self, figure: Callable[[], Any], page: Callable[[], View]) -> None:
         """Make and write all files, or none of them."""
         hold_interrupts()
         contents: dict[Path, bytes] = {}
         if self.plot is not None:
-            from tubeplanner.views.figure_files import figure_file
-
             contents[self.plot] = figure_file(figure(), self.plot)
         if self.html is not None:
             contents[self.html] = page().html.encode()
@@ -184,20 +183,14 @@ class _Simulation:
     """Executes, judges and draws what a trajectory file holds."""
 
     path: Path
-    file: "TrajectoryFile"
-    errors: "Robustness"
-    draw: "Draw"
+    file: TrajectoryFile
+    errors: Robustness
+    draw: Draw
     pictures: _Pictures
-    enter: "Callable[[object], None]"
+    enter: Callable[[object], None]
 
-    def of_motion(self, problem: "PlanningProblem") -> _Seen:
+    def of_motion(self, problem: PlanningProblem) -> _Seen:
         """Simulate the motion of a problem."""
-        from tubeplanner.commands.execution_report import execution_lines, execution_report
-        from tubeplanner.files.file_notes import notes_on_file
-        from tubeplanner.simulation.execution import executed
-        from tubeplanner.simulation.judged_runs import judged_runs
-        from tubeplanner.simulation.plant import drawn_plants
-
         motion, errors = self.file.trajectory, self.errors
         notes = notes_on_file(problem, self.file, failed=False)
         self.enter(f"{self.draw.runs} runs")
@@ -205,82 +198,35 @@ class _Simulation:
         control = (errors.controller, errors.control_period)
         execution = executed(problem, motion, plants, *control, self._moving())
         judged = judged_runs(problem, motion, execution, self._judging(1))
-        self._draw(_MotionPictures(problem, motion, execution, judged))
+        self._draw(
+            lambda: plot_execution(problem, motion, execution, judged),
+            lambda: view(problem, motion, names=["plan"], execution=execution),
+        )
         return _Seen(execution_report(judged), execution_lines(judged), notes)
 
-    def of_cycle(self, cycle: "Cycle") -> _Seen:
+    def of_cycle(self, cycle: Cycle) -> _Seen:
         """Simulate the motion of a cycle."""
-        from tubeplanner.commands.cycle_execution_report import (
-            cycle_execution_lines,
-            cycle_execution_report,
-        )
-        from tubeplanner.cycle.motion_of_file import motion_of_file
-        from tubeplanner.files.cycle_notes import notes_on_cycle_file
-        from tubeplanner.simulation.cycle_execution import executed_cycle
-        from tubeplanner.simulation.judged_cycle import judged_cycle
-
         motion = motion_of_file(cycle, self.path, self.file)
         notes = notes_on_cycle_file(cycle, self.file)
         self.enter(f"{self.draw.runs} runs")
         execution = executed_cycle(motion, self.errors, self.draw, self._moving())
         judged = judged_cycle(motion, execution, self._judging(len(cycle.legs)))
-        self._draw(_CyclePictures(motion, execution, judged))
+        self._draw(
+            lambda: plot_cycle_execution(motion, execution, judged),
+            lambda: view_cycle(cycle, [motion], ["plan"], execution=execution),
+        )
         lines, report = cycle_execution_lines(judged), cycle_execution_report(judged)
         return _Seen(report, lines, notes + [_PLANNED] * bool(judged.handovers))
 
-    def _moving(self) -> "Callable[[], None]":
+    def _moving(self) -> Callable[[], None]:
         periods = ceil(self.file.trajectory.duration / self.errors.control_period)
         return _counted(self.enter, f"{self.draw.runs} runs, control period", periods)
 
-    def _judging(self, legs: int) -> "Callable[[], None]":
+    def _judging(self, legs: int) -> Callable[[], None]:
         most = self.draw.runs * legs
         return _counted(self.enter, "tolerances and clearance, run", most)
 
-    def _draw(self, drawn: "_MotionPictures | _CyclePictures") -> None:
+    def _draw(self, figure: Callable[[], Any], page: Callable[[], View]) -> None:
         if self.pictures.paths:
             self.enter("pictures")
-            self.pictures.write(drawn.figure, drawn.page)
-
-
-@dataclass(frozen=True)
-class _MotionPictures:
-    """What there is to draw of an executed motion."""
-
-    problem: "PlanningProblem"
-    motion: "JointTrajectory"
-    execution: "Execution"
-    judged: "Sequence[JudgedRun]"
-
-    def figure(self) -> Any:
-        """Return the figure."""
-        from tubeplanner.views.execution_plot import plot_execution
-
-        return plot_execution(self.problem, self.motion, self.execution, self.judged)
-
-    def page(self) -> "View":
-        """Return the page."""
-        from tubeplanner.views.viewer import view
-
-        return view(self.problem, self.motion, names=["plan"], execution=self.execution)
-
-
-@dataclass(frozen=True)
-class _CyclePictures:
-    """What there is to draw of an executed cycle."""
-
-    motion: "CycleMotion"
-    execution: "Execution"
-    judged: "JudgedCycle"
-
-    def figure(self) -> Any:
-        """Return the figure."""
-        from tubeplanner.views.cycle_execution_plot import plot_cycle_execution
-
-        return plot_cycle_execution(self.motion, self.execution, self.judged)
-
-    def page(self) -> "View":
-        """Return the page."""
-        from tubeplanner.views.cycle_view import view_cycle
-
-        cycle = self.motion.cycle
-        return view_cycle(cycle, [self.motion], ["plan"], execution=self.execution)
+            self.pictures.write(figure, page)

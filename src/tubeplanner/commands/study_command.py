@@ -2,11 +2,10 @@
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from tubeplanner.commands.answer_files import write_answer
+from tubeplanner.commands.answer_files import table_bytes, write_answer
 from tubeplanner.commands.console import (
     AS_JSON,
     INFEASIBLE,
@@ -21,10 +20,14 @@ from tubeplanner.commands.console import (
     shown_progress,
 )
 from tubeplanner.commands.interrupts import hold_interrupts
+from tubeplanner.commands.study_report import study_text
 from tubeplanner.commands.workers import processes_option, workers_of
-
-if TYPE_CHECKING:
-    from tubeplanner.studies.study_result import StudyResult
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.studies.study_reader import load_study
+from tubeplanner.studies.study_result import StudyResult
+from tubeplanner.studies.study_run import run_study
+from tubeplanner.views.figure_files import figure_file, require_figure
+from tubeplanner.views.study_figure import plot_study
 
 
 @click.command()
@@ -57,11 +60,6 @@ def study(
     after Ctrl-C, a crash or a power failure, and it goes on. Exit status 0 if any point has a
     certified motion; the other rows say why not.
     """
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.studies.study_reader import load_study
-    from tubeplanner.studies.study_run import run_study
-    from tubeplanner.views.figure_files import require_figure
-
     require_ending(output, "-o", (".csv", ".json"))
     require_figure(figure, "--plot")
     journal = None if output is None else output.with_suffix(".jsonl")
@@ -82,32 +80,23 @@ def study(
         report = {**empty_report(status, message, nowhere()), "loading_time": loading_time}
         print_json({**report, **result.as_dict()})
     else:
-        from tubeplanner.commands.study_report import study_text
-
         say(study_text(result), message, sep="\n")
         say(*outputs, sep="\n") if outputs else say_unwritten("-o TABLE.csv", "--plot")
     return SUCCESS if result.succeeded else INFEASIBLE
 
 
-def _write(result: "StudyResult", output: Path | None, figure: Path | None) -> None:
+def _write(result: StudyResult, output: Path | None, figure: Path | None) -> None:
     """Write the table and the figure, or neither."""
-    import json
-
-    from tubeplanner.views.figure_files import figure_file
-    from tubeplanner.views.study_figure import plot_study
-
     hold_interrupts()
     contents: dict[Path, bytes] = {}
-    if output is not None and output.suffix.lower() == ".csv":
-        contents[output] = result.csv().encode()
-    elif output is not None:
-        contents[output] = (json.dumps(result.as_dict(), allow_nan=False) + "\n").encode()
+    if output is not None:
+        contents[output] = table_bytes(result, output)
     if figure is not None:
         contents[figure] = figure_file(plot_study(result), figure)
     write_answer(contents)
 
 
-def _message(result: "StudyResult", journal: Path | None) -> str:
+def _message(result: StudyResult, journal: Path | None) -> str:
     planned = sum(row.duration is not None for row in result.rows)
     done, count = len(result.rows), len(result.study.points)
     message = f"{planned} of {done} points have a certified motion"

@@ -1,23 +1,22 @@
 """What came of a study, as text for a terminal."""
 
 import re
-from typing import TYPE_CHECKING
 
 from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.commands.report import rendered
 from tubeplanner.options import in_figures, is_number
-
-if TYPE_CHECKING:
-    from tubeplanner.studies.study_result import StudyResult
-    from tubeplanner.studies.study_row import StudyRow
+from tubeplanner.problem.field_paths import factor_of
+from tubeplanner.studies.json_values import value_text
+from tubeplanner.studies.study_result import StudyResult
+from tubeplanner.studies.study_row import StudyRow
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _MOST_REASONS = 12
 
 
-def study_text(result: "StudyResult") -> str:
+def study_text(result: StudyResult) -> str:
     """Return how many points ended how, why the others have no plan, and the shortest."""
     name, count = result.study.name, len(result.study.points)
     table = Table(title=f"{name}: {count} points", title_justify="left")
@@ -35,7 +34,7 @@ def study_text(result: "StudyResult") -> str:
     return "\n".join(lines)
 
 
-def _groups(rows: "tuple[StudyRow, ...]") -> list[tuple[str, str, int]]:
+def _groups(rows: tuple[StudyRow, ...]) -> list[tuple[str, str, int]]:
     """Return statuses with an example and a count; reasons that differ in numbers are the same."""
     groups: dict[tuple[str, str], list[StudyRow]] = {}
     for row in rows:
@@ -45,22 +44,19 @@ def _groups(rows: "tuple[StudyRow, ...]") -> list[tuple[str, str, int]]:
     return [(status, _example(found), len(found)) for (status, _), found in ordered]
 
 
-def _example(rows: "list[StudyRow]") -> str:
+def _example(rows: list[StudyRow]) -> str:
     durations = [row.duration for row in rows if row.duration is not None]
     if durations:
         return f"{min(durations):.4f} to {max(durations):.4f} s"
     return f"{_values_of(rows[0])}: {rows[0].message}"
 
 
-def _values_of(row: "StudyRow") -> str:
+def _values_of(row: StudyRow) -> str:
     return ", ".join(f"{path} = {_in_figures(value)}" for path, value in row.values.items())
 
 
 def _in_figures(value: object) -> str:
     """Return a value as a sentence has it: numbers and factors in six digits."""
-    from tubeplanner.problem.field_paths import factor_of
-    from tubeplanner.studies.json_values import value_text
-
     factor = factor_of(value)
     if factor is not None:
         return f"x{factor:g}"

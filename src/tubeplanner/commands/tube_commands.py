@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -25,10 +25,19 @@ from tubeplanner.commands.console import (
 )
 from tubeplanner.commands.interrupts import hold_interrupts
 from tubeplanner.errors import OptionError
-
-if TYPE_CHECKING:
-    from tubeplanner.tube_sources.measured_plan import PlannedTube
-    from tubeplanner.tube_sources.tube_answer import TubeAnswer
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.files.problem_file import read_fields, with_problem
+from tubeplanner.files.taught_problem import read_cell, taught_problem
+from tubeplanner.problem.problem_layers import ProblemLayers
+from tubeplanner.resources import find_problem
+from tubeplanner.trajectory.trajectory_file import read_trajectory_file
+from tubeplanner.tube_sources.joint_route import require_ompl
+from tubeplanner.tube_sources.measured_plan import PlannedTube
+from tubeplanner.tube_sources.route import find_route
+from tubeplanner.tube_sources.route_candidates import RouteOptions
+from tubeplanner.tube_sources.teach import TeachOptions
+from tubeplanner.tube_sources.teach import teach as teach_tube
+from tubeplanner.tube_sources.tube_answer import TubeAnswer
 
 _OUTPUT = click.option("-o", "--output", type=PATH, help="Problem file with the tube.")
 _MAX_RADIUS = click.option(
@@ -79,14 +88,6 @@ def route(
     is certified goes to the file of -o, which `plan` plans; a tube that was measured beside it, to
     the file of --measured.
     """
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.files.problem_file import read_fields
-    from tubeplanner.problem.problem_layers import ProblemLayers
-    from tubeplanner.resources import find_problem
-    from tubeplanner.tube_sources.joint_route import require_ompl
-    from tubeplanner.tube_sources.route import find_route
-    from tubeplanner.tube_sources.route_candidates import RouteOptions
-
     options = RouteOptions(
         seed, tries, checks, max_radius=max_radius, samples=samples, time_limit=time_limit
     )
@@ -149,12 +150,6 @@ def teach(
     JointTrajectory. The robot comes from --urdf and --tool-frame, or with its limits and obstacles
     from --problem.
     """
-    from tubeplanner.files.output_files import require_writable
-    from tubeplanner.files.taught_problem import read_cell, taught_problem
-    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
-    from tubeplanner.tube_sources.teach import TeachOptions
-    from tubeplanner.tube_sources.teach import teach as teach_tube
-
     if (template is None) == (urdf is None or tool_frame is None):
         raise OptionError("teach takes either --urdf and --tool-frame, or --problem")
     if template is not None and (obstacles is not None or urdf or tool_frame):
@@ -185,11 +180,9 @@ def _require_none_of(changes: Iterable[str], found: tuple[str, ...], source: str
 
 
 def _write(
-    fields: Any, folder: Path, found: "Mapping[Path | None, PlannedTube | None]"
+    fields: Any, folder: Path, found: Mapping[Path | None, PlannedTube | None]
 ) -> list[Path]:
     """Write the problems that were found to the files that are asked for; return these files."""
-    from tubeplanner.files.problem_file import with_problem
-
     hold_interrupts()
     contents = {
         path: with_problem(fields, folder, path, tube.problem)
@@ -201,7 +194,7 @@ def _write(
     return list(contents)
 
 
-def _noted(answer: "TubeAnswer", measured: Path | None) -> "TubeAnswer":
+def _noted(answer: TubeAnswer, measured: Path | None) -> TubeAnswer:
     """Return an answer that tells of the file of a measured tube if it has none for it."""
     if measured is None or not answer.succeeded or answer.measured is not None:
         return answer
@@ -211,7 +204,7 @@ def _noted(answer: "TubeAnswer", measured: Path | None) -> "TubeAnswer":
 
 def _print_answer(
     name: str,
-    answer: "TubeAnswer",
+    answer: TubeAnswer,
     loading_time: float | None,
     files: Mapping[str, Path | None],
     written: list[Path],
@@ -224,11 +217,38 @@ def _print_answer(
         problem = str(kept["problem"]) if "problem" in kept else None
         print_json({**fields, "loading_time": loading_time, "problem": problem})
     else:
-        from tubeplanner.commands.report import tube_text
-
         say(tube_text(name, answer))
         for kind, path in kept.items():
             say(f"{kind}: {path}")
         if answer.succeeded and not kept:
             say_unwritten("-o PROBLEM.yaml")
     return SUCCESS if answer.succeeded else INFEASIBLE
+
+
+def tube_text(name: str, answer: TubeAnswer) -> str:
+    """Return the result of a search for a tube as text.
+
+    Args:
+        name: Of the problem.
+        answer: Its result.
+    """
+    lines = [f"{name}: searched for {answer.search_time:.1f} s"]
+    if answer.compared:
+        listed = ", ".join("none" if one is None else f"{one:.3f} s" for one in answer.compared)
+        lines.append(f"trajectories along the routes compared: {listed}")
+    if answer.found is not None:
+        tube = answer.found.problem.tube
+        for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):
+            place = ", ".join(f"{x:.4f}" for x in point)
+            width = "" if radius is None else f", then a radius of {1000 * radius:.1f} mm"
+            lines.append(f"point {k}: [{place}] m{width}")
+    if answer.measured is not None and answer.measured is not answer.found:
+        radii = ", ".join(f"{1000 * radius:.1f}" for radius in answer.measured.problem.tube.radius)
+        lines.append(
+            f"measured tube, in which nothing collides: {answer.measured.duration:.4f} s within "
+            f"radii of {radii} mm"
+        )
+    lines += [f"note: {note}" for note in answer.notes]
+    lines.append(f"{answer.status}: {answer.message}")
+    place = str(answer.place)
+    return "\n".join([*lines, f"where: {place}"] if place else lines)

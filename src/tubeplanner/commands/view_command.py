@@ -1,8 +1,8 @@
-"""The command that shows a problem or a cycle and its trajectories in 3D."""
+"""The commands that show a problem or a cycle and its trajectories: in 3D, or as a figure."""
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -12,20 +12,31 @@ from tubeplanner.commands.console import (
     INPUT,
     PATH,
     SET,
+    SUCCESS,
     empty_report,
     load_either_timed,
     nowhere,
     print_json,
+    require_page,
     say,
     shown_progress,
 )
 from tubeplanner.commands.interrupts import hold_interrupts
-from tubeplanner.errors import OptionError
-
-if TYPE_CHECKING:
-    from tubeplanner.cycle.cycle import Cycle
-    from tubeplanner.problem.problem import PlanningProblem
-    from tubeplanner.views.viewer import View
+from tubeplanner.cycle.cycle import Cycle
+from tubeplanner.cycle.motion_of_file import motion_of_file
+from tubeplanner.files.cycle_motion_notes import cycle_motion_notes
+from tubeplanner.files.cycle_notes import notes_on_cycle_file
+from tubeplanner.files.file_notes import notes_on_file
+from tubeplanner.files.motion_notes import has_other_part, motion_notes
+from tubeplanner.files.output_files import require_writable
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile, read_trajectory_file
+from tubeplanner.views.cycle_plot import plot_cycle
+from tubeplanner.views.cycle_view import view_cycle
+from tubeplanner.views.figure_files import figure_file, require_figure
+from tubeplanner.views.plotting import plot_trajectory
+from tubeplanner.views.viewer import View, names_of_files
+from tubeplanner.views.viewer import view as view_problem
 
 
 @click.command()
@@ -46,9 +57,6 @@ def view(
     Notes say whether each motion passes under PROBLEM, and what differs if it was made for another.
     Of a cycle all moves are on one time line, with what happens between them.
     """
-    from tubeplanner.cycle.cycle import Cycle
-    from tubeplanner.files.output_files import require_writable
-
     require_page(html)
     if html is not None:
         require_writable([html], [Path(problem), *trajectories])
@@ -82,13 +90,9 @@ def view(
 
 
 def _shown(
-    problem: "PlanningProblem", paths: tuple[Path, ...], enter: Callable[[object], None]
-) -> "View":
+    problem: PlanningProblem, paths: tuple[Path, ...], enter: Callable[[object], None]
+) -> View:
     """Return the view of a problem and the motions of files, each judged."""
-    from tubeplanner.files.motion_notes import has_other_part, motion_notes
-    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
-    from tubeplanner.views.viewer import names_of_files, view
-
     files = [read_trajectory_file(path, problem.robot.joint_names) for path in paths]
     named, notes = dict(zip(names_of_files(paths), files, strict=True)), []
     for k, (name, file) in enumerate(named.items()):
@@ -97,19 +101,11 @@ def _shown(
     enter("scene")
     other = [name for name, file in named.items() if has_other_part(problem, file)]
     motions = (file.trajectory for file in files)
-    return view(problem, *motions, names=list(named), notes=notes, empty_handed=other)
+    return view_problem(problem, *motions, names=list(named), notes=notes, empty_handed=other)
 
 
-def _shown_cycle(
-    cycle: "Cycle", paths: tuple[Path, ...], enter: Callable[[object], None]
-) -> "View":
+def _shown_cycle(cycle: Cycle, paths: tuple[Path, ...], enter: Callable[[object], None]) -> View:
     """Return the view of a cycle and its motions of files, each judged."""
-    from tubeplanner.cycle.motion_of_file import motion_of_file
-    from tubeplanner.files.cycle_motion_notes import cycle_motion_notes
-    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
-    from tubeplanner.views.cycle_view import view_cycle
-    from tubeplanner.views.viewer import names_of_files
-
     files = [read_trajectory_file(path, cycle.robot.joint_names) for path in paths]
     motions = [motion_of_file(cycle, *pair) for pair in zip(paths, files, strict=True)]
     names, notes = names_of_files(paths), []
@@ -120,11 +116,51 @@ def _shown_cycle(
     return view_cycle(cycle, motions, names, notes)
 
 
-def require_page(path: Path | None) -> None:
-    """Check that the name of a page ends like one.
+@click.command()
+@click.argument("problem")
+@click.argument("trajectory", type=INPUT)
+@click.option(
+    "-o", "--output", type=PATH, help="Figure (PNG, PDF or SVG) [default: beside TRAJECTORY]."
+)
+@SET
+@AS_JSON
+def plot(
+    problem: str, trajectory: Path, output: Path | None, changes: dict[str, Any], as_json: bool
+) -> int:
+    """Draw the TRAJECTORY file against the limits and the tube of PROBLEM, or those of a cycle.
 
-    Raises:
-        OptionError: It is not.
+    Without -o the figure goes next to the trajectory, under its name with the ending .png.
     """
-    if path is not None and path.suffix.lower() not in (".html", ".htm"):
-        raise OptionError(f"--html {path}: a page is written; name a file that ends in .html")
+    target = output or trajectory.with_suffix(".png")
+    require_figure(target, "-o")
+    require_writable([target], [trajectory, Path(problem)])
+    with shown_progress() as enter:
+        loaded, loading_time = load_either_timed(problem, enter, changes)
+        require_writable([target], [loaded.robot.urdf.path])
+        read = read_trajectory_file(trajectory, loaded.robot.joint_names)
+        enter("drawing")
+        notes, figure = _drawn(loaded, trajectory, read, target)
+        enter("writing")
+        write_answer({target: figure})
+    duration = read.trajectory.duration
+    if as_json:
+        report = empty_report("success", "drawn, not judged", nowhere())
+        more = {"duration": duration, "loading_time": loading_time, "notes": notes}
+        print_json({**report, **more, "plot": str(target)})
+    else:
+        say(*(f"note: {note}" for note in notes), sep="\n", end="\n" if notes else "")
+        say(f"plot: {target} ({duration:.4f} s)")
+    return SUCCESS
+
+
+def _drawn(
+    loaded: PlanningProblem | Cycle, path: Path, read: TrajectoryFile, target: Path
+) -> tuple[list[str], bytes]:
+    """Return what else is to be known of a trajectory file, and its figure."""
+    if isinstance(loaded, Cycle):
+        figure = plot_cycle(loaded, motion_of_file(loaded, path, read))
+        notes = notes_on_cycle_file(loaded, read)
+    else:
+        figure = plot_trajectory(loaded, read.trajectory)
+        notes = notes_on_file(loaded, read, failed=False)
+    return notes, figure_file(figure, target)

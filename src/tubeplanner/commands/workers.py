@@ -1,13 +1,13 @@
 """What plans many problems for a command: processes of this machine, or a Dask cluster."""
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-if TYPE_CHECKING:
-    from concurrent.futures import Executor
+from tubeplanner.errors import OptionError
 
 
 def processes_option(default: str) -> Callable[[Any], Any]:
@@ -21,7 +21,7 @@ def processes_option(default: str) -> Callable[[Any], Any]:
 
 
 @contextmanager
-def workers_of(processes: int | None, scheduler: str | None = None) -> "Iterator[Executor]":
+def workers_of(processes: int | None, scheduler: str | None = None) -> Iterator[Executor]:
     """Yield what plans: so many processes of this machine; None: one per processor.
 
     Or the workers of a Dask scheduler, which go on when they are not needed any more.
@@ -29,7 +29,6 @@ def workers_of(processes: int | None, scheduler: str | None = None) -> "Iterator
     In the end they are ended, whatever they work on. One process is not this one either: answers
     are the same bits for any number of processes, each with one thread for linear algebra.
     """
-    from tubeplanner.errors import OptionError
     from tubeplanner.many.dask_executor import dask_executor
     from tubeplanner.many.worker_processes import WorkerProcesses
 

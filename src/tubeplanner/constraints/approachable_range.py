@@ -39,7 +39,6 @@ def require_approachable(problem: PlanningProblem, start: FloatArray, goal: Floa
         return
     limit = VelocityByPositionLimit(problem.robot.limits)
     for column in limit.out_of_reach(start, goal).tolist():
-        refused = limit.refused(problem.robot, goal, column)
-        refused.proved = isinstance(problem.start, np.ndarray)
-        refused.proved &= isinstance(problem.goal, np.ndarray)
-        raise refused
+        ends = (problem.start, problem.goal)
+        proved = all(isinstance(end, np.ndarray) for end in ends)
+        raise limit.refused(problem.robot, goal, column).replaced(proved=proved)

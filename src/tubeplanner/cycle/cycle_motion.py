@@ -164,3 +164,11 @@ def _setting(step: Step) -> Any:
 def _listed(steps: Sequence[tuple[str, str, Any]]) -> str:
     known = [[str(part) for part in step if part is not None] for step in steps]
     return ", ".join(" ".join(step) for step in known) or "none"
+
+
+def move_rows(motion: CycleMotion) -> list[dict[str, Any]]:
+    """Return name, begin, end and duration [s] of every move."""
+    return [
+        {"name": name, "begin": begin, "end": end, "duration": end - begin}
+        for name, (begin, end) in motion.move_times.items()
+    ]

@@ -7,10 +7,7 @@ from functools import partial
 from tubeplanner.arguments import given_options
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion, cycle_motion
-from tubeplanner.cycle_planning.cycle_result import (
-    CycleResult,
-    cycle_sensitivities,
-)
+from tubeplanner.cycle_planning.cycle_result import CycleResult, cycle_sensitivities
 from tubeplanner.cycle_planning.greedy_plan import greedy_plan
 from tubeplanner.cycle_planning.leg_motion import leg_motion
 from tubeplanner.cycle_planning.leg_plan import BlockedLeg, LegPlan

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from tubeplanner.cycle.cycle import Cycle
-from tubeplanner.cycle.cycle_motion import CycleMotion
+from tubeplanner.cycle.cycle_motion import CycleMotion, move_rows
 from tubeplanner.cycle_planning.leg_plan import LegPlan
 from tubeplanner.native.library import LIBRARY
 from tubeplanner.outcome import Place, PlanStatus
@@ -145,11 +145,3 @@ def _whose(leg: Any, each: Sensitivity) -> tuple[str | None, int | None]:
         return leg.name, None
     move, segment = leg.move_of(each.segment)
     return move.name, segment
-
-
-def move_rows(motion: CycleMotion) -> list[dict[str, Any]]:
-    """Return name, begin, end and duration [s] of every move."""
-    return [
-        {"name": name, "begin": begin, "end": end, "duration": end - begin}
-        for name, (begin, end) in motion.move_times.items()
-    ]

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from tubeplanner.errors import RobotError, shown
+from tubeplanner.errors import shown
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
-from tubeplanner.files.former_fingerprint import former_problem_hash, is_former_hash
 from tubeplanner.files.part_hashes import differing_parts
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -39,7 +38,7 @@ def _listed(columns: tuple[str, ...]) -> str:
 
 
 def _notes_on_origin(problem: PlanningProblem, file: TrajectoryFile) -> list[str]:
-    """Return a sentence if a trajectory was not made by this version for the problem."""
+    """Return a sentence if a trajectory was not made for the problem."""
     is_other_robot = file.robot_hash not in (None, robot_hash(problem.robot))
     if not is_other_robot and file.problem_hash in (None, problem_hash(problem)):
         return []
@@ -49,21 +48,7 @@ def _notes_on_origin(problem: PlanningProblem, file: TrajectoryFile) -> list[str
         ]
     if is_other_robot:
         return ["the trajectory was made for another robot, payload, limits or motors"]
-    return [f"the trajectory was made {_other_origin(problem, str(file.problem_hash))}"]
-
-
-def _other_origin(problem: PlanningProblem, stated_hash: str) -> str:
-    """Return how a trajectory was made, if not by this version for a problem with its hash."""
-    if is_former_hash(stated_hash):
-        try:
-            if former_problem_hash(problem) == stated_hash:
-                return "by an earlier version of tubeplanner for the same problem"
-        except RobotError:
-            return (
-                "by an earlier version of tubeplanner; whether for the same problem cannot be told "
-                "without the mesh files"
-            )
-    return "for another problem with this robot"
+    return ["the trajectory was made for another problem with this robot"]
 
 
 def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) -> str | None:

@@ -25,13 +25,12 @@ from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.tube import Tube
 
 _CONFIGURATIONS, _SEED = 4, 0
-# More digits for problems: `former_fingerprint` tells former hashes by their number of digits.
-ROBOT_DIGITS, _PROBLEM_DIGITS = 16, 32
+_ROBOT_DIGITS, _PROBLEM_DIGITS = 16, 32
 
 
 def robot_hash(robot: RobotModel) -> str:
     """Return a hash of a robot's kinematics, dynamics, limits and motors."""
-    return hash_of(robot_parts(robot), ROBOT_DIGITS)
+    return hash_of(robot_parts(robot), _ROBOT_DIGITS)
 
 
 def problem_hash(problem: PlanningProblem) -> str:
@@ -40,11 +39,11 @@ def problem_hash(problem: PlanningProblem) -> str:
     Of solids and links it takes kinds, sizes, placements and the bytes of mesh files. It has twice
     as many digits as `robot_hash`.
     """
-    parts = [*robot_parts(problem.robot), *question_parts(problem), *_collision_parts(problem)]
+    parts = [*robot_parts(problem.robot), *_question_parts(problem), *_collision_parts(problem)]
     return hash_of(parts, _PROBLEM_DIGITS)
 
 
-def question_parts(problem: PlanningProblem) -> list[object]:
+def _question_parts(problem: PlanningProblem) -> list[object]:
     """Return what a problem asks of the tool and of start and goal, apart from collisions."""
     return [*tube_parts(problem.tube, problem.robot.joint_names), *endpoint_parts(problem)]
 

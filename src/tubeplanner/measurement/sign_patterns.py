@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.arguments import given_options, require_callback
+from tubeplanner.arguments import given_options
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import RedundancyRule, reference_branch
 from tubeplanner.errors import ProblemError
@@ -21,7 +21,7 @@ from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.measurement.pair_clearance import PairClearance
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem, Seed
-from tubeplanner.progress import Progress, ProgressCallback
+from tubeplanner.progress import Progress, ProgressCallback, require_callback
 from tubeplanner.short_repr import short_repr
 
 _SEEDS = 24  # configurations, of this many samples, from which to search for a branch

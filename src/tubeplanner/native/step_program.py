@@ -21,15 +21,6 @@ _add_rows = native_function(
 _set_slack = native_function("step_program_set_slack", c_void_p, Doubles)
 _solve = native_function("step_program_solve", c_void_p, c_double, c_int64, returns=c_int)
 _read = native_function("step_program_read", c_void_p, Doubles, Doubles, returns=c_int64)
-_compressed = native_function(
-    "compressed_rows",
-    *(c_int64,) * 5,
-    Integers,
-    *(Doubles,) * 4,
-    *(Integers,) * 3,
-    Doubles,
-    returns=c_int64,
-)
 _MOST_ITERATIONS = 100
 
 
@@ -111,37 +102,3 @@ def _call(function: Any) -> Any:
     if function is None:
         raise RuntimeError("the native library is left out")
     return function
-
-
-def compressed_rows(
-    first: IntArray,
-    control: FloatArray,
-    switching: FloatArray,
-    duration: FloatArray,
-    is_elastic: FloatArray,
-    variable: IntArray,
-    free: int,
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the entries of R rows over all that may change, but for zeros.
-
-    Args:
-        first: The first control point that counts, shape (R,).
-        control: By the four that do, shape (R, 4, n).
-        switching: By switching times, shape (R, m-1).
-        duration: By eta, shape (R,).
-        is_elastic: What the elastic variable gives, shape (R,).
-        variable: Of every control point, -1 where it is fixed, shape (K,).
-        free: How many variables there are.
-
-    Returns:
-        How many each row has (R,), their columns and values, row after row.
-    """
-    (rows, weights, joints), switches = control.shape, switching.shape[1]
-    most = rows * (weights * joints + switches + 2)
-    count, column, value = np.empty(rows, np.int64), np.empty(most, np.int64), np.empty(most)
-    arrays = (np.ascontiguousarray(part) for part in (control, switching, duration, is_elastic))
-    own = np.ascontiguousarray(first, dtype=np.int64)
-    sizes = (rows, weights, joints, switches, free)
-    known = np.ascontiguousarray(variable, dtype=np.int64)
-    end = _call(_compressed)(*sizes, own, *arrays, known, count, column, value)
-    return count, column[:end], value[:end]

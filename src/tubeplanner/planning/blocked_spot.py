@@ -282,9 +282,9 @@ def _without(
     try:
         require(known)
     except Infeasible as reason:
-        reason.starts, spot = at.starts, at.spot.place
-        reason.place = replace(reason.place, segment=spot.segment, point=spot.point)
-        return reason
+        spot = at.spot.place
+        place = replace(reason.place, segment=spot.segment, point=spot.point)
+        return reason.replaced(starts=at.starts, place=place)
     return None
 
 

@@ -221,10 +221,11 @@ def _with_arm(
     problem: PlanningProblem, trajectory: JointTrajectory, reason: Infeasible
 ) -> Infeasible:
     """Return why a trajectory is refused, with where arm and tool are then."""
-    if reason.place.time is not None:
-        reason.configuration = trajectory.position(reason.place.time)
-        reason.place = reason.place.at(problem.robot.tool_position(reason.configuration[None])[0])
-    return reason
+    if reason.place.time is None:
+        return reason
+    q = trajectory.position(reason.place.time)
+    place = reason.place.at(problem.robot.tool_position(q[None])[0])
+    return reason.replaced(configuration=q, place=place)
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:

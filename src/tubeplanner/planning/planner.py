@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from typing import TypeGuard
 
 from tubeplanner.arguments import given_options
 from tubeplanner.branches.configured_ends import configured_ends
@@ -23,7 +24,7 @@ from tubeplanner.planning.plan_options import (
 )
 from tubeplanner.planning.plan_result import PlanResult, refused_result, stopped_result
 from tubeplanner.planning.proved_reach import require_within_bound
-from tubeplanner.planning.refined_plan import refined_plan
+from tubeplanner.planning.refined_plan import RefinedPlans
 from tubeplanner.planning.right_reason import right_reason
 from tubeplanner.planning.robust_plan import robust_plan
 from tubeplanner.planning.searched_plan import searched_plan
@@ -298,28 +299,34 @@ def _attempted(
     corners: StoppingPlan | None = None
 
     def stop_at_corners() -> None:
+        # With a part of the time gone: an answer, in case nothing better is found in time.
         nonlocal corners
-        corners = stopping_plan(problem, branches, clock)
+        if corners is None and clock.used >= _PROVIDED_AT:
+            corners = stopping_plan(problem, branches, clock)
 
-    # With a part of the time gone, an answer is provided in case nothing better is found in time.
-    with clock.provided(_PROVIDED_AT, stop_at_corners):
-        refined = refined_plan(problem, branches, options, clock)
-    if refined is not None and (refined.succeeded or refined.stopped_by is not None):
+    plans = RefinedPlans(problem, branches, options, clock, stop_at_corners)
+    refined = plans.after_all() if options.persistent else plans.after_one()
+    if not options.persistent and not _is_last(refined):
+        corners = corners or stopping_plan(problem, branches, clock, every_rule=False)
+        if not corners.result.succeeded:
+            return _with_better_reason(corners.result, refined)
+        refined = plans.after_all()
+    if _is_last(refined):
         if refined.succeeded:
             return refined
         return _after_stop(problem, branches, corners, refined, clock)
-    every_rule = options.persistent
-    corners = corners or stopping_plan(problem, branches, clock, every_rule=every_rule)
-    if not options.persistent:
-        if not corners.result.succeeded:
-            return _with_better_reason(corners.result, refined)
-        return _attempted(problem, branches, replace(options, persistent=True), clock, last)
+    corners = corners or stopping_plan(problem, branches, clock, every_rule=True)
     if corners.result.succeeded and corners.result.stopped_by is None:
         narrowed = narrowed_plan(problem, options, clock)
         if narrowed is not None:
             return narrowed
     result = _with_better_reason(_searched(problem, corners, options, clock), refined)
     return right_reason(problem, branches, result, clock)
+
+
+def _is_last(refined: PlanResult | None) -> TypeGuard[PlanResult]:
+    """Return whether no other method is tried after refinement's result."""
+    return refined is not None and (refined.succeeded or refined.stopped_by is not None)
 
 
 def _after_stop(

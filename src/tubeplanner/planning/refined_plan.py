@@ -41,29 +41,74 @@ _Knots: TypeAlias = tuple[tuple[int, tuple[int, ...]], ...]
 def refined_plan(
     problem: PlanningProblem, branches: KnownBranches, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult | None:
-    """Return the fastest certified trajectory, or why refinement's first one is refused.
-
-    Tries starts until one leads to a certified trajectory, or all of them if the quality says so;
-    one alone if the options are not persistent.
+    """Return the fastest certified trajectory of all starts, or the first one's refusal.
 
     Returns:
         None if there was nothing to start from.
-
     """
-    best: PlanResult | None = None
-    quality = QUALITIES[options.quality]
+    return RefinedPlans(problem, branches, options, clock).after_all()
 
-    def work() -> None:
-        nonlocal best
-        for inner, known in _inner_problems(problem, branches, clock):
+
+class RefinedPlans:
+    """Refinement from one start after the other; its best result so far."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        branches: KnownBranches,
+        options: PlanOptions,
+        clock: PlanningClock,
+        after_step: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Set it up; nothing is planned yet.
+
+        Args:
+            problem: The planning problem.
+            branches: Its branches, and where further ones are searched.
+            options: The quality decides on starts and knots.
+            clock: The planning's.
+            after_step: Called after every step of refinement, before the clock's check.
+        """
+        self._problem, self._branches, self._clock = problem, branches, clock
+        self._quality, self._after_step = QUALITIES[options.quality], after_step
+        self._best: PlanResult | None = None
+        self._results = self._attempts()
+
+    def after_one(self) -> PlanResult | None:
+        """Return the result of the first start that has one; None: no start has one."""
+        return self._until(lambda best: not (best.succeeded and self._quality.every_start))
+
+    def after_all(self) -> PlanResult | None:
+        """Return the best result of all starts, or of those up to the first certified trajectory.
+
+        The quality decides which. None: no start has a result.
+        """
+        return self._until(lambda best: best.succeeded and not self._quality.every_start)
+
+    def _until(self, is_enough: Callable[[PlanResult], bool]) -> PlanResult | None:
+        def work() -> None:
+            for best in self._results:
+                if best.stopped_by is not None or is_enough(best):
+                    return
+
+        _, stopped_by = until_stopped(work)
+        if stopped_by is None:
+            return self._best
+        best = self._best or stopped_result(self._clock, stopped_by, REFINEMENT)
+        return replace(best, stopped_by=stopped_by)
+
+    def _attempts(self) -> Iterator[PlanResult]:
+        """Yield the best result so far after every start that has a result."""
+        problem, clock = self._problem, self._clock
+        for inner, known in _inner_problems(problem, self._branches, clock):
             first: _Found | None = None
             nearly: list[ReferenceBranch] = []
-            for start in _starts(inner, known, quality, nearly):
+            for start in _starts(inner, known, self._quality, nearly):
                 gave_up = first is not None and first.gave_up
                 if not start.widens and not _is_other(inner, start, gave_up):
                     continue
                 try:
-                    found = _from_start(problem, inner, start, clock, needs_reason=best is None)
+                    found = self._from_start(inner, start)
                 except Infeasible:  # nothing from this start
                     continue
                 first = first or found
@@ -71,19 +116,37 @@ def refined_plan(
                     continue
                 if not found.gave_up and not found.result.succeeded:
                     nearly.append(start.branch)
-                best = replace(
-                    _better(best or found.result, found.result), stopped_by=found.result.stopped_by
-                )
-                goes_on = quality.every_start if best.succeeded else options.persistent
-                if best.stopped_by is not None or not goes_on:
-                    return
-            if best is not None and best.status in _ENDS_THE_SEARCH:
+                best = _better(self._best or found.result, found.result)
+                self._best = replace(best, stopped_by=found.result.stopped_by)
+                yield self._best
+            if self._best is not None and self._best.status in _ENDS_THE_SEARCH:
                 return
 
-    _, stopped_by = until_stopped(work)
-    if stopped_by is None:
-        return best
-    return replace(best or stopped_result(clock, stopped_by, REFINEMENT), stopped_by=stopped_by)
+    def _from_start(self, inner: PlanningProblem, start: "_Start") -> "_Found":
+        """Return what refinement makes of one start.
+
+        Args:
+            inner: What is refined: the problem, or one with a tube inside its tube.
+            start: Where to start.
+
+        Raises:
+            Infeasible: Nothing to start from.
+            TimeLimitReached: Before it began.
+        """
+        knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
+        checkpoint = entered(knots, self._clock, self._after_step)
+        refinement = Refinement(
+            inner, start.spline, start.divisions, checkpoint, widens=start.widens
+        )
+        # Only the first refusal is told: where refinement gave up, the judge need not say why.
+        result = certified_refinement(
+            self._problem,
+            refinement,
+            refinement.run,
+            self._clock,
+            needs_reason=self._best is None,
+        )
+        return _Found(result, refinement.gave_up)
 
 
 def _inner_problems(
@@ -249,37 +312,15 @@ def _divisions(grid: KnotGrid, wanted: int, divisions: tuple[int, ...]) -> tuple
     return tuple(parts)
 
 
-def _from_start(
-    problem: PlanningProblem,
-    inner: PlanningProblem,
-    start: _Start,
-    clock: PlanningClock,
-    *,
-    needs_reason: bool,
-) -> _Found:
-    """Return what refinement makes of one start.
+def entered(
+    knots: int, clock: PlanningClock, after_step: Callable[[], None] = lambda: None
+) -> Callable[[float], None]:
+    """Enter the stage of refinement to so many knots; return what it calls after every step.
 
     Args:
-        problem: The problem that is certified.
-        inner: The one that is refined: the same, or with a tube inside its tube.
-        start: Where to start.
+        knots: How many.
         clock: The planning's.
-        needs_reason: Whether a certificate is to say why, even where refinement gave up.
-
-    Raises:
-        Infeasible: Nothing to start from.
-        TimeLimitReached: Before it began.
-    """
-    knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
-    checkpoint = entered(knots, clock)
-    refinement = Refinement(inner, start.spline, start.divisions, checkpoint, widens=start.widens)
-    work = refinement.run
-    result = certified_refinement(problem, refinement, work, clock, needs_reason=needs_reason)
-    return _Found(result, refinement.gave_up)
-
-
-def entered(knots: int, clock: PlanningClock) -> Callable[[float], None]:
-    """Enter the stage of refinement to so many knots; return what it calls after every step.
+        after_step: Called after every step; stages that it announces end with it.
 
     Raises:
         TimeLimitReached: Before it began.
@@ -288,6 +329,7 @@ def entered(knots: int, clock: PlanningClock) -> Callable[[float], None]:
     clock.enter(stage)
 
     def checkpoint(duration: float) -> None:
+        after_step()
         clock.announce(Progress(stage, best_duration=duration))
         clock.check()
 

@@ -92,7 +92,13 @@ class TightenedPlans:
         self._errors = problem.robustness.enlarged(_ENLARGED)
         self._problem, self._again, self._ends, self._clock = problem, again, ends, clock
         self._known: dict[str, PlanResult | None] = {}
-        self.survivor: TriedPlan | None = None  # of most runs, the shortest so far
+        self._simulated: list[TriedPlan] = []
+
+    @property
+    def survivor(self) -> TriedPlan | None:
+        """Of the plans that survived the most runs the shortest; None: none has survived."""
+        survivors = (tried for tried in self._simulated if tried.survives)
+        return min(survivors, key=lambda one: (-one.verdict.runs, one.duration), default=None)
 
     def problem(self, kept_back: Tightening) -> PlanningProblem:
         """Return the problem with some of its limits kept back.
@@ -126,7 +132,7 @@ class TightenedPlans:
         return replace(found, notes=()) if found.succeeded else None
 
     def simulated(self, kept_back: Tightening, result: PlanResult, draw: Draw) -> TriedPlan:
-        """Return a plan with what its runs show.
+        """Return a plan with what its runs show, and remember it.
 
         Raises:
             TimeLimitReached: Before they ended.
@@ -152,9 +158,7 @@ class TightenedPlans:
             _lacking(problem, asked, wanted) + max(found.self_collision, 0.0),
             (result.duration or 0.0) + more,
         )
-        if tried.survives:
-            known = self.survivor or tried
-            self.survivor = min(known, tried, key=lambda one: (-one.verdict.runs, one.duration))
+        self._simulated.append(tried)
         return tried
 
     def tried(

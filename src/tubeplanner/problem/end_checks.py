@@ -61,8 +61,7 @@ class EndChecks:
         try:
             self.require_tool_inside(end, rotation, tool, segment)
         except ContradictionError as error:
-            error.configuration = q
-            raise
+            raise ContradictionError(str(error), error.place, configuration=q) from error
 
     def require_tool_inside(
         self, end: str, rotation: FloatArray, tool: FloatArray, segment: int

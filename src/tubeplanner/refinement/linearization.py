@@ -6,6 +6,7 @@ planes about it.
 """
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from itertools import starmap
 
@@ -122,9 +123,11 @@ class Linearization:
         return self._rows.index[self._active & ~self._near]
 
     def weighted(self, weight: float) -> "Linearization":
-        """Let all costs count by a weight from now on; return the same linearization."""
-        self._quadratic, self.penalty = self._quadratic.weighted(weight), self.penalty * weight
-        return self
+        """Return the linearization with all costs times a weight."""
+        weighted = copy(self)
+        weighted._quadratic = self._quadratic.weighted(weight)
+        weighted.penalty = self.penalty * weight
+        return weighted
 
     @property
     def shape(self) -> LegShape:

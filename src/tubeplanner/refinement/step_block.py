@@ -1,15 +1,25 @@
 """What the program of one step asks of one leg: its rows, its bounds and its cost."""
 
 from collections.abc import Iterator, Sequence
+from ctypes import c_int64
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.native.library import LIBRARY
-from tubeplanner.native.step_program import compressed_rows
+from tubeplanner.native.library import LIBRARY, Doubles, Integers, native_function
 from tubeplanner.refinement.linear_rows import Rows
 from tubeplanner.refinement.symmetric_entries import SymmetricEntries
+
+_compressed = native_function(
+    "compressed_rows",
+    *(c_int64,) * 5,
+    Integers,
+    *(Doubles,) * 4,
+    *(Integers,) * 3,
+    Doubles,
+    returns=c_int64,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,3 +215,38 @@ def _width_changes(switches: int, first: int) -> SparseRows:
     counts = np.concatenate([[1], np.full(switches - 1, 2), [1]])
     column = first + np.repeat(np.arange(switches), 2)
     return SparseRows(np.tile([1.0, -1.0], switches), column, counts)
+
+
+def compressed_rows(
+    first: IntArray,
+    control: FloatArray,
+    switching: FloatArray,
+    duration: FloatArray,
+    is_elastic: FloatArray,
+    variable: IntArray,
+    free: int,
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the entries of R rows over all that may change, but for zeros.
+
+    Args:
+        first: The first control point that counts, shape (R,).
+        control: By the four that do, shape (R, 4, n).
+        switching: By switching times, shape (R, m-1).
+        duration: By eta, shape (R,).
+        is_elastic: What the elastic variable gives, shape (R,).
+        variable: Of every control point, -1 where it is fixed, shape (K,).
+        free: How many variables there are.
+
+    Returns:
+        How many each row has (R,), their columns and values, row after row.
+    """
+    (rows, weights, joints), switches = control.shape, switching.shape[1]
+    most = rows * (weights * joints + switches + 2)
+    count, column, value = np.empty(rows, np.int64), np.empty(most, np.int64), np.empty(most)
+    arrays = (np.ascontiguousarray(part) for part in (control, switching, duration, is_elastic))
+    own = np.ascontiguousarray(first, dtype=np.int64)
+    sizes = (rows, weights, joints, switches, free)
+    known = np.ascontiguousarray(variable, dtype=np.int64)
+    assert _compressed is not None  # the caller asks LIBRARY first
+    end = _compressed(*sizes, own, *arrays, known, count, column, value)
+    return count, column[:end], value[:end]

@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from tubeplanner.arguments import given_options, given_row, require_callback
+from tubeplanner.arguments import given_options, given_row
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.errors import OptionError, TubePlannerError, unknown_name
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_options import METHODS, PlanOptions
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import Progress, StoppedBy
+from tubeplanner.progress import Progress, StoppedBy, require_callback
 from tubeplanner.short_repr import short_repr
 from tubeplanner.studies.formula_cells import without_formulas
 from tubeplanner.studies.trajectory_measures import TrajectoryMeasures, trajectory_measures

@@ -9,13 +9,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from tubeplanner.arguments import (
-    given_options,
-    given_path,
-    given_row,
-    require_callback,
-    require_executor,
-)
+from tubeplanner.arguments import given_options, given_path, given_row, require_executor
 from tubeplanner.errors import OptionError, ProblemError, unknown_name
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.many.worker_processes import WorkerProcesses
@@ -25,7 +19,7 @@ from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.planner import plan
 from tubeplanner.planning.standing_base import require_base_free
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import StoppedBy
+from tubeplanner.progress import StoppedBy, require_callback
 from tubeplanner.studies.journal import Journal
 from tubeplanner.studies.movable_problem import MovableProblem
 from tubeplanner.studies.pattern_search import pattern_search

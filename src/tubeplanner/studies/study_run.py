@@ -9,12 +9,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tubeplanner.arguments import given_path, require_callback, require_executor
+from tubeplanner.arguments import given_path, require_executor
 from tubeplanner.errors import OptionError, ProblemError
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.many.run_many import Done, run_many
 from tubeplanner.many.worker_processes import WorkerProcesses
 from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.progress import require_callback
 from tubeplanner.studies.journal import Journal
 from tubeplanner.studies.study import Study
 from tubeplanner.studies.study_result import StudyResult

@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from typing import Any, TypeVar
 
-from tubeplanner.arguments import require_callback, require_executor
+from tubeplanner.arguments import require_executor
 from tubeplanner.many.run_many import run_many
-from tubeplanner.progress import StoppedBy
+from tubeplanner.progress import StoppedBy, require_callback
 
 _Row = TypeVar("_Row")
 

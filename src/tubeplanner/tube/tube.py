@@ -137,29 +137,43 @@ class Tube:
                 f"radius, {radii.min():g} m, by at least {MIN_LENGTH:g} m"
             )
         named = np.arange(segments + 1) if numbers is None else _numbers(numbers, segments)
-        sizes = (corners, radii, float(tool_radius))
         speeds = segment_values(tool_speed, segments, TOOL_SPEED)
-        others = (speeds, sections, segment_values(clearance, segments, CLEARANCE))
-        rules = (signs, visit, quaternions, bounds, pass_through_points, named, *others)
-        made = (ranges, rotation, (), None)
-        self._keep(*sizes, *rules, *made)
-        conditions = _conditions(ranges, bounds, *others)
+        distances = segment_values(clearance, segments, CLEARANCE)
+        self._set(
+            points=corners,
+            radius=radii,
+            tool_radius=float(tool_radius),
+            joint_signs=signs,
+            visit=visit,
+            orientations=quaternions,
+            rotation_tolerance=bounds,
+            pass_through_points=pass_through_points,
+            numbers=named,
+            tool_speed=speeds,
+            cross_section=sections,
+            clearance=distances,
+            joint_ranges=ranges,
+            rotation=rotation,
+            notes=(),
+            parts=None,
+        )
+        conditions = _conditions(ranges, bounds, speeds, sections, distances)
         asked = list(zip(radii.tolist(), conditions, strict=True))
         kept = distinct_points(corners, asked, None if rotation is None else rotation.angles)
         if len(kept.dropped):
             less = self.with_points(kept.points, kept.segments)
             values = {field.name: getattr(less, field.name) for field in fields(self)}
-            self._keep(*{**values, "notes": _notes(named, kept)}.values())
+            self._set(**{**values, "notes": _notes(named, kept)})
 
     def __repr__(self) -> str:
         length = float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
         radii = f"{self.radius.min():g} to {self.radius.max():g} m"
         return f"<Tube of {self.segment_count} segments, {length:.4g} m long, radii {radii}>"
 
-    def _keep(self, *values: object) -> None:
-        """Keep values of all fields, in their order."""
-        for attribute, value in zip(fields(self), values, strict=True):
-            object.__setattr__(self, attribute.name, value)
+    def _set(self, **values: object) -> None:
+        """Set fields by name."""
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
     @classmethod
     def anywhere(cls, begin: FloatArray, end: FloatArray) -> "Tube":

@@ -11,14 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.arguments import given_options, require_callback
+from tubeplanner.arguments import given_options
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.configured_ends import configured_ends
 from tubeplanner.errors import ProblemError
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.problem.problem import PlanningProblem, Seed
-from tubeplanner.progress import PlanningClock, Progress, ProgressCallback, StoppedBy, until_stopped
+from tubeplanner.progress import (
+    PlanningClock,
+    Progress,
+    ProgressCallback,
+    StoppedBy,
+    require_callback,
+    until_stopped,
+)
 from tubeplanner.tube_sources.goal_configurations import goal_configurations
 from tubeplanner.tube_sources.joint_route import require_ompl
 from tubeplanner.tube_sources.measured_plan import (

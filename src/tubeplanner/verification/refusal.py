@@ -70,9 +70,7 @@ def require_free(
         )
     place = Place(links=links, obstacle=obstacle).at(problem.robot.tool_position(q[None])[0])
     refused = _blocked(problem, place, margin, when, remedy)
-    refused.proved, refused.starts = is_given, 0 if is_given else 1
-    refused.configuration = q
-    raise refused
+    raise refused.replaced(proved=is_given, starts=0 if is_given else 1, configuration=q)
 
 
 def _away(problem: PlanningProblem, q: FloatArray, pair: int, missing: float) -> str:

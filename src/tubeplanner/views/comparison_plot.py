@@ -9,7 +9,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.studies.comparison import Comparison, ComparisonRow
 from tubeplanner.views.figure_files import new_figure, saved
 from tubeplanner.views.palette import LINE_COLORS, WARNING_COLOR
-from tubeplanner.views.panels import trajectory_curves
+from tubeplanner.views.stretch import trajectory_curves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,8 +12,7 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.views.binding_strip import LimitedMotion, limited_motion
-from tubeplanner.views.panels import TrajectoryCurves, trajectory_curves
-from tubeplanner.views.stretch import Stretch
+from tubeplanner.views.stretch import Stretch, TrajectoryCurves, trajectory_curves
 
 
 def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:

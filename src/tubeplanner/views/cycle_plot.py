@@ -20,8 +20,9 @@ from tubeplanner.views.cycle_timeline import cycle_timeline
 from tubeplanner.views.figure_files import saved
 from tubeplanner.views.figure_grid import figure_grid
 from tubeplanner.views.palette import segment_color
-from tubeplanner.views.panels import TrajectoryCurves, draw_speed
+from tubeplanner.views.panels import draw_speed
 from tubeplanner.views.space_panel import SpaceContent, draw_space
+from tubeplanner.views.stretch import TrajectoryCurves
 from tubeplanner.views.strip_panel import draw_strip
 from tubeplanner.views.time_panels import time_panels
 

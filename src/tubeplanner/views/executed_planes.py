@@ -16,7 +16,7 @@ from tubeplanner.views.palette import (
     rgb,
     segment_color,
 )
-from tubeplanner.views.panels import segments_per_group
+from tubeplanner.views.stretch import segments_per_group
 from tubeplanner.views.surface import region_grid, shape_points
 
 if TYPE_CHECKING:

@@ -17,7 +17,8 @@ from tubeplanner.views.executed_planes import RING, draw_planes
 from tubeplanner.views.execution_curves import Band, ToolRuns, obstacle_band, tool_runs
 from tubeplanner.views.execution_panels import draw_band, draw_margin, draw_saturation
 from tubeplanner.views.figure_files import new_figure, saved
-from tubeplanner.views.panels import mark_segments, trajectory_curves
+from tubeplanner.views.panels import mark_segments
+from tubeplanner.views.stretch import trajectory_curves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,8 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.views.palette import LINE_COLORS, REFERENCE_COLOR
-from tubeplanner.views.panels import LIMIT, TrajectoryCurves
+from tubeplanner.views.panels import LIMIT
+from tubeplanner.views.stretch import TrajectoryCurves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -28,10 +28,10 @@ from tubeplanner.views.palette import (
     WARNING_COLOR,
     segment_color,
 )
-from tubeplanner.views.panels import size_of
 from tubeplanner.views.problem_scene import ProblemScene
 from tubeplanner.views.problem_timeline import problem_timeline
 from tubeplanner.views.scene import Layer, Scene, ShownTrajectory
+from tubeplanner.views.stretch import size_of
 
 _MAX_SEGMENTS_NAMED = 6
 _CURVE_STEPS = 400

@@ -10,8 +10,9 @@ from tubeplanner.views.clearance_panel import draw_clearance
 from tubeplanner.views.figure_files import saved
 from tubeplanner.views.figure_grid import figure_grid
 from tubeplanner.views.motor_panels import draw_motors, motor_joints
-from tubeplanner.views.panels import mark_segments, trajectory_curves
+from tubeplanner.views.panels import mark_segments
 from tubeplanner.views.space_panel import SpaceContent, draw_space
+from tubeplanner.views.stretch import trajectory_curves
 from tubeplanner.views.strip_panel import draw_strip
 from tubeplanner.views.time_panels import time_panels
 

@@ -9,8 +9,7 @@ import numpy as np
 from tubeplanner.constraints.binding_limits import binding_rows
 from tubeplanner.views.page_curves import row_color
 from tubeplanner.views.palette import segment_color
-from tubeplanner.views.panels import segments_per_group
-from tubeplanner.views.stretch import Stretch
+from tubeplanner.views.stretch import Stretch, segments_per_group
 
 
 def problem_timeline(stretch: Stretch) -> dict[str, Any]:

@@ -19,13 +19,8 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.tube.tube import Tube
 from tubeplanner.views.figure_files import new_figure
 from tubeplanner.views.palette import LINE_COLORS, REFERENCE_COLOR
-from tubeplanner.views.panels import (
-    LIMIT,
-    TrajectoryCurves,
-    draw_factor,
-    line_style,
-    trajectory_curves,
-)
+from tubeplanner.views.panels import LIMIT, draw_factor, line_style
+from tubeplanner.views.stretch import TrajectoryCurves, trajectory_curves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

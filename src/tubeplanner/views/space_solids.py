@@ -18,8 +18,8 @@ from tubeplanner.views.palette import (
     rgb,
     segment_color,
 )
-from tubeplanner.views.panels import segments_per_group
 from tubeplanner.views.rendered_solids import RenderedSolid
+from tubeplanner.views.stretch import segments_per_group
 from tubeplanner.views.surface import (
     Surface,
     clipped,

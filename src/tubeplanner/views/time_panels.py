@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from tubeplanner.views.panels import (
-    TrajectoryCurves,
     draw_accelerations,
     draw_effort_rates,
     draw_efforts,
@@ -17,6 +16,7 @@ from tubeplanner.views.panels import (
     draw_tube_use,
     draw_velocities,
 )
+from tubeplanner.views.stretch import TrajectoryCurves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
