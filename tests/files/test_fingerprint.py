@@ -9,17 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 from small_cycle import small_cycle
-from tubeplanner.files.former_fingerprint import former_problem_hash, is_former_hash
 
 from tubeplanner import AttachedSolid, Obstacle, Seed, ToolPose, Tube, parse_problem, placement_of
 from tubeplanner.collision import link_pairs, mesh_cover, mesh_file
 from tubeplanner.collision.convex_shape import box
 from tubeplanner.files.cycle_fingerprint import cycle_hash, cycle_part_hashes, differing_cycle_parts
-from tubeplanner.files.file_notes import notes_on_file
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.resources import bundled_folder
-from tubeplanner.trajectory.trajectory_file import TrajectoryFile
 
 MASS = '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 URDF = f"""<robot name="arm"><link name="base"/>
@@ -332,48 +328,6 @@ def test_a_pose_counts_with_its_seed(cell):
     ends = [ToolPose(placement), ToolPose(placement, q), ToolPose(turned), q, Seed(q)]
     hashes = {problem_hash(replace(problem, tube=tube, start=end)) for end in ends}
     assert len(hashes) == len(ends)
-
-
-# What files of these problems stated before hashes came from contents alone.
-POST = "two_link/around_a_post"
-FORMER = {
-    POST: "7b04bfdadbdc6b2f",
-    "ur5/over_the_wall": "9c4cfded44a2d088",
-    "xarm7/from_crate_to_crate": "e788c653c5d9322c",
-}
-EARLIER = "the trajectory was made by an earlier version of tubeplanner"
-
-
-@pytest.mark.parametrize("name", FORMER)
-def test_former_hashes_are_made_as_they_were(name, bundled):
-    """Whatever covers links and chooses pairs today."""
-    problem = bundled(name)
-    assert former_problem_hash(problem) == FORMER[name]
-    assert is_former_hash(FORMER[name])
-    assert not is_former_hash(problem_hash(problem))
-
-
-def test_a_file_of_an_earlier_version_is_told_from_one_of_another_problem(stored):
-    problem, trajectory = stored(POST)
-    made = {"robot_hash": robot_hash(problem.robot)}
-    earlier = TrajectoryFile(trajectory, problem_hash=FORMER[POST], **made)
-    notes = notes_on_file(problem, earlier, failed=False)
-    assert notes == [f"{EARLIER} for the same problem"]
-    notes = notes_on_file(replace(problem, clearance=0.001), earlier, failed=False)
-    assert notes == ["the trajectory was made for another problem with this robot"]
-
-
-def test_without_its_meshes_nobody_can_tell(stored, tmp_path):
-    problem, trajectory = stored(POST)
-    path = shutil.copy(bundled_folder() / "ur5" / "part.stl", tmp_path)
-    problem = replace(problem, obstacles=[Obstacle.mesh("part", path, placement_of([3, 0, 0]))])
-    made = {"robot_hash": robot_hash(problem.robot)}
-    earlier = TrajectoryFile(trajectory, problem_hash=former_problem_hash(problem), **made)
-    (note,) = notes_on_file(problem, earlier, failed=False)
-    assert note.endswith("for the same problem")
-    (tmp_path / "part.stl").unlink()
-    (note,) = notes_on_file(problem, earlier, failed=False)
-    assert note.startswith(f"{EARLIER}; whether")
 
 
 @pytest.fixture(scope="module")

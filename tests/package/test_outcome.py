@@ -34,39 +34,6 @@ def test_a_part_that_ends_early_is_over():
     assert stages == ["certificate"]
 
 
-@pytest.fixture
-def now(monkeypatch):
-    """The time of the clock, to be set [s]."""
-    now = [0.0]
-    monkeypatch.setattr("tubeplanner.progress.time.perf_counter", lambda: now[0])
-    return now
-
-
-def test_something_is_provided_once_and_only_inside(now):
-    done, clock = [], PlanningClock(10.0, None)
-
-    def provide():
-        done.append(now[0])
-        clock.check()
-
-    with clock.provided(0.25, provide):
-        for now[0] in (2.0, 3.0, 4.0):
-            clock.check()
-    assert done == [3.0]
-    with clock.provided(0.25, provide):
-        pass
-    clock.check()
-    assert done == [3.0]
-
-
-def test_nothing_is_provided_when_the_time_has_passed(now):
-    done, clock = [], PlanningClock(10.0, None)
-    with clock.provided(0.25, lambda: done.append(1)), pytest.raises(TimeLimitReached):
-        now[0] = 11.0
-        clock.check()
-    assert done == []
-
-
 CODE = """
 from tubeplanner.commands.console import shown_progress
 with shown_progress() as enter:
