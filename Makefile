@@ -8,7 +8,7 @@ JOBS ?= 2
 SEED ?= 1
 # A budget of `make study` for each of its parts [s].
 SECONDS ?= 1800
-NUMERICS := planning refinement verification collision branches trajectory constraints robot native
+NUMERICS := planning optimizer certificate geometry first_guess trajectory limits robot native
 # One thread of linear algebra per worker: more would fight for the same cores. Small pieces of the
 # tests are handed out in their order, cheap ones first.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist load --maxschedchunk 16
@@ -96,7 +96,7 @@ wheel: $(VENV)/.installed
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir output/wheel .
 	$(BIN)/python -m pip install --quiet --no-deps --target output/wheel/installed output/wheel/*.whl
 	cd output/wheel && PYTHONPATH=installed ../../$(BIN)/python -c \
-		"import tubeplanner; from tubeplanner.commands.cli import main; assert 'installed' in tubeplanner.__file__; raise SystemExit(main(['plan', '$(PROBLEM)']))"
+		"import tubeplanner; from tubeplanner.cli.main import main; assert 'installed' in tubeplanner.__file__; raise SystemExit(main(['plan', '$(PROBLEM)']))"
 
 clean:
 	rm -rf $(VENV) output

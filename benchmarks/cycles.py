@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from tubeplanner import Cycle, CycleResult, Move, PlanOptions, load_cycle, plan, plan_cycle
-from tubeplanner.baselines.baselines import judged_baseline
+from tubeplanner.first_guess.baselines import judged_baseline
 from tubeplanner.outcome import Infeasible
 from tubeplanner.resources import bundled_cycles
 

@@ -38,12 +38,12 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
-from tubeplanner.constraints.time_scaling import scaled_to_limits
+from tubeplanner.first_guess.branches import redundancy_rules, reference_branch
+from tubeplanner.limits.time_scaling import scaled_to_limits
+from tubeplanner.optimizer.starts import starting_spline
 from tubeplanner.outcome import Infeasible
-from tubeplanner.refinement.spline_start import starting_spline
-from tubeplanner.trajectory.b_spline import BSpline
 from tubeplanner.trajectory.joint_trajectory import from_spline
+from tubeplanner.trajectory.polynomials import BSpline
 
 PROBLEMS = (*(paper_example(e, r) for e in EXAMPLES for r in RADII), *ARMS)
 START_KNOTS = 24  # of the spline along the reference branch

@@ -26,12 +26,11 @@ from typing import Any
 import yaml
 
 from tubeplanner import PlanningProblem, Robustness, load_problem, plan, verify
-from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.execution.error_contributions import simulated_runs
+from tubeplanner.execution.plants import Draw
+from tubeplanner.execution.run_verdict import JudgedRun, run_verdict
+from tubeplanner.planning.result import PlanResult
 from tubeplanner.resources import bundled_problems
-from tubeplanner.simulation.judged_runs import JudgedRun
-from tubeplanner.simulation.plant import Draw
-from tubeplanner.simulation.run_verdict import run_verdict
-from tubeplanner.simulation.simulated_runs import simulated_runs
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # First those that tell the most.

@@ -258,7 +258,7 @@ def _command(folder: Path, arguments: list[str]) -> tuple[str, str]:
     for number, stream in enumerate(streams, start=1):
         os.dup2(stream, number)
     try:
-        from tubeplanner.commands.start import run
+        from tubeplanner.cli.start import run
 
         sys.argv = ["tubeplanner", *arguments]
         run()

@@ -27,15 +27,13 @@ from tubeplanner import (
     plan,
     run_study,
 )
-from tubeplanner.files.problem_file import read_fields, with_other_tube
-from tubeplanner.problem.moveit_limits import read_limits_file
-from tubeplanner.problem.point_file import read_points
-from tubeplanner.problem.presets import read_preset
+from tubeplanner.output.files.problem_file import read_fields, with_other_tube
+from tubeplanner.output.link_visuals import read_visual_mesh
 from tubeplanner.resources import bundled_folder
-from tubeplanner.robot.robot_info import robot_info
-from tubeplanner.robot.srdf import read_allowed_pairs, read_group_states
-from tubeplanner.trajectory.trajectory_file import read_trajectory_file
-from tubeplanner.views.visual_mesh import read_visual_mesh
+from tubeplanner.robot.info import robot_info
+from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_states
+from tubeplanner.task.side_files import read_limits_file, read_points, read_preset
+from tubeplanner.trajectory.reader import read_trajectory_file
 
 _ROBOTS = bundled_folder()
 URDF = (_ROBOTS / "two_link" / "two_link.urdf").read_text()

@@ -64,22 +64,22 @@ class Case:
 
 # Words, and names with spaces between; functions without the package's name.
 _TABLE = """
-plan: [plan PROBLEM ALL, a.json a.csv a.yaml a.png a.html, commands.planned:plan_problem]
+plan: [plan PROBLEM ALL, a.json a.csv a.yaml a.png a.html, cli.plan:plan_problem]
 plan cycle:
   - plan {inputs}/cycle.yaml ALL
   - a.json a.csv a.yaml a.png a.html
-  - commands.planned:plan_cycle
-view: [view PROBLEM MOTION HTML, a.html, commands.view_command:load_either_timed]
-plot: [plot PROBLEM MOTION -o OUT/a.svg, a.svg, commands.view_command:load_either_timed]
-info: [info PROBLEM PNG, a.png, commands.info_command:problem_info]
+  - cli.plan:plan_cycle
+view: [view PROBLEM MOTION HTML, a.html, cli.view:load_either_timed]
+plot: [plot PROBLEM MOTION -o OUT/a.svg, a.svg, cli.view:load_either_timed]
+info: [info PROBLEM PNG, a.png, cli.info:problem_info]
 simulate:
   - simulate PROBLEM MOTION --runs 3 PNG HTML
   - a.png a.html
-  - commands.simulate_command:executed commands.simulate_command:judged_runs
+  - cli.simulate:executed cli.simulate:judged_runs
 explain:
   - explain PROBLEM --quality fast --time-limit 4 --processes 1 HTML
   - a.html
-  - commands.explain_command:search
+  - cli.explain:search
 study:
   - study {inputs}/study.yaml -o OUT/a.csv PNG --processes 1
   - a.csv a.png
@@ -88,13 +88,13 @@ study:
 sweep:
   - sweep PROBLEM --radius-scale 0.5,1 --quality fast -o OUT/a.csv --plot OUT/a.pdf
   - a.csv a.pdf
-  - commands.study_commands:sweep_problem
+  - cli.sweep:sweep_problem
 compare:
   - compare PROBLEM --methods refinement,bang-bang --quality fast -o OUT/a.json PNG
     --trajectories OUT/all
   - a.json a.png all/refinement.json all/bang-bang.json
   - studies.comparison:_row
-measure: [measure PROBLEM -o OUT/a.yaml, a.yaml, commands.measure_command:measure_tube]
+measure: [measure PROBLEM -o OUT/a.yaml, a.yaml, cli.measure:measure_tube]
 place:
   - place PROBLEM --region=-0.02,0.02,0,0 --stands-on none --points 8 --quality fast --processes 1
     -o OUT/a.yaml PNG
@@ -105,18 +105,18 @@ route:
   - route example:two_link/through_the_gap --tries 1 --samples 200 -o OUT/a.yaml
     --measured OUT/b.yaml
   - a.yaml b.yaml
-  - commands.tube_commands:find_route
+  - cli.tubes:find_route
   - null
   - b.yaml
 teach:
   - teach {inputs}/TRAIL --problem PROBLEM --samples 200 -o OUT/a.yaml
   - a.yaml
-  - commands.tube_commands:teach_tube
-init: [init example:two_link -o OUT/a.yaml, a.yaml, commands.init_command:starter_problem]
+  - cli.tubes:teach_tube
+init: [init example:two_link -o OUT/a.yaml, a.yaml, cli.init:starter_problem]
 reproduce:
   - reproduce -o OUT/all
   - all/the_paper.md all/figure_3.png all/figure_7.png all/figure_8.png all/figure_9.png
-  - commands.reproduce_command:reproduce_tables
+  - cli.reproduce:reproduce_tables
 """
 _SHORT = {
     "ALL": "--quality fast -o OUT/a.json --csv OUT/a.csv --ros OUT/a.yaml PNG HTML",
@@ -197,9 +197,7 @@ class Kept:
         real = []
         command = self._case.words.split()[0]
         places = [(name, *name.split(":")) for name in self._case.computed]
-        module = (
-            import_module(f"tubeplanner.commands.{command}_command") if self._case.journal else None
-        )
+        module = import_module(f"tubeplanner.cli.{command}_command") if self._case.journal else None
         try:
             for name, where, attribute in places:
                 import_module(where)

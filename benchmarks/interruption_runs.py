@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 from interruption_cases import Case, Kept
-from tubeplanner.commands import start
-from tubeplanner.commands.cli import main as run_command
+from tubeplanner.cli import start
+from tubeplanner.cli.main import main as run_command
 
 _LONGEST = 120.0  # [s]
 _GO, _END = b"g", b"e"
@@ -32,7 +32,7 @@ _LONGEST_LIFE, _LONGEST_RUN = 10.0, 120.0  # [s]
 _LIFE = """
 import os, sys
 sys.argv[0] = "tubeplanner"
-from tubeplanner.commands import start
+from tubeplanner.cli import start
 start.interrupts_noted()
 os.write(int(os.environ["BEGUN"]), b".")
 start.run()

@@ -31,7 +31,7 @@ from pathlib import Path
 
 from interruption_cases import CASES, MOTION, PROBLEM, TEXTS, TRAIL, Case
 from interruption_runs import Answer, Ended, Pause, Place, Runs, Stage, old_content, silenced
-from tubeplanner.commands.cli import main as run_command
+from tubeplanner.cli.main import main as run_command
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 ROOMS = (0, 1, 4, 16, 64)  # what a full disk has left [KiB]

@@ -23,18 +23,13 @@ import numpy as np
 from campaign_problems import build
 from campaign_witness import BUNDLED, Unsuitable, bundled_arm
 from tubeplanner import PlanningProblem, PlanOptions, PlanResult, load_problem, plan
-from tubeplanner.branches.reference_branch import (
-    ReferenceBranch,
-    redundancy_rules,
-    reference_branch,
-)
-from tubeplanner.constraints.time_scaling import scaled_to_limits
-from tubeplanner.outcome import Infeasible
-from tubeplanner.planning.plan_options import REFINEMENT
-from tubeplanner.planning.plan_result import certified_result
-from tubeplanner.progress import PlanningClock
-from tubeplanner.refinement.refinement import Refinement
-from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.first_guess.branches import ReferenceBranch, redundancy_rules, reference_branch
+from tubeplanner.limits.time_scaling import scaled_to_limits
+from tubeplanner.optimizer.stages import Refinement
+from tubeplanner.optimizer.starts import starting_spline
+from tubeplanner.outcome import Infeasible, PlanningClock
+from tubeplanner.planning.options import REFINEMENT
+from tubeplanner.planning.result import certified_result
 
 STARTS = 10
 STARTING_INTERVALS = (8, 12, 16, 10, 6, 14, 20, 9, 7, 18)

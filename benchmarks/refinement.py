@@ -13,7 +13,7 @@ import numpy as np
 
 from shared import ARMS, EXAMPLES, RADII, paper_example
 from tubeplanner import PlanningProblem, PlanOptions, load_problem, plan
-from tubeplanner.planning.plan_options import QUALITIES
+from tubeplanner.planning.options import QUALITIES
 
 NAMES = (*(paper_example(e, r) for e in EXAMPLES for r in RADII), *ARMS, "ur5/level_tray")
 METHODS = {name: PlanOptions(name).shortest for name in ("stop-at-corners", "branch-and-bound")}

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from shared import HERE, Checkout
-from tubeplanner.many.posed_problem import PosedProblem
+from tubeplanner.studies.problem_spec import PosedProblem
 
 # How much of a plan's processor time a refusal may take: seen before anything is planned, or not.
 MOST_EARLY, MOST_LATE = 0.3, 5.0

@@ -23,7 +23,7 @@ from ruamel.yaml import YAML
 
 from shared import ARMS, HERE, geometric_mean, paper_example
 from tubeplanner import Planner, PlanningProblem, PlanOptions, PlanResult, parse_problem, plan
-from tubeplanner.planning import plan_result
+from tubeplanner.planning import result as plan_result
 
 MAX_LONGER, MIN_GAIN = 1.003, 1.3
 SHORTEST = PlanOptions().shortest

@@ -21,12 +21,12 @@ import numpy as np
 from shared import ARMS, geometric_mean
 from tubeplanner import PlanningProblem, PlanOptions, Progress, load_problem, plan, verify
 from tubeplanner.arrays import FloatArray
-from tubeplanner.constraints.effort_variation import effort_variation
-from tubeplanner.constraints.trajectory_peaks import trajectory_peaks
-from tubeplanner.constraints.tube_membership import current_segments, tube_use
-from tubeplanner.planning.jerk_note import largest_jerk
-from tubeplanner.planning.plan_result import PlanResult
-from tubeplanner.robot.effort_rate import effort_rate
+from tubeplanner.limits.motor_costs import effort_variation
+from tubeplanner.limits.peaks import trajectory_peaks
+from tubeplanner.limits.tube_membership import current_segments, tube_use
+from tubeplanner.planning.notes import largest_jerk
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.robot.model import effort_rate
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # Goals are about these; the others are shown beside them.

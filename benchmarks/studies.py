@@ -45,9 +45,7 @@ from tubeplanner import (
     load_problem,
     plan_many,
 )
-from tubeplanner.many.parcel import Packer
-from tubeplanner.many.plan_many import _answer
-from tubeplanner.many.run_many import run_many
+from tubeplanner.studies.plan_many import Packer, _answer, run_many
 
 # One of the processes that a user would start by hand.
 LOOP = """

@@ -12,9 +12,9 @@ from gallery import gallery
 from problem_fields import problem_fields
 from public_sections import public_sections
 from reading_order import reading_order
-from tubeplanner.cycle.cycle_format import cycle_schema
-from tubeplanner.problem.problem_format import problem_schema
-from tubeplanner.studies.study_format import study_schema
+from tubeplanner.studies.study_file import study_schema
+from tubeplanner.task.cycle_file import cycle_schema
+from tubeplanner.task.problem_format import problem_schema
 
 project = "tubeplanner"
 author = "The tubeplanner authors"

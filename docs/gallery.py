@@ -147,7 +147,7 @@ def _arguments(words: list[str]) -> list[str]:
     program, *rest = words
     if program == "python":
         return [str(DOCS.parent / rest[0]), *rest[1:]]
-    return ["-c", "from tubeplanner.commands.start import run; raise SystemExit(run())", *rest]
+    return ["-c", "from tubeplanner.cli.start import run; raise SystemExit(run())", *rest]
 
 
 def main(names: list[str]) -> int:

@@ -4,10 +4,15 @@ import sys
 from pathlib import Path
 
 from tubeplanner import PlanOptions, Progress, load_problem, plan, plot_convergence
-from tubeplanner.views.figure_files import new_figure, saved
-from tubeplanner.views.motor_panels import draw_motors, motor_joints
-from tubeplanner.views.panels import draw_efforts, line_style, mark_segments
-from tubeplanner.views.stretch import trajectory_curves
+from tubeplanner.output.curves import trajectory_curves
+from tubeplanner.output.figures.figure_files import new_figure, saved
+from tubeplanner.output.figures.panels import (
+    draw_efforts,
+    draw_motors,
+    line_style,
+    mark_segments,
+    motor_joints,
+)
 
 _SHOULDER = ("shoulder_pan_joint", "shoulder_lift_joint")
 _WRISTS = ("wrist_1_joint", "wrist_2_joint", "wrist_3_joint")

@@ -21,7 +21,7 @@ from tubeplanner import (
     load_robot,
     plan,
 )
-from tubeplanner.commands.cli import main
+from tubeplanner.cli.main import main
 
 # Tests neither use nor change the user's covers; theirs stay warm from run to run.
 COVERS = Path(__file__).parents[1] / "output" / "test-covers"

@@ -5,162 +5,162 @@ Of what is marked as returned, nobody needs the arguments: the reference leaves 
 """
 
 # Plan and judge
-from .planning.planner import plan as plan
-from .planning.planner import Planner as Planner
-from .planning.plan_options import PlanOptions as PlanOptions
-from .planning.plan_result import PlanResult as PlanResult  # returned
+from .planning.strategy import plan as plan
+from .planning.strategy import Planner as Planner
+from .planning.options import PlanOptions as PlanOptions
+from .planning.result import PlanResult as PlanResult  # returned
 from .outcome import PlanStatus as PlanStatus
 from .outcome import Place as Place
-from .refinement.sensitivities import Sensitivity as Sensitivity
-from .waypoint_search.branch_and_bound import SearchStatistics as SearchStatistics
-from .constraints.trajectory_peaks import trajectory_peaks as trajectory_peaks
-from .constraints.trajectory_peaks import TrajectoryPeaks as TrajectoryPeaks  # returned
-from .constraints.trajectory_peaks import Peak as Peak  # returned
-from .progress import Progress as Progress
-from .verification.verification import verify as verify
-from .verification.certificate import Certificate as Certificate
-from .verification.judged_condition import JudgedCondition as JudgedCondition
-from .verification.judged_condition import Tolerance as Tolerance
-from .verification.braking import Braking as Braking  # returned
-from .verification.slower_runs import SlowerRun as SlowerRun  # returned
+from .optimizer.stages import Sensitivity as Sensitivity
+from .first_guess.branch_and_bound import SearchStatistics as SearchStatistics
+from .limits.peaks import trajectory_peaks as trajectory_peaks
+from .limits.peaks import TrajectoryPeaks as TrajectoryPeaks  # returned
+from .limits.peaks import Peak as Peak  # returned
+from .outcome import Progress as Progress
+from .certificate.verification import verify as verify
+from .certificate.verification import Certificate as Certificate
+from .certificate.judged_motion import JudgedCondition as JudgedCondition
+from .certificate.judged_motion import Tolerance as Tolerance
+from .certificate.other_speeds import Braking as Braking  # returned
+from .certificate.other_speeds import SlowerRun as SlowerRun  # returned
 
 # Robot
-from .robot.robot_loader import load_robot as load_robot
-from .robot.robot_model import RobotModel as RobotModel  # returned
+from .robot.loader import load_robot as load_robot
+from .robot.model import RobotModel as RobotModel  # returned
 from .robot.pinocchio_model import ToolOffset as ToolOffset
-from .robot.base_pose import BasePose as BasePose
+from .robot.pinocchio_model import BasePose as BasePose
 from .robot.pinocchio_model import Payload as Payload
-from .robot.limit_overrides import LimitOverrides as LimitOverrides
-from .robot.motor_overrides import MotorOverrides as MotorOverrides
-from .robot.point_speed import PointSpeed as PointSpeed
+from .robot.overrides import LimitOverrides as LimitOverrides
+from .robot.overrides import MotorOverrides as MotorOverrides
+from .robot.overrides import PointSpeed as PointSpeed
 from .robot.limit_layers import LimitLayer as LimitLayer  # returned
-from .problem.presets import read_preset as read_preset
-from .problem.moveit_limits import read_limits_file as read_limits_file
+from .task.side_files import read_preset as read_preset
+from .task.side_files import read_limits_file as read_limits_file
 
 # Problem
-from .problem.problem_reader import load_problem as load_problem
-from .problem.problem_reader import parse_problem as parse_problem
-from .problem.problem import PlanningProblem as PlanningProblem
-from .problem.problem import Seed as Seed
-from .problem.contact import Contact as Contact
-from .problem.goal_region import GoalRegion as GoalRegion
-from .problem.tool_pose import ToolPose as ToolPose
-from .problem.objective import Objective as Objective
-from .tube.tube import Tube as Tube
-from .collision.obstacle import Obstacle as Obstacle
-from .collision.obstacle import AttachedSolid as AttachedSolid
-from .collision.obstacle import placement_of as placement_of
+from .task.problem_reader import load_problem as load_problem
+from .task.problem_reader import parse_problem as parse_problem
+from .task.problem import PlanningProblem as PlanningProblem
+from .task.problem import Seed as Seed
+from .task.demands import Contact as Contact
+from .task.endpoints import GoalRegion as GoalRegion
+from .task.endpoints import ToolPose as ToolPose
+from .task.demands import Objective as Objective
+from .geometry.tube.tube import Tube as Tube
+from .geometry.solids import Obstacle as Obstacle
+from .geometry.solids import AttachedSolid as AttachedSolid
+from .geometry.solids import placement_of as placement_of
 
 # Trajectory
 from .trajectory.joint_trajectory import JointTrajectory as JointTrajectory
-from .trajectory.trajectory_file import read_trajectory as read_trajectory
-from .constraints.time_scaling import scaling_factor as scaling_factor
-from .waypoint_search.waypoint_interpolation import sequential_quartics as sequential_quartics
-from .waypoint_search.waypoint_interpolation import quartic_spline as quartic_spline
+from .trajectory.reader import read_trajectory as read_trajectory
+from .limits.time_scaling import scaling_factor as scaling_factor
+from .first_guess.waypoints import sequential_quartics as sequential_quartics
+from .first_guess.waypoints import quartic_spline as quartic_spline
 
 # Cycle
-from .cycle.cycle_reader import load_cycle as load_cycle
-from .cycle.cycle_reader import parse_cycle as parse_cycle
-from .cycle.cycle import Cycle as Cycle
-from .cycle.steps import Move as Move
-from .cycle.steps import Event as Event
-from .cycle.steps import Attach as Attach
-from .cycle.steps import Detach as Detach
-from .cycle_planning.cycle_planner import plan_cycle as plan_cycle
-from .cycle_planning.cycle_result import CycleResult as CycleResult  # returned
-from .cycle_planning.cycle_result import CycleSensitivity as CycleSensitivity  # returned
-from .cycle.cycle_motion import CycleMotion as CycleMotion
-from .cycle.motion_of_file import read_cycle_motion as read_cycle_motion
-from .files.cycle_writer import write_cycle_motion as write_cycle_motion
-from .trajectory.marks import Mark as Mark
-from .verification.cycle_verification import verify_cycle as verify_cycle
-from .verification.cycle_certificate import CycleCertificate as CycleCertificate  # returned
+from .task.cycle_file import load_cycle as load_cycle
+from .task.cycle_file import parse_cycle as parse_cycle
+from .task.cycle import Cycle as Cycle
+from .task.steps import Move as Move
+from .task.steps import Event as Event
+from .task.steps import Attach as Attach
+from .task.steps import Detach as Detach
+from .planning.cycle_strategy import plan_cycle as plan_cycle
+from .planning.cycle_result import CycleResult as CycleResult  # returned
+from .planning.cycle_result import CycleSensitivity as CycleSensitivity  # returned
+from .task.cycle_motion import CycleMotion as CycleMotion
+from .task.cycle_motion import read_cycle_motion as read_cycle_motion
+from .output.files.trajectory_writer import write_cycle_motion as write_cycle_motion
+from .trajectory.parts import Mark as Mark
+from .certificate.cycle_verification import verify_cycle as verify_cycle
+from .certificate.cycle_verification import CycleCertificate as CycleCertificate  # returned
 
 # Tubes from what you have
-from .measurement.tube_measurement import measure_tube as measure_tube
-from .measurement.measured_tube import MeasureOptions as MeasureOptions
-from .measurement.measured_tube import TubeMeasurement as TubeMeasurement  # returned
-from .measurement.measured_tube import SegmentMeasurement as SegmentMeasurement  # returned
-from .measurement.sign_patterns import survey_patterns as survey_patterns
-from .measurement.sign_patterns import PatternSurvey as PatternSurvey  # returned
-from .tube_sources.teach import teach as teach
-from .tube_sources.teach import TeachOptions as TeachOptions
-from .tube_sources.trail import joint_trail as joint_trail
-from .tube_sources.route import find_route as find_route
-from .tube_sources.route_candidates import RouteOptions as RouteOptions
-from .tube_sources.tube_answer import TubeAnswer as TubeAnswer  # returned
-from .tube_sources.zones import tube_from_zones as tube_from_zones
-from .tube_sources.zones import zones_of_tube as zones_of_tube
-from .tube_sources.zones import ZonedPath as ZonedPath  # returned
+from .studies.tubes.measurement import measure_tube as measure_tube
+from .studies.tubes.measurement_result import MeasureOptions as MeasureOptions
+from .studies.tubes.measurement_result import TubeMeasurement as TubeMeasurement  # returned
+from .studies.tubes.measurement_result import SegmentMeasurement as SegmentMeasurement  # returned
+from .studies.tubes.measurement import survey_patterns as survey_patterns
+from .studies.tubes.measurement import PatternSurvey as PatternSurvey  # returned
+from .studies.tubes.teach import teach as teach
+from .studies.tubes.teach import TeachOptions as TeachOptions
+from .studies.tubes.teach import joint_trail as joint_trail
+from .studies.tubes.route import find_route as find_route
+from .studies.tubes.route import RouteOptions as RouteOptions
+from .studies.tubes.planned_tube import TubeAnswer as TubeAnswer  # returned
+from .studies.tubes.zones import tube_from_zones as tube_from_zones
+from .studies.tubes.zones import zones_of_tube as zones_of_tube
+from .studies.tubes.zones import ZonedPath as ZonedPath  # returned
 
 # Why not, and how much room
-from .explanation.explain import explain as explain
-from .explanation.explanation import Explanation as Explanation  # returned
-from .explanation.remedy import Remedy as Remedy  # returned
-from .explanation.remedy import Room as Room  # returned
+from .studies.explanation import explain as explain
+from .studies.explanation import Explanation as Explanation  # returned
+from .studies.remedies import Remedy as Remedy  # returned
+from .studies.remedies import Room as Room  # returned
 
 # Many plans
-from .many.plan_many import plan_many as plan_many
-from .many.plan_many import PlannedItem as PlannedItem  # returned
-from .many.dask_executor import dask_executor as dask_executor
-from .many.posed_problem import PosedProblem as PosedProblem
-from .many.worker_processes import WorkerProcesses as WorkerProcesses
-from .many.worker_processes import WorkerDied as WorkerDied
-from .studies.tolerance_sweep import sweep as sweep
-from .studies.tolerance_sweep import SweepResult as SweepResult  # returned
-from .studies.tolerance_sweep import SweepRow as SweepRow
-from .studies.field_sweep import sweep_field as sweep_field
-from .studies.field_sweep import FieldSweep as FieldSweep  # returned
-from .studies.field_sweep import FieldRow as FieldRow  # returned
-from .studies.study_reader import load_study as load_study
+from .studies.plan_many import plan_many as plan_many
+from .studies.plan_many import PlannedItem as PlannedItem  # returned
+from .studies.dask_executor import dask_executor as dask_executor
+from .studies.problem_spec import PosedProblem as PosedProblem
+from .studies.worker_processes import WorkerProcesses as WorkerProcesses
+from .studies.worker_processes import WorkerDied as WorkerDied
+from .studies.sweeps import sweep as sweep
+from .studies.sweeps import SweepResult as SweepResult  # returned
+from .studies.sweeps import SweepRow as SweepRow
+from .studies.sweeps import sweep_field as sweep_field
+from .studies.sweeps import FieldSweep as FieldSweep  # returned
+from .studies.sweeps import FieldRow as FieldRow  # returned
+from .studies.study_file import load_study as load_study
 from .studies.study import Study as Study
 from .studies.study_run import run_study as run_study
-from .studies.study_result import StudyResult as StudyResult  # returned
-from .studies.study_row import StudyRow as StudyRow  # returned
+from .studies.study_run import StudyResult as StudyResult  # returned
+from .studies.study_run import StudyRow as StudyRow  # returned
 from .studies.placement import place as place
 from .studies.placement import PlaceOptions as PlaceOptions
-from .studies.placement_result import Placement as Placement  # returned
-from .studies.placement_result import GivenStand as GivenStand  # returned
-from .studies.placement_row import PlacementRow as PlacementRow  # returned
-from .studies.placement_region import Stand as Stand  # returned
+from .studies.placement_rows import Placement as Placement  # returned
+from .studies.placement_rows import GivenStand as GivenStand  # returned
+from .studies.placement_rows import PlacementRow as PlacementRow  # returned
+from .studies.base_regions import Stand as Stand  # returned
 from .studies.comparison import compare as compare
 from .studies.comparison import Comparison as Comparison  # returned
 from .studies.comparison import ComparisonRow as ComparisonRow  # returned
-from .studies.trajectory_measures import TrajectoryMeasures as TrajectoryMeasures  # returned
+from .studies.comparison import TrajectoryMeasures as TrajectoryMeasures  # returned
 
 # Executed
-from .problem.robustness import Robustness as Robustness
-from .simulation.plant import drawn_plants as drawn_plants
-from .simulation.plant import Draw as Draw
-from .simulation.plant import Plant as Plant  # returned
-from .simulation.execution import executed as executed
-from .simulation.execution import Execution as Execution  # returned
-from .simulation.judged_runs import judged_runs as judged_runs
-from .simulation.judged_runs import JudgedRun as JudgedRun  # returned
-from .simulation.cycle_execution import executed_cycle as executed_cycle
-from .simulation.judged_cycle import judged_cycle as judged_cycle
-from .simulation.judged_cycle import JudgedCycle as JudgedCycle  # returned
-from .simulation.handover_errors import HandoverErrors as HandoverErrors  # returned
-from .simulation.run_verdict import run_verdict as run_verdict
-from .simulation.run_verdict import RunVerdict as RunVerdict  # returned
-from .simulation.survival import Survival as Survival  # returned
-from .simulation.blamed_errors import Blame as Blame  # returned
-from .problem.tightening import Tightening as Tightening  # returned
+from .task.demands import Robustness as Robustness
+from .execution.plants import drawn_plants as drawn_plants
+from .execution.plants import Draw as Draw
+from .execution.plants import Plant as Plant  # returned
+from .execution.simulation import executed as executed
+from .execution.simulation import Execution as Execution  # returned
+from .execution.run_verdict import judged_runs as judged_runs
+from .execution.run_verdict import JudgedRun as JudgedRun  # returned
+from .execution.simulation import executed_cycle as executed_cycle
+from .execution.cycle_verdict import judged_cycle as judged_cycle
+from .execution.cycle_verdict import JudgedCycle as JudgedCycle  # returned
+from .execution.cycle_verdict import HandoverErrors as HandoverErrors  # returned
+from .execution.run_verdict import run_verdict as run_verdict
+from .execution.run_verdict import RunVerdict as RunVerdict  # returned
+from .planning.tightening import Survival as Survival  # returned
+from .execution.error_contributions import Blame as Blame  # returned
+from .planning.tightening import Tightening as Tightening  # returned
 
 # Pictures
-from .views.plotting import plot_trajectory as plot_trajectory
-from .views.study_plots import plot_convergence as plot_convergence
-from .views.study_plots import plot_sweep as plot_sweep
-from .views.field_plot import plot_field_sweep as plot_field_sweep
-from .views.study_figure import plot_study as plot_study
-from .views.placement_map import plot_placement as plot_placement
-from .views.comparison_plot import plot_comparison as plot_comparison
-from .views.execution_plot import plot_execution as plot_execution
-from .views.cycle_execution_plot import plot_cycle_execution as plot_cycle_execution
-from .views.viewer import view as view
-from .views.viewer import View as View  # returned
-from .views.cycle_view import view_cycle as view_cycle
-from .views.cycle_plot import plot_cycle as plot_cycle
+from .output.figures.trajectory_figures import plot_trajectory as plot_trajectory
+from .output.figures.sweep_figures import plot_convergence as plot_convergence
+from .output.figures.sweep_figures import plot_sweep as plot_sweep
+from .output.figures.sweep_figures import plot_field_sweep as plot_field_sweep
+from .output.figures.study_figures import plot_study as plot_study
+from .output.figures.placement_map import plot_placement as plot_placement
+from .output.figures.study_figures import plot_comparison as plot_comparison
+from .output.figures.execution_figures import plot_execution as plot_execution
+from .output.figures.execution_figures import plot_cycle_execution as plot_cycle_execution
+from .output.page.viewer import view as view
+from .output.page.viewer import View as View  # returned
+from .output.page.cycle_page import view_cycle as view_cycle
+from .output.figures.trajectory_figures import plot_cycle as plot_cycle
 
 # Errors
 # Bad input raises; a task that cannot be done is an answer with a status.

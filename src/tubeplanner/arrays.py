@@ -1,4 +1,4 @@
-"""Arrays as this package hands them out: float64 and read-only."""
+"""Array types; arrays handed out read-only."""
 
 from numbers import Real
 from typing import TypeAlias

@@ -1,4 +1,4 @@
-"""Text files within bounds: their size, how deep they are nested, what their aliases stand for.
+"""JSON and YAML within bounds of size, nesting and aliases.
 
 A file of some bytes can ask for any time and memory: by nesting, by aliases of aliases, or by being
 a pipe that never ends. YAML is read by libyaml's events, which take a tenth of the time and memory

@@ -1,4 +1,4 @@
-"""Exceptions for bad input: one family.
+"""Exceptions for bad input, one family; wrong values in messages; missing libraries. No NumPy.
 
 Bad input raises. An impossible task is not an error: `plan` returns a result whose status, message
 and place say why.
@@ -7,7 +7,10 @@ and place say why.
 import copy
 import difflib
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Self
+
+# ---- Exceptions for bad input: one family.
 
 MAX_SHOWN = 60  # [characters] of a value in a message
 
@@ -82,3 +85,33 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(word, names, n=1)
     hint = f" (did you mean '{close[0]}'?)" if close else ""
     return f"unknown {kind} {shown(name)}{hint}; there is: {', '.join(names) or 'none'}"
+
+
+# ---- Libraries that only some commands need: what to say where one is not installed.
+
+# By the name of the extra that brings it, as pyproject.toml has it.
+REQUIREMENTS = {
+    "dask": "distributed>=2024.1",
+    "route": "ompl>=2.0",
+    "simulate": "mujoco>=3.2.7",
+    "xacro": "xacro>=2.1",
+}
+
+
+def not_installed(extra: str, what: str, library: str) -> str:
+    """Return a sentence on a library that is missing, with the command that installs it.
+
+    In a checkout it is the extra that is installed, editable: without `-e` pip would replace the
+    checkout by a copy. Elsewhere it is the library: this package is in no registry.
+
+    Args:
+        extra: The extra that brings the library, a key of `REQUIREMENTS`.
+        what: What takes the library.
+        library: What users call it.
+    """
+    checkout = Path(__file__).resolve().parents[2]
+    if (checkout / "pyproject.toml").is_file():
+        remedy = f"pip install -e '.[{extra}]' in {checkout}"
+    else:
+        remedy = f"pip install '{REQUIREMENTS[extra]}'"
+    return f"{what} takes {library}, which is not installed: {remedy}"

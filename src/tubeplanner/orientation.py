@@ -1,8 +1,10 @@
-"""Rotation matrices from how people write orientations: quaternions, and roll, pitch, yaw."""
+"""Rotation matrices from quaternions, roll-pitch-yaw and rotation vectors; their rates."""
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import BoolArray, FloatArray
+
+# ---- Rotation matrices from how people write orientations: quaternions, and roll, pitch, yaw.
 
 _UPRIGHT = 1e-9  # how long the shadow of x is on the plane of x and y, at most
 
@@ -48,3 +50,137 @@ def _turn(angle: float, first: int, second: int) -> FloatArray:
     matrix[second, first] = np.sin(angle)
     matrix[first, second] = -np.sin(angle)
     return matrix
+
+
+# ---- Rotation vectors: the logarithm and exponential of rotation matrices, and how fast they turn.
+#
+# A rotation vector v has the rotation's axis as direction and its angle [rad] as length. All
+# functions take arrays with any leading shape (...). Formulas after Sola, Deray & Atchuthan, "A
+# micro
+# Lie theory for state estimation in robotics" (2018), appendix B.
+
+_SMALL = 1e-2  # [rad]: below it, series are used where closed forms lose digits
+# An error of the entries of a rotation matrix, in every column at most e, turns its rotation vector
+# by at most this many e, times what `turning_gain` gives: see `rotation_vector`.
+MATRIX_ERROR_GAIN = 5.0
+
+
+def _shepperd_rows() -> FloatArray:
+    """Return how 4 q q^T, less 1 on its diagonal, follows from a matrix: (9, 16)."""
+    rows = np.zeros((3, 3, 4, 4))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        rows[i, i, i, i] = rows[i, i, 3, 3] = 1.0
+        rows[j, j, i, i] = rows[k, k, i, i] = -1.0
+        rows[i, j, i, j] = rows[i, j, j, i] = rows[j, i, i, j] = rows[j, i, j, i] = 1.0
+        rows[k, j, i, 3] = rows[k, j, 3, i] = 1.0
+        rows[j, k, i, 3] = rows[j, k, 3, i] = -1.0
+    return rows.reshape(9, 16)
+
+
+def _skew_entries() -> FloatArray:
+    """Return how the entries of [v] follow from v: (3, 9)."""
+    entries = np.zeros((3, 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        entries[i, k, j], entries[i, j, k] = 1.0, -1.0
+    return entries.reshape(3, 9)
+
+
+_SHEPPERD_ROWS, _SKEW_ENTRIES = _shepperd_rows(), _skew_entries()
+_ONE_3, _ONE_4 = np.eye(3), np.eye(4).ravel()
+
+
+def skew(v: FloatArray) -> FloatArray:
+    """Return the matrices [v] with [v] w = v x w: (..., 3) gives (..., 3, 3)."""
+    return (v @ _SKEW_ENTRIES).reshape(*v.shape, 3)
+
+
+def rotation_vector(matrix: FloatArray) -> FloatArray:
+    """Return the rotation vectors of rotation matrices: (..., 3, 3) gives (..., 3), length <= pi.
+
+    By the row of 4 q q^T, q being the unit quaternion, that has the largest diagonal element
+    (Shepperd, "Quaternion from rotation matrix", 1978), which is sound at every angle. That element
+    is at least 1: where every entry of the matrix is off by at most e, so are the row's by 3 e on
+    the diagonal and 2 e beside it, its direction by (9 + 3 4)^(1/2) e / 2 and the rotation by twice
+    as much. At an angle of pi, where v and -v are the same rotation, either is returned.
+    """
+    m = np.asarray(matrix)
+    rows = (m.reshape(*m.shape[:-2], 9) @ _SHEPPERD_ROWS + _ONE_4).reshape(-1, 4, 4)
+    largest = rows[:, range(4), range(4)].argmax(axis=1)
+    q = rows[np.arange(len(rows)), largest].reshape(*m.shape[:-2], 4)
+    q = q * np.where(q[..., 3:] < 0, -1.0, 1.0)
+    sine = np.linalg.norm(q[..., :3], axis=-1)
+    half_angle = np.arctan2(sine, q[..., 3])
+    return (2 * half_angle / np.where(sine == 0, 1.0, sine))[..., None] * q[..., :3]
+
+
+def nearest_branch(v: FloatArray, near: FloatArray, components: BoolArray) -> FloatArray:
+    """Return the rotation vectors of the same rotations that are nearest to others.
+
+    A turn by a about an axis is one by 2 pi - a the other way round: that one is taken if it is
+    nearer and its angle at most 3/2 pi.
+
+    Args:
+        v: Rotation vectors of at most pi, shape (..., 3).
+        near: Others, shape (..., 3).
+        components: Which components count: bool, shape (3,).
+    """
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    if (angle <= np.pi / 2).all():
+        return v
+    other = v * (1 - 2 * np.pi / np.maximum(angle, np.pi / 2))
+    far, further = ((abs(x - near) * components).sum(axis=-1) for x in (v, other))
+    taken = (angle[..., 0] > np.pi / 2) & (further < far)
+    return np.where(taken[..., None], other, v)
+
+
+def rotation_matrix(v: FloatArray) -> FloatArray:
+    """Return the rotation matrices of rotation vectors (Rodrigues): (..., 3) gives (..., 3, 3)."""
+    angle = np.linalg.norm(v, axis=-1)[..., None, None]
+    k = skew(v)
+    # np.sinc(x) is sin(pi x) / (pi x): sound at zero.
+    sine, half = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi))
+    return _ONE_3 + sine * k + 0.5 * half**2 * (k @ k)
+
+
+def inverse_right_jacobian(v: FloatArray) -> FloatArray:
+    """Return J with dv/dt = J w for a rotation exp([v]) that turns with w in its own frame.
+
+    Args:
+        v: Rotation vectors, shape (..., 3), length at most pi.
+
+    Returns:
+        Shape (..., 3, 3): 1 + [v] / 2 + c [v]^2, c = 1 / a^2 - cot(a / 2) / (2 a), a = |v|.
+    """
+    k = skew(v)
+    c = _second_coefficient(np.linalg.norm(v, axis=-1))[..., None, None]
+    return _ONE_3 + 0.5 * k + c * (k @ k)
+
+
+def turning_gain(angle: FloatArray) -> FloatArray:
+    """Return the norm of `inverse_right_jacobian` at angles from 0 to less than 2 pi [rad].
+
+    In the plane across the axis its eigenvalues are a/2 cot(a/2) +- i a/2; increasing in a.
+    """
+    return 1 / np.sinc(angle / (2 * np.pi))
+
+
+def turning_gain_rate(angle: FloatArray) -> FloatArray:
+    """Return how fast `inverse_right_jacobian` can change, per |dv|, at angles below 2 pi [rad].
+
+    From its three terms: 1/2 + |c'| a^2 + 2 c a, increasing in a.
+    """
+    return 0.5 + _second_slope(angle) * angle**2 + 2 * _second_coefficient(angle) * angle
+
+
+def _second_coefficient(angle: FloatArray) -> FloatArray:
+    """Return c = 1 / a^2 - cot(a / 2) / (2 a)."""
+    a = np.maximum(angle, _SMALL)
+    closed = 1 / a**2 - 1 / (2 * a * np.tan(a / 2))
+    return np.where(angle < _SMALL, 1 / 12 + angle**2 / 720, closed)
+
+
+def _second_slope(angle: FloatArray) -> FloatArray:
+    """Return dc/da = -2 / a^3 + cot(a / 2) / (2 a^2) + 1 / (4 a sin^2(a / 2))."""
+    a = np.maximum(angle, _SMALL)
+    closed = -2 / a**3 + 1 / (2 * a**2 * np.tan(a / 2)) + 1 / (4 * a * np.sin(a / 2) ** 2)
+    return np.where(angle < _SMALL, angle / 360, closed)

@@ -1,4 +1,4 @@
-"""Where robots, problems and meshes are found on this machine.
+"""Search for robots, problems, presets and meshes on this machine.
 
 `example:` names come first from the robots bundled with this package, then from the installed
 distribution example-robot-data.

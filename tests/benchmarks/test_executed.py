@@ -9,8 +9,8 @@ from stored_trajectories import REFINEMENT
 import executed
 from executed import MOST, Arms, least_factor
 from tubeplanner import Robustness
-from tubeplanner.simulation.plant import Draw
-from tubeplanner.simulation.simulated_runs import simulated_runs
+from tubeplanner.execution.error_contributions import simulated_runs
+from tubeplanner.execution.plants import Draw
 
 ARMS = Arms(search=(4, 50), found=(200,))
 KEPT = executed.Executed(1.0, True, 200, 0, {}, -0.001, None, None)

@@ -15,8 +15,8 @@ from stored_trajectories import REFINEMENT, stored_path
 from interruption_cases import CASES, MOTION, TEXTS, TRAIL, Kept
 from interruption_runs import Place
 from tubeplanner import load_problem, read_trajectory
-from tubeplanner.commands.cli import cli
-from tubeplanner.files.export import trajectory_csv
+from tubeplanner.cli.main import cli
+from tubeplanner.output.files.trajectory_writer import trajectory_csv
 
 BY_NAME = {case.name: case for case in CASES}
 

@@ -25,7 +25,7 @@ from outside.distances import DEEP, NEAR, Poses, least_margin, near_distances, s
 from outside.files import BadInput
 from outside_judge import Judge
 from tubeplanner import parse_cycle, verify, verify_cycle, write_cycle_motion
-from tubeplanner.files.export import trajectory_json
+from tubeplanner.output.files.trajectory_writer import trajectory_json
 
 NAME = "two_link/around_a_post"
 AS_QUATERNION = {"position": [0.3, -0.2, 1.1], "quaternion": [0.4, -0.8, 2.0, 1.2]}

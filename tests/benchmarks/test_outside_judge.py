@@ -23,7 +23,7 @@ from outside.trajectory import Samples, Trajectory, read_trajectory
 from outside.tube import ordered_visits
 from outside.tube_fields import bounds_of, box_margin, radii, read_sections
 from outside_judge import TOLERANCE, Judge, main, passes
-from tubeplanner.files.export import trajectory_json
+from tubeplanner.output.files.trajectory_writer import trajectory_json
 from tubeplanner.resources import bundled_problems, example_robot_names, find_description
 
 BENCHMARKS = Path(outside_judge.__file__).parent

@@ -15,13 +15,13 @@ from ruamel.yaml import YAML
 
 import tubeplanner
 from tubeplanner import PlanOptions, load_cycle, load_study, parse_problem, read_preset
-from tubeplanner.commands import planned as plan_command
-from tubeplanner.commands.cli import cli, main
-from tubeplanner.cycle.cycle_format import cycle_schema
-from tubeplanner.files.fingerprint import problem_hash
-from tubeplanner.planning import planner
-from tubeplanner.problem.problem_format import check_problem_fields, problem_schema
-from tubeplanner.studies.study_format import study_schema
+from tubeplanner.cli import plan as plan_command
+from tubeplanner.cli.main import cli, main
+from tubeplanner.output.files.fingerprint import problem_hash
+from tubeplanner.planning import strategy as planner
+from tubeplanner.studies.study_file import study_schema
+from tubeplanner.task.cycle_file import cycle_schema
+from tubeplanner.task.problem_format import check_problem_fields, problem_schema
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -257,12 +257,12 @@ def test_only_public_names_are_shown(code):
 def test_a_module_of_the_package_is_found_wherever_it_is_imported():
     code = """
 from tubeplanner import load_problem, resources
-import numpy, tubeplanner, tubeplanner.views.palette as palette
+import numpy, tubeplanner, tubeplanner.output.drawing as palette
 
 def draw():
-    from tubeplanner.views.panels import line_style
+    from tubeplanner.output.figures.panels import line_style
 """
-    found = ["resources", "tubeplanner.views.palette", "tubeplanner.views.panels"]
+    found = ["resources", "tubeplanner.output.drawing", "tubeplanner.output.figures.panels"]
     assert list(modules_of_the_package(code)) == found
 
 

@@ -4,11 +4,10 @@ from copy import deepcopy
 from pathlib import Path
 
 from tubeplanner import PosedProblem
-from tubeplanner.explanation.change import Change, Proposal
-from tubeplanner.explanation.question import Question
-from tubeplanner.explanation.remedy import Remedy, Room
-from tubeplanner.explanation.trials import Trial
-from tubeplanner.progress import TimeLimitReached
+from tubeplanner.outcome import TimeLimitReached
+from tubeplanner.studies.change_trials import Trial
+from tubeplanner.studies.changes import Change, Proposal, Question
+from tubeplanner.studies.remedies import Remedy, Room
 
 POST = {"name": "post.1", "cylinder": [0.03, 0.3], "position": [0.4, 0.22, 0.0]}
 POINTS = [[0.45, -0.3, 0.0], [0.45, 0.1, 0.0], [0.2, 0.1, 0.0], [0.2, 0.45, 0.0]]

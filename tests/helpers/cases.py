@@ -21,26 +21,24 @@ from tubeplanner import (
     load_robot,
     sweep_field,
 )
-from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
+from tubeplanner.execution.excursions import Extreme
+from tubeplanner.execution.plants import Draw, drawn_plants
+from tubeplanner.execution.run_verdict import JudgedRun, RunVerdict
+from tubeplanner.execution.simulation import AFTERWARDS, Execution
+from tubeplanner.first_guess.branches import redundancy_rules, reference_branch
+from tubeplanner.first_guess.knot_modification import ModificationOptions
+from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
+from tubeplanner.first_guess.waypoints import candidate_waypoints
+from tubeplanner.optimizer.link_constraints import LinkConstraints
+from tubeplanner.optimizer.spline_constraints import SplineConstraints
+from tubeplanner.optimizer.starts import starting_spline
 from tubeplanner.outcome import Place
-from tubeplanner.problem.robustness import Robustness
-from tubeplanner.problem.tightening import Tightening
-from tubeplanner.refinement.link_constraints import LinkConstraints
-from tubeplanner.refinement.spline_constraints import SplineConstraints
-from tubeplanner.refinement.spline_start import starting_spline
-from tubeplanner.robot.effort_range import EffortRange
-from tubeplanner.robot.joint_motors import JointMotors
-from tubeplanner.simulation.executed_tube import Extreme
-from tubeplanner.simulation.execution import AFTERWARDS, Execution
-from tubeplanner.simulation.judged_runs import JudgedRun
-from tubeplanner.simulation.plant import Draw, drawn_plants
-from tubeplanner.simulation.run_verdict import RunVerdict
-from tubeplanner.simulation.survival import Survival
-from tubeplanner.studies.field_sweep import FieldSweep
-from tubeplanner.suh_bishop.knot_modification import ModificationOptions
-from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
+from tubeplanner.planning.tightening import Survival, Tightening
+from tubeplanner.robot.motors import JointMotors
+from tubeplanner.robot.overrides import EffortRange
+from tubeplanner.studies.sweeps import FieldSweep
+from tubeplanner.task.demands import Robustness
 from tubeplanner.trajectory.joint_trajectory import concatenate
-from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 
 # Of tests that compare durations, or that plan and look at something else: quicker.
 SHORTEST = PlanOptions(slack=0.0)

@@ -13,7 +13,7 @@ import os
 import subprocess
 import sys
 
-FOLDERS = ("planning", "refinement", "verification", "trajectory", "constraints")
+FOLDERS = ("planning", "optimizer", "certificate", "trajectory", "limits")
 # OpenBLAS's name of a processor, and NumPy's kernels that it lacks.
 PROCESSORS = {
     "SkylakeX": ("AVX512_ICL", "AVX512_SPR"),

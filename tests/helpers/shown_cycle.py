@@ -12,11 +12,11 @@ import numpy as np
 from cases import SLIDE, rest_to_rest
 
 from tubeplanner import Tube, load_robot
-from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
-from tubeplanner.cycle.cycle import Cycle
-from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
-from tubeplanner.cycle.steps import Attach, Detach, Event, Move
+from tubeplanner.geometry.solids import AttachedSolid, Obstacle
 from tubeplanner.robot.pinocchio_model import Payload
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
+from tubeplanner.task.steps import Attach, Detach, Event, Move
 
 START, TAKEN, LEFT = np.array([[0.0, 0.0, 0.0], [0.4, 0.1, 0.2], [-0.3, 0.2, 0.1]])
 CARRIED = Payload(2.0, (0.3, 0.0, 0.0))

@@ -7,15 +7,14 @@ import numpy as np
 from cases import SLIDE, rest_to_rest
 
 from tubeplanner import Tube, load_robot
-from tubeplanner.collision.obstacle import Obstacle
-from tubeplanner.cycle.cycle import Cycle
-from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
-from tubeplanner.cycle.steps import Attach, Detach, Event, Move
-from tubeplanner.problem.robustness import Robustness
+from tubeplanner.execution.plants import Draw
+from tubeplanner.execution.simulation import AFTERWARDS, Execution, cycle_stages
+from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.robot.pinocchio_model import Payload
-from tubeplanner.simulation.cycle_stages import cycle_stages
-from tubeplanner.simulation.execution import AFTERWARDS, Execution
-from tubeplanner.simulation.plant import Draw
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
+from tubeplanner.task.demands import Robustness
+from tubeplanner.task.steps import Attach, Detach, Event, Move
 
 LEVER = 0.3  # [m]
 PART = Payload(2.0, (LEVER, 0.0, 0.0))

@@ -6,8 +6,9 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from tubeplanner import held_signals, staged_file
-from tubeplanner.files import output_files
+from tubeplanner import writing as held_signals
+from tubeplanner import writing as output_files
+from tubeplanner import writing as staged_file
 
 _FILES = {module.__file__ for module in (held_signals, staged_file, output_files)}
 

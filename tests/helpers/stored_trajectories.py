@@ -12,9 +12,9 @@ from pathlib import Path
 from cases import PROBLEMS
 
 from tubeplanner import PlanOptions, load_problem, plan
-from tubeplanner.files.export import trajectory_json
-from tubeplanner.files.origin import origin
-from tubeplanner.trajectory.trajectory_file import TrajectoryFile, read_trajectory_file
+from tubeplanner.output.files.fingerprint import origin
+from tubeplanner.output.files.trajectory_writer import trajectory_json
+from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 
 STOP, SEARCH, REFINEMENT = "stop-at-corners", "branch-and-bound", "refinement"
 FOLDER = Path(__file__).parents[1] / "data/trajectories"

@@ -3,12 +3,10 @@
 from concurrent.futures import Executor, Future
 
 from tubeplanner import PlanOptions
-from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.outcome import PlanStatus
-from tubeplanner.studies.axes import Interval, Levels
-from tubeplanner.studies.study import Study
-from tubeplanner.studies.study_result import StudyResult
-from tubeplanner.studies.study_row import StudyRow
+from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.study import Interval, Levels, Study
+from tubeplanner.studies.study_run import StudyResult, StudyRow
 
 PROBLEM = "example:two_link/paper_1_30mm"
 QUICK = PlanOptions("stop-at-corners")

@@ -112,7 +112,7 @@ def packed_array(array, is_stored, is_read):
 
 
 def packed_shapes(address):
-    from tubeplanner.native.convex_pairs import _Shapes
+    from tubeplanner.geometry.convex_pairs import _Shapes
 
     shapes = _Shapes.from_address(address)
     sizes = np.ctypeslib.as_array(ctypes.cast(shapes.size, LONGS), (shapes.count,))
@@ -135,7 +135,10 @@ def plan_problems_and_measure_a_tube():
 
 def no_samples():
     """Call every function with no rows."""
-    from tubeplanner.native import inverse_kinematics, kinematics, regions, speed_roots
+    from tubeplanner.first_guess import inverse_kinematics
+    from tubeplanner.geometry.tube import regions
+    from tubeplanner.limits import speed_polynomial as speed_roots
+    from tubeplanner.robot import kinematics
 
     none = np.zeros(0)
     table, q = np.zeros((2, 41)), np.zeros((0, 2))
@@ -158,7 +161,8 @@ def no_samples():
 
 
 def no_rows_of_splines():
-    from tubeplanner.native import spline_basis, spline_rows
+    from tubeplanner.optimizer import phased_spline as spline_basis
+    from tubeplanner.optimizer import sampled_spline as spline_rows
 
     places = (np.zeros(0, int), np.zeros(0), np.zeros(0, int))
     knots = (np.array([0, 1]), np.array([0.0, 0.0]))
@@ -178,7 +182,7 @@ def no_rows_of_splines():
 
 def measure_pairs(count):
     """Call the functions of pairs with no pairs, and with one of two points."""
-    from tubeplanner.native import convex_pairs
+    from tubeplanner.geometry import convex_pairs
 
     box = (np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)), np.zeros((2, 3)))
     points = [np.zeros((1, 3)), np.ones((1, 3))]
@@ -198,7 +202,7 @@ def measure_pairs(count):
 
 def small_programs():
     """Solve programs of one variable, without rows, with one that has no entry, again and anew."""
-    from tubeplanner.native.step_program import NativeProgram
+    from tubeplanner.optimizer.step_program import NativeProgram
 
     for band in (0, 1):
         one = np.ones(1)

@@ -1,10 +1,12 @@
 """The library as built, argument types of its functions; None without a build."""
 
+import ast
 import ctypes
 import lzma
 import os
 import re
 import subprocess
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -89,8 +91,6 @@ def test_the_library_of_another_level_must_be_of_these_sources_too(monkeypatch, 
     assert loaded(monkeypatch, TUBEPLANNER_BASELINE="1").functions is not None
 
 
-WRAPPERS = ("convex_pairs", "inverse_kinematics", "kinematics", "regions", "speed_roots")
-WRAPPERS += ("spline_basis", "spline_rows", "step_program", "clearance_bounds", "tool_moves")
 C_TYPES = {"integer": ctypes.c_int64, "int": ctypes.c_int, "double": ctypes.c_double}
 C_TYPES |= {"void*": ctypes.c_void_p, "void": None, "const Shapes*": ctypes.c_void_p}
 C_TYPES |= {"double*": Doubles, "integer*": Integers, "bool*": Bytes}
@@ -105,7 +105,11 @@ def test_arrays_of_other_types_or_with_gaps_are_refused(kind, array):
 
 
 @pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
-def test_python_declares_all_functions_as_the_sources_do(monkeypatch):
+def is_binding(node):
+    return isinstance(node, ast.Call) and ast.unparse(node.func) == "native_function"
+
+
+def test_python_declares_all_functions_as_the_sources_do():
     declared = {}
     for name, export in exports().items():
         types = tuple(one.type.removeprefix("const ") for one in export.arguments)
@@ -116,10 +120,13 @@ def test_python_declares_all_functions_as_the_sources_do(monkeypatch):
     def note(name, *arguments, returns=None):
         asked[name] = arguments, returns
 
-    monkeypatch.setattr(library, "native_function", note)
-    for name in WRAPPERS:
-        source = (SOURCES.parent / f"{name}.py").read_text()
-        exec(compile(source, name, "exec"), {"__name__": f"for_a_test_{name}"})
+    package = SOURCES.parents[1]
+    for path in package.rglob("*.py"):
+        calls = [node for node in ast.walk(ast.parse(path.read_text())) if is_binding(node)]
+        name = ".".join(["tubeplanner", *path.relative_to(package).with_suffix("").parts])
+        names = {**vars(import_module(name)), "native_function": note} if calls else {}
+        for call in calls:
+            eval(compile(ast.Expression(call), name, "eval"), names)
     texts = {f"tubeplanner_{name}" for name in ("sources", "level", "compiler", "runs_v3")}
     assert asked == {name: each for name, each in declared.items() if name not in texts}
 

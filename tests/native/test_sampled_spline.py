@@ -3,18 +3,12 @@
 import numpy as np
 import pytest
 
-from tubeplanner.native import spline_rows
 from tubeplanner.native.library import LIBRARY
-from tubeplanner.refinement.linear_rows import (
-    Rows,
-    StepSize,
-    plane_rows,
-    sided_rows,
-    used_by_step,
-)
-from tubeplanner.refinement.phased_spline import PhasedSpline, VelocityHull
-from tubeplanner.refinement.sampled_spline import sampled
-from tubeplanner.refinement.spline_start import knot_grid
+from tubeplanner.optimizer import sampled_spline as spline_rows
+from tubeplanner.optimizer.phased_spline import PhasedSpline, VelocityHull
+from tubeplanner.optimizer.rows import Rows, StepSize, plane_rows, sided_rows, used_by_step
+from tubeplanner.optimizer.sampled_spline import sampled
+from tubeplanner.optimizer.starts import knot_grid
 
 pytestmark = pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from small_cycle import SMALL
 
 import tubeplanner as t
-from tubeplanner.commands.cli import main
-from tubeplanner.problem.problem_format import problem_schema
+from tubeplanner.cli.main import main
+from tubeplanner.task.problem_format import problem_schema
 
 # Any arguments make an object of the public API or raise one of our errors, never another's.
 EYE = t.placement_of()

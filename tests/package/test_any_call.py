@@ -15,19 +15,22 @@ from small_cycle import small_cycle
 from studied import Here, small_study
 
 import tubeplanner as t
-from tubeplanner.commands import explain_command
-from tubeplanner.commands.cli import main
-from tubeplanner.explanation import explain as explain_module
-from tubeplanner.explanation import trials
-from tubeplanner.many import plan_many as plan_many_module
-from tubeplanner.measurement import sign_patterns, tube_measurement
+from tubeplanner.cli import explain as explain_command
+from tubeplanner.cli.main import main
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
-from tubeplanner.planning import planner
-from tubeplanner.planning.plan_result import refused_result
-from tubeplanner.problem.problem_format import problem_schema
-from tubeplanner.studies import comparison, field_sweep, placement, study_run, tolerance_sweep
-from tubeplanner.tube_sources import route
-from tubeplanner.tube_sources import teach as teach_module
+from tubeplanner.planning import strategy as planner
+from tubeplanner.planning.result import refused_result
+from tubeplanner.studies import change_trials as trials
+from tubeplanner.studies import comparison, placement, study_run
+from tubeplanner.studies import explanation as explain_module
+from tubeplanner.studies import plan_many as plan_many_module
+from tubeplanner.studies import sweeps as field_sweep
+from tubeplanner.studies import sweeps as tolerance_sweep
+from tubeplanner.studies.tubes import measurement as sign_patterns
+from tubeplanner.studies.tubes import measurement as tube_measurement
+from tubeplanner.studies.tubes import route
+from tubeplanner.studies.tubes import teach as teach_module
+from tubeplanner.task.problem_format import problem_schema
 
 FILE = "example:two_link/around_a_post"
 PROBLEM = t.PlanningProblem(

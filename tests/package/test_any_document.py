@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tubeplanner as t
-from tubeplanner.cycle.cycle_format import cycle_schema
-from tubeplanner.problem.problem_fields import read_problem_fields
-from tubeplanner.problem.problem_format import problem_schema
 from tubeplanner.robot.urdf import read_urdf
-from tubeplanner.studies.study_format import study_schema
+from tubeplanner.studies.study_file import study_schema
+from tubeplanner.task.cycle_file import cycle_schema
+from tubeplanner.task.field_changes import read_problem_fields
+from tubeplanner.task.problem_format import problem_schema
 
 # Parts of which problems and cycles are made: right ones, and some that do not fit each other.
 EYE = t.placement_of()

@@ -11,10 +11,9 @@ from tubeplanner import (
     TeachOptions,
     Tolerance,
 )
-from tubeplanner.arguments import given_options, given_row
-from tubeplanner.options import are_numbers, in_figures
-from tubeplanner.suh_bishop.knot_modification import ModificationOptions
-from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
+from tubeplanner.checks import are_numbers, given_options, given_row, in_figures
+from tubeplanner.first_guess.knot_modification import ModificationOptions
+from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
 
 
 # Options of a wrong kind are named like those out of range.

@@ -7,16 +7,14 @@ import pytest
 from cases import with_motors
 
 import tubeplanner as t
-from tubeplanner.refinement.control_variables import ControlVariables
-from tubeplanner.refinement.distances_along import DistancesAlong
-from tubeplanner.refinement.link_constraints import LinkConstraints
-from tubeplanner.refinement.measured_objective import _FIRST_WORTH, MeasuredObjective
-from tubeplanner.refinement.objective_measures import objective_measures
-from tubeplanner.refinement.phased_spline import PhasedSpline
-from tubeplanner.refinement.spline_constraints import SplineConstraints
-from tubeplanner.refinement.spline_start import knot_grid
-from tubeplanner.refinement.step_cost import StepCost
-from tubeplanner.tube.rotations import nearest_branch
+from tubeplanner.optimizer.control_variables import ControlVariables
+from tubeplanner.optimizer.link_constraints import DistancesAlong, LinkConstraints
+from tubeplanner.optimizer.motion_measures import objective_measures
+from tubeplanner.optimizer.phased_spline import PhasedSpline
+from tubeplanner.optimizer.spline_constraints import SplineConstraints
+from tubeplanner.optimizer.starts import knot_grid
+from tubeplanner.optimizer.step_objective import _FIRST_WORTH, MeasuredObjective, StepCost
+from tubeplanner.orientation import nearest_branch
 
 STEP = 1e-6
 

@@ -6,9 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from tubeplanner import extras
-from tubeplanner.errors import ProblemError, TubePlannerError, on_one_line, shown
-from tubeplanner.extras import REQUIREMENTS, not_installed
+from tubeplanner import errors as extras
+from tubeplanner.errors import (
+    REQUIREMENTS,
+    ProblemError,
+    TubePlannerError,
+    not_installed,
+    on_one_line,
+    shown,
+)
 
 # Messages of errors: on one line, whatever they name.
 

@@ -12,11 +12,11 @@ from gantry import HOSTILE, explained
 from rich.table import Table
 
 from tubeplanner import RobotError, load_robot
-from tubeplanner.commands.cli import main
-from tubeplanner.commands.report import rendered
+from tubeplanner.cli.main import main
+from tubeplanner.cli.report import rendered
+from tubeplanner.output.page.explanation_page import view_explanation
+from tubeplanner.output.page.viewer import page_html
 from tubeplanner.resources import bundled_robots
-from tubeplanner.views.explanation_view import view_explanation
-from tubeplanner.views.page_file import page_html
 
 NAMES = [
     "<script>alert(1)</script>",

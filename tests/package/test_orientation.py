@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy, rpy_of_matrix
-from tubeplanner.tube.rotations import (
+from tubeplanner.orientation import (
     MATRIX_ERROR_GAIN,
     inverse_right_jacobian,
+    matrix_of_quaternion,
+    matrix_of_rpy,
     nearest_branch,
     rotation_matrix,
     rotation_vector,
+    rpy_of_matrix,
     turning_gain,
     turning_gain_rate,
 )

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tubeplanner.progress import PlanningClock, Progress, TimeLimitReached
+from tubeplanner.outcome import PlanningClock, Progress, TimeLimitReached
 
 
 def test_stages_are_announced_as_parts_of_what_they_are_in():
@@ -35,7 +35,7 @@ def test_a_part_that_ends_early_is_over():
 
 
 CODE = """
-from tubeplanner.commands.console import shown_progress
+from tubeplanner.cli.console import shown_progress
 with shown_progress() as enter:
     enter("part 1 of 2 [red]")
 """

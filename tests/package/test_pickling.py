@@ -11,7 +11,7 @@ from arms import INERTIAL, joint, link, written
 
 import tubeplanner as t
 from tubeplanner.errors import RobotError
-from tubeplanner.files.fingerprint import problem_hash, robot_hash
+from tubeplanner.output.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.resources import bundled_folder
 
 STOPS = t.PlanOptions("stop-at-corners", slack=0.0)

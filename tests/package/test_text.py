@@ -9,12 +9,9 @@ import pytest
 import tubeplanner as t
 from tubeplanner import ProblemError
 from tubeplanner.errors import MAX_SHOWN, shown, unknown_name
-from tubeplanner.names import MAX_NAME_LENGTH, require_name
-from tubeplanner.refinement.sensitivities import Sensitivity
-from tubeplanner.short_repr import short_repr
-from tubeplanner.studies.formula_cells import without_formulas
-from tubeplanner.studies.json_values import value_text
-from tubeplanner.studies.placement_region import Region, Stand
+from tubeplanner.optimizer.stages import Sensitivity
+from tubeplanner.studies.base_regions import Region, Stand
+from tubeplanner.text import MAX_NAME_LENGTH, require_name, short_repr, value_text, without_formulas
 
 # Names that messages, files and figures can hold, and how values are shown in messages.
 HIDDEN = [

@@ -11,10 +11,15 @@ from contextlib import contextmanager
 import pytest
 from stopped_writing import at_line
 
-from tubeplanner import OutputError, staged_file
-from tubeplanner.files.output_files import require_writable, write_files
-from tubeplanner.held_signals import signals_held
-from tubeplanner.staged_file import StagedFile, temporary_path
+from tubeplanner import OutputError
+from tubeplanner import writing as staged_file
+from tubeplanner.writing import (
+    StagedFile,
+    require_writable,
+    signals_held,
+    temporary_path,
+    write_files,
+)
 
 
 @contextmanager

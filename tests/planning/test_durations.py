@@ -10,14 +10,18 @@ import pytest
 from cases import ANGLE, BRIEF, anywhere, one_joint, quintic
 
 from tubeplanner import JointTrajectory, Objective, PlanOptions, plan, verify
-from tubeplanner.constraints.effort_costs import EffortCosts
-from tubeplanner.files.trajectory_writer import TrajectoryFiles
+from tubeplanner.limits.motor_costs import EffortCosts
+from tubeplanner.optimizer.stages import Refinement, SecondStage
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
-from tubeplanner.planning.cheapest_duration import cheapest_duration
-from tubeplanner.planning.timing import fewest_periods, lengthened, most_periods, no_longer
-from tubeplanner.refinement.refinement import Refinement
-from tubeplanner.refinement.second_stage import SecondStage
-from tubeplanner.trajectory.trajectory_file import joined_samples
+from tubeplanner.output.files.trajectory_writer import TrajectoryFiles
+from tubeplanner.planning.second_stage import (
+    cheapest_duration,
+    fewest_periods,
+    lengthened,
+    most_periods,
+    no_longer,
+)
+from tubeplanner.trajectory.reader import joined_samples
 
 LINE, POST = "two_link/paper_1_30mm", "two_link/around_a_post"
 WHOLE = "the duration is a multiple of the period, 0.004 s; the breakpoints are not"
@@ -211,7 +215,7 @@ def test_a_slower_motion_that_fails_is_no_answer(bundled, monkeypatch):
     plain = plan(bundled(LINE), options)
     failed = PlanStatus.CERTIFICATE_FAILED
     refused = replace(plain, status=failed, message="too slow", trajectory=None)
-    judge = "tubeplanner.planning.followed_plan.certified_result"
+    judge = "tubeplanner.planning.second_stage.certified_result"
     monkeypatch.setattr(judge, lambda *arguments: refused)
     result = plan(replace(bundled(LINE), period=0.004), options)
     assert result.duration == plain.duration

@@ -16,12 +16,13 @@ from tubeplanner import (
     placement_of,
     plan,
 )
-from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.outcome import Infeasible
-from tubeplanner.planning.necessary_conditions import require_possible
-from tubeplanner.planning.proved_reach import require_within_bound
-from tubeplanner.progress import PlanningClock
-from tubeplanner.robot.reach_bound import reach_bound
+from tubeplanner.first_guess.branches import KnownBranches
+from tubeplanner.outcome import Infeasible, PlanningClock
+from tubeplanner.planning.necessary_conditions import (
+    reach_bound,
+    require_possible,
+    require_within_bound,
+)
 
 
 @pytest.mark.parametrize("name", ["two_link/around_a_post", "panda/between_shelves"])

@@ -20,10 +20,8 @@ from tubeplanner import (
     placement_of,
     plan,
 )
-from tubeplanner.commands.report import plan_text
-from tubeplanner.planning.contact_note import contact_notes
-from tubeplanner.planning.jerk_note import jerk_note, largest_jerk
-from tubeplanner.planning.path_minimum import path_minimum
+from tubeplanner.cli.report import plan_text
+from tubeplanner.planning.notes import contact_notes, jerk_note, largest_jerk, path_minimum
 from tubeplanner.trajectory.parts import resting
 
 # Notes on solids that overlap where a motion begins or ends in contact.

@@ -24,18 +24,12 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.collision.link_covers import link_covers
-from tubeplanner.outcome import Place
-from tubeplanner.planning.blocked_spot import blocked_spot, surely_blocked_spot
-from tubeplanner.problem.problem_format import (
-    ObstacleFields,
-    ProblemFields,
-    RobotFields,
-    TubeFields,
-)
-from tubeplanner.progress import PlanningClock
+from tubeplanner.first_guess.branches import KnownBranches
+from tubeplanner.geometry.collision_checker import link_covers
+from tubeplanner.outcome import Place, PlanningClock
+from tubeplanner.planning.diagnosis import blocked_spot, surely_blocked_spot
 from tubeplanner.resources import bundled_problems
+from tubeplanner.task.problem_format import ObstacleFields, ProblemFields, RobotFields, TubeFields
 
 STOP, SEARCH = "stop-at-corners", "branch-and-bound"
 FAST = PlanOptions(quality="fast", slack=0.0)
@@ -203,7 +197,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch):
     clock = Clock()
-    monkeypatch.setattr("tubeplanner.progress.time", clock)
+    monkeypatch.setattr("tubeplanner.outcome.time", clock)
     return clock
 
 

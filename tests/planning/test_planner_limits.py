@@ -23,9 +23,9 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.baselines.baselines import judged_baseline
-from tubeplanner.constraints.motor_effort import motor_effort
-from tubeplanner.robot.effort_range import EffortRange
+from tubeplanner.first_guess.baselines import judged_baseline
+from tubeplanner.limits.motor_costs import motor_effort
+from tubeplanner.robot.overrides import EffortRange
 
 # Plans with motors: a bar's against its least time, integrated by itself, and whole arms'.
 

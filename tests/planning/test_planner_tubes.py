@@ -26,10 +26,10 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.baselines.baselines import BASELINES, judged_baseline
-from tubeplanner.constraints.unused_speed import unused_speed
-from tubeplanner.files.export import trajectory_json
-from tubeplanner.tube_sources.route import find_route
+from tubeplanner.first_guess.baselines import BASELINES, judged_baseline
+from tubeplanner.limits.speed_limits import unused_speed
+from tubeplanner.output.files.trajectory_writer import trajectory_json
+from tubeplanner.studies.tubes.route import find_route
 
 FAST = PlanOptions(slack=0.0, quality="fast")
 

@@ -7,10 +7,10 @@ import pytest
 from cases import SHORTEST
 
 from tubeplanner import PlanningProblem, PlanOptions, Seed, Tube, plan, verify
-from tubeplanner.planning import narrowed_plan as module
-from tubeplanner.planning.narrowed_plan import narrowed_plan
-from tubeplanner.progress import PlanningClock
-from tubeplanner.refinement.tube_chains import tube_chains
+from tubeplanner.optimizer.segment_chains import tube_chains
+from tubeplanner.outcome import PlanningClock
+from tubeplanner.planning import refined_plan as module
+from tubeplanner.planning.refined_plan import narrowed_plan
 
 # Paths of many points: certified, and as fast as the same curve of few.
 

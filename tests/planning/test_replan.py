@@ -19,7 +19,7 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.planning.plan_result import certified_result
+from tubeplanner.planning.result import certified_result
 
 NOTE = "planned from the last motion, not afresh"
 AS_GOOD = 1.003
@@ -127,7 +127,7 @@ def test_a_motion_without_a_certificate_is_planned_afresh(planner_of, bundled, m
         refused = replace(judged[-1], status=PlanStatus.CERTIFICATE_FAILED, certificate=None)
         return refused if len(judged) == 1 else judged[-1]
 
-    monkeypatch.setattr("tubeplanner.planning.certified_motion.certified_result", judge)
+    monkeypatch.setattr("tubeplanner.planning.refined_plan.certified_result", judge)
     result = planner.replan(problem)
     assert (len(judged), result.succeeded) == (2, True)
     assert NOTE not in result.notes
@@ -222,10 +222,10 @@ def test_steps_count_until_the_motion_is_judged(planner_of, bundled, monkeypatch
         judged.append(len(steps))
         return certified_result(*arguments)
 
-    monkeypatch.setattr("tubeplanner.planning.certified_motion.certified_result", judge)
+    monkeypatch.setattr("tubeplanner.planning.refined_plan.certified_result", judge)
     planner_of(POST).replan(problem, steps.append)
     count = sum(one.best_duration is not None for one in steps[: judged[0]])
-    limit = "tubeplanner.planning.continued_plan._MAX_STEPS"
+    limit = "tubeplanner.planning.refined_plan._MAX_STEPS"
     monkeypatch.setattr(limit, count)
     assert NOTE in planner_of(POST).replan(problem).notes
     monkeypatch.setattr(limit, count - 1)

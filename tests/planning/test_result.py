@@ -16,12 +16,10 @@ from tubeplanner import (
     placement_of,
     plan,
 )
-from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.outcome import Infeasible, Place
-from tubeplanner.planning.grounds import with_grounds
+from tubeplanner.first_guess.branches import KnownBranches
+from tubeplanner.outcome import Infeasible, Place, PlanningClock
 from tubeplanner.planning.necessary_conditions import require_possible
-from tubeplanner.planning.plan_result import refused_result
-from tubeplanner.progress import PlanningClock
+from tubeplanner.planning.result import refused_result, with_grounds
 
 IN_THE_WAY = "in the start configuration"
 

@@ -18,8 +18,7 @@ from tubeplanner import (
     plan,
 )
 from tubeplanner.outcome import Place
-from tubeplanner.planning.blocked_spot import blocked_spot
-from tubeplanner.planning.path_spots import path_spots
+from tubeplanner.planning.diagnosis import blocked_spot, path_spots
 
 BLOCKED, FAR, HEAVY = "tube_blocked", "unreachable", "gravity_exceeds_effort"
 POINTS = [[0.45, -0.35, 0.14], [0.45, -0.35, 0.45], [0.35, 0.48, 0.46], [0.64, 0.26, 0.61]]

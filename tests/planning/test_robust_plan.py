@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from tubeplanner import OptionError, PlanOptions, Robustness, Tube, load_problem, plan, verify
-from tubeplanner.planning import kept_back, robust_plan
-from tubeplanner.problem.tightening import Tightening
-from tubeplanner.refinement.sensitivities import Sensitivity
-from tubeplanner.simulation import blamed_errors
-from tubeplanner.simulation.plant import Draw
+from tubeplanner.execution import error_contributions as blamed_errors
+from tubeplanner.execution.plants import Draw
+from tubeplanner.optimizer.stages import Sensitivity
+from tubeplanner.planning import robust_plan
+from tubeplanner.planning import surviving_plans as kept_back
+from tubeplanner.planning.tightening import Tightening
 
 NAME = "example:two_link/paper_2_10mm"
 SHORTEST = PlanOptions(slack=0.0, quality="fast")

@@ -21,10 +21,10 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.constraints.effort_variation import effort_variation
+from tubeplanner.limits.motor_costs import effort_variation
+from tubeplanner.optimizer.stages import SecondStage
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
-from tubeplanner.planning.plan_result import certified_result
-from tubeplanner.refinement.second_stage import SecondStage
+from tubeplanner.planning.result import certified_result
 
 # The second stage: better within its time, certified, and the shortest motion where it fails.
 
@@ -121,7 +121,7 @@ def test_it_keeps_the_room_that_the_shortest_motion_left(two_link, monkeypatch):
     assert before > 0.1
     assert smooth.duration > smooth.shortest_duration
     assert least_room(problem, smooth.trajectory) > before - 0.1
-    none = "tubeplanner.refinement.second_stage._room"
+    none = "tubeplanner.optimizer.stages._room"
     monkeypatch.setattr(none, lambda problem, dense: np.full(problem.tube.segment_count, 0.05))
     assert least_room(problem, plan(problem, options).trajectory) < before - 0.1
 
@@ -157,10 +157,10 @@ def fails(*arguments):
 @pytest.mark.parametrize(
     ("step", "does", "reason"),
     [
-        ("refinement.second_stage.SecondStage.run", lambda self: False, NOTHING_FOUND),
-        ("refinement.second_stage.SecondStage.run", fails, NOTHING_FOUND),
+        ("optimizer.stages.SecondStage.run", lambda self: False, NOTHING_FOUND),
+        ("optimizer.stages.SecondStage.run", fails, NOTHING_FOUND),
         (
-            "planning.second_stage_plan.lengthened",
+            "planning.second_stage.lengthened",
             lambda trajectory, duration, period: trajectory.scaled(2.0),
             " s, more than it may",
         ),
@@ -191,7 +191,7 @@ def test_so_it_is_where_the_smoother_one_has_no_certificate(quick, monkeypatch):
         said = {"status": PlanStatus.CERTIFICATE_FAILED, "message": "it leaves the tube"}
         return replace(result, **said, trajectory=None, certificate=failed)
 
-    monkeypatch.setattr("tubeplanner.planning.certified_motion.certified_result", judge)
+    monkeypatch.setattr("tubeplanner.planning.refined_plan.certified_result", judge)
     require_shortest(plan(problem, FAST), shortest, "was not certified: it leaves the tube")
     assert 1 < len(judged) <= 5
 
@@ -208,7 +208,7 @@ def test_what_stops_it_leaves_the_shortest_motion(after, by, quick, monkeypatch)
             raise KeyboardInterrupt
         if sum(counted) >= after:
             none_left = property(lambda clock: -1.0)
-            monkeypatch.setattr("tubeplanner.progress.PlanningClock.remaining", none_left)
+            monkeypatch.setattr("tubeplanner.outcome.PlanningClock.remaining", none_left)
 
     result = plan(problem, replace(FAST, time_limit=1000.0), stop)
     require_shortest(result, shortest, f"stopped by {by.replace('_', ' ')}", by)

@@ -3,7 +3,7 @@
 import pytest
 from stored_trajectories import FOLDER, REFRESH, STORED, stored_path, stored_trajectory
 
-from tubeplanner.files.fingerprint import problem_hash, robot_hash
+from tubeplanner.output.files.fingerprint import problem_hash, robot_hash
 
 
 @pytest.mark.parametrize(("name", "method"), STORED)

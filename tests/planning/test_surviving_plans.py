@@ -7,17 +7,22 @@ import numpy as np
 import pytest
 
 from tubeplanner import ProblemError, Robustness, Tube, load_problem
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
-from tubeplanner.planning import kept_back, tightened_plans
-from tubeplanner.planning.kept_back import MANY, WORKING, surviving_plan
-from tubeplanner.planning.plan_result import PlanResult
-from tubeplanner.planning.tightened_plans import TightenedPlans, TriedPlan
-from tubeplanner.problem.tightening import Tightening
-from tubeplanner.progress import PlanningClock, TimeLimitReached
-from tubeplanner.refinement.sensitivities import Sensitivity
-from tubeplanner.simulation.plant import Draw
-from tubeplanner.simulation.run_verdict import RunVerdict
-from tubeplanner.simulation.shortfall import Shortfall
+from tubeplanner.execution.error_contributions import Shortfall
+from tubeplanner.execution.plants import Draw
+from tubeplanner.execution.run_verdict import RunVerdict
+from tubeplanner.optimizer.stages import Sensitivity
+from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, TimeLimitReached
+from tubeplanner.planning import surviving_plans as kept_back
+from tubeplanner.planning import surviving_plans as tightened_plans
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.planning.surviving_plans import (
+    MANY,
+    WORKING,
+    TightenedPlans,
+    TriedPlan,
+    surviving_plan,
+)
+from tubeplanner.planning.tightening import Tightening
 
 # What plans with some of the limits kept back are said to lack, and to take without lacking it.
 

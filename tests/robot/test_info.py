@@ -5,10 +5,9 @@ import pytest
 from cases import refusal
 
 from tubeplanner import LimitOverrides, MotorOverrides, RobotError, read_limits_file, read_preset
-from tubeplanner.robot.robot_info import robot_info
-from tubeplanner.robot.tool_frames import likely_tool_frame
-from tubeplanner.robot.typical_configurations import typical_configurations
+from tubeplanner.robot.info import likely_tool_frame, robot_info
 from tubeplanner.robot.urdf import read_urdf
+from tubeplanner.studies.tubes.starter_problem import typical_configurations
 
 PAIR = """<robot name="pair"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>
 <joint name="lead" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>

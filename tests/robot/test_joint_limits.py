@@ -7,9 +7,8 @@ from cases import refusal
 from numpy.testing import assert_array_equal as same
 
 from tubeplanner import LimitLayer, LimitOverrides, PointSpeed, RobotError, load_robot
-from tubeplanner.robot.joint_limits import resolve_limits
+from tubeplanner.robot.joint_limits import VelocityByPosition, resolve_limits
 from tubeplanner.robot.urdf import read_urdf
-from tubeplanner.robot.velocity_by_position import VelocityByPosition
 
 INF = np.inf
 COMPLETE = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'

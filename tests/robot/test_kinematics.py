@@ -9,8 +9,10 @@ from numpy.testing import assert_array_equal as same
 
 from tubeplanner import LimitOverrides, PointSpeed, load_robot
 from tubeplanner.native.library import LIBRARY, NativeLibrary
-from tubeplanner.robot import body_chain, robot_model, tool_chain
-from tubeplanner.robot.base_pose import BasePose
+from tubeplanner.robot import kinematics as body_chain
+from tubeplanner.robot import kinematics as tool_chain
+from tubeplanner.robot import model as robot_model
+from tubeplanner.robot.pinocchio_model import BasePose
 
 STEP = 1e-6
 

@@ -7,7 +7,7 @@ from cases import refusal
 from numpy.testing import assert_array_equal as same
 
 from tubeplanner import LimitLayer, LimitOverrides, MotorOverrides, RobotError, load_robot
-from tubeplanner.robot.joint_motors import JointMotors, resolve_motors
+from tubeplanner.robot.motors import JointMotors, resolve_motors
 from tubeplanner.robot.urdf import read_urdf
 
 INF = np.inf

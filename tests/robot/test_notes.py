@@ -7,9 +7,8 @@ import pytest
 from cases import SLIDE
 
 from tubeplanner import LimitOverrides, MotorOverrides, load_robot
-from tubeplanner.robot.robot_notes import robot_notes
-from tubeplanner.robot.unused_note import unused_note
-from tubeplanner.robot.unused_values import unused_values
+from tubeplanner.robot.notes import robot_notes, unused_note
+from tubeplanner.robot.urdf_elements import unused_values
 
 UNUSED = "the URDF says, and nothing here uses: "
 LAW = "position_based_velocity_limits"

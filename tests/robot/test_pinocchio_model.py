@@ -11,10 +11,10 @@ from numpy.testing import assert_array_equal as same
 from scipy.spatial.transform import Rotation
 
 from tubeplanner import BasePose, LimitOverrides, Payload, PointSpeed, RobotError, load_robot
-from tubeplanner.files.fingerprint import robot_hash
-from tubeplanner.robot.body_inertia import BodyInertia
-from tubeplanner.robot.robot_info import robot_info
-from tubeplanner.robot.typical_configurations import typical_configurations
+from tubeplanner.output.files.fingerprint import robot_hash
+from tubeplanner.robot.info import robot_info
+from tubeplanner.robot.pinocchio_model import BodyInertia
+from tubeplanner.studies.tubes.starter_problem import typical_configurations
 
 POSE = BasePose((0.3, -0.2, 1.1), (0.4, -1.2, 2.5))
 # Hangs from the root, turned.

@@ -15,7 +15,7 @@ from numpy.testing import assert_array_equal as same
 from scipy.spatial.transform import Rotation
 
 from tubeplanner import LimitOverrides, Payload, PointSpeed, RobotError, ToolOffset, load_robot
-from tubeplanner.robot.effort_rate import effort_rate, effort_rate_derivatives, gravity_effort_rate
+from tubeplanner.robot.model import effort_rate, effort_rate_derivatives, gravity_effort_rate
 
 SLIDER = (
     links("base", "turn", "slide", "tip"),

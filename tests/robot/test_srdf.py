@@ -4,7 +4,7 @@ import pytest
 from cases import refusal
 
 from tubeplanner import RobotError, parse_problem
-from tubeplanner.robot.srdf import read_allowed_pairs, read_group_states
+from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_states
 
 PACKAGE = "package://example-robot-data/robots"
 

@@ -10,12 +10,11 @@ from cases import refusal
 from numpy.testing import assert_allclose as close
 
 from tubeplanner import LimitOverrides, Obstacle, load_robot
-from tubeplanner.collision.collision_checker import CollisionChecker
-from tubeplanner.collision.obstacle import placement_of
 from tubeplanner.errors import RobotError
-from tubeplanner.robot.followers import followers_of, leader_of
-from tubeplanner.robot.undeclared_prefixes import declare_prefixes
-from tubeplanner.robot.urdf import Mimic, read_urdf
+from tubeplanner.geometry.collision_checker import CollisionChecker
+from tubeplanner.geometry.solids import placement_of
+from tubeplanner.robot.urdf import Mimic, followers_of, leader_of, read_urdf
+from tubeplanner.robot.urdf_elements import declare_prefixes
 
 LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 

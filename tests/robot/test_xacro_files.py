@@ -9,10 +9,10 @@ from cases import SLIDE, refusal
 
 from tubeplanner import load_robot
 from tubeplanner.errors import RobotError
-from tubeplanner.files.fingerprint import robot_hash
-from tubeplanner.robot import xacro_file
+from tubeplanner.output.files.fingerprint import robot_hash
+from tubeplanner.robot import ros_files as xacro_file
+from tubeplanner.robot.ros_files import expanded
 from tubeplanner.robot.urdf import read_urdf
-from tubeplanner.robot.xacro_file import expanded
 
 HEAD = '<robot name="slide" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 BODY = SLIDE.removeprefix('<robot name="slide">').removesuffix("</robot>")

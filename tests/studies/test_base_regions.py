@@ -16,14 +16,16 @@ from tubeplanner import (
     load_problem,
     placement_of,
 )
-from tubeplanner.branches.reference_branch import end_configuration
-from tubeplanner.many.posed_problem import PosedProblem
+from tubeplanner.first_guess.branches import end_configuration
 from tubeplanner.orientation import matrix_of_rpy
 from tubeplanner.outcome import Infeasible
-from tubeplanner.planning.standing_base import require_base_free
-from tubeplanner.studies.leading_seeds import leading_seeds
-from tubeplanner.studies.movable_problem import MovableProblem
-from tubeplanner.studies.placement_region import Region
+from tubeplanner.studies.base_regions import (
+    MovableProblem,
+    Region,
+    leading_seeds,
+    require_base_free,
+)
+from tubeplanner.studies.problem_spec import PosedProblem
 
 # The gantry's base is a cube of 0.1 m whose top is at -0.05: it stands on the floor's top.
 ON_FLOOR = ("floor",)

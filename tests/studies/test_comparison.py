@@ -10,14 +10,14 @@ from cases import ANGLE, PEAK_JERK, quintic
 from stored_trajectories import STOP
 
 from tubeplanner import JointTrajectory, OptionError, PlanOptions, Tube, compare, load_problem, plan
-from tubeplanner.baselines.baselines import BASELINES, judged_baseline
+from tubeplanner.first_guess.baselines import BASELINES, judged_baseline
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
-from tubeplanner.planning.plan_options import METHODS
+from tubeplanner.output.figures import figure_files
+from tubeplanner.planning.options import METHODS
 from tubeplanner.studies import comparison as module
-from tubeplanner.studies.trajectory_measures import smoothness_class, trajectory_measures
+from tubeplanner.studies.comparison import smoothness_class, trajectory_measures
 from tubeplanner.trajectory.joint_trajectory import concatenate
-from tubeplanner.trajectory.trajectory_file import read_trajectory
-from tubeplanner.views import figure_files
+from tubeplanner.trajectory.reader import read_trajectory
 
 PROBLEM, LINE = "example:two_link/paper_5_50mm", "example:two_link/paper_1_30mm"
 KEYS = (

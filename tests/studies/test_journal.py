@@ -9,10 +9,9 @@ import pytest
 from tubeplanner.errors import OutputError
 from tubeplanner.outcome import Place
 from tubeplanner.studies import journal as journal_module
-from tubeplanner.studies.answer_fields import require_fields
-from tubeplanner.studies.journal import Journal
-from tubeplanner.studies.placement_row import PlacementRow
-from tubeplanner.studies.study_row import StudyRow
+from tubeplanner.studies.journal import Journal, require_fields
+from tubeplanner.studies.placement_rows import PlacementRow
+from tubeplanner.studies.study_run import StudyRow
 
 KEPT = {"status": "success", "duration": 0.1 + 0.2}
 PLACE = Place().as_dict()

@@ -11,17 +11,14 @@ import pytest
 from gantry import BEST_DURATION, BEST_YAW, FLOOR, POST, gantry
 
 from tubeplanner import OptionError, PlaceOptions, ProblemError, Stand, load_problem, place, plan
-from tubeplanner.files.problem_file import with_placement
-from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.outcome import Place
-from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.output.files.problem_file import with_placement
+from tubeplanner.planning.options import PlanOptions
 from tubeplanner.studies import placement as module
-from tubeplanner.studies.movable_problem import MovableProblem
-from tubeplanner.studies.pattern_search import pattern_search
-from tubeplanner.studies.placement import _neighbours, _starts
-from tubeplanner.studies.placement_region import Region
-from tubeplanner.studies.placement_row import PlacementRow, grouped, tried
-from tubeplanner.studies.placement_trials import SEARCH_OPTIONS
+from tubeplanner.studies.base_regions import MovableProblem, Region
+from tubeplanner.studies.placement import _neighbours, _starts, pattern_search
+from tubeplanner.studies.placement_rows import SEARCH_OPTIONS, PlacementRow, grouped, tried
+from tubeplanner.studies.problem_spec import PosedProblem
 
 LOW, HIGH = -2.0, 3.0
 FEW = PlaceOptions(points=8, quality="fast", slack=0.0)

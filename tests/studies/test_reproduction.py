@@ -8,12 +8,18 @@ import pytest
 from stored_trajectories import STOP
 
 from tubeplanner import PlanOptions, plan
-from tubeplanner.baselines.baselines import BASELINES, judged_baseline
-from tubeplanner.planning.plan_options import SUH_BISHOP
+from tubeplanner.first_guess.baselines import BASELINES, judged_baseline
+from tubeplanner.planning.options import SUH_BISHOP
 from tubeplanner.studies import reproduction as module
-from tubeplanner.studies.printed_results import NO_TUBE, TABLE_FOUR, TABLE_THREE, TABLE_TWO
-from tubeplanner.studies.reproduction import paper_problem, reproduce
-from tubeplanner.studies.reproduction_page import reproduction_page
+from tubeplanner.studies.reproduction import (
+    NO_TUBE,
+    TABLE_FOUR,
+    TABLE_THREE,
+    TABLE_TWO,
+    paper_problem,
+    reproduce,
+    reproduction_page,
+)
 
 
 def reproduced_with(**replaced):
@@ -97,7 +103,7 @@ def test_the_command_writes_the_page_and_its_figures(reproduced, tmp_path, run, 
     assert "| - | 1.91 | - |" in line  # what stops at corners has no phase 1
     assert "1.93 s is printed where the formula gives 1.82 s" in page
     assert "![Figure 3](figure_3.png)" in page
-    monkeypatch.setattr(module, "reproduce", lambda progress: result)
+    monkeypatch.setattr("tubeplanner.cli.reproduce.reproduce_tables", lambda progress: result)
     code, out, _ = run("reproduce", "-o", tmp_path / "paper", "--json")
     assert code == 0
     written = sorted(path.name for path in (tmp_path / "paper").iterdir())
@@ -109,7 +115,7 @@ def test_an_interrupted_run_leaves_no_folder(tmp_path, run, monkeypatch):
     def interrupt(progress):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "reproduce", interrupt)
+    monkeypatch.setattr("tubeplanner.cli.reproduce.reproduce_tables", interrupt)
     code, _, err = run("reproduce", "-o", str(tmp_path / "paper"))
     assert code == 130 and "interrupted before there was an answer" in err
     assert not (tmp_path / "paper").exists()

@@ -11,13 +11,19 @@ from ruamel.yaml import YAML
 from studied import MASS, RADIUS, between, small_study
 
 from tubeplanner import PlanOptions, ProblemError, load_study
-from tubeplanner.many.posed_problem import PosedProblem
+from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
 from tubeplanner.resources import bundled_studies
-from tubeplanner.studies.axes import Interval, Levels, interval
-from tubeplanner.studies.study import Study
-from tubeplanner.studies.study_format import OptionFields, check_study_fields, study_schema
-from tubeplanner.studies.study_points import MOST_POINTS, Latin, StudyPoints
-from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
+from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.study import (
+    MOST_POINTS,
+    Interval,
+    Latin,
+    Levels,
+    Study,
+    StudyPoints,
+    interval,
+)
+from tubeplanner.studies.study_file import OptionFields, check_study_fields, study_schema
 
 SCHEMA = study_schema()
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)

@@ -11,15 +11,20 @@ from studied import EFFORT, MASS, PROBLEM, QUICK, RADIUS, Here, Together, small_
 
 from tubeplanner import JointTrajectory, PlanOptions, ProblemError, load_problem, plan, run_study
 from tubeplanner.errors import OptionError, OutputError
-from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.outcome import Place, PlanStatus
-from tubeplanner.planning.plan_result import PlanResult
-from tubeplanner.studies import study_row, study_run
-from tubeplanner.studies.axes import Levels
-from tubeplanner.studies.study import Study
-from tubeplanner.studies.study_result import StudyResult
-from tubeplanner.studies.study_row import StudyRow, crashed_answer, planned_answer, refused_answer
-from tubeplanner.studies.study_run import StudyProgress
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.studies import study_run
+from tubeplanner.studies import study_run as study_row
+from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.study import Levels, Study
+from tubeplanner.studies.study_run import (
+    StudyProgress,
+    StudyResult,
+    StudyRow,
+    crashed_answer,
+    planned_answer,
+    refused_answer,
+)
 
 GRID = {RADIUS: [0.02, -1, 0.03], EFFORT: [1, 0.5]}
 

@@ -7,9 +7,8 @@ from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
 
 from tubeplanner import JointTrajectory, TrajectoryError
-from tubeplanner.trajectory.averaging import averaged
-from tubeplanner.trajectory.b_spline import BSpline
-from tubeplanner.trajectory.joint_trajectory import concatenate, from_spline
+from tubeplanner.trajectory.joint_trajectory import averaged, concatenate, from_spline
+from tubeplanner.trajectory.polynomials import BSpline
 
 NAMES = ("a", "b")
 LINE = [[[1.0]], [[0.0]]]  # moves by one radian a second

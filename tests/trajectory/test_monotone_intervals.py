@@ -6,8 +6,7 @@ from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
 
 from tubeplanner import JointTrajectory
-from tubeplanner.trajectory.directed_stretches import STILL_SHARE, directed_stretches
-from tubeplanner.trajectory.sign_changes import sign_changes
+from tubeplanner.trajectory.parts import STILL_SHARE, directed_stretches, sign_changes
 
 
 def rows_of(polynomials, degree):

@@ -9,8 +9,7 @@ from numpy.testing import assert_array_equal as same
 from scipy.interpolate import PPoly
 
 from tubeplanner import JointTrajectory, Mark, TrajectoryError
-from tubeplanner.trajectory.marks import marks_of
-from tubeplanner.trajectory.parts import joined, part_of, resting
+from tubeplanner.trajectory.parts import joined, marks_of, part_of, resting
 
 MARKS = [
     {"time": 0.0, "move": "to_pick"},

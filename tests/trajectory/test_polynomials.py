@@ -6,14 +6,14 @@ from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
 from scipy.interpolate import PPoly
 
-from tubeplanner.trajectory.bernstein import (
+from tubeplanner.trajectory.polynomials import (
+    PiecewisePolynomial,
     bernstein_coefficients,
     halves,
     maxima,
     peak_magnitudes,
     restricted,
 )
-from tubeplanner.trajectory.piecewise_polynomial import PiecewisePolynomial
 
 
 @pytest.mark.parametrize("degree", [0, 1, 5])

@@ -10,17 +10,21 @@ from cases import refusal
 from ruamel.yaml import YAML
 
 from tubeplanner import JointTrajectory, verify
+from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE
 from tubeplanner.errors import TrajectoryError
-from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
-from tubeplanner.trajectory.csv_columns import joint_columns
+from tubeplanner.output.files.trajectory_writer import (
+    trajectory_csv,
+    trajectory_json,
+    trajectory_ros,
+)
 from tubeplanner.trajectory.joint_trajectory import MAX_DEGREE, MAX_PIECES
-from tubeplanner.trajectory.marks import Mark
-from tubeplanner.trajectory.trajectory_file import (
+from tubeplanner.trajectory.parts import Mark
+from tubeplanner.trajectory.reader import (
     GivenSamples,
     joined_samples,
+    joint_columns,
     read_trajectory_file,
 )
-from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE
 
 JOINTS = ("elbow", "wrist_1")
 FORMS = {

@@ -5,9 +5,12 @@ import pytest
 from scipy import interpolate
 from scipy.interpolate import BPoly, PPoly
 
-from tubeplanner.trajectory.b_spline import BSpline
-from tubeplanner.trajectory.fitted_spline import fitted_control_points, times_between
-from tubeplanner.trajectory.hermite_pieces import hermite_pieces
+from tubeplanner.trajectory.polynomials import (
+    BSpline,
+    fitted_control_points,
+    hermite_pieces,
+    times_between,
+)
 
 
 @pytest.mark.parametrize("degree", [1, 3, 5])

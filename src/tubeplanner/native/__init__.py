@@ -1,1 +1,1 @@
-"""The compiled numerics, and how they are built and loaded; all of it has a numpy counterpart."""
+"""The compiled numerics: build and library. Each binding lies beside its NumPy twin."""

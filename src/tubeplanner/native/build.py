@@ -1,4 +1,4 @@
-"""Compiling the native library: by a C++ compiler of the system, or by that of the package ziglang.
+"""Compilation of the library by a system compiler or ziglang; stand-alone, for the wheel too.
 
     python -m tubeplanner.native.build
 

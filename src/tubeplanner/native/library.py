@@ -1,4 +1,4 @@
-"""The native library as it was built, if it was: numpy and PIQP do all of its work where it is not.
+"""The library as built, argument types of its functions; None without a build.
 
 TUBEPLANNER_PURE=1 leaves it out; TUBEPLANNER_BASELINE=1 takes the code for any processor of the
 kind, as an older one would.

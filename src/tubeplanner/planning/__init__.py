@@ -1,1 +1,1 @@
-"""From a problem to a certified trajectory, or to the reason why there is none."""
+"""Problem or cycle to a certified trajectory, or to the reason of its absence."""

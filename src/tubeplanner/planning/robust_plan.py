@@ -1,4 +1,4 @@
-"""Planning motions that survive wrong masses, friction and delay, as simulation shows them.
+"""Robust plans: survival of wrong masses, friction, delay.
 
 What a certificate proves, it proves of the model. Of a motion at the limits little is left for
 feedback, and one at the tube's border leaves it with any error. So some of every limit is kept back
@@ -12,26 +12,26 @@ from dataclasses import replace
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.planning.kept_back import FEWER, WORKING, surviving_plan
-from tubeplanner.planning.plan_result import PlanResult, certified_result
-from tubeplanner.planning.tightened_plans import (
+from tubeplanner.execution.error_contributions import Blame, blamed_errors, simulated_runs
+from tubeplanner.execution.plants import Draw
+from tubeplanner.execution.run_verdict import RunVerdict, run_verdict
+from tubeplanner.geometry.tube.tube import narrowed_tube
+from tubeplanner.optimizer.stages import Sensitivity
+from tubeplanner.outcome import PlanningClock, until_stopped
+from tubeplanner.planning.result import PlanResult, certified_result
+from tubeplanner.planning.surviving_plans import (
+    FEWER,
+    WORKING,
     Following,
     Planning,
     TightenedPlans,
     TriedPlan,
+    surviving_plan,
     tube_sizes,
 )
-from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.problem.tightening import PARTS, Tightening
-from tubeplanner.progress import PlanningClock, until_stopped
-from tubeplanner.refinement.sensitivities import Sensitivity
-from tubeplanner.robot.robot_notes import robot_notes
-from tubeplanner.simulation.blamed_errors import Blame, blamed_errors
-from tubeplanner.simulation.plant import Draw
-from tubeplanner.simulation.run_verdict import RunVerdict, run_verdict
-from tubeplanner.simulation.simulated_runs import simulated_runs
-from tubeplanner.simulation.survival import Survival
-from tubeplanner.tube.narrowed_tube import narrowed_tube
+from tubeplanner.planning.tightening import PARTS, Survival, Tightening
+from tubeplanner.robot.notes import robot_notes
+from tubeplanner.task.problem import PlanningProblem
 
 # Arms that no choice was made with.
 _FRESH = Draw(200, seed=1)

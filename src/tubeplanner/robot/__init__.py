@@ -1,1 +1,1 @@
-"""From a URDF to kinematics, dynamics and limits, for many samples at once."""
+"""URDF, limits, motors, base and payload to kinematics and dynamics of N samples at once."""

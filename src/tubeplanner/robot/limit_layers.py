@@ -1,4 +1,4 @@
-"""Limits and motors from several places, one above the other: of two values the later one holds."""
+"""Layers of limits and motors from several sources; the last value holds, its source is kept."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,11 +7,15 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tubeplanner.errors import RobotError, shown, unknown_name
-from tubeplanner.robot.limit_overrides import PER_JOINT, LimitOverrides
-from tubeplanner.robot.motor_overrides import MOTOR_QUANTITIES, MotorOverrides
-from tubeplanner.robot.point_speed import PointSpeed
+from tubeplanner.robot.overrides import (
+    MOTOR_QUANTITIES,
+    PER_JOINT,
+    LimitOverrides,
+    MotorOverrides,
+    PointSpeed,
+)
 from tubeplanner.robot.urdf import Mimic, UrdfDescription
-from tubeplanner.short_repr import short_repr
+from tubeplanner.text import short_repr
 
 # What joints bound that follow others.
 _FOLLOWED = ("velocity", "position", "acceleration", "jerk")

@@ -1,4 +1,4 @@
-"""From a URDF to the Pinocchio model of what moves: other joints locked, payload attached."""
+"""The Pinocchio model of the planned joints: base, payload, tool attached, other joints locked."""
 
 import os
 import tempfile
@@ -6,19 +6,140 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from typing import IO
 
 import numpy as np
 import pinocchio as pin
 
-from tubeplanner.arguments import given_row
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
+from tubeplanner.checks import are_numbers, given_row, in_figures, is_number
 from tubeplanner.errors import RobotError, shown, unknown_name
-from tubeplanner.options import are_numbers, in_figures, is_number
-from tubeplanner.robot.base_pose import BasePose
-from tubeplanner.robot.body_inertia import BodyInertia
-from tubeplanner.robot.followers import followers_of, leader_of, leaders
-from tubeplanner.robot.urdf import UrdfDescription, UrdfJoint, joint_id, link_id
+from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy
+from tubeplanner.robot.urdf import (
+    UrdfDescription,
+    UrdfJoint,
+    followers_of,
+    joint_id,
+    leader_of,
+    leaders,
+    link_id,
+)
+
+# ---- Where a robot stands in its cell.
+
+_FARTHEST = 1e4  # [m], as of obstacles
+_SHORTEST, _LONGEST = 1e-9, 1e9  # of a quaternion that has a direction
+
+
+@dataclass(frozen=True)
+class BasePose:
+    """The pose of a robot's root link in its cell; at most one of rpy, quaternion.
+
+    Attributes:
+        position: Of its origin [m].
+        rpy: Roll, pitch, yaw about fixed x, y, z, as in URDF [rad]; None: not turned.
+        quaternion: x, y, z, w of any length, instead of `rpy`.
+    """
+
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, float, float] | None = None
+    quaternion: tuple[float, float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        is_point = are_numbers(self.position, 3)
+        if not is_point or not (np.abs(self.position) <= _FARTHEST).all():
+            raise RobotError(
+                f"robot.base: position {shown(self.position)} must be three finite numbers within "
+                f"{_FARTHEST:g} m"
+            )
+        if self.rpy is not None and self.quaternion is not None:
+            raise RobotError("robot.base takes rpy or quaternion, not both; remove one of them")
+        if self.rpy is not None and not are_numbers(self.rpy, 3):
+            raise RobotError(f"robot.base: rpy {shown(self.rpy)} must be three finite angles [rad]")
+        if self.quaternion is not None and not _has_direction(self.quaternion):
+            raise RobotError(
+                f"robot.base: quaternion {shown(self.quaternion)} has no direction; give x, y, z, w"
+            )
+
+    @cached_property
+    def placement(self) -> FloatArray:
+        """The pose as a homogeneous transform, shape (4, 4)."""
+        placement = np.eye(4)
+        placement[:3, 3] = self.position
+        if self.rpy is not None:
+            placement[:3, :3] = matrix_of_rpy(*self.rpy)
+        if self.quaternion is not None:
+            placement[:3, :3] = matrix_of_quaternion(np.array(self.quaternion, dtype=float))
+        return read_only(placement)
+
+
+def _has_direction(quaternion: tuple[float, ...]) -> bool:
+    length = float(np.linalg.norm(quaternion)) if are_numbers(quaternion, 4) else 0.0
+    return _SHORTEST < length < _LONGEST
+
+
+# ---- Mass properties of a rigid body.
+
+
+@dataclass(frozen=True, eq=False)
+class BodyInertia:
+    """Mass properties of a body, in its frame.
+
+    Attributes:
+        mass: [kg].
+        com: Centre of mass, shape (3,) [m].
+        inertia: About the centre of mass, shape (3, 3) [kg m^2].
+    """
+
+    mass: float
+    com: FloatArray
+    inertia: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", float(self.mass))
+        object.__setattr__(self, "com", read_only(self.com))
+        object.__setattr__(self, "inertia", read_only(self.inertia))
+
+    @cached_property
+    def com_distance(self) -> float:
+        """Distance of the centre of mass from the body's origin [m]."""
+        return float(np.linalg.norm(self.com))
+
+    @cached_property
+    def moment(self) -> float:
+        """Largest principal moment about the centre of mass [kg m^2]."""
+        return float(np.linalg.eigvalsh(self.inertia).max())
+
+    def scaled(self, factor: float) -> "BodyInertia":
+        """Return a body of the same shape that is denser by a factor."""
+        return BodyInertia(factor * self.mass, self.com, factor * self.inertia)
+
+    def shifted(self, by: FloatArray) -> "BodyInertia":
+        """Return the body with its mass moved by a vector (3,) [m]."""
+        return BodyInertia(self.mass, self.com + by, self.inertia)
+
+    def placed(self, placement: FloatArray) -> "BodyInertia":
+        """Return the body's properties in another frame, in which its own has a pose (4, 4)."""
+        rotation, origin = placement[:3, :3], placement[:3, 3]
+        turned = rotation @ self.inertia @ rotation.T
+        return BodyInertia(self.mass, origin + rotation @ self.com, turned)
+
+    def plus(self, other: "BodyInertia") -> "BodyInertia":
+        """Return both bodies as one (parallel axis theorem); a negative mass takes one away."""
+        mass = self.mass + other.mass
+        if mass == 0.0:
+            return BodyInertia(0.0, self.com, self.inertia + other.inertia)
+        com = (self.mass * self.com + other.mass * other.com) / mass
+        inertia = sum(
+            part.inertia + part.mass * (away @ away * np.eye(3) - np.outer(away, away))
+            for part in (self, other)
+            for away in [part.com - com]
+        )
+        return BodyInertia(mass, com, np.asarray(inertia))
+
+
+# ---- From a URDF to the Pinocchio model of what moves: other joints locked, payload attached.
 
 _HEAVIEST = 1e6  # [kg]
 _LARGEST_INERTIA = 1e14  # [kg m^2]: the heaviest at ten kilometres

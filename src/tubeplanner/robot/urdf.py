@@ -1,11 +1,11 @@
-"""A URDF read strictly: structure, joints and limits, before any library sees it.
+"""UrdfDescription: links, joints, limits read strictly; <mimic> followers and leaders.
 
 The libraries accept much broken URDF silently, or reject it without a reason. Here every error
 names the fault. Limits are read here and only here; what Pinocchio gets is a plain kinematic copy.
 """
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,20 +14,21 @@ import numpy as np
 
 from tubeplanner.documents import DocumentError, read_bytes
 from tubeplanner.errors import RobotError, unknown_name
-from tubeplanner.names import require_name
-from tubeplanner.robot.undeclared_prefixes import declare_prefixes
-from tubeplanner.robot.unused_values import unused_values
-from tubeplanner.robot.urdf_link import require_valid_link
-from tubeplanner.robot.urdf_values import (
+from tubeplanner.robot.ros_files import XACRO_ENDING, expanded
+from tubeplanner.robot.urdf_elements import (
+    declare_prefixes,
     read_child,
     read_name,
     read_number,
     read_numbers,
     require_origin,
+    require_valid_link,
+    unused_values,
     written,
 )
-from tubeplanner.robot.xacro_file import XACRO_ENDING, expanded
-from tubeplanner.short_repr import short_repr
+from tubeplanner.text import require_name, short_repr
+
+# ---- A URDF read strictly: structure, joints and limits, before any library sees it.
 
 MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
 # A planar or floating joint carries a mobile base, which stands still while its arm moves.
@@ -348,3 +349,57 @@ def _ancestors(link: str, parents: dict[str, str], limit: int) -> Iterator[str]:
             return
         link = parents[link]
         yield link
+
+
+# ---- Joints that follow others by a URDF's <mimic>: whom, and how fast.
+
+
+def leader_of(description: UrdfDescription, name: str) -> Mimic:
+    """Return the rule by which a joint follows the first of its chain of <mimic>.
+
+    A joint without <mimic> follows itself.
+
+    Raises:
+        RobotError: It mimics an unknown joint, or joints mimic each other in a circle.
+    """
+    multiplier, offset = 1.0, 0.0
+    followed = [name]
+    while (mimic := description.joints[followed[-1]].mimic) is not None:
+        where = f"{description.path}: joint '{followed[-1]}' mimics '{mimic.master}'"
+        if mimic.master not in description.joints:
+            names = unknown_name("joint", mimic.master, description.joints)
+            raise RobotError(f"{where}: {names}")
+        if mimic.master in followed:
+            raise RobotError(f"{where}: joints mimic each other in a circle")
+        offset += multiplier * mimic.offset
+        multiplier *= mimic.multiplier
+        followed.append(mimic.master)
+    return Mimic(followed[-1], multiplier, offset)
+
+
+def leaders(description: UrdfDescription, names: Iterable[str]) -> list[str]:
+    """Return the movable joints that move some joints, in this order: themselves or their leaders.
+
+    Raises:
+        RobotError: As `leader_of`.
+    """
+    movable = set(description.movable())
+    found = (leader_of(description, name).master for name in names)
+    return [name for name in dict.fromkeys(found) if name in movable]
+
+
+def followers_of(description: UrdfDescription, group: Iterable[str]) -> dict[str, Mimic]:
+    """Return the joints outside a planning group that follow one of its joints, by name.
+
+    One whose multiplier is 0 stands still and is none of them.
+
+    Raises:
+        RobotError: As `leader_of`.
+    """
+    planned = set(group)
+    rules = {
+        name: leader_of(description, name)
+        for name in description.movable()
+        if name not in planned and description.joints[name].mimic is not None
+    }
+    return {name: r for name, r in rules.items() if r.master in planned and r.multiplier != 0}

@@ -1,1 +1,1 @@
-"""Many plans side by side."""
+"""Many plans: in parallel, varied, compared, placed, explained."""

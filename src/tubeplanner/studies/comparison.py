@@ -1,27 +1,133 @@
-"""One problem, every method and baseline: each trajectory, and its certificate."""
+"""Compare: one problem by every method and baseline; smoothness, use of motors and tube."""
 
 import csv
 import io
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from tubeplanner.arguments import given_options, given_row
-from tubeplanner.baselines.baselines import BASELINES, judged_baseline
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.certificate.judged_motion import JudgedCondition
+from tubeplanner.certificate.refusal import refusal
+from tubeplanner.certificate.verification import Certificate
+from tubeplanner.checks import given_options, given_row
 from tubeplanner.errors import OptionError, TubePlannerError, unknown_name
-from tubeplanner.outcome import Infeasible, PlanStatus
-from tubeplanner.planning.plan_options import METHODS, PlanOptions
-from tubeplanner.planning.planner import plan
-from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import Progress, StoppedBy, require_callback
-from tubeplanner.short_repr import short_repr
-from tubeplanner.studies.formula_cells import without_formulas
-from tubeplanner.studies.trajectory_measures import TrajectoryMeasures, trajectory_measures
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.verification.certificate import Certificate
-from tubeplanner.verification.judged_condition import JudgedCondition
-from tubeplanner.verification.refusal import refusal
+from tubeplanner.first_guess.baselines import BASELINES, judged_baseline
+from tubeplanner.limits.path_samples import PathSamples
+from tubeplanner.limits.speed_limits import largest_use, speed_limits
+from tubeplanner.limits.tube_membership import current_segments, tube_use
+from tubeplanner.outcome import Infeasible, PlanStatus, Progress, StoppedBy, require_callback
+from tubeplanner.planning.options import METHODS, PlanOptions
+from tubeplanner.planning.strategy import plan
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.text import short_repr, without_formulas
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.trajectory.polynomials import peak_magnitudes
+
+# ---- Measures for comparing trajectories: smoothness, jerk, use of the motors and of the tube.
+
+AT_LIMIT = 0.99  # of a limit: a motor that uses as much counts as at its limit
+_SAMPLES = 2000  # in the middles of equal times
+_SAME = 1e-6  # jumps below this share of a joint's largest value are rounding errors
+_STILL_SHARE = 1e-6  # a joint that moves less than this share of the fastest stands still
+
+
+@dataclass(frozen=True)
+class TrajectoryMeasures:
+    """Measures of a trajectory.
+
+    Attributes:
+        smoothness: "C2": position, velocity and acceleration are continuous, also at the ends,
+            where the arm rests; "C1": the acceleration jumps; "C0": the velocity does; "none".
+        peak_jerk: The largest magnitude of any joint's third derivative [rad/s^3 or m/s^3]; None
+            where the acceleration jumps: there is no bound.
+        peak_jerk_joint: Whose it is; likewise.
+        at_limit: Share of the time in which some limit on the speed other than jerk, such as a
+            joint's effort, velocity or acceleration, is used by 99 % or more.
+        tube_use: Distance of the tool from the axis of the segment it is in, as a share of that
+            segment's radius, averaged over time.
+    """
+
+    smoothness: str
+    peak_jerk: float | None
+    peak_jerk_joint: str | None
+    at_limit: float
+    tube_use: float
+
+    __repr__ = short_repr
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values."""
+        return asdict(self)
+
+
+def trajectory_measures(
+    problem: PlanningProblem, trajectory: JointTrajectory
+) -> TrajectoryMeasures:
+    """Measure a trajectory.
+
+    Smoothness and jerk are read from the polynomials; shares of time are counted at 2,000 instants.
+
+    Args:
+        problem: The planning problem.
+        trajectory: Of the problem's joints, in any order.
+    """
+    trajectory = trajectory.reordered(problem.robot.joint_names)
+    smoothness = smoothness_class(trajectory)
+    peak, joint = _peak_jerk(trajectory) if smoothness == "C2" else (None, None)
+    middles = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * trajectory.duration
+    samples = trajectory.at(middles)
+    tool = problem.robot.tool_position(samples.position)
+    segment = current_segments(problem, trajectory, samples)
+    return TrajectoryMeasures(
+        smoothness,
+        peak,
+        joint,
+        float((_limit_use(problem, samples, segment) >= AT_LIMIT).mean()),
+        float(tube_use(problem, tool, segment).mean()),
+    )
+
+
+def smoothness_class(trajectory: JointTrajectory) -> str:
+    """Return "C2", "C1", "C0" or "none": how many derivatives have no jumps.
+
+    Jumps are measured between neighbouring pieces and, of velocity and acceleration, against the
+    rest before the start and after the end; those below 1e-6 of a joint's largest value are
+    rounding errors.
+    """
+    ends = trajectory.per_piece(2)
+    rows = (ends.position, ends.velocity, ends.acceleration)
+    largest = [abs(row).max(axis=0) for row in rows]
+    for order, (values, most) in enumerate(zip(rows, largest, strict=True)):
+        jumps = abs(values[2::2] - values[1:-1:2])
+        if order > 0:
+            jumps = np.vstack([jumps, abs(values[[0, -1]])])
+        allowed = _SAME * np.maximum(most, _STILL_SHARE * max(float(most.max()), 1e-300))
+        if (jumps > allowed).any():
+            return ("none", "C0", "C1")[order]
+    return "C2"
+
+
+def _peak_jerk(trajectory: JointTrajectory) -> tuple[float, str]:
+    """Return the largest jerk for all t, and whose it is."""
+    peaks = peak_magnitudes(trajectory.derivative_coefficients(3), trajectory.widths).value
+    joint = int(peaks.argmax())
+    return float(peaks[joint]), trajectory.joint_names[joint]
+
+
+def _limit_use(
+    problem: PlanningProblem, samples: TrajectorySamples, segment: IntArray
+) -> FloatArray:
+    """Return the largest share of a limit on the speed in use, jerk left out, shape (N,)."""
+    known = np.stack([samples.position, samples.velocity, samples.acceleration])
+    at = PathSamples(problem, known, lambda: segment)
+    return largest_use(at, tuple(lim for lim in speed_limits(problem) if lim.order < 3))
+
+
+# ---- One problem, every method and baseline: each trajectory, and its certificate.
 
 _NO_MEASURES = {name: None for name in TrajectoryMeasures.__dataclass_fields__}
 

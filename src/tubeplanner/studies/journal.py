@@ -1,16 +1,42 @@
-"""The journal of a study: a line of JSON for every point that is done, on the disk at once."""
+"""Journal: one line of JSON per finished point, durable, checked on reading."""
 
 import fcntl
 import json
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 
+from pydantic import TypeAdapter
+
 from tubeplanner.documents import parse_json
 from tubeplanner.errors import OutputError, shown
-from tubeplanner.studies.json_values import json_value
+from tubeplanner.text import json_value
+
+# ---- The types of what journals hold, checked before it is used: a journal may have been edited.
+
+
+def require_fields(kind: type, values: Mapping[str, Any]) -> None:
+    """Raise unless JSON values, by name, may be the fields of a dataclass.
+
+    Args:
+        kind: The dataclass.
+        values: As `json.loads` returns them.
+
+    Raises:
+        ValueError: A name is unknown, a field that it needs is missing, a type is another one, or a
+            number is not finite.
+    """
+    known = {each.name for each in fields(kind)}
+    unknown = [name for name in values if name not in known]
+    if unknown:
+        raise ValueError(f"it has {unknown[0]!r}")
+    TypeAdapter(kind).validate_json(json.dumps(values, allow_nan=False), strict=True)
+
+
+# ---- The journal of a study: a line of JSON for every point that is done, on the disk at once.
 
 _T = TypeVar("_T")
 _BEGIN = b'{"key": "'  # of every line

@@ -1,4 +1,7 @@
-"""Where a robot is to stand so that its motion is short: a grid, then a pattern search."""
+"""Place: grid and pattern search for the base pose of the shortest motion.
+
+The compass search of Hooke and Jeeves' family: Kolda, Lewis and Torczon, SIAM Review 45 (2003).
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -7,26 +10,77 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
-from tubeplanner.arguments import given_options, given_path, given_row, require_executor
+from tubeplanner.checks import given_options, given_path, given_row, require_count, require_executor
 from tubeplanner.errors import OptionError, ProblemError, unknown_name
-from tubeplanner.many.posed_problem import PosedProblem
-from tubeplanner.many.worker_processes import WorkerProcesses
-from tubeplanner.options import require_count
-from tubeplanner.outcome import Infeasible
-from tubeplanner.planning.plan_options import PlanOptions
-from tubeplanner.planning.planner import plan
-from tubeplanner.planning.standing_base import require_base_free
-from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import StoppedBy, require_callback
+from tubeplanner.outcome import Infeasible, StoppedBy, require_callback
+from tubeplanner.planning.options import PlanOptions
+from tubeplanner.planning.strategy import plan
+from tubeplanner.studies.base_regions import (
+    MovableProblem,
+    Region,
+    Stand,
+    StandGrid,
+    require_base_free,
+)
 from tubeplanner.studies.journal import Journal
-from tubeplanner.studies.movable_problem import MovableProblem
-from tubeplanner.studies.pattern_search import pattern_search
-from tubeplanner.studies.placement_region import Region, Stand, StandGrid
-from tubeplanner.studies.placement_result import GivenStand, Placement
-from tubeplanner.studies.placement_row import PlacementRow
-from tubeplanner.studies.placement_trials import PlacementTrials
+from tubeplanner.studies.placement_rows import GivenStand, Placement, PlacementRow, PlacementTrials
+from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.worker_processes import WorkerProcesses
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- Downhill by trying neighbours along the axes, in steps that halve: no derivative is needed.
+
+_P = TypeVar("_P")
+_LEAST_GAIN = 1e-3  # of a value: less is no reason to go on with steps of one size
+
+
+@dataclass
+class _Walk(Generic[_P]):
+    """One way downhill: where it is, the value there, and how often its steps were halved."""
+
+    point: _P
+    value: float
+    halved: int = 0
+
+
+def pattern_search(
+    starts: Sequence[tuple[_P, float]],
+    neighbours: Callable[[_P, float], Sequence[_P]],
+    values: Callable[[Sequence[_P]], Sequence[float]],
+    halvings: int,
+) -> list[tuple[_P, float]]:
+    """Return where ways downhill from some points end, and the values there.
+
+    All ways go on side by side: the neighbours of all are valued together. What is found does not
+    depend on the order in which that is done.
+
+    Args:
+        starts: Points and their values.
+        neighbours: From a point and a share of the first step: the points to try.
+        values: Of points, in their order; infinity where there is none.
+        halvings: How often steps are halved.
+    """
+    walks = [_Walk(point, value) for point, value in starts]
+    while active := [walk for walk in walks if walk.halved <= halvings]:
+        tries = [list(neighbours(walk.point, 0.5**walk.halved)) for walk in active]
+        found = iter(values([point for points in tries for point in points]))
+        for walk, points in zip(active, tries, strict=True):
+            _step(walk, [(point, next(found)) for point in points])
+    return [(walk.point, walk.value) for walk in walks]
+
+
+def _step(walk: _Walk[_P], tried: Sequence[tuple[_P, float]]) -> None:
+    """Go to the best of the points that were tried, or halve the steps."""
+    point, value = min(tried, key=lambda pair: pair[1], default=(walk.point, walk.value))
+    if value < walk.value * (1 - _LEAST_GAIN):
+        walk.point, walk.value = point, value
+    else:
+        walk.halved += 1
+
+
+# ---- Where a robot is to stand so that its motion is short: a grid, then a pattern search.
 
 _STARTS = 5  # of the pattern search
 _HALVINGS = 3

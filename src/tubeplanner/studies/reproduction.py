@@ -1,30 +1,131 @@
-"""The tables of Suh & Bishop (1988) from our code: the published method, and the default one."""
+"""The tables of Suh & Bishop (1988), printed and from our code; the page of both.
 
-from collections.abc import Callable
+J. Robotic Systems 5(6), 497-525; Tables II to IV. Durations are in seconds, tolerances in metres;
+`NO_TUBE` stands for a tool that may go anywhere.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
-from tubeplanner.baselines.baselines import BASELINES, judged_baseline
-from tubeplanner.baselines.conventional_lines import PAPER, conventional_trajectory
-from tubeplanner.baselines.tool_path import tool_paths
-from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.branches.reference_branch import redundancy_rules
-from tubeplanner.outcome import Infeasible
-from tubeplanner.planning.plan_options import REFINEMENT, SUH_BISHOP, PlanOptions
-from tubeplanner.planning.plan_result import PlanResult
-from tubeplanner.planning.planner import plan
-from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.problem.problem_reader import load_problem
-from tubeplanner.progress import PlanningClock, Progress
-from tubeplanner.studies.printed_results import (
-    FIGURE_SEVEN,
-    NO_TUBE,
-    TABLE_FOUR,
-    TABLE_THREE,
-    TABLE_TWO,
-)
+import numpy as np
+
+from tubeplanner.first_guess.baselines import BASELINES, judged_baseline
+from tubeplanner.first_guess.branches import KnownBranches, redundancy_rules
+from tubeplanner.first_guess.line_schemes import PAPER, conventional_trajectory
+from tubeplanner.first_guess.tool_paths import tool_paths
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.outcome import Infeasible, PlanningClock, Progress
+from tubeplanner.planning.options import REFINEMENT, SUH_BISHOP, PlanOptions
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.planning.strategy import plan
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.problem_reader import load_problem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.tube.tube import Tube
+
+# ---- The printed results of Suh & Bishop (1988), and the errors in them.
+
+NO_TUBE = math.inf
+
+
+@dataclass(frozen=True)
+class PrintedExample:
+    """One of the five paths of Table II.
+
+    Attributes:
+        conventional: Straight lines with stops [s].
+        phases: By tolerance [m]: the durations after phase 1 and after phase 2 [s].
+        remark: A remark on the printed numbers; empty: none.
+    """
+
+    conventional: float
+    phases: MappingProxyType[float, tuple[float, float]]
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class PrintedLine:
+    """A path of Table III or IV, which are about one line each.
+
+    Attributes:
+        example: The example of Table II whose line stands for it.
+        bang_bang: The least time on the line itself, if motors switch instantly [s].
+        smoothed: The same with the paper's cost of smoothness, 26 % [s].
+        durations: By tolerance [m] [s].
+        shown: The tolerances that its figures show [m].
+        remark: A remark on the printed numbers.
+    """
+
+    example: int
+    bang_bang: float
+    smoothed: float
+    durations: MappingProxyType[float, float]
+    shown: tuple[float, ...]
+    remark: str
+
+
+def _phases(*durations: tuple[float, float]) -> MappingProxyType[float, tuple[float, float]]:
+    return MappingProxyType(dict(zip((0.01, 0.03, 0.05), durations, strict=True)))
+
+
+_OTHER_SUM = "1.93 s is printed where the formula gives 1.82 s for the printed points"
+
+TABLE_TWO = MappingProxyType(
+    {
+        1: PrintedExample(1.96, _phases((1.08, 0.90), (1.04, 0.75), (1.04, 0.73))),
+        2: PrintedExample(
+            1.00,
+            _phases((0.44, 0.40), (0.44, 0.39), (0.44, 0.39)),
+            "the goal is printed as (0.6, 0.3), out of reach at 0.67 m; the conventional time "
+            "belongs to 0.3 m, so the goal is taken as (0.6, 0)",
+        ),
+        3: PrintedExample(1.93, _phases((1.04, 0.92), (0.95, 0.83), (0.95, 0.80)), _OTHER_SUM),
+        4: PrintedExample(1.93, _phases((0.91, 0.80), (0.91, 0.77), (0.88, 0.72)), _OTHER_SUM),
+        5: PrintedExample(3.74, _phases((1.91, 1.52), (1.44, 1.26), (1.44, 1.03))),
+    }
+)
+
+TABLE_THREE = PrintedLine(
+    example=1,
+    bang_bang=0.72,
+    smoothed=0.91,
+    durations=MappingProxyType(
+        {0.005: 1.18, 0.010: 1.00, 0.020: 0.86, 0.030: 0.84, 0.040: 0.83, 0.050: 0.83}
+    ),
+    shown=(0.005, 0.010, 0.050),
+    remark=(
+        "The end points are lost with figure 8(a). Two lines fit the bang-bang time of 0.72 s: "
+        "that of example 1 and the chord from (0, 0.6) to (0.6, 0) m. Example 1's is taken, though "
+        "Table II prints 0.90, 0.75 and 0.73 s for it where this table has 1.00, 0.84 and 0.83 s."
+    ),
+)
+
+TABLE_FOUR = PrintedLine(
+    example=3,
+    bang_bang=0.70,
+    smoothed=0.88,
+    durations=MappingProxyType(
+        {
+            **{0.005: 0.98, 0.010: 0.95, 0.020: 0.89, 0.030: 0.85, 0.040: 0.82, 0.050: 0.77},
+            **{0.060: 0.68, 0.070: 0.62, NO_TUBE: 0.42},
+        }
+    ),
+    shown=(0.005, 0.030, 0.070),
+    remark=(
+        "The end points are lost with figure 9(a). Example 3's line fits the bang-bang time of "
+        "0.70 s, but the arm of Table I needs 0.617 s even without a tube and with its elbow on "
+        "the better side: the printed 0.62 s at 70 mm and 0.42 s without a tube belong to another "
+        "line or arm."
+    ),
+)
+
+# The tolerances of figure 7, which is captioned example 2 and shows example 1.
+FIGURE_SEVEN = MappingProxyType({0.01: 0.90, 0.02: 0.85, 0.03: 0.75})
+
+
+# ---- The tables of Suh & Bishop (1988) from our code: the published method, and the default one.
 
 _METHODS = (SUH_BISHOP, REFINEMENT)
 CONVENTIONAL = "by the paper's constants"
@@ -189,3 +290,190 @@ def _conventional(problem: PlanningProblem) -> JointTrajectory:
     branches = KnownBranches(problem, PlanningClock(None, None))
     lines = tool_paths(problem, branches.by_rule(redundancy_rules(problem)[0]), arcs=False)
     return conventional_trajectory(problem.robot, lines, PAPER)
+
+
+# ---- The tables of Suh & Bishop (1988) beside ours, as a page of Markdown.
+
+_INTRODUCTION = """\
+# Suh & Bishop (1988), from our code
+
+"Collision-avoidance trajectory planning using tube concept: analysis and simulation", J. Robotic
+Systems 5(6), 497-525. The two-link arm of its Table I, horizontal plane, motors of 95 and 27 N m,
+elbow kept on one side. The paper does not say where the masses are: with each at the end of its
+link, ours match its bang-bang times. Durations are in seconds.
+
+The paper plans in two phases. Phase 1 takes points of the reference path as knots of a joint
+polynomial and finds the fastest choice by branch and bound. Phase 2 moves the knots within the tube
+and doubles their number.
+
+**Published** is `--method suh-bishop`, the algorithm as printed; what the paper leaves open (the
+increments, the line search, when to stop) is ours. **Default** is `refinement`. Both are certified.
+**Ratio** is our value divided by the printed one. `tubeplanner reproduce` made this page.
+"""
+
+_NOT_MONOTONE = """\
+- Where a wider tube gives a slower published trajectory, its search ended in another local optimum:
+the
+  narrower tube's trajectory stays in the wider one too.
+"""
+
+_SCHEMES = f"""\
+The schemes that the paper compares with. Conventional: straight lines with stops at trapezoidal
+speed, by the constants of Table I or as fast as the limits allow. Bang-bang: the least time on the
+lines, if motors switch instantly; smoothed until the acceleration is continuous. Arc corners and
+Taylor's bounded deviation cut corners, within {1000 * PATH_RADIUS:.0f} mm. All but the smoothed
+ones have accelerations that jump.
+"""
+
+# The quantities with a ratio, and their columns in Table II.
+_PHASE_ONE, _PUBLISHED, _DEFAULT = "phase 1", "phase 2, published", "default"
+
+
+def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) -> str:
+    """Return the page.
+
+    Args:
+        reproduction: The results.
+        figures: The file of each figure, by its caption.
+    """
+    parts = [
+        _INTRODUCTION,
+        "## Table II: five examples\n",
+        _table_two(reproduction),
+        _summary(reproduction),
+        _NOT_MONOTONE + _remarks(_on_examples()),
+        "## The reference path itself\n",
+        _SCHEMES,
+        _table_of_paths(reproduction),
+        "## Table III: the line of figure 8(a)\n",
+        _table_of_line(reproduction, TABLE_THREE),
+        _remarks([TABLE_THREE.remark, _line_itself(reproduction, TABLE_THREE)]),
+        "## Table IV: the line of figure 9(a)\n",
+        _table_of_line(reproduction, TABLE_FOUR),
+        _remarks([TABLE_FOUR.remark, _line_itself(reproduction, TABLE_FOUR)]),
+        "## Figures\n",
+        _remarks([_figure_seven(reproduction)]),
+        *(f"![{caption}]({file})\n" for caption, file in figures.items()),
+    ]
+    return "\n".join(parts)
+
+
+def _on_examples() -> list[str]:
+    """Return the remarks on the printed numbers; one that is about several examples, once."""
+    examples: dict[str, list[int]] = {}
+    for number, row in TABLE_TWO.items():
+        if row.remark:
+            examples.setdefault(row.remark, []).append(number)
+    return [
+        f"Example{'s' * (len(numbers) > 1)} {' and '.join(map(str, numbers))}: {remark}."
+        for remark, numbers in examples.items()
+    ]
+
+
+def _table_two(reproduction: Reproduction) -> str:
+    head = ["example", "tolerance [mm]"]
+    for name in (_PHASE_ONE, _PUBLISHED):
+        head += [name, "printed", "ratio"]
+    rows = []
+    for number, row in TABLE_TWO.items():
+        for radius in row.phases:
+            pairs = _pairs(reproduction, number, radius)
+            line = [str(number), f"{1000 * radius:.0f}"]
+            for name in (_PHASE_ONE, _PUBLISHED):
+                ours, printed = pairs[name]
+                line += [_seconds(ours), f"{printed:.2f}", _ratio(ours, printed)]
+            ours, printed = pairs[_DEFAULT]
+            rows.append([*line, _seconds(ours), _ratio(ours, printed)])
+    return _table([*head, _DEFAULT, "ratio"], rows)
+
+
+def _summary(reproduction: Reproduction) -> str:
+    """Return the mean, least and largest ratio to the printed durations."""
+    rows = []
+    for name in (_PHASE_ONE, _PUBLISHED, _DEFAULT):
+        pairs = [
+            _pairs(reproduction, number, radius)[name]
+            for number, row in TABLE_TWO.items()
+            for radius in row.phases
+        ]
+        ratios = [ours / printed for ours, printed in pairs if ours is not None]
+        summary = ["-"] * 3
+        if ratios:
+            summary = [f"{value:.3f}" for value in (np.mean(ratios), min(ratios), max(ratios))]
+        rows.append([name, f"{len(ratios)} of {len(pairs)}", *summary])
+    return _table(("ratio", "cells", "mean", "least", "largest"), rows)
+
+
+def _pairs(
+    reproduction: Reproduction, example: int, radius: float
+) -> dict[str, tuple[float | None, float]]:
+    """Return our duration and the printed one, by name."""
+    cell = reproduction.cell(example, radius)
+    phase_one, phase_two = TABLE_TWO[example].phases[radius]
+    return {
+        _PHASE_ONE: (cell.published.phase1_duration, phase_one),
+        _PUBLISHED: (cell.published.duration, phase_two),
+        _DEFAULT: (cell.default.duration, phase_two),
+    }
+
+
+def _table_of_paths(reproduction: Reproduction) -> str:
+    """Return the durations of the schemes without a tube; only the first column is printed."""
+    schemes = list(next(iter(reproduction.paths.values())).trajectories)
+    rows = [
+        [str(number), f"{TABLE_TWO[number].conventional:.2f}"]
+        + [_seconds(path.duration(scheme)) for scheme in schemes]
+        for number, path in reproduction.paths.items()
+    ]
+    return _table(("example", "conventional, printed", *schemes), rows)
+
+
+def _table_of_line(reproduction: Reproduction, table: PrintedLine) -> str:
+    rows = []
+    for radius, printed in table.durations.items():
+        cell = reproduction.cell(table.example, radius)
+        row = ["none" if radius == NO_TUBE else f"{1000 * radius:.0f}", f"{printed:.2f}"]
+        for duration in (cell.published.duration, cell.default.duration):
+            row += [_seconds(duration), _ratio(duration, printed)]
+        rows.append(row)
+    return _table(("tolerance [mm]", "printed", "published", "ratio", "default", "ratio"), rows)
+
+
+def _line_itself(reproduction: Reproduction, table: PrintedLine) -> str:
+    """Return a sentence on motors that switch instantly, and on the cost of smoothness."""
+    path = reproduction.paths[table.example]
+    switched, smoothed = path.duration("bang-bang"), path.duration("smoothed-bang-bang")
+    return (
+        f"Bang-bang on the line itself takes {_seconds(switched)} s (printed: "
+        f"{table.bang_bang:.2f} s), smoothed {_seconds(smoothed)} s (printed: {table.smoothed:.2f} "
+        "s, of which 26 % are an estimate of what smoothness costs)."
+    )
+
+
+def _figure_seven(reproduction: Reproduction) -> str:
+    summary = ", ".join(
+        f"{_seconds(reproduction.cell(1, radius).published.duration)} ({printed:.2f})"
+        for radius, printed in FIGURE_SEVEN.items()
+    )
+    radii = ", ".join(f"{1000 * radius:.0f}" for radius in FIGURE_SEVEN)
+    return (
+        f"Figure 7 is captioned example 2 and shows example 1. As published, at {radii} mm, ours "
+        f"and, in brackets, printed: {summary} s."
+    )
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def _remarks(sentences: Iterable[str]) -> str:
+    return "\n".join(f"- {sentence}" for sentence in sentences) + "\n"
+
+
+def _seconds(duration: float | None) -> str:
+    return "-" if duration is None else f"{duration:.3f}"
+
+
+def _ratio(ours: float | None, printed: float) -> str:
+    return "-" if ours is None else f"{ours / printed:.2f}"

@@ -1,4 +1,4 @@
-"""Joint trajectories: piecewise polynomials in time."""
+"""JointTrajectory: evaluation, sampling, concatenation, saving; moving averages."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray, read_only
+from tubeplanner.checks import is_number
 from tubeplanner.errors import TrajectoryError, shown
-from tubeplanner.names import require_name
-from tubeplanner.options import is_number
-from tubeplanner.trajectory.b_spline import BSpline
-from tubeplanner.trajectory.piecewise_polynomial import PiecewisePolynomial
+from tubeplanner.text import require_name
+from tubeplanner.trajectory.polynomials import BSpline, PiecewisePolynomial
 
 if TYPE_CHECKING:
-    from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.task.problem import PlanningProblem
+
+# ---- Joint trajectories: piecewise polynomials in time.
 
 # What makes sense for an arm, far from where rounding or time to compute would become a question.
 MAX_DEGREE, MAX_PIECES, MAX_JOINTS = 20, 100_000, 1000
@@ -306,7 +307,7 @@ class JointTrajectory:
             TrajectoryError: The problem has other joints, or the rate makes too many samples.
         """
         # The one import from above, so that a trajectory writes itself: see `ignore_imports`.
-        from tubeplanner.files.trajectory_writer import write_trajectory
+        from tubeplanner.output.files.trajectory_writer import write_trajectory
 
         return write_trajectory(path, self, problem, rate)
 
@@ -385,3 +386,29 @@ def from_splines(joint_names: Sequence[str], splines: BSpline) -> list[JointTraj
         JointTrajectory(joint_names, breakpoints, coefficients[:, :, k])
         for k in range(coefficients.shape[2])
     ]
+
+
+# ---- Trajectories averaged over neighbouring intervals of time.
+
+_DEGREE = 3
+
+
+def averaged(trajectory: JointTrajectory, intervals: int, duration: float) -> JointTrajectory:
+    """Return a C2 cubic spline on equal intervals whose control points lie on a trajectory.
+
+    Schoenberg's operator (de Boor, "A Practical Guide to Splines", chapter XI): what never falls
+    never falls averaged. The first three control points are the start and the last three the goal,
+    so that it begins and ends at rest and without acceleration.
+
+    Args:
+        trajectory: At any speed.
+        intervals: How many, at least 3.
+        duration: Of the spline [s].
+    """
+    knots = np.linspace(0.0, 1.0, intervals + 1)
+    knots = np.concatenate([np.zeros(_DEGREE), knots, np.ones(_DEGREE)])
+    means = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / _DEGREE  # where control points belong
+    first, last = means[2], means[-3]
+    share = np.clip((means - first) / (last - first), 0.0, 1.0)
+    control_points = trajectory.position(share * trajectory.duration)
+    return from_spline(trajectory.joint_names, BSpline(knots * duration, control_points, _DEGREE))

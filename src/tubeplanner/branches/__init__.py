@@ -1,1 +1,0 @@
-"""Joint-space lines whose tool follows the reference path: inverse kinematics."""

@@ -1,0 +1,1 @@
+"""The judge: imports no module that makes trajectories."""

@@ -1,0 +1,167 @@
+"""Efforts over intervals without reversal, Coulomb friction included, as polynomials."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.certificate.enclosure import Enclosure
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.motors import JointMotors
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.parts import DirectedStretches, SignChanges, sign_changes
+from tubeplanner.trajectory.polynomials import restricted
+
+
+@dataclass(frozen=True, eq=False)
+class DirectedEfforts:
+    """R intervals, each of one joint, in which it moves one way and no table has a corner.
+
+    Polynomials of a time that runs from 0 to 1 over each interval, highest power first, (N, R). At
+    a reversal one interval ends and the next begins: both one-sided limits belong to one.
+
+    Attributes:
+        joint: Whose it is, shape (R,).
+        start: Shape (R,) [s].
+        width: Shape (R,) [s].
+        position: Of the joint [rad or m].
+        velocity: Likewise [rad/s or m/s].
+        effort: With friction as it is given [N m or N].
+        unsure: By how much friction may change it, never negative [N m or N].
+        error: How far the effort may be from its polynomial, shape (R,) [N m or N].
+    """
+
+    joint: IntArray
+    start: FloatArray
+    width: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    effort: FloatArray
+    unsure: FloatArray
+    error: FloatArray
+
+    def most(self, way: float) -> FloatArray:
+        """Return the most that the effort may be forwards (1) or backwards (-1), (N, R)."""
+        most = way * self.effort + self.unsure
+        most[-1] += self.error
+        return most
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Parts of an enclosure's intervals, R of them, shape (R,) each.
+
+    Attributes:
+        joint: Whose it is.
+        interval: Of the enclosure.
+        piece: Of the trajectory.
+        start: Where it starts in the interval, from 0 to 1.
+        end: Where it ends, likewise.
+    """
+
+    joint: IntArray
+    interval: IntArray
+    piece: IntArray
+    start: FloatArray
+    end: FloatArray
+
+
+def directed_efforts(
+    robot: RobotModel,
+    trajectory: JointTrajectory,
+    smooth: Enclosure,
+    stretches: DirectedStretches,
+    joints: IntArray,
+) -> DirectedEfforts:
+    """Return the efforts of some joints.
+
+    Args:
+        robot: The arm.
+        trajectory: In the robot's joint order.
+        smooth: Its efforts without Coulomb friction.
+        stretches: Of the trajectory.
+        joints: Which ones, shape (k,).
+    """
+    instants = _instants(robot, trajectory, stretches, joints)
+    parts = _parts(trajectory, smooth, instants, joints)
+    joint, interval, piece = parts.joint, parts.interval, parts.piece
+    start = smooth.start[interval] + smooth.width[interval] * parts.start
+    width = smooth.width[interval] * (parts.end - parts.start)
+    local = start - trajectory.breakpoints[piece]
+    position, velocity, effort = _of_one_degree(
+        _on(trajectory.coefficients[:, piece, joint], local, width),
+        _on(trajectory.derivative_coefficients(1)[:, piece, joint], local, width),
+        _on(smooth.coefficients[:, interval, joint], parts.start, parts.end - parts.start),
+    )
+    direction = stretches.at(piece, (local + width / 2) / trajectory.widths[piece])
+    dry, unsure = _friction(robot.motors, joint, direction, velocity)
+    effort[-1] += dry
+    error = smooth.error[interval, joint]
+    return DirectedEfforts(joint, start, width, position, velocity, effort, unsure, error)
+
+
+def _friction(
+    motors: JointMotors, joint: IntArray, direction: FloatArray, velocity: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return Coulomb friction, (R,), and by how much all friction may be more or less, (N, R).
+
+    Args:
+        motors: Of n joints.
+        joint: Whose friction it is, shape (R,).
+        direction: Of all joints then, shape (R, n).
+        velocity: Of the joint, polynomials (N, R).
+    """
+    row = np.arange(len(joint))
+    dry = motors.coulomb_effort(direction)[row, joint]
+    friction = motors.viscous_friction[joint] * velocity
+    friction[-1] += dry
+    # Both kinds are against the same direction.
+    return dry, motors.friction_uncertainty * direction[row, joint] * friction
+
+
+def _instants(
+    robot: RobotModel, trajectory: JointTrajectory, stretches: DirectedStretches, joints: IntArray
+) -> SignChanges:
+    """Return where joints reverse and where they pass corners of their effort limits."""
+    inside = stretches.start > 0
+    found = [(stretches.joint[inside], stretches.piece[inside], stretches.start[inside])]
+    for table in robot.limits.effort_ranges:
+        beyond = np.repeat(trajectory.coefficients[:, :, [table.joint]], len(table.position), 2)
+        beyond[-1] -= table.position
+        passed = sign_changes(beyond, trajectory.widths)
+        found.append((np.full(len(passed.piece), table.joint), passed.piece, passed.share))
+    joint, piece, share = (np.concatenate(column) for column in zip(*found, strict=True))
+    asked = np.isin(joint, joints)
+    return SignChanges(joint[asked], piece[asked], share[asked])
+
+
+def _parts(
+    trajectory: JointTrajectory, smooth: Enclosure, instants: SignChanges, joints: IntArray
+) -> _Parts:
+    """Return every interval for each joint, cut at its instants."""
+    begin, widths = trajectory.breakpoints, trajectory.widths
+    pieces = np.searchsorted(begin, smooth.start + smooth.width / 2, side="right") - 1
+    count = len(pieces)
+    place = pieces + (smooth.start - begin[pieces]) / widths[pieces]
+    cut = np.searchsorted(place, instants.piece + instants.share, side="right") - 1
+    time = begin[instants.piece] + widths[instants.piece] * instants.share
+    share = np.clip((time - smooth.start[cut]) / smooth.width[cut], 0.0, 1.0)
+    joint = np.append(np.repeat(joints, count), instants.column)
+    interval = np.append(np.tile(np.arange(count), len(joints)), cut)
+    start = np.append(np.zeros(len(joints) * count), share)
+    order = np.lexsort((start, interval, joint))
+    joint, interval, start = joint[order], interval[order], start[order]
+    is_last = np.append((np.diff(interval) != 0) | (np.diff(joint) != 0), True)
+    end = np.where(is_last, 1.0, np.roll(start, -1))
+    return _Parts(joint, interval, pieces[interval], start, end)
+
+
+def _on(rows: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
+    """Return polynomials (degree+1, R) on intervals, of times from 0 to 1."""
+    return restricted(rows[:, :, None], start, width)[:, :, 0]
+
+
+def _of_one_degree(*polynomials: FloatArray) -> list[FloatArray]:
+    """Return polynomials (degree+1, R) with as many rows as the highest has."""
+    most = max(map(len, polynomials))
+    return [np.pad(rows, ((most - len(rows), 0), (0, 0))) for rows in polynomials]

@@ -1,0 +1,210 @@
+"""Conditions on efforts: limits, torque-speed lines, rates."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.certificate.directed_efforts import DirectedEfforts
+from tubeplanner.certificate.enclosed_quantities import enclosed_effort_rates
+from tubeplanner.certificate.enclosure import Enclosure
+from tubeplanner.certificate.judged_motion import (
+    EFFORT_ENCLOSURE,
+    FOR_ALL_TIMES,
+    RELATIVE,
+    JudgedCondition,
+    JudgedMotion,
+    not_required,
+    undecided,
+)
+from tubeplanner.outcome import Place
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.trajectory.polynomials import maxima, peak_magnitudes
+
+# ---- The largest share of their limits that enclosed quantities of the joints use.
+
+
+def judged_peak(
+    motion: JudgedMotion, quantity: Enclosure, limit: FloatArray, closeness: float
+) -> JudgedCondition:
+    """Judge the magnitudes of a quantity of every joint against limits.
+
+    Args:
+        motion: Whose quantity it is.
+        quantity: c = n.
+        limit: Shape (n,), infinite where there is none, but not everywhere.
+        closeness: What errors, as shares of the limits, leave the condition decided.
+    """
+    bounded = np.flatnonzero(np.isfinite(limit))
+    used = quantity.coefficients[:, :, bounded] / limit[bounded]
+    error = quantity.error[:, bounded].max(axis=0) / limit[bounded]
+    peaks = peak_magnitudes(used, np.ones_like(quantity.width))
+    above = peaks.value + error
+    worst = int(above.argmax())
+    interval = peaks.piece[worst]
+    time = quantity.start[interval] + peaks.local_time[worst] * quantity.width[interval]
+    coverage = FOR_ALL_TIMES
+    if error[worst] > closeness:
+        coverage = undecided(1 - float(peaks.value[worst]), RELATIVE)
+    place = Place(time=float(time), joint=motion.robot.joint_names[bounded[worst]])
+    return JudgedCondition(1 - float(above[worst]), RELATIVE, place, coverage)
+
+
+# ---- The largest share of limits that joints use which move one way at a time.
+
+
+def judged_both_ways(
+    motion: JudgedMotion, efforts: DirectedEfforts, excess: FloatArray, unit: FloatArray
+) -> JudgedCondition:
+    """Judge efforts that must not exceed what is allowed.
+
+    Args:
+        motion: Whose efforts they are.
+        efforts: On R intervals.
+        excess: What they have above it forwards and backwards, errors included: polynomials as
+            those of `efforts`, shape (2, N, R) [N m or N].
+        unit: What margins are relative to, shape (R,) [N m or N].
+    """
+    used = excess / unit
+    used[:, -1] += 1.0  # `maxima` resolves shares of the value, which must not be 0
+    rows = np.concatenate(list(used), axis=1)[:, :, None]
+    peak = maxima(rows, np.ones(rows.shape[1]))
+    worst = int(peak.piece[0]) % len(unit)
+    margin, error = 1 - float(peak.value[0]), float(efforts.error[worst] / unit[worst])
+    coverage = FOR_ALL_TIMES
+    if error > EFFORT_ENCLOSURE:
+        coverage = undecided(margin + error, RELATIVE)
+    time = efforts.start[worst] + peak.local_time[0] * efforts.width[worst]
+    place = Place(time=float(time), joint=motion.robot.joint_names[efforts.joint[worst]])
+    return JudgedCondition(margin, RELATIVE, place, coverage)
+
+
+# ---- Effort limits.
+
+
+def judge_effort(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the effort limits, by polynomials that enclose the efforts.
+
+    Margins are relative to the most that a joint has anywhere and in any direction. Where it
+    reverses, what it needs on either side counts; at the start and the goal, on the side of the
+    motion.
+    """
+    limit = motion.robot.limits.effort
+    if not np.isfinite(limit).any():
+        return not_required(RELATIVE, "no joint has this limit")
+    directed = _depends_on_direction(motion.robot) & np.isfinite(limit)
+    plain, asked = np.where(directed, np.inf, limit), []
+    if np.isfinite(plain).any():
+        asked.append(judged_peak(motion, motion.smooth_efforts, plain, EFFORT_ENCLOSURE))
+    if directed.any():
+        asked.append(_judge_directed(motion, directed))
+    return min(asked, key=lambda each: each.margin or 0.0)
+
+
+def _depends_on_direction(robot: RobotModel) -> BoolArray:
+    """Return which joints have more than a smooth effort and one limit, shape (n,)."""
+    motors = robot.motors
+    found = (motors.backwards_friction > 0) | (motors.forwards_friction > 0)
+    if motors.friction_uncertainty > 0:
+        found |= motors.viscous_friction > 0
+    found[[table.joint for table in robot.limits.effort_ranges]] = True
+    return found
+
+
+def _judge_directed(motion: JudgedMotion, which: BoolArray) -> JudgedCondition:
+    efforts = motion.efforts_of(np.flatnonzero(which))
+    excess = [
+        efforts.most(way) - _effort_allowed(motion.robot, efforts, way) for way in (1.0, -1.0)
+    ]
+    unit = motion.robot.limits.effort[efforts.joint]
+    return judged_both_ways(motion, efforts, np.array(excess), unit)
+
+
+def _effort_allowed(robot: RobotModel, efforts: DirectedEfforts, way: float) -> FloatArray:
+    """Return the limits in one direction as polynomials, (N, R)."""
+    allowed = np.zeros_like(efforts.effort)
+    allowed[-1] = robot.limits.effort[efforts.joint]
+    halves = 0.5 ** np.arange(len(allowed) - 1, -1, -1)
+    middle = halves @ efforts.position
+    for table in robot.limits.effort_ranges:
+        rows = np.flatnonzero(efforts.joint == table.joint)
+        q = middle[rows]
+        allowed[:, rows] = table.slope(q, way) * efforts.position[:, rows]
+        allowed[-1, rows] += table.allowed(q, way) - table.slope(q, way) * q
+    return allowed
+
+
+# ---- Torque-speed lines of the motors: the faster they turn, the less effort they have.
+
+
+def judge_motor_curve(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the torque-speed lines, by polynomials that enclose the efforts.
+
+    Margins are relative to the saturation efforts. Both ways count: a motor that brakes has more
+    than its saturation effort.
+    """
+    motors = motion.robot.motors
+    if not motors.has_curve.any():
+        return not_required(RELATIVE, "no motor has a torque-speed line")
+    efforts = motion.efforts_of(np.flatnonzero(motors.has_curve))
+    saturation = motors.saturation_effort[efforts.joint]
+    lost = saturation / motors.no_load_velocity[efforts.joint] * efforts.velocity
+    excess = np.array([efforts.most(way) + way * lost for way in (1.0, -1.0)])
+    excess[:, -1] -= saturation
+    return judged_both_ways(motion, efforts, excess, saturation)
+
+
+# ---- Where joints reverse, and how far Coulomb friction jumps there, in words.
+
+
+def friction_jumps(motion: JudgedMotion, joints: BoolArray) -> str:
+    """Return how often friction jumps, and the most at which place; empty where there is none.
+
+    Args:
+        motion: Of joints that may reverse.
+        joints: Whose friction counts, shape (n,).
+    """
+    robot, trajectory, stretches = motion.robot, motion.trajectory, motion.stretches
+    motors = robot.motors
+    jump = motors.backwards_friction + motors.forwards_friction
+    jump = np.where(joints, jump * (1 + motors.friction_uncertainty), 0.0)
+    if not jump.any():
+        return ""
+    moving = np.flatnonzero(stretches.direction)
+    before, after = moving[:-1], moving[1:]
+    reverses = stretches.direction[before] != stretches.direction[after]
+    reverses &= stretches.joint[before] == stretches.joint[after]
+    at = after[reverses & (jump[stretches.joint[after]] > 0)]
+    if len(at) == 0:
+        return "Coulomb friction does not jump: no joint reverses"
+    worst = at[jump[stretches.joint[at]].argmax()]
+    joint, piece = stretches.joint[worst], stretches.piece[worst]
+    time = trajectory.breakpoints[piece] + stretches.start[worst] * trajectory.widths[piece]
+    unit = "N m" if robot.revolute[joint] else "N"
+    place = Place(time=float(time), joint=robot.joint_names[joint])
+    return (
+        f"Coulomb friction, which is apart, jumps at {len(at)} reversal{'s'[: len(at) > 1]}, by "
+        f"at most {jump[joint]:.3g} {unit} ({place})"
+    )
+
+
+# ---- Limits on how fast the efforts change.
+
+# How closely the rates are enclosed, as a share of their limits: tighter than the certificate's
+# tolerance, so that the planner may use most of it.
+_RATE_ENCLOSURE = 1e-8
+
+
+def judge_effort_rate(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the rates of the efforts inside all pieces, by polynomials that enclose them.
+
+    Where efforts jump, at breakpoints, that is the continuity's to judge. Coulomb friction jumps
+    where joints reverse, whatever the motion: the coverage says how often and how far.
+    """
+    limit = motion.robot.limits.effort_rate
+    if not np.isfinite(limit).any():
+        return not_required(RELATIVE, "no joint has this limit")
+    rates = enclosed_effort_rates(motion.robot, motion.trajectory, _RATE_ENCLOSURE * limit)
+    judged = judged_peak(motion, rates, limit, _RATE_ENCLOSURE)
+    jumps = friction_jumps(motion, np.isfinite(limit))
+    return replace(judged, coverage=f"{judged.coverage}; {jumps}") if jumps else judged

@@ -1,0 +1,377 @@
+"""Conditions on joints: position, velocity to jerk, signs, continuity, start, goal, rest."""
+
+from dataclasses import dataclass
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.certificate.judged_motion import (
+    FOR_ALL_TIMES,
+    RELATIVE,
+    JudgedCondition,
+    JudgedMotion,
+    bracketed,
+    not_required,
+)
+from tubeplanner.certificate.tube_visits import Visit
+from tubeplanner.outcome import Place
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.endpoints import GoalRegion, ToolPose
+from tubeplanner.task.problem import Seed
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.polynomials import (
+    Extrema,
+    bernstein_coefficients,
+    halves,
+    maxima,
+    peak_magnitudes,
+)
+
+# ---- Where polynomials of the joints come nearest to their bounds, exactly.
+
+
+class Highest(NamedTuple):
+    """The largest of several extrema.
+
+    Attributes:
+        value: In the unit of the polynomials.
+        time: From the trajectory's begin [s].
+        column: Which extremum it is.
+    """
+
+    value: float
+    time: float
+    column: int
+
+
+class JointMargin(NamedTuple):
+    """The least margin between joints and their ranges.
+
+    Attributes:
+        margin: [rad or m]
+        time: From the trajectory's begin [s].
+        joint: Name of the joint.
+    """
+
+    margin: float
+    time: float
+    joint: str
+
+
+def highest(extrema: Extrema, trajectory: JointTrajectory) -> Highest:
+    """Return the largest of a trajectory's extrema."""
+    column = int(extrema.value.argmax())
+    start = trajectory.breakpoints[extrema.piece[column]]
+    return Highest(float(extrema.value[column]), float(start + extrema.local_time[column]), column)
+
+
+def range_margin(
+    trajectory: JointTrajectory, lower: FloatArray, upper: FloatArray
+) -> JointMargin | None:
+    """Return the least margin between joints and their ranges; None if no joint has any.
+
+    Args:
+        trajectory: Of n joints.
+        lower: Shape (n,) [rad or m]; minus infinity where there is no bound.
+        upper: Likewise, infinity where there is no bound.
+    """
+    over, joints = [], []
+    for sign, bound in ((1.0, upper), (-1.0, -lower)):
+        bounded = np.flatnonzero(np.isfinite(bound))
+        beyond = sign * trajectory.coefficients[:, :, bounded]
+        beyond[-1] -= bound[bounded]
+        over.append(beyond)
+        joints += bounded.tolist()
+    if not joints:
+        return None
+    worst = highest(maxima(np.concatenate(over, axis=2), trajectory.widths), trajectory)
+    return JointMargin(-worst.value, worst.time, trajectory.joint_names[joints[worst.column]])
+
+
+# ---- Position limits.
+
+
+def judge_position(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the position limits, exactly."""
+    limits = motion.robot.limits
+    least = range_margin(motion.trajectory, limits.lower_position, limits.upper_position)
+    if least is None:
+        return not_required("rad", "no joint has position limits")
+    place = Place(time=least.time, joint=least.joint)
+    return JudgedCondition(least.margin, motion.position_unit(least.joint), place, FOR_ALL_TIMES)
+
+
+# ---- Joint ranges of the segments.
+
+
+def judge_joint_signs(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the segments' joint ranges, exactly between the switching times."""
+    lower, upper = motion.tube.ranges_of(motion.robot.joint_names)
+    found = []
+    for visits in _visits_by_range(motion):
+        segment, begin = visits[0].segment, visits[0].begin
+        part = motion.trajectory.between(begin, visits[-1].end)
+        least = range_margin(part, lower[segment], upper[segment])
+        if least is not None:
+            found.append((least._replace(time=begin + least.time), visits))
+    if not found:
+        return not_required("rad", "no segment has joint signs")
+    worst, visits = min(found, key=lambda item: item[0].margin)
+    segment = next((v.segment for v in visits if worst.time <= v.end), visits[-1].segment)
+    place = Place(worst.time, worst.joint, motion.segment_number(segment, worst.time))
+    return JudgedCondition(worst.margin, motion.position_unit(worst.joint), place, FOR_ALL_TIMES)
+
+
+def _visits_by_range(motion: JudgedMotion) -> list[list[Visit]]:
+    """Return the visits, neighbours together whose segments have the same joint ranges."""
+    ranges = np.hstack(motion.tube.ranges_of(motion.robot.joint_names))
+    found = groupby(motion.visits, key=lambda visit: ranges[visit.segment].tobytes())
+    return [list(visits) for _, visits in found]
+
+
+# ---- Velocity limits that fall towards the ends of joints' ranges, exactly.
+#
+# Towards an end at a distance g, a joint's velocity v keeps v <= max(0, sqrt(2 d g) - o). What that
+# leaves is the larger one of two concave functions of g and v, sqrt(2 d g) - o - v and -v. On a
+# piece
+# of a polynomial both are polynomials of time, g and v lie in the hull of their Bernstein
+# coefficients, and each function is nowhere less than at the worst of these.
+
+_RESOLUTION = 1e-9  # of the largest velocity
+_MIN_WIDTH = 2.0**-40  # of a piece
+_MAX_ROWS = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class _Approaches:
+    """Motions of joints towards an end of their range, A of them: upwards, then downwards.
+
+    Attributes:
+        joint: Shape (A,).
+        deceleration: Shape (A,) [rad/s^2 or m/s^2].
+        offset: Shape (A,) [rad/s or m/s].
+        largest: What margins are relative to, shape (A,) [rad/s or m/s].
+        distance: From the end, as polynomials (degree+1, pieces, A) [rad or m].
+        velocity: Towards the end, likewise, of the same degree [rad/s or m/s].
+    """
+
+    joint: IntArray
+    deceleration: FloatArray
+    offset: FloatArray
+    largest: FloatArray
+    distance: FloatArray
+    velocity: FloatArray
+
+    def left(
+        self, distance: FloatArray, velocity: FloatArray, which: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return both functions as shares, (K, R), of approaches (R,); -inf beyond the end."""
+        with np.errstate(invalid="ignore"):
+            root = np.sqrt(2 * self.deceleration[which] * distance) - self.offset[which]
+        near = np.where(distance >= 0, root - velocity, -np.inf)
+        return near / self.largest[which], -velocity / self.largest[which]
+
+
+def velocity_by_position_left(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the velocity limits that depend on positions, for all t.
+
+    Margins are relative to the joint's velocity limit or, where it has none, to the velocity from
+    which it would stop over its whole range.
+    """
+    if not motion.robot.limits.velocity_by_position:
+        return not_required(RELATIVE, "no joint has such a limit")
+    trajectory = motion.trajectory
+    approaches = _approaches(motion.robot, trajectory)
+    lower_bound, attained, time, which = _least_left(approaches, trajectory)
+    joint = motion.robot.joint_names[approaches.joint[which]]
+    return bracketed(lower_bound, attained, RELATIVE, Place(time=time, joint=joint))
+
+
+def _approaches(robot: RobotModel, trajectory: JointTrajectory) -> _Approaches:
+    laws = robot.limits.velocity_by_position
+    joint = np.array([law.joint for law in laws])
+    deceleration = np.array([law.deceleration for law in laws])
+    span = np.array([law.upper - law.lower for law in laws])
+    limit = robot.limits.velocity[joint]
+    largest = np.where(np.isfinite(limit), limit, np.sqrt(2 * deceleration * span))
+    position = trajectory.coefficients[:, :, joint]
+    velocity = np.zeros_like(position)
+    velocity[1:] = trajectory.derivative_coefficients(1)[:, :, joint]
+    to_upper, to_lower = -position, position.copy()
+    to_upper[-1] += [law.upper for law in laws]
+    to_lower[-1] -= [law.lower for law in laws]
+    return _Approaches(
+        np.tile(joint, 2),
+        np.tile(deceleration, 2),
+        np.tile([law.offset for law in laws], 2),
+        np.tile(largest, 2),
+        np.concatenate([to_upper, to_lower], axis=2),
+        np.concatenate([velocity, -velocity], axis=2),
+    )
+
+
+def _least_left(
+    approaches: _Approaches, trajectory: JointTrajectory
+) -> tuple[float, float, float, int]:
+    """Return a lower bound on the least margin, one that is attained, when [s], and whose it is."""
+    pieces, count = approaches.distance.shape[1:]
+    piece, which = np.repeat(np.arange(pieces), count), np.tile(np.arange(count), pieces)
+    start, width = np.zeros(len(piece)), trajectory.widths[piece]
+    smallest = _MIN_WIDTH * trajectory.widths.min()
+    lower_bound, attained, time, worst, rows = np.inf, np.inf, 0.0, 0, 0
+    while len(piece):
+        rows += len(piece)
+        near, away = approaches.left(
+            _hull(approaches.distance[:, piece, which], start, width),
+            _hull(approaches.velocity[:, piece, which], start, width),
+            which,
+        )
+        ends = np.maximum(near, away)[[0, -1]]
+        end, row = np.unravel_index(int(ends.argmin()), ends.shape)
+        if ends[end, row] < attained:
+            attained, worst = float(ends[end, row]), int(which[row])
+            local = start[row] + (width[row] if end else 0.0)
+            time = float(trajectory.breakpoints[piece[row]] + local)
+        lower = np.maximum(near.min(axis=0), away.min(axis=0))
+        split = (lower < attained - _RESOLUTION) & (width > smallest) & (rows < _MAX_ROWS)
+        lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
+        piece, which = np.repeat(piece[split], 2), np.repeat(which[split], 2)
+        start, width = halves(start[split], width[split])
+    return lower_bound, attained, time, worst
+
+
+def _hull(rows: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
+    """Return the Bernstein coefficients of R polynomials (degree+1, R) on intervals."""
+    return bernstein_coefficients(rows[:, :, None], start, width)[:, :, 0]
+
+
+# ---- Limits on velocity, acceleration and jerk of the joints.
+
+
+def judge_velocity(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the velocity limits, exactly, and those that depend on positions."""
+    constant = _judge_derivative(motion, 1, motion.robot.limits.velocity)
+    by_position = velocity_by_position_left(motion)
+    asked = [each for each in (constant, by_position) if each.margin is not None]
+    return min(asked, key=lambda each: each.margin or 0.0, default=constant)
+
+
+def judge_acceleration(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the acceleration limits, exactly."""
+    return _judge_derivative(motion, 2, motion.robot.limits.acceleration)
+
+
+def judge_jerk(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the jerk limits, exactly."""
+    return _judge_derivative(motion, 3, motion.robot.limits.jerk)
+
+
+def _judge_derivative(motion: JudgedMotion, order: int, limit: FloatArray) -> JudgedCondition:
+    """Judge a derivative of the positions against limits (n,), infinite where there is none."""
+    bounded = np.flatnonzero(np.isfinite(limit))
+    if len(bounded) == 0:
+        return not_required(RELATIVE, "no joint has this limit")
+    trajectory = motion.trajectory
+    used = trajectory.derivative_coefficients(order)[:, :, bounded] / limit[bounded]
+    peak = highest(peak_magnitudes(used, trajectory.widths), trajectory)
+    place = Place(time=peak.time, joint=motion.robot.joint_names[bounded[peak.column]])
+    return JudgedCondition(1 - peak.value, RELATIVE, place, FOR_ALL_TIMES)
+
+
+# ---- Jumps between the pieces of a trajectory.
+
+
+def judge_continuity(motion: JudgedMotion) -> JudgedCondition:
+    """Judge jumps of position, or of velocity and acceleration relative to their largest values.
+
+    All jumps of a joint add up: many small ones would otherwise let it skip any part of its path.
+    The worst sum is reported, each measured by its own tolerance, at its largest jump.
+    """
+    found = [JudgedCondition(0.0, RELATIVE, Place(), FOR_ALL_TIMES)]
+    for order in range(3):
+        values = motion.piece_ends(order)
+        jumps = abs(values[0, 1:] - values[1, :-1])
+        if jumps.size == 0:
+            continue
+        if order > 0:
+            jumps = jumps / motion.largest_rates[order]
+        total = jumps.sum(axis=0)
+        worst = int(total.argmax())
+        joint = motion.robot.joint_names[worst]
+        time = float(motion.trajectory.breakpoints[jumps[:, worst].argmax() + 1])
+        unit = motion.position_unit(joint) if order == 0 else RELATIVE
+        place = Place(time=time, joint=joint)
+        found.append(JudgedCondition(0.0 - float(total[worst]), unit, place, FOR_ALL_TIMES))
+    return min(found, key=lambda condition: _in_tolerances(motion, condition))
+
+
+def _in_tolerances(motion: JudgedMotion, condition: JudgedCondition) -> float:
+    """Return a margin as a multiple of the tolerance that it is judged by."""
+    return (condition.margin or 0.0) / max(motion.tolerance.of(condition.unit), 1e-300)
+
+
+# ---- Start and goal.
+
+
+def judge_start(motion: JudgedMotion) -> JudgedCondition:
+    """Judge where the trajectory begins."""
+    return _judge_end(motion, 0, motion.problem.start, 0.0)
+
+
+def judge_goal(motion: JudgedMotion) -> JudgedCondition:
+    """Judge where the trajectory ends."""
+    goal, duration = motion.problem.goal, motion.trajectory.duration
+    if not isinstance(goal, GoalRegion):
+        return _judge_end(motion, -1, goal, duration)
+    tool = motion.robot.tool_position(motion.trajectory.position(duration)[None])[0]
+    coverage = f"tool within {goal.tolerance:g} m of the goal's position"
+    return JudgedCondition(goal.margin(tool), "m", Place(time=duration), coverage)
+
+
+def _judge_end(
+    motion: JudgedMotion, index: int, given: FloatArray | Seed | ToolPose | None, time: float
+) -> JudgedCondition:
+    """Judge one end against the given configuration (n,) or pose, or else the reference point.
+
+    Args:
+        motion: What is judged.
+        index: The end's reference point.
+        given: What the problem asks there.
+        time: When the trajectory is there [s].
+    """
+    q = motion.trajectory.position(time)
+    if isinstance(given, ToolPose):
+        rotation, position = (part[0] for part in motion.robot.tool_pose(q[None]))
+        away, turned = given.errors(rotation, position)
+        unit, worst = ("m", away) if away >= turned else ("rad", turned)
+        return JudgedCondition(0.0 - worst, unit, Place(time=time), "tool at its pose")
+    if given is None or isinstance(given, Seed):
+        tool = motion.robot.tool_position(q[None])[0]
+        error = float(np.linalg.norm(tool - motion.tube.points[index]))
+        return JudgedCondition(0.0 - error, "m", Place(time=time), "tool at the reference point")
+    off = abs(q - given)
+    joint = motion.robot.joint_names[int(off.argmax())]
+    place = Place(time=time, joint=joint)
+    return JudgedCondition(
+        0.0 - float(off.max()), motion.position_unit(joint), place, FOR_ALL_TIMES
+    )
+
+
+# ---- Rest at both ends.
+
+
+def judge_rest(motion: JudgedMotion) -> JudgedCondition:
+    """Judge velocity and acceleration at both ends, relative to their largest values."""
+    worst, place = 0.0, Place()
+    for order in (1, 2):
+        values = motion.piece_ends(order)
+        ends = np.array([values[0, 0], values[1, -1]])
+        share = abs(ends) / motion.largest_rates[order]
+        if share.max() > worst:
+            end, joint = np.unravel_index(int(share.argmax()), share.shape)
+            time = float(motion.trajectory.breakpoints[-end])
+            worst = float(share.max())
+            place = Place(time=time, joint=motion.robot.joint_names[joint])
+    return JudgedCondition(0.0 - worst, RELATIVE, place, FOR_ALL_TIMES)

@@ -1,0 +1,235 @@
+"""JudgedCondition: margin, location, coverage; JudgedMotion: quantities common to conditions."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.certificate.directed_efforts import DirectedEfforts, directed_efforts
+from tubeplanner.certificate.enclosed_quantities import (
+    EnclosedPose,
+    enclosed_efforts,
+    enclosed_pose,
+    enclosed_tool,
+)
+from tubeplanner.certificate.enclosure import Enclosure
+from tubeplanner.certificate.segment_margins import MarginMaker
+from tubeplanner.certificate.tube_visits import Visit, tube_visits
+from tubeplanner.checks import NUMBER
+from tubeplanner.errors import OptionError, shown
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.outcome import MARGIN_TOLERANCE, Place
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.parts import DirectedStretches, directed_stretches
+from tubeplanner.trajectory.polynomials import peak_magnitudes
+
+# ---- One condition of a certificate: its margin, its place, what the margin covers.
+
+FOR_ALL_TIMES = "for all t"
+RELATIVE = "relative"
+# Bounds farther apart than this, absolute [m] and as a share of the margin, are left undecided.
+_UNDECIDED_LENGTH, _UNDECIDED_SHARE = 1e-6, 0.05
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far below zero a margin may lie.
+
+    Attributes:
+        absolute: For margins in m, rad and s, >= 0.
+        relative: For relative margins, >= 0.
+    """
+
+    absolute: float = MARGIN_TOLERANCE
+    relative: float = MARGIN_TOLERANCE
+
+    def __post_init__(self) -> None:
+        for name in ("absolute", "relative"):
+            value = getattr(self, name)
+            if not (isinstance(value, NUMBER) and 0 <= value < 1):
+                raise OptionError(f"tolerance: {name} is {shown(value)}, not in [0, 1)")
+
+    def of(self, unit: str) -> float:
+        """Return the tolerance that belongs to a unit."""
+        return self.relative if unit == RELATIVE else self.absolute
+
+
+# For trajectories made elsewhere: rounded numbers, samples.
+FOREIGN_TOLERANCE = Tolerance(1e-4, 1e-3)
+
+
+@dataclass(frozen=True)
+class JudgedCondition:
+    """One condition of a certificate.
+
+    Attributes:
+        margin: Distance to a violation: negative where violated, None where the condition does not
+            apply.
+        unit: "m", "rad" or "relative"; "s" where a cycle rests.
+        where: Where the margin is smallest.
+        coverage: "for all t", and whether that is undecided because bounds stayed apart; or why
+            there is no margin; or what was compared.
+    """
+
+    margin: float | None
+    unit: str
+    where: Place
+    coverage: str
+
+    def holds(self, tolerance: Tolerance) -> bool:
+        """Return whether the condition holds, or does not apply."""
+        return self.margin is None or self.margin >= -tolerance.of(self.unit)
+
+    def as_dict(self, tolerance: Tolerance) -> dict[str, Any]:
+        """Return the condition as JSON values, judged with a tolerance."""
+        return {
+            "margin": self.margin,
+            "unit": self.unit,
+            "satisfied": self.holds(tolerance),
+            "where": self.where.as_dict(),
+            "coverage": self.coverage,
+        }
+
+
+def not_required(unit: str, reason: str) -> JudgedCondition:
+    """Return a condition that does not apply."""
+    return JudgedCondition(None, unit, Place(), reason)
+
+
+def bracketed(margin: float, attained: float, unit: str, where: Place) -> JudgedCondition:
+    """Return a condition that holds for all t, undecided if its bounds are far apart.
+
+    Args:
+        margin: Lower bound of the margin.
+        attained: A margin that the trajectory has, in the same unit.
+        unit: "m" or "rad".
+        where: Where the margin is smallest.
+    """
+    allowed = max(_UNDECIDED_LENGTH, _UNDECIDED_SHARE * abs(attained))
+    coverage = FOR_ALL_TIMES if margin >= attained - allowed else undecided(attained, unit)
+    return JudgedCondition(margin, unit, where, coverage)
+
+
+def undecided(attained: float, unit: str) -> str:
+    """Return the coverage of a margin whose bounds are far apart."""
+    return f"{FOR_ALL_TIMES}, undecided: the margin found is {attained:.3g} {unit}"
+
+
+# ---- A trajectory that is judged, and what several conditions need to know of it.
+
+# How closely efforts are enclosed, as a share of their limits: tighter than the certificate's
+# tolerance, so that the planner may use most of it.
+EFFORT_ENCLOSURE = 1e-8
+_STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as standing still
+# How closely the tool is enclosed [m]: tighter than the certificate's tolerance, so that the
+# planner may use most of it.
+_TOOL_ENCLOSURE = 1e-7
+# Where the rotation is judged too: an error of the tool is one of its reference orientation.
+_POSE_ENCLOSURE, _ROTATION_ENCLOSURE = 1e-8, 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedMotion:
+    """A problem, a trajectory, and what follows from both; computed once, when it is asked for.
+
+    Attributes:
+        problem: Its neighbouring segments on one line joined.
+        trajectory: In the robot's joint order.
+        tolerance: How far below zero margins may lie.
+        further: What further conditions segments ask, as for `segment_margins`.
+    """
+
+    problem: PlanningProblem
+    trajectory: JointTrajectory
+    tolerance: Tolerance
+    further: tuple[MarginMaker, ...] = ()
+
+    @property
+    def robot(self) -> RobotModel:
+        """The arm."""
+        return self.problem.robot
+
+    @property
+    def tube(self) -> Tube:
+        """Where its tool may be."""
+        return self.problem.tube
+
+    @cached_property
+    def pose(self) -> EnclosedPose | None:
+        """The tool's path and orientation, if the tube bounds the orientation."""
+        if self.tube.rotation is None:
+            return None
+        return enclosed_pose(self.robot, self.trajectory, _POSE_ENCLOSURE, _ROTATION_ENCLOSURE)
+
+    @cached_property
+    def tool(self) -> Enclosure:
+        """The path of the tool centre point, c = 3 [m]."""
+        if self.pose is not None:
+            return self.pose.tool
+        return enclosed_tool(self.robot, self.trajectory, _TOOL_ENCLOSURE)
+
+    @property
+    def rotation(self) -> Enclosure | None:
+        """The tool's rotation matrix, c = 9, if the tube bounds it."""
+        return None if self.pose is None else self.pose.rotation
+
+    @cached_property
+    def visits(self) -> list[Visit]:
+        """The trajectory's share of each segment that it visits."""
+        known = (self.problem, self.trajectory, self.tool, self.rotation)
+        return tube_visits(*known, self.further)
+
+    @cached_property
+    def stretches(self) -> DirectedStretches:
+        """When joints move which way."""
+        return directed_stretches(self.trajectory)
+
+    @cached_property
+    def smooth_efforts(self) -> Enclosure:
+        """The joint efforts without Coulomb friction, c = n [N m or N]."""
+        most = np.minimum(self.robot.limits.effort, self.robot.motors.saturation_effort)
+        return enclosed_efforts(self.robot, self.trajectory, EFFORT_ENCLOSURE * most)
+
+    def efforts_of(self, joints: IntArray) -> DirectedEfforts:
+        """Return the efforts of some joints, shape (k,), with Coulomb friction."""
+        known = (self.robot, self.trajectory, self.smooth_efforts, self.stretches)
+        return directed_efforts(*known, joints)
+
+    @cached_property
+    def largest_rates(self) -> dict[int, FloatArray]:
+        """The largest velocity (1) and acceleration (2) of each joint by order, each (n,).
+
+        In rad/s and rad/s^2, or with m. A joint that all but stands still is measured by the
+        others: its own rounding errors are not jumps.
+        """
+        found = {}
+        for order in (1, 2):
+            coefficients = self.trajectory.derivative_coefficients(order)
+            largest = peak_magnitudes(coefficients, self.trajectory.widths).value
+            overall = float(largest.max())
+            found[order] = np.maximum(largest, _STILL_SHARE * overall if overall > 0 else 1.0)
+        return found
+
+    def piece_ends(self, order: int) -> FloatArray:
+        """Return a derivative at the start and the end of every piece, shape (2, pieces, n)."""
+        coefficients = self.trajectory.derivative_coefficients(order)
+        powers = np.arange(len(coefficients) - 1, -1, -1)
+        widths = self.trajectory.widths[None, :] ** powers[:, None]
+        return np.array([coefficients[-1], np.einsum("kpn,kp->pn", coefficients, widths)])
+
+    def position_unit(self, joint: str) -> str:
+        """Return the unit of a joint's position."""
+        return "rad" if self.robot.revolute[self.robot.joint_names.index(joint)] else "m"
+
+    def segment_number(self, segment: int, time: float) -> int:
+        """Return what messages call a segment; where parts are joined, the one at a time [s]."""
+        tool = self.robot.tool_position(self.trajectory.position(time)[None])[0]
+        return self.tube.segment_number(segment, tool)
+
+    def place_in_segment(self, segment: int, time: float) -> Place:
+        """Return the place at a time [s], with the segment as messages call it."""
+        return Place(time=time, segment=self.segment_number(segment, time))

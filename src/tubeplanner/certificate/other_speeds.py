@@ -1,0 +1,472 @@
+"""The path at other speeds: braking distances, slower runs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.outcome import Place
+from tubeplanner.robot.model import RobotModel, effort_rate, gravity_effort_rate
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.parts import directed_stretches
+
+# ---- Short steps along a trajectory, in none of which anything jumps.
+
+
+@dataclass(frozen=True, eq=False)
+class PathSteps:
+    """S steps, one after the other; polynomial pieces end and joints turn round between them.
+
+    Attributes:
+        trajectory: Whose they are.
+        piece: The piece that each is in, shape (S,).
+        local: Where steps start and end, in that piece's own time, shape (2, S) [s].
+        direction: Which way joints move: 1, -1 or 0, shape (S, n).
+    """
+
+    trajectory: JointTrajectory
+    piece: IntArray
+    local: FloatArray
+    direction: FloatArray
+
+    @property
+    def width(self) -> FloatArray:
+        """Durations, shape (S,) [s]."""
+        width: FloatArray = self.local[1] - self.local[0]
+        return width
+
+    @property
+    def start(self) -> FloatArray:
+        """When they start, shape (S,) [s]."""
+        start: FloatArray = self.trajectory.breakpoints[self.piece] + self.local[0]
+        return start
+
+    def at_ends(self, order: int) -> FloatArray:
+        """Return a derivative of an order from 0 to 3 at starts, then at ends: (2 S, n).
+
+        As it is inside the step, where it jumps at its end.
+        """
+        return self.trajectory.within(np.tile(self.piece, 2), self.local.ravel(), order)
+
+    def part(self, begin: int, end: int) -> "PathSteps":
+        """Return the steps from one to before another."""
+        chosen = slice(begin, end)
+        return PathSteps(
+            self.trajectory, self.piece[chosen], self.local[:, chosen], self.direction[chosen]
+        )
+
+
+def path_steps(trajectory: JointTrajectory, count: int, per_piece: int) -> PathSteps:
+    """Return steps of a trajectory.
+
+    Args:
+        trajectory: Any.
+        count: How many there are at least.
+        per_piece: How many every piece has at least.
+    """
+    pieces = len(trajectory.widths)
+    each = max(per_piece, -(-count // pieces))
+    stretches = directed_stretches(trajectory)
+    # Counted in pieces.
+    regular = np.arange(pieces * each) / each
+    begin = np.unique(np.append(regular, stretches.piece + stretches.start))
+    piece = begin.astype(np.int64)
+    share = np.stack([begin, np.append(begin[1:], pieces)]) - piece
+    direction = stretches.at(piece, share.mean(axis=0))
+    return PathSteps(trajectory, piece, share * trajectory.widths[piece], direction)
+
+
+# ---- Limits on efforts and accelerations along a trajectory's path, one side each, at any speed.
+#
+# Run along its path at the speed p, 1 being the trajectory's own, and with the rate p' of that
+# speed,
+# a trajectory q(t) has the velocities q' p and the accelerations q'' p^2 + q' p'. Efforts then are
+# gravity and Coulomb friction, which stay, viscous friction with p, inertia with p^2 and with p'.
+
+_WAYS = (1.0, -1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class LimitSides:
+    """R sides of limits at N places: a limit holds while what is used of it is at most 1.
+
+    That is static + linear p + square p^2 + change p'.
+
+    Attributes:
+        condition: What each is called in the certificate, R names.
+        joint: Whose it is, shape (R,).
+        static: Shape (N, R).
+        linear: Shape (N, R).
+        square: Shape (N, R).
+        change: Shape (N, R) [s].
+    """
+
+    condition: tuple[str, ...]
+    joint: IntArray
+    static: FloatArray
+    linear: FloatArray
+    square: FloatArray
+    change: FloatArray
+
+    @classmethod
+    def joined(cls, parts: Sequence["LimitSides"]) -> "LimitSides":
+        """Return the sides of all parts, at the same places."""
+        names = ("static", "linear", "square", "change")
+        return cls(
+            sum((part.condition for part in parts), ()),
+            np.concatenate([part.joint for part in parts]),
+            *(np.concatenate([getattr(part, name) for part in parts], axis=1) for name in names),
+        )
+
+
+def effort_sides(robot: RobotModel, steps: PathSteps) -> LimitSides:
+    """Return the limits on efforts and the torque-speed lines at the ends of S steps: N = 2 S.
+
+    Friction is the worst that its uncertainty lets it be.
+
+    Args:
+        robot: The arm.
+        steps: Of a trajectory in its joint order.
+    """
+    motors, limits = robot.motors, robot.limits
+    q, v, a = (steps.at_ends(order) for order in range(3))
+    gravity, viscous = robot.gravity_effort(q), motors.viscous_friction * v
+    coulomb = motors.coulomb_effort(np.tile(steps.direction, (2, 1)))
+    inertia = robot.inverse_dynamics(q, v, a) - gravity - viscous
+    change = robot.inverse_dynamics(q, np.zeros_like(v), v) - gravity
+    parts = []
+    for way in _WAYS:
+        static = way * (gravity + coulomb) + motors.friction_uncertainty * abs(coulomb)
+        linear = way * viscous + motors.friction_uncertainty * abs(viscous)
+        used = (static, linear, way * inertia, way * change)
+        parts.append(_shares("effort", np.isfinite(limits.effort), used, _allowed(robot, q, way)))
+        stall = np.broadcast_to(motors.saturation_effort, q.shape)
+        with np.errstate(invalid="ignore"):
+            slowed = linear + way * v * motors.saturation_effort / motors.no_load_velocity
+        parts.append(_shares("motor_curve", motors.has_curve, (static, slowed, *used[2:]), stall))
+    return LimitSides.joined(parts)
+
+
+def acceleration_sides(robot: RobotModel, steps: PathSteps) -> LimitSides:
+    """Return the limits on accelerations, as `effort_sides`."""
+    limit = robot.limits.acceleration
+    v, a = steps.at_ends(1), steps.at_ends(2)
+    none, allowed = np.zeros_like(v), np.broadcast_to(limit, v.shape)
+    return LimitSides.joined(
+        [
+            _shares("acceleration", np.isfinite(limit), (none, none, way * a, way * v), allowed)
+            for way in _WAYS
+        ]
+    )
+
+
+def _allowed(robot: RobotModel, q: FloatArray, way: float) -> FloatArray:
+    """Return the most effort along (1) or against (-1) the joints at positions (N, n): (N, n)."""
+    allowed = np.tile(robot.limits.effort, (len(q), 1))
+    for limit in robot.limits.effort_ranges:
+        allowed[:, limit.joint] = limit.allowed(q[:, limit.joint], way)
+    return allowed
+
+
+def _shares(
+    condition: str, limited: BoolArray, used: tuple[FloatArray, ...], allowed: FloatArray
+) -> LimitSides:
+    """Return sides of those joints that are limited, of n, as shares of what is allowed."""
+    joint = np.flatnonzero(limited)
+    shares = (part[:, joint] / allowed[:, joint] for part in used)
+    return LimitSides((condition,) * len(joint), joint, *shares)
+
+
+# ---- How soon an arm comes to rest along its own path, from wherever on it.
+#
+# The state is the place on the trajectory and the speed p at which its time runs, 1 before the arm
+# brakes. From every place, p^2 is lowered over the steps of a grid as steeply as the limits allow,
+# in
+# which p' is bounded from both sides by every limit (Bobrow, Dubowsky & Gibson, "Time-optimal
+# control
+# of robotic manipulators along specified paths", 1985). A step keeps one p', which suits the limits
+# at both its ends.
+
+_STEP = 1e-3  # [s]; at most, unless that makes too many
+_FEWEST, _MOST = 1000, 20_000
+_TANGENT, _CHORD = 0.5, 1.0
+
+
+@dataclass(frozen=True)
+class Braking:
+    """Within what time and way an arm can come to rest along its path.
+
+    Attributes:
+        time: An upper bound on the shortest time, whenever the arm begins to brake [s].
+        distance: Likewise of the way that the tool centre point takes [m].
+        where: Where it begins to brake if it takes the longest way.
+    """
+
+    time: float
+    distance: float
+    where: Place
+
+
+def worst_braking(
+    robot: RobotModel, trajectory: JointTrajectory, tolerance: float
+) -> Braking | None:
+    """Return the bounds for the worst instant at which an arm may begin to brake.
+
+    Efforts, torque-speed lines, velocities and accelerations stay in their limits; jerks and effort
+    rates need not. The bounds come from at least 1,000 steps, of at most 1 ms where 20,000 of them
+    suffice, in which the limits hold at both ends; one step is added for an instant between.
+
+    Args:
+        robot: The arm.
+        trajectory: In its joint order, itself within the limits, at rest at both ends.
+        tolerance: How much of each limit may be used beyond it.
+
+    Returns:
+        None if nothing limits efforts and accelerations.
+    """
+    count = np.clip(np.ceil(trajectory.duration / _STEP), _FEWEST, _MOST)
+    steps = path_steps(trajectory, int(count), 1)
+    sides = LimitSides.joined([effort_sides(robot, steps), acceleration_sides(robot, steps)])
+    if len(sides.joint) == 0:
+        return None
+    width, length = steps.width, _tool_lengths(robot, steps)
+    every = -(-len(width) // (2 * _MOST))
+    starts = np.arange(0, len(width), every)
+    table = np.stack([1 + tolerance - sides.static, sides.linear, sides.square, sides.change])
+    with np.errstate(divide="ignore", invalid="ignore"):  # a side that nothing takes from
+        time, distance = _rests(table.reshape(4, 2, len(width), -1), width, length, starts)
+    # Whoever wants to brake after the start before it, runs on until then.
+    time[1:] += np.add.reduceat(width, starts)[:-1]
+    distance[1:] += np.add.reduceat(length, starts)[:-1]
+    begins = steps.start[starts]
+    worst = int(distance.argmax())
+    tool = robot.tool_position(trajectory.position(begins[worst : worst + 1]))[0]
+    where = Place(time=float(begins[worst])).at(tool)
+    return Braking(float(time.max()), float(distance[worst]), where)
+
+
+def _tool_lengths(robot: RobotModel, steps: PathSteps) -> FloatArray:
+    """Return the way of the tool centre point in every step, (S,) [m]."""
+    jacobian = robot.tool_jacobian(steps.at_ends(0))[1][:, :3]
+    speed = np.linalg.norm(np.einsum("nij,nj->ni", jacobian, steps.at_ends(1)), axis=1)
+    length: FloatArray = speed.reshape(2, -1).mean(axis=0) * steps.width
+    return length
+
+
+def _rests(
+    sides: FloatArray, width: FloatArray, length: FloatArray, starts: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return time and way to rest of those who brake from the start of given steps, each (K,).
+
+    Who cannot brake at some place could have run on to the end of the trajectory.
+    """
+    bounds = np.stack([np.cumsum(part[::-1])[::-1][starts] for part in (width, length)])
+    run, step = np.arange(len(starts)), starts
+    square, spent = np.ones(len(starts)), np.zeros((2, len(starts)))
+    while len(run):
+        h = width[step]
+        rate, is_possible = _steepest(sides[:, :, step], h, square)
+        after = np.maximum(square + 2 * h * rate, 0.0)
+        share = np.where(after > 0, 1.0, -square / (2 * h * rate))
+        spent += [2 * share * h / (np.sqrt(square) + np.sqrt(after)), share * length[step]]
+        rests = is_possible & ((after == 0) | (step == len(width) - 1))
+        bounds[:, run[rests]] = np.minimum(bounds[:, run[rests]], spent[:, rests])
+        goes_on = is_possible & ~rests
+        run, step, square, spent = (
+            run[goes_on],
+            step[goes_on] + 1,
+            after[goes_on],
+            spent[:, goes_on],
+        )
+    return bounds[0], bounds[1]
+
+
+def _steepest(
+    sides: FloatArray, width: FloatArray, square: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return the least mean p' over a step for each of K runs, and where there is one: (K,).
+
+    p' changes evenly over p's way; before rest, where that fails, it stays.
+
+    Args:
+        sides: What is left at p = 0, and what p, p^2 and p' take, at both ends: (4, 2, K, R).
+        width: Of the steps, shape (K,) [s].
+        square: p^2 at their starts, shape (K,).
+    """
+    change = sides[3]
+    at_start, at_end, by_square = _left(sides, width, square)
+    first, is_first = _least(change[0], at_start)
+    last, is_last = _least(change[1] + by_square, at_end - by_square * first[:, None])
+    rate, is_possible = (first + last) / 2, is_first & is_last
+    others = ~(is_possible & (square + 2 * width * rate > 0))
+    if others.any():
+        rate[others], is_possible[others] = _steady(
+            sides[:, :, others], width[others], square[others]
+        )
+    return rate, is_possible
+
+
+def _steady(
+    sides: FloatArray, width: FloatArray, square: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return the least p' that suits both ends of a step, as `_steepest`."""
+    left, change = sides[0], sides[3]
+    at_start, at_end, by_square = _left(sides, width, square)
+    taken = np.hstack([change[0], change[1] + 2 * by_square])
+    rate, is_possible = _least(taken, np.hstack([at_start, at_end]))
+    # Those who rest before the end are asked what they would be at rest there.
+    at_rest = np.hstack([at_start, left[1]])
+    harder, can_rest = _least(np.hstack([change[0], change[1]]), at_rest)
+    to_rest = -square / (2 * width)
+    rests = is_possible & (rate <= to_rest)
+    return np.where(rests, np.minimum(harder, to_rest), rate), is_possible & (can_rest | ~rests)
+
+
+def _left(
+    sides: FloatArray, width: FloatArray, square: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what p leaves at both ends if it stays, and what p' takes of it at the end.
+
+    That is by p^2, which grows over the step by its width times both ends' p'. The root of it is
+    below its tangent at the start and, as p falls, above its chord from zero.
+    """
+    left, linear, quadratic, _ = sides
+    p = np.sqrt(square)[:, None]
+    at_start, at_end = left - linear * p - quadratic * square[:, None]
+    bend = np.where(linear[1] > 0, _TANGENT, _CHORD) * linear[1] / p
+    return at_start, at_end, width[:, None] * (quadratic[1] + bend)
+
+
+def _least(taken: FloatArray, left: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the least p' with taken p' <= left in all C columns, (K,), and if it is at most 0."""
+    ratio = left / taken
+    least = np.where(taken < 0, ratio, -np.inf).max(axis=1)
+    most = np.where(taken > 0, ratio, 0.0).min(axis=1)
+    is_blocked = ((taken == 0) & (left < 0)).any(axis=1)
+    return least, (least <= np.minimum(most, 0.0)) & ~is_blocked
+
+
+# ---- Whether a trajectory can be run slower: where motors that suffice at full speed do not.
+#
+# Efforts over the speed p from 0 to 1 are quadratics in p, their rates cubics. Where inertia takes
+# load off a motor, as that of an arm that falls, the most is needed at rest or somewhere between.
+
+_STEPS, _STEPS_PER_PIECE = 2000, 20
+_AT_ONCE = 4000  # steps, for memory
+
+
+@dataclass(frozen=True)
+class SlowerRun:
+    """What one slower run leaves of one limit.
+
+    Attributes:
+        condition: The limit, as the certificate calls it.
+        margin: 1 minus the used share of it.
+        speed: How fast the trajectory is run: 1 is as fast as it is, 0 stands for as slowly as you
+            like.
+        where: Of the trajectory, in its own time.
+    """
+
+    condition: str
+    margin: float
+    speed: float
+    where: Place
+
+
+def tightest_slower_run(robot: RobotModel, trajectory: JointTrajectory) -> SlowerRun | None:
+    """Return the slower run with the least margin in effort, torque-speed line or effort rate.
+
+    Of speeds it is the exact one; of the trajectory 2,000 samples are looked at, and 20 of every
+    piece, both sides of breakpoints and of where joints turn round.
+
+    Args:
+        robot: The arm.
+        trajectory: In its joint order.
+
+    Returns:
+        None if nothing limits efforts.
+    """
+    steps = path_steps(trajectory, _STEPS, _STEPS_PER_PIECE)
+    parts = range(0, len(steps.piece), _AT_ONCE)
+    found = [_tightest(robot, steps.part(begin, begin + _AT_ONCE)) for begin in parts]
+    return min((run for run in found if run is not None), key=lambda run: run.margin, default=None)
+
+
+def _tightest(robot: RobotModel, steps: PathSteps) -> SlowerRun | None:
+    sides = effort_sides(robot, steps)
+    rates = _rate_polynomials(robot, steps)
+    none = np.zeros_like(sides.static)
+    smooth = np.stack([sides.static, sides.linear, sides.square, none])
+    limited = np.flatnonzero(np.isfinite(robot.limits.effort_rate))
+    names = sides.condition + ("effort_rate",) * rates.shape[2]
+    joint = np.concatenate([sides.joint, limited, limited])
+    if not names:
+        return None
+    used, speed = highest_up_to_one(np.concatenate([smooth, rates], axis=2))
+    end, row = np.unravel_index(int(used.argmax()), used.shape)
+    time = (steps.start + np.array([[0.0], [1.0]]) * steps.width).ravel()[end]
+    where = Place(time=float(time), joint=robot.joint_names[joint[row]])
+    return SlowerRun(names[row], 1 - float(used[end, row]), float(speed[end, row]), where)
+
+
+def _rate_polynomials(robot: RobotModel, steps: PathSteps) -> FloatArray:
+    """Return the used shares of limits on effort rates, by power of the speed: (4, N, R).
+
+    As the certificate judges them: viscous friction as it is given.
+    """
+    limit = robot.limits.effort_rate
+    joints = np.flatnonzero(np.isfinite(limit))
+    if len(joints) == 0:
+        return np.zeros((4, 2 * len(steps.piece), 0))
+    q, v, a, jerk = (steps.at_ends(order) for order in range(4))
+    gravity, friction = gravity_effort_rate(robot, q, v), robot.motors.viscous_friction * a
+    inertia = effort_rate(robot, q, v, a, jerk) - gravity - friction
+    ways = [way * np.stack([0 * gravity, gravity, friction, inertia]) for way in (1.0, -1.0)]
+    return np.concatenate([way[:, :, joints] / limit[joints] for way in ways], axis=2)
+
+
+def highest_up_to_one(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the largest values of cubics for arguments from 0 to 1, and at which, each (...).
+
+    Args:
+        coefficients: Lowest power first, shape (4, ...).
+    """
+    _, one, two, three = coefficients
+    # Where the derivative vanishes; any candidate outside, or none at all, is moved to an end.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(np.maximum(two**2 - 3 * one * three, 0.0))
+        sum_ = -(two + np.copysign(root, two))
+        turns = np.nan_to_num(np.clip([sum_ / (3 * three), one / sum_], 0.0, 1.0))
+    argument = np.concatenate([np.zeros_like(turns[:1]), np.ones_like(turns[:1]), turns])
+    value = np.zeros_like(argument)
+    for row in coefficients[::-1]:
+        value = value * argument + row
+    best = value.argmax(axis=0)[None]
+    highest = np.take_along_axis(value, best, axis=0)[0]
+    return highest, np.take_along_axis(argument, best, axis=0)[0]
+
+
+# ---- What is known of a trajectory at other speeds than its own: found when it is asked for.
+
+
+class OtherSpeeds:
+    """A trajectory run slower, and brought to rest. Certificates are many: those who read it pay.
+
+    So it is where they travel: what is pickled or copied can be asked there.
+    """
+
+    def __init__(self, robot: RobotModel, trajectory: JointTrajectory, tolerance: float) -> None:
+        """Take a trajectory in the robot's joint order, and by how much limits may be exceeded."""
+        self._given = (robot, trajectory, tolerance)
+
+    @cached_property
+    def slower(self) -> SlowerRun | None:
+        """The tightest slower run, as `tightest_slower_run`."""
+        return tightest_slower_run(*self._given[:2])
+
+    @cached_property
+    def braking(self) -> Braking | None:
+        """How it comes to rest, as `worst_braking`."""
+        return worst_braking(*self._given)

@@ -1,0 +1,135 @@
+"""Reasons of a failed certificate or a blocked configuration, in words, with location."""
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate.judged_motion import Tolerance
+from tubeplanner.certificate.verification import Certificate
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.required_distances import RequiredDistances
+
+_TOUCHING = 0.05  # [mm]
+_REMEDY = "move the reference points or choose another configuration"
+
+
+def refusal(problem: PlanningProblem, certificate: Certificate) -> Infeasible | None:
+    """Return why a certificate refuses a trajectory, or None if it passed."""
+    failures = certificate.failures()
+    if not failures:
+        return None
+    blocked = [name for name in failures if name in ("obstacles", "self_collision")]
+    if blocked:
+        condition = certificate.conditions[blocked[0]]
+        place, margin = condition.where, condition.margin or 0.0
+        when = f"at t = {place.time or 0.0:.3f} s of a motion that was tried"
+        return _blocked(problem, place, margin, when)
+    lines = "; ".join(certificate.describe(name) for name in failures)
+    place = certificate.conditions[failures[0]].where
+    message = f"the trajectory fails its certificate: {lines}"
+    return Infeasible(PlanStatus.CERTIFICATE_FAILED, message, place)
+
+
+def require_free(
+    problem: PlanningProblem,
+    name: str,
+    q: FloatArray,
+    required: FloatArray | None = None,
+    *,
+    is_given: bool = False,
+) -> None:
+    """Check that a configuration (n,) is not itself in collision or too near to an obstacle.
+
+    Args:
+        problem: The planning problem.
+        name: What the configuration is called: start, goal or another place.
+        q: Shape (n,).
+        required: What is required of all pairs there, shape (P,) [m]; None: as at start or goal.
+        is_given: Whether every trajectory has it: there is none for certain then.
+
+    Raises:
+        Infeasible: Status tube_blocked.
+    """
+    required = _required_at_end(problem, name, q) if required is None else required
+    margins = clear_by(problem, q, required)
+    if not (margins < -Tolerance().absolute).any():
+        return
+    checker = problem.collision
+    worst = int(margins.argmin())
+    links, obstacle = checker.owners(checker.pairs[worst])
+    is_end = name in ("start", "goal")
+    when = f"in the {name} configuration" if is_end else f"at {name}"
+    remedy = f"choose another {name}" if is_end else _REMEDY
+    margin = float(margins[worst])
+    if obstacle is not None:
+        remedy += f" or move '{obstacle}' {_away(problem, q, worst, -margin)}"
+    if is_end and obstacle is not None:  # it may be what a motion picks up or puts down
+        remedy += (
+            f", or list [{links[0]}, {obstacle}] in contacts if they may be that near there, in "
+            "collision.ignore if they may touch"
+        )
+    place = Place(links=links, obstacle=obstacle).at(problem.robot.tool_position(q[None])[0])
+    refused = _blocked(problem, place, margin, when, remedy)
+    raise refused.replaced(proved=is_given, starts=0 if is_given else 1, configuration=q)
+
+
+def _away(problem: PlanningProblem, q: FloatArray, pair: int, missing: float) -> str:
+    """Return how far to move a pair's obstacle along which axis, so that this pair is clear."""
+    checker = problem.collision
+    rotation, position = problem.robot.body_poses(q[None])
+    closest = checker.closest_points(rotation, position, checker.pairs[pair][None])
+    direction = closest.direction[0]
+    if not direction.any():
+        return "out of the way"
+    k = int(abs(direction).argmax())
+    sign = "+" if direction[k] > 0 else "-"
+    return f"by {1000 * missing / abs(direction[k]):.3g} mm in {sign}{'xyz'[k]}"
+
+
+def clear_by(problem: PlanningProblem, q: FloatArray, required: FloatArray) -> FloatArray:
+    """Return how much farther apart than required (P,) all pairs are in a configuration (n,)."""
+    checker = problem.collision
+    rotation, position = problem.robot.body_poses(q[None])
+    distance: FloatArray = checker.distances(rotation[0], position[0], checker.pairs)
+    return distance - required
+
+
+def _required_at_end(problem: PlanningProblem, name: str, q: FloatArray) -> FloatArray:
+    """Return what is required of all pairs at start or goal, shape (P,) [m]."""
+    segment = 0 if name == "start" else problem.tube.segment_count - 1
+    asked, tool = RequiredDistances(problem, q, q), problem.robot.tool_position(q[None])
+    return asked.at(np.array([segment]), tool)[0]
+
+
+def _blocked(
+    problem: PlanningProblem, place: Place, margin: float, when: str, remedy: str = _REMEDY
+) -> Infeasible:
+    """Say which links are where, and how deep or how near."""
+    links, asked = place.links or (), problem.clearance
+    if not problem.has_one_clearance:
+        pair = (*links, place.obstacle) if place.obstacle else links
+        message = (
+            f"'{pair[0]}' and '{pair[1]}' are {-1000 * margin:.3g} mm nearer to each other than "
+            f"they may be {when}; {remedy}, or give the pair less clearance"
+        )
+        return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+    if place.obstacle is None:
+        message = (
+            f"{' and '.join(links)} overlap by {-1000 * margin:.1f} mm {when}; {remedy}, "
+            "or list the pair in collision.ignore if it may touch"
+        )
+        return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+    distance = 1000 * (margin + asked)
+    if asked and distance > _TOUCHING:
+        remedy += f", or clearance {1000 * asked:g} -> {_floored(distance)} mm"
+    deed = "touches" if abs(distance) < _TOUCHING else f"reaches {-distance:.1f} mm into"
+    deed = f"comes within {distance:.1f} mm of" if distance >= _TOUCHING else deed
+    wanted = f" (clearance {1000 * asked:g} mm)" if asked else ""
+    message = f"'{links[0]}' {deed} '{place.obstacle}'{wanted} {when}; {remedy}"
+    return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+
+
+def _floored(value: float) -> str:
+    """Return a positive value in three figures, none above it."""
+    digits = 2 - int(np.floor(np.log10(value)))
+    return f"{np.floor(value * 10.0**digits) / 10.0**digits:g}"

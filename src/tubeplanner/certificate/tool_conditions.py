@@ -1,0 +1,398 @@
+"""Conditions on the tool: tube, compulsory points, orientation, speed; speeds of link points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.certificate.enclosed_quantities import (
+    EnclosedPose,
+    derivative,
+    point_majorant,
+    tool_majorant,
+)
+from tubeplanner.certificate.enclosure import Quantity, enclosed
+from tubeplanner.certificate.judged_motion import (
+    RELATIVE,
+    JudgedCondition,
+    JudgedMotion,
+    bracketed,
+    not_required,
+)
+from tubeplanner.certificate.tube_visits import (
+    LeastMargin,
+    Visit,
+    least_concave_margin,
+    least_margin,
+    passages,
+    visited_parts,
+)
+from tubeplanner.geometry.tube.rotation import RotationalTube
+from tubeplanner.orientation import (
+    MATRIX_ERROR_GAIN,
+    nearest_branch,
+    rotation_vector,
+    turning_gain,
+    turning_gain_rate,
+)
+from tubeplanner.outcome import Place
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.overrides import PointSpeed
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.polynomials import halves
+
+# ---- The tool in the tube.
+
+
+def judge_tube(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the tool's place in the tube, segment by segment or in their union."""
+    least = least_margin(motion.tube, motion.tool, motion.visits)
+    place = motion.place_in_segment(least.segment, least.time)
+    return bracketed(least.lower_bound, least.attained, "m", place)
+
+
+# ---- Compulsory points.
+
+
+def judge_points(motion: JudgedMotion) -> JudgedCondition:
+    """Judge compulsory points, each at an instant when one of its two segments is the current."""
+    known = (motion.problem, motion.trajectory, motion.tool, motion.visits, motion.rotation)
+    found = passages(*known, motion.further)
+    if not found:
+        return not_required("m", "no point is to be passed")
+    worst = min(found, key=lambda passage: passage.margin)
+    place = Place(time=worst.time, point=int(motion.tube.numbers[worst.point]))
+    return JudgedCondition(worst.margin, "m", place, "at the instant that is nearest")
+
+
+# ---- How far inside the rotation tolerances a trajectory stays, for all t.
+#
+# On an interval of width w, a curve lies within w^2 / 8 max |x''| of the chord between its ends.
+# The
+# curve here is the rotation vector v of the tool against its reference, with dv/dt = J(v) s and
+# s = w_tool - E^T turn du/dt (see `RotationalTube.error_jacobian`), so that
+#
+#     |v''| <= g (|w_tool'| + |turn| (|u''| + |s| |u'|)) + g g' |s|^2
+#
+# with the norms g of J and g' of its change, which grow with the angle only. Where the nearest
+# point
+# of the segment passes an end of it, u' jumps: that term is bounded by its size alone, to first
+# order. Halving brings the bounds together.
+#
+# An angle that goes on beyond pi is the rotation vector's other branch, of which every component
+# and
+# the length are smaller: following the curve beyond pi can only overestimate them.
+
+# The least margin is bracketed to this share of itself, or to this angle [rad] near zero.
+_RELATIVE_RESOLUTION = 0.02
+_RESOLUTION = 2e-7
+_ALL = np.ones(3, dtype=bool)
+_MIN_WIDTH = 2.0**-40  # of an interval
+_MAX_ROWS = 1_000_000
+# A part in which the rotation vector could move farther than this is halved unseen [rad].
+_MAX_MOVE = 0.3
+_MAX_GAIN = float(turning_gain(np.array(np.pi + _MAX_MOVE)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """R parts of intervals, each in one segment.
+
+    Attributes:
+        interval: Index of the interval, shape (R,).
+        start: In the interval's local time, shape (R,).
+        width: The same.
+        segment: Index of the tube's segment, shape (R,).
+        vector: Rotation vectors at both ends, shape (2, R, 3) [rad].
+        share: Of the segment, not clipped, at both ends, shape (2, R).
+    """
+
+    interval: IntArray
+    start: FloatArray
+    width: FloatArray
+    segment: IntArray
+    vector: FloatArray
+    share: FloatArray
+
+
+def least_rotation_margin(
+    tube: RotationalTube, pose: EnclosedPose, visits: list[Visit]
+) -> LeastMargin | None:
+    """Return how far inside the rotation bounds the tool stays during its visits, for all t.
+
+    None if no segment visited bounds the rotation.
+    """
+    bounded = [visit for visit in visits if np.isfinite(tube.bounds[visit.segment]).any()]
+    if not bounded:
+        return None
+    parts = _first_parts(tube, pose, bounded)
+    attained, time, worst_segment = np.inf, 0.0, 0
+    lower_bound, count = np.inf, 0
+    while len(parts.interval):
+        count += len(parts.interval)
+        ends = np.array([tube.margin_of(v, parts.segment) for v in parts.vector])
+        lower, error = _bounded(tube, pose, parts)
+        end, row = np.unravel_index(int(ends.argmin()), ends.shape)
+        if ends[end, row] < attained:
+            attained, worst_segment = float(ends[end, row]), int(parts.segment[row])
+            local = parts.start[row] + (parts.width[row] if end else 0.0)
+            interval = parts.interval[row]
+            time = float(pose.tool.start[interval] + local * pose.tool.width[interval])
+        resolution = max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(attained))
+        split = (lower < attained - resolution - error) & (parts.width > _MIN_WIDTH)
+        split &= count < _MAX_ROWS
+        lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
+        parts = _halves(tube, pose, parts, split)
+    return LeastMargin(lower_bound, attained, time, worst_segment, count)
+
+
+def _first_parts(tube: RotationalTube, pose: EnclosedPose, visits: list[Visit]) -> _Parts:
+    """Return every part of an interval that a visit covers."""
+    interval, start, width, segment = visited_parts(pose.tool, visits)
+    ends = [_vector_at(tube, pose, interval, segment, t) for t in (start, start + width)]
+    vector, share = (np.array(values) for values in zip(*ends, strict=True))
+    return _Parts(interval, start, width, segment, vector, share)
+
+
+def _halves(tube: RotationalTube, pose: EnclosedPose, parts: _Parts, rows: BoolArray) -> _Parts:
+    """Return the two halves of some of the parts, one after the other."""
+    interval, segment = parts.interval[rows], parts.segment[rows]
+    start, width = halves(parts.start[rows], parts.width[rows])
+    middle = _vector_at(tube, pose, interval, segment, start[1::2])
+    both = []
+    for ends, between in zip((parts.vector[:, rows], parts.share[:, rows]), middle, strict=True):
+        pairs = np.repeat(ends, 2, axis=1)
+        pairs[1, 0::2] = pairs[0, 1::2] = between
+        both.append(pairs)
+    return _Parts(np.repeat(interval, 2), start, width, np.repeat(segment, 2), *both)
+
+
+def _bounded(
+    tube: RotationalTube, pose: EnclosedPose, parts: _Parts
+) -> tuple[FloatArray, FloatArray]:
+    """Return lower bounds on the margins between the ends and errors, each shape (R,) [rad]."""
+    first, last = parts.vector
+    largest = np.maximum(_measures(first), _measures(nearest_branch(last, first, _ALL)))
+    off, error = _chord_distance(tube, pose, parts, largest[:, 3])
+    bounds = tube.bounds[parts.segment]
+    lower = (bounds - largest).min(axis=1) - off - error
+    # No component and no angle is larger than pi.
+    return np.maximum(lower, bounds.min(axis=1) - np.pi), error
+
+
+def _vector_at(
+    tube: RotationalTube,
+    pose: EnclosedPose,
+    interval: IntArray,
+    segment: IntArray,
+    local: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return rotation vectors (R, 3) [rad] and shares of segments (R,) at times in intervals."""
+    tool = pose.tool.within(interval, local)
+    rotation = pose.rotation.within(interval, local).reshape(-1, 3, 3)
+    u = tube.projection(tool, segment)
+    relative = tube.reference_at(np.clip(u, 0.0, 1.0), segment).transpose(0, 2, 1) @ rotation
+    return rotation_vector(relative), u
+
+
+def _measures(v: FloatArray) -> FloatArray:
+    """Return |x|, |y|, |z| and the length of rotation vectors (R, 3): shape (R, 4)."""
+    return np.hstack([abs(v), np.linalg.norm(v, axis=1, keepdims=True)])
+
+
+def _chord_distance(
+    tube: RotationalTube,
+    pose: EnclosedPose,
+    parts: _Parts,
+    angle: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far from its chord the rotation vector may be, and its error, each (R,) [rad].
+
+    Args:
+        tube: Reference orientations and bounds.
+        pose: The trajectory.
+        parts: Where.
+        angle: The larger of the angles at the two ends, shape (R,) [rad].
+    """
+    width = parts.width * pose.tool.width[parts.interval]
+    axis = np.diff(tube.points, axis=0)[parts.segment]
+    length = np.linalg.norm(axis, axis=1)
+    rate, bend, off = (
+        bound[parts.interval] / length
+        for bound in (pose.speed, pose.acceleration, pose.tool.error[:, 0])
+    )
+    low, high = parts.share.min(axis=0), parts.share.max(axis=0)
+    slack = bend * width**2 / 8 + 2 * off
+    beyond = (high + slack <= 0) | (low - slack >= 1)
+    passes_end = ~beyond & ((low - slack < 0) | (high + slack > 1))
+    turn = np.where(beyond, 0.0, np.linalg.norm(tube.turn, axis=1)[parts.segment])
+    spin, spin_rate = pose.spin[parts.interval], pose.spin_rate[parts.interval]
+    relative = spin + turn * rate
+    move = _MAX_GAIN * relative * width
+    farthest = np.minimum(angle + move / 2, np.pi + _MAX_MOVE)
+    gain, gain_rate = turning_gain(farthest), turning_gain_rate(farthest)
+    smooth = spin_rate + turn * (bend + relative * rate) + gain_rate * relative**2
+    broken = spin_rate + gain_rate * relative * spin
+    jump = turn * (high - low + bend * width**2 + 4 * off) / 2
+    distance = gain * np.where(passes_end, broken * width**2 / 8 + jump, smooth * width**2 / 8)
+    error = gain * (MATRIX_ERROR_GAIN * pose.rotation.error[parts.interval, 0] + turn * off)
+    return np.where(move <= _MAX_MOVE, distance, np.inf), error
+
+
+# ---- The tool's orientation against the reference, and at the end against what the goal asks.
+
+
+def judge_rotation(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the tool's orientation, segment by segment and at the goal."""
+    along, at_goal = _judge_along(motion), _judge_at_goal(motion)
+    if along.margin is None or at_goal.margin is None:
+        return along if at_goal.margin is None else at_goal
+    return min(along, at_goal, key=lambda condition: condition.margin or 0.0)
+
+
+def _judge_along(motion: JudgedMotion) -> JudgedCondition:
+    """Judge it against the tube's tolerances."""
+    if motion.tube.rotation is None or motion.pose is None:
+        return not_required("rad", "the tool's orientation is free")
+    least = least_rotation_margin(motion.tube.rotation, motion.pose, motion.visits)
+    if least is None:
+        return not_required("rad", "free in every segment visited")
+    place = motion.place_in_segment(least.segment, least.time)
+    return bracketed(least.lower_bound, least.attained, "rad", place)
+
+
+def _judge_at_goal(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the last orientation against the goal's tolerance."""
+    goal, duration = motion.problem.open_goal, motion.trajectory.duration
+    if goal is None or not goal.bounds_rotation or motion.problem.rotation is None:
+        return not_required("rad", "the goal bounds no rotation")
+    rotation, tool = motion.robot.tool_pose(motion.trajectory.position(duration)[None])
+    margin = motion.problem.rotation.margin(rotation, tool, motion.tube.segment_count)[0]
+    return JudgedCondition(float(margin), "rad", Place(time=duration), "at the goal")
+
+
+# ---- The speed of the tool, segment by segment.
+
+# How closely the velocity is enclosed, as a share of the least limit: tighter than the
+# certificate's tolerance, so that the planner may use most of it.
+_ENCLOSURE = 1e-8
+
+
+def judge_tool_speed(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the speed of the tool centre point, by polynomials that enclose its velocity."""
+    limit = _limits(motion.problem)
+    if not np.isfinite(limit).any():
+        return not_required(RELATIVE, "the tool's speed is free")
+    velocity = enclosed(
+        motion.trajectory, _velocity(motion.robot), np.full(3, _ENCLOSURE * limit.min())
+    )
+
+    def margin(vector: FloatArray, segment: IntArray) -> FloatArray:
+        return 1 - np.linalg.norm(vector, axis=2) / limit[segment]
+
+    least = least_concave_margin(velocity, motion.visits, margin, 1 / limit)
+    place = motion.place_in_segment(least.segment, least.time)
+    return bracketed(least.lower_bound, least.attained, RELATIVE, place)
+
+
+class ToolSpeedMargin:
+    """A `SegmentMargin`: how much of each segment's limit the tool's speed leaves, relative."""
+
+    def __init__(
+        self, problem: PlanningProblem, trajectory: JointTrajectory, limit: FloatArray
+    ) -> None:
+        self._values = _velocity(problem.robot).values
+        self._trajectory, self._limit = trajectory, limit
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Return what is left in all segments."""
+        return 1 - self._speed(time)[:, None] / self._limit
+
+    def within(self, segment: IntArray, time: FloatArray) -> FloatArray:
+        """Return what is left in one segment each."""
+        left: FloatArray = 1 - self._speed(time) / self._limit[segment]
+        return left
+
+    def _speed(self, time: FloatArray) -> FloatArray:
+        trajectory = self._trajectory
+        velocity = self._values(trajectory.position(time), trajectory.velocity(time))
+        speed: FloatArray = np.linalg.norm(velocity, axis=1)
+        return speed
+
+
+def tool_speed_margin(
+    problem: PlanningProblem, trajectory: JointTrajectory
+) -> ToolSpeedMargin | None:
+    """Return the margin of the tool's speed; None where no segment limits it."""
+    limit = _limits(problem)
+    return ToolSpeedMargin(problem, trajectory, limit) if np.isfinite(limit).any() else None
+
+
+def _limits(problem: PlanningProblem) -> FloatArray:
+    """Return the limit in each segment, the robot's own included, shape (m,) [m/s]."""
+    own = np.full(problem.tube.segment_count, problem.robot.limits.tool_speed)
+    asked = problem.tube.tool_speed
+    return own if asked is None else np.minimum(own, asked)
+
+
+def _velocity(robot: RobotModel) -> Quantity:
+    """Return the velocity of the tool centre point, c = 3 [m/s]."""
+
+    def values(q: FloatArray, v: FloatArray) -> FloatArray:
+        return np.einsum("nij,nj->ni", robot.tool_jacobian(q)[1][:, :3], v)
+
+    def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
+        rate = derivative(tool_majorant(robot, joints).position) / width
+        return np.stack([rate] * 3, axis=2)
+
+    return Quantity(1, values, majorant)
+
+
+# ---- The speeds of points that move with the arm's links.
+
+# How closely velocities are enclosed, as a share of their limits: tighter than the certificate's
+# tolerance, so that the planner may use most of it.
+
+
+def judge_point_speed(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the speeds of points, by polynomials that enclose their velocities."""
+    points = motion.robot.limits.point_speed
+    if not points:
+        return not_required(RELATIVE, "no point's speed is limited")
+    judged = [_judged(motion, k, point) for k, point in enumerate(points)]
+    return min(judged, key=lambda condition: condition.margin or 0.0)
+
+
+def _judged(motion: JudgedMotion, k: int, point: PointSpeed) -> JudgedCondition:
+    """Judge the speed of one point, from the begin to the end: no segment has a say in it."""
+    limit, whole = point.speed, [Visit(0, 0.0, motion.trajectory.duration)]
+    tolerance = np.full(3, _ENCLOSURE * limit)
+    velocity = enclosed(motion.trajectory, _point_velocity(motion.robot, point), tolerance)
+
+    def margin(vector: FloatArray, _: IntArray) -> FloatArray:
+        return 1 - np.linalg.norm(vector, axis=2) / limit
+
+    least = least_concave_margin(velocity, whole, margin, np.array([1 / limit]))
+    place = Place(time=least.time, links=(point.link,), point_speed=k)
+    return bracketed(least.lower_bound, least.attained, RELATIVE, place)
+
+
+def _point_velocity(robot: RobotModel, point: PointSpeed) -> Quantity:
+    """Return the velocity of a point that moves with a link, c = 3 [m/s]."""
+    body = robot.link_body[point.link]
+    in_body = robot.link_placement[point.link] @ np.append(point.position, 1.0)
+
+    def values(q: FloatArray, v: FloatArray) -> FloatArray:
+        rotation, position = robot.body_poses(q)
+        place = rotation[:, body] @ in_body[:3] + position[:, body]
+        carriers = np.full(len(q), body)
+        moved = robot.point_jacobian(rotation, position, carriers, place)
+        return np.einsum("nij,nj->ni", moved, v)
+
+    def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
+        reach = float(np.linalg.norm(in_body[:3]))
+        rate = derivative(point_majorant(robot, joints, body, reach)) / width
+        return np.stack([rate] * 3, axis=2)
+
+    return Quantity(1, values, majorant)

@@ -1,0 +1,362 @@
+"""Visits: current segment and margin, for all t."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.certificate.enclosure import Enclosure
+from tubeplanner.certificate.segment_margins import (
+    MarginMaker,
+    best_switching_samples,
+    segment_margins,
+)
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.polynomials import bernstein_coefficients, halves
+
+# Samples among which switching times are found; they are then refined between samples.
+_MIN_SAMPLES = 2000
+_MIN_SAMPLES_PER_PIECE = 20
+_SWITCHING_TOLERANCE = 1e-10  # [s]
+_GOLDEN = (np.sqrt(5) - 1) / 2
+# The least margin is bracketed to this share of itself, or to this length [m] near zero.
+_RELATIVE_RESOLUTION = 0.02
+_RESOLUTION = 2e-7
+_MIN_WIDTH = 2.0**-40  # of an interval
+_MAX_ROWS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Visit:
+    """One tube segment's share of a trajectory.
+
+    Attributes:
+        segment: Index of the segment.
+        begin: [s].
+        end: [s].
+    """
+
+    segment: int
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Passage:
+    """How a compulsory point is passed.
+
+    Attributes:
+        point: Index of the point.
+        time: When it is passed the nearest [s].
+        margin: How far inside the ball about it the tool is then [m].
+    """
+
+    point: int
+    time: float
+    margin: float
+
+
+@dataclass(frozen=True)
+class LeastMargin:
+    """Where the tool comes nearest to a bound, on its place or its rotation, or farthest out.
+
+    Attributes:
+        lower_bound: The margin never falls below it [m or rad].
+        attained: The least margin that was found [m or rad].
+        time: When [s].
+        segment: In which segment.
+        intervals: How many intervals were tested.
+    """
+
+    lower_bound: float
+    attained: float
+    time: float
+    segment: int
+    intervals: int
+
+
+def tube_visits(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    tool: Enclosure,
+    rotation: Enclosure | None = None,
+    further: tuple[MarginMaker, ...] = (),
+) -> list[Visit]:
+    """Return visits that cover the whole trajectory, one after the other.
+
+    Switching times are chosen to leave the largest margins of all that segments ask, and so that
+    compulsory points are passed. If the tube is to be visited in order, every segment is
+    visited once; else, as often as needed.
+
+    Args:
+        problem: The planning problem.
+        trajectory: The trajectory.
+        tool: Its tool's position.
+        rotation: Its tool's rotation matrix; needed where the tube bounds the rotation.
+        further: As for `segment_margins`.
+    """
+    fit = _Fit(problem, trajectory, tool, rotation, further)
+    time = fit.sample_times()
+    values = fit.at(time)
+    if problem.tube.visit == "ordered":
+        points = problem.tube.compulsory_points.tolist()
+        samples = ordered_switching_samples(
+            values, {k: fit.passing_margin(k, time) for k in points}
+        )
+        # The nearest other times: at a breakpoint two samples share one.
+        before = np.searchsorted(time, time[samples], "left") - 1
+        after = np.searchsorted(time, time[samples], "right")
+        low, high = time[np.maximum(before, 0)], time[np.minimum(after, len(time) - 1)]
+        segments = np.arange(problem.tube.segment_count)
+    else:
+        best = values.argmax(axis=1)
+        changes = np.flatnonzero(np.diff(best))
+        low, high = time[changes], time[changes + 1]
+        segments = best[np.append(changes, len(best) - 1)]
+    times = fit.best_times((segments[:-1], segments[1:]), low, high)
+    # Refined on their own, switching times that share an instant could swap.
+    times = np.maximum.accumulate([0.0, *times, trajectory.duration]).tolist()
+    return [
+        Visit(segment, begin, end)
+        for segment, (begin, end) in zip(segments.tolist(), pairwise(times), strict=True)
+    ]
+
+
+def ordered_switching_samples(values: FloatArray, passing: dict[int, FloatArray]) -> IntArray:
+    """Return the best switching samples; others, if only these let compulsory points be passed.
+
+    Not at the cost of another condition that holds: what is missed is the point.
+
+    Args:
+        values: How well each of N samples keeps all that each of m segments asks, shape (N, m).
+        passing: How far inside the ball about each compulsory point samples are, (N,), by index.
+
+    Returns:
+        As `best_switching_samples`, shape (m-1,).
+    """
+    samples = best_switching_samples(values)
+    if not passing or _worst_passing(samples, passing) >= 0:
+        return samples
+    others = best_switching_samples(values, passing)
+    needed = min(0.0, _worst_visit(samples, values))
+    return others if _worst_visit(others, values) >= needed else samples
+
+
+def _worst_visit(samples: IntArray, values: FloatArray) -> float:
+    """Return the least value (N, m) of an ordered visit."""
+    ends = [0, *samples.tolist(), len(values) - 1]
+    visits = zip(ends, ends[1:], values.T, strict=False)
+    return min(float(value[begin : end + 1].min()) for begin, end, value in visits)
+
+
+def _worst_passing(samples: IntArray, passing: dict[int, FloatArray]) -> float:
+    """Return by how much the worst point is passed during the two segments beside it [m]."""
+    ends = [0, *samples.tolist(), None]
+    last = {k: None if ends[k + 1] is None else ends[k + 1] + 1 for k in passing}
+    return min(float(margin[ends[k - 1] : last[k]].max()) for k, margin in passing.items())
+
+
+def passages(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    tool: Enclosure,
+    visits: list[Visit],
+    rotation: Enclosure | None = None,
+    further: tuple[MarginMaker, ...] = (),
+) -> list[Passage]:
+    """Return where the tool passes each compulsory point the nearest, at an instant that counts.
+
+    It counts if one of the two segments beside the point is the current one or, if segments are
+    visited at will, may be. What is found is a lower bound of the margin: at that instant it is so.
+
+    Args:
+        problem: The planning problem.
+        trajectory: The trajectory.
+        tool: Its tool's position.
+        visits: Its visits, as `tube_visits` returns them.
+        rotation: As for `tube_visits`.
+        further: Likewise.
+    """
+    fit = _Fit(problem, trajectory, tool, rotation, further)
+    time = fit.sample_times()
+    found = []
+    for k in problem.tube.compulsory_points.tolist():
+        low, high = 0.0, trajectory.duration
+        if problem.tube.visit == "ordered":
+            low, high = visits[k - 1].begin, visits[k].end
+        inside = np.unique(np.concatenate([[low], time[(time > low) & (time < high)], [high]]))
+        found.append(fit.best_passage(k, inside))
+    return found
+
+
+def least_margin(tube: Tube, tool: Enclosure, visits: list[Visit]) -> LeastMargin:
+    """Return how far inside the regions the tool stays during its visits, for all t."""
+    return least_concave_margin(tool, visits, tube.regions.margin, np.ones(tube.segment_count))
+
+
+def least_concave_margin(
+    vector: Enclosure,
+    visits: list[Visit],
+    margin_of: Callable[[FloatArray, IntArray], FloatArray],
+    slope: FloatArray,
+) -> LeastMargin:
+    """Return the least margin of a vector during visits, for all t.
+
+    A polynomial lies in the hull of its Bernstein coefficients, and the margin is concave, as the
+    distance to a segment is convex: on an interval, it is nowhere less than at the worst of them.
+    Intervals that could hold the least margin are halved; the bound's excess falls to a quarter
+    each time.
+
+    Args:
+        vector: Of three components.
+        visits: Of the trajectory.
+        margin_of: From vectors (N, R, 3) and one segment per column (R,) to margins (N, R).
+        slope: How much the margin may change with the vector in each segment, at most, shape (m,).
+    """
+    interval, start, width, segment = visited_parts(vector, visits)
+    attained, time, worst_segment = np.inf, 0.0, 0
+    lower_bound, count = np.inf, 0
+    while len(interval):
+        count += len(interval)
+        hull = bernstein_coefficients(vector.coefficients[:, interval], start, width)
+        margin, error = margin_of(hull, segment), slope[segment] * vector.error[interval, 0]
+        ends = margin[[0, -1]]
+        end, row = np.unravel_index(int(ends.argmin()), ends.shape)
+        if ends[end, row] < attained:
+            attained, worst_segment = float(ends[end, row]), int(segment[row])
+            local = start[row] + (width[row] if end else 0.0)
+            time = float(vector.start[interval[row]] + local * vector.width[interval[row]])
+        lower = margin.min(axis=0) - error
+        resolution = max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(attained))
+        split = (lower < attained - resolution - error) & (width > _MIN_WIDTH)
+        split &= count < _MAX_ROWS
+        lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
+        interval, segment = np.repeat(interval[split], 2), np.repeat(segment[split], 2)
+        start, width = halves(start[split], width[split])
+    return LeastMargin(lower_bound, attained, time, worst_segment, count)
+
+
+def visited_parts(
+    tool: Enclosure, visits: list[Visit]
+) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
+    """Return every part of an interval that a visit covers: interval, start, width, segment."""
+    ends = tool.start + tool.width
+    parts = []
+    for visit in visits:
+        covered = np.flatnonzero((ends >= visit.begin) & (tool.start <= visit.end))
+        low = np.clip((visit.begin - tool.start[covered]) / tool.width[covered], 0.0, 1.0)
+        high = np.clip((visit.end - tool.start[covered]) / tool.width[covered], 0.0, 1.0)
+        parts.append((covered, low, high - low, np.full(len(covered), visit.segment)))
+    interval, start, width, segment = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return interval, start, width, segment
+
+
+class _Fit:
+    """How well a trajectory keeps all that each segment asks, at any time."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        trajectory: JointTrajectory,
+        tool: Enclosure,
+        rotation: Enclosure | None,
+        further: tuple[MarginMaker, ...],
+    ) -> None:
+        self._tube, self._trajectory, self._tool = problem.tube, trajectory, tool
+        self._margins = segment_margins(problem, trajectory, tool, rotation, further)
+
+    def sample_times(self) -> FloatArray:
+        pieces = len(self._trajectory.widths)
+        count = max(_MIN_SAMPLES_PER_PIECE, -(-_MIN_SAMPLES // pieces))
+        return self._trajectory.per_piece(count).time
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Return the least margin of all conditions.
+
+        Args:
+            time: Shape (N,) [s].
+
+        Returns:
+            For every segment, shape (N, m).
+        """
+        return np.minimum.reduce([margin.at(time) for margin in self._margins])
+
+    def passing_margin(self, k: int, time: FloatArray) -> FloatArray:
+        """Return how far inside the ball about point k the tool is at times (N,), (N,) [m]."""
+        radius = self._tube.effective_radius[k - 1 : k + 1].min()
+        away = np.linalg.norm(self._tool.at(time) - self._tube.points[k], axis=1)
+        margin: FloatArray = radius - away
+        return margin
+
+    def best_passage(self, k: int, time: FloatArray) -> Passage:
+        """Return how a compulsory point is passed the nearest, at or between times (N,) [s]."""
+
+        def margin(t: FloatArray) -> FloatArray:
+            inside = self.passing_margin(k, t)
+            if self._tube.visit == "ordered":
+                return inside
+            return np.minimum(inside, self.at(t)[:, [k - 1, k]].max(axis=1))
+
+        best = int(margin(time).argmax())
+        around = time[[max(best - 1, 0), best, min(best + 1, len(time) - 1)]]
+        candidates = [float(around[1])]
+        if around[0] < around[2]:
+            candidates.append(float(_highest(margin, around[:1], around[2:])[0]))
+        margins = margin(np.array(candidates))
+        # Where the tool really is; the enclosure is off by next to nothing.
+        error = float(self._tool.error.max())
+        return Passage(k, candidates[margins.argmax()], float(margins.max()) - error)
+
+    def best_times(
+        self, pairs: tuple[IntArray, IntArray], low: FloatArray, high: FloatArray
+    ) -> FloatArray:
+        """Return when, between two times each, the worse of two segments' margins is largest.
+
+        Args:
+            pairs: The segments before and those after the switching times, each (H,).
+            low: The times to look from, shape (H,) [s].
+            high: And to.
+
+        Returns:
+            Shape (H,) [s].
+        """
+
+        def worse(time: FloatArray) -> FloatArray:
+            before, after = (self._in(segment, time) for segment in pairs)
+            return np.minimum(before, after)
+
+        candidates = np.array([low, high, _highest(worse, low, high)])
+        best = np.array([worse(time) for time in candidates]).argmax(axis=0)
+        found: FloatArray = candidates[best, np.arange(len(low))]
+        return found
+
+    def _in(self, segment: IntArray, time: FloatArray) -> FloatArray:
+        """Return the margins as `at`, each for one segment at one time, shape (N,)."""
+        return np.minimum.reduce([margin.within(segment, time) for margin in self._margins])
+
+
+def _highest(
+    function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Return where a function of times is highest, of all H intervals at once, shape (H,) [s].
+
+    By golden sections (Kiefer, "Sequential minimax search for a maximum", 1953).
+    """
+    begin, end = low, high
+    early, late = end - _GOLDEN * (end - begin), begin + _GOLDEN * (end - begin)
+    at_early, at_late = function(early), function(late)
+    while (end - begin).max(initial=0.0) > _SWITCHING_TOLERANCE:
+        is_early = at_early >= at_late
+        begin, end = np.where(is_early, begin, early), np.where(is_early, late, end)
+        inner = np.where(is_early, end - _GOLDEN * (end - begin), begin + _GOLDEN * (end - begin))
+        at_inner = function(inner)
+        early, late = np.where(is_early, inner, late), np.where(is_early, early, inner)
+        at_early, at_late = (
+            np.where(is_early, at_inner, at_late),
+            np.where(is_early, at_early, at_inner),
+        )
+    return (begin + end) / 2

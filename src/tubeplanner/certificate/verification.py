@@ -1,0 +1,240 @@
+"""Verify: the list of conditions and the Certificate."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from tubeplanner.certificate.clearance_conditions import (
+    clearance_margin,
+    judge_obstacles,
+    judge_self_collision,
+)
+from tubeplanner.certificate.effort_conditions import (
+    judge_effort,
+    judge_effort_rate,
+    judge_motor_curve,
+)
+from tubeplanner.certificate.joint_conditions import (
+    judge_acceleration,
+    judge_continuity,
+    judge_goal,
+    judge_jerk,
+    judge_joint_signs,
+    judge_position,
+    judge_rest,
+    judge_start,
+    judge_velocity,
+)
+from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition, JudgedMotion, Tolerance
+from tubeplanner.certificate.other_speeds import Braking, OtherSpeeds, SlowerRun
+from tubeplanner.certificate.segment_margins import MarginMaker
+from tubeplanner.certificate.tool_conditions import (
+    judge_point_speed,
+    judge_points,
+    judge_rotation,
+    judge_tool_speed,
+    judge_tube,
+    tool_speed_margin,
+)
+from tubeplanner.certificate.tube_visits import Visit
+from tubeplanner.checks import given_options
+from tubeplanner.geometry.collision_checker import LeftOutPair
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+
+# ---- The conditions of a certificate: their names, in its order, and what judges each.
+
+JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyType(
+    {
+        "position": judge_position,
+        "velocity": judge_velocity,
+        "acceleration": judge_acceleration,
+        "jerk": judge_jerk,
+        "effort": judge_effort,
+        "motor_curve": judge_motor_curve,
+        "effort_rate": judge_effort_rate,
+        "tool_speed": judge_tool_speed,
+        "point_speed": judge_point_speed,
+        "tube": judge_tube,
+        "joint_signs": judge_joint_signs,
+        "rotation": judge_rotation,
+        "points": judge_points,
+        "start": judge_start,
+        "goal": judge_goal,
+        "rest": judge_rest,
+        "continuity": judge_continuity,
+        "obstacles": judge_obstacles,
+        "self_collision": judge_self_collision,
+    }
+)
+CONDITION_NAMES = tuple(JUDGED)
+# Of those that segments ask, what the judge's switching times must know beside tool and joints.
+SEGMENT_MARGINS: tuple[MarginMaker, ...] = (tool_speed_margin, clearance_margin)
+
+
+# ---- A certificate: every condition a trajectory must meet, with margin, place and coverage.
+
+# Limits that a slower run keeps if the trajectory does.
+_KEPT_SLOWER = ("velocity", "acceleration", "jerk", "tool_speed", "point_speed")
+# What a bound on braking starts from.
+_BRAKED_FROM = frozenset(
+    ("velocity", "acceleration", "effort", "motor_curve", "rest", "continuity")
+)
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The judgement of one trajectory.
+
+    Attributes:
+        conditions: By name, in the order of `CONDITION_NAMES`.
+        tolerance: How far below zero margins may lie.
+        left_out: Pairs of solids that were not checked against each other, and why.
+        other_speeds: What is known of the trajectory at other speeds; None: nothing.
+    """
+
+    conditions: Mapping[str, JudgedCondition]
+    tolerance: Tolerance
+    left_out: tuple[LeftOutPair, ...] = ()
+    other_speeds: OtherSpeeds | None = field(default=None, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        ordered = {name: self.conditions[name] for name in CONDITION_NAMES}
+        object.__setattr__(self, "conditions", MappingProxyType(ordered))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Certificate, (
+            dict(self.conditions),
+            self.tolerance,
+            self.left_out,
+            self.other_speeds,
+        )
+
+    def __repr__(self) -> str:
+        asked = [name for name, each in self.conditions.items() if each.margin is not None]
+        failed = self.failures()
+        return (
+            f"<Certificate {'fails ' + ', '.join(failed) if failed else 'passed'}: "
+            f"{len(asked)} of {len(self.conditions)} conditions required>"
+        )
+
+    @property
+    def passed(self) -> bool:
+        """Whether every condition holds."""
+        return not self.failures()
+
+    def failures(self) -> list[str]:
+        """Return the names of the conditions that do not hold."""
+        return [
+            name
+            for name, condition in self.conditions.items()
+            if not condition.holds(self.tolerance)
+        ]
+
+    @property
+    def slower(self) -> bool | None:
+        """Whether the trajectory keeps all limits at any lower speed, None if that is not known.
+
+        Informative: `passed` does not depend on it.
+        """
+        return None if self.other_speeds is None else self.slower_failure is None
+
+    @property
+    def slower_failure(self) -> SlowerRun | None:
+        """The slower run that breaks a limit most; None if none does, or that is not known."""
+        if self.other_speeds is None:
+            return None
+        for name in _KEPT_SLOWER:
+            condition = self.conditions[name]
+            if not condition.holds(self.tolerance):
+                return SlowerRun(name, condition.margin or 0.0, 1.0, condition.where)
+        tightest = self.other_speeds.slower
+        if tightest is None or tightest.margin >= -self.tolerance.relative:
+            return None
+        return tightest
+
+    @property
+    def braking(self) -> Braking | None:
+        """How soon the arm comes to rest along its path; informative.
+
+        None where nothing limits efforts and accelerations, or the trajectory itself is outside of
+        limits that braking starts from, or it is not known.
+        """
+        if self.other_speeds is None or not _BRAKED_FROM.isdisjoint(self.failures()):
+            return None
+        return self.other_speeds.braking
+
+    def describe(self, name: str) -> str:
+        """Return one line about a condition: margin, unit, place."""
+        condition = self.conditions[name]
+        if condition.margin is None:
+            return f"{name}: not required ({condition.coverage})"
+        unit = "" if condition.unit == RELATIVE else f" {condition.unit}"
+        place = str(condition.where)
+        return f"{name}: margin {condition.margin:.3g}{unit}" + (f" ({place})" if place else "")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the certificate as JSON values."""
+        failure, braking = self.slower_failure, self.braking
+        return {
+            "passed": self.passed,
+            "tolerance": {
+                "absolute": self.tolerance.absolute,
+                "relative": self.tolerance.relative,
+            },
+            "conditions": {
+                name: condition.as_dict(self.tolerance)
+                for name, condition in self.conditions.items()
+            },
+            "slower": self.slower,
+            "slower_failure": None if failure is None else asdict(failure),
+            "braking": None if braking is None else asdict(braking),
+            "left_out": [
+                {"links": list(pair.links), "reason": pair.reason} for pair in self.left_out
+            ],
+        }
+
+
+# ---- The independent judge: does a trajectory solve the problem?
+#
+# It uses robot, tube, collision geometry and the trajectory's polynomials, and nothing of the code
+# that made the trajectory.
+
+
+def verify(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    tolerance: Tolerance | None = None,
+) -> Certificate:
+    """Judge a trajectory.
+
+    Args:
+        problem: The planning problem.
+        trajectory: Of the problem's joints, in any order.
+        tolerance: How far below zero margins may lie; default: 1e-6 m, rad and relative.
+
+    Raises:
+        ProblemError: The problem is none.
+        TrajectoryError: The trajectory is none, or moves other joints than the problem's.
+        OptionError: The tolerance is none.
+    """
+    PlanningProblem.require(problem)
+    JointTrajectory.require(trajectory)
+    tolerance = given_options(tolerance, Tolerance, "the tolerance is")
+    trajectory = trajectory.reordered(problem.robot.joint_names)
+    motion = JudgedMotion(problem.joined, trajectory, tolerance, SEGMENT_MARGINS)
+    conditions = {name: judge(motion) for name, judge in JUDGED.items()}
+    speeds = OtherSpeeds(problem.robot, trajectory, tolerance.relative)
+    return Certificate(conditions, tolerance, problem.collision.left_out, speeds)
+
+
+def judged_visits(problem: PlanningProblem, trajectory: JointTrajectory) -> list[Visit]:
+    """Return when a trajectory is in which segment, as `verify` judges it.
+
+    Args:
+        problem: The planning problem; the segments are those of `PlanningProblem.joined`.
+        trajectory: Of the problem's joints, in any order.
+    """
+    trajectory = trajectory.reordered(problem.robot.joint_names)
+    return JudgedMotion(problem.joined, trajectory, Tolerance(), SEGMENT_MARGINS).visits

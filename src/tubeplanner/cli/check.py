@@ -1,0 +1,283 @@
+"""`check`: certificate of a trajectory file; controllers of `--for`."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tubeplanner.certificate.cycle_verification import CycleCertificate, verify_cycle
+from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE, Tolerance
+from tubeplanner.certificate.verification import Certificate, verify
+from tubeplanner.cli.console import (
+    AS_JSON,
+    INFEASIBLE,
+    INPUT,
+    SET,
+    SUCCESS,
+    empty_report,
+    load_either_timed,
+    print_json,
+    say,
+    shown_progress,
+)
+from tubeplanner.cli.report import (
+    certificate_text,
+    cycle_check_text,
+    other_speeds_line,
+    peaks_lines,
+)
+from tubeplanner.errors import OptionError, unknown_name
+from tubeplanner.limits.peaks import peaks_as_dict, trajectory_peaks
+from tubeplanner.native.library import LIBRARY
+from tubeplanner.outcome import Place
+from tubeplanner.output.controllers.franka import FRANKA_ARMS, franka_limits, judged_by_franka
+from tubeplanner.output.controllers.ros2_control import judged_by_jtc
+from tubeplanner.output.controllers.verdict import ControllerVerdict
+from tubeplanner.output.files.file_notes import notes_on_cycle_file, notes_on_file
+from tubeplanner.robot.notes import robot_notes
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.cycle_motion import CycleMotion, motion_of_file, move_rows
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
+
+# ---- The controllers that `check --for` knows.
+
+_JTC = "jtc"
+CONTROLLERS = (*FRANKA_ARMS, _JTC)
+
+
+def judged_by(name: str, problem: PlanningProblem, file: TrajectoryFile) -> ControllerVerdict:
+    """Return what a controller makes of a trajectory file.
+
+    Args:
+        name: One of `CONTROLLERS`.
+        problem: The planning problem.
+        file: The trajectory.
+
+    Raises:
+        OptionError: There is no such controller, or it is for another arm.
+        TrajectoryError: The trajectory moves other joints.
+    """
+    if name not in CONTROLLERS:
+        raise OptionError(f"--for: {unknown_name('controller', name, CONTROLLERS)}")
+    if name == _JTC:
+        return judged_by_jtc(name, problem, file)
+    return judged_by_franka(name, problem.robot, file.trajectory, franka_limits(name))
+
+
+# ---- What `check` makes of the trajectory file of a cycle.
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedCycle:
+    """The motion of a cycle from a file, and its judgement.
+
+    Attributes:
+        motion: The motion.
+        certificate: Of it.
+        certificate_time: Wall time that judging took [s].
+        notes: What else is to be known of the file.
+    """
+
+    motion: CycleMotion
+    certificate: CycleCertificate
+    certificate_time: float
+    notes: tuple[str, ...]
+
+    @property
+    def message(self) -> str:
+        """What is said of the trajectory, without the full stop."""
+        told: dict[str, str] = {}
+        for failure in self.certificate.failures():
+            reason = self.certificate.describe(failure)
+            told.setdefault(reason.partition(": ")[2], reason)  # moves without a stop fail together
+        reasons = "; ".join(told.values())
+        return f"fails: {reasons}" if reasons else "passes every condition"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the JSON object, loading_time still absent."""
+        motion, failures = self.motion, self.certificate.failures()
+        status = "certificate_failed" if failures else "success"
+        where = self.certificate.place(failures[0]) if failures else Place()
+        return {
+            **empty_report(status, f"the trajectory {self.message}", where.as_dict()),
+            "duration": motion.trajectory.duration,
+            "certificate_time": self.certificate_time,
+            **peaks_as_dict(trajectory_peaks(motion.cycle.robot, motion.trajectory)),
+            "moves": move_rows(motion),
+            "marks": [mark.as_dict() for mark in motion.marks],
+            "build": LIBRARY.build,
+            "notes": list(self.notes),
+            "certificate": self.certificate.as_dict(),
+            "controller": None,
+        }
+
+    def text(self) -> str:
+        """Return what is printed otherwise, but for the last line."""
+        return cycle_check_text(self.motion, self.certificate, self.notes)
+
+
+def checked_cycle(
+    cycle: Cycle, path: Path, file: TrajectoryFile, tolerance: Tolerance
+) -> CheckedCycle:
+    """Judge the trajectory of a file as the motion of a cycle.
+
+    Args:
+        cycle: The cycle.
+        path: The file.
+        file: What it holds.
+        tolerance: How far below zero margins may lie.
+
+    Raises:
+        TrajectoryError: It has no marks, or others than the cycle's steps, or other joints.
+    """
+    motion = motion_of_file(cycle, path, file)
+    begin = time.perf_counter()
+    certificate = verify_cycle(cycle, motion, tolerance)
+    spent = time.perf_counter() - begin
+    notes = (*notes_on_cycle_file(cycle, file), *robot_notes(cycle.robot))
+    return CheckedCycle(motion, certificate, spent, notes)
+
+
+# ---- The command `check`: judge a trajectory file.
+
+
+@click.command()
+@click.argument("problem")
+@click.argument("trajectory", type=INPUT)
+@click.option("--tolerance", help="ABS[,REL]: how far below zero margins may lie.")
+@click.option(
+    "--for",
+    "controller",
+    help="Also what a controller enforces: fr3, fer (Franka), jtc (JointTrajectoryController).",
+)
+@SET
+@AS_JSON
+def check(
+    problem: str,
+    trajectory: Path,
+    tolerance: str | None,
+    controller: str | None,
+    changes: dict[str, Any],
+    as_json: bool,
+) -> int:
+    """Judge the TRAJECTORY file against PROBLEM, or against a whole cycle."""
+    asked = _tolerance(tolerance)
+    with shown_progress() as enter:
+        loaded, loading_time = load_either_timed(problem, enter, changes)
+        read = read_trajectory_file(trajectory, loaded.robot.joint_names)
+        limits = asked or (Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE)
+        if isinstance(loaded, Cycle):
+            _refuse_controller(controller)
+            enter("certificate")
+            checked = checked_cycle(loaded, trajectory, read, limits)
+            return _say_checked(trajectory, checked, loading_time, as_json)
+        verdict = None if controller is None else judged_by(controller, loaded, read)
+        enter("certificate")
+        begin = time.perf_counter()
+        certificate = verify(loaded, read.trajectory, limits)
+        certificate_time = time.perf_counter() - begin
+    message = _message(certificate, verdict)
+    if as_json:
+        times = {"certificate_time": certificate_time, "loading_time": loading_time}
+        print_json(_report(loaded, read, certificate, verdict) | times)
+    else:
+        _print(loaded, read, certificate, verdict)
+        say(f"{trajectory} ({read.trajectory.duration:.4f} s) {message}.")
+    return SUCCESS if certificate.passed and _accepted(verdict) else INFEASIBLE
+
+
+def _refuse_controller(controller: str | None) -> None:
+    if controller is not None:
+        raise OptionError(
+            f"--for {controller} judges the motion of a problem; of a cycle leave it out, and "
+            "check moves as problems of their own"
+        )
+
+
+def _say_checked(path: Path, checked: CheckedCycle, loading_time: float, as_json: bool) -> int:
+    """Print the judgement of a cycle's motion; return the exit status."""
+    if as_json:
+        print_json({**checked.as_dict(), "loading_time": loading_time})
+    else:
+        say(checked.text())
+        say(f"{path} ({checked.motion.trajectory.duration:.4f} s) {checked.message}.")
+    return SUCCESS if checked.certificate.passed else INFEASIBLE
+
+
+def _accepted(verdict: ControllerVerdict | None) -> bool:
+    return verdict is None or verdict.accepted
+
+
+def _message(certificate: Certificate, verdict: ControllerVerdict | None) -> str:
+    """Return what is said of the trajectory, without the full stop."""
+    reasons = "; ".join(certificate.describe(name) for name in certificate.failures())
+    message = f"fails: {reasons}" if reasons else "passes every condition"
+    if verdict is None:
+        return message
+    return f"{message}; {verdict.name}: {verdict.summary}"
+
+
+def _notes(problem: PlanningProblem, read: TrajectoryFile, certificate: Certificate) -> list[str]:
+    notes = notes_on_file(problem, read, failed=not certificate.passed)
+    return [*notes, *robot_notes(problem.robot)]
+
+
+def _report(
+    problem: PlanningProblem,
+    read: TrajectoryFile,
+    certificate: Certificate,
+    verdict: ControllerVerdict | None,
+) -> dict[str, object]:
+    """Return the JSON object, times still absent."""
+    passed = certificate.passed and _accepted(verdict)
+    message = f"the trajectory {_message(certificate, verdict)}"
+    if verdict is not None and verdict.gravest is not None:
+        message += f": {verdict.gravest.error}: {verdict.gravest.message}"
+    where = _where(certificate, verdict).as_dict()
+    return {
+        **empty_report("success" if passed else "certificate_failed", message, where),
+        "duration": read.trajectory.duration,
+        **peaks_as_dict(trajectory_peaks(problem.robot, read.trajectory)),
+        "build": LIBRARY.build,
+        "notes": _notes(problem, read, certificate),
+        "certificate": certificate.as_dict(),
+        "controller": None if verdict is None else verdict.as_dict(),
+    }
+
+
+def _where(certificate: Certificate, verdict: ControllerVerdict | None) -> Place:
+    """Return where the first condition fails, or else the controller first minds something."""
+    failures = certificate.failures()
+    if failures:
+        return certificate.conditions[failures[0]].where
+    if verdict is None or verdict.gravest is None:
+        return Place()
+    minded = verdict.gravest
+    time = minded.time if minded.first_time is None else minded.first_time
+    return Place(time=time, joint=minded.joint)
+
+
+def _print(
+    problem: PlanningProblem,
+    read: TrajectoryFile,
+    certificate: Certificate,
+    verdict: ControllerVerdict | None,
+) -> None:
+    peaks = trajectory_peaks(problem.robot, read.trajectory)
+    say(*peaks_lines(problem.robot, peaks), certificate_text(certificate), sep="\n")
+    say(other_speeds_line(certificate))
+    lines = [f"note: {note}" for note in _notes(problem, read, certificate)]
+    lines += [] if verdict is None else verdict.lines()
+    say(*lines, sep="\n", end="\n" if lines else "")
+
+
+def _tolerance(text: str | None) -> Tolerance | None:
+    if text is None:
+        return None
+    try:
+        return Tolerance(*(float(word) for word in text.split(",")))
+    except (TypeError, ValueError):
+        raise OptionError(f"--tolerance '{text}' is not ABS or ABS,REL") from None

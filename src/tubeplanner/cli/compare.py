@@ -1,0 +1,191 @@
+"""`compare`: all methods on one problem."""
+
+from pathlib import Path
+from textwrap import fill
+from typing import Any
+
+import click
+from rich.table import Table
+
+from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition
+from tubeplanner.cli.console import (
+    AS_JSON,
+    FOLDER,
+    INFEASIBLE,
+    OTHERS_NOT_TRIED,
+    PATH,
+    SET,
+    SLACK,
+    SUCCESS,
+    empty_report,
+    load_timed,
+    nowhere,
+    print_json,
+    require_ending,
+    require_used,
+    say,
+    say_files,
+    shown_progress,
+    table_bytes,
+    write_answer,
+)
+from tubeplanner.cli.interrupts import hold_interrupts
+from tubeplanner.cli.report import fits, rendered, terminal
+from tubeplanner.output.figures.figure_files import figure_file, require_figure
+from tubeplanner.output.figures.study_figures import plot_comparison
+from tubeplanner.output.files.fingerprint import origin
+from tubeplanner.output.files.trajectory_writer import trajectory_json
+from tubeplanner.planning.options import PlanOptions
+from tubeplanner.studies.comparison import Comparison, ComparisonRow
+from tubeplanner.studies.comparison import compare as compare_methods
+from tubeplanner.writing import require_writable
+
+_MEASURED = ("planned in", "smooth", "peak jerk", "at a limit", "tube used")
+_MANY = 999.5  # [%]: from here on three digits would be a power of ten
+
+
+@click.command()
+@click.argument("problem")
+@click.option("--methods", help="Such as refinement,bang-bang  [default: all].")
+@click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
+@click.option("--plot", "figure", type=PATH, help="Figure (PNG, PDF or SVG).")
+@click.option(
+    "--trajectories", type=FOLDER, help="Folder for every trajectory (JSON), certified or not."
+)
+@click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
+@SLACK
+@SET
+@AS_JSON
+def compare(
+    problem: str,
+    methods: str | None,
+    output: Path | None,
+    figure: Path | None,
+    trajectories: Path | None,
+    quality: str,
+    slack: float | None,
+    changes: dict[str, Any],
+    as_json: bool,
+) -> int:
+    """Plan PROBLEM with every method, and with the schemes that Suh & Bishop compared with.
+
+    Exit status 0 if any of them has a certified trajectory; the others say which conditions fail.
+    """
+    options = PlanOptions(quality=quality, slack=slack)
+    require_used(changes, slack)
+    names = None if methods is None else [name.strip() for name in methods.split(",")]
+    outputs = [path for path in (output, figure) if path is not None]
+    require_ending(output, "-o", (".csv", ".json"))
+    require_figure(figure, "--plot")
+    require_writable(outputs, [Path(problem)])
+    if trajectories is not None:
+        require_writable(
+            [trajectories / "trajectory.json" if trajectories.is_dir() else trajectories]
+        )
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter, changes)
+        require_writable(outputs, [loaded.robot.urdf.path])
+        result = compare_methods(loaded, names, options=options, progress=enter)
+        outputs += _write_comparison(result, output, figure, trajectories)
+    certified = sum(row.certified for row in result.rows)
+    message = f"{certified} of {len(result.rows)} certified"
+    message += OTHERS_NOT_TRIED if result.stopped_by else ""
+    if as_json:
+        report = empty_report("success" if certified else "no_trajectory", message, nowhere())
+        print_json({**report, "loading_time": loading_time, **result.as_dict()})
+    else:
+        say(comparison_text(result), message, sep="\n")
+        say_files(outputs, "-o TABLE.csv", "--plot", "--trajectories")
+    return SUCCESS if certified else INFEASIBLE
+
+
+def _write_comparison(
+    result: Comparison, output: Path | None, figure: Path | None, folder: Path | None
+) -> list[Path]:
+    """Write all requested files or none; return the paths of the trajectories."""
+    hold_interrupts()
+    contents: dict[Path, bytes] = {}
+    if output is not None:
+        contents[output] = table_bytes(result, output)
+    if figure is not None:
+        contents[figure] = figure_file(plot_comparison(result), figure)
+    trajectories = {} if folder is None else _trajectory_files(result, folder)
+    write_answer({**contents, **trajectories}, folder)
+    return list(trajectories)
+
+
+def _trajectory_files(result: Comparison, folder: Path) -> dict[Path, bytes]:
+    """Return every trajectory as a trajectory file that says whether it is certified."""
+    files = {}
+    for row in result.rows:
+        if row.trajectory is not None:
+            verdict = {"certified": row.certified, "failures": row.as_dict()["failures"]}
+            more = {**origin(result.problem, row.answered_by or row.method), **verdict}
+            files[folder / f"{row.method}.json"] = trajectory_json(row.trajectory, **more).encode()
+    return files
+
+
+def comparison_text(result: Comparison) -> str:
+    """Return a comparison as a table and the rows' messages, as wide as the terminal.
+
+    In a narrow terminal measures are left out, the last ones first.
+    """
+    for count in range(len(_MEASURED), -1, -1):
+        table = _table(result, count)
+        if fits(table):
+            break
+    lines = rendered(table).splitlines()
+    if count < len(_MEASURED):
+        names = ", ".join(_MEASURED[count:])
+        lines.append(f"left out, the terminal being narrow: {names}; -o TABLE.csv has all")
+    lines += [f"{row.method}: {row.message}" for row in result.rows]
+    return "\n".join(_broken(line) for line in lines)
+
+
+def _table(result: Comparison, count: int) -> Table:
+    """Return a comparison as a table with so many of the measures."""
+    table = Table(title=f"{result.problem.name}: methods compared", title_justify="left")
+    table.add_column("method", no_wrap=True)
+    table.add_column("duration", justify="right", no_wrap=True)
+    table.add_column("certificate")
+    for heading in _MEASURED[:count]:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for row in result.rows:
+        duration = "" if row.duration is None else f"{row.duration:.4f} s"
+        table.add_row(row.method, duration, _verdict(row), *_measures(row)[:count])
+    return table
+
+
+def _verdict(row: ComparisonRow) -> str:
+    """Return what is said of a row's certificate, a failed condition on a line."""
+    if row.duration is None:
+        return str(row.status).replace("_", " ")
+    failed = [f"{name} {_excess(found)}" for name, found in row.failures.items()]
+    return "FAILS: " + ",\n".join(failed) if failed else "passes"
+
+
+def _measures(row: ComparisonRow) -> list[str]:
+    """Return the cells of `_MEASURED`."""
+    spent, measured = f"{row.planning_time:.2f} s", row.measures
+    if measured is None:
+        return [spent]
+    jerk = "unbounded" if measured.peak_jerk is None else f"{measured.peak_jerk:.2g}"
+    shares = (f"{100 * share:.0f} %" for share in (measured.at_limit, measured.tube_use))
+    return [spent, measured.smoothness, jerk, *shares]
+
+
+def _excess(condition: JudgedCondition) -> str:
+    """Return by how much a trajectory violates a condition, with its unit."""
+    missed = -(condition.margin or 0.0)
+    if condition.unit != RELATIVE:
+        return f"{missed:.3g} {condition.unit}"
+    percent = 100 * missed
+    return f"{percent:.3g} %" if percent < _MANY else f"{percent:.0f} %"
+
+
+def _broken(line: str) -> str:
+    """Return a line, broken between words and indented there if it is wider than the terminal."""
+    width = terminal().width
+    if len(line) <= width:
+        return line
+    return fill(line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)

@@ -1,0 +1,457 @@
+"""`info`: contents and gaps of a robot, problem or cycle."""
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from tubeplanner.cli.console import (
+    AS_JSON,
+    PACKAGE_DIR,
+    PATH,
+    SET,
+    TOOL_FRAME,
+    empty_report,
+    nowhere,
+    print_json,
+    say,
+    shown_progress,
+    write_answer,
+)
+from tubeplanner.cli.report import rendered
+from tubeplanner.errors import OptionError
+from tubeplanner.output.figures.figure_files import figure_file, require_figure
+from tubeplanner.output.figures.robot_figure import plot_robot
+from tubeplanner.resources import EXAMPLE_PREFIX
+from tubeplanner.robot.info import (
+    LIMITS,
+    JointInfo,
+    LinkInfo,
+    OtherJoint,
+    RobotInfo,
+    SourcedValue,
+    robot_info,
+)
+from tubeplanner.studies.tubes.starter_problem import shown_configuration
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.cycle_file import is_cycle_file
+from tubeplanner.task.endpoints import GoalRegion, ToolPose
+from tubeplanner.task.info import CycleInfo, ProblemInfo, SrdfInfo, cycle_info, problem_info
+from tubeplanner.task.legs import Leg, Rest, rest_text
+from tubeplanner.task.problem import PlanningProblem, Seed
+from tubeplanner.task.steps import Move
+from tubeplanner.writing import require_writable
+
+# ---- The command that says what is in a robot or a problem, and what it lacks.
+
+_PROBLEM_ENDINGS = (".yaml", ".yml", ".json")
+
+
+@click.command()
+@click.argument("robot", metavar="ROBOT|PROBLEM")
+@TOOL_FRAME
+@PACKAGE_DIR
+@click.option("--plot", type=PATH, help="Arm with its frames named (PNG, PDF or SVG).")
+@SET
+@AS_JSON
+def info(
+    robot: str,
+    tool_frame: str | None,
+    package_dirs: tuple[str, ...],
+    plot: Path | None,
+    changes: dict[str, Any],
+    as_json: bool,
+) -> None:
+    """Say what is in ROBOT, a URDF or example:NAME, or in PROBLEM, and what is missing.
+
+    Joints and their limits with where each comes from, motors, links, masses, geometry, frames; of
+    a problem also start, tube, obstacles and payload, of a cycle moves, rests and what is carried.
+    Missing limits are no error here.
+    """
+    require_figure(plot, "--plot")
+    if plot is not None:
+        require_writable([plot], [Path(robot)])
+    with shown_progress() as enter:
+        enter("reading robot")
+        if is_problem(robot):
+            if package_dirs:
+                raise OptionError("--package-dir is for a URDF; a problem has robot.package_dirs")
+            frame = {} if tool_frame is None else {"robot.tool_frame": tool_frame}
+            read = cycle_info if is_cycle_file(robot) else problem_info
+            found: RobotInfo | ProblemInfo | CycleInfo = read(robot, changes | frame)
+        else:
+            if changes:
+                raise OptionError(f"--set changes a problem file; {robot} is a robot")
+            found = robot_info(robot, tool_frame, package_dirs=package_dirs)
+        if plot is not None:
+            enter("picture")
+            picture = _picture(found, plot)
+            enter("writing")
+            write_answer({plot: picture})
+    if as_json:
+        fields = _finite(found.as_dict())
+        message = f"{fields['name']}: {len(fields['missing'])} things missing"
+        report = empty_report("success", message, nowhere())
+        print_json({**report, **fields, "plot": None if plot is None else str(plot)})
+        return
+    say(_as_text(found))
+    if plot is not None:
+        say(f"plot: {plot}")
+
+
+def is_problem(name: str) -> bool:
+    """Return whether a name is that of a problem rather than of a robot."""
+    if name.startswith(EXAMPLE_PREFIX):
+        return "/" in name
+    return Path(name).suffix.lower() in _PROBLEM_ENDINGS
+
+
+def _picture(found: RobotInfo | ProblemInfo | CycleInfo, path: Path) -> bytes:
+    problem = None if isinstance(found, RobotInfo) else found.problem
+    arm = found.arm if isinstance(found, RobotInfo) else found.robot.arm
+    return figure_file(plot_robot(arm, shown_configuration(arm, problem)), path)
+
+
+def _finite(value: Any) -> Any:
+    """Return JSON values, null for what is infinite."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _as_text(found: RobotInfo | ProblemInfo | CycleInfo) -> str:
+    if isinstance(found, CycleInfo):
+        return cycle_text(found)
+    return problem_text(found) if isinstance(found, ProblemInfo) else robot_text(found)
+
+
+# ---- What is in a robot or a problem, as text for a terminal.
+
+_TABLED = ("position", "velocity", "effort", "acceleration", "jerk")
+_NAMED_AT_MOST = 12  # joints or links in one line
+
+
+def robot_text(info: RobotInfo) -> str:
+    """Return what is in a robot as text."""
+    frame = info.tool_frame
+    found = "" if info.tool_frame_is_given else ", the end of the longest chain"
+    lines = [
+        f"{info.name}: {len(info.joints)} joints to {frame}{found}",
+        f"URDF: {info.path}",
+        _joint_table(info.joints),
+        "units: rad and m, N m and N, s",
+        *_source_lines(info.joints),
+        *_motor_lines(info.joints),
+        *_other_joint_lines(info.other_joints),
+        *_link_table(info.links),
+        f"mass of all links: {info.mass:.4g} kg",
+        *_links_without(info.links),
+        *_frame_lines(info),
+        *_base_lines(info),
+        *(f"note: {note}" for note in info.notes),
+        *_missing_lines(info.missing),
+    ]
+    return "\n".join(lines)
+
+
+def problem_text(info: ProblemInfo) -> str:
+    """Return what is in a problem as text."""
+    lines = [robot_text(info.robot)]
+    if info.srdf is not None:
+        lines += srdf_lines(info.srdf)
+    if info.problem is not None:
+        lines += _task_lines(info.problem)
+    if info.refused is not None:
+        lines.append(f"the problem does not load: {info.refused}")
+    return "\n".join(lines)
+
+
+def _joint_table(joints: Sequence[JointInfo]) -> str:
+    table = Table(title="joints, in the order of the chain", title_justify="left")
+    for heading in ("joint", "type", "parent"):
+        table.add_column(heading)
+    for heading in _TABLED:
+        table.add_column(heading, justify="right")
+    for joint in joints:
+        limits = [_limit(joint.limits[quantity]) for quantity in _TABLED]
+        table.add_row(escape(joint.name), joint.type, escape(joint.parent), *limits)
+    return rendered(table)
+
+
+def _limit(limit: SourcedValue) -> str:
+    if limit.is_missing:
+        return "-"
+    if limit.value is None:
+        return "endless"
+    if isinstance(limit.value, tuple):
+        return " to ".join(f"{bound:.4g}" for bound in limit.value)
+    return f"{limit.value:.4g}"
+
+
+def _source_lines(joints: Sequence[JointInfo]) -> list[str]:
+    """Return where the limits of each quantity come from."""
+    lines = []
+    for quantity in LIMITS:
+        by_source: dict[str, list[str]] = defaultdict(list)
+        for joint in joints:
+            by_source[joint.limits[quantity].source].append(joint.name)
+        if quantity in _TABLED or list(by_source) != ["none"]:
+            lines.append(f"{quantity} from: {_by_source(by_source)}")
+    return lines
+
+
+def _by_source(names: Mapping[str, Sequence[str]]) -> str:
+    if len(names) == 1:
+        return next(iter(names))
+    return "; ".join(f"{source} ({_listed(own)})" for source, own in names.items())
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - _NAMED_AT_MOST
+    shown = ", ".join(names[:_NAMED_AT_MOST])
+    return shown if more <= 0 else f"{shown} and {more} more"
+
+
+def _motor_lines(joints: Sequence[JointInfo]) -> list[str]:
+    return [
+        f"motor of {joint.name}: "
+        + ", ".join(f"{what} {_limit(v)} ({v.source})" for what, v in joint.motor.items())
+        for joint in joints
+        if joint.motor
+    ]
+
+
+def _other_joint_lines(others: Sequence[OtherJoint]) -> list[str]:
+    """Return the joints that are not planned, those locked at one place in one line."""
+    lines, locked = [], defaultdict(list)
+    for joint in others:
+        if joint.follows is None:
+            locked[joint.position].append(joint.name)
+        else:
+            rule = f"{joint.multiplier:g} times {joint.follows}"
+            offset = f" plus {joint.position:g}" if joint.position else ""
+            lines.append(f"{joint.name} follows: {rule}{offset}")
+    lines += [f"locked at {where:g}: {_listed(names)}" for where, names in locked.items()]
+    return lines
+
+
+def _link_table(links: Sequence[LinkInfo]) -> list[str]:
+    """Return the links that have mass or geometry as a table; nothing if none has."""
+    table = Table(title="links with mass or geometry", title_justify="left")
+    table.add_column("link")
+    table.add_column("mass [kg]", justify="right")
+    table.add_column("collision geometry")
+    table.add_column("visual geometry")
+    for link in links:
+        if link.mass is not None or link.collision or link.visual:
+            mass = "-" if link.mass is None else f"{link.mass:.4g}"
+            kinds = [_kinds(link.collision), _kinds(link.visual)]
+            table.add_row(escape(link.name), mass, *kinds)
+    return [rendered(table)] * bool(table.rows)
+
+
+def _kinds(counts: Mapping[str, int]) -> str:
+    each = [kind if count == 1 else f"{count} x {kind}" for kind, count in counts.items()]
+    return ", ".join(each) or "-"
+
+
+def _links_without(links: Sequence[LinkInfo]) -> list[str]:
+    solid = [link for link in links if link.collision or link.visual]
+    weightless = [link.name for link in solid if not link.mass]
+    unchecked = [link.name for link in links if link.mass and not link.collision]
+    lines = [f"with geometry and no mass: {_listed(weightless)}"] if weightless else []
+    if unchecked:
+        lines.append(f"with mass and no collision geometry, never checked: {_listed(unchecked)}")
+    return lines
+
+
+def _frame_lines(info: RobotInfo) -> list[str]:
+    leaves = [name for name in info.leaf_links if name != info.tool_frame]
+    inner = [link.name for link in info.links if not link.is_leaf and link.name != info.tool_frame]
+    chosen = "given" if info.tool_frame_is_given else "choose another by --tool-frame"
+    return [
+        f"tool_frame: {info.tool_frame} ({chosen})",
+        *([f"other ends of chains: {', '.join(leaves)}"] if leaves else []),
+        *([f"inner links: {', '.join(inner)}"] if inner else []),
+    ]
+
+
+def _base_lines(info: RobotInfo) -> list[str]:
+    base = info.arm.base
+    if base is None:
+        return []
+    turn = "not turned"
+    if base.rpy is not None:
+        turn = f"rpy {_numbers(base.rpy)} rad"
+    elif base.quaternion is not None:
+        turn = f"quaternion {_numbers(base.quaternion)}"
+    return [f"base: {info.arm.urdf.root} stands at {_numbers(base.position)} m, {turn}"]
+
+
+def _missing_lines(missing: Sequence[str]) -> list[str]:
+    if not missing:
+        return ["nothing is missing: it can be planned"]
+    return ["missing:", *(f"  {each}" for each in missing)]
+
+
+def srdf_lines(srdf: SrdfInfo) -> list[str]:
+    """Return what an SRDF has."""
+    states = [
+        f"state {name}: " + ", ".join(f"{joint} {q:.4g}" for joint, q in values.items())
+        for name, values in srdf.states.items()
+    ]
+    return [*states, f"SRDF: {len(srdf.disabled_pairs)} pairs of links may touch"]
+
+
+def _task_lines(problem: PlanningProblem) -> list[str]:
+    """Return start, tube, solids and payload of a problem."""
+    payload = problem.robot.payload
+    lines = [f"problem {problem.name}:", end_line(problem, "start", problem.start)]
+    lines.append("goal: open" if problem.goal is None else end_line(problem, "goal", problem.goal))
+    lines.append(_segment_table(problem))
+    lines += [f"obstacle {bare(solid)}" for solid in problem.obstacles] or ["no obstacles"]
+    lines += [f"attached {bare(solid)}" for solid in problem.attached]
+    if problem.clearance:
+        lines.append(f"clearance: {problem.clearance:g} m")
+    for links, clearance in problem.pair_clearances.items():
+        lines.append(f"clearance of {' and '.join(links)}: {clearance:g} m")
+    for contact in problem.contacts:
+        names, ends = " and ".join(contact.links), " and ".join(contact.ends)
+        lines.append(f"contact at {ends}: {names}, within {contact.within:g} m")
+    if payload is not None:
+        lines.append(f"payload: {payload.mass:g} kg at {list(payload.com)} m of the tool frame")
+    return lines
+
+
+def bare(solid: object) -> str:
+    """Return how a solid shows itself, without its type."""
+    return repr(solid).strip("<>").split(" ", 1)[1]
+
+
+def end_line(problem: PlanningProblem, name: str, end: Any) -> str:
+    """Return how an end of a problem's motion is given, behind what it is called."""
+    if isinstance(end, Seed):
+        return f"{name}: by inverse kinematics from {_numbers(end.joints)}"
+    if isinstance(end, ToolPose):
+        return f"{name}: by inverse kinematics, tool centre point at {_numbers(end.position)} m"
+    if isinstance(end, GoalRegion):
+        return f"{name}: the tool within {end.tolerance:g} m of {_numbers(end.position)} m"
+    tool = problem.robot.tool_position(end)
+    return f"{name}: joints {_numbers(end)}, tool centre point at {_numbers(tool)} m"
+
+
+def _numbers(values: Any) -> str:
+    return "[" + ", ".join(f"{value + 0.0:.4g}" for value in values) + "]"
+
+
+def _segment_table(problem: PlanningProblem) -> str:
+    tube = problem.tube
+    table = Table(title="segments of the tube, in m and rad", title_justify="left")
+    for heading in ("segment", "from", "to", "length", "radius", "what else"):
+        table.add_column(heading, justify="left" if heading == "what else" else "right")
+    for k in range(tube.segment_count):
+        ends = tube.points[k : k + 2]
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        radius = "box" if tube.is_box[k] else f"{tube.radius[k]:g}"
+        row = [str(tube.segment_number(k)), *map(_numbers, ends), f"{length:.4g}", radius]
+        table.add_row(*row, escape(_conditions(problem, k)))
+    return rendered(table)
+
+
+def _conditions(problem: PlanningProblem, k: int) -> str:
+    """Return what a segment asks beside its radius."""
+    tube, parts = problem.tube, []
+    if tube.rotation is not None and np.isfinite(tube.rotation.bounds[k]).any():
+        parts.append(f"rotation within {_numbers(tube.rotation.bounds[k])}")
+    if tube.tool_speed is not None and np.isfinite(tube.tool_speed[k]):
+        parts.append(f"tool speed {tube.tool_speed[k]:g}")
+    if tube.clearance is not None and np.isfinite(tube.clearance[k]):
+        parts.append(f"clearance {tube.clearance[k]:g}")
+    ranges = tube.joint_ranges[k].items()
+    parts += [f"{name} {_range(*bounds)}" for name, bounds in ranges]
+    return "; ".join(parts)
+
+
+def _range(lower: float, upper: float) -> str:
+    if np.isinf(upper):
+        return f">= {lower:.4g}"
+    return f"<= {upper:.4g}" if np.isinf(lower) else f"in [{lower:.4g}, {upper:.4g}]"
+
+
+# ---- What is in a cycle, as text for a terminal.
+
+
+def cycle_text(info: CycleInfo) -> str:
+    """Return what is in a cycle as text."""
+    lines = [robot_text(info.robot)]
+    if info.srdf is not None:
+        lines += srdf_lines(info.srdf)
+    if info.cycle is not None:
+        lines += _cycle_lines(info.cycle)
+    if info.refused is not None:
+        lines.append(f"the cycle does not load: {info.refused}")
+    return "\n".join(lines)
+
+
+def _cycle_lines(cycle: Cycle) -> list[str]:
+    """Return start, moves, rests and solids of a cycle."""
+    ends = "ends where it begins" if cycle.closed else "ends where its last move does"
+    moves = sum(len(leg.moves) for leg in cycle.legs)
+    first = cycle.problem_from_anywhere(0)
+    legs = f"{len(cycle.legs)} legs (each without a stop)"
+    return [
+        f"cycle {cycle.name}: {moves} moves in {legs}; {ends}",
+        end_line(first, "start", cycle.start),
+        _step_table(cycle),
+        *([f"obstacle {bare(solid)}" for solid in cycle.obstacles] or ["no obstacles"]),
+        *(f"attached {bare(solid)}" for solid in cycle.attached),
+        *([] if cycle.period is None else [f"period: {cycle.period:g} s"]),
+    ]
+
+
+def _step_table(cycle: Cycle) -> str:
+    table = Table(title="moves and what happens between them", title_justify="left")
+    table.add_column("what")
+    for heading in ("segments", "length"):
+        table.add_column(heading, justify="right")
+    for heading in ("ends", "carries"):
+        table.add_column(heading)
+    for k, leg in enumerate(cycle.legs):
+        _add_rest(table, leg.before)
+        for move in leg.moves:
+            goal = _goal(cycle, move)
+            cells = (escape(move.name), str(move.tube.numbers[-1]), _length(move), goal)
+            table.add_row(*cells, escape(_carried(cycle, k, leg)))
+    _add_rest(table, cycle.after)
+    return rendered(table)
+
+
+def _add_rest(table: Table, rest: Rest) -> None:
+    if rest.steps:
+        table.add_row(escape(f"at rest: {rest_text(rest)}"), "", "", "", "")
+
+
+def _length(move: Move) -> str:
+    return f"{np.linalg.norm(np.diff(move.tube.points, axis=0), axis=1).sum():.4g} m"
+
+
+def _goal(cycle: Cycle, move: Move) -> str:
+    if move.goal is not None and not move.ends_openly:
+        return "in a given configuration"
+    closes = cycle.closed and move is cycle.legs[-1].moves[-1]
+    return "as the cycle begins" if closes else "in any configuration"
+
+
+def _carried(cycle: Cycle, k: int, leg: Leg) -> str:
+    """Return what is carried in leg k."""
+    payload, solids = leg.robot.payload, cycle.problem_from_anywhere(k).attached
+    parts = [] if payload is None else [f"{payload.mass:g} kg"]
+    return ", ".join([*parts, *(solid.name for solid in solids)]) or "nothing"

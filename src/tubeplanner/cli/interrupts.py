@@ -1,0 +1,98 @@
+"""Ctrl-C: remembered while the program starts, held while an answer is written.
+
+SIGTERM, by which schedulers and containers end a program, is the same as Ctrl-C.
+"""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+@dataclass
+class _Interrupts:
+    """What came of Ctrl-C in the run that is going on.
+
+    Attributes:
+        pressed: One number for each time.
+        held: Those since the answer was begun; None: it is not.
+        depth: How many `interrupts_remembered` are around.
+    """
+
+    pressed: list[int] = field(default_factory=list)
+    held: list[int] | None = None
+    depth: int = 0
+
+
+_run = _Interrupts()
+
+
+def interrupts_noted() -> None:
+    """From here on, remember Ctrl-C for the next `interrupts_remembered`, and go on."""
+    _set_handlers(lambda number, _: _run.pressed.append(number))
+
+
+@contextmanager
+def interrupts_remembered() -> Iterator[Callable[[], None]]:
+    """Yield a function that raises KeyboardInterrupt if Ctrl-C was pressed in this run.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed; also instead of an exception that followed it.
+    """
+
+    def interrupt(number: int, _: object) -> None:
+        _run.pressed.append(number)
+        raise KeyboardInterrupt
+
+    previous: dict[signal.Signals, Any] = {}
+    _run.depth += 1
+    try:
+        if _run.held is None:
+            previous = _set_handlers(interrupt)
+        yield _raise_pending
+    except Exception:
+        # What becomes of a library that was interrupted while it was imported is no error.
+        _raise_pending()
+        raise
+    finally:
+        _run.depth -= 1
+        if _run.held is None or _run.depth == 0:
+            for number, handler in previous.items():
+                signal.signal(number, handler)
+        if _run.depth == 0:
+            _run.pressed.clear()
+            _run.held = None
+
+
+def hold_interrupts() -> list[int]:
+    """From here to the end of the run, keep Ctrl-C waiting: an answer is given whole.
+
+    Returns:
+        What came since the first call.
+    """
+    if _run.held is None:
+        held: list[int] = []
+        if _run.depth > 0:
+            _run.held = held
+            _set_handlers(lambda number, _: held.append(number))
+        return held
+    return _run.held
+
+
+def _raise_pending() -> None:
+    if _run.pressed:
+        raise KeyboardInterrupt
+
+
+def _set_handlers(handler: Any) -> dict[signal.Signals, Any]:
+    """Let a handler take Ctrl-C; return those before, none where it could not be set.
+
+    Outside the main thread signals do not come anyway.
+    """
+    try:
+        return {number: signal.signal(number, handler) for number in SIGNALS}
+    except ValueError:
+        return {}

@@ -1,0 +1,203 @@
+"""The lazy group of commands; one line for any error; robots, schema.
+
+A command's module is imported when the command is called. NumPy is not imported before, here or in
+`console`: a report of bad usage or of Ctrl-C needs none.
+
+Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usage; 130 interrupted.
+"""
+
+import ast
+import sys
+from collections.abc import Iterator, MutableMapping, Sequence
+from errno import ENOSPC
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import click
+
+from tubeplanner.cli.console import (
+    AS_JSON,
+    BAD_INPUT,
+    INTERRUPTED,
+    SUCCESS,
+    VERSION,
+    empty_report,
+    fail,
+    nowhere,
+    print_json,
+    say,
+)
+from tubeplanner.cli.interrupts import hold_interrupts, interrupts_remembered
+from tubeplanner.errors import OptionError, TubePlannerError
+from tubeplanner.outcome import ContradictionError
+from tubeplanner.resources import (
+    bundled_cycles,
+    bundled_presets,
+    bundled_problems,
+    bundled_robots,
+    bundled_studies,
+    example_robot_names,
+)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit status.
+
+    Args:
+        arguments: Without the program's name.
+    """
+    as_json = "--json" in arguments
+    try:
+        with interrupts_remembered() as raise_pending:
+            raise_pending()
+            status = cli.main(list(arguments), "tubeplanner", standalone_mode=False)
+            hold_interrupts()
+            sys.stdout.flush()
+        return int(status or SUCCESS)
+    except click.ClickException as error:
+        if as_json:
+            return fail("bad_input", error.format_message(), as_json, BAD_INPUT)
+        error.show()
+        return BAD_INPUT
+    except ContradictionError as error:
+        known = {"where": error.place.as_dict(), "proved": error.proved}
+        return fail("bad_input", str(error), as_json, BAD_INPUT, **known)
+    except TubePlannerError as error:
+        return fail("bad_input", str(error), as_json, BAD_INPUT)
+    except (KeyboardInterrupt, click.Abort):
+        message = "interrupted before there was an answer"
+        return fail("interrupted", message, as_json, INTERRUPTED)
+    except Exception as error:  # the last resort: a user gets one line, never a traceback
+        if isinstance(error, OSError) and error.errno == ENOSPC:
+            # Files name themselves: it is standard output, which a report does not fit into either.
+            message = f"standard output cannot be written: {error.strerror}; make room"
+            return fail("bad_input", message, as_json=False, code=BAD_INPUT)
+        kind = type(error).__name__
+        message = f"internal error, please report it with the problem file: {kind}: {error}"
+        return fail("bad_input", message, as_json, BAD_INPUT)
+
+
+class _LazyCommands(MutableMapping[str, click.Command]):
+    """Commands by name; the module of each is imported when the command is first looked up."""
+
+    def __init__(self, modules: dict[str, str]) -> None:
+        """Take the module of each command, where a function of its name defines it."""
+        self._commands: dict[str, str | click.Command] = {**modules}
+
+    def __getitem__(self, name: str) -> click.Command:
+        command = self._commands[name]
+        return getattr(import_module(command), name) if isinstance(command, str) else command
+
+    def __setitem__(self, name: str, command: click.Command) -> None:
+        self._commands[name] = command
+
+    def __delitem__(self, name: str) -> None:
+        del self._commands[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._commands)
+
+    def __len__(self) -> int:
+        return len(self._commands)
+
+    def help_of(self, name: str) -> str:
+        """Return the help text of a command, without an import of its module."""
+        command = self._commands[name]
+        if isinstance(command, click.Command):
+            return command.help or ""
+        spec = find_spec(command)
+        assert spec is not None and spec.origin is not None
+        tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+        functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
+        return next(ast.get_docstring(each) or "" for each in functions if each.name == name)
+
+
+class _LazyGroup(click.Group):
+    """A group whose help imports no command; else `--help` would take ten times as long."""
+
+    commands: _LazyCommands
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands with their short help."""
+        names = self.list_commands(ctx)
+        width = formatter.width - 6 - max(map(len, names))
+        stubs = [click.Command(name, help=self.commands.help_of(name)) for name in names]
+        with formatter.section("Commands"):
+            formatter.write_dl([(str(each.name), each.get_short_help_str(width)) for each in stubs])
+
+
+_COMMANDS = {
+    "check": "tubeplanner.cli.check",
+    "compare": "tubeplanner.cli.compare",
+    "explain": "tubeplanner.cli.explain",
+    "info": "tubeplanner.cli.info",
+    "init": "tubeplanner.cli.init",
+    "links": "tubeplanner.cli.links",
+    "measure": "tubeplanner.cli.measure",
+    "place": "tubeplanner.cli.place",
+    "plan": "tubeplanner.cli.plan",
+    "plot": "tubeplanner.cli.view",
+    "reproduce": "tubeplanner.cli.reproduce",
+    "route": "tubeplanner.cli.tubes",
+    "simulate": "tubeplanner.cli.simulate",
+    "study": "tubeplanner.cli.study",
+    "sweep": "tubeplanner.cli.sweep",
+    "teach": "tubeplanner.cli.tubes",
+    "view": "tubeplanner.cli.view",
+}
+
+
+@click.group(
+    cls=_LazyGroup,
+    commands=_LazyCommands(_COMMANDS),
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+@VERSION
+def cli() -> None:
+    """Plan a smooth, certified trajectory of a robot arm whose tool stays in a tube.
+
+    PROBLEM is a problem file (YAML or JSON) or example:ROBOT/NAME for a bundled one; plan, check,
+    info, view, plot and simulate take cycle files too. STUDY is a file of many plans.
+    """
+
+
+@cli.command()
+@AS_JSON
+def robots(as_json: bool) -> None:
+    """List what `example:` finds: problems, cycles, studies, robots; and presets of limits."""
+    problems, cycles = list(bundled_problems()), list(bundled_cycles())
+    presets = bundled_presets()
+    if as_json:
+        fields = {"robots": example_robot_names(), "problems": problems, "cycles": cycles}
+        fields |= {"studies": list(bundled_studies()), "presets": list(presets)}
+        print_json({**empty_report("success", "names for example:", nowhere()), **fields})
+        return
+    say("Problems (example:ROBOT/NAME):")
+    say(*(f"  example:{name}" for name in problems), sep="\n")
+    say("Cycles (example:ROBOT/NAME):")
+    say(*(f"  example:{name}" for name in cycles), sep="\n")
+    say("Studies (example:ROBOT/NAME):")
+    say(*(f"  example:{name}" for name in bundled_studies()), sep="\n")
+    say("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
+    bundled = bundled_robots()
+    for name in example_robot_names():
+        say(f"  example:{name}{'  (bundled)' if name in bundled else ''}")
+    say("Presets of limits and motors (robot.preset: NAME), sources in the file:")
+    say(*(f"  {name}  {path}" for name, path in presets.items()), sep="\n")
+
+
+@cli.command()
+@click.option("--cycle", is_flag=True, help="That of cycle files.")
+@click.option("--study", "of_study", is_flag=True, help="That of study files.")
+@click.option("--json", is_flag=True, help="For symmetry: the schema is always JSON.")
+def schema(cycle: bool, of_study: bool, json: bool) -> None:
+    """Print the JSON schema of the problem file, or of the cycle or study file."""
+    from tubeplanner.studies.study_file import study_schema
+    from tubeplanner.task.cycle_file import cycle_schema
+    from tubeplanner.task.problem_format import problem_schema
+
+    if cycle and of_study:
+        raise OptionError("schema takes either --cycle or --study")
+    made = study_schema if of_study else cycle_schema if cycle else problem_schema
+    print_json(made(), indent=2)

@@ -1,0 +1,356 @@
+"""Plans and certificates of problems and cycles as terminal text."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from tubeplanner.certificate.cycle_verification import CycleCertificate
+from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition, Tolerance
+from tubeplanner.certificate.verification import CONDITION_NAMES, Certificate
+from tubeplanner.first_guess.fastest_parameterization import NOT_PROVED
+from tubeplanner.geometry.collision_checker import ALWAYS_TOUCHING
+from tubeplanner.limits.peaks import TrajectoryPeaks, trajectory_peaks
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.cycle_motion import CycleMotion
+from tubeplanner.task.legs import Leg, Rest, rest_text
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.side_files import fitting_presets
+
+if TYPE_CHECKING:
+    from tubeplanner.planning.cycle_result import CycleResult, LegPlan
+    from tubeplanner.planning.result import PlanResult
+
+# ---- Plans and certificates as text for a terminal.
+
+_WIDTH_OF_A_FILE, _VERY_WIDE = 160, 10_000  # [characters]
+# Rounding errors of the machine are shown as zero.
+_NOTHING = 1e-10
+_SENSITIVITIES_SHOWN = 3
+
+
+def plan_text(
+    problem: PlanningProblem,
+    result: "PlanResult",
+    loading_time: float,
+    *,
+    with_minimum: bool = False,
+) -> str:
+    """Return the result of planning as text.
+
+    Args:
+        problem: The planning problem.
+        result: Its result.
+        loading_time: [s].
+        with_minimum: Whether to report the least time for the path, if motors switch instantly.
+    """
+    robot = problem.robot
+    lines = [
+        f"{problem.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}",
+        *([] if result.peaks is None else peaks_lines(robot, result.peaks)),
+        f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
+        f"(certificate {result.certificate_time:.2f} s), method {result.method}",
+    ]
+    if result.search is not None:
+        lines.append(f"branch and bound: {result.search}")
+    if result.phase_two is not None:
+        lines.append(f"phase 2, from {result.phase1_duration:.4f} s: {result.phase_two}")
+    if result.certificate is not None:
+        lines.append(certificate_text(result.certificate))
+        lines += left_out_lines(result.certificate)
+    lines.append(f"{result.status}: {result.message}")
+    dearest = [
+        str(sensitivity)
+        for sensitivity in result.sensitivities[:_SENSITIVITIES_SHOWN]
+        if sensitivity.saved > 0
+    ]
+    if dearest:
+        lines.append(f"10 % more would save: {'; '.join(dearest)}")
+    if with_minimum:
+        lines += _minimum_lines(problem, result)
+    lines += [f"note: {note}" for note in result.notes]
+    place = str(result.place)
+    if place:
+        lines.append(f"where: {place}")
+    if result.proved is not None:
+        lines.append("`tubeplanner explain` looks for the smallest changes that make it possible")
+    if result.stopped_by is not None:
+        lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
+    if problem.obstacles and not problem.collision.has_link_geometry:
+        lines.append(
+            "note: the robot has no collision geometry; the obstacles were NOT checked against it"
+        )
+    return "\n".join(lines)
+
+
+def _minimum_lines(problem: PlanningProblem, result: "PlanResult") -> list[str]:
+    """Return a line on what motors that switch instantly would save on the path, if it is known."""
+    if result.path_minimum is None or not result.duration:
+        return []
+    left = 100 * max(1 - result.path_minimum / result.duration, 0.0)
+    line = "time left on this path: motors that switch instantly would take"
+    if not problem.robot.motors.has_less_at_speed:
+        return [f"{line} {result.path_minimum:.4f} s, {left:.1f} % less"]
+    return [
+        f"{line} at most {result.path_minimum:.4f} s, at least {left:.1f} % less ({NOT_PROVED})"
+    ]
+
+
+def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
+    """Return a trajectory's peaks, and which limits to give where nothing bounds them.
+
+    Args:
+        robot: The arm.
+        peaks: Of a trajectory.
+    """
+    lines = [f"peaks: {peaks}"]
+    free = {quantity: robot.limits.unlimited(quantity) for quantity in ("acceleration", "jerk")}
+    named = [quantity for quantity, joints in free.items() if len(joints) > 0]
+    if named:
+        joints = np.union1d(free["acceleration"], free["jerk"])
+        whose = ", ".join(robot.joint_names[joint] for joint in joints)
+        of_some = f" of {whose}" if len(joints) < robot.joint_count else ""
+        lines.append(
+            f"nothing limits {' or '.join(named)}{of_some}; for a motion that a machine can "
+            "follow, give the robot's own as "
+            + " and ".join(f"robot.limits.{quantity}" for quantity in named)
+            + "".join(f", or robot.preset: {name}" for name in fitting_presets(robot))
+        )
+    return lines
+
+
+def certificate_text(certificate: Certificate) -> str:
+    """Return a certificate as a table, as wide as the terminal."""
+    table = Table(title="Certificate", title_justify="left")
+    for heading in ("condition", "margin", "holds", "where", "coverage"):
+        table.add_column(heading, justify="right" if heading == "margin" else "left")
+    for name, condition in certificate.conditions.items():
+        table.add_row(name, *condition_cells(condition, certificate.tolerance))
+    return rendered(table)
+
+
+def condition_cells(condition: JudgedCondition, tolerance: Tolerance) -> tuple[str, ...]:
+    """Return margin, verdict, place and coverage of a condition as cells of a table."""
+    if condition.margin is None:
+        return "", "not required", "", condition.coverage
+    shown = 0.0 if abs(condition.margin) < _NOTHING else condition.margin
+    percent = condition.unit == RELATIVE
+    margin = f"{100 * shown:.3g} %" if percent else f"{shown:.3g} {condition.unit}"
+    verdict = "yes" if condition.holds(tolerance) else "NO"
+    return margin, verdict, escape(str(condition.where)), condition.coverage
+
+
+def other_speeds_line(certificate: Certificate) -> str:
+    """Return one line on how soon the arm comes to rest, and on slower runs."""
+    said = []
+    braking = certificate.braking
+    if braking is not None:
+        said.append(
+            f"brakes to rest within {braking.time:.3f} s and {1000 * braking.distance:.0f} mm of "
+            f"the tool's path (longest from {braking.where})"
+        )
+    failure = certificate.slower_failure
+    if failure is None:
+        said.append("slower runs keep all limits")
+    else:
+        said.append(
+            f"slower runs break limits: {failure.condition}, margin {100 * failure.margin:.3g} % "
+            f"at {100 * failure.speed:.3g} % of the speed ({failure.where})"
+        )
+    return "; ".join(said)
+
+
+def left_out_lines(certificate: Certificate) -> list[str]:
+    """Return a note that names the pairs of links that always touch; none if there are none."""
+    pairs = [pair for pair in certificate.left_out if pair.reason == ALWAYS_TOUCHING]
+    named = "; ".join(" and ".join(pair.links) for pair in pairs)
+    return [f"note: not checked, because they touch in every configuration: {named}"] * bool(pairs)
+
+
+def rendered(table: Table) -> str:
+    """Return a table as text, as wide as the terminal or a file allows."""
+    console = terminal()
+    with console.capture() as capture:
+        console.print(table)
+    return capture.get().rstrip("\n")
+
+
+def fits(table: Table) -> bool:
+    """Return whether a table's columns fit next to each other without breaking a line more."""
+    return Console(width=_VERY_WIDE).measure(table).maximum <= terminal().width
+
+
+def terminal() -> Console:
+    """Return where text is printed, with its width; plain, as `say` prints codes as text."""
+    width = None if sys.stdout.isatty() else _WIDTH_OF_A_FILE
+    return Console(width=width, color_system=None)
+
+
+# ---- Plans and certificates of cycles as text for a terminal.
+
+# Less is no gain that shared configurations are praised for [s].
+_LEAST_GAIN = 1e-4
+
+
+def cycle_plan_text(cycle: Cycle, result: "CycleResult", loading_time: float) -> str:
+    """Return the result of planning a cycle as text.
+
+    Args:
+        cycle: The cycle.
+        result: Its result.
+        loading_time: [s].
+    """
+    robot, motion = cycle.robot, result.motion
+    lines = [f"{cycle.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}"]
+    if motion is not None:
+        lines += peaks_lines(robot, trajectory_peaks(robot, motion.trajectory))
+    lines.append(
+        f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
+        f"(certificate {result.certificate_time:.2f} s), method {result.method}"
+    )
+    if motion is not None:
+        prices = [_dearest(*each) for each in zip(cycle.legs, result.legs, strict=True)]
+        lines.append(_timetable(motion, "10 % more saves most", prices))
+    if result.certificate is not None:
+        lines.append(_certificate_text(result.certificate))
+    lines += [f"{result.status}: {result.message}", *_gain_lines(result)]
+    lines += [f"note: {note}" for note in result.notes]
+    place = str(result.place)
+    lines += [f"where: {place}"] * bool(place)
+    if result.stopped_by is not None:
+        lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
+    return "\n".join([*lines, *_geometry_lines(cycle)])
+
+
+def cycle_check_text(
+    motion: CycleMotion, certificate: CycleCertificate, notes: Sequence[str]
+) -> str:
+    """Return the judgement of a cycle's motion as text.
+
+    Args:
+        motion: The motion.
+        certificate: Its certificate.
+        notes: What else is to be known of its file.
+    """
+    cycle = motion.cycle
+    verdicts = [_verdict(certificate, leg) for leg in cycle.legs]
+    return "\n".join(
+        [
+            *peaks_lines(cycle.robot, trajectory_peaks(cycle.robot, motion.trajectory)),
+            _timetable(motion, "certificate", verdicts),
+            _certificate_text(certificate),
+            *(f"note: {note}" for note in notes),
+            *_geometry_lines(cycle),
+        ]
+    )
+
+
+def _timetable(motion: CycleMotion, heading: str, said: Sequence[str]) -> str:
+    """Return when moves and rests begin, and what is said of each leg, below a heading."""
+    table = Table(title="Moves", title_justify="left")
+    for name in ("begins", "takes"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for name in ("what", heading):
+        table.add_column(name)
+    cycle, end = motion.cycle, 0.0
+    for leg, about in zip(cycle.legs, said, strict=True):
+        begin = motion.move_times[leg.moves[0].name][0]
+        _add_rest(table, leg.before, end, begin)
+        for k, move in enumerate(leg.moves):
+            begin, end = motion.move_times[move.name]
+            last = about if k == 0 else f"with {leg.moves[0].name}"
+            table.add_row(*_span(begin, end), escape(move.name), escape(last))
+    _add_rest(table, cycle.after, end, motion.trajectory.duration)
+    return rendered(table)
+
+
+def _add_rest(table: Table, rest: Rest, begin: float, end: float) -> None:
+    if rest.steps:
+        table.add_row(*_span(begin, end), escape(f"at rest: {rest_text(rest)}"), "")
+
+
+def _span(begin: float, end: float) -> tuple[str, str]:
+    return f"{begin:.4f} s", f"{end - begin:.4f} s"
+
+
+def _dearest(leg: Leg, plan: "LegPlan") -> str:
+    """Return which limit costs a leg most; nothing if none costs anything."""
+    found = max(plan.result.sensitivities, key=lambda each: each.saved, default=None)
+    if found is None or found.saved <= 0:
+        return ""
+    if found.segment is None or len(leg.moves) == 1:
+        return str(found)
+    move, segment = leg.move_of(found.segment)
+    return f"{move.name}: {replace(found, segment=segment, last_segment=None)}"
+
+
+def _gain_lines(result: "CycleResult") -> list[str]:
+    """Return what more of each limit would save, and what configurations in common did."""
+    lines, dearest = [], [each for each in result.sensitivities if each.saved > 0]
+    if dearest:
+        listed = "; ".join(str(each) for each in dearest[:_SENSITIVITIES_SHOWN])
+        lines.append(f"10 % more would save, over the cycle: {listed}")
+    shortest, alone = result.shortest_duration, result.greedy_duration
+    if shortest is not None and alone is not None and alone - shortest > _LEAST_GAIN:
+        lines.append(
+            f"configurations between moves chosen together save {alone - shortest:.4f} s: moves "
+            f"planned alone, one after the other, take {alone:.4f} s at the shortest, these "
+            f"{shortest:.4f} s"
+        )
+    return lines
+
+
+def _verdict(certificate: CycleCertificate, leg: Leg) -> str:
+    """Return whether a leg passes, and else what it fails."""
+    name = leg.moves[0].name
+    if name in certificate.refused:
+        return f"FAILS: {certificate.refused[name]}"
+    failures = ", ".join(certificate.moves[name].failures())
+    return f"FAILS: {failures}" if failures else "passes"
+
+
+def _certificate_text(certificate: CycleCertificate) -> str:
+    """Return the tightest of each condition over all moves, all that fail, and the seams."""
+    judged = list({id(each): each for each in certificate.moves.values()}.values())
+    moves = _condition_table("Certificate: each condition where it is tightest")
+    for name in CONDITION_NAMES if judged else ():
+        for condition in _told([each.conditions[name] for each in judged], certificate):
+            moves.add_row(name, *condition_cells(condition, certificate.tolerance))
+    seams = _condition_table("Seams, where the arm is at rest: each condition where it is tightest")
+    of_seams = [(n, c, seam) for seam, own in certificate.seams.items() for n, c in own.items()]
+    for name in dict.fromkeys(name for name, _, _ in of_seams):
+        named = {id(c): seam for n, c, seam in of_seams if n == name}
+        for condition in _told([c for n, c, _ in of_seams if n == name], certificate):
+            cells = condition_cells(condition, certificate.tolerance)
+            seams.add_row(escape(f"{name}: {named[id(condition)]}"), *cells)
+    return "\n".join(rendered(table) for table in (moves, seams))
+
+
+def _told(
+    conditions: Sequence[JudgedCondition], certificate: CycleCertificate
+) -> list[JudgedCondition]:
+    """Return those of one condition, of all legs, that are told: what fails, or the tightest."""
+    failing = [each for each in conditions if not each.holds(certificate.tolerance)]
+    asked = [each for each in conditions if each.margin is not None]
+    return failing or [min(asked or conditions, key=lambda each: each.margin or 0.0)]
+
+
+def _condition_table(title: str) -> Table:
+    table = Table(title=title, title_justify="left")
+    for heading in ("condition", "margin", "holds", "where", "coverage"):
+        table.add_column(heading, justify="right" if heading == "margin" else "left")
+    return table
+
+
+def _geometry_lines(cycle: Cycle) -> list[str]:
+    """Return a note where nothing is checked against obstacles."""
+    problem = cycle.problem_from_anywhere(0)
+    if not cycle.obstacles or problem.collision.has_link_geometry:
+        return []
+    return ["note: the robot has no collision geometry; the obstacles were NOT checked against it"]

@@ -1,0 +1,61 @@
+"""`reproduce`: the paper's tables and figures."""
+
+from pathlib import Path
+
+import click
+
+from tubeplanner.cli.console import (
+    AS_JSON,
+    FOLDER,
+    SUCCESS,
+    empty_report,
+    nowhere,
+    print_json,
+    say,
+    shown_progress,
+    write_answer,
+)
+from tubeplanner.cli.interrupts import hold_interrupts
+from tubeplanner.output.figures.figure_files import figure_file
+from tubeplanner.output.figures.paper_figures import FIGURES
+from tubeplanner.studies.reproduction import reproduce as reproduce_tables
+from tubeplanner.studies.reproduction import reproduction_page
+from tubeplanner.writing import require_writable
+
+PAGE = "the_paper.md"
+
+
+@click.command()
+@click.option(
+    "-o",
+    "--output",
+    type=FOLDER,
+    default=Path("the_paper"),
+    show_default=True,
+    help="Folder for the page and its figures.",
+)
+@AS_JSON
+def reproduce(output: Path, as_json: bool) -> int:
+    """Plan what Suh & Bishop (1988) tabulate: their tables and figures beside the printed values.
+
+    Uses the published method and the default one. It takes some minutes.
+    """
+    files = {caption: f"{name}.png" for name, (caption, _) in FIGURES.items()}
+    page = output / PAGE
+    written = [page, *(output / file for file in files.values())]
+    require_writable(written if output.is_dir() else [output])
+    with shown_progress() as enter:
+        reproduction = reproduce_tables(enter)
+        enter("drawing")
+        hold_interrupts()
+        contents = {page: reproduction_page(reproduction, files).encode()}
+        for name, (_, draw) in FIGURES.items():
+            path = output / f"{name}.png"
+            contents[path] = figure_file(draw(reproduction), path)
+        write_answer(contents, output)
+    if as_json:
+        report = empty_report("success", f"{len(reproduction.cells)} cases", nowhere())
+        print_json({**report, **reproduction.as_dict(), "page": str(page)})
+    else:
+        say(*contents, sep="\n")
+    return SUCCESS

@@ -1,0 +1,329 @@
+"""`simulate`: runs by plants, report."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tubeplanner.cli.console import (
+    AS_JSON,
+    INPUT,
+    PATH,
+    SET,
+    empty_report,
+    load_either_timed,
+    print_json,
+    require_page,
+    say,
+    say_unwritten,
+    shown_progress,
+    write_answer,
+)
+from tubeplanner.cli.interrupts import hold_interrupts
+from tubeplanner.execution.cycle_verdict import HandoverErrors, JudgedCycle, judged_cycle
+from tubeplanner.execution.mujoco_model import require_mujoco
+from tubeplanner.execution.plants import Draw, drawn_plants
+from tubeplanner.execution.run_verdict import JudgedRun, judged_runs, run_verdict, summaries
+from tubeplanner.execution.simulation import executed, executed_cycle
+from tubeplanner.output.figures.execution_figures import plot_cycle_execution, plot_execution
+from tubeplanner.output.figures.figure_files import figure_file, require_figure
+from tubeplanner.output.files.file_notes import notes_on_cycle_file, notes_on_file
+from tubeplanner.output.page.cycle_page import view_cycle
+from tubeplanner.output.page.viewer import View, view
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.cycle_motion import motion_of_file
+from tubeplanner.task.demands import Robustness
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
+from tubeplanner.writing import require_writable
+
+# ---- The command `simulate`: execute a trajectory with arms that differ from the model.
+
+_ERRORS = {
+    "mass": "Relative error of masses.",
+    "com": "Of centres of mass [m].",
+    "payload": "Relative error of the payload.",
+    "friction": "Relative error of modelled frictions.",
+    "unmodelled_friction": "Viscous friction beside it, share of the effort limit at full speed.",
+    "lag": "Of the motors [s].",
+    "delay": "Of the control [s].",
+    "noise": "Of measured positions [rad or m].",
+    "tool": "Of the tool centre point [m].",
+    "base": "Of the robot's base [m].",
+    "control_period": "Of the control [s].",
+}
+_PLANNED = (
+    "what is taken or let go stands where the planned motion has it, and lies in the hand as "
+    "planned; by how much the tool is off then is listed"
+)
+
+
+def _error_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    for name, text in reversed(_ERRORS.items()):
+        command = click.option(f"--{name.replace('_', '-')}", type=float, help=text)(command)
+    return command
+
+
+@click.command()
+@click.argument("problem")
+@click.argument("trajectory", type=INPUT)
+@click.option("--runs", type=int, default=50, show_default=True, help="How many arms.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Which ones.")
+@click.option("--controller", help="computed-torque (the default), feedforward-pd or pd.")
+@_error_options
+@click.option("--plot", type=PATH, help="Figure (PNG, PDF or SVG).")
+@click.option("--html", type=PATH, help="The runs in 3D, one page that works offline.")
+@SET
+@AS_JSON
+def simulate(
+    problem: str,
+    trajectory: Path,
+    runs: int,
+    seed: int,
+    controller: str | None,
+    plot: Path | None,
+    html: Path | None,
+    changes: dict[str, Any],
+    as_json: bool,
+    **errors: float | None,
+) -> None:
+    """Execute the TRAJECTORY file with arms that differ from PROBLEM's model, in MuJoCo.
+
+    PROBLEM may be a cycle, which is executed whole. What is seen in some runs is not proved for
+    others. An error that is not given is that of PROBLEM's robustness, or the usual one. Exit
+    status 0 also if runs fail.
+    """
+    pictures = _Pictures(plot, html)
+    pictures.require_usable(problem, trajectory)
+    require_mujoco()
+    given: dict[str, Any] = {**errors, "controller": controller}
+    given = {name: value for name, value in given.items() if value is not None}
+    _ = Robustness(**given)  # wrong ones are refused before anything is loaded
+    draw = Draw(runs, seed)
+    with shown_progress() as enter:
+        loaded, loading_time = load_either_timed(problem, enter, changes)
+        pictures.require_usable(problem, trajectory, loaded.robot.urdf.path)
+        file = read_trajectory_file(trajectory, loaded.robot.joint_names)
+        if isinstance(loaded, Cycle):
+            asked = Robustness(**given)
+            seen = _Simulation(trajectory, file, asked, draw, pictures, enter).of_cycle(loaded)
+        else:
+            asked = replace(loaded.robustness or Robustness(), **given)
+            seen = _Simulation(trajectory, file, asked, draw, pictures, enter).of_motion(loaded)
+    if as_json:
+        more = {"duration": file.trajectory.duration, "loading_time": loading_time}
+        print_json(seen.report | more | {"notes": seen.notes} | pictures.as_dict())
+    else:
+        said = [f"note: {note}" for note in seen.notes]
+        say(*seen.lines, *said, *(f"{kind}: {path}" for kind, path in pictures.paths), sep="\n")
+        if not pictures.paths:
+            say_unwritten("--plot", "--html")
+
+
+def _counted(enter: Callable[[object], None], stage: str, most: int) -> Callable[[], None]:
+    """Return what enters a stage with how often it was called, of so many times."""
+    done = count(1)
+    return lambda: enter(f"{stage} {min(next(done), most)} of {most}")
+
+
+@dataclass(frozen=True)
+class _Pictures:
+    """The files that are asked for."""
+
+    plot: Path | None
+    html: Path | None
+
+    @property
+    def paths(self) -> list[tuple[str, Path]]:
+        """Kinds and paths."""
+        asked = {"plot": self.plot, "view": self.html}
+        return [(kind, path) for kind, path in asked.items() if path is not None]
+
+    def as_dict(self) -> dict[str, str | None]:
+        """Return the fields as JSON values."""
+        return {name: None if path is None else str(path) for name, path in vars(self).items()}
+
+    def require_usable(self, *inputs: str | Path) -> None:
+        """Raise if a file could not be written, before any work is done."""
+        require_figure(self.plot, "--plot")
+        require_page(self.html)
+        require_writable([path for _, path in self.paths], [Path(path) for path in inputs])
+
+    def write(self, figure: Callable[[], Any], page: Callable[[], View]) -> None:
+        """Make and write all files, or none of them."""
+        hold_interrupts()
+        contents: dict[Path, bytes] = {}
+        if self.plot is not None:
+            contents[self.plot] = figure_file(figure(), self.plot)
+        if self.html is not None:
+            contents[self.html] = page().html.encode()
+        write_answer(contents)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What is told of a simulation: a JSON object, times still absent, lines, and notes."""
+
+    report: dict[str, Any]
+    lines: list[str]
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class _Simulation:
+    """Executes, judges and draws what a trajectory file holds."""
+
+    path: Path
+    file: TrajectoryFile
+    errors: Robustness
+    draw: Draw
+    pictures: _Pictures
+    enter: Callable[[object], None]
+
+    def of_motion(self, problem: PlanningProblem) -> _Seen:
+        """Simulate the motion of a problem."""
+        motion, errors = self.file.trajectory, self.errors
+        notes = notes_on_file(problem, self.file, failed=False)
+        self.enter(f"{self.draw.runs} runs")
+        plants = drawn_plants(problem.robot, errors, self.draw)
+        control = (errors.controller, errors.control_period)
+        execution = executed(problem, motion, plants, *control, self._moving())
+        judged = judged_runs(problem, motion, execution, self._judging(1))
+        self._draw(
+            lambda: plot_execution(problem, motion, execution, judged),
+            lambda: view(problem, motion, names=["plan"], execution=execution),
+        )
+        return _Seen(execution_report(judged), execution_lines(judged), notes)
+
+    def of_cycle(self, cycle: Cycle) -> _Seen:
+        """Simulate the motion of a cycle."""
+        motion = motion_of_file(cycle, self.path, self.file)
+        notes = notes_on_cycle_file(cycle, self.file)
+        self.enter(f"{self.draw.runs} runs")
+        execution = executed_cycle(motion, self.errors, self.draw, self._moving())
+        judged = judged_cycle(motion, execution, self._judging(len(cycle.legs)))
+        self._draw(
+            lambda: plot_cycle_execution(motion, execution, judged),
+            lambda: view_cycle(cycle, [motion], ["plan"], execution=execution),
+        )
+        lines, report = cycle_execution_lines(judged), cycle_execution_report(judged)
+        return _Seen(report, lines, notes + [_PLANNED] * bool(judged.handovers))
+
+    def _moving(self) -> Callable[[], None]:
+        periods = ceil(self.file.trajectory.duration / self.errors.control_period)
+        return _counted(self.enter, f"{self.draw.runs} runs, control period", periods)
+
+    def _judging(self, legs: int) -> Callable[[], None]:
+        most = self.draw.runs * legs
+        return _counted(self.enter, "tolerances and clearance, run", most)
+
+    def _draw(self, figure: Callable[[], Any], page: Callable[[], View]) -> None:
+        if self.pictures.paths:
+            self.enter("pictures")
+            self.pictures.write(figure, page)
+
+
+# ---- What was seen in the runs of an execution, as text for a terminal and as JSON values.
+
+_NAMES = {
+    "tube": "beyond the tube [m]",
+    "rotation": "beyond the rotation tolerance [rad]",
+    "points": "beyond compulsory points [m]",
+    "tracking": "a joint from the plan [rad or m]",
+    "tool_tracking": "the tool from the plan [m]",
+    "position": "beyond position limits [rad or m]",
+    "velocity": "velocity, share of its limit",
+    "obstacles": "distance from obstacles [m]",
+    "self_collision": "distance between links [m]",
+}
+
+
+def execution_report(judged: Sequence[JudgedRun]) -> dict[str, Any]:
+    """Return the JSON object of some runs, times still absent."""
+    seen = seen_fields(judged)
+    return {
+        **empty_report("success", str(run_verdict(judged)), seen["seen"]["tube"]["worst"]["place"]),
+        **seen,
+    }
+
+
+def seen_fields(judged: Sequence[JudgedRun]) -> dict[str, Any]:
+    """Return what was seen in some runs, as JSON values."""
+    found = summaries(judged)
+    return {
+        "verdict": run_verdict(judged).as_dict(),
+        "saturated": [run.saturated for run in judged],
+        "excursions": [run.tube.value for run in judged],
+        "seen": {name: None if one is None else one.as_dict() for name, one in found.items()},
+    }
+
+
+def execution_lines(judged: Sequence[JudgedRun]) -> list[str]:
+    """Return what was seen in some runs, line by line, the verdict last."""
+    lines = [f"{'seen in ' + str(len(judged)) + ' runs':38}{'worst':>12}{'median':>12}  where"]
+    for name, summary in summaries(judged).items():
+        if summary is not None:
+            worst = f"{summary.worst.value:12.4g}{summary.median:12.4g}"
+            lines.append(f"{_NAMES[name]:38}{worst}  run {summary.run}, {summary.worst.place}")
+    saturated = [100 * run.saturated for run in judged]
+    share = f"{max(saturated):12.3g}{sorted(saturated)[len(saturated) // 2]:12.3g}"
+    return [*lines, f"{'time with a motor at its limit [%]':38}{share}", f"{run_verdict(judged)}"]
+
+
+# ---- What was seen in the runs of a cycle, as text for a terminal and as JSON values.
+
+# Of every move: columns, and what is in them.
+_QUANTITIES = {
+    "beyond tube [m]": "tube",
+    "obstacles [m]": "obstacles",
+    "tool off [m]": "tool_tracking",
+}
+_LIMIT = "at limit [%]"
+_HANDOVERS = ("off, worst [m]", "median [m]", "turned [rad]", "speed [m/s]")
+
+
+def cycle_execution_report(judged: JudgedCycle) -> dict[str, Any]:
+    """Return the JSON object of the runs of a cycle, times still absent.
+
+    Moves that run without a stop have the same under each of their names.
+    """
+    moves = {name: seen_fields(runs) for names, runs in judged.legs.items() for name in names}
+    handovers = [each.as_dict() for each in judged.handovers]
+    return {**execution_report(judged.runs), "moves": moves, "handovers": handovers}
+
+
+def cycle_execution_lines(judged: JudgedCycle) -> list[str]:
+    """Return what was seen in the runs of a cycle, line by line, the verdict last.
+
+    First the whole, then the worst of every move, and of the tool where something changes hands.
+    """
+    *quantities, verdict = execution_lines(judged.runs)
+    lines = [*quantities, "", _row("move, the worst of it", ["failed", *_QUANTITIES, _LIMIT])]
+    lines += [_row(", ".join(names), _move_cells(runs)) for names, runs in judged.legs.items()]
+    if judged.handovers:
+        lines += ["", _row("the tool when something changes hands", _HANDOVERS)]
+        lines += [_row(str(each.mark), _handover_cells(each)) for each in judged.handovers]
+    return [*lines, "", verdict]
+
+
+def _move_cells(runs: Sequence[JudgedRun]) -> list[str]:
+    found, verdict = summaries(runs), run_verdict(runs)
+    worst = [found[name] for name in _QUANTITIES.values()]
+    shown = ["-" if one is None else f"{one.worst.value:.4g}" for one in worst]
+    saturated = f"{100 * max(run.saturated for run in runs):.3g}"
+    return [f"{verdict.failed} of {verdict.runs}", *shown, saturated]
+
+
+def _handover_cells(errors: HandoverErrors) -> list[str]:
+    found = errors.as_dict()
+    names = ("distance", "angle", "speed")
+    worst, turned, fast = (f"{found[name]['worst']:.3g}" for name in names)
+    return [worst, f"{found['distance']['median']:.3g}", turned, fast]
+
+
+def _row(name: str, cells: Sequence[str]) -> str:
+    return f"{name:38}" + "".join(f"{cell:>16}" for cell in cells)

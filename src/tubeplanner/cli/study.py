@@ -1,0 +1,168 @@
+"""`study`: table, journal, figure."""
+
+import re
+import time
+from pathlib import Path
+
+import click
+from rich.markup import escape
+from rich.table import Table
+
+from tubeplanner.checks import in_figures, is_number
+from tubeplanner.cli.console import (
+    AS_JSON,
+    INFEASIBLE,
+    PATH,
+    SUCCESS,
+    empty_report,
+    nowhere,
+    print_json,
+    processes_option,
+    require_ending,
+    say,
+    say_unwritten,
+    shown_progress,
+    table_bytes,
+    workers_of,
+    write_answer,
+)
+from tubeplanner.cli.interrupts import hold_interrupts
+from tubeplanner.cli.report import rendered
+from tubeplanner.output.figures.figure_files import figure_file, require_figure
+from tubeplanner.output.figures.study_figures import plot_study
+from tubeplanner.studies.study_file import load_study
+from tubeplanner.studies.study_run import StudyResult, StudyRow, run_study
+from tubeplanner.task.field_changes import factor_of
+from tubeplanner.text import value_text
+from tubeplanner.writing import require_writable
+
+# ---- The command that runs a study: its table, its journal, its figure.
+
+
+@click.command()
+@click.argument("study")
+@click.option(
+    "-o",
+    "--output",
+    type=PATH,
+    help="Table (CSV or JSON, by its ending); beside it, with .jsonl, the journal.",
+)
+@click.option("--plot", "figure", type=PATH, help="Figure (PNG, PDF or SVG).")
+@processes_option("one per processor")
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Plan by the workers of a Dask scheduler, such as tcp://10.0.0.1:8786.",
+)
+@AS_JSON
+def study(
+    study: str,
+    output: Path | None,
+    figure: Path | None,
+    processes: int | None,
+    scheduler: str | None,
+    as_json: bool,
+) -> int:
+    """Plan every point of STUDY, a file that says which fields of which problems take which values.
+
+    With -o every answer is kept in a journal as soon as it is there: run the same command again
+    after Ctrl-C, a crash or a power failure, and it goes on. Exit status 0 if any point has a
+    certified motion; the other rows say why not.
+    """
+    require_ending(output, "-o", (".csv", ".json"))
+    require_figure(figure, "--plot")
+    journal = None if output is None else output.with_suffix(".jsonl")
+    outputs = [path for path in (output, journal, figure) if path is not None]
+    require_writable(outputs, [Path(study)])
+    with shown_progress() as enter:
+        begin = time.perf_counter()
+        enter("reading the study")
+        loaded = load_study(study)
+        require_writable(outputs, loaded.files)
+        loading_time = time.perf_counter() - begin
+        with workers_of(processes, scheduler) as workers:
+            result = run_study(loaded, journal=journal, executor=workers, progress=enter)
+        _write(result, output, figure)
+    message = _message(result, journal)
+    if as_json:
+        status = "success" if result.succeeded else "no_trajectory"
+        report = {**empty_report(status, message, nowhere()), "loading_time": loading_time}
+        print_json({**report, **result.as_dict()})
+    else:
+        say(study_text(result), message, sep="\n")
+        say(*outputs, sep="\n") if outputs else say_unwritten("-o TABLE.csv", "--plot")
+    return SUCCESS if result.succeeded else INFEASIBLE
+
+
+def _write(result: StudyResult, output: Path | None, figure: Path | None) -> None:
+    """Write the table and the figure, or neither."""
+    hold_interrupts()
+    contents: dict[Path, bytes] = {}
+    if output is not None:
+        contents[output] = table_bytes(result, output)
+    if figure is not None:
+        contents[figure] = figure_file(plot_study(result), figure)
+    write_answer(contents)
+
+
+def _message(result: StudyResult, journal: Path | None) -> str:
+    planned = sum(row.duration is not None for row in result.rows)
+    done, count = len(result.rows), len(result.study.points)
+    message = f"{planned} of {done} points have a certified motion"
+    if result.stopped_by is None:
+        return message
+    go_on = "run the same command again to go on" if journal else "nothing is kept without -o"
+    return f"{message}; interrupted, {count - done} of {count} are left: {go_on}"
+
+
+# ---- What came of a study, as text for a terminal.
+
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+_MOST_REASONS = 12
+
+
+def study_text(result: StudyResult) -> str:
+    """Return how many points ended how, why the others have no plan, and the shortest."""
+    name, count = result.study.name, len(result.study.points)
+    table = Table(title=f"{name}: {count} points", title_justify="left")
+    table.add_column("status")
+    table.add_column("points", justify="right")
+    table.add_column("for example")
+    for status, example, points in _groups(result.rows)[:_MOST_REASONS]:
+        table.add_row(status, str(points), escape(example))
+    lines = [rendered(table)]
+    if hidden := _groups(result.rows)[_MOST_REASONS:]:
+        points = sum(points for *_, points in hidden)
+        lines.append(f"and {points} points for {len(hidden)} other reasons")
+    if (shortest := result.shortest) is not None:
+        lines.append(f"shortest: {shortest.duration:.4f} s at {_values_of(shortest)}")
+    return "\n".join(lines)
+
+
+def _groups(rows: tuple[StudyRow, ...]) -> list[tuple[str, str, int]]:
+    """Return statuses with an example and a count; reasons that differ in numbers are the same."""
+    groups: dict[tuple[str, str], list[StudyRow]] = {}
+    for row in rows:
+        reason = "" if row.duration is not None else _NUMBER.sub("#", row.message)
+        groups.setdefault((str(row.status), reason), []).append(row)
+    ordered = sorted(groups.items(), key=lambda group: (group[0][0] != "success", -len(group[1])))
+    return [(status, _example(found), len(found)) for (status, _), found in ordered]
+
+
+def _example(rows: list[StudyRow]) -> str:
+    durations = [row.duration for row in rows if row.duration is not None]
+    if durations:
+        return f"{min(durations):.4f} to {max(durations):.4f} s"
+    return f"{_values_of(rows[0])}: {rows[0].message}"
+
+
+def _values_of(row: StudyRow) -> str:
+    return ", ".join(f"{path} = {_in_figures(value)}" for path, value in row.values.items())
+
+
+def _in_figures(value: object) -> str:
+    """Return a value as a sentence has it: numbers and factors in six digits."""
+    factor = factor_of(value)
+    if factor is not None:
+        return f"x{factor:g}"
+    return in_figures(value) if is_number(value) else value_text(value)

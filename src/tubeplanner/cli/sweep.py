@@ -1,0 +1,216 @@
+"""`sweep`: durations over a tolerance or field."""
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.markup import escape
+from rich.table import Table
+
+from tubeplanner.cli.console import (
+    AS_JSON,
+    INFEASIBLE,
+    OTHERS_NOT_TRIED,
+    PATH,
+    SET,
+    SLACK,
+    SUCCESS,
+    empty_report,
+    load_timed,
+    nowhere,
+    print_json,
+    processes_option,
+    require_ending,
+    require_used,
+    say,
+    say_files,
+    shown_progress,
+    table_bytes,
+    workers_of,
+    write_answer,
+)
+from tubeplanner.cli.interrupts import hold_interrupts
+from tubeplanner.cli.report import rendered
+from tubeplanner.errors import OptionError
+from tubeplanner.output.figures.figure_files import figure_file, require_figure
+from tubeplanner.output.figures.sweep_figures import plot_field_sweep, plot_sweep
+from tubeplanner.planning.options import PlanOptions
+from tubeplanner.studies.sweeps import FieldSweep, SweepResult, sweep_field
+from tubeplanner.studies.sweeps import sweep as sweep_problem
+from tubeplanner.task.field_changes import is_of_objective, parse_variation
+from tubeplanner.text import value_text
+from tubeplanner.writing import require_writable
+
+
+@click.command()
+@click.argument("problem")
+@click.option("--radius", help="Radii for all segments [m], such as 0.005,0.01,0.02.")
+@click.option("--radius-scale", help="Factors for the problem's radii and boxes, such as 0.5,1,2.")
+@click.option(
+    "--vary",
+    "variations",
+    metavar="FIELD.PATH=V1,V2,...",
+    multiple=True,
+    help="Values of any field, such as robot.payload.mass=0,2,5 or tube.radius=x0.5,x1.",
+)
+@click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
+@click.option("--plot", "figure", type=PATH, help="Figure (PNG, PDF or SVG).")
+@click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
+@processes_option("this one, value by value")
+@SLACK
+@SET
+@AS_JSON
+def sweep(
+    problem: str,
+    radius: str | None,
+    radius_scale: str | None,
+    variations: tuple[str, ...],
+    output: Path | None,
+    figure: Path | None,
+    quality: str,
+    processes: int | None,
+    slack: float | None,
+    changes: dict[str, Any],
+    as_json: bool,
+) -> int:
+    """Plan PROBLEM at several tolerances or values of a field: how much time does each cost?
+
+    Plans the shortest motions, unless --slack or --vary objective.... says otherwise. Exit status 0
+    if any of them has a certified trajectory; the other rows say why not.
+    """
+    if (radius is not None) + (radius_scale is not None) + bool(variations) != 1:
+        raise OptionError("sweep takes either --radius or --radius-scale or --vary")
+    options = PlanOptions(quality=quality, slack=slack)
+    outputs = [path for path in (output, figure) if path is not None]
+    require_ending(output, "-o", (".csv", ".json"))
+    require_figure(figure, "--plot")
+    require_writable(outputs, [Path(problem)])
+    result: SweepResult | FieldSweep
+    with shown_progress() as enter, _sweepers(processes) as workers:
+        if variations:
+            result = _swept_field(problem, variations, changes, options, workers, enter)
+            loading_time = sum(row.loading_time for row in result.rows)
+        else:
+            require_used(changes, slack)
+            radii, scales = _numbers("--radius", radius), _numbers("--radius-scale", radius_scale)
+            loaded, loading_time = load_timed(problem, enter, changes)
+            require_writable(outputs, [loaded.robot.urdf.path])
+            result = sweep_problem(
+                *(loaded, radii), scales=scales, options=options, executor=workers, progress=enter
+            )
+        _write_sweep(result, output, figure)
+    status = "success" if result.succeeded else "no_trajectory"
+    message = (
+        f"{sum(row.duration is not None for row in result.rows)} of {len(result.rows)} planned"
+    )
+    message += OTHERS_NOT_TRIED if result.stopped_by else ""
+    if as_json:
+        report = {**empty_report(status, message, nowhere()), "loading_time": loading_time}
+        print_json({**report, **result.as_dict()})
+    else:
+        text = field_sweep_text(result) if isinstance(result, FieldSweep) else sweep_text(result)
+        say(text, message, sep="\n")
+        say_files(outputs, "-o TABLE.csv", "--plot")
+    return SUCCESS if result.succeeded else INFEASIBLE
+
+
+def _swept_field(
+    problem: str,
+    variations: tuple[str, ...],
+    changes: dict[str, Any],
+    options: PlanOptions,
+    executor: Executor | None,
+    progress: Callable[[object], None],
+) -> FieldSweep:
+    """Return a sweep over the one field that is varied."""
+    if len(variations) > 1:
+        raise OptionError(f"--vary {variations[1]}: a sweep varies one field; leave out the others")
+    path, values = parse_variation("--vary", variations[0])
+    if not is_of_objective(path):
+        require_used(changes, options.slack)
+    return sweep_field(
+        *(problem, path, values),
+        changes=changes,
+        options=options,
+        executor=executor,
+        progress=progress,
+    )
+
+
+def _sweepers(processes: int | None) -> AbstractContextManager[Executor | None]:
+    """Return what plans a sweep; without a number, this process."""
+    return nullcontext() if processes is None else workers_of(processes)
+
+
+def _write_sweep(
+    result: SweepResult | FieldSweep, output: Path | None, figure: Path | None
+) -> None:
+    hold_interrupts()
+    contents: dict[Path, bytes] = {}
+    if output is not None:
+        contents[output] = table_bytes(result, output)
+    if figure is not None:
+        drawn = plot_field_sweep(result) if isinstance(result, FieldSweep) else plot_sweep(result)
+        contents[figure] = figure_file(drawn, figure)
+    write_answer(contents)
+
+
+def _numbers(option: str, text: str | None) -> list[float] | None:
+    if text is None:
+        return None
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise OptionError(f"{option} '{text}' is no list of numbers with commas between") from None
+
+
+def sweep_text(result: SweepResult) -> str:
+    """Return a sweep as a table, as wide as the terminal, and the rows' messages."""
+    scaled = result.quantity != "radius"
+    table = Table(title=f"{result.problem.name}: duration against tolerance", title_justify="left")
+    for heading in ("scale" if scaled else "radius", "duration", "10 % more radius", "planned in"):
+        table.add_column(heading, justify="right")
+    table.add_column("answer")
+    for row in result.rows:
+        value = f"{row.value:g}" if scaled else f"{1000 * row.value:g} mm"
+        if row.result is None or row.duration is None:
+            table.add_row(value, "", "", "", f"{row.status}: {escape(row.message)}")
+            continue
+        saved = (
+            "" if row.elasticity is None else f"{abs(100 * row.elasticity * row.duration):.2g} ms"
+        )
+        message = f"certified, {row.result.method}" + (f"; {row.note}" if row.note else "")
+        times = (f"{row.duration:.4f} s", saved and f"saves {saved}")
+        table.add_row(value, *times, f"{row.result.planning_time:.2f} s", message)
+    return rendered(table)
+
+
+def field_sweep_text(result: FieldSweep) -> str:
+    """Return a sweep over a field as a table, as wide as the terminal, and the answers' notes."""
+    table = Table(title=f"{result.name}: duration against {result.path}", title_justify="left")
+    headings = ["duration", *["shortest"] * result.varies_objective]
+    headings += [*["runs failed"] * result.is_simulated, "planned in"]
+    table.add_column(escape(result.path), justify="right")
+    for heading in headings:
+        table.add_column(heading, justify="right")
+    table.add_column("answer")
+    for row in result.rows:
+        value = escape(value_text(row.value))
+        if row.result is None or row.duration is None:
+            gaps = [""] * len(headings)
+            table.add_row(value, *gaps, f"{row.status}: {escape(row.message)}")
+            continue
+        durations = [row.duration, *[row.shortest_duration] * result.varies_objective]
+        cells = [f"{duration:.4f} s" for duration in durations]
+        seen = "" if row.verdict is None else f"{row.verdict.failed} of {row.verdict.runs}"
+        cells += [*[seen] * result.is_simulated, f"{row.result.planning_time:.2f} s"]
+        table.add_row(value, *cells, f"certified, {row.result.method}")
+    whose: dict[str, list[str]] = {}
+    for row in result.rows:
+        for note in row.notes:
+            whose.setdefault(note, []).append(value_text(row.value))
+    notes = [f"note ({', '.join(values)}): {note}" for note, values in whose.items()]
+    return "\n".join([rendered(table), *notes])

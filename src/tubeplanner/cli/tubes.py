@@ -1,0 +1,252 @@
+"""`route`, `teach`: tubes from start and goal, or from a trail."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tubeplanner.cli.console import (
+    AS_JSON,
+    INFEASIBLE,
+    INPUT,
+    PATH,
+    SET,
+    SUCCESS,
+    empty_report,
+    load_timed,
+    nowhere,
+    print_json,
+    say,
+    say_unwritten,
+    shown_progress,
+    write_answer,
+)
+from tubeplanner.cli.interrupts import hold_interrupts
+from tubeplanner.errors import OptionError
+from tubeplanner.output.files.new_problem_files import read_cell, taught_problem
+from tubeplanner.output.files.problem_file import read_fields, with_problem
+from tubeplanner.resources import find_problem
+from tubeplanner.studies.tubes.joint_routes import require_ompl
+from tubeplanner.studies.tubes.planned_tube import PlannedTube, TubeAnswer
+from tubeplanner.studies.tubes.route import RouteOptions, find_route
+from tubeplanner.studies.tubes.teach import TeachOptions
+from tubeplanner.studies.tubes.teach import teach as teach_tube
+from tubeplanner.task.includes import ProblemLayers
+from tubeplanner.trajectory.reader import read_trajectory_file
+from tubeplanner.writing import require_writable
+
+_OUTPUT = click.option("-o", "--output", type=PATH, help="Problem file with the tube.")
+_MAX_RADIUS = click.option(
+    "--max-radius", type=float, default=0.2, show_default=True, help="No radius is larger [m]."
+)
+_SAMPLES = click.option(
+    "--samples",
+    type=int,
+    default=2000,
+    show_default=True,
+    help="Configurations of a segment that measuring draws last.",
+)
+_SEED = click.option("--seed", type=int, default=1, show_default=True, help="Of random numbers.")
+
+
+@click.command()
+@click.argument("problem")
+@_OUTPUT
+@_SEED
+@click.option("--tries", type=int, default=3, show_default=True, help="Searches per margin.")
+@click.option(
+    "--checks", type=int, default=20_000, show_default=True, help="Configurations per search."
+)
+@_MAX_RADIUS
+@_SAMPLES
+@click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
+@click.option(
+    "--measured", type=PATH, help="Problem file with the measured tube, in which nothing collides."
+)
+@SET
+@AS_JSON
+def route(
+    problem: str,
+    output: Path | None,
+    seed: int,
+    tries: int,
+    checks: int,
+    max_radius: float,
+    samples: int,
+    time_limit: float | None,
+    measured: Path | None,
+    changes: dict[str, Any],
+    as_json: bool,
+) -> int:
+    """Find a tube for PROBLEM from its start, goal and obstacles alone, and plan through it.
+
+    PROBLEM needs no tube; its goal may be a tool position. The tube of the fastest trajectory that
+    is certified goes to the file of -o, which `plan` plans; a tube that was measured beside it, to
+    the file of --measured.
+    """
+    options = RouteOptions(
+        seed, tries, checks, max_radius=max_radius, samples=samples, time_limit=time_limit
+    )
+    _require_none_of(changes, ("tube",), "route")
+    require_ompl()
+    outputs = [path for path in (output, measured) if path is not None]
+    require_writable(outputs, [Path(problem)])
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter, changes, reads_tube=False)
+        source = find_problem(problem, Path())
+        require_writable(outputs, [*ProblemLayers.read(source).files, loaded.robot.urdf.path])
+        answer = find_route(loaded, options, enter)
+    found = {output: answer.found, measured: answer.measured}
+    written = _write(read_fields(source, changes), source.parent, found)
+    files = {"problem": output, "measured": measured}
+    noted = _noted(answer, measured)
+    return _print_answer(loaded.name, noted, loading_time, files, written, as_json)
+
+
+@click.command()
+@click.argument("trail", type=INPUT)
+@click.option("--urdf", help="Robot description: a path, package://PKG/... or example:NAME.")
+@click.option("--tool-frame", help="Link that carries the tool.")
+@click.option("--obstacles", type=PATH, help="File with obstacles, as in a problem file.")
+@click.option("--problem", "template", help="Problem file to take all but the tube and ends from.")
+@_OUTPUT
+@click.option(
+    "--deviation",
+    type=float,
+    default=0.01,
+    show_default=True,
+    help="Of the trail from lines between reference points [m].",
+)
+@click.option(
+    "--band", type=float, default=0.3, show_default=True, help="Beyond the trail's joints [rad, m]."
+)
+@_MAX_RADIUS
+@_SAMPLES
+@_SEED
+@SET
+@AS_JSON
+def teach(
+    trail: Path,
+    urdf: str | None,
+    tool_frame: str | None,
+    obstacles: Path | None,
+    template: str | None,
+    output: Path | None,
+    deviation: float,
+    band: float,
+    max_radius: float,
+    samples: int,
+    seed: int,
+    changes: dict[str, Any],
+    as_json: bool,
+) -> int:
+    """Make a tube from a recorded TRAIL of the joints, and plan through it.
+
+    TRAIL is a file that `check` reads: CSV with time and JOINT.position, or a ROS
+    JointTrajectory. The robot comes from --urdf and --tool-frame, or with its limits and obstacles
+    from --problem.
+    """
+    if (template is None) == (urdf is None or tool_frame is None):
+        raise OptionError("teach takes either --urdf and --tool-frame, or --problem")
+    if template is not None and (obstacles is not None or urdf or tool_frame):
+        raise OptionError("--problem has robot and obstacles; leave out the other options for them")
+    if template is None and changes:
+        raise OptionError("--set changes the file of --problem; give one")
+    _require_none_of(changes, ("tube", "start", "goal"), "TRAIL")
+    options = TeachOptions(deviation, band, max_radius, samples, seed)
+    outputs = [] if output is None else [output]
+    inputs = [Path(name) for name in (trail, urdf, obstacles, template) if name is not None]
+    require_writable(outputs, inputs)
+    read = read_trajectory_file(trail)
+    cell = read_cell(urdf, tool_frame, obstacles, template, changes)
+    with shown_progress() as enter:
+        enter("loading robot and collision geometry")
+        loaded, recorded = taught_problem(cell, read, str(trail))
+        require_writable(outputs, [loaded.robot.urdf.path])
+        answer = teach_tube(loaded, recorded, options, enter)
+    written = _write(cell.fields, cell.folder, {output: answer.found})
+    return _print_answer(loaded.name, answer, None, {"problem": output}, written, as_json)
+
+
+def _require_none_of(changes: Iterable[str], found: tuple[str, ...], source: str) -> None:
+    """Raise if something is set that a command does not read, as it finds it elsewhere."""
+    for path in changes:
+        if path.split(".")[0] in found:
+            raise OptionError(f"--set {path}: {source} gives {', '.join(found)}; leave it out")
+
+
+def _write(
+    fields: Any, folder: Path, found: Mapping[Path | None, PlannedTube | None]
+) -> list[Path]:
+    """Write the problems that were found to the files that are asked for; return these files."""
+    hold_interrupts()
+    contents = {
+        path: with_problem(fields, folder, path, tube.problem)
+        for path, tube in found.items()
+        if path is not None and tube is not None
+    }
+    if contents:
+        write_answer(contents)
+    return list(contents)
+
+
+def _noted(answer: TubeAnswer, measured: Path | None) -> TubeAnswer:
+    """Return an answer that tells of the file of a measured tube if it has none for it."""
+    if measured is None or not answer.succeeded or answer.measured is not None:
+        return answer
+    note = f"{measured} was not written: there is no measured tube"
+    return replace(answer, notes=(*answer.notes, note))
+
+
+def _print_answer(
+    name: str,
+    answer: TubeAnswer,
+    loading_time: float | None,
+    files: Mapping[str, Path | None],
+    written: list[Path],
+    as_json: bool,
+) -> int:
+    """Print an answer and which of the files by kind were written; return the exit status."""
+    kept = {kind: path for kind, path in files.items() if path in written}
+    if as_json:
+        fields = {**empty_report("", "", nowhere()), **answer.as_dict()}
+        problem = str(kept["problem"]) if "problem" in kept else None
+        print_json({**fields, "loading_time": loading_time, "problem": problem})
+    else:
+        say(tube_text(name, answer))
+        for kind, path in kept.items():
+            say(f"{kind}: {path}")
+        if answer.succeeded and not kept:
+            say_unwritten("-o PROBLEM.yaml")
+    return SUCCESS if answer.succeeded else INFEASIBLE
+
+
+def tube_text(name: str, answer: TubeAnswer) -> str:
+    """Return the result of a search for a tube as text.
+
+    Args:
+        name: Of the problem.
+        answer: Its result.
+    """
+    lines = [f"{name}: searched for {answer.search_time:.1f} s"]
+    if answer.compared:
+        listed = ", ".join("none" if one is None else f"{one:.3f} s" for one in answer.compared)
+        lines.append(f"trajectories along the routes compared: {listed}")
+    if answer.found is not None:
+        tube = answer.found.problem.tube
+        for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):
+            place = ", ".join(f"{x:.4f}" for x in point)
+            width = "" if radius is None else f", then a radius of {1000 * radius:.1f} mm"
+            lines.append(f"point {k}: [{place}] m{width}")
+    if answer.measured is not None and answer.measured is not answer.found:
+        radii = ", ".join(f"{1000 * radius:.1f}" for radius in answer.measured.problem.tube.radius)
+        lines.append(
+            f"measured tube, in which nothing collides: {answer.measured.duration:.4f} s within "
+            f"radii of {radii} mm"
+        )
+    lines += [f"note: {note}" for note in answer.notes]
+    lines.append(f"{answer.status}: {answer.message}")
+    place = str(answer.place)
+    return "\n".join([*lines, f"where: {place}"] if place else lines)

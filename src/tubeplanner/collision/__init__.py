@@ -1,1 +1,0 @@
-"""Shapes of links and obstacles, and lower bounds on the distances between them."""

@@ -1,1 +1,0 @@
-"""What the planners share to test a trajectory at samples: limits and tube."""

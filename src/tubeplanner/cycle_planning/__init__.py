@@ -1,1 +1,0 @@
-"""Planning whole cycles: move after move, then all together."""

@@ -1,0 +1,1 @@
+"""Trajectories executed in MuJoCo by arms that differ from the model."""

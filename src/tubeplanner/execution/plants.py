@@ -1,0 +1,177 @@
+"""Plants drawn at random about the model; stages with a carried load."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.checks import require_count
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.motors import JointMotors
+from tubeplanner.robot.pinocchio_model import BodyInertia, Payload
+from tubeplanner.task.demands import Robustness
+from tubeplanner.text import short_repr
+
+# ---- The arm as it may really be: drawn at random about the model that is planned with.
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """An arm that is executed; its kinematics are the robot's.
+
+    Attributes:
+        bodies: Mass properties of all bodies, payload included, the base's first.
+        motors: Of the joints, with the friction that there really is.
+        lag: Time constant of the motors [s].
+        delay: From a measurement to the effort that follows from it [s].
+        noise: Standard deviation of measured positions [rad or m].
+        tool: Shift of the tool centre point in its own frame, shape (3,) [m].
+        base: Shift of the robot in the base frame, shape (3,) [m].
+        noise_seed: What the noise is drawn from.
+    """
+
+    bodies: tuple[BodyInertia, ...]
+    motors: JointMotors
+    lag: float
+    delay: float
+    noise: float
+    tool: FloatArray
+    base: FloatArray
+    noise_seed: int
+
+    __repr__ = short_repr
+
+    def tool_pose(self, robot: RobotModel, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return orientations (K, 3, 3) and positions (K, 3) [m] of its tool, shifts included.
+
+        Args:
+            robot: The model.
+            q: Positions of the joints, shape (K, n).
+        """
+        rotation, position = robot.tool_pose(q)
+        return rotation, position + rotation @ self.tool + self.base
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Which plants are drawn.
+
+    Attributes:
+        runs: How many.
+        seed: Run k of a seed is the same plant, however many there are.
+
+    Raises:
+        OptionError: On construction, for numbers out of their bounds.
+    """
+
+    runs: int = 50
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_count(self, 1, "runs", most=100_000)
+        require_count(self, 0, "seed")
+
+
+def drawn_plants(robot: RobotModel, errors: Robustness, draw: Draw | None = None) -> list[Plant]:
+    """Return arms that differ from the model by errors of given sizes, drawn independently.
+
+    Args:
+        robot: The model.
+        errors: Sizes and distributions of the errors. Links that move as one have one error.
+        draw: How many, and from which seed; default: 50, from seed 0.
+    """
+    draw = draw or Draw()
+    generators = (np.random.default_rng([draw.seed, run]) for run in range(draw.runs))
+    return [_drawn(robot, errors, random) for random in generators]
+
+
+def _drawn(robot: RobotModel, errors: Robustness, random: np.random.Generator) -> Plant:
+    bodies = _drawn_bodies(robot, errors, random)
+    return Plant(
+        bodies=bodies,
+        motors=_drawn_motors(robot, errors, random),
+        lag=errors.lag,
+        delay=errors.delay,
+        noise=errors.noise,
+        tool=_in_ball(errors.tool, random),
+        base=_in_ball(errors.base, random),
+        noise_seed=int(random.integers(2**63)),
+    )
+
+
+def _drawn_bodies(
+    robot: RobotModel, errors: Robustness, random: np.random.Generator
+) -> tuple[BodyInertia, ...]:
+    payload = payload_body(robot, robot.payload or Payload(0.0))
+    carrier = robot.link_body[robot.tool_frame]
+    drawn = [robot.inertias[0]]
+    for body, inertia in enumerate(robot.inertias[1:], start=1):
+        own = inertia.plus(payload.scaled(-1.0)) if body == carrier else inertia
+        factor, by = 1 + random.uniform(-errors.mass, errors.mass), _in_ball(errors.com, random)
+        drawn.append(own.scaled(factor).shifted(by))
+    share = 1 + random.uniform(-errors.payload, errors.payload)
+    drawn[carrier] = drawn[carrier].plus(payload.scaled(share))
+    return tuple(drawn)
+
+
+def payload_body(robot: RobotModel, payload: Payload) -> BodyInertia:
+    """Return a payload in the frame of the body that carries it."""
+    own = BodyInertia(payload.mass, np.array(payload.com), payload.inertia_matrix())
+    return own.placed(robot.link_placement[robot.tool_frame])
+
+
+def _drawn_motors(
+    robot: RobotModel, errors: Robustness, random: np.random.Generator
+) -> JointMotors:
+    limits, motors = robot.limits, robot.motors
+    is_limited = np.isfinite(limits.effort) & np.isfinite(limits.velocity)
+    slope = np.zeros(robot.joint_count)
+    np.divide(limits.effort, limits.velocity, out=slope, where=is_limited)
+    kinds = ("viscous_friction", "backwards_friction", "forwards_friction")
+    factors = 1 + random.uniform(-errors.friction, errors.friction, (3, robot.joint_count))
+    drawn = {
+        kind: factor * getattr(motors, kind) for kind, factor in zip(kinds, factors, strict=True)
+    }
+    share = errors.unmodelled_friction * random.uniform(0.5, 1.0, robot.joint_count)
+    drawn["viscous_friction"] = drawn["viscous_friction"] + share * slope
+    return replace(motors, **drawn)
+
+
+def _in_ball(radius: float, random: np.random.Generator) -> FloatArray:
+    """Return a vector (3,) drawn uniformly from a ball."""
+    direction = random.normal(size=3)
+    distance = radius * random.uniform() ** (1 / 3)
+    return read_only(distance * direction / np.linalg.norm(direction))
+
+
+# ---- Arms that are something else from some time on, since they carry something else.
+
+_SAME_INSTANT = 1e-9  # [s], of rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """What arms are from some time on, until the next stage.
+
+    Attributes:
+        begin: From when on [s].
+        robot: What the controller takes them for.
+        plants: What they are; of all stages equally many, with equal delays and noise.
+    """
+
+    begin: float
+    robot: RobotModel
+    plants: Sequence[Plant]
+
+    __repr__ = short_repr
+
+
+def first_instant(time: FloatArray, begin: float) -> int:
+    """Return the first of some instants, increasing [s], that is no earlier than a time [s]."""
+    return int(np.searchsorted(time, begin - _SAME_INSTANT))
+
+
+def last_instant(time: FloatArray, end: float) -> int:
+    """Return the last of some instants, increasing [s], that is no later than a time [s]."""
+    return int(np.searchsorted(time, end + _SAME_INSTANT, side="right")) - 1

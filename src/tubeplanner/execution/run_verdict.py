@@ -1,0 +1,280 @@
+"""Verdict over n runs: kept promises, worst and usual values, confidence bound."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.execution.excursions import (
+    Extreme,
+    additional_distances,
+    least_clearances,
+    tube_excursions,
+)
+from tubeplanner.execution.simulation import Execution
+from tubeplanner.outcome import Place
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.text import short_repr
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+
+# ---- What becomes of a plan's promises when it is executed: seen in n runs, not proved.
+
+_FREE = 1e3  # [rad or m]: how far from position limits that there are none
+# What a run is to keep.
+KEPT = ("tube", "rotation", "points", "position", "obstacles", "self_collision")
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedRun:
+    """One executed motion, at every control period.
+
+    Attributes:
+        tube: Largest excursion of the tool beyond the tube [m]; below zero: inside by as much.
+        rotation: Likewise beyond the rotation tolerance [rad]; None where the tube has none.
+        points: Likewise of the compulsory point that is passed the farthest [m]; None: none.
+        tracking: Largest distance of a joint from the plan [rad or m].
+        tool_tracking: Largest distance of the tool from the plan [m].
+        position: Largest excursion of a joint beyond its position limits [rad or m].
+        velocity: Largest velocity of a joint, as a share of its limit; None where none has one.
+        saturated: Share of the control periods in which a motor was asked for more than it has.
+        obstacles: Least distance of a link from an obstacle [m], less what its pair or segment asks
+            beyond `clearance`; None where none is judged.
+        self_collision: Least distance of links from each other [m], less what their pair asks;
+            None likewise.
+        clearance: Least distance from obstacles that the problem asks [m].
+        tube_by_segment: As `tube`, for each of the joined segments, shape (m,) [m].
+        rotation_by_segment: As `rotation`, likewise [rad]; -1e3 where it is free.
+        position_by_joint: Excursions below the lower and above the upper position limits, shape
+            (2, n) [rad or m].
+    """
+
+    tube: Extreme
+    rotation: Extreme | None
+    points: Extreme | None
+    tracking: Extreme
+    tool_tracking: Extreme
+    position: Extreme
+    velocity: Extreme | None
+    saturated: float
+    obstacles: Extreme | None
+    self_collision: Extreme | None
+    clearance: float
+    tube_by_segment: FloatArray
+    rotation_by_segment: FloatArray
+    position_by_joint: FloatArray
+
+    __repr__ = short_repr
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Names of `KEPT` that were not kept; none if the run survives.
+
+        Velocity limits are not among it: nothing in the simulated arm depends on them.
+        """
+        nearest = {"obstacles": self.clearance, "self_collision": 0.0}
+        found: dict[str, Extreme | None] = {name: getattr(self, name) for name in KEPT}
+        beyond = {
+            name: nearest[name] - extreme.value if name in nearest else extreme.value
+            for name, extreme in found.items()
+            if extreme is not None
+        }
+        return tuple(name for name, excess in beyond.items() if excess > 0)
+
+    @property
+    def survives(self) -> bool:
+        """Whether it keeps tube, rotation tolerance, points, position limits and clearance."""
+        return not self.broken
+
+
+def judged_runs(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    execution: Execution,
+    checkpoint: Callable[[], None] = lambda: None,
+) -> list[JudgedRun]:
+    """Judge executed motions, one after the other.
+
+    The tube is the problem's, in the frame of the cell: errors of tool and base count.
+
+    Args:
+        problem: The planning problem.
+        trajectory: What was to be executed.
+        execution: What was.
+        checkpoint: Called before every run; may raise to end the work.
+    """
+    trajectory = trajectory.reordered(problem.robot.joint_names)
+    planned = trajectory.position(np.minimum(execution.time, trajectory.duration))
+    aim = problem.robot.tool_position(planned)
+    more, judged = additional_distances(problem, trajectory, execution.time), []
+    for run in range(len(execution.plants)):
+        checkpoint()
+        judged.append(_judged(problem, execution, run, (planned, aim), more))
+    return judged
+
+
+def _judged(
+    problem: PlanningProblem,
+    execution: Execution,
+    run: int,
+    plan: tuple[FloatArray, FloatArray],
+    more: FloatArray | None,
+) -> JudgedRun:
+    """Judge a run of a plan, its joints (K, n) and its tool (K, 3)."""
+    planned, aim = plan
+    time, q, plant = execution.time, execution.position[run], execution.plants[run]
+    rotation, tool = plant.tool_pose(problem.robot, q)
+    excursions = tube_excursions(problem, time, q, rotation, tool)
+    obstacles, self_collision = least_clearances(problem, time, q, plant.base, more)
+    away = np.linalg.norm(tool - aim, axis=1)
+    farthest = int(away.argmax())
+    limits, fast = problem.robot.limits, abs(execution.velocity[run])
+    beyond = np.array([limits.lower_position - q, q - limits.upper_position]).clip(min=-_FREE)
+    return JudgedRun(
+        tube=excursions.tube,
+        rotation=excursions.rotation,
+        points=excursions.points,
+        tracking=_largest(problem, time, abs(q - planned)),
+        tool_tracking=Extreme(float(away[farthest]), Place(time=float(time[farthest]))),
+        position=_largest(problem, time, beyond.max(axis=0)),
+        velocity=_largest(problem, time, fast / limits.velocity)
+        if np.isfinite(limits.velocity).any()
+        else None,
+        saturated=float(execution.is_saturated[run].any(axis=1).mean()),
+        obstacles=obstacles,
+        self_collision=self_collision,
+        clearance=problem.clearance,
+        tube_by_segment=excursions.tube_by_segment,
+        rotation_by_segment=excursions.rotation_by_segment,
+        position_by_joint=beyond.max(axis=1),
+    )
+
+
+def _largest(problem: PlanningProblem, time: FloatArray, values: FloatArray) -> Extreme:
+    """Return the largest of values (K, n) of joints, when it is and whose."""
+    late, joint = np.unravel_index(int(values.argmax()), values.shape)
+    where = Place(time=float(time[late]), joint=problem.robot.joint_names[joint])
+    return Extreme(float(values[late, joint]), where)
+
+
+# ---- The worst and the usual of several executed runs.
+
+# Quantities of a run, and whether the least of them is the worst.
+_QUANTITIES = {
+    "tube": False,
+    "rotation": False,
+    "points": False,
+    "tracking": False,
+    "tool_tracking": False,
+    "position": False,
+    "velocity": False,
+    "obstacles": True,
+    "self_collision": True,
+}
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """One quantity over all runs.
+
+    Attributes:
+        worst: The worst value, and when and where.
+        run: In which run, from 0.
+        median: Of all runs.
+    """
+
+    worst: Extreme
+    run: int
+    median: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values."""
+        return asdict(self)
+
+
+def summaries(runs: Sequence[JudgedRun]) -> dict[str, RunSummary | None]:
+    """Return the worst and the median of every quantity of `JudgedRun`, by name.
+
+    None where it is not asked.
+    """
+    return {name: _summary(runs, name, least) for name, least in _QUANTITIES.items()}
+
+
+def _summary(runs: Sequence[JudgedRun], name: str, least: bool) -> RunSummary | None:
+    found: list[Extreme | None] = [getattr(run, name) for run in runs]
+    asked = [extreme for extreme in found if extreme is not None]
+    if not asked:
+        return None
+    values = np.array([extreme.value for extreme in asked])
+    run = int(values.argmin() if least else values.argmax())
+    return RunSummary(asked[run], run, float(np.median(values)))
+
+
+# ---- In how many executed runs something was not kept, and in what share of all it may be.
+
+CONFIDENCE = 0.95
+_WORDS = {
+    "tube": "left the tube",
+    "rotation": "turned too far",
+    "points": "missed a compulsory point",
+    "position": "passed a position limit",
+    "obstacles": "came too near to an obstacle",
+    "self_collision": "ran into themselves",
+}
+
+
+@dataclass(frozen=True)
+class RunVerdict:
+    """What was seen in some runs; nothing is proved of others.
+
+    Attributes:
+        runs: How many there were.
+        failed: How many of them did not keep all of `KEPT`.
+        broken: How many did not keep each.
+    """
+
+    runs: int
+    failed: int
+    broken: Mapping[str, int]
+
+    @property
+    def share(self) -> tuple[float, float]:
+        """Between which shares of all such arms fail, with 95 % confidence.
+
+        (Clopper and Pearson, "The use of confidence or fiducial limits illustrated in the case of
+        the binomial", Biometrika 26, 1934.)
+        """
+        from scipy.special import betaincinv  # slow to load, and few plans are simulated
+
+        k, n, tail = self.failed, self.runs, (1 - CONFIDENCE) / 2
+        least = float(betaincinv(k, n - k + 1, tail)) if k > 0 else 0.0
+        most = float(betaincinv(k + 1, n - k, 1 - tail)) if k < n else 1.0
+        return least, most
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values."""
+        return {
+            "runs": self.runs,
+            "failed": self.failed,
+            "share": list(self.share),
+            "confidence": CONFIDENCE,
+            "broken": dict(self.broken),
+        }
+
+    def __str__(self) -> str:
+        least, most = self.share
+        said = "; ".join(f"{count} {_WORDS[name]}" for name, count in self.broken.items() if count)
+        between = f"between {100 * least:.1f} and" if self.failed else "at most"
+        return (
+            f"{self.failed} of {self.runs} runs failed{': ' * bool(said)}{said} ({between} "
+            f"{100 * most:.1f} % of all, with {100 * CONFIDENCE:g} % confidence)"
+        )
+
+
+def run_verdict(runs: Sequence[JudgedRun]) -> RunVerdict:
+    """Return in how many runs something was not kept."""
+    counts = Counter(name for run in runs for name in run.broken)
+    failed = sum(not run.survives for run in runs)
+    return RunVerdict(len(runs), failed, {name: counts[name] for name in KEPT})

@@ -1,1 +1,0 @@
-"""Trajectories on disk: read, written whole or not at all."""

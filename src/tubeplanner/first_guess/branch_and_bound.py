@@ -1,0 +1,325 @@
+"""Phase 1: branch and bound over waypoints.
+
+M candidate waypoints lie on the reference path. Any increasing subset that holds the first and the
+last may be passed, at equal times, by sequential quartics: 2^(M-2) trajectories. A node of the
+search is the beginning of such a trajectory; a child has one waypoint more, and so one segment
+more. The nodes with the lowest bounds on their duration are expanded first, children that break a
+rule are cut (Suh & Bishop 1988, phase 1).
+
+Rules are tested at samples and can be too lenient. A complete trajectory counts only with its exact
+duration and its certificate.
+"""
+
+import heapq
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.certificate.verification import Certificate, verify
+from tubeplanner.first_guess.segment_rules import SegmentBatch, SegmentRules
+from tubeplanner.first_guess.waypoints import (
+    last_two_quartics,
+    look_ahead_quartic,
+    sequential_quartics,
+)
+from tubeplanner.limits.time_scaling import scaled_to_limits
+from tubeplanner.limits.tube_membership import first_departure, may_pass_points
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+
+# Nodes expanded at a time: this many, or as many as have this many children.
+_NODES_AT_ONCE, _CHILDREN_AT_ONCE = 32, 1024
+_END = np.array([1.0])
+
+
+@dataclass(frozen=True)
+class SearchStatistics:
+    """How far a search has come.
+
+    Attributes:
+        nodes: Nodes expanded.
+        children: Continuations built and tested.
+        cuts: How many of them each rule cut at samples.
+        motions: Complete trajectories that no rule cut, and were judged.
+        refused: How many of those were no faster than the best, or failed their certificate.
+        forgone: Nodes and trajectories passed over because they begin like one that failed.
+        lower_bound: No certified trajectory of this family is faster [s]; None if none is faster
+            than what was known before the search.
+        best_duration: Of the best trajectory so far [s]; None if there is none.
+        budget_reached: Whether the node budget ended the search: there may be better trajectories.
+    """
+
+    nodes: int
+    children: int
+    cuts: dict[str, int]
+    motions: int
+    refused: int
+    forgone: int
+    lower_bound: float | None
+    best_duration: float | None
+    budget_reached: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the statistics as JSON values."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        cuts = ", ".join(f"{rule} {count}" for rule, count in self.cuts.items())
+        text = (
+            f"{self.nodes} nodes, {self.children} segments tested, cut by rule: {cuts}; "
+            f"{self.motions} trajectories tried, {self.refused} refused; {self.forgone} forgone, "
+            "which begin like a refused one"
+        )
+        if self.budget_reached:
+            text += "; the node budget ended it"
+        return text
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Node:
+    """The beginning of a trajectory: built up to the last waypoint but one.
+
+    Attributes:
+        waypoints: Indices of its waypoints.
+        velocity: At the last waypoint but one, shape (n,).
+        acceleration: Likewise.
+        factor: How much faster it can be run.
+        tube_segments: In which tube segments the tool may be there: bool, shape (m,).
+    """
+
+    waypoints: tuple[int, ...]
+    velocity: FloatArray
+    acceleration: FloatArray
+    factor: float
+    tube_segments: BoolArray
+
+
+class BranchAndBound:
+    """A search that may be stopped at any time.
+
+    Attributes:
+        best: The fastest certified trajectory found, run at the limits; None until there is one.
+        certificate: The certificate of that trajectory.
+        certificate_time: How long that took [s].
+        best_waypoints: Indices of its waypoints.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        waypoints: FloatArray,
+        *,
+        upper_bound: float = np.inf,
+        node_budget: int = 10_000,
+        checkpoint: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Prepare a search.
+
+        Args:
+            problem: The planning problem.
+            waypoints: The M >= 2 candidates, shape (M, n); the first and the last are always used.
+            upper_bound: Only trajectories faster than this are of interest [s].
+            node_budget: The search ends after about so many nodes.
+            checkpoint: Called while the search is prepared; it may raise to end that.
+        """
+        self.best: JointTrajectory | None = None
+        self.certificate: Certificate | None = None
+        self.certificate_time = 0.0
+        self.best_waypoints: tuple[int, ...] = ()
+        self._problem, self._waypoints = problem, waypoints
+        self._rules = SegmentRules(problem, waypoints, checkpoint)
+        self._upper_bound, self._node_budget = upper_bound, node_budget
+        self._open: list[tuple[float, tuple[int, ...], _Node]] = []
+        # Beginnings of trajectories that failed between samples: all that begin so fail alike.
+        self._failed: set[tuple[int, ...]] = set()
+        self._nodes = self._children = self._trajectories = self._refused = self._forgone = 0
+        self._begin()
+
+    @property
+    def finished(self) -> bool:
+        """Whether no open node can lead to a better trajectory, or the budget is used up."""
+        return not self._has_open_nodes or self._nodes >= self._node_budget
+
+    @property
+    def statistics(self) -> SearchStatistics:
+        """How far the search has come."""
+        best = None if self.best is None else self.best.duration
+        return SearchStatistics(
+            nodes=self._nodes,
+            children=self._children,
+            cuts=dict(self._rules.cuts),
+            motions=self._trajectories,
+            refused=self._refused,
+            forgone=self._forgone,
+            lower_bound=self._open[0][0] if self._has_open_nodes else best,
+            best_duration=best,
+            budget_reached=self._has_open_nodes and self._nodes >= self._node_budget,
+        )
+
+    def expand(self) -> None:
+        """Expand the most promising nodes."""
+        nodes: list[_Node] = []
+        children = 0
+        while self._has_open_nodes and len(nodes) < _NODES_AT_ONCE and children < _CHILDREN_AT_ONCE:
+            node = heapq.heappop(self._open)[2]
+            if not self._begins_like_a_failed_one(node.waypoints):
+                nodes.append(node)
+                children += len(self._waypoints) - 1 - node.waypoints[-1]
+        if not nodes:
+            return
+        self._nodes += len(nodes)
+        for batch in (self._last_segments(nodes), self._inner_segments(nodes)):
+            self._children += len(batch)
+            survivors = self._rules.clear(self._rules.surviving(batch, self._upper_bound))
+            if batch.complete:
+                self._try_trajectories(nodes, survivors)
+            else:
+                self._open_nodes(nodes, survivors)
+
+    @property
+    def _has_open_nodes(self) -> bool:
+        return bool(self._open) and self._open[0][0] < self._upper_bound
+
+    def _begin(self) -> None:
+        """Try the trajectory without inner waypoints; open a node for every second waypoint."""
+        goal, rest = len(self._waypoints) - 1, np.zeros(self._waypoints.shape[1])
+        self._try_trajectory((0, goal))
+        ordered = self._problem.tube.visit == "ordered"
+        tube_segments = np.full(self._problem.tube.segment_count, not ordered)
+        tube_segments[0] = True
+        for second in range(1, goal):
+            if self._rules.free_waypoints[second]:
+                self._push(0.0, _Node((0, second), rest, rest, np.inf, tube_segments))
+
+    def _push(self, bound: float, node: _Node) -> None:
+        # No two nodes share all waypoints: these decide between equal bounds.
+        heapq.heappush(self._open, (bound, node.waypoints, node))
+
+    def _last_segments(self, nodes: Sequence[_Node]) -> SegmentBatch:
+        """Return every node's last two segments, to the goal."""
+        parent = np.arange(len(nodes))
+        after = np.full(len(nodes), len(self._waypoints) - 1)
+        return self._continued(nodes, parent, after, last_two_quartics)
+
+    def _inner_segments(self, nodes: Sequence[_Node]) -> SegmentBatch:
+        """Return every node's next segment, for every waypoint before the goal to aim at."""
+        goal = len(self._waypoints) - 1
+        after = [np.arange(node.waypoints[-1] + 1, goal) for node in nodes]
+        parent = np.repeat(np.arange(len(nodes)), [len(row) for row in after])
+        return self._continued(nodes, parent, np.concatenate(after), look_ahead_quartic)
+
+    def _continued(
+        self,
+        nodes: Sequence[_Node],
+        parent: IntArray,
+        after: IntArray,
+        primitive: Callable[..., FloatArray],
+    ) -> SegmentBatch:
+        """Return continuations of nodes (C,) that aim at waypoints (C,)."""
+        ends = np.array([node.waypoints[-2:] for node in nodes])[parent]
+        velocity = np.array([node.velocity for node in nodes])[parent]
+        acceleration = np.array([node.acceleration for node in nodes])[parent]
+        begin, following = self._waypoints[ends.T]
+        coefficients = primitive(begin, velocity, acceleration, following, self._waypoints[after])
+        new = coefficients.shape[1]
+        return SegmentBatch(
+            parent=parent,
+            waypoints=np.column_stack([ends, after]),
+            built=np.array([len(node.waypoints) for node in nodes])[parent] - 2 + new,
+            # Not yet at the goal: at least one more to the next waypoint, and one from there.
+            remaining=np.full(len(parent), 0 if new == 2 else 2),
+            coefficients=coefficients.transpose(2, 0, 1, 3),
+            factor=np.array([node.factor for node in nodes])[parent],
+            tube_segments=np.array([node.tube_segments for node in nodes])[parent],
+            inside=np.zeros((len(parent), 0, new, self._problem.tube.segment_count), dtype=bool),
+        )
+
+    def _open_nodes(self, nodes: Sequence[_Node], batch: SegmentBatch) -> None:
+        bound = self._rules.lower_bound(batch)
+        velocity, acceleration = (batch.at(_END, order)[:, 0, 0] for order in (1, 2))
+        for i, parent in enumerate(batch.parent):
+            node = _Node(
+                (*nodes[parent].waypoints, int(batch.waypoints[i, 2])),
+                velocity[i],
+                acceleration[i],
+                float(batch.factor[i]),
+                batch.tube_segments[i],
+            )
+            self._push(float(bound[i]), node)
+
+    def _try_trajectories(self, nodes: Sequence[_Node], batch: SegmentBatch) -> None:
+        """Try complete trajectories, the most promising first."""
+        bound = self._rules.lower_bound(batch)
+        goal = len(self._waypoints) - 1
+        for i in np.argsort(bound, kind="stable"):
+            if bound[i] < self._upper_bound:
+                self._try_trajectory((*nodes[batch.parent[i]].waypoints, goal))
+
+    def _try_trajectory(self, waypoints: tuple[int, ...]) -> None:
+        """Keep a trajectory if it is the fastest yet and certified."""
+        chosen = self._waypoints[list(waypoints)]
+        stands_still = np.ptp(chosen, axis=0).max() == 0
+        if stands_still or self._begins_like_a_failed_one(waypoints):
+            return
+        self._trajectories += 1
+        shape = sequential_quartics(self._problem.robot.joint_names, chosen)
+        trajectory = self._at_limits(shape)
+        if trajectory is None or trajectory.duration >= self._upper_bound:
+            self._refused += 1
+            return
+        fault = first_departure(self._problem, shape, MARGIN_TOLERANCE)
+        if fault is None and not may_pass_points(self._problem, shape):
+            self._refused += 1  # a certificate would take far longer to say so
+            return
+        if fault is None:
+            begin = time.perf_counter()
+            certificate = verify(self._problem, trajectory)
+            if certificate.passed:
+                self.certificate_time = time.perf_counter() - begin
+                self.best, self.certificate, self.best_waypoints = (
+                    trajectory,
+                    certificate,
+                    waypoints,
+                )
+                self._upper_bound = trajectory.duration
+                return
+            fault = self._faulty_segment(certificate, trajectory)
+        self._refused += 1
+        # A segment depends on the waypoints up to the one after its end, the last two on all.
+        if fault is not None and fault + 3 < len(waypoints):
+            self._failed.add(waypoints[: fault + 3])
+
+    def _faulty_segment(self, certificate: Certificate, trajectory: JointTrajectory) -> int | None:
+        """Return a segment that no other continuation can repair, if the certificate names one.
+
+        Another continuation may choose other switching times, but not other links or another union.
+        """
+        telling = ["obstacles", "self_collision"]
+        if self._problem.tube.visit == "any":
+            telling.append("tube")
+        times = [
+            certificate.conditions[name].where.time
+            for name in certificate.failures()
+            if name in telling
+        ]
+        found = [float(time) for time in times if time is not None]
+        if not found:
+            return None
+        return int(np.searchsorted(trajectory.breakpoints[1:-1], min(found), side="right"))
+
+    def _at_limits(self, shape: JointTrajectory) -> JointTrajectory | None:
+        """Return a shape run as fast as the limits allow; None where gravity is too strong."""
+        try:
+            return scaled_to_limits(self._problem, shape)
+        except Infeasible:
+            return None
+
+    def _begins_like_a_failed_one(self, waypoints: tuple[int, ...]) -> bool:
+        failed = any(waypoints[:k] in self._failed for k in range(3, len(waypoints) + 1))
+        self._forgone += failed
+        return failed

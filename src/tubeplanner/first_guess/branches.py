@@ -1,0 +1,514 @@
+"""KnownBranches: branches of the arm along the reference path, joint lines, configured ends.
+
+The tool goes from its position in the start configuration through the inner reference points to its
+position in the goal configuration; each leg is straight, so it stays in its capsule. Where its
+rotation is bounded, it follows the reference orientation as far as the arm can. The joint ranges of
+each segment select the branch, and a rule moves redundant joints.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate.refusal import require_free
+from tubeplanner.first_guess.inverse_kinematics import PositionSolution, solve_position
+from tubeplanner.first_guess.pose_configurations import (
+    bounded_by,
+    is_free,
+    outside_bounds,
+    pose_configurations,
+    reaching,
+)
+from tubeplanner.first_guess.segment_walk import (
+    SegmentWalk,
+    explain_error,
+    explain_turn,
+    turned_off,
+    wanted_at,
+)
+from tubeplanner.geometry.tube.points import arc_lengths
+from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus
+from tubeplanner.task.endpoints import ToolPose
+from tubeplanner.task.problem import PlanningProblem, Seed
+
+# ---- The arm along the reference path: one continuous branch of the inverse kinematics.
+
+_SEED_TOLERANCE = 1e-6  # [m] between the tool and the reference point of a seed
+# How near the branch must come to a given goal configuration to be on its branch [rad or m].
+_GOAL_TOLERANCE = 1e-6
+_SAME = 1e-6  # [rad or m]
+_STILL = 1e-9  # [rad or m]: joints that move less stand still
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceBranch:
+    """Configurations along the reference path.
+
+    Attributes:
+        segments: Per segment, configurations from its start to its end, shape (P_k, n), neighbours
+            at most 0.1 rad apart; the last of one segment is the first of the next.
+    """
+
+    segments: tuple[FloatArray, ...]
+
+    @property
+    def start(self) -> FloatArray:
+        """First configuration, shape (n,)."""
+        return self.segments[0][0]
+
+    @property
+    def moving_segments(self) -> list[int]:
+        """Indices of the segments in which the arm moves."""
+        return [k for k, q in enumerate(self.segments) if np.ptp(q, axis=0).max() > _STILL]
+
+    @property
+    def goal(self) -> FloatArray:
+        """Last configuration, shape (n,)."""
+        return self.segments[-1][-1]
+
+    @property
+    def length(self) -> float:
+        """How far joints go, of every step the one that goes farthest [rad or m]."""
+        return sum(float(abs(np.diff(q, axis=0)).max(axis=1).sum()) for q in self.segments)
+
+    def is_as(self, other: "ReferenceBranch") -> bool:
+        """Return whether another branch has the same configurations, to 1e-6 rad or m."""
+        pairs = list(zip(self.segments, other.segments, strict=True))
+        return all(
+            one.shape == another.shape and abs(one - another).max() < _SAME
+            for one, another in pairs
+        )
+
+
+class RedundancyRule(StrEnum):
+    """How redundant joints move."""
+
+    AS_NEEDED = "they move as little as possible, and to the goal at the end"
+    PROPORTIONAL = "they go from start to goal in proportion to the arc length"
+    HELD = "they are held near the start, and go to the goal at the end"
+    CENTRED = "they go to the middle of their ranges, and to the goal at the end"
+
+
+def redundancy_rules(problem: PlanningProblem) -> tuple[RedundancyRule, ...]:
+    """Return the rules worth trying for a problem, the most natural first."""
+    if problem.given_goal is None:
+        return RedundancyRule.AS_NEEDED, RedundancyRule.HELD, RedundancyRule.CENTRED
+    return (
+        RedundancyRule.PROPORTIONAL,
+        RedundancyRule.AS_NEEDED,
+        RedundancyRule.HELD,
+        RedundancyRule.CENTRED,
+    )
+
+
+def reference_branch(
+    problem: PlanningProblem,
+    rule: RedundancyRule,
+    checkpoint: Callable[[], None] = lambda: None,
+    *,
+    with_rotation: bool = True,
+) -> ReferenceBranch:
+    """Return the branch that the joint signs, the start and the goal select.
+
+    Args:
+        problem: The planning problem.
+        rule: How redundant joints move.
+        checkpoint: Called before every segment; it may raise to end the work.
+        with_rotation: Whether the branch keeps the rotation tolerance, if there is one.
+
+    Raises:
+        Infeasible: Status unreachable: the message says where the branch ends and why.
+    """
+    start = end_configuration(problem, problem.start, 0)
+    given = problem.given_goal
+    goal = None if given is None else end_configuration(problem, given, -1)
+    route = _route(problem, start, goal)
+    pulls = _pulls(problem, route, start, goal, rule)
+    q, segments = start, []
+    for k in range(problem.tube.segment_count):
+        checkpoint()
+        wanted = None if pulls is None else pulls[k : k + 2]
+        is_last = k + 1 == problem.tube.segment_count
+        end = goal if is_last else None
+        ends = route[k : k + 2]
+        walk = SegmentWalk(problem, k, ends, q, wanted, end, with_rotation=with_rotation)
+        segments.append(walk.to_the_end())
+        q = segments[-1][-1]
+    if goal is not None:
+        _require_goal(problem, q, goal)
+        segments[-1][-1] = goal
+    return ReferenceBranch(tuple(segments))
+
+
+def _pulls(
+    problem: PlanningProblem,
+    route: FloatArray,
+    start: FloatArray,
+    goal: FloatArray | None,
+    rule: RedundancyRule,
+) -> FloatArray | None:
+    """Return the values (m+1, n) towards which redundant joints move at each point, if any."""
+    if rule is RedundancyRule.HELD:
+        return np.tile(start, (len(route), 1))
+    if rule is RedundancyRule.CENTRED:
+        with np.errstate(invalid="ignore"):
+            middle = (problem.joint_lower + problem.joint_upper) / 2
+        return np.vstack([start, np.where(np.isfinite(middle), middle, start)])
+    if rule is RedundancyRule.AS_NEEDED or goal is None:
+        return None
+    share = _shares_of_length(route)[:, None]
+    return (1 - share) * start + share * goal
+
+
+def end_configuration(
+    problem: PlanningProblem, given: FloatArray | Seed | ToolPose, point: int
+) -> FloatArray:
+    """Return the start (point 0) or goal (point -1), (n,): as given, or from its seed or pose.
+
+    Raises:
+        Infeasible: Status unreachable: the seed does not lead there, or the pose is not reached.
+    """
+    if isinstance(given, ToolPose):
+        first: FloatArray = pose_configurations(problem, given, point)[0]
+        return first
+    if not isinstance(given, Seed):
+        return given
+    segment = 0 if point == 0 else problem.tube.segment_count - 1
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    target, seed = problem.tube.points[point], given.joints
+    wanted = wanted_at(problem, target, segment)
+    solution = solve_position(problem.robot, target, seed, lower, upper, rotation=wanted)
+    reason = None
+    if solution.error > _SEED_TOLERANCE:
+        reason = explain_error(problem, target, seed, segment, solution)
+    elif problem.tube.rotation is not None:
+        rotation, tool = problem.robot.tool_pose(solution.q[None])
+        if problem.tube.rotation.margin(rotation, tool, segment)[0] < 0:
+            reason = _explain_turned_end(problem, target, seed, segment, solution)
+    if reason is not None:
+        place = Place(segment=problem.tube.segment_number(segment, target)).at(target)
+        end = "start" if point == 0 else "goal"
+        message = f"{end} from its seed: {reason}"
+        raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=1, configuration=solution.q)
+    return solution.q
+
+
+def _explain_turned_end(
+    problem: PlanningProblem,
+    target: FloatArray,
+    seed: FloatArray,
+    segment: int,
+    solution: PositionSolution,
+) -> str:
+    """Return why a seed leads to a point (3,) but not to the orientation asked there."""
+    robot, tube = problem.robot, problem.tube.rotation
+    free = np.full(robot.joint_count, np.inf)
+    wanted = wanted_at(problem, target, segment)
+    other = solve_position(robot, target, seed, -free, free, rotation=wanted)
+    rotation, tool = robot.tool_pose(other.q[None])
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    is_outside = ((other.q < lower) | (other.q > upper)).any()
+    is_turned = tube is not None and tube.margin(rotation, tool, segment)[0] >= 0
+    if other.error > _SEED_TOLERANCE or not is_turned or not is_outside:
+        return explain_turn(problem, segment, turned_off(solution))
+    outside = outside_bounds(robot, other.q[None], lower, upper)
+    return (
+        f"{bounded_by(problem, (segment,), outside)} are in the way of the orientation asked, "
+        f"{outside.words}; change them, the seed or tube.orientations"
+    )
+
+
+def _route(problem: PlanningProblem, start: FloatArray, goal: FloatArray | None) -> FloatArray:
+    """Return the tool's route: reference points, its ends from start and goal."""
+    route = problem.tube.points.copy()
+    route[0] = problem.robot.tool_position(start[None])[0]
+    if goal is not None:
+        route[-1] = problem.robot.tool_position(goal[None])[0]
+    elif problem.open_goal is not None:
+        route[-1] = problem.open_goal.position
+    return route
+
+
+def _shares_of_length(route: FloatArray) -> FloatArray:
+    """Return which share of the whole length lies before each point of a route, shape (m+1,)."""
+    before = arc_lengths(route)
+    return before / before[-1] if before[-1] > 0 else np.linspace(0, 1, len(route))
+
+
+def _require_goal(problem: PlanningProblem, q: FloatArray, goal: FloatArray) -> None:
+    difference = goal - q
+    worst = int(np.argmax(abs(difference)))
+    if abs(difference[worst]) <= _GOAL_TOLERANCE:
+        return
+    segment = problem.tube.segment_count - 1
+    joint = problem.robot.joint_names[worst]
+    raise Infeasible(
+        PlanStatus.UNREACHABLE,
+        f"the branch that continues the start configuration ends with '{joint}' at {q[worst]:.4f} "
+        f"rad, the goal has it at {goal[worst]:.4f} rad: the goal lies on another branch; leave "
+        "the goal out, or change the start or the joint signs",
+        Place(joint=joint, segment=problem.tube.segment_number(segment, problem.tube.points[-1])),
+        configuration=q,
+    )
+
+
+# ---- Straight lines in joint space between configurations at the reference points.
+#
+# Refinement may start from them where no continuous branch follows the reference path, or where a
+# branch leads it to a trajectory that is not the fastest. The tool may still be outside the tube.
+
+_POINTS_PER_SEGMENT = 21
+_TURNED_OFF = 1e-6  # [rad]
+_AROUND = 0.5  # [rad or m]: how far joints are moved to find another configuration
+_OPEN_GOAL_TOLERANCE = 1e-7  # [m] of the tool from an open goal
+
+
+def joint_lines(problem: PlanningProblem) -> ReferenceBranch:
+    """Return joint lines from the start over the reference points to the goal.
+
+    Raises:
+        Infeasible: Status unreachable: start or goal have no configuration.
+    """
+    start = end_configuration(problem, problem.start, 0)
+    given = problem.given_goal
+    goal = None if given is None else end_configuration(problem, given, -1)
+    count = problem.tube.segment_count
+    corners = [start]
+    for k in range(1, count + (goal is None)):
+        near = corners[-1]
+        if goal is not None:
+            near = near + (goal - near) / (count + 1 - k)
+        corners.append(_corner(problem, k, near))
+    if goal is not None:
+        corners.append(goal)
+    share = np.linspace(0, 1, _POINTS_PER_SEGMENT)[:, None]
+    lines = tuple((1 - share) * a + share * b for a, b in pairwise(corners))
+    return ReferenceBranch(lines)
+
+
+def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
+    """Return a configuration (n,) at reference point k, or at an open goal, near another one.
+
+    Where that violates the rotation tolerance, it searches for others nearby.
+    """
+    segments = [k - 1, min(k, problem.tube.segment_count - 1)]
+    lower, upper = (
+        problem.joint_lower[segments].max(axis=0),
+        problem.joint_upper[segments].min(axis=0),
+    )
+    goal = problem.open_goal if k == problem.tube.segment_count else None
+    point = problem.tube.points[k] if goal is None else goal.position
+    if goal is not None and goal.bounds_rotation:
+        turned = wanted_at(problem, point, k)
+    else:
+        turned = wanted_at(problem, point, k - 1, near)
+
+    def solution(seed: FloatArray) -> PositionSolution:
+        return solve_position(problem.robot, point, seed, lower, upper, rotation=turned)
+
+    best = solution(near)
+    if best.rotation_error > _TURNED_OFF:
+        steps = _AROUND * np.vstack([np.eye(len(near)), -np.eye(len(near))])
+        found = [best, *(solution(near + step) for step in steps)]
+        least = min(one.rotation_error for one in found) + _TURNED_OFF
+        turned_best = [one for one in found if one.rotation_error <= least]
+        best = min(turned_best, key=lambda one: float(abs(one.q - near).max()))
+    if goal is not None and best.error > max(goal.tolerance, _OPEN_GOAL_TOLERANCE):
+        message = f"no goal: the tool was brought no nearer than {best.error:.4g} m"
+        place = Place(segment=problem.tube.segment_number(k - 1, point)).at(point)
+        raise Infeasible(PlanStatus.UNREACHABLE, message, place)
+    return best.q
+
+
+# ---- Branches of the arm along a problem's tube, each computed once, on first use.
+
+_JOINT_LINES, _POSITION_ONLY = "joint lines", "position only"
+
+
+class KnownBranches:
+    """Branches by the rule for redundant joints, and joint lines."""
+
+    def __init__(self, problem: PlanningProblem, clock: PlanningClock) -> None:
+        self._problem, self._clock = problem, clock
+        self._found: dict[str, ReferenceBranch | Infeasible] = {}
+        self._ends: FloatArray | Infeasible | None = None
+
+    @property
+    def has_any(self) -> bool:
+        """Whether there is a branch already."""
+        return any(isinstance(found, ReferenceBranch) for found in self._found.values())
+
+    @property
+    def tried(self) -> int:
+        """How many were looked for."""
+        return len(self._found)
+
+    def under(self, clock: PlanningClock) -> "KnownBranches":
+        """Return the same branches for work under another clock."""
+        same = KnownBranches(self._problem, clock)
+        same._found, same._ends = self._found, self._ends
+        return same
+
+    def require_ends(self) -> FloatArray:
+        """Return the start and, unless it is open, the goal: shape (1 or 2, n).
+
+        Raises:
+            Infeasible: A seed does not lead there, one of them is in collision or too near to an
+                obstacle.
+            TimeLimitReached: Before that was known.
+        """
+        if self._ends is None:
+            self._clock.enter("start and goal")
+            try:
+                self._ends = self._free_ends()
+            except Infeasible as reason:
+                self._ends = reason
+        if isinstance(self._ends, Infeasible):
+            raise self._ends
+        return self._ends
+
+    def by_rule(self, rule: RedundancyRule) -> ReferenceBranch:
+        """Return the branch of a rule, its ends clear of everything.
+
+        Raises:
+            Infeasible: The branch ends somewhere, its start or given goal is in collision, or the
+                time limit has passed.
+        """
+        search = partial(reference_branch, self._problem, rule, self._clock.check)
+        return self._once(rule, "inverse kinematics along the reference path", search)
+
+    def position_only(self) -> ReferenceBranch:
+        """Return a branch whose tool need not keep the rotation tolerance.
+
+        Raises:
+            Infeasible: As for branches.
+        """
+        rule = redundancy_rules(self._problem)[0]
+        search = partial(
+            reference_branch, self._problem, rule, self._clock.check, with_rotation=False
+        )
+        return self._once(_POSITION_ONLY, "inverse kinematics of the tool's position alone", search)
+
+    def joint_lines(self) -> ReferenceBranch:
+        """Return joint lines between the reference points, the tool not in the tube.
+
+        Raises:
+            Infeasible: As for branches.
+        """
+        search = partial(joint_lines, self._problem)
+        return self._once(_JOINT_LINES, "inverse kinematics at the reference points", search)
+
+    def _once(
+        self, name: str, stage: str, search: Callable[[], ReferenceBranch]
+    ) -> ReferenceBranch:
+        self.require_ends()
+        if name not in self._found:
+            self._clock.enter(stage)
+            try:
+                self._found[name] = search()
+            except Infeasible as reason:
+                self._found[name] = reason
+        found = self._found[name]
+        if isinstance(found, Infeasible):
+            raise found
+        return found
+
+    def _free_ends(self) -> FloatArray:
+        problem = self._problem
+        ends = [end_configuration(problem, problem.start, 0)]
+        is_given = isinstance(problem.start, np.ndarray)
+        require_free(problem, "start", ends[0], is_given=is_given)
+        if problem.given_goal is not None:  # an open one may move
+            ends.append(end_configuration(problem, problem.given_goal, -1))
+            is_given = isinstance(problem.given_goal, np.ndarray)
+            require_free(problem, "goal", ends[1], is_given=is_given)
+        return np.array(ends)
+
+
+# ---- Start and goal as configurations, where a problem gives poses of the tool.
+
+_MOST_TRIED = 8  # configurations of the goal
+
+
+def configured_ends(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[str, ...]]:
+    """Return a problem whose start and goal are configurations where they were poses, and notes.
+
+    Of several for the goal, the first one that continues the branch from the start is taken. The
+    notes say which was taken where there was a choice.
+
+    Raises:
+        Infeasible: Status unreachable: a pose has none.
+    """
+    notes = []
+    if isinstance(problem.start, ToolPose):
+        found = pose_configurations(problem, problem.start, 0)
+        notes += _choice(problem, "start", found, found[0], "")
+        problem = replace(problem, start=found[0])
+    if isinstance(problem.goal, ToolPose):
+        found = pose_configurations(problem, problem.goal, -1)
+        goal = _continuing(problem, problem.goal, found)
+        why = "" if goal is None else "it continues the branch from the start and is "
+        taken = found[0] if goal is None else goal
+        notes += _choice(problem, "goal", found, taken, why)
+        problem = replace(problem, goal=taken)
+    return problem, tuple(notes)
+
+
+def _continuing(problem: PlanningProblem, pose: ToolPose, found: FloatArray) -> FloatArray | None:
+    """Return a configuration (n,) for the goal that a branch from the start leads to, if any.
+
+    A free one, if any is free; one that is reached from where the branch ends by itself first.
+    """
+    if pose.seed is not None:
+        return None
+    candidates = np.vstack([_from_open_goal(problem, pose), found])
+    free = [q for q in candidates if is_free(problem, "goal", q)]
+    for q in (free or list(candidates))[:_MOST_TRIED]:
+        if is_continued(replace(problem, goal=q)):
+            return q
+    return None
+
+
+def _from_open_goal(problem: PlanningProblem, pose: ToolPose) -> FloatArray:
+    """Return configurations (c, n) for a pose near where branches with an open goal end."""
+    alone = replace(problem, goal=None)
+    last = problem.tube.segment_count - 1
+    bounds = problem.joint_lower[last], problem.joint_upper[last]
+    for rule in redundancy_rules(alone):
+        try:
+            near = reference_branch(alone, rule).goal
+        except Infeasible:
+            continue
+        return reaching(problem.robot, pose, near[None], *bounds)
+    return np.empty((0, problem.robot.joint_count))
+
+
+def is_continued(problem: PlanningProblem) -> bool:
+    """Return whether a branch leads from a problem's start along its tube to its goal."""
+    for rule in redundancy_rules(problem):
+        try:
+            reference_branch(problem, rule)
+        except Infeasible:
+            continue
+        return True
+    return False
+
+
+def _choice(
+    problem: PlanningProblem, end: str, found: FloatArray, taken: FloatArray, why: str
+) -> list[str]:
+    """Return the note on which of several configurations was taken; none if there is one."""
+    if len(found) < 2:
+        return []
+    joints = ", ".join(f"{value:.6g}" for value in np.round(taken, 6) + 0.0)  # no minus zero
+    free = "free of collision" if is_free(problem, end, taken) else "not free of collision"
+    near = "" if why else " and, of such, nearest the middle of its joint ranges"
+    return [
+        f"{end}: of {len(found)} configurations found for its pose [{joints}] is taken: {why}{free}"
+        f"{near}; a seed or joint signs ask for another"
+    ]

@@ -1,0 +1,404 @@
+"""Inverse kinematics of position and rotation, exact or within a tolerance, native and NumPy."""
+
+import math
+from ctypes import c_int, c_int64
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, read_only
+from tubeplanner.geometry.tube.rotation import RotationalTube
+from tubeplanner.native.library import LIBRARY, Bytes, Doubles, native_function
+from tubeplanner.orientation import inverse_right_jacobian, nearest_branch, rotation_vector
+from tubeplanner.robot.model import RobotModel
+
+# ---- Configurations in which the tool has given positions and rotations, compiled.
+
+_SOLVE = native_function(
+    "tubeplanner_solve_positions",
+    *(Doubles, c_int64, c_int64, Doubles, c_int64),
+    *(Doubles, Doubles, Doubles, Doubles, Doubles, Doubles, Doubles, Bytes, Doubles, Doubles),
+    returns=c_int,
+)
+
+
+def native_solve_positions(
+    table: FloatArray,
+    settings: FloatArray,
+    position: FloatArray,
+    joints: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    rotation: tuple[FloatArray, FloatArray, BoolArray] | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return configurations (N, n) and their errors (N, 2), of position [m] and rotation [rad].
+
+    Without the axis of N there is one of each.
+
+    Args:
+        table: The joints that move the tool, the last body of all; see `native.kinematics`.
+        settings: Of `branches.inverse_kinematics`, in the order in which the sources have them.
+        position: Wanted, shape (N, 3) [m].
+        joints: Seeds, lower bounds, upper bounds and preferred configurations, each (N, n).
+        rotation: References (N, 3, 3), wanted rotation vectors (N, 3) and which of their components
+            count (N, 3); None: any rotation.
+    """
+    assert _SOLVE is not None
+    *many, joint_count = joints[0].shape
+    count = many[0] if many else 1
+    q, errors = np.empty((*many, joint_count)), np.empty((*many, 2))
+    given = [np.ascontiguousarray(values, dtype=np.float64) for values in (position, *joints)]
+    turned: tuple[FloatArray | BoolArray | None, ...] = (None, None, None)
+    if rotation is not None:
+        reference, vector, components = rotation
+        turned = np.ascontiguousarray(reference), np.ascontiguousarray(vector, dtype=np.float64)
+        turned = *turned, np.ascontiguousarray(components)
+    if _SOLVE(table, len(table), joint_count, settings, count, *given, *turned, q, errors):
+        raise MemoryError
+    return q, errors
+
+
+# ---- Inverse kinematics of one tool position, optionally of its rotation, within joint bounds.
+#
+# Damped least squares with the damping of Sugihara, "Solvability-unconcerned inverse kinematics by
+# the Levenberg-Marquardt method" (IEEE T-RO 27(5), 2011): it converges at a fully stretched arm,
+# and
+# comes as near as possible to a point out of reach. The rotation comes second: it uses what the
+# position leaves, in the null space of its Jacobian. A third task pulls redundant joints towards a
+# preferred configuration, in the null space of both.
+
+_DAMPING = 1e-10  # added to half the squared error [m^2]
+_POSITION_TOLERANCE = 1e-10  # [m]
+# The last step [rad or m]: the remaining error is of the order of its square.
+_POSTURE_TOLERANCE = 1e-6
+_MAX_ITERATIONS = 100
+# Near full stretch a joint is all but redundant, and a pull on it would keep the tool from its
+# target: later iterations go for the target alone.
+_PULLED_ITERATIONS = 40
+_MAX_STEP = 0.2  # [rad or m] of any joint
+# Directions in which a joint moves the tool by less than this count as redundant [m/rad].
+_REDUNDANT_GAIN = 1e-4
+# A stretched arm cannot feel which way to fold: it is bent this much, one way, then the other.
+_BENDS = (0.05, -0.05)  # [rad or m], its sign alternating from joint to joint
+_SETTINGS = read_only(
+    [
+        *(_DAMPING, _POSITION_TOLERANCE, _POSTURE_TOLERANCE, _MAX_ITERATIONS, _PULLED_ITERATIONS),
+        *(_MAX_STEP, _REDUNDANT_GAIN, *_BENDS),
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class WantedRotation:
+    """The wanted orientation of the tool.
+
+    Attributes:
+        reference: Reference orientation, shape (3, 3), base frame.
+        vector: Rotation vector wanted, in the reference's frame, shape (3,) [rad].
+        components: Which of its components count: bool, shape (3,).
+    """
+
+    reference: FloatArray
+    vector: FloatArray
+    components: BoolArray
+
+    @property
+    def parts(self) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Its reference, vector and components."""
+        return self.reference, self.vector, self.components
+
+    def repeated(self, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return `parts` for many configurations: (N, 3, 3), (N, 3) and (N, 3)."""
+        reference, vector, components = self.parts
+        return (
+            np.broadcast_to(reference, (count, 3, 3)),
+            np.broadcast_to(vector, (count, 3)),
+            np.broadcast_to(components, (count, 3)),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PositionSolution:
+    """The nearest the tool gets to a position.
+
+    Attributes:
+        q: Configuration within the bounds, shape (n,) [rad or m].
+        error: Distance of the tool from the position [m].
+        rotation_error: Distance of the rotation vector from the one wanted, in the components that
+            count [rad].
+    """
+
+    q: FloatArray
+    error: float
+    rotation_error: float = 0.0
+
+
+def solve_position(
+    robot: RobotModel,
+    target: FloatArray,
+    seed: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    preferred: FloatArray | None = None,
+    rotation: WantedRotation | None = None,
+) -> PositionSolution:
+    """Move a configuration until the tool is at a position.
+
+    Args:
+        robot: The arm.
+        target: Tool position, shape (3,), base frame [m].
+        seed: Where to start, shape (n,) [rad or m].
+        lower: Lower joint bounds, shape (n,).
+        upper: Upper joint bounds, shape (n,).
+        preferred: Where redundant joints go, shape (n,); default: back to the seed.
+        rotation: Wanted orientation of the tool there; default: any.
+
+    Returns:
+        The solution; its errors say whether the target was reached.
+    """
+    joints = (seed, lower, upper, seed if preferred is None else preferred)
+    if LIBRARY.functions is None:
+        return _solved(robot, target, joints, rotation)
+    turned = None if rotation is None else rotation.parts
+    q, errors = native_solve_positions(robot.tool_joints, _SETTINGS, target, joints, turned)
+    return PositionSolution(q, *errors.tolist())
+
+
+def solve_positions(
+    robot: RobotModel,
+    targets: FloatArray,
+    seeds: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    preferred: FloatArray | None = None,
+    rotation: WantedRotation | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Move configurations until the tool is at positions, as `solve_position` moves each.
+
+    Args:
+        robot: The arm.
+        targets: Tool positions, shape (N, 3), or (3,) for all, base frame [m].
+        seeds: Where to start, shape (N, n) [rad or m].
+        lower: Lower joint bounds, shape (N, n), or (n,) for all.
+        upper: Upper joint bounds, likewise.
+        preferred: Where redundant joints go, likewise; default: back to the seeds.
+        rotation: Wanted orientation of the tool at all of them; default: any.
+
+    Returns:
+        Configurations (N, n) within the bounds, and their errors (N, 2): of the position [m] and
+        of the rotation [rad].
+    """
+    count, joint_count = seeds.shape
+    targets = np.broadcast_to(targets, (count, 3))
+    preferred = seeds if preferred is None else preferred
+    lower, upper, preferred = (
+        np.broadcast_to(values, seeds.shape) for values in (lower, upper, preferred)
+    )
+    if LIBRARY.functions is not None:
+        joints = (seeds, lower, upper, preferred)
+        turned = None if rotation is None else rotation.repeated(count)
+        return native_solve_positions(robot.tool_joints, _SETTINGS, targets, joints, turned)
+    q, errors = np.empty((count, joint_count)), np.empty((count, 2))
+    for i, own in enumerate(zip(seeds, lower, upper, preferred, strict=True)):
+        found = _solved(robot, targets[i], own, rotation)
+        q[i], errors[i] = found.q, (found.error, found.rotation_error)
+    return q, errors
+
+
+# A seed, lower bounds, upper bounds and a preferred configuration, each (n,).
+_Joints: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+def _solved(
+    robot: RobotModel, target: FloatArray, joints: _Joints, rotation: WantedRotation | None
+) -> PositionSolution:
+    """Return `solve_position`."""
+    seed, lower, upper, preferred = joints
+    descent = _Descent(robot, target, rotation, lower, upper)
+    solution = descent.run(seed, preferred)
+    if solution.error < _POSITION_TOLERANCE**0.5:
+        return solution
+    pattern = (-1.0) ** np.arange(len(seed))
+    for bend in _BENDS:
+        other = descent.run(solution.q + bend * pattern, preferred)
+        solution = min(solution, other, key=lambda found: found.error)
+        if solution.error < _POSITION_TOLERANCE**0.5:
+            break
+    return solution
+
+
+# Jacobian (c, n) and error (c,) of what a step should do.
+_Task: TypeAlias = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class _Descent:
+    """From a seed to the target, by damped steps."""
+
+    robot: RobotModel
+    target: FloatArray
+    rotation: WantedRotation | None
+    lower: FloatArray
+    upper: FloatArray
+
+    def run(self, seed: FloatArray, preferred: FloatArray) -> PositionSolution:
+        q = last = np.minimum(np.maximum(seed, self.lower), self.upper)
+        least = np.inf
+        for iteration in range(_MAX_ITERATIONS):
+            tasks = self._tasks(q)
+            off, turned = _lengths(tasks)
+            pulled = iteration < _PULLED_ITERATIONS
+            if not pulled and off > max(least, _POSITION_TOLERANCE):
+                q = (last + q) / 2  # a step beyond a target out of reach
+                continue
+            least, last = off, q
+            q = self._moved(q, tasks, preferred - q if pulled else np.zeros_like(q))
+            moved = q - last
+            if np.abs(moved).max() < _POSTURE_TOLERANCE:
+                # Over so short a step the errors change as their Jacobians say.
+                left = [(jacobian, error - jacobian.dot(moved)) for jacobian, error in tasks]
+                return PositionSolution(q, *_lengths(left))
+            if not pulled and max(off, turned) < _POSITION_TOLERANCE:
+                break
+        return PositionSolution(q, *_lengths(self._tasks(q)))
+
+    def _moved(self, q: FloatArray, tasks: list[_Task], pull: FloatArray) -> FloatArray:
+        """Return the next configuration (n,); joints pushed out of their bounds are held still."""
+        free, step = np.ones(len(q), dtype=bool), _free_step(tasks, pull)
+        while True:
+            ahead = q + step * min(1.0, _MAX_STEP / max(float(np.abs(step).max()), 1e-300))
+            bounded: FloatArray = np.minimum(np.maximum(ahead, self.lower), self.upper)
+            cut = bounded != ahead
+            if not cut.any():
+                return bounded
+            outward = cut & (bounded == q)
+            if not outward.any():
+                return bounded
+            free &= ~outward
+            step = np.zeros_like(q)
+            step[free] = _free_step([(task[:, free], error) for task, error in tasks], pull[free])
+
+    def _tasks(self, q: FloatArray) -> list[_Task]:
+        """Return the tasks at a configuration (n,), the position first."""
+        rotation, position, jacobian = (part[0] for part in self.robot.tool_pose_jacobian(q[None]))
+        tasks = [(jacobian[:3], self.target - position)]
+        wanted = self.rotation
+        if wanted is not None and wanted.components.any():
+            vector = rotation_vector(wanted.reference.T @ rotation)
+            vector = nearest_branch(vector, wanted.vector, wanted.components)
+            turned = inverse_right_jacobian(vector) @ rotation.T @ jacobian[3:]
+            error = wanted.vector - vector
+            tasks.append((turned[wanted.components], error[wanted.components]))
+        return tasks
+
+
+def _lengths(tasks: list[_Task]) -> tuple[float, float]:
+    """Return the lengths of the errors: of the position [m] and of the rotation [rad]."""
+    lengths = [math.sqrt(error.dot(error)) for _, error in tasks]
+    return lengths[0], sum(lengths[1:])
+
+
+def _free_step(tasks: list[_Task], pull: FloatArray) -> FloatArray:
+    """Return the step of joints without bounds: each task in the null space of those before.
+
+    The eigenvalues of a task's J J^T are its squared gains; J^T times the eigenvectors are the
+    directions of joints that they belong to, each as long as its gain.
+    """
+    step, remaining_pull = np.zeros_like(pull), pull
+    used: list[tuple[FloatArray, FloatArray]] = []
+    for jacobian, error in tasks:
+        remaining = jacobian
+        for directions, inverse in used:
+            remaining = remaining - (remaining.dot(directions.T) * inverse).dot(directions)
+        squared, vectors = np.linalg.eigh(remaining.dot(remaining.T))
+        directions = vectors.T.dot(remaining)
+        damping = 0.5 * error.dot(error) + _DAMPING
+        rest = vectors.T.dot(error - jacobian.dot(step) if used else error)
+        step = step + (rest / (squared + damping)).dot(directions)
+        inverse = (squared > _REDUNDANT_GAIN**2) / np.maximum(squared, _REDUNDANT_GAIN**2)
+        remaining_pull = remaining_pull - (directions.dot(pull) * inverse).dot(directions)
+        used.append((directions, inverse))
+    return step + remaining_pull
+
+
+# ---- Inverse kinematics of a tool position, its rotation anywhere within a tolerance.
+#
+# Nonlinear least squares (scipy, trust region with bounds) of the tool's distance and of what its
+# rotation vector lacks of the tolerance. Where the arm is nearly stretched, it finds configurations
+# at the edge of the tolerance that inverse kinematics of the reference orientation does not lead
+# to.
+
+_ANGLE_WEIGHT = 0.3  # [m/rad]
+_JUST_INSIDE = 0.999  # of the bounds
+_MAX_EVALUATIONS = 100
+_CONVERGED = 1e-10
+_INSIDE = 1e-9  # [rad or m]: where a search may begin, from its bounds
+
+
+def solve_within_tolerance(
+    robot: RobotModel,
+    target: FloatArray,
+    tube: RotationalTube,
+    rows: tuple[int, ...],
+    seed: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+) -> PositionSolution:
+    """Move a configuration until the tool is at a position and turned within a tolerance.
+
+    Args:
+        robot: The arm.
+        target: Tool position, shape (3,), base frame [m].
+        tube: The rotation tolerance.
+        rows: Its rows that hold there; their reference orientations are the same.
+        seed: Where to start, shape (n,) [rad or m].
+        lower: Lower joint bounds, shape (n,).
+        upper: Upper joint bounds, shape (n,).
+
+    Returns:
+        The nearest; its rotation error is how far it is outside the tolerance.
+    """
+    from scipy.optimize import least_squares
+
+    lacks = _Lacks(robot, target, tube, rows[0], _JUST_INSIDE * tube.bounds[list(rows)].min(axis=0))
+    wide = (lower - 2 * _INSIDE, upper + 2 * _INSIDE)
+    found = least_squares(
+        lambda q: lacks.of(q)[0],
+        np.clip(seed, lower - _INSIDE, upper + _INSIDE),
+        lambda q: lacks.of(q)[1],
+        bounds=wide,
+        max_nfev=_MAX_EVALUATIONS,
+        xtol=_CONVERGED,
+        ftol=_CONVERGED**1.5,
+        gtol=_CONVERGED,
+    )
+    q = np.clip(found.x, lower, upper)
+    rotation, tool = robot.tool_pose(q[None])
+    outside = max(-float(tube.margin(rotation, tool, row)[0]) for row in rows)
+    return PositionSolution(q, float(np.linalg.norm(tool[0] - target)), max(outside, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Lacks:
+    """What a configuration lacks of a position and of bounds (4,) on its rotation vector."""
+
+    robot: RobotModel
+    target: FloatArray
+    tube: RotationalTube
+    row: int
+    bounds: FloatArray
+
+    def of(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return it for a configuration (n,), (9,) [m], and its derivative (9, n)."""
+        rotation, tool, jacobian = (part[0] for part in self.robot.tool_pose_jacobian(q[None]))
+        error = self.tube.error(rotation[None], tool[None], self.row)[0]
+        turned = inverse_right_jacobian(error) @ rotation.T @ jacobian[3:]
+        beyond = np.maximum(abs(error) - self.bounds[:3], 0.0) * np.sign(error)
+        rows = [jacobian[:3], _ANGLE_WEIGHT * (beyond != 0)[:, None] * turned]
+        angle = float(np.linalg.norm(error))
+        out, out_rows = np.zeros(3), np.zeros_like(turned)
+        if angle > self.bounds[3]:
+            share, axis = self.bounds[3] / angle, error / angle
+            out = (1 - share) * error
+            out_rows = ((1 - share) * np.eye(3) + share * np.outer(axis, axis)) @ turned
+        parts = [tool - self.target, _ANGLE_WEIGHT * beyond, _ANGLE_WEIGHT * out]
+        return np.concatenate(parts), np.vstack([*rows, _ANGLE_WEIGHT * out_rows])

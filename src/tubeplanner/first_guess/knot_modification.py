@@ -1,0 +1,472 @@
+"""Phase 2 of 1988, one round: discretised gradient, modified knots.
+
+Knots are the paper's word for the waypoints that phase 2 moves.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.checks import require_between, require_count
+from tubeplanner.first_guess.segment_rules import LinkClearance, SegmentBatch, SegmentRules
+from tubeplanner.limits.time_scaling import scaled_to_limits, scaling_factor
+from tubeplanner.limits.tube_membership import worst_membership
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.polynomials import maxima
+
+# ---- A trajectory through knots at equal times, run as fast as the limits allow (Suh & Bishop
+# 1988).
+
+# The polynomials through knots (K, n), linear in them: sequential quartics or the quartic spline.
+Construction: TypeAlias = Callable[[Sequence[str], FloatArray], JointTrajectory]
+
+# Half of what the certificate allows: valleys between samples are estimated [m or rad].
+_TOLERANCE = MARGIN_TOLERANCE / 2
+_COLLISION_SAMPLES = 9  # per piece
+_LIMIT_SAMPLES = 13  # per piece, before the search for peaks
+
+
+@dataclass(frozen=True, eq=False)
+class KnotTrajectory:
+    """A trajectory through knots.
+
+    Attributes:
+        knots: Shape (K, n) [rad or m], the first is the start, the last the goal.
+        construction: How the polynomials between them follow from the knots.
+        trajectory: At the limits.
+    """
+
+    knots: FloatArray
+    construction: Construction
+    trajectory: JointTrajectory
+
+    @property
+    def duration(self) -> float:
+        """Duration [s]."""
+        return self.trajectory.duration
+
+    def at_equal_times(self, count: int) -> FloatArray:
+        """Return configurations at equal times, the first and the last knot among them: (K, n)."""
+        return self.trajectory.position(np.linspace(0.0, self.duration, count))
+
+
+def feasible_trajectory(
+    problem: PlanningProblem,
+    knots: FloatArray,
+    construction: Construction,
+    clearance: LinkClearance,
+    upper_bound: float = np.inf,
+) -> KnotTrajectory | None:
+    """Return the trajectory through knots, unless a test refuses it.
+
+    Position limits are judged for all t, the tube at 65 samples per piece with the valleys between
+    them, collisions at 9. The certificate judges more strictly.
+
+    Args:
+        problem: The planning problem.
+        knots: Shape (K, n).
+        construction: How the polynomials follow from the knots.
+        clearance: Around K configurations near the knots.
+        upper_bound: Only a faster trajectory is of interest [s].
+    """
+    shape = construction(problem.robot.joint_names, knots)
+    if _least_duration(problem, shape) >= upper_bound:
+        return None
+    try:
+        trajectory = scaled_to_limits(problem, shape)
+    except Infeasible:  # gravity is too strong somewhere
+        return None
+    if trajectory.duration >= upper_bound or not _within_position_limits(problem, shape):
+        return None
+    if worst_membership(problem, shape) < -_TOLERANCE or not _is_free(shape, clearance):
+        return None
+    return KnotTrajectory(knots, construction, trajectory)
+
+
+def _least_duration(problem: PlanningProblem, shape: JointTrajectory) -> float:
+    """Return how long the limits make a shape at its samples [s]; inf where it stands still."""
+    samples = shape.per_piece(_LIMIT_SAMPLES)
+    known = (samples.position, samples.velocity, samples.acceleration)
+    factor = scaling_factor(problem, *known).min()
+    return shape.duration / float(factor) if 0 < factor < np.inf else np.inf
+
+
+def _within_position_limits(problem: PlanningProblem, shape: JointTrajectory) -> bool:
+    limits = problem.robot.limits
+    both = np.concatenate([shape.coefficients, -shape.coefficients], axis=2)
+    highest = maxima(both, shape.widths).value
+    limit = np.append(limits.upper_position, -limits.lower_position)
+    return bool((highest <= limit + _TOLERANCE).all())
+
+
+def _is_free(shape: JointTrajectory, clearance: LinkClearance) -> bool:
+    """Return whether samples are clear of collisions, as seen from the knots next to them."""
+    samples = shape.per_piece(_COLLISION_SAMPLES)
+    nearest = np.rint(samples.time).astype(np.int64)  # a piece lasts one second
+    return bool(clearance.is_free(samples.position, nearest).all())
+
+
+# ---- The discretised gradient, by branch and bound: the direction in which to move all knots.
+#
+# Each interior knot moves by an increment along one joint axis, forwards or backwards, or stays:
+# 2n+1 choices, (2n+1)^(K-2) directions for K knots. A node of the search has chosen for the first
+# knots. Each further choice settles one segment more, which is tested by the rules of phase 1, the
+# number of segments being known (Suh & Bishop 1988, phase 2: nu = M-1-k).
+#
+# Nodes are kept by depth. Each sweep goes through the depths and expands the most promising nodes
+# of
+# each (cyclic best-first search: Morrison, Sauppe, Zhang, Jacobson and Sewell, "Cyclic best first
+# search", 2017), so that the first sweep already ends with complete directions.
+#
+# Sequential quartics depend on no later knot than the one they aim at: cutting loses nothing that
+# the
+# samples do not miss. A spline's segments depend on all knots, on each about a quarter as much as
+# on
+# the one before; those not yet chosen are taken to stay, so a good direction may be lost, but none
+# is
+# taken that does not help.
+
+# How many segments are tested at a depth, and how many complete directions judged, in a sweep.
+_SEGMENTS_PER_DEPTH, _TRAJECTORIES_PER_SWEEP = 300, 8
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """The result of a search for the best direction.
+
+    Attributes:
+        candidate: The trajectory whose knots are moved along it; None if no direction is faster.
+        nodes: Nodes expanded.
+        proved: Whether every other direction was ruled out, not only the node budget reached.
+    """
+
+    candidate: KnotTrajectory | None
+    nodes: int
+    proved: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Open:
+    """P open nodes of one depth, the most promising first.
+
+    Attributes:
+        bound: No completion is faster [s], shape (P,).
+        choices: Of the knots 1, 2, ...: shape (P, depth).
+        factor: How much faster the segments settled can be run, shape (P,).
+        tube_segments: In which tube segments the tool may be at their end: bool, shape (P, m).
+    """
+
+    bound: FloatArray
+    choices: IntArray
+    factor: FloatArray
+    tube_segments: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.bound)
+
+    def where(self, chosen: IntArray | BoolArray | slice) -> "_Open":
+        return _Open(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+    def merged(self, other: "_Open") -> "_Open":
+        pairs = [(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)]
+        both = _Open(*(np.concatenate(pair) for pair in pairs))
+        return both.where(np.argsort(both.bound, kind="stable"))
+
+
+def best_direction(
+    problem: PlanningProblem,
+    candidate: KnotTrajectory,
+    increments: FloatArray,
+    clearance: LinkClearance,
+    *,
+    upper_bound: float,
+    node_budget: int,
+) -> Direction:
+    """Return the direction that makes a trajectory fastest.
+
+    Args:
+        problem: The planning problem.
+        candidate: Through K >= 3 knots.
+        increments: By how much a knot moves along each axis, shape (n,) [rad or m].
+        clearance: Around the trajectory's knots.
+        upper_bound: Only directions that make it faster than this are of interest [s].
+        node_budget: The search ends after about so many nodes.
+    """
+    search = _Search(problem, candidate, increments, clearance, upper_bound)
+    while not search.finished and search.nodes < node_budget:
+        search.sweep()
+    return Direction(search.best, search.nodes, search.finished)
+
+
+class _Search:
+    """A search for the best direction."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        candidate: KnotTrajectory,
+        increments: FloatArray,
+        clearance: LinkClearance,
+        upper_bound: float,
+    ) -> None:
+        count, n = candidate.knots.shape
+        self.best: KnotTrajectory | None = None
+        self.nodes = 0
+        self._problem, self._trajectory, self._clearance = problem, candidate, clearance
+        self._upper_bound = upper_bound
+        self._last = count - 1
+        step = np.diag(increments)
+        self._moves = np.concatenate([np.zeros((1, n)), step, -step])
+        # Of each knot, all places it may move to; start and goal stay.
+        places = candidate.knots[:, None] + self._moves
+        places[[0, -1]] = candidate.knots[[0, -1], None]
+        places, nearest = places.reshape(-1, n), np.repeat(np.arange(count), len(self._moves))
+        around = clearance.around(places, nearest)
+        self._rules = SegmentRules(problem, places, clearance=around)
+        self._response = unit_response(candidate.construction, count)
+        shape = candidate.construction(problem.robot.joint_names, candidate.knots)
+        self._coefficients = shape.coefficients
+        self._open = [self._none(depth) for depth in range(self._last)]
+        self._open[1] = self._root()
+
+    @property
+    def finished(self) -> bool:
+        """Whether no open node can lead to a better direction."""
+        return not any(self._is_open(depth) for depth in range(1, self._last))
+
+    def sweep(self) -> None:
+        """Expand the most promising nodes of every depth, judge the best complete directions."""
+        for depth in range(1, self._last - 1):
+            nodes = self._taken(depth, _SEGMENTS_PER_DEPTH // len(self._moves))
+            self.nodes += len(nodes)
+            if depth > 1:
+                nodes = nodes.where(self._rules.clear(self._batch(nodes, depth, 1)).parent)
+            if len(nodes):
+                self._expand(nodes)
+        for choices in self._taken(self._last - 1, _TRAJECTORIES_PER_SWEEP).choices:
+            self._try(choices)
+
+    def _is_open(self, depth: int) -> bool:
+        nodes = self._open[depth]
+        return len(nodes) > 0 and nodes.bound[0] < self._upper_bound
+
+    def _taken(self, depth: int, most: int) -> _Open:
+        """Take the most promising nodes of a depth out of the open ones."""
+        nodes = self._open[depth]
+        taken = min(most, int(np.searchsorted(nodes.bound, self._upper_bound)))
+        self._open[depth] = nodes.where(slice(taken, None))
+        return nodes.where(slice(taken))
+
+    def _none(self, depth: int) -> _Open:
+        segments = self._problem.tube.segment_count
+        return _Open(
+            np.zeros(0),
+            np.zeros((0, depth), dtype=np.int64),
+            np.zeros(0),
+            np.zeros((0, segments), dtype=bool),
+        )
+
+    def _root(self) -> _Open:
+        """Return the choices for the first knot that moves: no segment is settled yet."""
+        count = len(self._moves)
+        tube_segments = np.zeros((count, self._problem.tube.segment_count), dtype=bool)
+        tube_segments[:, 0 if self._problem.tube.visit == "ordered" else slice(None)] = True
+        nodes = _Open(
+            np.zeros(count), np.arange(count)[:, None], np.full(count, np.inf), tube_segments
+        )
+        nodes = nodes.where(self._rules.free_waypoints[count : 2 * count])
+        return self._completed(nodes) if self._last == 2 else nodes
+
+    def _expand(self, nodes: _Open) -> None:
+        """Expand nodes by every choice for one more knot; keep those that pass the rules."""
+        count, depth = len(self._moves), nodes.choices.shape[1] + 1
+        parent = np.repeat(np.arange(len(nodes)), count)
+        chosen = np.tile(np.arange(count), len(nodes))
+        nodes = nodes.where(parent)
+        nodes = _Open(
+            nodes.bound,
+            np.column_stack([nodes.choices, chosen]),
+            nodes.factor,
+            nodes.tube_segments,
+        )
+        nodes = self._tested(nodes, depth, 1)
+        if depth == self._last - 1:
+            nodes = self._completed(nodes)
+        self._open[depth] = self._open[depth].merged(nodes)
+
+    def _completed(self, nodes: _Open) -> _Open:
+        """Return the nodes whose last two segments, to the goal, pass the rules too."""
+        return self._tested(nodes, self._last, 2)
+
+    def _tested(self, nodes: _Open, aim: int, new: int) -> _Open:
+        """Return the nodes whose new segments pass the rules."""
+        batch = self._rules.surviving(self._batch(nodes, aim, new), self._upper_bound)
+        bound = self._rules.lower_bound(batch)
+        return _Open(bound, nodes.choices[batch.parent], batch.factor, batch.tube_segments)
+
+    def _batch(self, nodes: _Open, aim: int, new: int) -> SegmentBatch:
+        """Return the segments that are settled by a choice for the knot they aim at.
+
+        Args:
+            nodes: P of them.
+            aim: The knot after the one where the first new segment ends.
+            new: How many segments are new: one, or the last two to the goal.
+        """
+        count, begin = len(nodes), aim - 2
+        built = begin + new
+        still = np.zeros((count, 1), dtype=np.int64)
+        choices = np.column_stack([still, nodes.choices, still])
+        moved = self._moves[choices[:, :-1]]
+        response = self._response[:, begin:built, : moved.shape[1]]
+        coefficients = self._coefficients[:, begin:built]
+        ends = np.arange(begin, aim + 1)
+        segments = nodes.tube_segments.shape[1]
+        return SegmentBatch(
+            parent=np.arange(count),
+            waypoints=ends * len(self._moves) + choices[:, ends],
+            built=np.full(count, built),
+            remaining=np.full(count, self._last - built),
+            coefficients=coefficients + np.einsum("csk,pkn->pcsn", response, moved),
+            factor=nodes.factor,
+            tube_segments=nodes.tube_segments,
+            inside=np.zeros((count, 0, new, segments), dtype=bool),
+        )
+
+    def _try(self, choices: IntArray) -> None:
+        """Keep a direction if it is the best yet, judged as a whole."""
+        knots = self._trajectory.knots.copy()
+        knots[1:-1] += self._moves[choices]
+        candidate = feasible_trajectory(
+            self._problem, knots, self._trajectory.construction, self._clearance, self._upper_bound
+        )
+        if candidate is not None:
+            self.best, self._upper_bound = candidate, candidate.duration
+
+
+@lru_cache(maxsize=64)
+def unit_response(construction: Construction, count: int) -> FloatArray:
+    """Return how polynomials change as each of K knots moves by one: (degree+1, K-1, K)."""
+    names = [f"knot{k}" for k in range(count)]
+    return construction(names, np.eye(count)).coefficients
+
+
+# ---- The modification process: knots are moved until no direction makes the trajectory faster.
+#
+# Find the discretised gradient, search along it, repeat (Suh & Bishop 1988, phase 2). The paper
+# does
+# not give the increment: here it is halved whenever no direction helps, from coarse to fine.
+
+
+@dataclass(frozen=True)
+class ModificationOptions:
+    """How knots are moved; the paper gives none of these numbers.
+
+    Attributes:
+        increment: By how much a knot moves along a revolute joint's axis at first [rad].
+        linear_increment: Likewise along a prismatic joint's [m].
+        halvings: How often the increments are halved, each time after no direction helped.
+        growth: The factor from each step of the line search to the next.
+        min_gain: The least gain that counts as an improvement, as a share of the duration.
+        direction_nodes: After how many nodes the search for a direction ends with the best it has.
+    """
+
+    increment: float = 0.1
+    linear_increment: float = 0.03
+    halvings: int = 5
+    growth: float = 1.6
+    min_gain: float = 2e-4
+    direction_nodes: int = 200
+
+    def __post_init__(self) -> None:
+        require_between(self, 0, np.inf, "increment", "linear_increment")
+        require_count(self, 0, "halvings")
+        require_between(self, 1, np.inf, "growth")
+        require_between(self, 0, 1, "min_gain")
+        require_count(self, 1, "direction_nodes")
+
+
+class KnotModification:
+    """A gradient search over the knots' places.
+
+    Attributes:
+        candidates: The first trajectory and every better one, the last one the fastest.
+        nodes: Nodes expanded by all searches for a direction.
+        directions: How many directions it searched for.
+        proved: In how many of these searches every other direction was ruled out.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        candidate: KnotTrajectory,
+        options: ModificationOptions,
+        scale: float = 1.0,
+    ) -> None:
+        """Begin with a trajectory; the increments are those of the options times a scale."""
+        self.candidates = [candidate]
+        self.nodes = self.directions = self.proved = 0
+        self._problem, self._options = problem, options
+        revolute = np.asarray(problem.robot.revolute)
+        self._increments = scale * np.where(revolute, options.increment, options.linear_increment)
+
+    def run(
+        self, node_budget: float, checkpoint: Callable[[], None] = lambda: None
+    ) -> KnotTrajectory:
+        """Move the knots until no direction helps; return the fastest trajectory.
+
+        Args:
+            node_budget: End after about so many nodes.
+            checkpoint: Called before every search for a direction; it may raise to end the work.
+        """
+        for halving in range(self._options.halvings + 1):
+            increments = self._increments / 2**halving
+            while self.nodes < node_budget and len(self.candidates[-1].knots) > 2:
+                checkpoint()
+                if not self._step(increments):
+                    break
+        return self.candidates[-1]
+
+    def _step(self, increments: FloatArray) -> bool:
+        """Move the knots along the best direction; return whether it helped."""
+        candidate, options = self.candidates[-1], self._options
+        wanted = candidate.duration * (1 - options.min_gain)
+        clearance = LinkClearance(self._problem, candidate.knots)
+        direction = best_direction(
+            self._problem,
+            candidate,
+            increments,
+            clearance,
+            upper_bound=wanted,
+            node_budget=options.direction_nodes,
+        )
+        self.nodes += direction.nodes
+        self.directions += 1
+        self.proved += direction.proved
+        if direction.candidate is None:
+            return False
+        self.candidates.append(self._farther(candidate, direction.candidate, clearance))
+        return True
+
+    def _farther(
+        self, candidate: KnotTrajectory, best: KnotTrajectory, clearance: LinkClearance
+    ) -> KnotTrajectory:
+        """Return the fastest trajectory along a direction, in steps that grow while they help."""
+        direction, length = best.knots - candidate.knots, 1.0
+        while True:
+            length *= self._options.growth
+            farther = feasible_trajectory(
+                self._problem,
+                candidate.knots + length * direction,
+                candidate.construction,
+                clearance,
+                best.duration,
+            )
+            if farther is None:
+                return best
+            best = farther

@@ -1,0 +1,297 @@
+"""Baselines: tool lines at trapezoidal speed; Taylor's bounded deviation in joint space.
+
+The tool speeds up at constant acceleration, cruises, and slows down at the same rate, on every line
+of the reference path (Suh & Bishop 1988, their standard of comparison).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.first_guess.tool_paths import ToolPath, arc_lengths_on_line
+from tubeplanner.limits.time_scaling import minimum_duration, scaled_to_limits, scaling_factor
+from tubeplanner.limits.tube_membership import first_departure
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
+
+# ---- The conventional scheme: straight lines of the tool at trapezoidal speed, a stop at every
+# corner.
+
+PAPER_SPEED, PAPER_ACCELERATION = 0.75, 1.2  # [m/s], [m/s^2]
+_TOLERANCE = 2e-6  # [m] between the tool and where it should be at that time
+_MIN_NODES, _MAX_NODES = 16, 2048  # per phase of constant acceleration
+# Shares of the longest line for speeding up and slowing down: the fastest is taken.
+_RAMP_SHARES = np.geomspace(1.0, 0.02, 12)
+# A tool that moves less per joint-space arc length [m/rad] stands still: the arm is singular there.
+_MIN_GAIN = 1e-3
+
+
+@dataclass(frozen=True)
+class TrapezoidalSpeed:
+    """How fast the tool runs its lines.
+
+    Attributes:
+        speed: The fastest [m/s].
+        acceleration: While speeding up, and while slowing down [m/s^2].
+    """
+
+    speed: float
+    acceleration: float
+
+    def duration(self, distance: float) -> float:
+        """Return how long a line of a length [m] takes, from stop to stop [s]."""
+        if distance >= self.speed**2 / self.acceleration:
+            return distance / self.speed + self.speed / self.acceleration
+        return 2 * float(np.sqrt(distance / self.acceleration))
+
+    def timing(self, distance: float) -> JointTrajectory:
+        """Return the tool's arc length over time on a line of a length [m]: 2 or 3 parabolas."""
+        ramp = min(self.speed**2 / self.acceleration, distance) / 2  # the arc length of one
+        top = np.sqrt(2 * ramp * self.acceleration)
+        cruise = (distance - 2 * ramp) / top
+        half = self.acceleration / 2
+        parabolas = [(half, 0.0, 0.0), (0.0, top, ramp), (-half, top, distance - ramp)]
+        durations = [top / self.acceleration, cruise, top / self.acceleration]
+        if cruise <= _TOLERANCE * self.duration(distance):
+            del parabolas[1], durations[1]
+        times = np.concatenate([[0.0], np.cumsum(durations)])
+        return JointTrajectory(("tool",), times, np.array(parabolas).T[:, :, None])
+
+
+PAPER = TrapezoidalSpeed(PAPER_SPEED, PAPER_ACCELERATION)
+
+
+def largest_trapezoidal_speed(problem: PlanningProblem, lines: list[ToolPath]) -> TrapezoidalSpeed:
+    """Return the speed and acceleration, the same for all lines, that take the least time.
+
+    Under the limits of velocity, acceleration and effort; limits of jerk are left out, since the
+    acceleration jumps.
+
+    Args:
+        problem: The planning problem.
+        lines: From stop to stop.
+
+    Raises:
+        Infeasible: Gravity exceeds a motor's effort, or the scheme cannot run a line.
+    """
+    longest = max(line.curve.length for line in lines)
+    found = [_scaled_speed(problem, lines, share * longest) for share in _RAMP_SHARES]
+    return min(found, key=lambda speed: sum(speed.duration(line.curve.length) for line in lines))
+
+
+def conventional_trajectory(
+    robot: RobotModel, lines: list[ToolPath], speed: TrapezoidalSpeed
+) -> JointTrajectory:
+    """Return the trajectory that runs lines at trapezoidal speed and stops between them.
+
+    Cubic splines over time, C2 while the acceleration of the tool is constant; the tool is within
+    2e-6 m of where it should be at any time.
+
+    Raises:
+        Infeasible: Status no_trajectory: the joints cannot follow the tool.
+    """
+    return concatenate([_run(robot, line, speed.timing(line.curve.length)) for line in lines])
+
+
+def _scaled_speed(
+    problem: PlanningProblem, lines: list[ToolPath], ramps: float
+) -> TrapezoidalSpeed:
+    """Return the largest speed whose ramps take a given length of the line [m]."""
+    shape = TrapezoidalSpeed(float(np.sqrt(ramps)), 1.0)
+    trajectory = conventional_trajectory(problem.robot, lines, shape)
+    faster = trajectory.duration / minimum_duration(problem, trajectory, with_jerk=False)
+    return TrapezoidalSpeed(faster * shape.speed, faster**2)
+
+
+def _run(robot: RobotModel, line: ToolPath, timing: JointTrajectory) -> JointTrajectory:
+    """Return the trajectory along one line, in phases of constant acceleration."""
+    phases = []
+    for begin, end in zip(timing.breakpoints[:-1], timing.breakpoints[1:], strict=True):
+        nodes, off = _MIN_NODES, np.inf
+        while off > _TOLERANCE:
+            if nodes > _MAX_NODES:
+                raise Infeasible(
+                    PlanStatus.NO_TRAJECTORY,
+                    f"segment {line.segment}: at trapezoidal speed, a spline of {_MAX_NODES} "
+                    f"pieces leaves the tool's place by {off:.3g} m: a singular configuration is "
+                    "in the way; move the reference points",
+                    Place(segment=line.segment),
+                )
+            phase = _phase(robot, line, timing, np.linspace(begin, end, nodes + 1))
+            off = _off(robot, line, timing, phase, begin)
+            nodes *= 2
+        phases.append(phase)
+    return concatenate(phases)
+
+
+def _phase(
+    robot: RobotModel, line: ToolPath, timing: JointTrajectory, times: FloatArray
+) -> JointTrajectory:
+    """Return a cubic spline through the configurations at times (N,), its own time from zero."""
+    arc_length = arc_lengths_on_line(robot, line, timing.position(times)[:, 0])
+    q, slope = line.joints.position(arc_length), line.joints.velocity(arc_length)[[0, -1]]
+    jacobian = robot.tool_jacobian(q[[0, -1]])[1][:, :3]
+    gain = np.einsum("nij,nj,i->n", jacobian, slope, line.curve.direction[0])
+    speed = timing.velocity(times[[0, -1]])[:, 0]
+    # Where the arm is singular, joints need not stop with the tool: their speed is the spline's.
+    ends = [
+        (1, a * v / g) if g > _MIN_GAIN else "not-a-knot"
+        for a, v, g in zip(slope, speed, gain, strict=True)
+    ]
+    spline = CubicSpline(times - times[0], q, bc_type=tuple(ends))
+    return JointTrajectory(robot.joint_names, spline.x, spline.c)
+
+
+def _off(
+    robot: RobotModel,
+    line: ToolPath,
+    timing: JointTrajectory,
+    phase: JointTrajectory,
+    begin: float,
+) -> float:
+    """Return how far from its place a phase has the tool between the spline's points [m]."""
+    times = (phase.breakpoints[:-1] + phase.breakpoints[1:]) / 2
+    wanted = line.curve.point(timing.position(begin + times)[:, 0])
+    tool = robot.tool_position(phase.position(times))
+    return float(np.linalg.norm(tool - wanted, axis=1).max())
+
+
+# ---- Taylor's bounded deviation: lines in joint space whose tool stays near the lines of the tool.
+#
+# Knots are added at the middle of the tool's arc length between two knots until the joint line
+# between them deviates by no more than the tolerance; the arm runs from knot to knot at constant
+# joint velocities, with a transition of constant acceleration around each of them. (Taylor,
+# "Planning
+# and execution of straight line manipulator trajectories", IBM J. Research and Development 23(4),
+# 1979.)
+
+_MAX_ROUNDS = 10  # of adding knots
+_PROBES = np.linspace(0.0, 1.0, 9)[1:-1]  # of every joint line
+# How much of the shorter neighbour the half of a transition takes: the fastest is kept.
+_TRANSITION_SHARES = (0.49, 0.4, 0.3, 0.2, 0.1)
+# Rounds in which every interval is shortened as far as its own limits allow.
+_TIMING_ROUNDS, _TIMING_POWER, _SAMPLES_PER_PIECE = 40, 0.5, 8
+
+
+@dataclass(frozen=True, eq=False)
+class BoundedDeviation:
+    """A trajectory by Taylor's scheme.
+
+    Attributes:
+        trajectory: Parabolas and lines, C1, at all limits except jerk.
+        knots: Number of knots.
+    """
+
+    trajectory: JointTrajectory
+    knots: int
+
+
+def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> BoundedDeviation:
+    """Return the fastest trajectory by Taylor's scheme that stays in the tube, or else the fastest.
+
+    His time for an interval comes from velocity limits alone; here each interval lasts as long as
+    the limits of effort, velocity and acceleration require around it.
+
+    Args:
+        problem: The planning problem; its radii are the tolerances.
+        lines: The arm along the tool's lines, one for every segment in which it moves.
+
+    Raises:
+        Infeasible: Gravity exceeds a motor's effort, or knots do not end the deviation.
+    """
+    robot, tube = problem.robot, problem.tube
+    parts = [lines[0].joints.position(0.0)[None]]
+    for line in lines:
+        radius = float(tube.effective_radius[tube.segment_index(line.segment)])
+        parts.append(_knots(robot, line, radius)[1:])
+    knots = np.concatenate(parts)
+    found = [_fastest(problem, knots, share) for share in _TRANSITION_SHARES]
+    inside = [
+        trajectory
+        for trajectory in found
+        if first_departure(problem, trajectory, MARGIN_TOLERANCE) is None
+    ]
+    fastest = min(inside or found, key=lambda trajectory: trajectory.duration)
+    return BoundedDeviation(fastest, len(knots))
+
+
+def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
+    """Return configurations (K, n) on a line of the tool whose joint lines stay near it."""
+    distances = np.array([0.0, line.curve.length])
+    for _ in range(_MAX_ROUNDS):
+        knots = line.joints.position(arc_lengths_on_line(robot, line, distances))
+        off = np.flatnonzero(_deviation(robot, line, knots) > tolerance)
+        if len(off) == 0:
+            return knots
+        middle = (distances[off] + distances[off + 1]) / 2
+        distances = np.insert(distances, off + 1, middle)
+    raise Infeasible(
+        PlanStatus.NO_TRAJECTORY,
+        f"segment {line.segment}: joint lines between {len(knots)} knots still leave the tool's "
+        f"line by more than {tolerance:g} m: a singular configuration is in the way; move the "
+        "reference points",
+        Place(segment=line.segment),
+    )
+
+
+def _deviation(robot: RobotModel, line: ToolPath, knots: FloatArray) -> FloatArray:
+    """Return how far the tool deviates from its line on joint lines, shape (K-1,) [m]."""
+    steps = np.diff(knots, axis=0)
+    probes = knots[:-1, None] + _PROBES[:, None] * steps[:, None]
+    offset = robot.tool_position(probes.reshape(-1, knots.shape[1])) - line.curve.start[0]
+    direction = line.curve.direction[0]
+    arc_length = np.clip(offset @ direction, 0.0, line.curve.length)
+    off = np.linalg.norm(offset - arc_length[:, None] * direction, axis=1)
+    return off.reshape(len(steps), -1).max(axis=1)
+
+
+def _fastest(problem: PlanningProblem, knots: FloatArray, share: float) -> JointTrajectory:
+    """Return the fastest trajectory that the timing rounds find, scaled to the limits."""
+    names, times = problem.robot.joint_names, np.linalg.norm(np.diff(knots, axis=0), axis=1)
+    best, shortest = times, np.inf
+    for _ in range(_TIMING_ROUNDS):
+        trajectory = _trajectory(names, knots, times, share)
+        speed_factor = _speed_factor(problem, trajectory, len(times))
+        if (speed_factor == 0).any():  # scaling to the limits says why
+            break
+        if times.sum() / speed_factor.min() < shortest:
+            best, shortest = times / speed_factor.min(), times.sum() / speed_factor.min()
+        times = times / speed_factor**_TIMING_POWER
+    trajectory = _trajectory(names, knots, best, share)
+    return scaled_to_limits(problem, trajectory, with_jerk=False)
+
+
+def _speed_factor(
+    problem: PlanningProblem, trajectory: JointTrajectory, intervals: int
+) -> FloatArray:
+    """Return how many times faster the limits allow each interval to be run, shape (K-1,)."""
+    samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
+    factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
+    pieces = factor.reshape(-1, _SAMPLES_PER_PIECE).min(axis=1)
+    # Pieces alternate: a transition, the line after it, the next transition.
+    return np.minimum(np.minimum(pieces[:-2:2], pieces[1:-1:2]), pieces[2::2])
+
+
+def _trajectory(
+    joint_names: tuple[str, ...], knots: FloatArray, times: FloatArray, share: float
+) -> JointTrajectory:
+    """Return the trajectory that takes times (K-1,) [s] from knot to knot (K, n)."""
+    still = np.zeros((1, knots.shape[1]))
+    velocity = np.concatenate([still, np.diff(knots, axis=0) / times[:, None], still])
+    before, after = np.append(np.inf, times), np.append(times, np.inf)
+    half = share * np.minimum(before, after)  # of the transitions
+    acceleration = np.zeros((2 * len(knots) - 1, knots.shape[1]))
+    acceleration[::2] = np.diff(velocity, axis=0) / (2 * half[:, None])
+    begin_velocity = np.empty_like(acceleration)
+    begin_velocity[::2], begin_velocity[1::2] = velocity[:-1], velocity[1:-1]
+    widths = np.empty(len(acceleration))
+    widths[::2], widths[1::2] = 2 * half, times - half[:-1] - half[1:]
+    steps = begin_velocity * widths[:, None] + acceleration * widths[:, None] ** 2 / 2
+    position = knots[0] + np.concatenate([still, np.cumsum(steps[:-1], axis=0)])
+    breakpoints = np.concatenate([[0.0], np.cumsum(widths)])
+    rows = np.array([acceleration / 2, begin_velocity, position])
+    return JointTrajectory(joint_names, breakpoints, rows)

@@ -1,0 +1,207 @@
+"""Configurations of a tool pose, best first; joints out of bounds."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate.refusal import require_free
+from tubeplanner.first_guess.inverse_kinematics import WantedRotation, solve_positions
+from tubeplanner.limits.joint_efforts import require_held
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.endpoints import ToolPose
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- The middle of joint ranges, open ones included.
+
+
+def middle_of(lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return the middle (n,) of joint bounds; where one is infinite, what is nearest zero."""
+    with np.errstate(invalid="ignore"):
+        middle = (lower + upper) / 2
+    return np.where(np.isfinite(middle), middle, np.clip(0.0, lower, upper))
+
+
+def half_ranges(lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return half the widths (n,) of joint bounds; half a turn where one is infinite."""
+    half = (upper - lower) / 2
+    return np.where(np.isfinite(half), half, np.pi)
+
+
+# ---- Which joint keeps configurations out of bounds.
+
+
+class OutsideBounds(NamedTuple):
+    """A joint outside its bounds.
+
+    Attributes:
+        joint: Its index.
+        is_above: Whether it is above the upper one, not below the lower one.
+        words: Its name, where it would be, and the bounds.
+    """
+
+    joint: int
+    is_above: bool
+    words: str
+
+
+def outside_bounds(
+    robot: RobotModel, found: FloatArray, lower: FloatArray, upper: FloatArray
+) -> OutsideBounds:
+    """Return the joint that is farthest outside, in the configuration that is so the least.
+
+    Args:
+        robot: The arm.
+        found: Configurations, each outside, shape (c, n) [rad or m].
+        lower: Lower bounds, shape (n,).
+        upper: Upper bounds, shape (n,).
+    """
+    beyond = np.maximum(np.maximum(lower - found, found - upper), 0.0)
+    best = int(beyond.max(axis=1).argmin())
+    joint = int(beyond[best].argmax())
+    value = float(found[best, joint])
+    return OutsideBounds(
+        joint,
+        value > upper[joint],
+        f"'{robot.joint_names[joint]}' would be at {value:.4g}, outside "
+        f"[{lower[joint]:g}, {upper[joint]:g}]",
+    )
+
+
+def bounded_by(problem: PlanningProblem, segments: tuple[int, ...], outside: OutsideBounds) -> str:
+    """Return whether position limits or joint signs of segments bound a joint outside them."""
+    limits, joint, rows = problem.robot.limits, outside.joint, list(segments)
+    if outside.is_above:
+        is_limit = problem.joint_upper[rows, joint].min() == limits.upper_position[joint]
+    else:
+        is_limit = problem.joint_lower[rows, joint].max() == limits.lower_position[joint]
+    return "position limits" if is_limit else "joint signs"
+
+
+# ---- Configurations in which the tool has a pose, the one to prefer first.
+
+_DRAWS = 40
+_REACHED = 1e-8  # [m] and [rad]
+_SAME = 0.1  # [rad or m] of every joint
+
+
+def pose_configurations(problem: PlanningProblem, pose: ToolPose, point: int) -> FloatArray:
+    """Return configurations (c, n) that have the tool at a pose, by preference.
+
+    Those free of collision come first, then those that the motors hold, then those nearest the
+    middle of their ranges. From a seed there is one.
+
+    Args:
+        problem: The planning problem.
+        pose: Its start or goal.
+        point: 0 for the start, -1 for the goal: its segment's joint ranges count.
+
+    Raises:
+        Infeasible: Status unreachable: there is none; the message says what is in the way.
+    """
+    end, segment = ends_segment(problem, point)
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    seeds = spread_seeds(lower, upper) if pose.seed is None else pose.seed[None]
+    found = reaching(problem.robot, pose, seeds, lower, upper)
+    if len(found) == 0:
+        message = f"{end}: {_reason(problem, pose, segment)}"
+        number = problem.tube.segment_number(segment, pose.position)
+        place = Place(segment=number).at(pose.position)
+        raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=len(seeds))
+    middle, half = middle_of(lower, upper), half_ranges(lower, upper)
+
+    def rank(q: FloatArray) -> tuple[bool, bool, float]:
+        off = float(np.linalg.norm((q - middle) / np.maximum(half, 1e-9)))
+        return not is_free(problem, end, q), not _is_held(problem, q), off
+
+    return np.array(sorted(found, key=rank))
+
+
+def ends_segment(problem: PlanningProblem, point: int) -> tuple[str, int]:
+    """Return what an end is called, and its segment: of the start at point 0, the goal at -1."""
+    return ("start", 0) if point == 0 else ("goal", problem.tube.segment_count - 1)
+
+
+def is_free(problem: PlanningProblem, end: str, q: FloatArray) -> bool:
+    """Return whether a configuration (n,) is clear of everything."""
+    try:
+        require_free(problem, end, q)
+    except Infeasible:
+        return False
+    return True
+
+
+def _is_held(problem: PlanningProblem, q: FloatArray) -> bool:
+    try:
+        require_held(problem, q)
+    except Infeasible:
+        return False
+    return True
+
+
+def reaching(
+    robot: RobotModel, pose: ToolPose, seeds: FloatArray, lower: FloatArray, upper: FloatArray
+) -> FloatArray:
+    """Return the different configurations (c, n) within bounds that seeds (s, n) lead to."""
+    wanted = WantedRotation(pose.rotation, np.zeros(3), np.ones(3, dtype=bool))
+    preferred = middle_of(lower, upper) if len(seeds) > 1 else None
+    q, errors = solve_positions(robot, pose.position, seeds, lower, upper, preferred, wanted)
+    found: list[FloatArray] = []
+    for there in q[errors.max(axis=1) <= _REACHED]:
+        if all(abs(there - other).max() > _SAME for other in found):
+            found.append(there)
+    return np.array(found).reshape(-1, robot.joint_count)
+
+
+def spread_seeds(lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return configurations (s, n) spread over joint bounds, their middle first; always the same.
+
+    Within a turn about the middle.
+    """
+    middle, half = middle_of(lower, upper), half_ranges(lower, upper)
+    half = np.minimum(half, np.pi)
+    drawn = np.random.default_rng(0).uniform(-1, 1, (_DRAWS, len(lower)))
+    return np.vstack([middle, middle + drawn * half])
+
+
+def _reason(problem: PlanningProblem, pose: ToolPose, segment: int) -> str:
+    """Return what keeps the tool from a pose, by dropping one condition after the other."""
+    robot, limits = problem.robot, problem.robot.limits
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    seeds = spread_seeds(lower, upper)
+    if pose.seed is not None:
+        if len(reaching(robot, pose, seeds, lower, upper)):
+            return "its seed does not lead to the pose, others do; change it, or leave it out"
+        seeds = np.vstack([pose.seed, seeds])
+    wide = (limits.lower_position, limits.upper_position)
+    seeds = np.vstack([seeds, spread_seeds(*wide)])
+    others = reaching(robot, pose, seeds, *wide)
+    if len(others):
+        number = problem.tube.segment_number(segment, pose.position)
+        where = outside_bounds(robot, others, lower, upper).words
+        return (
+            f"no configuration with the joint signs of segment {number} has the tool at the pose; "
+            f"on another branch {where}; change tube.joint_signs or the pose"
+        )
+    free = np.full(robot.joint_count, np.inf)
+    others = reaching(robot, pose, seeds, -free, free)
+    if len(others):
+        where = outside_bounds(robot, others, *wide).words
+        return f"position limits are in the way of the pose: {where}"
+    return _out_of_reach(robot, pose, seeds)
+
+
+def _out_of_reach(robot: RobotModel, pose: ToolPose, seeds: FloatArray) -> str:
+    """Return how near the tool comes to a pose, limits and signs left aside."""
+    free = np.full(robot.joint_count, np.inf)
+    wanted = WantedRotation(pose.rotation, np.zeros(3), np.ones(3, dtype=bool))
+    errors = solve_positions(robot, pose.position, seeds, -free, free, rotation=wanted)[1]
+    off = float(errors[:, 0].min())
+    if off > _REACHED:
+        return f"the tool was brought no nearer to the pose than {off:.4g} m; move it nearer"
+    turned = float(errors[errors[:, 0] <= _REACHED, 1].min())
+    return (
+        f"the tool gets to the pose's position, but was turned no nearer than {turned:.3g} rad to "
+        "its orientation; turn the pose"
+    )

@@ -1,0 +1,314 @@
+"""Pruning rules of phase 1: limits, tube, clearance, duration.
+
+Distances are known at the waypoints; elsewhere, the joints' travel from there bounds them from
+below, and so does the direction that separates a pair there. Only pairs for which neither is enough
+are measured.
+"""
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.first_guess.waypoints import power_basis
+from tubeplanner.limits.path_samples import PathSamples
+from tubeplanner.limits.speed_limits import largest_speeds, rates_and_others, speed_limits
+from tubeplanner.limits.tube_membership import (
+    membership_margin,
+    passable_segments,
+    segments_reached,
+)
+from tubeplanner.outcome import MARGIN_TOLERANCE
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.required_distances import RequiredDistances
+
+# ---- Which configurations near the reference path bring links too close to obstacles or each
+# other.
+
+_MAX_DISTANCE = 0.3  # [m]: pairs that are never nearer at a waypoint are left out
+
+
+class LinkClearance:
+    """Links against obstacles and links, around M known configurations.
+
+    Pairs that are far apart at all of them are assumed to stay apart. Of what segments and contacts
+    ask the least counts: in which segment the tool is, is not known.
+
+    Attributes:
+        free_waypoints: Which of the known configurations are free: bool, shape (M,).
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        waypoints: FloatArray,
+        checkpoint: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Measure all distances at waypoints (M, n), of which the first is the start.
+
+        The last is the goal. The checkpoint may raise to end that.
+        """
+        self._problem, self._checker = problem, problem.collision
+        checker = problem.collision
+        self._pairs, self._columns = checker.pairs, np.arange(len(checker.pairs))
+        self._asked = RequiredDistances(problem, waypoints[0], waypoints[-1])
+        self._waypoints = waypoints
+        found = []
+        for rotation, position in zip(*problem.robot.body_poses(waypoints), strict=True):
+            checkpoint()
+            found.append(checker.separations(rotation, position, self._pairs))
+        distance = np.array([distance for distance, _ in found])
+        direction = np.array([direction for _, direction in found])
+        self.free_waypoints = np.all(distance >= self._required(waypoints), axis=1)
+        near = distance.min(axis=0, initial=np.inf) < _MAX_DISTANCE
+        self._pairs, self._columns = self._pairs[near], self._columns[near]
+        self._weights = checker.motion_weights(self._pairs)
+        self._distance, self._direction = distance[:, near], direction[:, near]
+
+    def around(self, q: FloatArray, nearest: IntArray) -> "LinkClearance":
+        """Return the clearance around other configurations, without measuring everything again.
+
+        Args:
+            q: Shape (P, n), each near a known one.
+            nearest: Which one, shape (P,).
+        """
+        other = copy(self)
+        travel = abs(q - self._waypoints[nearest])
+        other._distance = self._distance[nearest] - travel @ self._weights.T
+        other._direction = self._direction[nearest]
+        other._waypoints = q
+        other.free_waypoints = self.is_free(q, nearest)
+        return other
+
+    def is_free(self, q: FloatArray, waypoint: IntArray) -> BoolArray:
+        """Return whether configurations are free: bool, shape (N,).
+
+        Args:
+            q: Shape (N, n).
+            waypoint: For each, the index of a waypoint near it, shape (N,).
+        """
+        if len(self._pairs) == 0:
+            return np.ones(len(q), dtype=bool)
+        travel = abs(q - self._waypoints[waypoint])
+        lower = self._distance[waypoint] - travel @ self._weights.T
+        free, required = np.ones(len(q), dtype=bool), self._required(q)
+        doubtful = np.flatnonzero((lower < required).any(axis=1))
+        required = required[doubtful]
+        rotation, position = self._problem.robot.body_poses(q[doubtful])
+        spheres = self._checker.sphere_distances(rotation, position, self._pairs)
+        row, pair = np.nonzero(np.maximum(lower[doubtful], spheres) < required)
+        direction = self._direction[waypoint[doubtful[row]], pair]
+        bound = self._checker.separations_along(
+            rotation[row], position[row], self._pairs[pair], direction
+        )
+        undecided = bound < required[row, pair]
+        row, pair = row[undecided], pair[undecided]
+        for i in np.unique(row):
+            pairs = pair[row == i]
+            distance = self._checker.distances(rotation[i], position[i], self._pairs[pairs])
+            free[doubtful[i]] = (distance >= required[i, pairs]).all()
+        return free
+
+    def _required(self, q: FloatArray) -> FloatArray:
+        """Return what is required of the pairs in configurations (N, n), shape (N, P) [m]."""
+        tool = self._problem.robot.tool_position(q)
+        return self._asked.anywhere(tool)[:, self._columns] - MARGIN_TOLERANCE
+
+
+# ---- The rules by which phase 1 cuts segments, for many segments at once (Suh & Bishop 1988).
+#
+# - joint_limits (FR-1): a joint leaves its position limits;
+# - duration (FR-3): the lower bound on the whole duration is no better than the known best;
+# - tube (FR-2): the tool leaves the tube, rotates too far there, or a joint leaves its range;
+# - collision (FR-2): a link comes too near to an obstacle or another link.
+#
+# Segments are tested at a few samples, which can only be too lenient.
+
+# Local times of the tests, in stages: the first cuts most.
+_STAGES = (np.array([4, 8]) / 8, np.array([2, 6]) / 8, np.array([1, 3, 5, 7]) / 8)
+_IN_ORDER = np.argsort(np.concatenate(_STAGES))
+# Polynomials are cheap to look at: finely enough to miss their peaks by 0.1 %.
+_RATE_TIMES = np.linspace(0, 1, 33)
+_COLLISION_TIMES = np.arange(1, 8) / 8
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentBatch:
+    """C continuations of trajectories, each by L new segments: one, or the last two to the goal.
+
+    Attributes:
+        parent: Which trajectory is continued, shape (C,).
+        waypoints: Where the first new segment begins and ends, and the waypoint after it: (C, 3).
+        built: How many segments there are, the new ones included, shape (C,).
+        remaining: How many more there must be at least, shape (C,): the paper's nu.
+        coefficients: Of the new segments, shape (C, 5, L, n), highest power first.
+        factor: How much faster the trajectory so far can be run, shape (C,).
+        tube_segments: In which tube segments the tool may be at the start: bool, shape (C, m).
+        inside: In which tube segments the S samples tested so far are: bool, shape (C, S, L, m).
+    """
+
+    parent: IntArray
+    waypoints: IntArray
+    built: IntArray
+    remaining: IntArray
+    coefficients: FloatArray
+    factor: FloatArray
+    tube_segments: BoolArray
+    inside: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.parent)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the trajectories end at the goal."""
+        return self.coefficients.shape[2] == 2
+
+    def where(self, keep: BoolArray) -> "SegmentBatch":
+        """Return the continuations for which a mask (C,) holds."""
+        return SegmentBatch(*(getattr(self, field.name)[keep] for field in fields(self)))
+
+    def at(self, times: FloatArray, order: int) -> FloatArray:
+        """Return a derivative of all new segments at local times (S,), shape (C, S, L, n)."""
+        values = np.tensordot(self.coefficients, power_basis(times, order), axes=(1, 1))
+        return np.ascontiguousarray(values.transpose(0, 3, 1, 2))
+
+
+class SegmentRules:
+    """Tests continuations between M waypoints, and counts what each rule cuts.
+
+    Attributes:
+        cuts: Number of continuations cut, by rule.
+        free_waypoints: Which waypoints are clear of collisions: bool, shape (M,).
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        waypoints: FloatArray,
+        checkpoint: Callable[[], None] = lambda: None,
+        clearance: LinkClearance | None = None,
+    ) -> None:
+        """Prepare the tests.
+
+        Args:
+            problem: The planning problem.
+            waypoints: Shape (M, n).
+            checkpoint: Called while clearances are measured; it may raise to end that.
+            clearance: Around the waypoints, if it is known.
+        """
+        self._problem = problem
+        self._clearance = clearance or LinkClearance(problem, waypoints, checkpoint)
+        self._rates, others = rates_and_others(speed_limits(problem))
+        # In which segment the tool is, is not known: what depends on it could be too strict here.
+        of_joints = [limit for limit in others if all(key.segment is None for key in limit.keys)]
+        self._sampled = tuple(of_joints)
+        self._orders = max((limit.order for limit in of_joints), default=0) + 1
+        self._least_times = _least_times(problem, waypoints)
+        self._passable = passable_segments(problem.tube)
+        self.cuts = {"joint_limits": 0, "duration": 0, "tube": 0, "collision": 0}
+        self.free_waypoints = self._clearance.free_waypoints
+
+    def surviving(self, batch: SegmentBatch, upper_bound: float) -> SegmentBatch:
+        """Return the continuations that no rule cuts; `clear` is left, which takes longest.
+
+        Args:
+            batch: What to test; nothing of it tested yet.
+            upper_bound: Only trajectories faster than this are of interest [s].
+        """
+        batch = self._cut("collision", batch, self.free_waypoints[batch.waypoints[:, 2]])
+        batch = replace(batch, factor=np.minimum(batch.factor, self._rate_factor(batch)))
+        batch = self._cut("duration", batch, self.lower_bound(batch) < upper_bound)
+        for times in _STAGES:
+            batch = self._cut("joint_limits", batch, self._within_limits(batch, times))
+            batch = replace(
+                batch, factor=np.minimum(batch.factor, self._sampled_factor(batch, times))
+            )
+            batch = self._cut("duration", batch, self.lower_bound(batch) < upper_bound)
+            inside = np.concatenate([batch.inside, self._inside(batch, times)], axis=1)
+            batch = replace(batch, inside=inside)
+            batch = self._cut("tube", batch, np.all(np.any(inside, axis=3), axis=(1, 2)))
+        batch = replace(batch, tube_segments=self._reached(batch))
+        # A complete trajectory must have arrived in the last segment, another one somewhere.
+        wanted = slice(-1, None) if batch.complete else slice(None)
+        return self._cut("tube", batch, np.any(batch.tube_segments[:, wanted], axis=1))
+
+    def clear(self, batch: SegmentBatch) -> SegmentBatch:
+        """Return the continuations whose links are clear between the waypoints too."""
+        return self._cut("collision", batch, self._free(batch))
+
+    def lower_bound(self, batch: SegmentBatch) -> FloatArray:
+        """Return the shortest duration that the whole trajectories can have, shape (C,) [s].
+
+        The segments built take `built / B`, B being the trajectory's factor. A trajectory that is
+        not complete has at least two more, to the next waypoint and on to the goal; each takes at
+        least 1 / B, and together what the velocity limits ask for. (Suh & Bishop 1988, FR-3: LB =
+        eta1 + eta2 + eta3, with B taken over the whole new segment, where eta2 cannot exceed its
+        share of 1 / B.)
+        """
+        with np.errstate(divide="ignore"):
+            interval = 1 / batch.factor
+        bound = batch.built * interval
+        if batch.complete:
+            return bound
+        _, following, after = batch.waypoints.T
+        bound += np.maximum(self._least_times[following, after], interval)
+        return bound + np.maximum(self._least_times[after, -1], (batch.remaining - 1) * interval)
+
+    def _cut(self, rule: str, batch: SegmentBatch, keep: BoolArray) -> SegmentBatch:
+        self.cuts[rule] += int(len(keep) - keep.sum())
+        return batch if keep.all() else batch.where(keep)
+
+    def _within_limits(self, batch: SegmentBatch, times: FloatArray) -> BoolArray:
+        limits = self._problem.robot.limits
+        q = batch.at(times, 0)
+        outside = np.maximum(limits.lower_position - q, q - limits.upper_position)
+        return np.all(outside <= MARGIN_TOLERANCE, axis=(1, 2, 3))
+
+    def _rate_factor(self, batch: SegmentBatch) -> FloatArray:
+        """Return how much faster velocity, acceleration and jerk limits let it be run, (C,)."""
+        factor = np.full(len(batch), np.inf)
+        for limit in self._rates:
+            rate = batch.at(_RATE_TIMES, limit.order)[..., limit.joints]
+            used = (abs(rate) / limit.limit).max(axis=(1, 2, 3))
+            with np.errstate(divide="ignore"):
+                factor = np.minimum(factor, (1 / used) ** (1 / limit.order))
+        return factor
+
+    def _sampled_factor(self, batch: SegmentBatch, times: FloatArray) -> FloatArray:
+        """Return how much faster limits of efforts let the samples be run, shape (C,)."""
+        by_path = np.stack([batch.at(times, order) for order in range(self._orders)])
+        shape, n = by_path.shape[1:4], by_path.shape[4]
+        at = PathSamples(self._problem, by_path.reshape(self._orders, -1, n))
+        return largest_speeds(at, self._sampled).reshape(shape).min(axis=(1, 2))
+
+    def _inside(self, batch: SegmentBatch, times: FloatArray) -> BoolArray:
+        """Return in which tube segments the samples are: bool, shape (C, S, L, m)."""
+        q = batch.at(times, 0)
+        margin = membership_margin(self._problem, q.reshape(-1, q.shape[-1]))
+        return (margin >= -MARGIN_TOLERANCE).reshape(*q.shape[:3], margin.shape[1])
+
+    def _reached(self, batch: SegmentBatch) -> BoolArray:
+        """Return in which tube segments the tool may be at the end: bool, shape (C, m)."""
+        inside = batch.inside[:, _IN_ORDER].transpose(0, 2, 1, 3)
+        samples = inside.shape[1] * inside.shape[2]
+        inside = inside.reshape(len(batch), samples, inside.shape[-1])
+        ordered = self._problem.tube.visit == "ordered"
+        reached = segments_reached(inside, batch.tube_segments, self._passable, ordered=ordered)
+        return reached[:, -1]
+
+    def _free(self, batch: SegmentBatch) -> BoolArray:
+        """Return whether the new segments are clear of collisions: bool, shape (C,)."""
+        q = batch.at(_COLLISION_TIMES, 0)
+        ends = batch.waypoints[:, None, 1 : 1 + q.shape[2]]
+        near = np.broadcast_to(ends, q.shape[:3]).ravel()
+        free = self._clearance.is_free(q.reshape(-1, q.shape[3]), near)
+        return np.all(free.reshape(q.shape[:3]), axis=(1, 2))
+
+
+def _least_times(problem: PlanningProblem, waypoints: FloatArray) -> FloatArray:
+    """Return the least times between waypoints under the velocity limits, (M, M) [s]."""
+    distance = abs(waypoints[:, None] - waypoints)
+    return (distance / problem.robot.limits.velocity).max(axis=2)

@@ -1,0 +1,392 @@
+"""SegmentWalk: inverse kinematics along a segment, reason of its end; reference orientation.
+
+At inner reference points the tool has the reference orientation; a given start or goal may deviate
+from it within the tolerance. In between, the rotation vector goes from one to the other in
+proportion to the arc length. Components that the segment leaves free follow from the joints, unless
+the next segment bounds them: they then enter their bounds by the switching time.
+"""
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.first_guess.inverse_kinematics import (
+    PositionSolution,
+    WantedRotation,
+    solve_position,
+)
+from tubeplanner.geometry.tube.rotation import RotationalTube
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- The wanted orientation of the tool along one tube segment.
+
+# Where the arm cannot reach the wanted orientation, it must keep this share of the distance to the
+# bound, so that the planner has some freedom to start with.
+_KEPT_MARGIN_SHARE = 0.1
+_THERE = 1e-9  # [m or rad]: errors of a solution at the wanted position and rotation
+
+
+class ReferenceTurn:
+    """The wanted rotation at every share of a segment, and whether the tool deviates too far."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        tube: RotationalTube,
+        segment: int,
+        begin: FloatArray,
+        goal: FloatArray | None,
+    ) -> None:
+        """Prepare for a segment.
+
+        Args:
+            problem: The planning problem.
+            tube: Its rotational part, with that of the goal.
+            segment: Index of the tube's segment.
+            begin: Configuration at its start, shape (n,).
+            goal: Configuration at its end, if that is given.
+        """
+        self._robot, self._tube, self._segment = problem.robot, tube, segment
+        self._following = min(segment + 1, len(tube.bounds) - 1)
+        self._components = bounded_components(tube, segment)
+        self._components = self._components | bounded_components(tube, self._following)
+        self._begin = self._vector(begin)
+        self._end = self._open_end(problem) if goal is None else self._vector(goal)
+        ends = np.array([self._begin, self._end])
+        self._keeps_bounds = bool(self._tube.margin_of(ends, segment).min() >= 0)
+
+    def wanted(self, share: float, point: FloatArray) -> WantedRotation:
+        """Return the tool's wanted orientation at a point (3,), after a share of the segment."""
+        reference = self._tube.reference(point[None], self._segment)[0]
+        return WantedRotation(reference, self._vector_after(share), self._components)
+
+    def off_segment(self, solution: PositionSolution, share: float) -> int | None:
+        """Return the segment whose rotation tolerance a solution violates, if any."""
+        is_there = max(solution.error, solution.rotation_error) < _THERE
+        if is_there and share < 1.0 and self._keeps_bounds:
+            return None  # it is turned as wanted, between two rotations that keep the bounds
+        rotation, tool = self._robot.tool_pose(solution.q[None])
+        for segment in {self._segment, self._following if share == 1.0 else self._segment}:
+            left = float(self._tube.margin_of(self._vector_after(share)[None], segment)[0])
+            margin = float(self._tube.margin(rotation, tool, segment)[0])
+            if margin < _KEPT_MARGIN_SHARE * left - MARGIN_TOLERANCE:
+                return segment
+        return None
+
+    def _vector_after(self, share: float) -> FloatArray:
+        return (1 - share) * self._begin + share * self._end
+
+    def _open_end(self, problem: PlanningProblem) -> FloatArray:
+        """Return the rotation vector (3,) wanted at the end if no configuration is given there."""
+        goal = problem.open_goal
+        if goal is None or self._following < problem.tube.segment_count:
+            return np.zeros(3)
+        there = goal.position[None]
+        reference = self._tube.reference(there, self._following)
+        return self._tube.error(reference, there, self._segment)[0] * self._components
+
+    def _vector(self, q: FloatArray) -> FloatArray:
+        """Return the rotation vector (3,) of a configuration (n,), free components set to zero."""
+        rotation, tool = self._robot.tool_pose(q[None])
+        return self._tube.error(rotation, tool, self._segment)[0] * self._components
+
+
+def bounded_components(tube: RotationalTube, segment: int) -> BoolArray:
+    """Return which components of the rotation vector a segment bounds: bool, shape (3,)."""
+    return np.isfinite(tube.bounds[segment, :3]) | np.isfinite(tube.bounds[segment, 3])
+
+
+def wanted_at(
+    problem: PlanningProblem, point: FloatArray, segment: int, near: FloatArray | None = None
+) -> WantedRotation | None:
+    """Return the tool's wanted orientation at a point (3,): the reference, or that of `near`.
+
+    Args:
+        problem: The planning problem.
+        point: Where the tool is, base frame [m].
+        segment: In which segment; after the last one, at the goal.
+        near: A configuration (n,) whose rotation vector is wanted; None: zero.
+    """
+    tube = problem.rotation
+    if tube is None:
+        return None
+    vector = np.zeros(3)
+    if near is not None:
+        rotation, tool = problem.robot.tool_pose(near[None])
+        vector = tube.error(rotation, tool, segment)[0]
+    reference = tube.reference(point[None], segment)[0]
+    return WantedRotation(reference, vector, bounded_components(tube, segment))
+
+
+# ---- The arm through one tube segment: a continuous chain of inverse kinematics solutions.
+
+# The longest step, of a segment; where there are many short ones, so much of the whole route.
+_MAX_STEP, _MAX_ROUTE_STEP = 1 / 40, 1 / 400
+_EXTRAPOLATED_POINTS = 5
+_REACHED = 1e-9  # [m]
+_MIN_STEP = 1e-5  # of a segment
+_MAX_JOINT_STEP = 0.1  # [rad or m] between neighbouring configurations
+_MAX_PULL = 0.05  # [rad or m] on redundant joints from one configuration to the next
+_MAX_SETTLING_STEPS = 500
+_SETTLED = 1e-9  # [rad or m]
+# Where the centre line cannot be reached, the tool may leave it by this share of the radius.
+_ALLOWED_RADIUS_SHARE = 0.5
+# An open goal without a tolerance must be reached this closely [m]; where it has one, the tool may
+# end beside it by this share of that, if it gets no nearer.
+_OPEN_GOAL_TOLERANCE = MARGIN_TOLERANCE / 2
+_GOAL_SHARE = 0.9
+
+
+class SegmentWalk:
+    """Follows a straight line of the tool from a configuration, in small joint steps.
+
+    Every step moves redundant joints a little towards their wanted values, and narrows joint bounds
+    towards those at the switching time to the next segment. Where that is not enough, the joints
+    move the rest at the segment's end, while the tool stands still.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        segment: int,
+        ends: FloatArray,
+        begin: FloatArray,
+        wanted: FloatArray | None,
+        goal: FloatArray | None,
+        *,
+        with_rotation: bool = True,
+    ) -> None:
+        """Prepare a walk.
+
+        Args:
+            problem: The planning problem.
+            segment: Index of the tube's segment.
+            ends: Where the tool starts and ends, shape (2, 3) [m].
+            begin: Configuration at the start, shape (n,).
+            wanted: Values towards which redundant joints move at the start and at the end, shape
+                (2, n); None: none.
+            goal: Configuration to settle in at the end; None: any that the next segment allows.
+            with_rotation: Whether the walk keeps the rotation tolerance, if there is one.
+        """
+        self._problem, self._segment = problem, segment
+        self._ends, self._begin = ends, begin
+        self._wanted, self._goal = wanted, goal
+        self._lower, self._upper = problem.joint_lower[segment], problem.joint_upper[segment]
+        following = min(segment + 1, problem.tube.segment_count - 1)
+        self._end_lower = np.maximum(self._lower, problem.joint_lower[following])
+        self._end_upper = np.minimum(self._upper, problem.joint_upper[following])
+        # How far the begin is outside of what the end needs: that much wider are bounds at first.
+        self._below = np.maximum(self._end_lower - begin, 0.0)
+        self._above = np.maximum(begin - self._end_upper, 0.0)
+        self._narrows = bool(self._below.any() or self._above.any())
+        self._allowed, self._allowed_at_end = self._allowed_errors()
+        tube = problem.rotation if with_rotation else None
+        length = np.linalg.norm(np.diff(problem.tube.points, axis=0), axis=1)
+        self._max_step = float(
+            np.clip(_MAX_ROUTE_STEP * length.sum() / length[segment], _MAX_STEP, 1.0)
+        )
+        self._turn = None if tube is None else ReferenceTurn(problem, tube, segment, begin, goal)
+
+    def to_the_end(self) -> FloatArray:
+        """Return the configurations (P, n) from the segment's start to its end.
+
+        Raises:
+            Infeasible: Status unreachable: the message says where the walk ends and why.
+        """
+        return np.array(self._settled(self._approach()))
+
+    def _approach(self) -> list[FloatArray]:
+        """Return configurations whose tool goes from the segment's start to its end."""
+        found, shares, step, reached = [self._begin], [0.0], self._max_step, 1
+        while shares[-1] < 1.0:
+            share = min(1.0, shares[-1] + step)
+            known = min(max(reached, 2), _EXTRAPOLATED_POINTS)
+            seed = _extrapolated(share, shares[-known:], found[-known:])
+            solution = self._solve(share, seed, found[-1])
+            joint_step = float(abs(solution.q - found[-1]).max())
+            if self._is_off(solution, share) or joint_step > _MAX_JOINT_STEP:
+                step /= 2
+                if step < _MIN_STEP:
+                    self._give_up(share, found[-1], solution)
+                continue
+            found.append(solution.q)
+            shares.append(share)
+            # Beside a target out of reach configurations jitter: no more than their line tells.
+            reached = reached + 1 if solution.error < _REACHED else 0
+            if joint_step < _MAX_JOINT_STEP / 3:
+                step = min(2 * step, self._max_step)
+        return found
+
+    def _settled(self, found: list[FloatArray]) -> list[FloatArray]:
+        """Move redundant joints where the segment's end needs them, the tool standing still."""
+        for _ in range(_MAX_SETTLING_STEPS):
+            q = found[-1]
+            wanted = np.clip(q, self._end_lower, self._end_upper)
+            wanted = wanted if self._goal is None else self._goal
+            if abs(wanted - q).max() <= _SETTLED:
+                break
+            preferred = q + np.clip(wanted - q, -_MAX_PULL, _MAX_PULL)
+            solution = self._solve_with(1.0, q, preferred)
+            if self._is_off(solution, 1.0) or abs(solution.q - q).max() <= _SETTLED:
+                break
+            found.append(solution.q)
+        self._require_switch(found[-1])
+        found[-1] = np.clip(found[-1], self._end_lower, self._end_upper)
+        return found
+
+    def _solve(self, share: float, seed: FloatArray, last: FloatArray) -> PositionSolution:
+        wanted = last
+        if self._wanted is not None:
+            wanted = (1 - share) * self._wanted[0] + share * self._wanted[1]
+        lower, upper = self._end_lower, self._end_upper
+        if self._narrows:
+            lower = lower - (1 - share) * self._below
+            upper = upper + (1 - share) * self._above
+        wanted = np.minimum(np.maximum(wanted, lower), upper)
+        solution = self._solve_with(share, seed, wanted)
+        if abs(solution.q - last).max() <= _MAX_JOINT_STEP:
+            return solution
+        # Too far for one step, however short: redundant joints go there gradually.
+        pull = np.clip(wanted - last, -_MAX_PULL, _MAX_PULL)
+        return self._solve_with(share, seed, last + pull)
+
+    def _solve_with(
+        self, share: float, seed: FloatArray, preferred: FloatArray
+    ) -> PositionSolution:
+        robot, point = self._problem.robot, self._point(share)
+        wanted = None if self._turn is None else self._turn.wanted(share, point)
+        return solve_position(robot, point, seed, self._lower, self._upper, preferred, wanted)
+
+    def _point(self, share: float) -> FloatArray:
+        return (1 - share) * self._ends[0] + share * self._ends[1]
+
+    def _is_off(self, solution: PositionSolution, share: float) -> bool:
+        if self._turn is not None and self._turn.off_segment(solution, share) is not None:
+            return True
+        return self._is_away(solution, share)
+
+    def _is_away(self, solution: PositionSolution, share: float) -> bool:
+        return solution.error > (self._allowed_at_end if share == 1.0 else self._allowed)
+
+    def _allowed_errors(self) -> tuple[float, float]:
+        """Return how far the tool may be from the line, and from its end [m]."""
+        radius = self._problem.tube.effective_radius
+        is_last = self._segment + 1 == len(radius)
+        allowed = _ALLOWED_RADIUS_SHARE * float(radius[self._segment])
+        if is_last:
+            goal = self._problem.open_goal
+            at_end = allowed if goal is None else min(allowed, _GOAL_SHARE * goal.tolerance)
+            return allowed, max(at_end, _OPEN_GOAL_TOLERANCE)
+        return allowed, min(allowed, _ALLOWED_RADIUS_SHARE * float(radius[self._segment + 1]))
+
+    def _give_up(self, share: float, q: FloatArray, solution: PositionSolution) -> None:
+        point = self._point(share)
+        place = Place(segment=self._problem.tube.segment_number(self._segment, point)).at(point)
+        where = f"{100 * share:.1f} % along {place}"
+        jump = abs(solution.q - q)
+        joint = self._problem.robot.joint_names[int(jump.argmax())]
+        jumps = f"'{joint}' would have to jump by {jump.max():.3f} rad"
+        if self._turn is not None and self._could_go_on(share, q):
+            off = self._turn.off_segment(solution, share)
+            why = jumps if off is None else turned_off(solution)
+            reason = explain_turn(self._problem, self._segment if off is None else off, why)
+        elif self._is_off(solution, share):
+            reason = explain_error(self._problem, point, q, self._segment, solution)
+        else:
+            reason = (
+                f"no continuous branch: {jumps}; move the reference points or free the joint signs"
+            )
+        message = f"{where}: {reason}"
+        raise Infeasible(PlanStatus.UNREACHABLE, message, place, configuration=q)
+
+    def _could_go_on(self, share: float, q: FloatArray) -> bool:
+        """Return whether a configuration could go on if any orientation were allowed."""
+        robot, point = self._problem.robot, self._point(share)
+        solution = solve_position(robot, point, q, self._lower, self._upper)
+        jump = abs(solution.q - q).max()
+        return jump <= _MAX_JOINT_STEP and not self._is_away(solution, share)
+
+    def _require_switch(self, q: FloatArray) -> None:
+        """Raise unless a configuration at the segment's end is one that the next one allows."""
+        outside = np.maximum(self._end_lower - q, q - self._end_upper)
+        worst = int(outside.argmax())
+        if outside[worst] <= 10 * _SETTLED:
+            return
+        joint = self._problem.robot.joint_names[worst]
+        number = self._problem.tube.segment_number(self._segment, self._ends[1])
+        place = Place(joint=joint, segment=number).at(self._ends[1])
+        raise Infeasible(
+            PlanStatus.UNREACHABLE,
+            f"at the end of segment {number} '{joint}' is at {q[worst]:.4f} rad, but the "
+            f"joint signs on both sides of the switching time ask for [{self._end_lower[worst]:g}, "
+            f"{self._end_upper[worst]:g}]; move the reference point or change the signs",
+            place,
+            configuration=q,
+        )
+
+
+def _extrapolated(share: float, shares: list[float], found: list[FloatArray]) -> FloatArray:
+    """Return the value (n,) of the polynomial through configurations at some shares."""
+    weights = np.ones(len(shares))
+    for i, own in enumerate(shares):
+        for other in shares:
+            if other != own:
+                weights[i] *= (share - other) / (own - other)
+    value: FloatArray = weights.dot(found)
+    return value
+
+
+def explain_error(
+    problem: PlanningProblem,
+    point: FloatArray,
+    seed: FloatArray,
+    segment: int,
+    solution: PositionSolution,
+) -> str:
+    """Return which condition keeps the tool from a point, by dropping one after the other."""
+    robot, limits = problem.robot, problem.robot.limits
+    short = f"the tool was brought no nearer than {solution.error:.4g} m"
+    free = np.full(robot.joint_count, np.inf)
+    without_limits = solve_position(robot, point, seed, -free, free)
+    if without_limits.error > 1e-6:
+        return (
+            f"the tool was brought no nearer than {without_limits.error:.4g} m, the joints without "
+            "limits; move it nearer"
+        )
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    at_bound = (solution.q <= lower) | (solution.q >= upper)
+    held = [name for name, is_held in zip(robot.joint_names, at_bound, strict=True) if is_held]
+    if not held:
+        return f"{short} without a jump of the joints: a singular configuration is in the way"
+    bounds = f"(at their bounds: {', '.join(held)})"
+    without_signs = solve_position(robot, point, seed, limits.lower_position, limits.upper_position)
+    if without_signs.error > 1e-6:
+        return f"{short}: position limits are in the way {bounds}"
+    number = problem.tube.segment_number(segment, point)
+    return f"{short} with the joint signs of segment {number} {bounds}"
+
+
+def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
+    """Explain that only the rotation tolerance keeps the tool from a point, and what to do."""
+    rotation = problem.rotation
+    bounds = [np.inf] if rotation is None else rotation.bounds[segment].tolist()
+    asked = f"{bounds[-1]:.3g}"
+    if bounds[-1] == np.inf:
+        asked = f"[{', '.join(f'{bound:.3g}' for bound in bounds[:3])}]"
+    if segment == problem.tube.segment_count:
+        whose, widened = "the goal", "goal.rotation_tolerance"
+    else:
+        number = problem.tube.segment_number(segment)
+        whose, widened = f"segment {number}", f"tube.rotation_tolerance[{number}]"
+    return (
+        f"the rotation tolerance of {whose}, {asked} rad, is in the way: {why}; widen "
+        f"{widened}, change tube.orientations or move the reference points"
+    )
+
+
+def turned_off(solution: PositionSolution) -> str:
+    """Return how close the tool gets to its reference orientation."""
+    return (
+        f"the tool can be turned no nearer than {solution.rotation_error:.3g} rad to its reference "
+        "orientation, and planning keeps a tenth of the tolerance in reserve"
+    )

@@ -1,0 +1,196 @@
+"""The first answer: the reference branch with a stop at each corner.
+
+Every segment is a rest-to-rest trajectory along the branch, as a quintic B-spline whose first and
+last three control points coincide, so that velocity and acceleration vanish exactly at its ends.
+Later planners start from it and must beat it.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.first_guess.branches import ReferenceBranch
+from tubeplanner.geometry.tube.points import arc_lengths
+from tubeplanner.limits.time_scaling import estimated_durations, scaled_to_limits
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate, from_splines
+from tubeplanner.trajectory.polynomials import (
+    REST_POINTS,
+    BSpline,
+    fitted_control_points,
+    times_between,
+)
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+
+_DEGREE = 5
+# Configurations nearer to their neighbour than this share of the largest step carry no direction.
+_MIN_STEP_SHARE = 1e-4
+_MIN_INTERVALS = 16
+_MAX_INTERVALS = 128
+_FIT_POINTS_PER_INTERVAL = 8
+# The fit may use this share of radius and rotation bound; the rest is left for later refinement.
+_FIT_SHARE = 0.1
+_ON_THE_WALL = MARGIN_TOLERANCE / 2
+# Shares of the time for speeding up, and the same for slowing down: the fastest is kept.
+_RAMP_SHARES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
+
+
+def stop_at_corners(
+    problem: PlanningProblem,
+    branch: ReferenceBranch,
+    checkpoint: Callable[[], None] = lambda: None,
+) -> JointTrajectory:
+    """Return the fastest of a family of trajectories that rest at every reference point.
+
+    Args:
+        problem: The planning problem.
+        branch: The arm along the reference path.
+        checkpoint: Called before every segment; it may raise to end the work.
+
+    Raises:
+        Infeasible: Gravity exceeds a motor's effort, or no spline follows the branch in the tube.
+    """
+    moving = branch.moving_segments
+    if not moving:
+        message = "the start is the goal: there is nothing to move"
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place(), proved=True)
+    trajectories = []
+    for k in moving:
+        checkpoint()
+        trajectories.append(_fastest(problem, branch, k))
+    return concatenate(trajectories)
+
+
+def _fastest(problem: PlanningProblem, branch: ReferenceBranch, segment: int) -> JointTrajectory:
+    shapes = _follow(problem, branch, segment)
+    fastest = shapes[int(estimated_durations(problem, shapes).argmin())]
+    return scaled_to_limits(problem, fastest)
+
+
+def _follow(
+    problem: PlanningProblem, branch: ReferenceBranch, segment: int
+) -> list[JointTrajectory]:
+    """Return the segment in one second for each ramp, each with as few knots as follow it closely.
+
+    All ramps are fitted at once: one by one, most of the time would go into calls.
+    """
+    q = branch.segments[segment]
+    available = _least_margins(problem, q, segment)
+    close = available - _FIT_SHARE * _bounds(problem, segment)
+    # Where the branch itself touches the wall, or leaves it by a rounding error, so may the fit.
+    inside = np.minimum(available, 0.0) - _ON_THE_WALL
+    shapes: dict[float, JointTrajectory] = {}
+    margins: dict[float, FloatArray] = {}
+    ramps, intervals = list(_RAMP_SHARES), _MIN_INTERVALS
+    while ramps and intervals <= _MAX_INTERVALS:
+        fitted = dict(zip(ramps, _fits(problem, q, segment, ramps, intervals), strict=True))
+        shapes.update(fitted)
+        margins.update(_margins_of_shapes(problem, fitted, segment))
+        ramps = [ramp for ramp in ramps if (margins[ramp] <= np.maximum(close, inside)).any()]
+        intervals *= 2
+    for ramp in ramps:  # not close to the branch, which has a sharp bend; it may be in the tube
+        _require_inside(problem, margins[ramp], inside, segment)
+    return [shapes[ramp] for ramp in _RAMP_SHARES]
+
+
+def _require_inside(
+    problem: PlanningProblem, margin: FloatArray, inside: FloatArray, segment: int
+) -> None:
+    """Raise Infeasible unless the margins of a fit with the most knots are above their bounds."""
+    if (margin > inside).all():
+        return
+    worst = int((inside - margin).argmax())
+    unit, remedy = (("m", "the radius"), ("rad", "the rotation tolerance"))[worst]
+    number = problem.tube.segment_number(segment)
+    raise Infeasible(
+        PlanStatus.NO_TRAJECTORY,
+        f"segment {number}: a spline of {_MAX_INTERVALS} pieces that follows the inverse "
+        f"kinematics leaves the tube by {-margin[worst]:.3g} {unit}; widen {remedy}",
+        Place(segment=number),
+    )
+
+
+def _margins_of_shapes(
+    problem: PlanningProblem, shapes: Mapping[float, JointTrajectory], segment: int
+) -> dict[float, FloatArray]:
+    """Return the least margins of several shapes, by ramp, as `_least_margins`."""
+    margins = {}
+    for ramp, shape in shapes.items():
+        samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
+        margins[ramp] = _least_margins(problem, samples, segment)
+    return margins
+
+
+def _least_margins(problem: PlanningProblem, q: FloatArray, segment: int) -> FloatArray:
+    """Return the least margin of the tool [m] and, if it is bounded, of its rotation [rad]."""
+    rotation, tool = problem.robot.tool_pose(q)
+    only = slice(segment, segment + 1)
+    margins = [problem.tube.margin(tool, only).min()]
+    if len(_bounds(problem, segment)) > 1:
+        margins.append(problem.tube.rotation_margin(rotation, tool, only).min())
+    return np.array(margins)
+
+
+def _bounds(problem: PlanningProblem, segment: int) -> FloatArray:
+    """Return the radius [m] and, if there is one, the tightest bound on the rotation [rad]."""
+    tube = problem.tube
+    tightest = np.inf if tube.rotation is None else tube.rotation.bounds[segment].min()
+    bounds = np.array([tube.effective_radius[segment], tightest])
+    return bounds[np.isfinite(bounds)]
+
+
+def _fits(
+    problem: PlanningProblem, q: FloatArray, segment: int, ramps: list[float], intervals: int
+) -> list[JointTrajectory]:
+    """Return, for every ramp, the least-squares spline of one second along configurations (P, n).
+
+    Control points are moved into the segment's joint bounds, which then hold for all t: a spline
+    lies in the hull of its control points.
+    """
+    breakpoints = (1 - np.cos(np.pi * np.arange(intervals + 1) / intervals)) / 2
+    knots = np.concatenate([np.zeros(_DEGREE), breakpoints, np.ones(_DEGREE)])
+    times = times_between(breakpoints, _FIT_POINTS_PER_INTERVAL)
+    along = _along(q)
+    wanted = np.hstack([along(_ramped(times, ramp)) for ramp in ramps])
+    start, goal = (np.tile(end, len(ramps)) for end in (q[0], q[-1]))
+    points = fitted_control_points(knots, _DEGREE, times, wanted, (start, goal))
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    inner = slice(REST_POINTS, -REST_POINTS)
+    of_ramps = points.reshape(len(points), len(ramps), -1)
+    of_ramps[inner] = np.clip(of_ramps[inner], lower, upper)
+    return from_splines(problem.robot.joint_names, BSpline(knots, of_ramps, _DEGREE))
+
+
+def _along(q: FloatArray) -> "CubicSpline":
+    """Return the curve through configurations (P, n) over its own length, from 0 to 1.
+
+    Joint-space length rather than the tool's: where the arm is stretched, joints move while the
+    tool hardly does.
+    """
+    from scipy.interpolate import CubicSpline
+
+    lengths = np.linalg.norm(np.diff(q, axis=0), axis=1)
+    apart = lengths > _MIN_STEP_SHARE * lengths.max()
+    kept = np.concatenate([[True], apart[:-1], [True]])
+    kept[-2] &= apart[-1] or len(q) == 2
+    arc_length = arc_lengths(q[kept])
+    return CubicSpline(arc_length / arc_length[-1], q[kept])
+
+
+def _ramped(u: FloatArray, ramp: float) -> FloatArray:
+    """Return the arc length covered at times u in [0, 1]: speed up, cruise, slow down.
+
+    While speeding up for a share `ramp` of the time, speed follows the smoothstep 3x^2 - 2x^3, so
+    acceleration starts and ends at zero.
+    """
+    top_speed = 1 / (1 - ramp)
+    x = np.clip(np.minimum(u, 1 - u) / ramp, 0.0, 1.0)
+    ramped = top_speed * ramp * (x**3 - x**4 / 2)  # arc length within one ramp
+    cruised = top_speed * np.maximum(np.minimum(u, 1 - u) - ramp, 0.0)
+    return np.where(u <= 0.5, ramped + cruised, 1 - ramped - cruised)

@@ -1,0 +1,261 @@
+"""Phase 2 of 1988: rounds of modification with doubled knots; SuhBishopOptions.
+
+The modification process (MP) moves the knots of the trajectory that phase 1 found. The doubling
+process (DP) inserts a knot at the middle of every segment, and MP follows, until the gain is small
+(Suh & Bishop 1988, section on the phase 2 algorithm).
+
+Two things differ, both because sequential quartics magnify what changes at a knot by 1.6 from knot
+to knot, so that with many knots "almost the same trajectory" is a quite different one. New knots
+are joined by the 4-3-...-3-4 spline, with equal intervals and start and end conditions as before;
+and MP also begins with a few knots more or less, at equal times of the first modified trajectory,
+as the best number of knots is part of the question.
+"""
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate.verification import Certificate, verify
+from tubeplanner.checks import require_between, require_count, require_kind
+from tubeplanner.first_guess.knot_modification import (
+    KnotModification,
+    KnotTrajectory,
+    ModificationOptions,
+    feasible_trajectory,
+)
+from tubeplanner.first_guess.segment_rules import LinkClearance
+from tubeplanner.first_guess.waypoints import quartic_spline
+from tubeplanner.task.problem import PlanningProblem
+
+_MIN_KNOTS = 4
+# Shares of the node budget that may be used by the end of: other numbers of knots, first doubling.
+_SHARES = (0.5, 0.85)
+
+
+@dataclass(frozen=True)
+class SuhBishopOptions:
+    """How phase 2 is done; the paper gives none of these numbers.
+
+    Attributes:
+        modification: How knots are moved.
+        fewer_knots: With how many knots less than phase 1's trajectory MP also begins.
+        more_knots: Likewise more.
+        doubled: How many of the fastest of these are doubled; from then on, the fastest.
+        min_gain: Doubling ends when it gains less than this share of the duration.
+        max_knots: Trajectories are not doubled to more knots.
+        node_budget: Phase 2 ends after about so many nodes of the searches for a direction.
+    """
+
+    modification: ModificationOptions = field(default_factory=ModificationOptions)
+    fewer_knots: int = 1
+    more_knots: int = 4
+    doubled: int = 3
+    min_gain: float = 3e-3
+    max_knots: int = 34
+    node_budget: int = 40_000
+
+    def __post_init__(self) -> None:
+        require_kind(self, "modification", ModificationOptions)
+        require_count(self, 0, "fewer_knots", "more_knots")
+        require_count(self, 1, "doubled", "node_budget")
+        require_count(self, 2, "max_knots")
+        require_between(self, 0, 1, "min_gain")
+
+
+@dataclass(frozen=True)
+class KnotStep:
+    """One modification process, from its beginning to its end.
+
+    Attributes:
+        process: "MP" of phase 1's trajectory, "other knots" or "DP", the latter two followed by MP.
+        knots: How many there are.
+        begin: Duration before any knot is moved [s].
+        duration: Duration in the end [s].
+    """
+
+    process: str
+    knots: int
+    begin: float
+    duration: float
+
+
+@dataclass(frozen=True)
+class PhaseTwoStatistics:
+    """Statistics of phase 2.
+
+    Attributes:
+        steps: In the order in which they were done.
+        knots: Of the best trajectory.
+        nodes: Nodes expanded by all searches for a direction.
+        directions: How many directions it searched for.
+        proved: In how many of these searches every other direction was ruled out.
+        budget_reached: Whether the node budget ended a step: there may be better trajectories.
+    """
+
+    steps: tuple[KnotStep, ...]
+    knots: int
+    nodes: int
+    directions: int
+    proved: int
+    budget_reached: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the statistics as JSON values."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        if not self.steps:
+            return "no knot was moved"
+        best, parts = np.inf, []
+        for step in self.steps:
+            if step.duration < best:
+                best = step.duration
+                parts.append(f"{step.process} to {best:.3f} s with {step.knots} knots")
+        text = (
+            f"{', '.join(parts)}; {len(self.steps)} times modified, {self.nodes} nodes for "
+            f"{self.directions} directions, {self.proved} of them proved the best"
+        )
+        return (
+            text + "; some ended at their share of the node budget" if self.budget_reached else text
+        )
+
+
+class SuhBishop:
+    """Phase 2, which may be stopped at any time.
+
+    Attributes:
+        best: The fastest certified trajectory so far.
+        certificate: Its certificate.
+        certificate_time: How long that took [s]; 0 as long as it is phase 1's.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        candidate: KnotTrajectory,
+        certificate: Certificate,
+        options: SuhBishopOptions,
+        checkpoint: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Begin with the trajectory that phase 1 found.
+
+        Args:
+            problem: The planning problem.
+            candidate: At the limits, certified.
+            certificate: Of that trajectory.
+            options: How to continue.
+            checkpoint: Called before every search for a direction; it may raise to end the work.
+        """
+        self.best, self.certificate, self.certificate_time = candidate, certificate, 0.0
+        self._problem, self._first, self._options = problem, candidate, options
+        self._checkpoint = checkpoint
+        self._steps: list[KnotStep] = []
+        self._nodes = self._directions = self._proved = 0
+        self._budget_reached = False
+
+    @property
+    def statistics(self) -> PhaseTwoStatistics:
+        """Statistics so far."""
+        return PhaseTwoStatistics(
+            steps=tuple(self._steps),
+            knots=len(self.best.knots),
+            nodes=self._nodes,
+            directions=self._directions,
+            proved=self._proved,
+            budget_reached=self._budget_reached,
+        )
+
+    def run(self) -> None:
+        """Move and double knots until that gains little, or the budget is used up."""
+        options = self._options
+        half, most = (round(share * options.node_budget) for share in _SHARES)
+        candidates = self._modified("MP", [self._first], 1.0, half)
+        others = list(self._with_other_knots(candidates[0]))
+        candidates += self._modified("other knots", others, 1.0, half)
+        scale, width = 1.0, options.doubled
+        while True:
+            scale, known = scale / 2, self.best.duration
+            fastest = sorted(candidates, key=lambda candidate: candidate.duration)[:width]
+            candidates = self._modified("DP", list(self._doubled(fastest)), scale, most)
+            if not candidates or self.best.duration > known * (1 - options.min_gain):
+                return
+            width, most = 1, options.node_budget
+
+    def _modified(
+        self, process: str, candidates: list[KnotTrajectory], scale: float, budget: int
+    ) -> list[KnotTrajectory]:
+        """Return trajectories whose knots are moved, each with its share of a budget of nodes."""
+        modified = []
+        for i, candidate in enumerate(candidates):
+            share = (budget - self._nodes) / (len(candidates) - i)
+            work = KnotModification(self._problem, candidate, self._options.modification, scale)
+            try:
+                work.run(share, self._checkpoint)
+            finally:  # keep the result even if the checkpoint ends the work
+                self._nodes += work.nodes
+                self._directions += work.directions
+                self._proved += work.proved
+                self._budget_reached |= work.nodes >= share
+                modified.append(self._kept(work.candidates))
+                begin, duration = candidate.duration, modified[-1].duration
+                self._steps.append(KnotStep(process, len(candidate.knots), begin, duration))
+        return modified
+
+    def _kept(self, candidates: list[KnotTrajectory]) -> KnotTrajectory:
+        """Keep the fastest certified one of ever faster trajectories, if it is the best yet.
+
+        Samples may miss what the certificate sees; the trajectories before are then tried by
+        bisection.
+
+        Returns:
+            The trajectory to continue from: that one, or the fastest if none is better than the
+            known best.
+        """
+        better = [candidate for candidate in candidates if candidate.duration < self.best.duration]
+        if not better:
+            return candidates[-1]
+        passed, failed, tried = -1, len(better), len(better) - 1
+        while failed - passed > 1:
+            begin = time.perf_counter()
+            certificate = verify(self._problem, better[tried].trajectory)
+            if certificate.passed:
+                passed, self.best, self.certificate = tried, better[tried], certificate
+                self.certificate_time = time.perf_counter() - begin
+            else:
+                failed = tried
+            tried = (passed + failed) // 2
+        return better[passed] if passed >= 0 else candidates[0]
+
+    def _with_other_knots(self, candidate: KnotTrajectory) -> Iterator[KnotTrajectory]:
+        """Yield a trajectory with other knot counts; else phase 1's, if the tube allows that."""
+        known = len(candidate.knots)
+        fewest = max(known - self._options.fewer_knots, _MIN_KNOTS)
+        most = min(known + self._options.more_knots, self._options.max_knots)
+        for count in range(fewest, most + 1):
+            shapes = (source.at_equal_times(count) for source in (candidate, self._first))
+            found = next(filter(None, map(self._spline, shapes)), None)
+            if found is not None:
+                yield found
+
+    def _doubled(self, candidates: Iterable[KnotTrajectory]) -> Iterator[KnotTrajectory]:
+        """Yield trajectories with a knot more at the middle of every segment.
+
+        Where the tube does not allow that, doubled again: the more knots, the less is changed.
+        """
+        for candidate in candidates:
+            count = 2 * len(candidate.knots) - 1
+            doubled = None
+            while doubled is None and count <= self._options.max_knots:
+                doubled = self._spline(candidate.at_equal_times(count))
+                count = 2 * count - 1
+            if doubled is not None:
+                yield doubled
+
+    def _spline(self, knots: FloatArray) -> KnotTrajectory | None:
+        """Return the 4-3-...-3-4 spline through knots (K, n), if it is feasible."""
+        clearance = LinkClearance(self._problem, knots)
+        return feasible_trajectory(self._problem, knots, quartic_spline, clearance, np.inf)

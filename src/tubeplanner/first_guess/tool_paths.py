@@ -1,0 +1,413 @@
+"""Joint paths along a curve of the tool: lines, arcs at corners."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq, elementwise
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.first_guess.branches import ReferenceBranch
+from tubeplanner.first_guess.inverse_kinematics import WantedRotation, solve_position
+from tubeplanner.first_guess.segment_walk import explain_error
+from tubeplanner.geometry.tube.points import arc_lengths
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+
+# ---- Curves that the tool follows along a polyline: its lines, and arcs in place of its corners.
+
+_STRAIGHT, _BACK = 1e-6, 1e-3  # [rad]: smaller turns need no arc, turns nearer to pi allow none
+_MIN_LENGTH = 1e-9  # [m]
+# Arcs stay away from the wall by this share of the radius: the arm follows them only closely.
+_KEPT_SHARE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class ToolCurve:
+    """Lines and arcs one after the other, with the same direction where they meet: P pieces.
+
+    Attributes:
+        start: Where each piece starts, shape (P, 3) [m].
+        direction: Of the tool there, unit vectors, shape (P, 3).
+        normal: Towards the centre of an arc, unit vectors, shape (P, 3); anything for a line.
+        curvature: Shape (P,) [1/m], 0 for a line.
+        arc_lengths: Length of the curve up to the ends of its pieces, shape (P+1,), from 0 [m].
+        polyline_arc_lengths: Length of the polyline up to the same places, shape (P+1,) [m].
+    """
+
+    start: FloatArray
+    direction: FloatArray
+    normal: FloatArray
+    curvature: FloatArray
+    arc_lengths: FloatArray
+    polyline_arc_lengths: FloatArray
+
+    @property
+    def length(self) -> float:
+        """Length [m]."""
+        return float(self.arc_lengths[-1])
+
+    def point(self, arc_length: FloatArray) -> FloatArray:
+        """Return the points (N, 3) [m] at arc lengths (N,) from 0 to the length."""
+        piece = np.clip(
+            np.searchsorted(self.arc_lengths, arc_length, "right") - 1, 0, len(self.start) - 1
+        )
+        local = (arc_length - self.arc_lengths[piece])[:, None]
+        half = self.curvature[piece, None] * local / (2 * np.pi)
+        forward = local * np.sinc(2 * half)  # sin(c s) / c
+        sideways = np.pi * half * local * np.sinc(half) ** 2  # (1 - cos(c s)) / c
+        return self.start[piece] + forward * self.direction[piece] + sideways * self.normal[piece]
+
+
+def rounded_polyline(points: FloatArray, radius: FloatArray | None) -> list[ToolCurve]:
+    """Return a polyline whose corners are cut by arcs, as curves between stops.
+
+    Args:
+        points: Shape (m+1, 3) [m], neighbours apart.
+        radius: How far an arc may be from the lines it joins, shape (m,) [m]; None: no arcs, the
+            tool stops at every point.
+
+    Returns:
+        One curve from stop to stop. It stops where no arc is possible: where a line doubles back.
+    """
+    lines = np.diff(points, axis=0)
+    length = np.linalg.norm(lines, axis=1)
+    direction = lines / length[:, None]
+    count = len(lines)
+    turn = np.array([_angle(a, b) for a, b in pairwise(direction)])
+    cut = np.zeros(count + 1)  # how much of both lines each corner's arc takes
+    if radius is not None:
+        for k in range(1, count):
+            if _STRAIGHT < turn[k - 1] < np.pi - _BACK:
+                available = min(length[k - 1] / (1 + (k > 1)), length[k] / (1 + (k + 1 < count)))
+                bends = _arc_radius((1 - _KEPT_SHARE) * radius[k - 1 : k + 1], turn[k - 1])
+                cut[k] = min(bends * np.tan(turn[k - 1] / 2), available)
+    passed = (cut[1:-1] > 0) | (turn <= _STRAIGHT) & (radius is not None)
+    stops = [0, *(np.flatnonzero(~passed) + 1).tolist(), count]
+    before = arc_lengths(points)
+    return [_between_stops(points, before, cut, a, b) for a, b in pairwise(stops)]
+
+
+def _angle(a: FloatArray, b: FloatArray) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def _arc_radius(allowed: FloatArray, turn: float) -> float:
+    """Return the largest radius of an arc that stays near its two lines.
+
+    Where an arc has turned by p, it is some multiple of its radius away from the line that it
+    leaves, and the same multiple at turn - p from the line that it joins. At the best place to
+    count it to the other line, both are at their bounds.
+    """
+    corner = 1 / np.cos(turn / 2)  # radii from the centre to where the lines meet
+
+    def away(p: float) -> float:
+        if np.sin(p) <= np.tan(turn / 2):
+            return float(1 - np.cos(p))
+        return float(np.sqrt(1 + corner**2 - 2 * corner * np.cos(p - turn / 2)))  # past its end
+
+    change = brentq(lambda p: allowed[0] * away(turn - p) - allowed[1] * away(p), 0.0, turn)
+    return float(allowed[0] / away(change))
+
+
+def _between_stops(
+    points: FloatArray, before: FloatArray, cut: FloatArray, first: int, last: int
+) -> ToolCurve:
+    """Return the curve from one point of a polyline to another."""
+    rows: list[tuple[FloatArray, FloatArray, FloatArray, float, float, float]] = []
+    for k in range(first, last):
+        line = points[k + 1] - points[k]
+        length = float(np.linalg.norm(line))
+        direction = line / length
+        taken, left = (cut[k] if k > first else 0.0), (cut[k + 1] if k + 1 < last else 0.0)
+        straight = length - taken - left
+        if straight > _MIN_LENGTH:
+            rows.append(
+                (points[k] + taken * direction, direction, direction, 0.0, straight, straight)
+            )
+        if left > 0:
+            rows.append(
+                _arc(points[k + 1] - left * direction, direction, points[k + 1 : k + 3], left)
+            )
+    starts, directions, normals, curvatures, lengths, shares = zip(*rows, strict=True)
+    return ToolCurve(
+        np.array(starts),
+        np.array(directions),
+        np.array(normals),
+        np.array(curvatures),
+        np.concatenate([[0.0], np.cumsum(lengths)]),
+        before[first] + np.concatenate([[0.0], np.cumsum(shares)]),
+    )
+
+
+def _arc(
+    start: FloatArray, direction: FloatArray, following: FloatArray, cut: float
+) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float]:
+    """Return start, direction, normal, curvature, length and what it takes of the polyline."""
+    line = following[1] - following[0]
+    after = line / np.linalg.norm(line)
+    turn = _angle(direction, after)
+    sideways = after - (after @ direction) * direction
+    curvature = np.tan(turn / 2) / cut
+    normal = sideways / np.linalg.norm(sideways)
+    return start, direction, normal, float(curvature), float(turn / curvature), 2 * cut
+
+
+# ---- The arm along a curve of its tool: a path in joint space, by inverse kinematics.
+
+CURVE_TOLERANCE = 1e-6  # [m] between the tool and its curve
+_MAX_ROUNDS, _MAX_NODES = 12, 2000  # of halving the steps that leave the curve
+# Configurations nearer to each other than this share of the arc length carry rounding errors, no
+# shape.
+_APART = 1e-5
+# A tool that moves less stands still [m]; joints that move as much meanwhile [rad or m] would have
+# to turn a sharp corner, where only a stop helps.
+_STILL, _TURNED = 1e-6, 1e-3
+_AT_END = 1e-9  # [m]
+# Newton's method doubles the digits with every step.
+_NEWTON_STEPS, _NEWTON_ROUNDING = 8, 1e-13
+_PROBES = (0.25, 0.5, 0.75)  # of every step
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPath:
+    """A path in joint space whose tool is on a curve.
+
+    Attributes:
+        joints: The path over the arc length in joint space [rad or m], which it runs at about unit
+            speed: cubics, C2.
+        curve: The tool's curve.
+        segment: What messages call the tube's segment in which it begins.
+    """
+
+    joints: JointTrajectory
+    curve: ToolCurve
+    segment: int
+
+
+def tool_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool) -> list[ToolPath]:
+    """Return the arm along the tool's straight lines between the reference points of a branch.
+
+    Args:
+        problem: The planning problem.
+        branch: The arm along the reference path.
+        arcs: Whether corners are cut by arcs inside the tube; else the tool stops there.
+
+    Returns:
+        The paths from stop to stop.
+
+    Raises:
+        Infeasible: There is nothing to move, or the tool cannot follow its lines and arcs.
+    """
+    route = _route(problem, branch)
+    length = np.linalg.norm(np.diff(route, axis=0), axis=1)
+    moves = length > _STILL
+    for k in branch.moving_segments:
+        if not moves[k]:
+            raise _stands_still(k)
+    if not moves.any():
+        message = "the start is the goal: there is nothing to move"
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+    points = route[np.append(True, moves)]
+    radius = problem.tube.effective_radius[moves] if arcs else None
+    return [follow(problem, branch, curve) for curve in rounded_polyline(points, radius)]
+
+
+def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) -> ToolPath:
+    """Return the path, beside a branch, whose tool is within 1e-6 m of a curve.
+
+    The branch's configurations are moved to the curve and joined by a cubic spline over their
+    distances; steps that leave the curve are halved.
+
+    Args:
+        problem: The planning problem.
+        branch: The arm along the polyline that the curve rounds.
+        curve: Lines and arcs along the polyline, or a part of it.
+
+    Raises:
+        Infeasible: Status unreachable or no_trajectory: the tool cannot follow the curve.
+    """
+    return _Follower(problem, branch, curve).path()
+
+
+def arc_lengths_on_line(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
+    """Return the joint-space arc lengths at which the tool is at places (N,) on its line [m]."""
+    arc_lengths = np.where(distance > _AT_END, line.joints.duration, 0.0)
+    inner = np.flatnonzero((distance > _AT_END) & (distance < line.curve.length - _AT_END))
+    if len(inner):
+        found = _by_newton(robot, line, distance[inner])
+        slow = inner[np.isnan(found)]
+        arc_lengths[inner] = found
+        if len(slow):
+            arc_lengths[slow] = _by_bracketing(robot, line, distance[slow])
+    return arc_lengths
+
+
+def _by_newton(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
+    """Return the arc lengths of places (N,) inside a line; NaN where a few steps do not do.
+
+    That is where the tool is slow for its joints, near a singular configuration.
+    """
+    start, direction = line.curve.start[0], line.curve.direction[0]
+    end = line.joints.duration
+    found = distance / line.curve.length * end
+    step = np.full(len(distance), np.nan)
+    for _ in range(_NEWTON_STEPS):
+        tool, jacobian = robot.tool_jacobian(line.joints.position(found))
+        gain = np.einsum("nij,nj,i->n", jacobian[:, :3], line.joints.velocity(found), direction)
+        excess = (tool - start) @ direction - distance
+        step = np.divide(excess, gain, out=np.full_like(gain, np.nan), where=gain > 0)
+        found = found - step
+        found[(found < 0) | (found > end)] = np.nan
+        if not (abs(step) > _NEWTON_ROUNDING * end).any():  # NaN is done, too
+            break
+    found[~(abs(step) <= _NEWTON_ROUNDING * end)] = np.nan
+    return found
+
+
+def _by_bracketing(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
+    """Return the arc lengths of places (N,) inside a line, however slow the tool is there."""
+    start, direction = line.curve.start[0], line.curve.direction[0]
+
+    def excess(arc_length: FloatArray, distance: FloatArray) -> FloatArray:
+        tool = robot.tool_position(line.joints.position(arc_length))
+        return (tool - start) @ direction - distance
+
+    ends = (np.zeros(len(distance)), np.full(len(distance), line.joints.duration))
+    arc_lengths: FloatArray = elementwise.find_root(excess, ends, args=(distance,)).x
+    return arc_lengths
+
+
+def _route(problem: PlanningProblem, branch: ReferenceBranch) -> FloatArray:
+    """Return where a branch has the tool at the ends of its segments, shape (m+1, 3) [m]."""
+    ends = [branch.start, *(q[-1] for q in branch.segments)]
+    return problem.robot.tool_position(np.array(ends))
+
+
+class _Follower:
+    """Configurations with the tool on a curve; table rows are (*configuration, arc length)."""
+
+    def __init__(self, problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) -> None:
+        self._problem, self._branch, self._curve = problem, branch, curve
+        route = _route(problem, branch)
+        self._route, self._before = route, arc_lengths(route)
+
+    def path(self) -> ToolPath:
+        table = _apart(self._on_curve(self._along_branch()))
+        for _ in range(_MAX_ROUNDS):
+            spline = _spline(table)
+            off = self._off_curve(spline)
+            steps = np.flatnonzero(off > CURVE_TOLERANCE)
+            if len(steps) == 0:
+                names = self._problem.robot.joint_names
+                joints = JointTrajectory(names, spline.x, spline.c[:, :, :-1])
+                first = self._segment(self._curve.arc_lengths[1:2] / 2)[0]
+                return ToolPath(joints, self._curve, self._number(int(first)))
+            if len(table) > _MAX_NODES:
+                break
+            middle = spline((spline.x[steps] + spline.x[steps + 1]) / 2)
+            table = _apart(np.insert(table, steps + 1, self._on_curve(middle), axis=0))
+        at = table[off.argmax(), -1:]
+        k = self._number(int(self._segment(at)[0]), self._curve.point(at)[0])
+        raise Infeasible(
+            PlanStatus.NO_TRAJECTORY,
+            f"segment {k}: a spline through {len(table)} configurations leaves the tool's curve by "
+            f"{off.max():.3g} m: a singular configuration is in the way; move the reference points",
+            Place(segment=k),
+        )
+
+    def _along_branch(self) -> FloatArray:
+        """Return the branch's configurations beside the curve, and their arc lengths on it."""
+        first, last = self._curve.polyline_arc_lengths[[0, -1]]
+        rows = []
+        for k, q in enumerate(self._branch.segments):
+            begin, end = self._before[k : k + 2]
+            if begin < first - CURVE_TOLERANCE or end > last + CURVE_TOLERANCE or begin == end:
+                continue
+            direction = (self._route[k + 1] - self._route[k]) / (end - begin)
+            arc_length = (self._problem.robot.tool_position(q) - self._route[k]) @ direction
+            _require_moving(q, arc_length, self._number(k))
+            rows.append(np.column_stack([q, begin + np.clip(arc_length, 0.0, end - begin)]))
+        table = np.vstack(rows)
+        table[:, -1] = np.interp(
+            table[:, -1], self._curve.polyline_arc_lengths, self._curve.arc_lengths
+        )
+        return table
+
+    def _segment(self, arc_length: FloatArray) -> IntArray:
+        """Return the tube's segments (N,) to which arc lengths (N,) on the curve belong."""
+        polyline = np.interp(arc_length, self._curve.arc_lengths, self._curve.polyline_arc_lengths)
+        return np.searchsorted(self._before[1:-1], polyline)
+
+    def _number(self, segment: int, tool: FloatArray | None = None) -> int:
+        return self._problem.tube.segment_number(segment, tool)
+
+    def _on_curve(self, table: FloatArray) -> FloatArray:
+        """Return a table with its tools moved onto the curve, orientation kept if it is bounded.
+
+        Raises:
+            Infeasible: Status unreachable.
+        """
+        problem, moved, rotation = self._problem, table.copy(), None
+        if problem.rotation is not None:
+            rotation, _ = problem.robot.tool_pose(table[:, :-1])
+        points, segments = self._curve.point(table[:, -1]), self._segment(table[:, -1])
+        for i, (point, k) in enumerate(zip(points, segments, strict=True)):
+            seed, bounds = table[i, :-1], (problem.joint_lower[k], problem.joint_upper[k])
+            kept = None if rotation is None else _as_it_is(rotation[i])
+            solution = solve_position(problem.robot, point, seed, *bounds, rotation=kept)
+            if solution.error > CURVE_TOLERANCE:
+                reason = explain_error(problem, point, seed, int(k), solution)
+                place = Place(segment=self._number(int(k), point)).at(point)
+                raise Infeasible(PlanStatus.UNREACHABLE, f"{place}: {reason}", place)
+            moved[i, :-1] = solution.q
+        return moved
+
+    def _off_curve(self, spline: CubicSpline) -> FloatArray:
+        """Return how far the tool is from the curve within each step of a spline, (steps,) [m]."""
+        x = spline.x
+        arc_lengths = x[:-1, None] + np.diff(x)[:, None] * _PROBES
+        probes = spline(arc_lengths.ravel())
+        tool = self._problem.robot.tool_position(probes[:, :-1])
+        length = self._curve.length
+        wanted = self._curve.point(np.clip(probes[:, -1], 0.0, length))
+        off = np.linalg.norm(tool - wanted, axis=1)
+        return off.reshape(arc_lengths.shape).max(axis=1)
+
+
+def _require_moving(q: FloatArray, arc_length: FloatArray, segment: int) -> None:
+    """Raise if joints (P, n) move on while the tool's arc length (P,) does not."""
+    turned = abs(np.diff(q, axis=0)).max(axis=1)
+    if ((np.diff(arc_length) < _STILL) & (turned > _TURNED)).any():
+        raise _stands_still(segment)
+
+
+def _stands_still(segment: int) -> Infeasible:
+    return Infeasible(
+        PlanStatus.NO_TRAJECTORY,
+        f"segment {segment}: joints have to move where the tool stands still, which no scheme that "
+        "is led by the tool can; leave the goal open, or give one that the line leads to",
+        Place(segment=segment),
+    )
+
+
+def _as_it_is(rotation: FloatArray) -> WantedRotation:
+    return WantedRotation(rotation, np.zeros(3), np.ones(3, dtype=bool))
+
+
+def _spline(table: FloatArray) -> CubicSpline:
+    return CubicSpline(arc_lengths(table[:, :-1]), table)
+
+
+def _apart(table: FloatArray) -> FloatArray:
+    """Return a table without configurations that are almost those before them."""
+    lengths = arc_lengths(table[:, :-1])
+    apart = _APART * lengths[-1]
+    kept = [0]
+    for i in range(1, len(table) - 1):
+        if min(lengths[i] - lengths[kept[-1]], lengths[-1] - lengths[i]) > apart:
+            kept.append(i)
+    return table[[*kept, len(table) - 1]]

@@ -1,0 +1,1 @@
+"""Shapes of links and obstacles; lower bounds on their distances."""

@@ -1,0 +1,477 @@
+"""BodyShapes: convex shapes on a robot's bodies and their distances, native or FCL.
+
+Natively where the answer proves itself: where a distance along a direction, a lower bound, is that
+of two points, an upper one, to 1e-9 m. Where it does not, of shapes that overlap or all but touch,
+FCL and Coal are asked, as they are for all pairs without the native library.
+"""
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.geometry.convex_pairs import IS_NATIVE, LeastRoom, NativeShapes, ShapeArrays
+from tubeplanner.geometry.convex_shapes import BoundingBoxes, ConvexShape, bounding_boxes
+from tubeplanner.geometry.distances import ClosestPoints, PlacedShapes
+from tubeplanner.robot.model import RobotModel
+
+# ---- Convex shapes on the bodies of a robot, and how far apart pairs of them are.
+
+
+@dataclass(frozen=True, eq=False)
+class BodyShape:
+    """One convex shape and its owner.
+
+    Attributes:
+        owner: Name of the link or obstacle.
+        body: Body of the robot that carries it; 0 stands still.
+        shape: In the body's frame.
+    """
+
+    owner: str
+    body: int
+    shape: ConvexShape
+
+
+class _PlacedShapes(threading.local):
+    """Shapes that are moved to where they are measured, for every thread its own."""
+
+    def __init__(self, shapes: Sequence[BodyShape]) -> None:
+        self.shapes = PlacedShapes([body_shape.shape for body_shape in shapes])
+
+
+class BodyShapes:
+    """Shapes on the bodies of a robot.
+
+    Several threads may use one; it pickles by content, without any file.
+
+    Attributes:
+        robot: The arm.
+        shapes: The shapes.
+    """
+
+    def __init__(self, robot: RobotModel, shapes: Sequence[BodyShape]) -> None:
+        """Take shapes; they are measured where the robot's configuration puts them."""
+        self.robot = robot
+        self.shapes = list(shapes)
+        self._placed = _PlacedShapes(self.shapes)
+
+    def _add(self, shapes: Sequence[BodyShape]) -> None:
+        """Add shapes behind those that there are."""
+        if shapes:
+            self.shapes += shapes
+            for derived in ("_bodies", "_boxes", "_native", "_spheres"):
+                vars(self).pop(derived, None)
+            self._placed = _PlacedShapes(self.shapes)
+
+    def __getstate__(self) -> dict[str, Any]:
+        addresses = ("_placed", "_native")
+        return {name: value for name, value in vars(self).items() if name not in addresses}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._placed = _PlacedShapes(self.shapes)
+
+    def distances(self, rotation: FloatArray, position: FloatArray, pairs: IntArray) -> FloatArray:
+        """Return lower bounds on the signed distances of pairs at one configuration [m].
+
+        Args:
+            rotation: Of all bodies, shape (bodies, 3, 3), from `RobotModel.body_poses`.
+            position: Of all bodies, shape (bodies, 3) [m].
+            pairs: Shape (P, 2).
+
+        Returns:
+            Shape (P,); negative where shapes overlap. Never above the true distance, except by
+            rounding.
+
+        Raises:
+            ValueError: A pose is not finite.
+        """
+        return self.separations(rotation, position, pairs)[0]
+
+    def separations(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `distances`, and the directions along which the shapes are that far apart.
+
+        Returns:
+            Distances (P,) [m] and unit vectors (P, 3) from the first towards the second shape of
+            each pair, in the frame of the second shape's body.
+        """
+        row = np.zeros(len(pairs), dtype=np.int64)
+        return self.separations_at(rotation[None], position[None], pairs, row)
+
+    def separations_at(
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        row: IntArray | None = None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what `separations` does, in several configurations.
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3).
+            position: Shape (N, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            row: In which of the N configurations each pair is, shape (P,); None: each in its own.
+        """
+        row = _rows(pairs, row)
+        if self._native is None:
+            measured = self._by_fcl(rotation, position, pairs, row)
+            return measured.distance, self._in_second(rotation, pairs, row, measured)
+        found = self._native.closest_points(rotation, position, row, pairs)
+        unproven = np.flatnonzero(~found.proven)
+        if len(unproven):
+            others = pairs[unproven], row[unproven]
+            measured = self._by_fcl(rotation, position, *others)
+            found.distance[unproven] = measured.distance
+            found.direction[unproven] = self._in_second(rotation, *others, measured)
+        return found.distance, found.direction
+
+    def _in_second(
+        self, rotation: FloatArray, pairs: IntArray, row: IntArray, closest: ClosestPoints
+    ) -> FloatArray:
+        """Return directions of pairs in the frames of the second shapes' bodies, shape (P, 3)."""
+        frames = rotation[row, self._bodies[pairs[:, 1]]]
+        return np.einsum("pij,pi->pj", frames, closest.direction)
+
+    def closest_points(
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        row: IntArray | None = None,
+    ) -> ClosestPoints:
+        """Return where pairs are closest, in several configurations.
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3).
+            position: Shape (N, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            row: In which of the N configurations each pair is, shape (P,); None: each in its own.
+
+        Raises:
+            ValueError: A pose is not finite.
+        """
+        row = _rows(pairs, row)
+        if self._native is None:
+            return self._by_fcl(rotation, position, pairs, row)
+        found = self._native.closest_points(rotation, position, row, pairs)
+        closest = ClosestPoints(found.distance, found.along, found.first, found.second)
+        unproven = np.flatnonzero(~found.proven)
+        if len(unproven):
+            exact = self._by_fcl(rotation, position, pairs[unproven], row[unproven])
+            for name, values in vars(exact).items():
+                getattr(closest, name)[unproven] = values
+        return closest
+
+    def _by_fcl(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray, row: IntArray
+    ) -> ClosestPoints:
+        bodies = self._bodies[pairs]
+        placed = rotation[row[:, None], bodies], position[row[:, None], bodies]
+        return self._placed.shapes.separations(pairs, *placed)
+
+    def near_distances(
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        matters: FloatArray,
+        known: FloatArray,
+    ) -> FloatArray | None:
+        """Return distances of all pairs in N configurations, natively, (N, P) [m].
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3), neighbours best one after the other.
+            position: Shape (N, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            matters: Below which distances are exact, shape (N, P) [m]; else they are lower bounds.
+            known: Lower bounds that are known, shape (N, P) [m].
+
+        Without the native library, return None.
+        """
+        if self._native is None:
+            return None
+        found, unproven = self._native.near_distances(rotation, position, pairs, matters, known)
+        row, pair = np.nonzero(unproven)
+        if len(row):
+            found[row, pair] = self._by_fcl(rotation, position, pairs[pair], row).distance
+        return found
+
+    def least_room(
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        required: FloatArray,
+        near: float,
+    ) -> LeastRoom | None:
+        """Return which pair has the least distance beyond its required one in N configurations.
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3), neighbours best one after the other.
+            position: Shape (N, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            required: Shape (P,) [m]; -inf: a pair that does not count.
+            near: Pairs that have more do not matter [m].
+
+        Returns:
+            The pairs; one that overlaps or all but touches, of which `closest_points` tells how
+            deep, ends the search in its configuration. None: the native library is left out.
+        """
+        if self._native is None:
+            return None
+        return self._native.least_room(rotation, position, pairs, required, near)
+
+    def distance_gradient(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray, closest: ClosestPoints
+    ) -> FloatArray:
+        """Return the derivative of the distances of pairs, each in its own configuration.
+
+        Args:
+            rotation: Shape (P, bodies, 3, 3).
+            position: Shape (P, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            closest: What `closest_points` returns of these.
+
+        Returns:
+            By the joints, shape (P, n) [m/rad or 1].
+        """
+        gradient = np.zeros((len(pairs), self.robot.joint_count))
+        for sign, column, point in ((-1, 0, closest.first), (1, 1, closest.second)):
+            body = self._bodies[pairs[:, column]]
+            moved = self.robot.point_jacobian(rotation, position, body, point)
+            gradient += sign * np.einsum("pi,pij->pj", closest.direction, moved)
+        return gradient
+
+    def any_overlap(self, rotation: FloatArray, position: FloatArray, pairs: IntArray) -> bool:
+        """Return whether any of some pairs (P, 2) overlaps; arguments as of `distances`.
+
+        FCL alone decides, quicker than `distances`: an overlap of some millimetres may be missed.
+        """
+        bodies = self._bodies[pairs]
+        return self._placed.shapes.overlap(pairs, rotation[bodies], position[bodies])
+
+    def separations_along(
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        direction: FloatArray,
+        row: IntArray | None = None,
+    ) -> FloatArray:
+        """Return how far apart pairs are along given directions, in several configurations.
+
+        A direction that separates a pair also separates it in neighbouring configurations, almost
+        as far: a quick lower bound on the distance.
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3).
+            position: Shape (N, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            direction: Unit vectors as from `separations`, shape (P, 3).
+            row: In which of the N configurations each pair is, shape (P,); None: each in its own.
+
+        Returns:
+            Shape (P,) [m].
+        """
+        row = _rows(pairs, row)
+        if self._native is not None:
+            return self._native.gaps_along(rotation, position, row, pairs, direction)
+        result = np.empty(len(pairs))
+        order = np.lexsort(pairs.T)
+        groups = np.flatnonzero(np.any(np.diff(pairs[order], axis=0) != 0, axis=1)) + 1
+        for rows in np.split(order, groups) if len(order) else ():
+            first, second = (self.shapes[index] for index in pairs[rows[0]])
+            at, along = row[rows], direction[rows]
+            world_direction = np.einsum("pij,pj->pi", rotation[at, second.body], along)
+            local = np.einsum("pij,pi->pj", rotation[at, first.body], world_direction)
+            farthest = (local @ first.shape.vertices.T).max(axis=1) + first.shape.radius
+            nearest = (along @ second.shape.vertices.T).min(axis=1) - second.shape.radius
+            offset = position[at, second.body] - position[at, first.body]
+            result[rows] = nearest - farthest + np.einsum("pi,pi->p", world_direction, offset)
+        return result
+
+    def sphere_distances(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+    ) -> FloatArray:
+        """Return quick, loose lower bounds from bounding spheres, shape (N, P) [m].
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3).
+            position: Shape (N, bodies, 3) [m].
+            pairs: Shape (P, 2).
+        """
+        if self._native is not None:
+            return self._native.sphere_gaps(rotation, position, pairs)
+        return self.gaps_of_spheres(self.sphere_centers(rotation, position), pairs)
+
+    def sphere_centers(self, rotation: FloatArray, position: FloatArray) -> FloatArray:
+        """Return the centres of the bounding spheres of all S shapes, shape (N, S, 3) [m].
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3).
+            position: Shape (N, bodies, 3) [m].
+        """
+        centers, _ = self._spheres
+        turned = np.einsum("nsij,sj->nsi", rotation[:, self._bodies], centers)
+        placed: FloatArray = turned + position[:, self._bodies]
+        return placed
+
+    def gaps_of_spheres(self, centers: FloatArray, pairs: IntArray) -> FloatArray:
+        """Return `sphere_distances` (N, P) of pairs (P, 2) from `sphere_centers` (N, S, 3) [m]."""
+        radii, (first, second) = self._spheres[1], pairs.T
+        gap = np.linalg.norm(centers[:, first] - centers[:, second], axis=2)
+        return gap - radii[first] - radii[second]
+
+    def box_distances(
+        self, rotation: FloatArray, position: FloatArray, row: IntArray, pairs: IntArray
+    ) -> FloatArray:
+        """Return lower bounds on distances [m]: each shape's sphere against the other one's box.
+
+        Closer than `sphere_distances` where a shape is long or flat.
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3).
+            position: Shape (N, bodies, 3) [m].
+            row: In which of the N configurations each pair is, shape (M,).
+            pairs: Shape (M, 2).
+
+        Returns:
+            Shape (M,).
+        """
+        if self._native is not None:
+            return self._native.box_gaps(rotation, position, row, pairs)
+        centers, radii = self._spheres
+        bodies, bounds = self._bodies[pairs], []
+        turned, placed = rotation[row[:, None], bodies], position[row[:, None], bodies]
+        world = np.einsum("mkij,mkj->mki", turned, centers[pairs]) + placed
+        for ball, box in ((0, 1), (1, 0)):
+            away = np.einsum("mij,mi->mj", turned[:, box], world[:, ball] - placed[:, box])
+            bounds.append(self._boxes.distance(pairs[:, box], away) - radii[pairs[:, ball]])
+        return np.maximum(*bounds)
+
+    def motion_weights(self, pairs: IntArray) -> FloatArray:
+        """Return how fast joints can bring pairs together: shape (P, n) [m per rad or m].
+
+        When the joints travel by `|dq|`, the distance of a pair changes by at most
+        `weights @ |dq|`. A joint that moves both shapes of a pair as one does not count.
+        """
+        reach = np.array([shape.shape.reach(np.zeros(3)) for shape in self.shapes])
+        first, second = pairs.T
+        return self.robot.approach_rates(
+            (self._bodies[first], self._bodies[second]), (reach[first], reach[second])
+        )
+
+    @cached_property
+    def _bodies(self) -> IntArray:
+        return np.array([shape.body for shape in self.shapes], dtype=np.int64)
+
+    @cached_property
+    def _boxes(self) -> BoundingBoxes:
+        return bounding_boxes([shape.shape for shape in self.shapes])
+
+    @cached_property
+    def _native(self) -> NativeShapes | None:
+        """The same shapes for the native library; None: it is left out."""
+        if not IS_NATIVE:
+            return None
+        radius = np.array([shape.shape.radius for shape in self.shapes])
+        vertices, boxes = [shape.shape.vertices for shape in self.shapes], self._boxes
+        boxed = (boxes.axes, boxes.center, boxes.half)
+        return NativeShapes(ShapeArrays(self._bodies, vertices, radius, *self._spheres, *boxed))
+
+    @cached_property
+    def _spheres(self) -> tuple[FloatArray, FloatArray]:
+        centers = np.array([shape.shape.center for shape in self.shapes]).reshape(-1, 3)
+        return centers, np.array([shape.shape.bounding_radius for shape in self.shapes])
+
+
+def _rows(pairs: IntArray, row: IntArray | None) -> IntArray:
+    """Return in which configuration each pair is, shape (P,)."""
+    return np.arange(len(pairs)) if row is None else row
+
+
+# ---- Distances of pairs of shapes in neighbouring configurations, exact where they matter.
+
+# Without the native library configurations are visited coarse to fine, with this stride first; one
+# near by then provides a direction that separates a pair.
+_STRIDES = (64, 16, 4, 1)
+
+
+def near_distances(
+    checker: BodyShapes, q: FloatArray, pairs: IntArray, matters: FloatArray, known: FloatArray
+) -> FloatArray:
+    """Return distances of all pairs in configurations that follow each other, shape (N, P) [m].
+
+    Those beyond what matters are lower bounds: known ones, from spheres, or along a direction that
+    separates the pair.
+
+    Args:
+        checker: The shapes.
+        q: Configurations, shape (N, n).
+        pairs: Shape (P, 2).
+        matters: Below which distances are exact, shape (N, P) [m].
+        known: Lower bounds that are known, shape (N, P) [m].
+    """
+    poses = checker.robot.body_poses(q)
+    found = checker.near_distances(*poses, pairs, matters, known)
+    if found is not None:
+        return found
+    distances = _Distances(checker, poses, pairs, matters, known)
+    before = len(q)
+    for stride in _STRIDES:
+        samples = np.arange(0, len(q), stride)
+        distances.measure(samples[(samples % before != 0) | (before == len(q))], before)
+        before = stride
+    return distances.found
+
+
+class _Distances:
+    """Distances of P pairs at N configurations along a spline, as exact as they are near.
+
+    Attributes:
+        found: Lower bounds, exact below what matters, (N, P) as both [m].
+    """
+
+    def __init__(
+        self,
+        checker: BodyShapes,
+        poses: tuple[FloatArray, FloatArray],
+        pairs: IntArray,
+        matters: FloatArray,
+        known: FloatArray,
+    ) -> None:
+        self._checker, self._pairs, self._matters = checker, pairs, matters
+        self._rotation, self._position = poses
+        spheres = checker.sphere_distances(self._rotation, self._position, pairs)
+        self.found = np.maximum(spheres, known)
+        self._near = self.found < matters
+        self._direction = np.zeros((*self.found.shape, 3))
+        self._is_known = np.zeros(self.found.shape, dtype=bool)
+
+    def measure(self, samples: IntArray, stride: int) -> None:
+        """Visit some samples, after those that are multiples of a stride."""
+        row, pair = np.nonzero(self._near[samples])
+        row = samples[row]
+        last = row - row % stride
+        known = np.flatnonzero(self._is_known[last, pair])
+        self._direction[row, pair] = self._direction[last, pair]
+        self._is_known[row, pair] = True
+        at = (row[known], pair[known])
+        bound = self._checker.separations_along(
+            self._rotation, self._position, self._pairs[at[1]], self._direction[at], at[0]
+        )
+        self.found[at] = np.maximum(self.found[at], bound)
+        close = self.found[row, pair] < self._matters[row, pair]
+        for i in np.unique(row[close]):
+            pairs = pair[close & (row == i)]
+            self.found[i, pairs], self._direction[i, pairs] = self._checker.separations(
+                self._rotation[i], self._position[i], self._pairs[pairs]
+            )

@@ -1,0 +1,259 @@
+"""Convex shapes, hulls, bounding boxes, evenly spread directions."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray, read_only
+from tubeplanner.text import short_repr
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
+
+# ---- Convex hulls by Qhull. scipy is imported when the first is needed: never for known covers.
+
+
+def hull(points: FloatArray) -> "ConvexHull":
+    """Return the hull of points (N, 3).
+
+    Raises:
+        QhullError: They lie in a plane, or nearly; it is a RuntimeError.
+    """
+    from scipy.spatial import ConvexHull
+
+    return ConvexHull(points)
+
+
+def hull_unless_flat(points: FloatArray) -> "ConvexHull | None":
+    """Return the hull of points (N, 3), or None if they lie in a plane, or nearly."""
+    from scipy.spatial import QhullError
+
+    try:
+        return hull(points)
+    except QhullError:
+        return None
+
+
+# ---- Solids as unions of convex shapes, the representation for collision checking.
+#
+# A shape is a polytope grown by a radius (a sphere is one grown point, a capsule a grown edge), so
+# that one bound on distance works for all of them. Every conversion covers the original solid.
+
+# A cylinder becomes a circumscribed prism; 24 sides make it at most 0.9 % too wide.
+_PRISM_SIDES = 24
+_INSCRIBED_SIDES = 96  # of a prism that leaves out at most 0.05 % of the radius
+# A flat point set has no hull with faces; it is given this half thickness [m].
+_FLAT_HALF_THICKNESS = 1e-6
+_NO_AREA, _NORMAL_DIGITS = 1e-16, 9  # of a face [m^2]; of a normal's coordinates
+_MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
+# Two triangles of each side, for corners in the order of `_BOX_SIGNS`.
+_BOX_SIGNS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+_BOX_FACES = np.array(
+    [
+        *([0, 1, 5], [0, 5, 4], [2, 6, 7], [2, 7, 3]),  # x
+        *([0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6]),  # y
+        *([0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5]),  # z
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexShape:
+    """The convex hull of some points, grown by a radius.
+
+    Attributes:
+        vertices: Shape (V, 3) [m].
+        radius: Growth [m], >= 0.
+        known_faces: `faces`, if they are known; None: they are found when first asked for.
+    """
+
+    vertices: FloatArray
+    radius: float = 0.0
+    known_faces: IntArray | None = None
+
+    __repr__ = short_repr
+
+    @cached_property
+    def center(self) -> FloatArray:
+        """Centre of the bounding sphere, shape (3,) [m]."""
+        return (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
+
+    @cached_property
+    def bounding_radius(self) -> float:
+        """Radius of the bounding sphere about `center` [m]."""
+        return self.reach(self.center)
+
+    @cached_property
+    def faces(self) -> IntArray:
+        """Triangles of the polytope as vertex indices, outward, shape (F, 3); none of a ball."""
+        if self.known_faces is not None:
+            return self.known_faces
+        if len(self.vertices) < _MIN_CORNERS:
+            return np.zeros((0, 3), dtype=np.int64)
+        found = hull(self.vertices)
+        triangles = self.vertices[found.simplices]
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        inward = np.einsum("fi,fi->f", normals, found.equations[:, :3]) < 0
+        outward = np.where(inward[:, None], found.simplices[:, ::-1], found.simplices)
+        return outward.astype(np.int64)
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """Outward unit normals of the polytope's faces, each once, shape (F, 3); none of a ball."""
+        triangles = self.vertices[self.faces]
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        length = np.linalg.norm(normals, axis=1)
+        sound = length > _NO_AREA
+        return np.unique((normals[sound] / length[sound, None]).round(_NORMAL_DIGITS), axis=0)
+
+    def reach(self, point: FloatArray) -> float:
+        """Return the largest distance from a point (3,) to the shape [m]."""
+        return float(np.linalg.norm(self.vertices - point, axis=1).max()) + self.radius
+
+    def transformed(self, placement: FloatArray) -> "ConvexShape":
+        """Return the shape moved by a rotation and a translation, shape (4, 4)."""
+        moved = self.vertices @ placement[:3, :3].T + placement[:3, 3]
+        return ConvexShape(read_only(moved), self.radius, self.known_faces)
+
+
+def box(size: Iterable[float]) -> ConvexShape:
+    """Return a centred box of full side lengths [m]."""
+    corners = _BOX_SIGNS * np.array(list(size)) / 2
+    return ConvexShape(read_only(corners), known_faces=_BOX_FACES)
+
+
+def sphere(radius: float) -> ConvexShape:
+    """Return a centred sphere of a radius [m]."""
+    return ConvexShape(read_only(np.zeros((1, 3))), radius)
+
+
+def capsule(radius: float, length: float) -> ConvexShape:
+    """Return a centred capsule along z, in [m]; `length` lies between its caps' centres."""
+    return ConvexShape(read_only([[0, 0, -length / 2], [0, 0, length / 2]]), radius)
+
+
+def cylinder(radius: float, length: float) -> ConvexShape:
+    """Return the prism around a centred cylinder along z, in [m]."""
+    return _prism(radius / np.cos(np.pi / _PRISM_SIDES), length, _PRISM_SIDES)
+
+
+def inscribed_cylinder(radius: float, length: float) -> ConvexShape:
+    """Return a prism inside a centred cylinder along z, hardly smaller than it, in [m]."""
+    return _prism(radius, length, _INSCRIBED_SIDES)
+
+
+def _prism(radius: float, length: float, sides: int) -> ConvexShape:
+    angles = np.arange(sides) * 2 * np.pi / sides
+    ring = radius * np.array([np.cos(angles), np.sin(angles)]).T
+    ends = [np.column_stack([ring, np.full(sides, z)]) for z in (-length / 2, length / 2)]
+    return ConvexShape(read_only(np.vstack(ends)), known_faces=_prism_faces(sides))
+
+
+def _prism_faces(sides: int) -> IntArray:
+    """Return the triangles of a prism whose bottom comes first, both ends counterclockwise."""
+    here = np.arange(sides)
+    following = np.roll(here, -1)
+    fan = np.column_stack([np.zeros(sides - 2, dtype=np.int64), here[1:-1], here[2:]])
+    sloping = (
+        np.column_stack([here, following, following + sides]),
+        np.column_stack([here, following + sides, here + sides]),
+    )
+    return np.concatenate([fan[:, ::-1], fan + sides, *sloping])
+
+
+def convex_hull(points: FloatArray) -> ConvexShape:
+    """Return the convex hull of points (N, 3); a flat set becomes its thickened bounding box."""
+    found = hull_unless_flat(points)
+    if found is not None:
+        return ConvexShape(read_only(points[found.vertices]))
+    low = points.min(axis=0) - _FLAT_HALF_THICKNESS
+    high = points.max(axis=0) + _FLAT_HALF_THICKNESS
+    corners = box(high - low).vertices + (low + high) / 2
+    return ConvexShape(read_only(corners), known_faces=_BOX_FACES)
+
+
+def flat_hull(points: FloatArray) -> ConvexShape:
+    """Return a convex shape around points (N, 3) that lie in a plane, or nearly."""
+    middle = points.mean(axis=0)
+    axes = np.linalg.svd(points - middle, full_matrices=False)[2]
+    if len(axes) < 3:
+        return convex_hull(points)
+    along = (points - middle) @ axes.T
+    low, high = along.min(axis=0), along.max(axis=0)
+    size = high - low + 2 * _FLAT_HALF_THICKNESS
+    return ConvexShape(read_only((box(size).vertices + (low + high) / 2) @ axes + middle))
+
+
+def frame_along(z: FloatArray) -> FloatArray:
+    """Return a rotation (3, 3) whose third column is the unit vector z."""
+    x = np.cross(np.eye(3)[int(np.argmin(abs(z)))], z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+# ---- Boxes around convex shapes: quick lower bounds where a shape is long or flat.
+
+
+@dataclass(frozen=True, eq=False)
+class BoundingBoxes:
+    """The boxes around S shapes, each in its body's frame.
+
+    Attributes:
+        axes: Unit vectors as rows, shape (S, 3, 3).
+        center: Along these, shape (S, 3) [m].
+        half: Half lengths, shape (S, 3) [m].
+    """
+
+    axes: FloatArray
+    center: FloatArray
+    half: FloatArray
+
+    def distance(self, shape: IntArray, point: FloatArray) -> FloatArray:
+        """Return how far points are from the boxes of shapes.
+
+        Args:
+            shape: Indices, shape (M,).
+            point: In the frames of the shapes' bodies, shape (M, 3) [m].
+
+        Returns:
+            Shape (M,) [m]; 0 inside.
+        """
+        along = np.einsum("mij,mj->mi", self.axes[shape], point) - self.center[shape]
+        beyond = np.maximum(abs(along) - self.half[shape], 0.0)
+        return np.sqrt(np.einsum("mi,mi->m", beyond, beyond))
+
+
+def bounding_boxes(shapes: Sequence[ConvexShape]) -> BoundingBoxes:
+    """Return boxes around shapes: along their principal or their body's axes, what is smaller."""
+    boxes = [min(_box(s, np.eye(3)), _box(s, _principal_axes(s)), key=_volume) for s in shapes]
+    axes, center, half = (np.array([box[k] for box in boxes]) for k in range(3))
+    return BoundingBoxes(axes.reshape(-1, 3, 3), center.reshape(-1, 3), half.reshape(-1, 3))
+
+
+def _box(shape: ConvexShape, axes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    along = shape.vertices @ axes.T
+    low, high = along.min(axis=0), along.max(axis=0)
+    return axes, (low + high) / 2, (high - low) / 2 + shape.radius
+
+
+def _volume(box: tuple[FloatArray, FloatArray, FloatArray]) -> float:
+    return float(np.prod(box[2]))
+
+
+def _principal_axes(shape: ConvexShape) -> FloatArray:
+    spread = shape.vertices - shape.vertices.mean(axis=0)
+    return np.asarray(np.linalg.eigh(spread.T @ spread)[1].T)
+
+
+# ---- Directions spread evenly over the sphere.
+
+
+def spread_directions(count: int) -> FloatArray:
+    """Return unit vectors along a spiral by the golden angle, shape (count, 3)."""
+    z = 1 - (2 * np.arange(count) + 1) / count
+    turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
+    wide = np.sqrt(1 - z * z)
+    return np.column_stack([wide * np.cos(turn), wide * np.sin(turn), z])

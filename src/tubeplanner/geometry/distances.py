@@ -1,0 +1,388 @@
+"""Signed distances of convex shapes and contact of triangle meshes, by FCL.
+
+FCL's distances can be too long by millimetres; what is returned here are rigorous lower bounds,
+the separations of two shapes along the directions that FCL finds, and exact nearly always.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import fcl
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.geometry.convex_shapes import ConvexShape, frame_along
+from tubeplanner.geometry.penetration import (
+    Penetration,
+    PlacedSolid,
+    coal_solid,
+    penetration,
+    separating_directions,
+)
+
+# ---- The signed distances of pairs of convex shapes, by FCL and, where they overlap, Coal.
+
+# FCL needs a solid where a shape is a grown point or edge: a core this thin [m].
+_CORE_THICKNESS = 1e-9
+_NO_LENGTH = 1e-12  # [m]
+# A bound this far below FCL's distance [m] is improved, in at most so many steps.
+_LOOSE = 1e-5
+_MAX_IMPROVEMENTS = 40
+# Of shapes that are this close, bounds are improved that are so far below [m].
+_CLOSE, _LOOSE_WHERE_CLOSE = 1e-3, 1e-7
+_REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
+_PAIRS_AT_ONCE = 256  # as many as keep their vertices in the processor's cache
+
+
+@dataclass(frozen=True, eq=False)
+class ClosestPoints:
+    """Where P pairs of shapes are closest, in the base frame.
+
+    Attributes:
+        distance: Lower bounds on the signed distances, exact nearly always, shape (P,) [m].
+        direction: Unit vectors from the first towards the second shape, shape (P, 3).
+        first: FCL's nearest points of the first shapes' cores, shape (P, 3) [m].
+        second: Likewise, of the second shapes' cores.
+    """
+
+    distance: FloatArray
+    direction: FloatArray
+    first: FloatArray
+    second: FloatArray
+
+
+class PlacedShapes:
+    """Convex shapes of bodies, which FCL moves to where it measures them."""
+
+    def __init__(self, shapes: Sequence[ConvexShape]) -> None:
+        """Take S shapes in their bodies' frames."""
+        cores = [_fcl_geometry(shape) for shape in shapes]
+        self._solids: dict[int, Any] = {}
+        self._objects = [fcl.CollisionObject(geometry) for geometry, _ in cores]
+        self._cores = np.array([core for _, core in cores]).reshape(-1, 4, 4)
+        self._shapes = list(shapes)
+        self._centers = np.array([shape.center for shape in shapes]).reshape(-1, 3)
+        self._radii = np.array([shape.radius for shape in shapes])
+        self._vertices = _stacked([shape.vertices for shape in shapes])
+
+    def separations(
+        self, pairs: IntArray, rotation: FloatArray, position: FloatArray
+    ) -> ClosestPoints:
+        """Return how far pairs of shapes are apart.
+
+        Any direction gives a bound: how far the second begins beyond the end of the first. FCL's
+        nearest points give the best direction nearly always. Where they do not, it is improved;
+        of shapes that overlap it is another's.
+
+        Args:
+            pairs: Shape (P, 2).
+            rotation: Of the bodies of both, shape (P, 2, 3, 3).
+            position: Of the bodies' origins, shape (P, 2, 3) [m].
+
+        Raises:
+            ValueError: A pose is not finite: FCL would end the process.
+        """
+        near, far, overlap = self._nearest_points(pairs, rotation, position)
+        gap, length = self._gaps(pairs, rotation, position, far - near)
+        for row in np.flatnonzero(overlap):
+            found = self._penetration(pairs[row], rotation[row], position[row])
+            _, gap[row], near[row], far[row] = found
+            length[row] = 1.0
+        best, along = self._apart(pairs, rotation, position, gap / length[:, None])
+        for row in np.flatnonzero(~overlap & (best <= length - _LOOSE)):
+            apart, direction = self._improved(pairs[row], rotation[row], position[row], gap[row])
+            if apart > best[row]:
+                best[row], along[row] = apart, direction
+        # Of shapes that all but touch, the way from point to point may lead anywhere.
+        allowed = np.where(length < _CLOSE, _LOOSE_WHERE_CLOSE, _LOOSE)
+        for row in np.flatnonzero(~overlap & (best <= length - allowed)):
+            found = self._penetration(pairs[row], rotation[row], position[row])
+            if found.apart > best[row]:
+                best[row], along[row], near[row], far[row] = found
+        return ClosestPoints(best - self._radii[pairs].sum(axis=1), along, near, far)
+
+    def overlap(self, pairs: IntArray, rotation: FloatArray, position: FloatArray) -> bool:
+        """Return whether any pair overlaps, as FCL has it; arguments as of `separations`."""
+        turned, placed = self._core_poses(pairs, rotation, position)
+        for (i, j), turn, place in zip(pairs.tolist(), turned, placed, strict=True):
+            first, second = self._moved(i, turn[0], place[0]), self._moved(j, turn[1], place[1])
+            if fcl.distance(first, second, _REQUEST, fcl.DistanceResult()) <= (
+                self._radii[i] + self._radii[j]
+            ):
+                return True
+        return False
+
+    def _nearest_points(
+        self, pairs: IntArray, rotation: FloatArray, position: FloatArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return FCL's nearest points of both cores, (P, 3), and whether the cores overlap."""
+        points, overlap = np.empty((2, len(pairs), 3)), np.empty(len(pairs), dtype=bool)
+        turned, placed = self._core_poses(pairs, rotation, position)
+        for row, (i, j) in enumerate(pairs.tolist()):
+            result = fcl.DistanceResult()
+            first = self._moved(i, turned[row, 0], placed[row, 0])
+            second = self._moved(j, turned[row, 1], placed[row, 1])
+            overlap[row] = fcl.distance(first, second, _REQUEST, result) <= 0
+            points[0, row], points[1, row] = result.nearest_points
+        return points[0], points[1], overlap
+
+    def _core_poses(
+        self, pairs: IntArray, rotation: FloatArray, position: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the poses of the shapes' cores from those of their bodies."""
+        if not (np.isfinite(rotation).all() and np.isfinite(position).all()):
+            raise ValueError("poses must be finite")
+        core = self._cores[pairs]
+        placed = np.einsum("pkij,pkj->pki", rotation, core[:, :, :3, 3]) + position
+        return rotation @ core[:, :, :3, :3], placed
+
+    def _moved(self, index: int, rotation: FloatArray, position: FloatArray) -> fcl.CollisionObject:
+        placed = self._objects[index]
+        placed.setTransform(fcl.Transform(rotation, position))
+        return placed
+
+    def _gaps(
+        self, pairs: IntArray, rotation: FloatArray, position: FloatArray, gap: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return gaps (P, 3) that have a length, and their lengths (P,) [m]."""
+        length = np.linalg.norm(gap, axis=1)
+        for row in np.flatnonzero(length <= _NO_LENGTH):
+            centers = np.einsum("kij,kj->ki", rotation[row], self._centers[pairs[row]])
+            gap[row] = np.subtract(*(centers + position[row])[::-1])
+            length[row] = np.linalg.norm(gap[row])
+            if length[row] <= _NO_LENGTH:
+                gap[row], length[row] = np.eye(3)[0], 1.0
+        return gap, length
+
+    def _apart(
+        self, pairs: IntArray, rotation: FloatArray, position: FloatArray, direction: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return how far apart cores are along lines [m], and which way the second one lies."""
+        low, high = np.empty((2, *pairs.shape))
+        local = np.einsum("pkij,pi->pkj", rotation, direction)
+        for begin in range(0, len(pairs), _PAIRS_AT_ONCE):
+            rows = slice(begin, begin + _PAIRS_AT_ONCE)
+            along = (self._vertices[pairs[rows]] @ local[rows, :, :, None])[..., 0]
+            low[rows], high[rows] = along.min(axis=2), along.max(axis=2)
+        offset = np.einsum("pki,pi->pk", position, direction)
+        low, high = low + offset, high + offset
+        ahead, behind = low[:, 1] - high[:, 0], low[:, 0] - high[:, 1]
+        return np.maximum(ahead, behind), np.where(
+            (ahead >= behind)[:, None], direction, -direction
+        )
+
+    def _penetration(
+        self, pair: IntArray, rotation: FloatArray, position: FloatArray
+    ) -> Penetration:
+        """Return how a pair of cores overlaps, from the poses of its bodies, (2, 3, 3), (2, 3)."""
+        turned, placed = self._core_poses(pair[None], rotation[None], position[None])
+        cores = zip(turned[0], placed[0], strict=True)
+        members = zip(pair.tolist(), rotation, position, cores, strict=True)
+        return penetration(
+            *(PlacedSolid(self._shapes[i], self._solid(i), *pose) for i, *pose in members)
+        )
+
+    def _solid(self, index: int) -> Any:
+        if index not in self._solids:
+            self._solids[index] = coal_solid(self._shapes[index], _CORE_THICKNESS)
+        return self._solids[index]
+
+    def _improved(
+        self, pair: IntArray, rotation: FloatArray, position: FloatArray, gap: FloatArray
+    ) -> tuple[float, FloatArray]:
+        """Return how far apart two cores are [m], along which direction (3,): found from a gap."""
+        first, second = (self._shapes[index].vertices for index in pair)
+        back = rotation[1].T
+        distance, direction = separating_directions(
+            first,
+            second,
+            (back @ rotation[0])[None],
+            (back @ (position[0] - position[1]))[None],
+            (back @ gap)[None],
+            max_steps=_MAX_IMPROVEMENTS,
+            loose=_LOOSE,
+        )
+        return float(distance[0]), rotation[1] @ direction[0]
+
+
+def _stacked(vertices: Sequence[FloatArray]) -> FloatArray:
+    """Return the vertices of all shapes, each with its first one repeated, shape (S, V, 3)."""
+    most = max((len(each) for each in vertices), default=1)
+    stacked = np.empty((len(vertices), most, 3))
+    for index, each in enumerate(vertices):
+        stacked[index, : len(each)], stacked[index, len(each) :] = each, each[0]
+    return stacked
+
+
+def _fcl_geometry(shape: ConvexShape) -> tuple[object, FloatArray]:
+    """Return the core of a shape as FCL has it, and its pose in the body's frame, (4, 4)."""
+    core = np.eye(4)
+    if len(shape.vertices) > 2:
+        triangles = shape.faces
+        faces = np.hstack([np.full((len(triangles), 1), 3), triangles]).ravel()
+        return fcl.Convex(shape.vertices, len(triangles), faces), core
+    core[:3, 3] = shape.center
+    if len(shape.vertices) == 1:
+        return fcl.Sphere(_CORE_THICKNESS), core
+    edge = shape.vertices[1] - shape.vertices[0]
+    length = float(np.linalg.norm(edge))
+    core[:3, :3] = frame_along(edge / length)
+    return fcl.Box(_CORE_THICKNESS, _CORE_THICKNESS, length), core
+
+
+# ---- Solids as they are: triangles, and the primitives of URDF. FCL judges whether two touch.
+#
+# Slower than covers by convex shapes and blind to how far solids overlap: what asks for distances
+# all the time uses covers, and these decide only what covers cannot.
+
+_PROBE_RADIUS = 1e-9  # of the ball that stands for a point in FCL [m]
+# A point counts as inside from this winding number on: 1 inside and 0 outside of a closed surface,
+# between them near the gaps of an open one.
+_INSIDE_WINDING = 0.3
+_CHUNK = 50_000  # point-triangle pairs looked at together
+_MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSolid:
+    """A solid bounded by triangles, or a rounded convex shape.
+
+    Attributes:
+        vertices: Shape (V, 3) [m].
+        faces: Vertex indices: int, shape (F, 3); none for balls and capsules.
+        radius: By which the vertices are grown if there are no faces [m].
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    radius: float = 0.0
+
+    @classmethod
+    def of_shape(cls, shape: ConvexShape) -> "MeshSolid":
+        """Return a convex shape as a solid."""
+        if len(shape.vertices) < _MIN_CORNERS:
+            return cls(shape.vertices, np.zeros((0, 3), dtype=np.int64), shape.radius)
+        return cls(shape.vertices, shape.faces)
+
+    @cached_property
+    def triangles(self) -> FloatArray:
+        """Corners of the triangles, shape (F, 3, 3) [m]."""
+        return self.vertices[self.faces]
+
+    def moved(self, placement: FloatArray) -> "MeshSolid":
+        """Return the solid moved by a homogeneous transform, shape (4, 4)."""
+        vertices = self.vertices @ placement[:3, :3].T + placement[:3, 3]
+        return MeshSolid(vertices, self.faces, self.radius)
+
+    def contains(self, points: FloatArray) -> np.ndarray:
+        """Return whether points (N, 3) are inside the triangles: bool, shape (N,)."""
+        step = max(1, _CHUNK // max(len(self.faces), 1))
+        parts = [points[start : start + step] for start in range(0, len(points), step)]
+        winding = [_winding(self.triangles, part) for part in parts]
+        return abs(np.concatenate([*winding, np.zeros(0)])) > _INSIDE_WINDING
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the distance of points (N, 3) from the surface, shape (N,) [m]."""
+        probe = fcl.CollisionObject(fcl.Sphere(_PROBE_RADIUS))
+        surface, request = self._placed(np.eye(3), np.zeros(3)), fcl.DistanceRequest()
+        found = np.empty(len(points))
+        for k, point in enumerate(points):
+            probe.setTranslation(point)
+            found[k] = fcl.distance(surface, probe, request, fcl.DistanceResult())
+        return np.maximum(found, 0.0)
+
+    def touches(
+        self,
+        other: "MeshSolid",
+        here: tuple[FloatArray, FloatArray],
+        there: tuple[FloatArray, FloatArray],
+    ) -> bool:
+        """Return whether two placed solids touch, or one is inside the other.
+
+        Args:
+            other: The other solid.
+            here: Rotation (3, 3) and position (3,) [m] of this one.
+            there: Likewise, of the other.
+        """
+        request, result = fcl.CollisionRequest(), fcl.CollisionResult()
+        crossing = fcl.collide(self._placed(*here), other._placed(*there), request, result) > 0
+        return crossing or _is_inside(self, other, here, there)
+
+    def _placed(self, rotation: FloatArray, position: FloatArray) -> fcl.CollisionObject:
+        turned = rotation @ self._geometry[1]
+        middle = rotation @ self._geometry[2] + position
+        return fcl.CollisionObject(self._geometry[0], fcl.Transform(turned, middle))
+
+    @cached_property
+    def _geometry(self) -> tuple[fcl.CollisionGeometry, FloatArray, FloatArray]:
+        """FCL's geometry, and its rotation (3, 3) and position (3,) in the solid's frame."""
+        if len(self.faces) == 0:
+            return _rounded(self.vertices, self.radius)
+        model = fcl.BVHModel()
+        model.beginModel(len(self.vertices), len(self.faces))
+        model.addSubModel(np.asarray(self.vertices), np.asarray(self.faces))
+        model.endModel()
+        return model, np.eye(3), np.zeros(3)
+
+
+def touch(
+    first: Sequence[MeshSolid],
+    second: Sequence[MeshSolid],
+    here: tuple[FloatArray, FloatArray],
+    there: tuple[FloatArray, FloatArray],
+) -> bool:
+    """Return whether any of the first solids touches any of the second; see `touches`."""
+    return any(one.touches(other, here, there) for one in first for other in second)
+
+
+def _is_inside(
+    one: MeshSolid,
+    other: MeshSolid,
+    here: tuple[FloatArray, FloatArray],
+    there: tuple[FloatArray, FloatArray],
+) -> bool:
+    """Return whether a point of one solid is inside the other, or the other way round."""
+    for inner, outer, at, around in ((one, other, here, there), (other, one, there, here)):
+        point = around[0].T @ (at[0] @ inner.vertices[0] + at[1] - around[1])
+        if len(outer.faces) and outer.contains(point[None])[0]:
+            return True
+    return False
+
+
+def _rounded(
+    vertices: FloatArray, radius: float
+) -> tuple[fcl.CollisionGeometry, FloatArray, FloatArray]:
+    """Return the ball around one vertex or the capsule around two, with its pose."""
+    middle = vertices.mean(axis=0)
+    if len(vertices) == 1:
+        return fcl.Sphere(radius), np.eye(3), middle
+    edge = vertices[1] - vertices[0]
+    length = float(np.linalg.norm(edge))
+    return fcl.Capsule(radius, length), frame_along(edge / length), middle
+
+
+def _winding(triangles: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the winding number of triangles around points (N, 3), shape (N,).
+
+    A. Van Oosterom and J. Strackee (1983), "The solid angle of a plane triangle", IEEE Transactions
+    on Biomedical Engineering 30.
+    """
+    # Coordinates apart: far faster than small vectors side by side.
+    corners = np.ascontiguousarray(triangles.transpose(1, 2, 0))
+    a, b, c = corners[:, :, None] - points.T[None, :, :, None]
+    la, lb, lc = (np.sqrt(_dot(v, v)) for v in (a, b, c))
+    volume = (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+    beside = la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb
+    winding: FloatArray = np.arctan2(volume, beside).sum(axis=1) / (2 * np.pi)
+    return winding
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    products: FloatArray = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return products

@@ -1,0 +1,492 @@
+"""Closer covers of concave meshes: pieces cut in two until the cover error is small."""
+
+import heapq
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
+from tubeplanner.geometry.convex_shapes import (
+    ConvexShape,
+    flat_hull,
+    hull,
+    hull_unless_flat,
+    spread_directions,
+)
+from tubeplanner.geometry.distances import MeshSolid
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
+
+# ---- How far covers stand off the solids that they cover.
+
+_SAMPLES = 200  # points on each shape's surface
+_SEED = 0
+# Points this near another shape [m] are not on the surface of the cover, but where shapes meet.
+_SAME_PLACE = 1e-6
+_MIN_VERTICES = 4  # of a shape with a surface of its own; balls and capsules are as they are
+
+
+def cover_error(solid: MeshSolid, shapes: Sequence[ConvexShape]) -> float:
+    """Return the largest distance found from a cover's surface to a solid [m].
+
+    Args:
+        solid: With triangles.
+        shapes: Its cover, in the same frame.
+    """
+    rng = np.random.default_rng(_SEED)
+    hulls = [hull(s.vertices) if len(s.vertices) >= _MIN_VERTICES else None for s in shapes]
+    worst = 0.0
+    for k, shape in enumerate(shapes):
+        if hulls[k] is None or len(solid.faces) == 0:
+            continue
+        points = surface_samples(shape.vertices[shape.faces], _SAMPLES, rng)
+        for other in hulls[:k] + hulls[k + 1 :]:
+            if other is not None:
+                points = points[_outside(other, points) > _SAME_PLACE]
+        worst = max(worst, _largest_gap(solid, points))
+    return worst
+
+
+def surface_samples(triangles: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
+    """Return random points on triangles (T, 3, 3), evenly by area, shape (count, 3) [m]."""
+    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    area = np.linalg.norm(sides, axis=1)
+    if len(area) == 0 or not area.sum() > 0:
+        return triangles.reshape(-1, 3)[:count]
+    chosen = rng.choice(len(area), count, p=area / area.sum())
+    return np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), count), triangles[chosen])
+
+
+def _outside(hull: "ConvexHull", points: FloatArray) -> FloatArray:
+    """Return how far points (N, 3) are outside of a hull at least, shape (N,) [m]."""
+    values = points @ hull.equations[:, :3].T + hull.equations[:, 3]
+    outside: FloatArray = values.max(axis=1)
+    return outside
+
+
+def _largest_gap(solid: MeshSolid, points: FloatArray) -> float:
+    """Return the largest distance of points from the surface, those inside left out."""
+    distance = solid.distance(points)
+    for k in np.argsort(-distance):
+        if not solid.contains(points[k : k + 1])[0]:
+            return float(distance[k])
+    return 0.0
+
+
+# ---- The part of a solid inside a box, and its convex hull: what finer covers are made of.
+#
+# The hull of a solid inside a box is that of the surface inside the box and of the box's corners
+# that
+# are inside the solid: any other point has surface or solid around it, so that it is no corner of
+# the
+# hull.
+
+# Where a piece may be cut: at its deepest notches, at the coordinates that most of its corners
+# have, and in its middle. A cut at a corner is preferred to one that is better by less than this
+# share.
+_MAX_NOTCHES = 3
+_MAX_COORDINATES = 2
+_CORNER_SHARE = 0.05
+_END = 5e-4  # [m]: a cut closer to an end of a piece leaves nothing to gain
+# Of more points, those that are farthest in so many directions show what a cut is worth.
+_MAX_SCORED_POINTS = 1000
+_DIRECTION_COUNT = 300
+_FACETS = 60  # of those that no cut made, at which a hull's distance from the surface is measured
+_ON_PLANE = 2e-7  # [m], beyond what counts as on a cut
+# Corners of triangles this near a cut lie on it [m], and corners of boxes are looked at this far
+# inside of their box: there the solid's own surface, on which they may lie, is no matter.
+_SNAP, _INWARD = 1e-7, 1e-6
+
+Inside = Callable[[FloatArray], BoolArray]
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPiece:
+    """A solid's surface inside a box.
+
+    Attributes:
+        triangles: Shape (T, 3, 3) [m].
+        low: Lower corner of the box, shape (3,) [m]; minus infinity where it is open.
+        high: Upper corner, likewise.
+        inside: Which points (N, 3) the whole solid contains: bool, shape (N,).
+    """
+
+    triangles: FloatArray
+    low: FloatArray
+    high: FloatArray
+    inside: Inside
+
+    @cached_property
+    def hull(self) -> ConvexShape:
+        """The hull of the solid inside the box, as exact as rounding allows."""
+        points = self._all_points
+        found = hull_unless_flat(points)
+        return flat_hull(points) if found is None else ConvexShape(points[found.vertices])
+
+    def shape(self) -> ConvexShape:
+        """Return the hull, grown by what rounding left outside of it: nothing of the solid is."""
+        outside = self.outside(self._all_points).max()
+        return ConvexShape(read_only(self.hull.vertices), max(0.0, float(outside)))
+
+    def outside(self, points: FloatArray) -> FloatArray:
+        """Return how far points (N, 3) are outside of the hull at least, shape (N,) [m]."""
+        vertices = self.hull.vertices
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        outside: FloatArray = np.maximum(low - points, points - high).max(axis=1)
+        inside = outside <= 0
+        planes = hull(vertices).equations
+        beyond = points[inside] @ planes[:, :3].T + planes[:, 3]
+        outside[inside] = np.maximum(outside[inside], beyond.max(axis=1))
+        return outside
+
+    def cut(self) -> "tuple[MeshPiece, MeshPiece] | None":
+        """Return both parts of the cut that makes their hulls smallest; None if there is none."""
+        places = list(self._places())
+        if not places:
+            return None
+        best = min(
+            (self._hull_volume(axis, height) * worse, axis, height)
+            for axis, height, worse in places
+        )
+        parts = [self.part(*best[1:], below=below) for below in (True, False)]
+        return None if any(part.is_empty for part in parts) else (parts[0], parts[1])
+
+    def part(self, axis: int, height: float, *, below: bool) -> "MeshPiece":
+        """Return the part on one side of a plane across an axis at a coordinate [m]."""
+        low, high = self.low.copy(), self.high.copy()
+        if below:
+            high[axis] = min(high[axis], height)
+        else:
+            low[axis] = max(low[axis], height)
+        triangles = clipped(self.triangles, axis, height, below=below)
+        return MeshPiece(triangles, low, high, self.inside)
+
+    def hull_samples(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Return points on the hull's surface that are not inside the solid, shape (N, 3) [m].
+
+        Args:
+            rng: For those on cuts.
+            count: How many of these are tried.
+        """
+        facets, on_cut = self._facets
+        # Where it was cut, a piece is nearly always inside the solid; elsewhere, never.
+        cut = surface_samples(facets[on_cut], count, rng)
+        return np.vstack([_middles(facets[~on_cut]), cut[~self.inside(cut)]])
+
+    @cached_property
+    def _facets(self) -> tuple[FloatArray, BoolArray]:
+        """The hull's triangles, shape (F, 3, 3) [m], and which of them a cut made, shape (F,)."""
+        facets: FloatArray = self.hull.vertices[self.hull.faces]
+        on_cut = np.zeros(len(facets), dtype=bool)
+        for bound in (self.low, self.high):
+            on_cut |= np.any(np.all(abs(facets - bound) < _ON_PLANE, axis=1), axis=1)
+        return facets, on_cut
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the box has nothing of the solid."""
+        return len(self._all_points) == 0
+
+    @property
+    def _all_points(self) -> FloatArray:
+        return np.vstack([self._points, self._corners])
+
+    @cached_property
+    def _points(self) -> FloatArray:
+        return np.unique(self.triangles.reshape(-1, 3), axis=0)
+
+    @cached_property
+    def _corners(self) -> FloatArray:
+        """The corners of the box inside the solid, shape (C, 3); open sides have none."""
+        corners = np.array(list(product(*zip(self.low, self.high, strict=True))))
+        inward = np.array(list(product((1, -1), repeat=3))) * _INWARD
+        is_corner = np.isfinite(corners).all(axis=1)
+        corners, inward = corners[is_corner], inward[is_corner]
+        return corners[self.inside(corners + inward)]
+
+    def _places(self) -> Iterator[tuple[int, float, float]]:
+        """Yield where the piece may be cut: axis, coordinate, and by what its volume counts."""
+        low, high = self._all_points.min(axis=0), self._all_points.max(axis=0)
+        notches = self._notches()
+        for axis in range(3):
+            heights = np.concatenate([notches[:, axis], _commonest(self._points[:, axis])])
+            for height in _distinct(heights)[0]:
+                if low[axis] + _END < height < high[axis] - _END:
+                    yield axis, float(height), 1.0
+            if high[axis] - low[axis] > 2 * _END:
+                yield axis, float(low[axis] + high[axis]) / 2, 1 + _CORNER_SHARE
+
+    def _notches(self) -> FloatArray:
+        """Return the points of the surface that are deepest in the hull, shape (N, 3) [m].
+
+        J.-M. Lien and N. M. Amato (2008), "Approximate convex decomposition of polyhedra and its
+        applications", Computer Aided Geometric Design 25: a cut at the deepest notch resolves it.
+        """
+        facets, on_cut = self._facets
+        a, b, c = facets[~on_cut].transpose(1, 0, 2)
+        normals = np.cross(b - a, c - a)
+        length = np.linalg.norm(normals, axis=1)
+        normals, start = (normals / length[:, None])[length > 0], a[length > 0]
+        below = np.einsum("fi,fi->f", normals, start) - self._points @ normals.T
+        depth = below.min(axis=1, initial=np.inf)
+        return self._points[np.argsort(-depth, kind="stable")[:_MAX_NOTCHES]]
+
+    def _hull_volume(self, axis: int, height: float) -> float:
+        """Return about what volume the hulls of both sides of a cut have [m^3]."""
+        corners = self._corners
+        between = corners.copy()  # where the box's edges inside the solid, or some, are cut
+        between[:, axis] = height
+        volume = 0.0
+        for below in (True, False):
+            side = corners[(corners[:, axis] < height) == below]
+            points = [self._points_beside(axis, height, below=below), side, between]
+            volume += _volume(_farthest(np.vstack(points)))
+        return volume
+
+    def _points_beside(self, axis: int, height: float, *, below: bool) -> FloatArray:
+        """Return the points whose hull is that of the surface on one side of a plane."""
+        low, high = self._spans[:, axis].T
+        cut = self.triangles[(low < height + _SNAP) & (high > height - _SNAP)]
+        beyond = (self._points[:, axis] - height) * (-1.0 if below else 1.0) > _SNAP
+        edge = clipped(cut, axis, height, below=below).reshape(-1, 3)
+        return np.vstack([self._points[beyond], edge])
+
+    @cached_property
+    def _spans(self) -> FloatArray:
+        """Lowest and highest coordinates of the triangles, shape (T, 3, 2) [m]."""
+        return np.stack([self.triangles.min(axis=1), self.triangles.max(axis=1)], axis=2)
+
+
+def clipped(triangles: FloatArray, axis: int, height: float, *, below: bool) -> FloatArray:
+    """Return the part of triangles on one side of a plane across an axis, as triangles.
+
+    Args:
+        triangles: Shape (T, 3, 3) [m].
+        axis: 0, 1 or 2.
+        height: Coordinate of the plane [m].
+        below: Whether the lower side is kept.
+
+    Returns:
+        Shape (T', 3, 3). Triangles in the plane go to the side of the solid that they bound, and
+        what only touches the plane does not count: else it would span a hull over nothing.
+    """
+    side = (triangles[:, :, axis] - height) * (-1.0 if below else 1.0)
+    side[abs(side) < _SNAP] = 0.0
+    in_plane = (side == 0).all(axis=1)
+    here = np.asarray((side > 0).any(axis=1))
+    here[in_plane] = _faces_up(triangles[in_plane], axis) == below
+    triangles, side = triangles[here], side[here]
+    kept = side >= 0
+    count = kept.sum(axis=1)
+    parts = [triangles[count == 3]]
+    for corners_kept in (1, 2):
+        rows = np.flatnonzero(count == corners_kept)
+        # The corner that is alone on its side comes first.
+        alone = kept[rows] if corners_kept == 1 else ~kept[rows]
+        order = (alone.argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = triangles[rows[:, None], order].transpose(1, 0, 2)
+        heights = side[rows[:, None], order]
+        ab, ac = (_crossing(a, end, heights, k, axis, height) for k, end in ((1, b), (2, c)))
+        if corners_kept == 1:
+            parts.append(np.stack([a, ab, ac], axis=1))
+        else:
+            parts += [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
+    return np.concatenate(parts)
+
+
+def _middles(triangles: FloatArray) -> FloatArray:
+    """Return the middles of the longest triangles and of their edges, shape (N, 3)."""
+    following = np.roll(triangles, 1, axis=1)
+    length = np.linalg.norm(following - triangles, axis=2).max(axis=1)
+    longest = np.argsort(-length, kind="stable")[:_FACETS]
+    edges = (triangles[longest] + following[longest]) / 2
+    return np.vstack([triangles[longest].mean(axis=1), edges.reshape(-1, 3)])
+
+
+def _faces_up(triangles: FloatArray, axis: int) -> BoolArray:
+    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    up: BoolArray = sides[:, axis] > 0
+    return up
+
+
+def _crossing(
+    start: FloatArray, end: FloatArray, heights: FloatArray, k: int, axis: int, height: float
+) -> FloatArray:
+    share = heights[:, 0] / (heights[:, 0] - heights[:, k])
+    point = start + share[:, None] * (end - start)
+    point[:, axis] = height
+    return point
+
+
+def _commonest(coordinates: FloatArray) -> FloatArray:
+    """Return those coordinates that most points have."""
+    values, counts = _distinct(coordinates)
+    return values[np.argsort(-counts, kind="stable")[:_MAX_COORDINATES]]
+
+
+def _distinct(coordinates: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return coordinates without those that are as good as others, and how many each stands for."""
+    _, first, counts = np.unique(coordinates.round(6), return_index=True, return_counts=True)
+    return coordinates[first], counts
+
+
+def _farthest(points: FloatArray) -> FloatArray:
+    """Return the points (N, 3) that are farthest in some direction: about their hull's corners."""
+    if len(points) <= _MAX_SCORED_POINTS:
+        return points
+    return points[np.unique((points @ _DIRECTIONS.T).argmax(axis=0))]
+
+
+_DIRECTIONS = spread_directions(_DIRECTION_COUNT)
+
+
+def _volume(points: FloatArray) -> float:
+    try:
+        found = hull_unless_flat(points)
+    except ValueError:  # too few
+        return 0.0
+    return 0.0 if found is None else float(found.volume)
+
+
+# ---- Closer covers of concave meshes: pieces are cut in two until none stands off the surface.
+
+OUTER_ERROR = 2e-3  # [m] that a cover may stand off its mesh where it matters
+MAX_PIECES = 64
+# A piece matters if what must stay clear of it is in it, or this near [m]: as much as it is farther
+# in than that.
+_NEAR = 5e-3
+_MAX_PROBES = 1500  # kept of those near a piece
+# Points on its cuts at which a piece's distance from the surface is measured: at first, and before
+# it is taken to be close.
+_FEW_SAMPLES, _MANY_SAMPLES = 12, 100
+
+
+@dataclass(frozen=True, eq=False)
+class Cover:
+    """Convex shapes that together contain a solid.
+
+    Attributes:
+        shapes: In the solid's frame.
+        outer_error: The largest distance found from their surface to the solid's, where it matters
+            [m].
+    """
+
+    shapes: tuple[ConvexShape, ...]
+    outer_error: float
+
+
+@dataclass(order=True)
+class _Piece:
+    """A piece and what it is worth to cut it: the piece that stands off most comes first.
+
+    Attributes:
+        rank: Minus the distance that it stands off, where that matters [m], and a running number.
+        piece: The piece.
+        probes: Those near it, shape (N, 3) [m].
+        matters: At most so much of its distance matters [m].
+    """
+
+    rank: tuple[float, int]
+    piece: MeshPiece = field(compare=False)
+    probes: FloatArray | None = field(compare=False)
+    matters: float = field(compare=False)
+
+    @property
+    def error(self) -> float:
+        return -self.rank[0]
+
+
+def fine_cover(
+    solid: MeshSolid,
+    probes: FloatArray | None = None,
+    *,
+    cuts: Sequence[tuple[int, float]] = (),
+    outer_error: float = OUTER_ERROR,
+    max_pieces: int = MAX_PIECES,
+) -> Cover:
+    """Return a close cover of a solid.
+
+    Args:
+        solid: With triangles.
+        probes: Points that the cover should leave out, outside of the solid, shape (N, 3) [m]; only
+            pieces with some of them in or near them are cut. None: all pieces matter.
+        cuts: Made in any case: axis and coordinate [m].
+        outer_error: Pieces that stand off less are not cut [m].
+        max_pieces: At most so many shapes.
+    """
+    search = _Search(solid)
+    for piece in search.beginning(cuts):
+        search.add(piece, probes)
+    while search.waiting and search.count < max_pieces:
+        worst = heapq.heappop(search.waiting)
+        if worst.error <= outer_error:
+            worst = search.looked_at_closely(worst)
+        parts = worst.piece.cut() if worst.error > outer_error else None
+        if parts is None:
+            search.done.append(worst)
+            continue
+        for part in parts:
+            search.add(part, worst.probes)
+    return search.cover()
+
+
+class _Search:
+    """The pieces so far: those that may be cut, the worst first, and those that are done."""
+
+    def __init__(self, solid: MeshSolid) -> None:
+        self._solid, self._rng = solid, np.random.default_rng(_SEED)
+        self._made = 0
+        self.waiting: list[_Piece] = []
+        self.done: list[_Piece] = []
+
+    @property
+    def count(self) -> int:
+        return len(self.waiting) + len(self.done)
+
+    def beginning(self, cuts: Sequence[tuple[int, float]]) -> list[MeshPiece]:
+        """Return the solid in pieces, cut at planes."""
+        everywhere = np.full(3, np.inf)
+        whole = MeshPiece(self._solid.triangles, -everywhere, everywhere, self._solid.contains)
+        pieces = [whole]
+        for axis, height in cuts:
+            parts = [
+                piece.part(axis, height, below=below) for piece in pieces for below in (True, False)
+            ]
+            pieces = [part for part in parts if not part.is_empty]
+        return pieces
+
+    def add(self, piece: MeshPiece, probes: FloatArray | None) -> None:
+        """Add a piece; of the probes, those in or near it matter."""
+        matters = np.inf
+        if probes is not None:
+            outside = piece.outside(probes)
+            matters = _NEAR - float(outside.min(initial=_NEAR))
+            probes = probes[outside < _NEAR]
+            if len(probes) > _MAX_PROBES:
+                probes = self._rng.choice(probes, _MAX_PROBES, replace=False)
+        error = self._standoff(piece, matters, _FEW_SAMPLES)
+        heapq.heappush(self.waiting, _Piece((-error, self._made), piece, probes, matters))
+        self._made += 1
+
+    def looked_at_closely(self, found: _Piece) -> _Piece:
+        """Return a piece with the distance that it stands off measured at more points."""
+        error = max(found.error, self._standoff(found.piece, found.matters, _MANY_SAMPLES))
+        return replace(found, rank=(-error, found.rank[1]))
+
+    def _standoff(self, piece: MeshPiece, matters: float, count: int) -> float:
+        """Return how far a piece stands off, where that matters, see `_Piece` [m]."""
+        if matters <= 0:
+            return 0.0
+        samples = piece.hull_samples(self._rng, count)
+        return min(matters, float(self._solid.distance(samples).max(initial=0.0)))
+
+    def cover(self) -> Cover:
+        """Return the cover by all pieces."""
+        pieces = [*self.done, *self.waiting]
+        shapes = tuple(each.piece.shape() for each in pieces)
+        return Cover(shapes, max(each.error for each in pieces))

@@ -1,0 +1,294 @@
+"""Mesh files: size bounds, units, first covers, solids, all cached.
+
+Readers of meshes open whatever a mesh names, materials and textures, also what never ends.
+"""
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.documents import DocumentError, read_bytes, require_regular
+from tubeplanner.errors import RobotError, shown
+from tubeplanner.geometry.convex_shapes import ConvexShape, convex_hull, hull
+from tubeplanner.geometry.cover_cache import cached, content_hash, packed, unpacked
+from tubeplanner.geometry.distances import MeshSolid
+from tubeplanner.geometry.fine_covers import OUTER_ERROR, Cover, cover_error, fine_cover
+
+if TYPE_CHECKING:
+    import trimesh
+    from trimesh.resolvers import FilePathResolver
+
+# ---- Bounds for mesh files, and for the files that they name: regular ones of some size.
+
+_MAX_BYTES = 200_000_000  # four million triangles
+
+
+def mesh_bytes(path: Path) -> bytes:
+    """Return a mesh file's contents.
+
+    Raises:
+        DocumentError: It cannot be read, is no regular file, or is too large.
+    """
+    return read_bytes(path, _MAX_BYTES)
+
+
+def files_beside(path: Path) -> "FilePathResolver":
+    """Return what opens the files that a mesh file names, within bounds.
+
+    Raises:
+        DocumentError: The mesh file itself is not within bounds.
+    """
+    from trimesh.resolvers import FilePathResolver
+
+    class Bounded(FilePathResolver):
+        def absolute(self, name: str) -> Path:
+            found: Path = super().absolute(name)
+            if found.exists():
+                require_regular(found, _MAX_BYTES)
+            return found
+
+    require_regular(path, _MAX_BYTES)
+    return Bounded(str(path))
+
+
+# ---- Meshes covered by convex shapes. trimesh reads them; it is imported when first needed.
+
+# A mesh is cut into twice as many slabs as long as that makes its cover this much smaller.
+_WORTHWHILE_VOLUME_RATIO = 0.95
+_MAX_SLABS = 8
+_MAX_REASON = 200  # [characters]
+_MAX_LENGTH = 1e4  # [m]: no arm and no cell is larger
+
+
+def load_mesh(
+    owner: str, path: Path, scale: float | Sequence[float] | None = None
+) -> "trimesh.Trimesh":
+    """Return a mesh file's triangles.
+
+    Args:
+        owner: What messages call whom the mesh belongs to.
+        path: STL, OBJ, DAE or another format that trimesh reads.
+        scale: One factor, or one per axis.
+
+    Raises:
+        RobotError: The file is no readable mesh.
+    """
+    import trimesh
+
+    try:
+        # Unprocessed: processing drops what is not finite, and the solid has a hole.
+        with np.errstate(invalid="ignore", over="ignore"):  # such numbers are refused below
+            files = files_beside(path)
+            loaded = trimesh.load(str(path), force="mesh", process=False, resolver=files)
+        unit = length_unit(path)
+    except DocumentError as error:
+        raise RobotError(f"{owner}: mesh {path} cannot be read: {error}") from None
+    except Exception as error:  # trimesh's readers raise whatever their formats' libraries raise
+        raise RobotError(
+            f"{owner}: mesh {path} is no readable {path.suffix[1:].upper()} file; export it "
+            f"again ({shown(str(error), _MAX_REASON)})"
+        ) from error
+    fault = _fault(loaded, unit * np.asarray(1.0 if scale is None else scale, dtype=float))
+    if fault is not None:
+        raise RobotError(f"{owner}: mesh {path} {fault}; export it again")
+    loaded.process()
+    loaded.update_faces(_first_of_equal(np.asarray(loaded.faces)))
+    loaded.apply_scale(unit)
+    if scale is not None:
+        loaded.apply_scale(scale)
+    return loaded
+
+
+def _fault(mesh: "trimesh.Trimesh", scale: np.ndarray) -> str | None:
+    """Return what keeps a mesh, as it was read, from being a solid [m] when it is scaled."""
+    vertices = np.asarray(getattr(mesh, "vertices", ()), dtype=float)
+    faces = np.asarray(getattr(mesh, "faces", ()))
+    if len(vertices) == 0 or len(faces) == 0 or not np.isfinite(vertices).all():
+        return "has no vertices or triangles, or some that are not finite"
+    if vertices.shape[1] != 3:
+        return f"has points of {vertices.shape[1]} coordinates; a solid has 3"
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        return f"has a triangle of vertex {faces.max()}; it has {len(vertices)} vertices"
+    with np.errstate(over="ignore"):
+        largest = float(abs(vertices * scale).max())
+    if not largest <= _MAX_LENGTH:
+        return (
+            f"reaches {largest:.3g} m from its origin, where at most {_MAX_LENGTH:g} m make sense"
+        )
+    return None
+
+
+def _first_of_equal(faces: np.ndarray) -> np.ndarray:
+    """Return whether each triangle (F, 3) is none of those before it: bool, shape (F,).
+
+    Equal ones, whose corners go round in the same order, are in the way of whoever searches for the
+    nearest, and counted twice by whoever asks what is inside.
+    """
+    rows = np.arange(len(faces))[:, None]
+    turned = faces[rows, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3]
+    first = np.zeros(len(faces), dtype=bool)
+    first[np.unique(turned, axis=0, return_index=True)[1]] = True
+    return first
+
+
+def length_unit(path: Path) -> float:
+    """Return the length [m] of a mesh file's unit: COLLADA states it, and trimesh leaves it out.
+
+    Raises:
+        ValueError: It is no number.
+        ElementTree.ParseError: The file is not well-formed.
+    """
+    if path.suffix.lower() != ".dae":
+        return 1.0
+    for element in ElementTree.parse(path).iter():
+        if element.tag.endswith("}unit") or element.tag == "unit":
+            return float(element.get("meter", "1"))
+    return 1.0
+
+
+def cover_mesh(mesh: "trimesh.Trimesh") -> list[ConvexShape]:
+    """Return as few slab hulls as cover a mesh closely.
+
+    The solid inside a slab lies in the hull of the surface inside that slab, because every
+    cross-section is bounded by surface.
+    """
+    return _cover_and_slabs(mesh)[0]
+
+
+def slab_cuts(mesh: "trimesh.Trimesh") -> list[tuple[int, float]]:
+    """Return where `cover_mesh` cuts a mesh: axis and coordinate [m]."""
+    slabs = _cover_and_slabs(mesh)[1]
+    axis, bounds = _slab_bounds(mesh, slabs)
+    return [(axis, float(height)) for height in bounds[1:-1]]
+
+
+def _cover_and_slabs(mesh: "trimesh.Trimesh") -> tuple[list[ConvexShape], int]:
+    cover = [convex_hull(mesh.vertices)]
+    slabs = 2
+    while slabs <= _MAX_SLABS:
+        finer = _slab_hulls(mesh, slabs)
+        if _volume(finer) > _WORTHWHILE_VOLUME_RATIO * _volume(cover):
+            break
+        cover, slabs = finer, 2 * slabs
+    return cover, slabs // 2
+
+
+def _slab_hulls(mesh: "trimesh.Trimesh", count: int) -> list[ConvexShape]:
+    axis, bounds = _slab_bounds(mesh, count)
+    return [
+        convex_hull(points)
+        for points in (_slab_points(mesh, axis, low, high) for low, high in pairwise(bounds))
+        if len(points)
+    ]
+
+
+def _slab_bounds(mesh: "trimesh.Trimesh", count: int) -> tuple[int, np.ndarray]:
+    axis = int(np.argmax(mesh.extents))
+    return axis, np.linspace(mesh.bounds[0, axis], mesh.bounds[1, axis], count + 1)
+
+
+def _slab_points(mesh: "trimesh.Trimesh", axis: int, low: float, high: float) -> np.ndarray:
+    """Return the mesh's vertices in a slab and where its edges enter and leave the slab."""
+    heights = mesh.vertices[:, axis]
+    points = [mesh.vertices[(low <= heights) & (heights <= high)]]
+    start, end = mesh.vertices[mesh.edges_unique].transpose(1, 0, 2)
+    for height in (low, high):
+        crossing = (start[:, axis] - height) * (end[:, axis] - height) < 0
+        a, b = start[crossing], end[crossing]
+        share = (height - a[:, axis]) / (b[:, axis] - a[:, axis])
+        points.append(a + share[:, None] * (b - a))
+    return np.vstack(points)
+
+
+def _volume(shapes: list[ConvexShape]) -> float:
+    return sum(float(hull(shape.vertices).volume) for shape in shapes)
+
+
+# ---- Mesh files as solids and as covers; what covers cost is paid once, see `cover_cache`.
+
+# Each shape of one link is checked against each of another: fewer than for obstacles. Both links of
+# a pair have a cover: each may stand off half as much [m].
+_LINK_PIECES = 32
+_LINK_ERROR = OUTER_ERROR / 2
+# Formats whose files hold all of the mesh: only these are cached.
+_SELF_CONTAINED = {".stl", ".obj", ".dae", ".ply", ".off", ".glb", ".3mf"}
+
+
+@dataclass(frozen=True, eq=False)
+class MeshFile:
+    """A mesh file that belongs to a link or an obstacle.
+
+    Attributes:
+        owner: What messages call whom it belongs to.
+        path: STL, OBJ, DAE or another format that trimesh reads.
+        scale: One factor, or one per axis; None: 1.
+
+    Everything raises RobotError if the file is no readable mesh.
+    """
+
+    owner: str
+    path: Path
+    scale: float | Sequence[float] | None = None
+
+    @cached_property
+    def key(self) -> str | None:
+        """A hash of the file's content and the scale; None if that is not all of the mesh."""
+        if self.path.suffix.lower() not in _SELF_CONTAINED:
+            return None
+        try:
+            content = mesh_bytes(self.path)
+        except DocumentError:
+            return None  # reading the mesh says what is wrong
+        scale = np.array([1.0 if self.scale is None else self.scale], dtype=np.float64)
+        return content_hash([content, self.path.suffix.lower(), scale])
+
+    @cached_property
+    def solid(self) -> MeshSolid:
+        """The triangles, scaled."""
+        faces = np.asarray(self._mesh.faces, dtype=np.int64)
+        return MeshSolid(np.asarray(self._mesh.vertices), faces)
+
+    def cover(self) -> list[ConvexShape]:
+        """Return few shapes that cover the mesh, for where nothing comes near."""
+        return unpacked(cached("cover", self.key, lambda: packed(cover_mesh(self._mesh))))
+
+    def outer_error(self) -> float:
+        """Return the largest distance found from the surface of `cover` to the mesh [m]."""
+
+        def measured() -> dict[str, np.ndarray]:
+            return {"error": np.array(cover_error(self.solid, self.cover()))}
+
+        return float(cached("error", self.key, measured)["error"])
+
+    def close_cover(self) -> list[ConvexShape]:
+        """Return shapes that stand off the mesh by 2 mm, or as little as 64 shapes allow."""
+        return unpacked(cached("close", self.key, lambda: packed(self._close_cover())))
+
+    def fine_cover(self, probes: FloatArray) -> Cover:
+        """Return shapes that cover the mesh closely where probes, shape (N, 3) [m], come near."""
+        return fine_cover(
+            self.solid,
+            probes,
+            cuts=slab_cuts(self._mesh),
+            outer_error=_LINK_ERROR,
+            max_pieces=_LINK_PIECES,
+        )
+
+    def _close_cover(self) -> Sequence[ConvexShape]:
+        cover = cover_mesh(self._mesh)
+        error = cover_error(self.solid, cover)
+        if error <= OUTER_ERROR:
+            return cover
+        finer = fine_cover(self.solid)
+        return finer.shapes if finer.outer_error < error else cover
+
+    @cached_property
+    def _mesh(self) -> Any:
+        return load_mesh(self.owner, self.path, self.scale)

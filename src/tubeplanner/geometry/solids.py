@@ -1,0 +1,293 @@
+"""Obstacle and AttachedSolid: placement, contents, hand-over between cell and tool."""
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.checks import are_numbers, in_figures, is_number
+from tubeplanner.errors import ProblemError, shown
+from tubeplanner.geometry import convex_shapes as convex_shape
+from tubeplanner.geometry.convex_shapes import ConvexShape
+from tubeplanner.geometry.meshes import MeshFile
+from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy
+from tubeplanner.text import require_name
+
+# ---- What a solid was made from, whatever convex shapes cover it: the same for every cover.
+
+
+@dataclass(frozen=True, eq=False)
+class SolidContents:
+    """One solid as it was given. It pickles by content, without any file.
+
+    Attributes:
+        kind: "box", "sphere", "cylinder", "capsule" or "mesh".
+        sizes: Side lengths, radius, or radius and length [m]; of a mesh its scale along each axis.
+        placement: Where it is in the frame it was given in, shape (4, 4).
+        mesh_hash: Of the bytes of its mesh file; empty for other kinds.
+        path: The mesh file, which need not exist any more; None for other kinds.
+    """
+
+    kind: str
+    sizes: tuple[float, ...]
+    placement: FloatArray
+    mesh_hash: str = ""
+    path: Path | None = None
+
+
+def simple_contents(kind: str, sizes: Iterable[float], placement: FloatArray) -> SolidContents:
+    """Return the contents of a solid of a simple kind, its sizes [m] in a placement (4, 4)."""
+    return SolidContents(kind, tuple(float(size) for size in sizes), read_only(placement))
+
+
+def mesh_contents(path: Path, scale: Iterable[float], placement: FloatArray) -> SolidContents:
+    """Return the contents of a mesh file, scaled along each axis, in a placement (4, 4).
+
+    Raises:
+        OSError: The file cannot be read.
+    """
+    mesh_hash = hashlib.sha256(path.read_bytes()).hexdigest()
+    factors = tuple(float(factor) for factor in scale)
+    return SolidContents("mesh", factors, read_only(placement), mesh_hash, path)
+
+
+# ---- Named solids: obstacles that stand still in the base frame, and what the tool carries.
+
+# Lengths that make sense around an arm [m]; far outside them distances are only rounding.
+MIN_SIZE, MAX_SIZE = 1e-6, 1e4
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """A solid that the links must keep clear of.
+
+    Attributes:
+        name: Unique among the obstacles of a problem.
+        shapes: Convex shapes in the base frame that together cover it.
+        contents: What it was made from; None: of the shapes themselves.
+
+    The constructors of each kind raise ProblemError for a size outside 1e-6 to 1e4 m, a placement
+    that is no rotation and translation, and a name that is no text or cannot be shown.
+    """
+
+    name: str
+    shapes: tuple[ConvexShape, ...]
+    contents: SolidContents | None = None
+
+    def __post_init__(self) -> None:
+        _require_solid(self.name, self.shapes)
+
+    def __repr__(self) -> str:
+        return f"<Obstacle {self.name}: {_extent(self.shapes)}>"
+
+    @classmethod
+    def box(cls, name: str, size: Sequence[float], placement: FloatArray) -> "Obstacle":
+        """Return a box of full side lengths [m], centred in a placement (4, 4)."""
+        _require_positive(name, "box", size)
+        shape = _placed(name, convex_shape.box(size), placement)
+        return cls(name, (shape,), simple_contents("box", size, placement))
+
+    @classmethod
+    def sphere(cls, name: str, radius: float, placement: FloatArray) -> "Obstacle":
+        """Return a sphere [m], centred in a placement (4, 4)."""
+        _require_positive(name, "sphere", [radius])
+        shape = _placed(name, convex_shape.sphere(radius), placement)
+        return cls(name, (shape,), simple_contents("sphere", [radius], placement))
+
+    @classmethod
+    def cylinder(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
+        """Return a cylinder [m] along z of a placement (4, 4), centred in it."""
+        _require_positive(name, "cylinder", [radius, length])
+        shape = _placed(name, convex_shape.cylinder(radius, length), placement)
+        return cls(name, (shape,), simple_contents("cylinder", [radius, length], placement))
+
+    @classmethod
+    def capsule(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
+        """Return a capsule [m] along z of a placement (4, 4); length between its caps' centres."""
+        _require_positive(name, "capsule", [radius, length])
+        shape = _placed(name, convex_shape.capsule(radius, length), placement)
+        return cls(name, (shape,), simple_contents("capsule", [radius, length], placement))
+
+    @classmethod
+    def mesh(
+        cls, name: str, path: str | Path, placement: FloatArray, scale: float = 1.0
+    ) -> "Obstacle":
+        """Return a solid mesh in a placement (4, 4).
+
+        It is covered by at most 64 convex shapes that stand off its surface by 2 mm, or as little
+        as so many allow; hollows that are larger are free.
+
+        Raises:
+            RobotError: The file is no readable mesh.
+            ProblemError: The scale is not between 1e-6 and 1e4.
+        """
+        require_name("the name of an obstacle", name, ProblemError)
+        if not isinstance(path, str | Path):
+            raise ProblemError(f"obstacle '{name}': path is {shown(path)}; name a mesh file")
+        if not is_number(scale) or not MIN_SIZE <= scale <= MAX_SIZE:
+            raise ProblemError(
+                f"obstacle '{name}': scale {in_figures(scale)}; {MIN_SIZE:g} to {MAX_SIZE:g} are "
+                "accepted"
+            )
+        shapes = MeshFile(f"obstacle '{name}'", Path(path), scale).close_cover()
+        contents = mesh_contents(Path(path), [scale] * 3, placement)
+        return cls(name, tuple(_placed(name, shape, placement) for shape in shapes), contents)
+
+
+@dataclass(frozen=True, eq=False)
+class AttachedSolid:
+    """A solid that the tool carries; it must keep clear like a link.
+
+    Attributes:
+        name: Unique among links, obstacles and attached solids.
+        shapes: Convex shapes in the tool frame that together cover it.
+        touch_links: Names of links that it may touch.
+        contents: What it was made from, in the tool frame; None: of the shapes themselves.
+    """
+
+    name: str
+    shapes: tuple[ConvexShape, ...]
+    touch_links: tuple[str, ...] = ()
+    contents: SolidContents | None = None
+
+    def __post_init__(self) -> None:
+        _require_solid(self.name, self.shapes)
+
+    def __repr__(self) -> str:
+        return f"<AttachedSolid {self.name}: {_extent(self.shapes)}>"
+
+
+def placement_of(
+    position: Sequence[float] = (0.0, 0.0, 0.0),
+    rpy: Sequence[float] | None = None,
+    quaternion: Sequence[float] | None = None,
+) -> FloatArray:
+    """Return a homogeneous transform, shape (4, 4).
+
+    Args:
+        position: [m].
+        rpy: Roll, pitch, yaw about fixed x, y, z [rad], as in URDF; default: no rotation.
+        quaternion: x, y, z, w instead of `rpy`; it need not have unit length.
+
+    Raises:
+        ProblemError: Both rotations are given, or the quaternion is zero.
+    """
+    if rpy is not None and quaternion is not None:
+        raise ProblemError("a placement takes rpy or quaternion, not both")
+    if not are_numbers(position, 3) or not (abs(np.array(position)) <= MAX_SIZE).all():
+        raise ProblemError(
+            f"position {shown(_listed(position))} must be three finite numbers within "
+            f"{MAX_SIZE:g} m"
+        )
+    placement = np.eye(4)
+    placement[:3, 3] = position
+    if quaternion is not None:
+        is_row = are_numbers(quaternion, 4)
+        if not is_row or not 1e-9 < np.linalg.norm(quaternion) < 1e9:
+            raise ProblemError(f"quaternion {shown(_listed(quaternion))} has no direction")
+        placement[:3, :3] = matrix_of_quaternion(np.array(quaternion, dtype=float))
+    elif rpy is not None:
+        if not are_numbers(rpy, 3):
+            raise ProblemError(f"rpy {shown(_listed(rpy))} must be three finite angles")
+        placement[:3, :3] = matrix_of_rpy(*rpy)
+    return placement
+
+
+_SIZE_COUNTS = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
+_ORTHONORMAL = 1e-6  # how far a rotation matrix may be from one, by rounding
+
+
+def _listed(row: object) -> object:
+    """Return a row as files write it."""
+    return list(row) if isinstance(row, tuple) else row
+
+
+def _extent(shapes: Sequence[ConvexShape]) -> str:
+    """Return of how many shapes a solid is, how large along the axes, and where its centre is."""
+    low = np.min([shape.vertices.min(axis=0) - shape.radius for shape in shapes], axis=0)
+    high = np.max([shape.vertices.max(axis=0) + shape.radius for shape in shapes], axis=0)
+    size = " x ".join(f"{side:.3g}" for side in high - low)
+    centre = ", ".join(f"{x:.3g}" for x in (low + high) / 2 + 0.0)
+    return f"{size} m about [{centre}], {len(shapes)} convex shape{'s' * (len(shapes) > 1)}"
+
+
+def _require_solid(name: object, shapes: object) -> None:
+    require_name("the name of an obstacle", name, ProblemError)
+    are_shapes = isinstance(shapes, tuple) and all(isinstance(s, ConvexShape) for s in shapes)
+    if not are_shapes or not shapes:
+        raise ProblemError(f"obstacle '{name}': shapes is {shown(shapes)}; use Obstacle.box, ...")
+
+
+def _placed(name: str, shape: ConvexShape, placement: FloatArray) -> ConvexShape:
+    """Return a shape in a placement (4, 4), which must be a rotation and a translation."""
+    try:
+        pose = read_only(placement)
+    except (TypeError, ValueError):
+        pose = read_only(())
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        raise ProblemError(
+            f"obstacle '{name}': placement is {shown(placement)}; it must be finite numbers of "
+            "shape (4, 4), as placement_of makes"
+        )
+    turn = pose[:3, :3]
+    off = float(abs(turn @ turn.T - np.eye(3)).max())
+    is_rotation = off <= _ORTHONORMAL and np.linalg.det(turn) > 0
+    if not is_rotation or (pose[3] != (0, 0, 0, 1)).any():
+        raise ProblemError(
+            f"obstacle '{name}': placement {pose.tolist()} is no rotation and translation (a "
+            "reflection, a scale, or zeros); make it with placement_of"
+        )
+    if abs(pose[:3, 3]).max() > MAX_SIZE:
+        raise ProblemError(
+            f"obstacle '{name}': position {pose[:3, 3].tolist()} must be within {MAX_SIZE:g} m"
+        )
+    return shape.transformed(pose)
+
+
+def _require_positive(name: str, kind: str, values: Sequence[float]) -> None:
+    require_name("the name of an obstacle", name, ProblemError)
+    if not isinstance(values, Sequence | np.ndarray) or isinstance(values, str):
+        raise ProblemError(f"obstacle '{name}': {kind} is {shown(values)}; it takes sizes [m]")
+    if len(values) != _SIZE_COUNTS[kind]:
+        raise ProblemError(
+            f"obstacle '{name}': {kind} takes {_SIZE_COUNTS[kind]} sizes, not {len(values)}"
+        )
+    for value in values:
+        if not is_number(value) or not MIN_SIZE <= value <= MAX_SIZE:
+            raise ProblemError(
+                f"obstacle '{name}': {kind} has size {in_figures(value)} m; {MIN_SIZE:g} to "
+                f"{MAX_SIZE:g} m are accepted"
+            )
+
+
+# ---- Solids that change hands: taken from the cell by the tool, and left there.
+
+
+def taken(obstacle: Obstacle, tool_frame: FloatArray) -> AttachedSolid:
+    """Return an obstacle as it is carried by a tool that takes it where it is.
+
+    Args:
+        obstacle: In the base frame.
+        tool_frame: Pose of the tool frame at that instant, base frame, shape (4, 4).
+    """
+    shapes, contents = _moved(obstacle, np.array(np.linalg.inv(tool_frame), dtype=float))
+    return AttachedSolid(obstacle.name, shapes, contents=contents)
+
+
+def left(solid: AttachedSolid, tool_frame: FloatArray) -> Obstacle:
+    """Return what a tool carried as it stands where the tool lets it go; arguments as `taken`."""
+    shapes, contents = _moved(solid, tool_frame)
+    return Obstacle(solid.name, shapes, contents)
+
+
+def _moved(
+    solid: Obstacle | AttachedSolid, placement: FloatArray
+) -> tuple[tuple[ConvexShape, ...], SolidContents | None]:
+    shapes = tuple(shape.transformed(placement) for shape in solid.shapes)
+    contents = solid.contents
+    if contents is not None:
+        contents = replace(contents, placement=read_only(placement @ contents.placement))
+    return shapes, contents

@@ -1,0 +1,264 @@
+"""Reference points: polylines, corner reduction, checks, repetitions, compulsory points."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray, read_only
+from tubeplanner.errors import ProblemError, shown
+
+# ---- Points joined by straight lines: arc length along them, and points between.
+
+
+def arc_lengths(points: FloatArray) -> FloatArray:
+    """Return the arc length up to each of P points (P, d): shape (P,), from 0, in their unit."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def densified(points: FloatArray, max_step: float) -> FloatArray:
+    """Return points (P, d) with others evenly between them: no coordinate steps farther.
+
+    Args:
+        points: Shape (P, d).
+        max_step: In any coordinate, in the unit of the points.
+    """
+    parts = [points[:1]]
+    for begin, end in pairwise(points):
+        steps = max(1, int(np.ceil(abs(end - begin).max() / max_step)))
+        share = np.linspace(0, 1, steps + 1)[1:, None]
+        parts.append((1 - share) * begin + share * end)
+    return np.concatenate(parts)
+
+
+# ---- Few corners of a path in space (Ramer 1972; Douglas & Peucker 1973).
+
+
+def simplified(points: FloatArray, deviation: float) -> list[int]:
+    """Return which points to keep so that all lie within a deviation of the lines between.
+
+    Args:
+        points: Shape (N, 3), N >= 2 [m].
+        deviation: [m].
+    """
+    kept, waiting = [0], [len(points) - 1]
+    while waiting:
+        middle, distance = farthest_from_line(points, kept[-1], waiting[-1])
+        if distance > deviation:
+            waiting.append(middle)
+        else:
+            kept.append(waiting.pop())
+    return kept
+
+
+def farthest_from_line(points: FloatArray, i: int, j: int) -> tuple[int, float]:
+    """Return the point between two others that is farthest from their line, and how far [m].
+
+    Where none is between, that is the first of the two, at distance 0.
+    """
+    if j - i < 2:
+        return i, 0.0
+    between, axis = points[i + 1 : j] - points[i], points[j] - points[i]
+    share = np.clip(between @ axis / max(float(axis @ axis), 1e-300), 0.0, 1.0)
+    distance = np.linalg.norm(between - share[:, None] * axis, axis=1)
+    worst = int(distance.argmax())
+    return i + 1 + worst, float(distance[worst])
+
+
+# ---- Reference points that repeat the one before: they are left out, with the segment to them.
+
+MIN_LENGTH = 1e-6  # [m]: reference points nearer to each other are the same; no radius is less
+_SAME_ORIENTATION = 1e-6  # [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class DistinctPoints:
+    """Which points and segments are left.
+
+    Attributes:
+        points: Indices of the points, shape (m+1,).
+        segments: Indices of the segments that end at them, shape (m,).
+        dropped: Indices of the points left out.
+    """
+
+    points: IntArray
+    segments: IntArray
+    dropped: IntArray
+
+
+def distinct_points(
+    points: FloatArray, asked: Sequence[object], turn: FloatArray | None
+) -> DistinctPoints:
+    """Return the points that are apart from the one before.
+
+    Args:
+        points: Reference points, shape (m+1, 3) [m].
+        asked: What each of m segments asks, to be compared.
+        turn: How far the reference orientation turns in each segment, shape (m,) [rad]; None: it
+            is free.
+
+    Raises:
+        ProblemError: All points are the same, or a segment of no length asks what neither of its
+            neighbours does, so that it would be lost.
+    """
+    kept = [0]
+    for k in range(1, len(points)):
+        if np.linalg.norm(points[k] - points[kept[-1]]) >= MIN_LENGTH:
+            kept.append(k)
+    if len(kept) < 2:
+        raise ProblemError(
+            f"tube.points: points 0 and {len(points) - 1} are the same within {MIN_LENGTH:g} m, "
+            "and so are all between; at least two points that are apart are needed"
+        )
+    found = np.array(kept)
+    dropped = np.setdiff1d(np.arange(len(points)), found)
+    for k in dropped.tolist():
+        _require_nothing_lost(k, found[1:] - 1, asked, turn)
+    return DistinctPoints(found, found[1:] - 1, dropped)
+
+
+def _require_nothing_lost(
+    point: int, segments: IntArray, asked: Sequence[object], turn: FloatArray | None
+) -> None:
+    """Raise if the segment to a point that is left out asks what no segment beside it does."""
+    lost = point - 1
+    after = int(np.searchsorted(segments, lost))
+    beside = [int(segments[k]) for k in (after - 1, after) if 0 <= k < len(segments)]
+    same = f"tube.points: points {lost} and {point} are the same within {MIN_LENGTH:g} m"
+    if all(asked[lost] != asked[k] for k in beside):
+        raise ProblemError(
+            f"{same}; segment {lost} between them would be left out, but its radius, joint signs, "
+            f"tolerances or speed are those of neither segment beside it ({_listed(beside)}): "
+            "remove one of the points, or give them what a neighbour has"
+        )
+    if turn is not None and turn[lost] > _SAME_ORIENTATION:
+        raise ProblemError(
+            f"{same}, but tube.orientations turn by {turn[lost]:.3g} rad between them: a tool "
+            "cannot turn on the spot here; move one of the points, or give both one orientation"
+        )
+
+
+def _listed(segments: Sequence[int]) -> str:
+    return " and ".join(str(k) for k in segments)
+
+
+# ---- Reference points and radii of a tube, once they are what they must be.
+
+MAX_EXTENT = 1e4  # [m]
+
+
+def given_points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
+    """Return reference points (m+1, 3) [m].
+
+    Raises:
+        ProblemError: They are no points, fewer than two, or too far away.
+    """
+    try:
+        corners = read_only(points)
+    except (TypeError, ValueError):
+        raise ProblemError(f"tube.points: {shown(points)} is no list of points [x, y, z]") from None
+    if corners.ndim != 2 or corners.shape[0] < 2 or corners.shape[1] != 3:
+        raise ProblemError(
+            f"tube.points has shape {corners.shape}; at least two points [x, y, z] are needed"
+        )
+    if not (abs(corners) <= MAX_EXTENT).all():
+        raise ProblemError(f"tube.points must be finite numbers within {MAX_EXTENT:g} m")
+    return corners
+
+
+def given_radii(radius: float | Sequence[float] | FloatArray, segments: int) -> FloatArray:
+    """Return the radius of each segment, (m,) [m].
+
+    Args:
+        radius: One for all segments, or one each.
+        segments: Number m of segments.
+
+    Raises:
+        ProblemError: A count or a number is wrong.
+    """
+    try:
+        radii = read_only(radius)
+    except (TypeError, ValueError):
+        raise ProblemError(f"tube.radius {shown(radius)} is no number or list of numbers") from None
+    if radii.ndim == 0:
+        radii = np.full(segments, float(radii))
+    if radii.shape != (segments,):
+        raise ProblemError(
+            f"tube.radius has {radii.size} values for {segments} segments; give one, or one each"
+        )
+    for k, value in enumerate(radii):
+        if not MIN_LENGTH <= value <= MAX_EXTENT:
+            raise ProblemError(
+                f"tube.radius[{k}] is {value:g} m; it must be from {MIN_LENGTH:g} to "
+                f"{MAX_EXTENT:g} m"
+            )
+    return read_only(radii)
+
+
+# ---- Which reference points the tool must pass: those at which the tube turns back.
+#
+# Where a tube turns back on itself, the capsules before and after the point overlap along the way:
+# a
+# tool could turn round long before the point and still be in both.
+
+PASS_THROUGH = ("all", "corners", "none")
+_TURNS_BACK = np.radians(150)
+# Points nearer than this share of the radius are skipped when a turn is measured: a corner that is
+# divided closely is a corner.
+_CLOSE = 0.1
+
+
+def compulsory_points(points: FloatArray, radius: FloatArray, rule: str) -> IntArray:
+    """Return the indices of the inner points that must be passed.
+
+    Args:
+        points: Reference points, shape (m+1, 3) [m].
+        radius: Of the segments, shape (m,) [m].
+        rule: One of `PASS_THROUGH`.
+    """
+    inner = np.arange(1, len(points) - 1)
+    if rule == "all":
+        return inner
+    if rule == "none":
+        return inner[:0]
+    close = np.append(0.0, _CLOSE * passing_radius(radius))
+    back = [k for k in inner.tolist() if turn_at(points, k, close[k]) > _TURNS_BACK]
+    # One after the other, and close, they are one corner: its sharpest point counts.
+    steps = np.append(0.0, np.linalg.norm(np.diff(points, axis=0), axis=1))
+    starts = [k for k in back if k - 1 not in back or steps[k] > close[k]]
+    corners = [
+        [k for k in back if begin <= k < end] for begin, end in pairwise([*starts, len(points)])
+    ]
+    sharpest = [max(corner, key=lambda k: turn_at(points, k, 0.0)) for corner in corners]
+    return np.array(sharpest, dtype=np.int64)
+
+
+def passing_radius(radius: FloatArray) -> FloatArray:
+    """Return how near inner points must be passed: the smaller radius beside them, (m-1,) [m]."""
+    return np.minimum(radius[:-1], radius[1:])
+
+
+def turn_at(points: FloatArray, k: int, close: float) -> float:
+    """Return by how much a path turns at inner point k [rad], from 0 to pi.
+
+    Args:
+        points: Shape (m+1, 3) [m].
+        k: Index of the point.
+        close: Nearer points than this [m] are skipped, unless there are no others.
+    """
+    before = _direction(points[k], points[k - 1 :: -1], close)
+    after = _direction(points[k], points[k + 1 :], close)
+    return float(np.arctan2(np.linalg.norm(np.cross(before, after)), -before @ after))
+
+
+def _direction(point: FloatArray, others: FloatArray, close: float) -> FloatArray:
+    """Return the unit vector to the first of other points that is not close, or to the last."""
+    for other in others:
+        away = other - point
+        if np.linalg.norm(away) > close:
+            break
+    away = away if np.any(away) else others[0] - point
+    direction: FloatArray = away / np.linalg.norm(away)
+    return direction

@@ -1,0 +1,431 @@
+"""Convex regions about segments, capsules and boxes, and their planes, native and NumPy.
+
+Every function returns None if the library is left out.
+"""
+
+from collections.abc import Mapping, Sequence
+from ctypes import c_double, c_int64
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
+from tubeplanner.checks import in_figures, is_number
+from tubeplanner.errors import ProblemError, shown
+from tubeplanner.geometry.tube.points import MIN_LENGTH
+from tubeplanner.native.library import Doubles, Integers, native_function
+
+# ---- Points and planes about the axes of convex regions, compiled.
+
+_away = native_function(
+    *("away_from_axes", c_int64, Doubles, Doubles, Doubles, c_int64, Integers, c_double),
+    *(Doubles, Doubles),
+)
+_slack = native_function(
+    *("plane_slack", c_int64, Integers, Doubles, Doubles, Doubles, Doubles, Integers, Integers),
+    *(Doubles, Doubles, Doubles, Doubles),
+)
+
+
+def away_from_axes(
+    p: FloatArray, axes: tuple[FloatArray, FloatArray], segment: IntArray, no_length: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return vectors from the nearest points of axes to points, (..., R, 3), and their lengths.
+
+    Args:
+        p: The points, shape (..., R, 3) or, for all R, (..., 1, 3) [m].
+        axes: Where they begin and end, both of shape (m, 3) [m].
+        segment: Whose axis is meant, shape (R,).
+        no_length: Shorter axes count as points [m].
+    """
+    if _away is None:
+        return None
+    rows = len(segment)
+    if rows not in (1, p.shape[-2]):  # one point for all of them
+        p = np.broadcast_to(p, (*p.shape[:-2], rows, 3))
+    points = np.ascontiguousarray(p, dtype=np.float64)
+    away, distance = np.empty(p.shape), np.empty(p.shape[:-1])
+    ends = (np.ascontiguousarray(end) for end in axes)
+    of_rows = (rows, np.ascontiguousarray(segment), no_length**2)
+    _away(distance.size, points, *ends, *of_rows, away, distance)
+    return away, distance
+
+
+def plane_slack(
+    planes: tuple[IntArray, FloatArray, IntArray],
+    points: FloatArray,
+    axes: tuple[FloatArray, FloatArray],
+    segment: IntArray,
+    margin: FloatArray,
+    extents: tuple[FloatArray, FloatArray],
+) -> FloatArray | None:
+    """Return how far behind planes points are, as a share of regions' extents, shape (P,).
+
+    Args:
+        planes: Their samples (P,), normals (P, 3), and the segments whose regions they hold too.
+        points: At N samples, shape (N, 3).
+        axes: Where the regions' axes begin and end, both of shape (m, 3).
+        segment: The samples' own, shape (N,).
+        margin: The share of the extents that stays unused, shape (N,).
+        extents: How far the regions of the samples' segments, and those of the planes', reach
+            beyond their axes, both of shape (P,).
+    """
+    if _slack is None:
+        return None
+    sample, normal, other = (np.ascontiguousarray(part) for part in planes)
+    slack = np.empty(len(sample))
+    own = [np.ascontiguousarray(part) for part in (points, *axes, segment)]
+    rest = [np.ascontiguousarray(part) for part in (margin, *extents)]
+    _slack(len(sample), sample, normal, *own, other, *rest, slack)
+    return slack
+
+
+# ---- The convex regions about a tube's segments: which places they hold, and the planes about
+# them.
+#
+# A region reaches beyond the axis of its segment, from A to B, by some extent e along every unit
+# normal n: it lies behind the plane n.p = max(n.A, n.B) + e(n).
+
+_NO_LENGTH = 1e-9  # [m or rad]
+
+
+class SegmentRegions(Protocol):
+    """The regions of m segments."""
+
+    @property
+    def begin(self) -> FloatArray:
+        """Where the axes begin, shape (m, 3) [m or rad]."""
+        ...
+
+    @property
+    def end(self) -> FloatArray:
+        """Where they end, shape (m, 3)."""
+        ...
+
+    @property
+    def radius(self) -> FloatArray:
+        """Of the largest capsules about the axes that are inside, shape (m,) [m or rad]."""
+        ...
+
+    def margin(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return how far inside regions points are [m or rad], a concave function of the point.
+
+        Args:
+            p: Shape (..., R, 3).
+            segment: Whose region is meant, shape (R,).
+
+        Returns:
+            Shape (..., R); negative outside. It changes by no more than the point moves.
+        """
+        ...
+
+    def share(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return how far out points (R, 3) are: 0 on the axis, 1 on the wall, shape (R,)."""
+        ...
+
+    def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return unit normals where the share grows fastest, (R, 3); zero on the axis."""
+        ...
+
+    def faces(self, segment: IntArray) -> Sequence[FloatArray]:
+        """Return normals of faces that do not depend on the point, each (R, 3); zero: none."""
+        ...
+
+    def extent(self, normal: FloatArray, segment: IntArray) -> FloatArray:
+        """Return how far regions reach beyond their axes along unit normals (R, 3), shape (R,)."""
+        ...
+
+    def kinds(self, segment: int) -> tuple[str, ...]:
+        """Return the names of the tolerances that a region has."""
+        ...
+
+    def kind(self, normal: FloatArray, segment: IntArray) -> IntArray:
+        """Return which of these gives the extent along normals (R, 3), shape (R,)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Capsules:
+    """Capsules: what is within a radius of the axis; `SegmentRegions`.
+
+    Attributes:
+        begin: Where the axes begin, shape (m, 3) [m or rad].
+        end: Where they end, shape (m, 3).
+        radius: Shape (m,) [m or rad]; may be infinite.
+    """
+
+    begin: FloatArray
+    end: FloatArray
+    radius: FloatArray
+
+    def margin(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return how far inside the capsules points are."""
+        margin: FloatArray = self.radius[segment] - self._away(p, segment)[1]
+        return margin
+
+    def share(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return distances from the axes in radii."""
+        share: FloatArray = self._away(p, segment)[1] / self.radius[segment]
+        return share
+
+    def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return the directions away from the axes."""
+        away, distance = self._away(p, segment)
+        distance = distance[..., None]
+        return np.divide(away, distance, out=np.zeros_like(away), where=distance > _NO_LENGTH)
+
+    def faces(self, segment: IntArray) -> Sequence[FloatArray]:
+        """Return the normals at both caps: the axes' directions; zero for balls."""
+        return self._direction[segment], -self._direction[segment]
+
+    def extent(self, normal: FloatArray, segment: IntArray) -> FloatArray:
+        """Return the radii."""
+        return self.radius[segment]
+
+    def kinds(self, segment: int) -> tuple[str, ...]:
+        """Return that it is the radius."""
+        return ("radius",)
+
+    def kind(self, normal: FloatArray, segment: IntArray) -> IntArray:
+        """Return that it is the radius."""
+        return np.zeros(len(segment), dtype=np.int64)
+
+    @cached_property
+    def _direction(self) -> FloatArray:
+        axis = self.end - self.begin
+        length = np.linalg.norm(axis, axis=1, keepdims=True)
+        return np.divide(axis, length, out=np.zeros_like(axis), where=length > _NO_LENGTH)
+
+    def _away(self, p: FloatArray, segment: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return vectors from the nearest points of axes to points (..., R, 3), and lengths."""
+        found = away_from_axes(p, (self.begin, self.end), segment, _NO_LENGTH)
+        if found is not None:
+            return found
+        begin = self.begin[segment]
+        axis = self.end[segment] - begin
+        square = np.maximum(np.einsum("ri,ri->r", axis, axis), _NO_LENGTH**2)
+        share = np.clip(np.einsum("...ri,ri->...r", p - begin, axis) / square, 0.0, 1.0)
+        away = p - (begin + share[..., None] * axis)
+        return away, np.linalg.norm(away, axis=-1)
+
+
+# ---- Segments with a rectangle for a cross-section: their sizes, and the boxes about them.
+#
+# A box is the rectangle swept along its segment and, beyond both ends, as far as the smaller half
+# of
+# its sides. It has six faces: across, along the given upward direction, and at both ends.
+
+_PARALLEL = 1e-6  # sine of the least angle between a segment and what is upward there
+_SMALLEST, _LARGEST = 2 * MIN_LENGTH, 1e4  # sides [m]
+_SAME = 1e-12  # of a radius and the half of a box's smaller side, and of a length and one
+_KINDS = ("width", "height")
+_KEYS = {"box", "up"}
+
+
+def box_sections(given: Any, axis: FloatArray) -> FloatArray | None:
+    """Return the sizes of boxes, by segment: width and height [m], and the upward unit vector.
+
+    Args:
+        given: {"box": [w, h], "up": [x, y, z]} for all segments, or one each, None for a disc.
+        axis: From the begin of every segment to its end, shape (m, 3) [m].
+
+    Returns:
+        Shape (m, 5), zero where a segment has a disc; None if all have.
+
+    Raises:
+        ProblemError: A count, a key or a number is wrong, or up is parallel to the segment.
+    """
+    if given is None or (isinstance(given, np.ndarray) and not given.any()):
+        return None
+    is_one = isinstance(given, Mapping)
+    entries = [given] * len(axis) if is_one else given
+    if not isinstance(entries, Sequence | np.ndarray) or len(entries) != len(axis):
+        raise ProblemError(
+            f"tube.cross_section is {shown(given)}; give one map with box and up, or {len(axis)}, "
+            "one for each segment, null for a disc"
+        )
+    rows = np.zeros((len(axis), 5))
+    for k, entry in enumerate(entries):
+        is_disc = entry is None or (isinstance(entry, np.ndarray) and not entry.any())
+        if not is_disc:
+            rows[k] = _section(f"tube.cross_section[{k}]", entry, axis[k])
+    return read_only(rows) if rows.any() else None
+
+
+def radii_of_boxes(radius: Any, sections: FloatArray | None) -> Any:
+    """Return radii with the halves of the boxes' smaller sides put in.
+
+    Args:
+        radius: One number, which holds for the discs, or m, None or the right one where there is a
+            box; None if there are boxes alone.
+        sections: From `box_sections`.
+
+    Raises:
+        ProblemError: A segment has both a box and another radius, or neither.
+    """
+    if sections is None:
+        return radius
+    halves = sections[:, :2].min(axis=1) / 2
+    if radius is None or is_number(radius):
+        if radius is not None and (halves > 0).all():
+            raise ProblemError(
+                f"tube.radius is {radius:g} m, but every segment has a box (tube.cross_section); "
+                "leave the radius out"
+            )
+        radius = np.where(halves > 0, None, radius)
+    is_list = isinstance(radius, list | tuple) or (
+        isinstance(radius, np.ndarray) and radius.ndim == 1
+    )
+    if not is_list or len(radius) != len(halves):
+        return radius  # which is refused as any other
+    return [_radius(k, radius[k], sections[k]) for k in range(len(halves))]
+
+
+def _radius(k: int, radius: Any, section: FloatArray) -> Any:
+    """Return the radius of a segment: half of the smaller side of its box, if it has one."""
+    width, height = section[:2]
+    half = min(width, height) / 2
+    if half == 0 and radius is None:
+        raise ProblemError(
+            f"tube.radius[{k}] is missing: segment {k} has no box (tube.cross_section); give one"
+        )
+    if radius is None:
+        return half
+    if half == 0:
+        return radius
+    if not is_number(radius) or not abs(radius - half) <= _SAME:
+        raise ProblemError(
+            f"tube.radius[{k}] is {in_figures(radius)} m, but segment {k} has a box of "
+            f"{width:g} by {height:g} m (tube.cross_section): its radius is half of its smaller "
+            "side; leave the radius null, or remove the box"
+        )
+    return half
+
+
+def _section(where: str, entry: Any, axis: FloatArray) -> list[float]:
+    """Return width, height and upward unit vector of one segment."""
+    if isinstance(entry, np.ndarray) and entry.shape == (5,):  # as `box_sections` returns it
+        box, up = entry[:2], entry[2:]
+    else:
+        if not isinstance(entry, Mapping) or set(entry) != _KEYS:
+            raise ProblemError(f"{where} is {shown(entry)}; give box: [w, h] and up: [x, y, z]")
+        box, up = entry["box"], entry["up"]
+    sides = _numbers(f"{where}.box", box, 2, "[w, h] [m]")
+    if not ((sides >= _SMALLEST) & (sides <= _LARGEST)).all():
+        raise ProblemError(
+            f"{where}.box is {sides.tolist()}; sides are from {_SMALLEST:g} to {_LARGEST:g} m"
+        )
+    upward = _numbers(f"{where}.up", up, 3, "[x, y, z]")
+    length, distance = float(np.linalg.norm(upward)), float(np.linalg.norm(axis))
+    # A segment of no length, which is left out later, has no direction.
+    along = axis / distance if distance >= MIN_LENGTH else np.zeros(3)
+    beside = upward - (upward @ along) * along
+    if not np.linalg.norm(beside) > _PARALLEL * length:
+        raise ProblemError(
+            f"{where}.up is {upward.tolist()}, parallel to its segment; give a direction across it"
+        )
+    if abs(length - 1) > _SAME:  # what is a unit vector stays the same, to the last digit
+        upward = upward / length
+    return [*sides.tolist(), *upward.tolist()]
+
+
+def _numbers(where: str, values: Any, count: int, shape: str) -> FloatArray:
+    is_list = isinstance(values, Sequence | np.ndarray) and len(values) == count
+    if not is_list or not all(is_number(value) and abs(value) < np.inf for value in values):
+        raise ProblemError(f"{where} is {shown(values)}; give {shape}, finite numbers")
+    return np.array(values, dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class BoxRegions(Capsules):
+    """Boxes about some segments, capsules about the others; `SegmentRegions`.
+
+    Attributes:
+        sections: From `box_sections`, shape (m, 5).
+        tool_radius: Taken off every half side [m].
+    """
+
+    sections: FloatArray
+    tool_radius: float
+
+    @cached_property
+    def is_box(self) -> BoolArray:
+        """Which segments have a box, shape (m,)."""
+        is_box: BoolArray = self.sections[:, 0] > 0
+        return is_box
+
+    @cached_property
+    def frame(self) -> FloatArray:
+        """Unit vectors across, upward and along each segment, shape (m, 3, 3), row by row."""
+        along = self._direction
+        up = (
+            self.sections[:, 2:]
+            - np.einsum("mi,mi->m", self.sections[:, 2:], along)[:, None] * along
+        )
+        up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), np.finfo(float).tiny)
+        return np.stack([np.cross(up, along), up, along], axis=1)
+
+    @cached_property
+    def half(self) -> FloatArray:
+        """Half sides across and upward, and the reach beyond the ends, shape (m, 3) [m]."""
+        sides = self.sections[:, :2] / 2 - self.tool_radius
+        own = np.where(self.is_box, sides.min(axis=1), 1.0)
+        half = np.column_stack([sides, own]) * (self.radius / own)[:, None]
+        return np.where(self.is_box[:, None], half, 1.0)
+
+    def margin(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return how far inside the nearest face, or else the capsule, points are."""
+        inside = (self.half[segment] - self._beyond(p, segment)).min(axis=-1)
+        return np.where(self.is_box[segment], inside, super().margin(p, segment))
+
+    def share(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return the largest share of a half side, or else of the radius."""
+        share = (self._beyond(p, segment) / self.half[segment]).max(axis=-1)
+        return np.where(self.is_box[segment], share, super().share(p, segment))
+
+    def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return the normal of the face that a point is nearest to, or else away from the axis."""
+        share = self._beyond(p, segment) / self.half[segment]
+        face = share.argmax(axis=-1)
+        normal = self.frame[segment, face]
+        # What is nearest to an end and has a share of it is beyond it, on the side where it is.
+        side = np.sign(np.einsum("ri,ri->r", normal, p - self.begin[segment]))
+        normal = np.where((share.max(axis=-1) > 0)[:, None], side[:, None] * normal, 0.0)
+        return np.where(self.is_box[segment, None], normal, super().outward(p, segment))
+
+    def faces(self, segment: IntArray) -> Sequence[FloatArray]:
+        """Return the normals at both ends and those of the other four faces."""
+        sides = np.where(self.is_box[segment, None, None], self.frame[segment, :2], 0.0)
+        across, up = sides[:, 0], sides[:, 1]
+        return (*super().faces(segment), across, -across, up, -up)
+
+    def extent(self, normal: FloatArray, segment: IntArray) -> FloatArray:
+        """Return how far boxes reach along normals, or else the radii."""
+        extent = self._parts(normal, segment).sum(axis=1)
+        return np.where(self.is_box[segment], extent, super().extent(normal, segment))
+
+    def kinds(self, segment: int) -> tuple[str, ...]:
+        """Return that these are width and height, or else the radius."""
+        return _KINDS if self.is_box[segment] else super().kinds(segment)
+
+    def kind(self, normal: FloatArray, segment: IntArray) -> IntArray:
+        """Return whether it is the width (0) or the height (1); 0 for a radius."""
+        parts = self._parts(normal, segment)
+        # The reach beyond the ends follows the smaller side.
+        parts[np.arange(len(parts)), self.half[segment, :2].argmin(axis=1)] += parts[:, 2]
+        is_height: IntArray = (self.is_box[segment] & (parts[:, 1] > parts[:, 0])).astype(np.int64)
+        return is_height
+
+    def _parts(self, normal: FloatArray, segment: IntArray) -> FloatArray:
+        """Return what each half side adds to the extent along normals (R, 3), shape (R, 3)."""
+        return abs(np.einsum("rai,ri->ra", self.frame[segment], normal)) * self.half[segment]
+
+    def _beyond(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return how far points are from the axis across and upward, and beyond its ends."""
+        begin, axis = self.begin[segment], self.end[segment] - self.begin[segment]
+        local = np.einsum("rai,...ri->...ra", self.frame[segment], p - begin)
+        length = np.linalg.norm(axis, axis=-1)
+        ahead = np.maximum(-local[..., 2], local[..., 2] - length)
+        return np.concatenate([abs(local[..., :2]), ahead[..., None]], axis=-1)

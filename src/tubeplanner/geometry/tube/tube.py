@@ -1,0 +1,526 @@
+"""Tube: points, radii, rotation, joint signs; narrowed tubes, merged segments.
+
+Segment k joins reference points k and k+1; its capsule is all points within the path tolerance of
+it (Suh & Bishop 1988, section on the tube model; digest: F_j). All positions are in the base
+frame.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.checks import WHOLE_NUMBER, in_figures, is_number
+from tubeplanner.errors import ProblemError, shown, unknown_name
+from tubeplanner.geometry.tube.points import (
+    MAX_EXTENT,
+    MIN_LENGTH,
+    PASS_THROUGH,
+    DistinctPoints,
+    compulsory_points,
+    distinct_points,
+    given_points,
+    given_radii,
+)
+from tubeplanner.geometry.tube.regions import (
+    BoxRegions,
+    Capsules,
+    SegmentRegions,
+    box_sections,
+    radii_of_boxes,
+)
+from tubeplanner.geometry.tube.rotation import RotationalTube, RotationBound, given_rotation
+from tubeplanner.geometry.tube.segment_values import (
+    CLEARANCE,
+    TOOL_SPEED,
+    JointRange,
+    JointSign,
+    joint_ranges,
+    segment_values,
+    sign_maps,
+)
+from tubeplanner.orientation import rotation_matrix, rotation_vector
+
+# ---- The tube: the tool's positions and orientations, and the arm's configuration. Pure geometry.
+
+_ALL = slice(None)
+_LARGEST_NUMBER = 10**9  # of a point
+# What has an entry for each point, and for each segment.
+_BY_POINT = ("points", "orientations", "numbers")
+_BY_SEGMENT = (
+    *("radius", "joint_signs", "rotation_tolerance", "tool_speed", "cross_section", "clearance"),
+)
+_BLOCK = 100_000  # distances computed at once, which a processor's cache holds
+VISITS = ("ordered", "any")
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Tube:
+    """Reference points, a tolerance per segment, and joint ranges per segment.
+
+    Attributes:
+        points: Reference points, shape (m+1, 3) [m].
+        radius: Path tolerances, shape (m,) [m].
+        tool_radius: The tool as a sphere [m]; every effective radius is smaller by it.
+        joint_signs: Per segment, by joint name: its sign or range as given.
+        visit: "ordered": segments one after the other, with switching times in both capsules;
+            "any": the union of all capsules.
+            (Of segments with a box, it takes the place of the capsule.)
+        orientations: Of the tool at the reference points, unit quaternions x y z w, shape (m+1, 4);
+            None: any orientation is allowed.
+        rotation_tolerance: Per segment one angle, or bounds on the three components of
+            log(R_ref^T R) [rad]; None: as above.
+        pass_through_points: Which inner points the tool must pass within the smaller radius
+            beside them: "all", "corners" (where the tube turns back by more than 150 degrees) or
+            "none".
+        numbers: What messages call the points, shape (m+1,): 0 to m, unless points were left out.
+        tool_speed: Limits on the tool's speed, shape (m,) [m/s], inf where free; None: free.
+        clearance: Of links from obstacles, (m,) [m], inf where it is the problem's; None: as that.
+        cross_section: Boxes about segments, shape (m, 5), as `box_sections`; None: discs alone.
+        joint_ranges: Per segment, by joint name: [lower, upper], what the signs mean [rad or m].
+        rotation: The rotation tolerance as geometry; None: as above.
+        notes: What was left out of what was given.
+        parts: The tube whose segments were joined to this one's; None if none were.
+    """
+
+    points: FloatArray
+    radius: FloatArray
+    tool_radius: float
+    joint_signs: tuple[Mapping[str, JointSign], ...]
+    visit: Literal["ordered", "any"]
+    orientations: FloatArray | None
+    rotation_tolerance: tuple[RotationBound, ...] | None
+    pass_through_points: Literal["all", "corners", "none"]
+    numbers: IntArray
+    tool_speed: FloatArray | None = None
+    cross_section: FloatArray | None = None
+    clearance: FloatArray | None = None
+    joint_ranges: tuple[Mapping[str, JointRange], ...] = field(init=False)
+    rotation: RotationalTube | None = field(init=False)
+    notes: tuple[str, ...] = field(init=False)
+    parts: "Tube | None" = field(init=False)
+
+    def __init__(
+        self,
+        points: Sequence[Sequence[float]] | FloatArray,
+        radius: float | Sequence[float | None] | FloatArray | None,
+        *,
+        tool_radius: float = 0.0,
+        joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]] | None = None,
+        visit: Literal["ordered", "any"] = "ordered",
+        orientations: Sequence[Sequence[float]] | FloatArray | None = None,
+        rotation_tolerance: float | Sequence[float | Sequence[float]] | None = None,
+        pass_through_points: Literal["all", "corners", "none"] = "corners",
+        numbers: Sequence[int] | IntArray | None = None,
+        tool_speed: float | Sequence[float | None] | FloatArray | None = None,
+        cross_section: Mapping[str, Any] | Sequence[Any] | FloatArray | None = None,
+        clearance: float | Sequence[float | None] | FloatArray | None = None,
+    ) -> None:
+        """Check and keep the tube; points that repeat the one before are left out, with a note.
+
+        Args:
+            points: m+1 reference points, shape (m+1, 3) [m].
+            radius: One tolerance for all segments, or m of them, None where there is a box [m].
+            tool_radius: The tool as a sphere [m].
+            joint_signs: One map for all segments, or m maps, from joint name to "+" (>= 0),
+                "-" (<= 0), "0" (free), the numbers 1, -1, 0, or a range [lower, upper] [rad or m].
+            visit: "ordered" or "any".
+            orientations: m+1 quaternions x y z w of the tool centre point frame at the reference
+                points; between them it turns about one axis, the short way round.
+            rotation_tolerance: m entries, each one angle by which the tool may deviate, or bounds
+                on the components of the rotation vector log(R_ref^T R), infinite where free; one
+                number, or one list of bounds, serves for all segments. Three numbers for three
+                segments are an angle each [rad].
+            pass_through_points: "all", "corners" or "none".
+            numbers: What messages call the points, m+1 ascending numbers; default: 0 to m.
+            tool_speed: One limit for all segments, or m of them, None where it is free [m/s].
+            cross_section: {"box": [width, height], "up": [x, y, z]} for all segments, or m of them,
+                None for a disc [m].
+            clearance: One for all segments, or m of them, None for the problem's [m].
+
+        Raises:
+            ProblemError: A count, a number or a sign is wrong; the message names it.
+        """
+        corners = given_points(points)
+        segments = len(corners) - 1
+        sections = box_sections(cross_section, np.diff(corners, axis=0))
+        radii = given_radii(radii_of_boxes(radius, sections), segments)
+        signs = sign_maps({} if joint_signs is None else joint_signs, segments)
+        ranges = joint_ranges(signs, visit)
+        quaternions, bounds, rotation = given_rotation(corners, orientations, rotation_tolerance)
+        _require_named("visit", visit, VISITS)
+        _require_named("pass_through_points", pass_through_points, PASS_THROUGH)
+        if not is_number(tool_radius) or not 0 <= tool_radius <= radii.min() - MIN_LENGTH:
+            raise ProblemError(
+                f"tube.tool_radius {in_figures(tool_radius)} m must be >= 0 and below the smallest "
+                f"radius, {radii.min():g} m, by at least {MIN_LENGTH:g} m"
+            )
+        named = np.arange(segments + 1) if numbers is None else _numbers(numbers, segments)
+        speeds = segment_values(tool_speed, segments, TOOL_SPEED)
+        distances = segment_values(clearance, segments, CLEARANCE)
+        self._set(
+            points=corners,
+            radius=radii,
+            tool_radius=float(tool_radius),
+            joint_signs=signs,
+            visit=visit,
+            orientations=quaternions,
+            rotation_tolerance=bounds,
+            pass_through_points=pass_through_points,
+            numbers=named,
+            tool_speed=speeds,
+            cross_section=sections,
+            clearance=distances,
+            joint_ranges=ranges,
+            rotation=rotation,
+            notes=(),
+            parts=None,
+        )
+        conditions = _conditions(ranges, bounds, speeds, sections, distances)
+        asked = list(zip(radii.tolist(), conditions, strict=True))
+        kept = distinct_points(corners, asked, None if rotation is None else rotation.angles)
+        if len(kept.dropped):
+            less = self.with_points(kept.points, kept.segments)
+            values = {field.name: getattr(less, field.name) for field in fields(self)}
+            self._set(**{**values, "notes": _notes(named, kept)})
+
+    def __repr__(self) -> str:
+        length = float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+        radii = f"{self.radius.min():g} to {self.radius.max():g} m"
+        return f"<Tube of {self.segment_count} segments, {length:.4g} m long, radii {radii}>"
+
+    def _set(self, **values: object) -> None:
+        """Set fields by name."""
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def anywhere(cls, begin: FloatArray, end: FloatArray) -> "Tube":
+        """Return a tube from one tool position to another (3,) that excludes no tool position.
+
+        Where both are the same, the second is moved a little: a tube has a direction.
+        """
+        is_still = np.linalg.norm(end - begin) < MIN_LENGTH
+        aside = np.array([0.0, 0.0, 1e3 * MIN_LENGTH * is_still])
+        return cls(np.vstack([begin, end + aside]), MAX_EXTENT)
+
+    def with_radius(self, radius: float | Sequence[float] | FloatArray) -> "Tube":
+        """Return the tube with another tolerance, or m others [m].
+
+        Raises:
+            ProblemError: A radius is not positive, or not above the tool radius, or a segment has a
+                box.
+        """
+        self.require_discs("other radii", "scale all (Tube.scaled), or leave cross_section out")
+        return replace(self, radius=radius)  # type: ignore[arg-type]  # as `__init__` takes it
+
+    def scaled(self, factor: float) -> "Tube":
+        """Return the tube with all radii and all sides of boxes multiplied by a factor.
+
+        Raises:
+            ProblemError: A radius or a side is too small or too large.
+        """
+        if self.cross_section is None:
+            return self.with_radius(factor * self.radius)
+        sections = self.cross_section * [factor, factor, 1.0, 1.0, 1.0]
+        is_box = sections[:, 0] > 0
+        radii = np.where(is_box, sections[:, :2].min(axis=1) / 2, factor * self.radius)
+        return replace(self, radius=radii, cross_section=sections)
+
+    def require_discs(self, what: str, remedy: str) -> None:
+        """Raise ProblemError, with what is asked for and a remedy, if a segment has a box."""
+        for k in np.flatnonzero(self.is_box)[:1]:
+            raise ProblemError(
+                f"tube.cross_section: segment {self.segment_number(int(k))} has a box, which does "
+                f"not go with {what}; {remedy}"
+            )
+
+    def with_points(
+        self, points: Sequence[int] | IntArray, segments: Sequence[int] | IntArray
+    ) -> "Tube":
+        """Return the tube with some of its points, which keep their numbers.
+
+        Args:
+            points: Their indices, ascending, at least two.
+            segments: The segments whose radius and conditions hold between them, one less.
+        """
+        chosen: dict[str, Any] = {name: getattr(self, name) for name in _BY_POINT}
+        chosen = {name: None if v is None else v[list(points)] for name, v in chosen.items()}
+        for name in _BY_SEGMENT:
+            values = getattr(self, name)
+            chosen[name] = None if values is None else [values[k] for k in segments]
+        return replace(self, **chosen)
+
+    @cached_property
+    def conditions(self) -> tuple[tuple[object, ...], ...]:
+        """What each of m segments asks of the arm beside the tool's place, to be compared."""
+        others = (self.tool_speed, self.cross_section, self.clearance)
+        return _conditions(self.joint_ranges, self.rotation_tolerance, *others)
+
+    @property
+    def segment_count(self) -> int:
+        """Number m of segments."""
+        return len(self.radius)
+
+    @property
+    def effective_radius(self) -> FloatArray:
+        """How far the tool centre point may stray, shape (m,) [m]."""
+        return self.radius - self.tool_radius
+
+    @property
+    def is_box(self) -> BoolArray:
+        """Which segments have a box, shape (m,)."""
+        if self.cross_section is None:
+            return np.zeros(self.segment_count, dtype=bool)
+        is_box: BoolArray = self.cross_section[:, 0] > 0
+        return is_box
+
+    @property
+    def reach(self) -> FloatArray:
+        """The effective radii, of boxes the larger effective half sides, shape (m,) [m]."""
+        if self.cross_section is None:
+            return self.effective_radius
+        longer = self.cross_section[:, :2].max(axis=1) / 2 - self.tool_radius
+        return np.maximum(self.effective_radius, longer)
+
+    @cached_property
+    def regions(self) -> SegmentRegions:
+        """The regions about the segments in which the tool centre point must be."""
+        return self.regions_of(self.effective_radius)
+
+    def regions_of(self, radius: FloatArray) -> SegmentRegions:
+        """Return the regions as they would be with other effective radii, (m,) [m]."""
+        # Copies: what is not to be written to takes longer to be passed to native functions.
+        axes = (self.points[:-1].copy(), self.points[1:].copy())
+        if self.cross_section is None:
+            return Capsules(*axes, radius)
+        return BoxRegions(*axes, radius, self.cross_section, self.tool_radius)
+
+    @cached_property
+    def compulsory_points(self) -> IntArray:
+        """Indices of the inner points that the tool must pass within the smaller radius beside."""
+        return compulsory_points(self.points, self.effective_radius, self.pass_through_points)
+
+    def segment_number(self, k: int, tool: FloatArray | None = None) -> int:
+        """Return what messages call a segment.
+
+        Args:
+            k: Its index.
+            tool: A position (3,) [m] in it: of joined segments the nearest is meant, not the first.
+        """
+        if self.parts is None:
+            return int(self.numbers[k + 1]) - 1
+        first, end = np.searchsorted(self.parts.numbers, self.numbers[k : k + 2])
+        away = 0 if tool is None else self.parts.distance(tool[None], slice(first, end)).argmin()
+        return self.parts.segment_number(int(first + away))
+
+    def segment_index(self, number: int) -> int:
+        """Return the index of the segment that messages call by a number."""
+        return int(np.searchsorted(self.numbers[1:], number + 1))
+
+    def distance(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
+        """Return distances of points (N, 3) to some segments (of m, all), shape (N, m) [m]."""
+        start, axis = self.points[:-1][segments], np.diff(self.points, axis=0)[segments]
+        rows = max(_BLOCK // len(start), 1)
+        blocks = [p[first : first + rows] for first in range(0, max(len(p), 1), rows)]
+        return np.concatenate([_distances(block, start, axis) for block in blocks])
+
+    def margin(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
+        """Return how far inside some regions (of m, all) points (N, 3) lie, shape (N, m) [m]."""
+        if self.cross_section is None:
+            return self.effective_radius[segments] - self.distance(p, segments)
+        asked = np.arange(self.segment_count)[segments]
+        return self.regions.margin(p[:, None], asked)
+
+    def nearest(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
+        """Return the points of some segments (of m, all) nearest to points (N, 3): (N, m, 3)."""
+        start, axis = self.points[:-1][segments], np.diff(self.points, axis=0)[segments]
+        squared = np.einsum("mi,mi->m", axis, axis)
+        projection = np.einsum("nmi,mi->nm", p[:, None] - start, axis)
+        share = np.clip(projection / squared, 0.0, 1.0)
+        return start + share[:, :, None] * axis
+
+    def rotation_margin(
+        self, rotation: FloatArray, p: FloatArray, segments: slice = _ALL
+    ) -> FloatArray:
+        """Return how far inside the rotation tolerances of some segments (of m, all) tools are.
+
+        Args:
+            rotation: Orientations of the tool, shape (N, 3, 3).
+            p: Its positions, shape (N, 3) [m].
+            segments: Which segments.
+
+        Returns:
+            Shape (N, m) [rad], infinite where a segment leaves the rotation free.
+        """
+        asked = range(self.segment_count)[segments]
+        margin = np.full((len(p), len(asked)), np.inf)
+        for column, k in enumerate(asked):
+            if self.rotation is not None and np.isfinite(self.rotation.bounds[k]).any():
+                margin[:, column] = self.rotation.margin(rotation, p, k)
+        return margin
+
+    def ranges_of(self, joint_names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Return lower and upper joint ranges of all segments, each (m, n) [rad or m]."""
+        free = (-np.inf, np.inf)
+        rows = [[ranges.get(name, free) for name in joint_names] for ranges in self.joint_ranges]
+        table = np.array(rows).reshape(self.segment_count, len(joint_names), 2)
+        return table[:, :, 0], table[:, :, 1]
+
+
+def _distances(p: FloatArray, start: FloatArray, axis: FloatArray) -> FloatArray:
+    """Return distances of points (N, 3) to segments from `start` along `axis`, (m, 3): (N, m).
+
+    Coordinate by coordinate: three quick operations on (N, m) for a slow one on (N, m, 3).
+    """
+    away = [p[:, i, None] - start[:, i] for i in range(3)]
+    projection = away[0] * axis[:, 0] + away[1] * axis[:, 1] + away[2] * axis[:, 2]
+    share = np.clip(projection / np.einsum("mi,mi->m", axis, axis), 0.0, 1.0)
+    x, y, z = (from_start - share * axis[:, i] for i, from_start in enumerate(away))
+    distances: FloatArray = np.sqrt(x * x + y * y + z * z)
+    return distances
+
+
+def _notes(numbers: IntArray, kept: DistinctPoints) -> tuple[str, ...]:
+    """Say which points were left out."""
+    return tuple(
+        f"tube.points: point {numbers[k]} is the same as the one before within {MIN_LENGTH:g} m; "
+        f"it is left out, with segment {numbers[k] - 1}"
+        for k in kept.dropped
+    )
+
+
+def _conditions(
+    ranges: tuple[Mapping[str, JointRange], ...], *others: FloatArray | tuple[object, ...] | None
+) -> tuple[tuple[object, ...], ...]:
+    """Return what each segment asks of the arm beside the tool's place."""
+    rows = [other.tolist() if isinstance(other, np.ndarray) else other for other in others]
+    nothing = [None] * len(ranges)
+    return tuple(zip(ranges, *(row or nothing for row in rows), strict=True))
+
+
+def _numbers(given: object, segments: int) -> IntArray:
+    """Return the numbers of the points, once they are as many as there are points, and ascend."""
+    is_row = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim == 1)
+    row: Any = given if is_row else ()
+    are_whole = all(isinstance(n, WHOLE_NUMBER) and 0 <= n <= _LARGEST_NUMBER for n in row)
+    if not are_whole or len(row) != segments + 1 or not (np.diff(row) >= 0).all():
+        raise ProblemError(
+            f"tube.numbers is {shown(given)}; give {segments + 1} ascending whole numbers"
+        )
+    return np.array(row, dtype=np.int64)
+
+
+def _require_named(key: str, value: object, known: Sequence[str]) -> None:
+    if not isinstance(value, str) or value not in known:
+        raise ProblemError(f"tube.{key}: {unknown_name('value', value, known)}")
+
+
+# ---- Tubes that lie inside others by given distances and angles.
+
+
+def narrowed_tube(tube: Tube, by: FloatArray, turned: FloatArray) -> Tube:
+    """Return a tube whose every tool position is inside another by given distances.
+
+    Args:
+        tube: The other tube.
+        by: What is taken off radii, and off boxes at every side, shape (m,) [m].
+        turned: What is taken off rotation tolerances, shape (m,) [rad].
+
+    Raises:
+        ProblemError: Nothing is left of a radius or of a tolerance.
+    """
+    tolerance, sections = tube.rotation_tolerance, tube.cross_section
+    if tolerance is not None:
+        tolerance = tuple(map(_narrowed_bound, tolerance, turned.tolist()))
+    if sections is None:
+        return replace(tube, radius=tube.radius - by, rotation_tolerance=tolerance)
+    taken = np.zeros_like(sections)
+    taken[:, :2] = 2 * by[:, None]
+    sections = np.where(tube.is_box[:, None], sections - taken, sections)
+    sides = sections[:, :2].min(axis=1)
+    radius = np.where(tube.is_box, sides / 2, tube.radius - by)
+    return replace(tube, radius=radius, rotation_tolerance=tolerance, cross_section=sections)
+
+
+def _narrowed_bound(bound: RotationBound, by: float) -> RotationBound:
+    if isinstance(bound, int | float):
+        return bound - by
+    x, y, z = bound
+    return x - by, y - by, z - by
+
+
+# ---- Segments of a tube that are one: on one line, and asking the same.
+#
+# A point between them asks nothing, so that a tube is the same however its straight parts are
+# divided. Segments that were visited one after the other would ask more: the tool would have to
+# come
+# near every point between them.
+
+_ON_LINE = 1e-9  # [m], [rad]
+_HALF_TURN = np.pi - 1e-6  # [rad]: beyond it the short way round would be another one
+
+
+def joined_segments(tube: Tube) -> Tube:
+    """Return a tube with its segments joined where they are one; the same if none are.
+
+    Its points keep their numbers, and `Tube.parts` is the tube given.
+    """
+    if tube.pass_through_points == "all":
+        return tube
+    firsts = [0]
+    for k in range(1, tube.segment_count):
+        if not _are_one(tube, firsts[-1], k):
+            firsts.append(k)
+    if len(firsts) == tube.segment_count:
+        return tube
+    kept = [*firsts, tube.segment_count]
+    joined = tube.with_points(kept, firsts)
+    object.__setattr__(joined, "parts", tube)
+    return joined
+
+
+def _are_one(tube: Tube, first: int, last: int) -> bool:
+    """Return whether a segment is one with those before it, which are one from `first` on."""
+    if tube.radius[last] != tube.radius[first] or tube.conditions[last] != tube.conditions[first]:
+        return False
+    shares = _shares_on_line(tube.points[first : last + 2])
+    if shares is None:
+        return False
+    return tube.rotation is None or _turns_evenly(tube.rotation, first, last, shares)
+
+
+def _shares_on_line(points: FloatArray) -> FloatArray | None:
+    """Return where points (P, 3) are on the line from the first to the last, from 0 to 1: (P,).
+
+    None if one is off the line or behind the one before.
+    """
+    axis = points[-1] - points[0]
+    square = float(axis @ axis)
+    if square <= _ON_LINE**2:
+        return None
+    shares: FloatArray = (points - points[0]) @ axis / square
+    off = np.linalg.norm(points - points[0] - shares[:, None] * axis, axis=1)
+    return shares if off.max() <= _ON_LINE and (np.diff(shares) > 0).all() else None
+
+
+def _turns_evenly(rotation: RotationalTube, first: int, last: int, shares: FloatArray) -> bool:
+    """Return whether segments turn at one rate about one axis.
+
+    Args:
+        rotation: The reference orientations.
+        first: The first segment.
+        last: The last one.
+        shares: Of the points from the start of the first to the end of the last, shape (P,).
+    """
+    part = slice(first, last + 1)
+    if np.linalg.norm(rotation.turn[part], axis=1).sum() >= _HALF_TURN:
+        return False
+    end = rotation.begin[last] @ rotation_matrix(rotation.turn[last])
+    turn = rotation_vector(rotation.begin[first].T @ end)
+    even = rotation.begin[first] @ rotation_matrix(shares[:-1, None] * turn)
+    off = rotation_vector(even.transpose(0, 2, 1) @ rotation.begin[part])
+    return bool(np.linalg.norm(off, axis=1).max() <= _ON_LINE)

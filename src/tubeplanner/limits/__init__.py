@@ -1,0 +1,1 @@
+"""Every limit at samples, a polynomial in path speed; time scaling, peaks, use."""

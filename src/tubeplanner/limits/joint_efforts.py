@@ -1,0 +1,406 @@
+"""Effort limits by direction, position and speed; effort rates; holding efforts at rest."""
+
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.limits.path_samples import LimitKey, PathSamples, directed_friction
+from tubeplanner.limits.speed_polynomial import SpeedPolynomial
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.robot.joint_limits import JointLimits
+from tubeplanner.robot.model import effort_rate_derivatives
+from tubeplanner.robot.motors import JointMotors
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- Why a motor is too weak for an arm at rest, or moved slowly.
+
+
+def effort_refusal(
+    at: PathSamples,
+    sample: int,
+    joint: int,
+    needed: float,
+    limit: float,
+    *,
+    mass: float | None = None,
+    proved: bool = False,
+) -> Infeasible:
+    """Return that a joint cannot hold what it carries, or move it, however slowly.
+
+    Args:
+        at: The path.
+        sample: Where on it.
+        joint: Which joint.
+        needed: Size of its effort at rest or at low speed [N m or N].
+        limit: The most that its motor has there, in that direction [N m or N].
+        mass: The heaviest payload that all joints hold there [kg]; None: not known.
+        proved: As of `Infeasible`.
+    """
+    robot = at.problem.robot
+    name, unit = robot.joint_names[joint], "N m" if robot.revolute[joint] else "N"
+    has_friction = robot.motors.backwards_friction[joint] or robot.motors.forwards_friction[joint]
+    against = "gravity and friction" if has_friction else "gravity alone"
+    lighten = "lighten the payload" if mass is None else f"carry at most {mass:.3g} kg"
+    return Infeasible(
+        PlanStatus.GRAVITY_EXCEEDS_EFFORT,
+        f"joint '{name}' needs {needed:.2f} {unit} against {against}, its effort limit is "
+        f"{limit:.2f}; {lighten}, choose another configuration or a motor with "
+        f"{needed - limit:.3g} {unit} more (robot.limits.effort.{name})",
+        Place(joint=name).at(at.tool_pose[1][sample]),
+        proved=proved,
+        configuration=at.position[sample],
+    )
+
+
+# ---- The joints' efforts in limits that are the same both ways.
+
+
+class JointEffort:
+    """A `SpeedLimit` on the efforts of some joints.
+
+    Attributes:
+        joints: Those that are limited, I of them.
+        limit: Their limits, shape (I,) [N m or N].
+    """
+
+    kind = "effort"
+    order = 2
+    signs = (1.0, -1.0)
+
+    def __init__(self, limit: FloatArray, *, with_coulomb_friction: bool = False) -> None:
+        """Take the finite ones of n joints' limits, (n,) [N m or N].
+
+        Args:
+            limit: The limits.
+            with_coulomb_friction: Whether it counts, by the directions of motion. Its jumps have no
+                derivatives: for what is summed up over a motion.
+        """
+        self._with_coulomb_friction = with_coulomb_friction
+        self.joints = np.flatnonzero(np.isfinite(limit))
+        self.limit = limit[self.joints]
+        self.keys = tuple(LimitKey(self.kind, joint=j) for j in self.joints.tolist())
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return the efforts as shares of their limits."""
+        motors, own = at.problem.robot.motors, self.joints
+        terms = {0: at.gravity[:, own], 2: (at.effort - at.gravity)[:, own]}
+        if motors.has_viscous_friction:
+            terms[1] = at.viscous_effort[:, own]
+            terms[2] = terms[2] - terms[1]
+        if self._with_coulomb_friction:
+            terms[0] = terms[0] + motors.coulomb_effort(at.direction)[:, own]
+        return SpeedPolynomial({power: term / self.limit for power, term in terms.items()})
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return how the shares change with the path."""
+        blocks = enumerate(at.effort_derivatives(speed))
+        return {k: by[:, self.joints] * (speed**k / self.limit[:, None]) for k, by in blocks}
+
+    def key_of(self, at: PathSamples) -> IntArray:
+        """Return one key per joint."""
+        return np.arange(len(self.joints))[None]
+
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return which joint gravity is too strong for."""
+        held = abs(at.gravity[:, self.joints])
+        sample, column = np.unravel_index(int((held - self.limit).argmax()), held.shape)
+        needed, limit = float(held[sample, column]), float(self.limit[column])
+        return effort_refusal(at, int(sample), int(self.joints[column]), needed, limit)
+
+
+# ---- Efforts as sides bound them: of each joint forwards and then backwards, with its friction.
+#
+# Upwards bounded is the most that a joint may need, downwards the least: where friction is
+# uncertain,
+# or its direction about to change, these differ.
+
+
+class SidedEffort:
+    """The efforts of some joints on both sides, 2 I quantities [N m or N].
+
+    Attributes:
+        joints: Whose they are, twice, shape (2 I,).
+        way: 1 forwards, -1 backwards, shape (2 I,).
+    """
+
+    def __init__(self, joints: IntArray) -> None:
+        """Take I joints."""
+        self.joints = np.tile(joints, 2)
+        self.way = np.repeat([1.0, -1.0], len(joints))
+
+    def terms(self, at: PathSamples) -> dict[int, FloatArray]:
+        """Return them at any speed, by its powers: friction of the worse kind that it may have."""
+        still, moving = at.gravity + at.viscous_effort, at.effort
+        unsure = at.problem.robot.motors.friction_uncertainty * abs(at.viscous_effort)
+        dry = self._dry(at, 0)
+        return {
+            0: self.way * (at.gravity[:, self.joints] + dry),
+            1: self.way * at.viscous_effort[:, self.joints] + unsure[:, self.joints],
+            2: self.way * (moving - still)[:, self.joints],
+        }
+
+    def by_path(self, at: PathSamples, speed: float) -> dict[int, FloatArray]:
+        """Return how they change with the path at a speed, (N, 2 I, n) each."""
+        motors = at.problem.robot.motors
+        blocks = enumerate(at.effort_derivatives(speed))
+        change = {k: by[:, self.joints] * (speed**k * self.way[:, None]) for k, by in blocks}
+        unsure = motors.friction_uncertainty * motors.viscous_friction * speed
+        by_rate = (unsure * np.sign(at.by_path[1]))[:, self.joints] + self.way * self._dry(at, 1)
+        every = np.arange(len(self.joints))
+        change[1][:, every, self.joints] += by_rate
+        return change
+
+    def _dry(self, at: PathSamples, what: int) -> FloatArray:
+        """Return Coulomb friction (0) or how it changes with dq/dx (1), shape (N, 2 I)."""
+        half = len(self.joints) // 2
+        sides = [at.coulomb_friction.side(way)[what][:, self.joints[:half]] for way in (1.0, -1.0)]
+        return np.concatenate(sides, axis=1)
+
+
+# ---- Effort limits of joints with Coulomb friction, or with other limits each way or by position.
+
+
+class EffortLimit:
+    """A `SpeedLimit` on the efforts of some joints, forwards and then backwards: 2 I quantities.
+
+    Attributes:
+        joints: Those that are limited, twice, shape (2 I,).
+        limit: What they are shares of: the most each way anywhere, shape (2 I,) [N m or N].
+    """
+
+    kind = "effort"
+    order = 2
+    signs = (1.0,)
+
+    def __init__(self, limits: JointLimits) -> None:
+        """Take the joints that have a limit."""
+        joints = np.flatnonzero(np.isfinite(limits.effort))
+        self._effort = SidedEffort(joints)
+        self.joints = self._effort.joints
+        place = {int(joint): k for k, joint in enumerate(joints)}
+        self._ranges = [
+            (place[each.joint] + len(joints) * (way < 0), way, each)
+            for each in limits.effort_ranges
+            for way in (1.0, -1.0)
+        ]
+        self.limit = limits.effort[self.joints].copy()
+        for column, way, each in self._ranges:
+            self.limit[column] = each.side(way).max()
+        self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return the efforts, and what limits lack, as shares of the most."""
+        allowed = np.ones((len(at), len(self.joints)))
+        for column, way, each in self._ranges:
+            allowed[:, column] = each.allowed(at.position[:, each.joint], way) / self.limit[column]
+        terms = {k: term / self.limit for k, term in self._effort.terms(at).items()}
+        terms[0] += 1 - allowed
+        return SpeedPolynomial(terms, allowed)
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return how the shares change with the path."""
+        change = {k: by / self.limit[:, None] for k, by in self._effort.by_path(at, speed).items()}
+        for column, way, each in self._ranges:
+            slope = each.slope(at.position[:, each.joint], way)
+            change[0][:, column, each.joint] -= slope / self.limit[column]
+        return change
+
+    def key_of(self, at: PathSamples) -> IntArray:
+        """Return one key per joint."""
+        return np.tile(np.arange(len(self.keys)), 2)[None]
+
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return which joint gravity and friction are too strong for."""
+        used = self.used(at)
+        sample, column = np.unravel_index(int(used.terms[0].argmax()), used.shape)
+        allowed = 1.0 if used.allowed is None else float(used.allowed[sample, column])
+        needed = (used.terms[0][sample, column] - 1 + allowed) * self.limit[column]
+        return effort_refusal(
+            at, int(sample), int(self.joints[column]), float(needed), allowed * self.limit[column]
+        )
+
+
+# ---- Torque-speed lines: what effort motors have left at speed.
+
+
+class MotorCurve:
+    """A `SpeedLimit` on the efforts of some joints at their velocities: 2 I quantities.
+
+    An effort tau at the velocity v uses tau / S + v / v0 forwards, S the saturation effort and v0
+    the no-load velocity, and minus that backwards. A key stands for both, raised together.
+
+    Attributes:
+        joints: Those that have such a line, twice, shape (2 I,).
+    """
+
+    kind = "motor_curve"
+    order = 2
+    signs = (1.0,)
+
+    def __init__(self, motors: JointMotors) -> None:
+        """Take the joints that have a line."""
+        joints = np.flatnonzero(motors.has_curve)
+        self._effort = SidedEffort(joints)
+        self.joints, self._way = self._effort.joints, self._effort.way
+        self._stall = motors.saturation_effort[self.joints]
+        self._no_load = motors.no_load_velocity[self.joints]
+        self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return what efforts and velocities use together."""
+        terms = {k: term / self._stall for k, term in self._effort.terms(at).items()}
+        terms[1] = terms[1] + self._way * at.by_path[1][:, self.joints] / self._no_load
+        return SpeedPolynomial(terms)
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return how that changes with the path."""
+        change = {k: by / self._stall[:, None] for k, by in self._effort.by_path(at, speed).items()}
+        every = np.arange(len(self.joints))
+        change[1][:, every, self.joints] += self._way * speed / self._no_load
+        return change
+
+    def key_of(self, at: PathSamples) -> IntArray:
+        """Return one key per joint."""
+        return np.tile(np.arange(len(self.keys)), 2)[None]
+
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return which motor stalls under gravity and friction."""
+        held = self.used(at).terms[0]
+        sample, column = np.unravel_index(int(held.argmax()), held.shape)
+        stall = float(self._stall[column])
+        needed = float(held[sample, column]) * stall
+        return effort_refusal(at, int(sample), int(self.joints[column]), needed, stall)
+
+
+# ---- Limits on how fast the joints' efforts change: inside pieces, where the motion is smooth.
+
+
+class EffortRate:
+    """A `SpeedLimit` on the rates of some joints' efforts.
+
+    Those of gravity grow with s, those of viscous friction with s^2, the rest with s^3. Coulomb
+    friction, which jumps, does not count.
+
+    Attributes:
+        joints: Those that are limited, I of them.
+        limit: Their limits, shape (I,) [N m/s or N/s].
+    """
+
+    kind = "effort_rate"
+    order = 3
+    signs = (1.0, -1.0)
+
+    def __init__(self, limit: FloatArray) -> None:
+        """Take the finite ones of n joints' limits, (n,) [N m/s or N/s]."""
+        self.joints = np.flatnonzero(np.isfinite(limit))
+        self.limit = limit[self.joints]
+        self.keys = tuple(LimitKey(self.kind, joint=j) for j in self.joints.tolist())
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return the rates as shares of their limits."""
+        rate, gravity = at.effort_rate[:, self.joints], at.gravity_rate[:, self.joints]
+        motors = at.problem.robot.motors
+        if not motors.has_viscous_friction:
+            return SpeedPolynomial({1: gravity / self.limit, 3: (rate - gravity) / self.limit})
+        viscous = (motors.viscous_friction * at.by_path[2])[:, self.joints]
+        terms = {1: gravity, 2: viscous, 3: rate - gravity - viscous}
+        return SpeedPolynomial({power: term / self.limit for power, term in terms.items()})
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return how the shares change with the path."""
+        state = (at.position, at.rate(1, speed), at.rate(2, speed), at.rate(3, speed))
+        blocks = enumerate(effort_rate_derivatives(at.problem.robot, *state))
+        return {k: by[:, self.joints] * (speed**k / self.limit[:, None]) for k, by in blocks}
+
+    def key_of(self, at: PathSamples) -> IntArray:
+        """Return one key per joint."""
+        return np.arange(len(self.joints))[None]
+
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return that there is none: a path can be run as slowly as one likes."""
+        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())
+
+
+# ---- Whether the motors can hold an arm, and let it leave: at rest, gravity and friction count.
+
+_HALVINGS = 40  # of the payload's mass
+
+
+def require_held(problem: PlanningProblem, q: FloatArray, *, is_given: bool = False) -> None:
+    """Check that every joint can be moved slowly in one direction or the other, or is held at all.
+
+    Args:
+        problem: The planning problem.
+        q: A configuration, shape (n,).
+        is_given: Whether every trajectory has it: there is none for certain then, and the message
+            says which payload would be held.
+
+    Raises:
+        Infeasible: Status gravity_exceeds_effort.
+    """
+    gravity = problem.robot.gravity_effort(q[None])
+    directions = _both_directions(problem, q, gravity)
+    beyond = _beyond(directions)
+    joint = int(beyond.min(axis=0).argmax())
+    if (beyond[:, joint] <= 0).any():
+        return
+    needed, allowed = directions[int(beyond[:, joint].argmin())]
+    side = int((needed - allowed)[:, joint].argmax())
+    still = np.zeros_like(q)
+    at = PathSamples(problem, np.stack([q, still, still])[:, None])
+    needed_most, allowed_most = float(needed[side, joint]), float(allowed[side, joint])
+    mass = _held_mass(problem, q, gravity) if is_given else None
+    raise effort_refusal(at, 0, joint, needed_most, allowed_most, mass=mass, proved=is_given)
+
+
+def _held_mass(problem: PlanningProblem, q: FloatArray, gravity: FloatArray) -> float | None:
+    """Return the heaviest payload that all joints hold [kg], None if there is none.
+
+    Efforts (1, n) against gravity are affine in its mass.
+    """
+    payload = problem.robot.payload
+    if payload is None:
+        return None
+    empty = problem.robot.with_payload(None).gravity_effort(q[None])
+
+    def is_held(share: float) -> bool:
+        held = _both_directions(problem, q, empty + share * (gravity - empty))
+        return bool((_beyond(held).min(axis=0) <= 0).all())
+
+    if not is_held(0.0):
+        return None
+    held, not_held = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = (held + not_held) / 2
+        held, not_held = (middle, not_held) if is_held(middle) else (held, middle)
+    return float(held * payload.mass)
+
+
+_Efforts: TypeAlias = tuple[FloatArray, FloatArray]
+
+
+def _both_directions(
+    problem: PlanningProblem, q: FloatArray, gravity: FloatArray
+) -> list[_Efforts]:
+    return [_needed_and_allowed(problem, q, gravity, direction) for direction in (1.0, -1.0)]
+
+
+def _beyond(directions: Sequence[_Efforts]) -> FloatArray:
+    """Return by how much each joint needs more than it has in each direction, (2, n)."""
+    return np.array([(needed - allowed).max(axis=0) for needed, allowed in directions])
+
+
+def _needed_and_allowed(
+    problem: PlanningProblem, q: FloatArray, gravity: FloatArray, direction: float
+) -> _Efforts:
+    """Return what joints need forwards and backwards when they creep in a direction, (2, n).
+
+    And what motors have.
+    """
+    robot, stall = problem.robot, problem.robot.motors.saturation_effort
+    friction = directed_friction(robot.motors, np.full_like(gravity, direction))
+    sides = [robot.limits.effort_at(q[None], way) for way in (1.0, -1.0)]
+    needed = np.concatenate([gravity + friction.most, -gravity - friction.least])
+    return needed, np.minimum(np.concatenate(sides), stall)

@@ -1,0 +1,285 @@
+"""PathSamples: derivatives and efforts along a path; Coulomb friction; the protocol SpeedLimit.
+
+It jumps where a joint reverses. Both one-sided limits count there, so that on its way to a reversal
+the friction of the other direction must already be allowed for. Optimisers need to see that coming:
+for them, it is blended in over a range of low velocities.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.limits.speed_polynomial import SpeedPolynomial
+from tubeplanner.outcome import Infeasible
+from tubeplanner.robot.model import effort_rate, gravity_effort_rate
+from tubeplanner.robot.motors import JointMotors
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.parts import STILL_SHARE
+
+# ---- Coulomb friction at samples of a path: what counts where efforts must not be more, or less.
+
+# So much of the range before a reversal has the other direction's friction whole: what is between
+# samples there is covered.
+_EARLY = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class CoulombFriction:
+    """Coulomb friction of n joints at N samples, each (N, n) [N m or N].
+
+    Attributes:
+        most: The most that it may be.
+        least: The least.
+        most_by_rate: How `most` changes with the path's velocity dq/dx.
+        least_by_rate: Likewise.
+    """
+
+    most: FloatArray
+    least: FloatArray
+    most_by_rate: FloatArray
+    least_by_rate: FloatArray
+
+    def side(self, way: float) -> tuple[FloatArray, FloatArray]:
+        """Return what counts where efforts are bounded from above (1) or below, and its change."""
+        upper = (self.most, self.most_by_rate)
+        return upper if way > 0 else (self.least, self.least_by_rate)
+
+
+def directed_friction(motors: JointMotors, direction: FloatArray) -> CoulombFriction:
+    """Return the friction of joints that move in known directions.
+
+    Args:
+        motors: Of the joints.
+        direction: Whose sign is the joints' direction, shape (N, n); 0: they stand still.
+    """
+    effort = motors.coulomb_effort(direction)
+    unsure = motors.friction_uncertainty * abs(effort)
+    none = np.zeros_like(effort)
+    return CoulombFriction(effort + unsure, effort - unsure, none, none)
+
+
+def blended_friction(
+    motors: JointMotors, rate: FloatArray, end_direction: FloatArray, share: float
+) -> CoulombFriction:
+    """Return friction that bounds that of a whole path from both sides, and has derivatives.
+
+    Args:
+        motors: Of the joints.
+        rate: Velocities dq/dx of the path at samples all over it, shape (N, n).
+        end_direction: Whose sign is the direction in which a joint leaves the start or approaches
+            the goal, at samples near these; nan at others, shape (N, n).
+        share: Of a joint's largest velocity, below which the friction of both directions counts.
+    """
+    largest = abs(rate).max(axis=0)
+    moves = largest > STILL_SHARE * largest.max()
+    width = np.where(moves, share * largest, 1.0)
+    forwards, backwards = motors.forwards_friction, -motors.backwards_friction
+    more, less = 1 + motors.friction_uncertainty, 1 - motors.friction_uncertainty
+    slope = 1 / (width * (1 - _EARLY))
+    ahead, behind = (np.clip((width + way * rate) * slope, 0, 1) for way in (1.0, -1.0))
+    rise, fall = forwards * more - backwards * less, forwards * less - backwards * more
+    blended = CoulombFriction(
+        backwards * less + rise * ahead,
+        forwards * less - fall * behind,
+        rise * slope * ((ahead < 1) & (ahead > 0)),
+        fall * slope * ((behind < 1) & (behind > 0)),
+    )
+    known = ~np.isnan(end_direction) | ~moves
+    exact = directed_friction(motors, np.where(moves, np.nan_to_num(end_direction), 0.0))
+    names = CoulombFriction.__dataclass_fields__
+    return CoulombFriction(
+        *(np.where(known, getattr(exact, name), getattr(blended, name)) for name in names)
+    )
+
+
+# ---- An arm's path at samples, and what limits need to know of it, computed once.
+
+
+@dataclass(frozen=True, eq=False)
+class PathSamples:
+    """A path q(x) at N samples.
+
+    Run in x per second, its derivatives by x are velocity, acceleration and jerk.
+
+    Attributes:
+        problem: The planning problem, its segments joined.
+        by_path: Positions and their derivatives by x, up to the second or third: (orders, N, n).
+        segments: Returns the tube segment of each sample, shape (N,); None: they are not known.
+        friction: Returns the Coulomb friction at the samples; None: by the signs of velocities.
+    """
+
+    problem: PlanningProblem
+    by_path: FloatArray
+    segments: Callable[[], IntArray] | None = None
+    friction: Callable[[], CoulombFriction] | None = None
+    _effort_derivatives: dict[float, tuple[FloatArray, FloatArray, FloatArray]] = field(
+        default_factory=dict, repr=False
+    )
+
+    def __len__(self) -> int:
+        return self.by_path.shape[1]
+
+    @property
+    def position(self) -> FloatArray:
+        """Shape (N, n) [rad or m]."""
+        return self.by_path[0]
+
+    def rate(self, order: int, speed: float) -> FloatArray:
+        """Return velocity (1), acceleration (2) or jerk (3) at a speed, shape (N, n)."""
+        rate: FloatArray = self.by_path[order] * speed**order
+        return rate
+
+    @cached_property
+    def segment(self) -> IntArray:
+        """The tube segment of each sample, shape (N,)."""
+        if self.segments is None:
+            raise RuntimeError("samples without segments: what depends on these is to be left out")
+        return self.segments()
+
+    @cached_property
+    def gravity(self) -> FloatArray:
+        """Efforts that hold the arm still, shape (N, n) [N m or N]."""
+        return self.problem.robot.gravity_effort(self.position)
+
+    @cached_property
+    def effort(self) -> FloatArray:
+        """Efforts at a speed of 1, Coulomb friction left out, shape (N, n) [N m or N]."""
+        return self.problem.robot.inverse_dynamics(*self.by_path[:3])
+
+    @cached_property
+    def viscous_effort(self) -> FloatArray:
+        """What viscous friction takes of them, shape (N, n) [N m or N]."""
+        return self.problem.robot.motors.viscous_friction * self.by_path[1]
+
+    @cached_property
+    def coulomb_friction(self) -> CoulombFriction:
+        """Coulomb friction, at any speed."""
+        if self.friction is not None:
+            return self.friction()
+        return directed_friction(self.problem.robot.motors, self.direction)
+
+    @cached_property
+    def direction(self) -> FloatArray:
+        """By its sign the direction in which joints move, 0 where they stand still, shape (N, n).
+
+        What rounding makes of a velocity of zero has none.
+        """
+        rate = self.by_path[1]
+        moves = abs(rate) > STILL_SHARE * abs(rate).max(initial=0.0)
+        return np.where(moves, rate, 0.0)
+
+    @cached_property
+    def effort_rate(self) -> FloatArray:
+        """How fast the efforts change at a speed of 1, shape (N, n) [N m/s or N/s]."""
+        return effort_rate(self.problem.robot, *self.by_path[:4])
+
+    @cached_property
+    def gravity_rate(self) -> FloatArray:
+        """How fast efforts against gravity do, likewise."""
+        return gravity_effort_rate(self.problem.robot, *self.by_path[:2])
+
+    def effort_derivatives(self, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the efforts' derivatives by position, velocity and acceleration at a speed.
+
+        As `RobotModel.inverse_dynamics_derivatives`, (N, n, n) each; kept for one speed.
+        """
+        if speed not in self._effort_derivatives:
+            state = (self.position, self.rate(1, speed), self.rate(2, speed))
+            self._effort_derivatives.clear()
+            self._effort_derivatives[speed] = self.problem.robot.inverse_dynamics_derivatives(
+                *state
+            )
+        return self._effort_derivatives[speed]
+
+    @cached_property
+    def tool_pose(self) -> tuple[FloatArray, FloatArray]:
+        """Rotation (N, 3, 3) and position (N, 3) [m] of the tool centre point."""
+        return self.problem.robot.tool_pose(self.position)
+
+    @cached_property
+    def tool_rate(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Velocity of the tool (N, 3) at a speed of 1, and its derivatives by q and q', (N, 3, n).
+
+        As `RobotModel.tool_velocity`.
+        """
+        return self.problem.robot.tool_velocity(*self.by_path[:2])
+
+    @cached_property
+    def point_rates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The same of the P points whose speed is limited: (P, N, 3) and twice (P, N, 3, n)."""
+        return self.problem.robot.point_velocities(*self.by_path[:2])
+
+    @cached_property
+    def tool_jacobian(self) -> FloatArray:
+        """Jacobian of the tool centre point, as `RobotModel.tool_jacobian`, shape (N, 6, n)."""
+        return self.problem.robot.tool_jacobian(self.position)[1]
+
+
+# ---- What every limit on a trajectory's speed tells: phases, time scaling and plots know no other.
+
+
+@dataclass(frozen=True)
+class LimitKey:
+    """What a limit is called.
+
+    Attributes:
+        kind: Such as "effort", "velocity", "radius".
+        joint: Index of the joint that it limits; None if it is a segment's or the goal's.
+        segment: Index of the segment; None if it is a joint's or the goal's.
+        link: Name of the link whose point it limits; None: of none.
+        point: Index of that point among those that are limited.
+    """
+
+    kind: str
+    joint: int | None = None
+    segment: int | None = None
+    link: str | None = None
+    point: int | None = None
+
+
+class SpeedLimit(Protocol):
+    """A limit of I quantities that grow with the speed s = dx/dt at which a path q(x) is run.
+
+    Quantities are shares of nominal limits, and sign * quantity <= 1. Where a limit L depends on
+    the configuration, what is used is used / nominal + 1 - L / nominal: L may be 0.
+    """
+
+    @property
+    def kind(self) -> str:
+        """What certificate, sensitivities and figures call it."""
+        ...
+
+    @property
+    def order(self) -> int:
+        """The highest derivative of q(x) that the quantities depend on."""
+        ...
+
+    @property
+    def keys(self) -> tuple[LimitKey, ...]:
+        """What can be raised or lowered, each on its own."""
+        ...
+
+    @property
+    def signs(self) -> tuple[float, ...]:
+        """Of the sides that are bounded."""
+        ...
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return the quantities at any speed, terms of shape (N, I)."""
+        ...
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return how the quantities change with q (0) and its derivatives by x, each (N, I, n)."""
+        ...
+
+    def key_of(self, at: PathSamples) -> IntArray:
+        """Return which of the keys each quantity belongs to, shape (N, I) or (1, I)."""
+        ...
+
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return why no speed is slow enough at some sample, where that is so."""
+        ...

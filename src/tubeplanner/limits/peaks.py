@@ -1,0 +1,239 @@
+"""Peaks between samples: accelerations, tool speed."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.trajectory.polynomials import peak_magnitudes
+
+# ---- The highest peak of a function, refined between its samples.
+
+_MAX_PEAKS = 24
+_POINTS = 9  # per peak and zoom; every zoom narrows in by a factor of 4
+_ZOOMS = 6
+
+
+def refined_maximum(
+    function: Callable[[FloatArray], FloatArray],
+    time: FloatArray,
+    value: FloatArray,
+    *,
+    band: float,
+) -> tuple[float, float]:
+    """Return the largest value of a function and its time [s].
+
+    Args:
+        function: From times (N,) to values (N,).
+        time: Increasing sample times, shape (N,) [s]; two may be equal where a derivative jumps.
+        value: The function at these samples, shape (N,).
+        band: Peaks of the samples this far below the highest are refined as well, as long as they
+            may become the highest.
+
+    Returns:
+        At least the largest sample.
+    """
+    best, when = float(value.max()), float(time[value.argmax()])
+    peaks = _peaks(value, best - band)
+    # The nearest other times, not the nearest samples: at a breakpoint two samples share a time.
+    low = time[np.maximum(np.searchsorted(time, time[peaks], "left") - 1, 0)]
+    high = time[np.minimum(np.searchsorted(time, time[peaks], "right"), len(time) - 1)]
+    return _zoomed(lambda _, grid: function(grid), low, high, (best, when))
+
+
+def refined_maximum_of_pieces(
+    function: Callable[[IntArray, FloatArray], FloatArray], value: FloatArray, *, band: float
+) -> float:
+    """Return the largest value of a function that is smooth in pieces and may jump between them.
+
+    Args:
+        function: From pieces (N,) and shares of them, from 0 to 1, (N,), to values (N,).
+        value: The function at equidistant shares of each piece, both ends included, three or more:
+            shape (pieces, shares).
+        band: As for `refined_maximum`; all such peaks are refined.
+
+    Returns:
+        At least the largest sample.
+    """
+    best, last = float(value.max()), value.shape[1] - 1
+    if not np.isfinite(best):
+        return best
+    padded = np.pad(value, ((0, 0), (1, 1)), constant_values=-np.inf)
+    is_peak = (value >= padded[:, :-2]) & (value >= padded[:, 2:]) & (value >= best - band)
+    piece, sample = np.nonzero(is_peak)
+    low, high = np.maximum(sample - 1, 0) / last, np.minimum(sample + 1, last) / last
+
+    def of_peaks(peak: IntArray, share: FloatArray) -> FloatArray:
+        return function(piece[peak], share)
+
+    return _zoomed(of_peaks, low, high, (best, np.nan), ends_are_smooth=True)[0]
+
+
+def _zoomed(
+    function: Callable[[IntArray, FloatArray], FloatArray],
+    low: FloatArray,
+    high: FloatArray,
+    known: tuple[float, float],
+    *,
+    ends_are_smooth: bool = False,
+) -> tuple[float, float]:
+    """Return the largest value of a function around K peaks, and its place.
+
+    Args:
+        function: From numbers of peaks (N,) and places (N,) to values (N,).
+        low: Where to begin to look for each peak, shape (K,).
+        high: And where to end.
+        known: The largest value so far, and its place.
+        ends_are_smooth: Whether a peak at an end of such a stretch rises no more than a concave
+            function does, from its neighbours.
+    """
+    (best, when), peak = known, np.arange(len(low))
+    for _ in range(_ZOOMS):
+        grid = low[:, None] + np.linspace(0, 1, _POINTS) * (high - low)[:, None]
+        found = function(np.repeat(peak, _POINTS), grid.ravel()).reshape(grid.shape)
+        rows, top = np.arange(len(grid)), found.argmax(axis=1)
+        before, after = np.maximum(top - 1, 0), np.minimum(top + 1, _POINTS - 1)
+        value = found[rows, top]
+        highest = int(value.argmax())
+        if value[highest] > best:
+            best, when = float(value[highest]), float(grid[highest, top[highest]])
+        # A concave peak rises above its sample by no more than it falls to the lower neighbour.
+        rise = value - np.minimum(found[rows, before], found[rows, after])
+        at_end = (before == top) | (after == top)  # one neighbour is not known
+        rise[at_end] = _rise_at_end(found[at_end]) if ends_are_smooth else np.inf
+        rows = rows[value + rise >= best]
+        if len(rows) == 0:
+            break
+        low, high = grid[rows, before[rows]], grid[rows, after[rows]]
+        peak = peak[rows]
+    return best, when
+
+
+def _rise_at_end(found: FloatArray) -> FloatArray:
+    """Return how far concave functions that are highest at an end may rise beside it, (K,).
+
+    From there to the next sample they stay below the line through the next two.
+    """
+    falling = np.where((found[:, 0] >= found[:, -1])[:, None], found, found[:, ::-1])
+    return np.maximum(2 * falling[:, 1] - falling[:, 2] - falling[:, 0], 0.0)
+
+
+def _peaks(value: FloatArray, floor: float) -> np.ndarray:
+    """Return the samples that are no lower than their neighbours and the floor, highest first."""
+    padded = np.concatenate([[-np.inf], value, [-np.inf]])
+    is_peak = (value >= padded[:-2]) & (value >= padded[2:]) & (value >= floor)
+    peaks = np.flatnonzero(is_peak)
+    return peaks[np.argsort(-value[peaks], kind="stable")][:_MAX_PEAKS]
+
+
+# ---- What a machine feels first of a trajectory: its largest accelerations and its tool's speed.
+
+_SAMPLES, _LEAST_PER_PIECE = 1000, 12  # before the highest are refined
+_BAND = 0.02  # of the highest: samples that near to it are refined as well
+_WHOLE = 100.0  # numbers from here on are shown without decimals
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest magnitude of a quantity over a trajectory.
+
+    Attributes:
+        value: In `unit`.
+        unit: Of the value.
+        time: When [s].
+        joint: Whose it is; None: the tool centre point's.
+    """
+
+    value: float
+    unit: str
+    time: float
+    joint: str | None = None
+
+    def __str__(self) -> str:
+        owner = "" if self.joint is None else f"{self.joint}, "
+        shown = f"{self.value:.3g}" if self.value < _WHOLE else f"{self.value:,.0f}"
+        return f"{shown} {self.unit} ({owner}t = {self.time:.4f} s)"
+
+
+@dataclass(frozen=True)
+class TrajectoryPeaks:
+    """The largest values over a trajectory.
+
+    Attributes:
+        peak_acceleration: The largest of any joint.
+        tool_speed: Of the tool centre point.
+        tool_acceleration: Likewise.
+    """
+
+    peak_acceleration: Peak
+    tool_speed: Peak
+    tool_acceleration: Peak
+
+    def __str__(self) -> str:
+        return (
+            f"joint acceleration {self.peak_acceleration}, tool speed {self.tool_speed}, "
+            f"tool acceleration {self.tool_acceleration}"
+        )
+
+
+def trajectory_peaks(robot: RobotModel, trajectory: JointTrajectory) -> TrajectoryPeaks:
+    """Return the peaks of a trajectory.
+
+    Joint acceleration is the polynomials' maximum; the tool's are the highest of at least 1,000
+    samples, both sides of breakpoints, refined between them.
+
+    Args:
+        robot: The arm.
+        trajectory: Of its joints, in any order.
+
+    Raises:
+        RobotError: The robot is none.
+        TrajectoryError: The trajectory is none, or moves other joints.
+    """
+    RobotModel.require(robot)
+    JointTrajectory.require(trajectory)
+    trajectory = trajectory.reordered(robot.joint_names)
+    count = max(_LEAST_PER_PIECE, -(-_SAMPLES // len(trajectory.widths)))
+    samples = trajectory.per_piece(count)
+    rates = _tool_rates(robot, samples)
+
+    def tool_peak(row: int, unit: str) -> Peak:
+        value, when = refined_maximum(
+            lambda time: _tool_rates(robot, trajectory.at(time))[row],
+            samples.time,
+            rates[row],
+            band=_BAND * float(rates[row].max()),
+        )
+        return Peak(value, unit, when)
+
+    return TrajectoryPeaks(
+        _peak_acceleration(robot, trajectory), tool_peak(0, "m/s"), tool_peak(1, "m/s^2")
+    )
+
+
+def peaks_as_dict(peaks: TrajectoryPeaks | None) -> dict[str, Any]:
+    """Return the fields as JSON values, null if there is no trajectory."""
+    if peaks is None:
+        return dict.fromkeys(field.name for field in fields(TrajectoryPeaks))
+    return asdict(peaks)
+
+
+def _peak_acceleration(robot: RobotModel, trajectory: JointTrajectory) -> Peak:
+    """Return the largest acceleration of any joint, for all t."""
+    found = peak_magnitudes(trajectory.derivative_coefficients(2), trajectory.widths)
+    joint = int(found.value.argmax())
+    time = float(trajectory.breakpoints[found.piece[joint]] + found.local_time[joint])
+    unit = "rad/s^2" if robot.revolute[joint] else "m/s^2"
+    return Peak(float(found.value[joint]), unit, time, robot.joint_names[joint])
+
+
+def _tool_rates(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
+    """Return magnitudes of the tool's velocity and acceleration, shape (2, N)."""
+    velocity, by_q, by_v = robot.tool_velocity(samples.position, samples.velocity)
+    acceleration = np.einsum("nij,nj->ni", by_q, samples.velocity)
+    acceleration += np.einsum("nij,nj->ni", by_v, samples.acceleration)
+    return np.linalg.norm([velocity, acceleration], axis=2)

@@ -1,0 +1,317 @@
+"""Velocity, acceleration, jerk limits of joints; speed limits of the tool and of link points."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.limits.path_samples import LimitKey, PathSamples
+from tubeplanner.limits.speed_polynomial import SpeedPolynomial
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.robot.joint_limits import JointLimits
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.overrides import PointSpeed
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- Limits on the size of the joints' velocities, accelerations and jerks.
+
+RATES: Mapping[str, int] = {"velocity": 1, "acceleration": 2, "jerk": 3}
+
+
+class JointRate:
+    """A `SpeedLimit` on one derivative of some joints' positions.
+
+    Attributes:
+        joints: Those that are limited, I of them.
+        limit: Their limits, shape (I,) [rad or m, per s, s^2 or s^3].
+    """
+
+    signs = (1.0, -1.0)
+
+    def __init__(self, kind: str, limit: FloatArray) -> None:
+        """Take the finite ones of n joints' limits, (n,)."""
+        self.kind, self.order = kind, RATES[kind]
+        self.joints = np.flatnonzero(np.isfinite(limit))
+        self.limit = limit[self.joints]
+        self.keys = tuple(LimitKey(kind, joint=j) for j in self.joints.tolist())
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return the rates as shares of their limits."""
+        return SpeedPolynomial({self.order: at.by_path[self.order][:, self.joints] / self.limit})
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return how the shares change with the path: with one derivative alone."""
+        count, n = at.position.shape
+        change = np.zeros((len(self.joints), n))
+        change[np.arange(len(self.joints)), self.joints] = speed**self.order / self.limit
+        return {self.order: np.broadcast_to(change, (count, *change.shape))}
+
+    def key_of(self, at: PathSamples) -> IntArray:
+        """Return one key per joint."""
+        return np.arange(len(self.joints))[None]
+
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return that there is none: a path can be run as slowly as one likes."""
+        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())
+
+
+# ---- Velocity limits that fall towards the ends of the joints' ranges, each way of its own.
+#
+# Towards an end at the distance g, a joint may move at L = max(0, sqrt(2 d g) - o): d is the
+# deceleration that would stop it there, o an offset. Away from it, this limit asks nothing. Where
+# g <= o^2 / (2 d), no motion towards the end is allowed: a joint may rest there or leave. A joint
+# that is not there cannot come there, as L falls to zero in proportion to what is left.
+
+# A joint at rest moves at this rate by rounding [rad or m per unit of x].
+_STILL = 1e-9
+# The slope of sqrt(2 d g) is infinite at the end: from this share of the largest velocity down, it
+# is taken as there.
+_LEAST_ROOT = 1e-3
+
+
+class VelocityByPositionLimit:
+    """A `SpeedLimit` on the velocities of I joints, upwards and then downwards: 2 I quantities.
+
+    Attributes:
+        joints: Those that are limited, twice, shape (2 I,).
+        way: Towards which end, 1 or -1, shape (2 I,).
+        largest: Their velocity limits or, where there are none, those from which they would stop
+            over the whole range, shape (2 I,) [rad/s or m/s].
+    """
+
+    kind = "velocity_by_position"
+    order = 1
+    signs = (1.0,)
+
+    def __init__(self, limits: JointLimits) -> None:
+        """Take the laws of an arm's joints."""
+        laws = limits.velocity_by_position
+        joints = np.array([law.joint for law in laws], dtype=np.int64)
+        self.joints = np.tile(joints, 2)
+        self.way = np.repeat([1.0, -1.0], len(laws))
+        self._deceleration = np.tile([law.deceleration for law in laws], 2)
+        self._offset = np.tile([law.offset for law in laws], 2)
+        lower, upper = (np.array([getattr(law, end) for law in laws]) for end in ("lower", "upper"))
+        self._end = np.append(upper, -lower)
+        most = np.sqrt(2 * self._deceleration * np.tile(upper - lower, 2))
+        own = limits.velocity[self.joints]
+        self.largest = np.where(np.isfinite(own), own, most)
+        self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
+
+    def allowed(self, q: FloatArray) -> FloatArray:
+        """Return how fast joints may move towards their ends at configurations (N, n), (N, 2 I)."""
+        return np.maximum(self._root(q) - self._offset, 0.0)
+
+    def edge(self, share: float = 0.0) -> FloatArray:
+        """Return where what is allowed falls to a share of the largest, shape (2 I,) [rad or m]."""
+        root = self._offset + share * self.largest
+        edge: FloatArray = self.way * (self._end - root**2 / (2 * self._deceleration))
+        return edge
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return velocities, and what the laws take off the largest, as shares of that."""
+        allowed = self.allowed(at.position) / self.largest
+        rate = self.way * at.by_path[1][:, self.joints]
+        rate = np.where((allowed == 0) & (rate < _STILL), np.minimum(rate, 0.0), rate)
+        asks = (rate > 0) | (allowed == 0)
+        terms = {0: np.where(asks, 1 - allowed, 0.0), 1: rate / self.largest}
+        return SpeedPolynomial(terms, allowed)
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return how the shares change with the path."""
+        root = self._root(at.position)
+        slope = self._deceleration / np.maximum(root, _LEAST_ROOT * self.largest)
+        rate = self.way * at.by_path[1][:, self.joints]
+        slope = np.where((root > self._offset) & (rate > 0), slope, 0.0)
+        count, n = at.position.shape
+        change = np.zeros((2, count, len(self.joints), n))
+        every = np.arange(len(self.joints))
+        change[0][:, every, self.joints] = self.way * slope / self.largest
+        change[1][:, every, self.joints] = self.way * speed / self.largest
+        return dict(enumerate(change))
+
+    def key_of(self, at: PathSamples) -> IntArray:
+        """Return one key per joint."""
+        return np.tile(np.arange(len(self.keys)), 2)[None]
+
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return which joint moves towards its end where it must not."""
+        used = self.used(at)
+        sample, column = np.argwhere((used.terms[0] >= 1) & (used.terms[1] > 0))[0].tolist()
+        return self.refused(at.problem.robot, at.position[sample], column)
+
+    def refused(self, robot: RobotModel, q: FloatArray, column: int) -> Infeasible:
+        """Return that one of the quantities allows no motion at a configuration (n,)."""
+        joint = int(self.joints[column])
+        name, way = robot.joint_names[joint], "up" if self.way[column] > 0 else "down"
+        return Infeasible(
+            PlanStatus.NO_TRAJECTORY,
+            f"joint '{name}' moves {way} at {q[joint]:.4f}, where limits.{self.kind} allows it no "
+            f"velocity that way: from {self.edge()[column]:.4f} on; keep start, goal and tube away "
+            "from the end of its range",
+            Place(joint=name).at(robot.tool_position(q[None])[0]),
+        )
+
+    def out_of_reach(self, start: FloatArray, goal: FloatArray) -> IntArray:
+        """Return the quantities that let no motion from start to goal, (n,) each, end there.
+
+        An end is reached only if the offset is 0, and so only then the outermost place.
+        """
+        beyond = self.way * (goal[self.joints] - self.edge())
+        to_go = self.way * (goal - start)[self.joints]
+        allowed = np.where(self._offset > 0, -_STILL, _STILL)
+        return np.flatnonzero((beyond > allowed) & (to_go > _STILL))
+
+    def _root(self, q: FloatArray) -> FloatArray:
+        """Return sqrt(2 d g) at configurations (N, n), shape (N, 2 I)."""
+        left = np.maximum(self._end - self.way * q[:, self.joints], 0.0)
+        root: FloatArray = np.sqrt(2 * self._deceleration * left)
+        return root
+
+
+# ---- How near to their ends joints come whose velocity limits fall towards these.
+
+# Where less than this share of the largest velocity is allowed, a fast motion has no business.
+_WORTH_USING = 0.01
+
+
+def approachable_range(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
+    """Return where joints may move at a speed worth having, and given ends: (n,) each [rad or m].
+
+    Farther out lies what joints can leave but not enter. Infinite where there is no such limit.
+    """
+    count, limits = problem.robot.joint_count, problem.robot.limits
+    bounds = np.tile([[-np.inf], [np.inf]], count)
+    if not limits.velocity_by_position:
+        return bounds[0], bounds[1]
+    limit = VelocityByPositionLimit(limits)
+    upper, lower = np.split(limit.edge(_WORTH_USING), 2)
+    joints = limit.joints[: len(upper)]
+    bounds[:, joints] = np.where(lower < upper, [lower, upper], bounds[:, joints])
+    for end in (problem.start, problem.goal):
+        if isinstance(end, np.ndarray):
+            bounds = np.array([np.minimum(bounds[0], end), np.maximum(bounds[1], end)])
+    return bounds[0], bounds[1]
+
+
+def require_approachable(problem: PlanningProblem, start: FloatArray, goal: FloatArray) -> None:
+    """Check that no joint must move to where it is allowed no velocity, from start to goal (n,).
+
+    Raises:
+        Infeasible: Status no_trajectory.
+    """
+    if not problem.robot.limits.velocity_by_position:
+        return
+    limit = VelocityByPositionLimit(problem.robot.limits)
+    for column in limit.out_of_reach(start, goal).tolist():
+        ends = (problem.start, problem.goal)
+        proved = all(isinstance(end, np.ndarray) for end in ends)
+        raise limit.refused(problem.robot, goal, column).replaced(proved=proved)
+
+
+# ---- How the speed of a point changes with an arm's path.
+
+# A point's velocity at a speed of 1, (N, 3), and its derivatives by q and q', each (N, 3, n).
+PointRate = tuple[FloatArray, FloatArray, FloatArray]
+
+
+def speed_by_path(rate: PointRate, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how multiples of a point's speed change with q and q'; not where it rests.
+
+    Args:
+        rate: Of the point.
+        scale: What its speed is multiplied by, shape (N,).
+
+    Returns:
+        Each of shape (N, n).
+    """
+    velocity, by_position, by_rate = rate
+    size = np.linalg.norm(velocity, axis=1, keepdims=True)
+    direction = velocity / np.maximum(size, np.finfo(float).tiny)
+    gradient = direction * scale[:, None]
+    first, second = (np.einsum("ni,nij->nj", gradient, by) for by in (by_position, by_rate))
+    return first, second
+
+
+# ---- Limits on the speed of the tool centre point, segment by segment.
+
+
+class ToolSpeed:
+    """A `SpeedLimit` on one quantity: the tool's speed as a share of its segment's limit.
+
+    Attributes:
+        limit: Of each segment, the robot's own included, shape (m,) [m/s]; inf where it is free.
+    """
+
+    kind = "tool_speed"
+    order = 1
+    signs = (1.0,)
+
+    def __init__(self, problem: PlanningProblem) -> None:
+        """Take the limits of a problem's robot and tube."""
+        robot, tube = problem.robot, problem.tube
+        free = np.full(tube.segment_count, robot.limits.tool_speed)
+        self.limit = free if tube.tool_speed is None else np.minimum(free, tube.tool_speed)
+        self._limited = np.flatnonzero(np.isfinite(self.limit))
+        self.keys = tuple(LimitKey(self.kind, segment=k) for k in self._limited.tolist())
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return the tool's speed as a share of its limit."""
+        speed = np.linalg.norm(at.tool_rate[0], axis=1)
+        return SpeedPolynomial({1: (speed / self.limit[at.segment])[:, None]})
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return how the share changes with the path; where the tool rests, not at all."""
+        by = speed_by_path(at.tool_rate, speed / self.limit[at.segment])
+        return {order: change[:, None] for order, change in enumerate(by)}
+
+    def key_of(self, at: PathSamples) -> IntArray:
+        """Return the key of each sample's segment; any, where that is free."""
+        places = np.searchsorted(self._limited, at.segment)
+        return np.minimum(places, len(self._limited) - 1)[:, None]
+
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return that there is none: a path can be run as slowly as one likes."""
+        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())
+
+
+# ---- Limits on the speed of points that move with the arm's links.
+
+
+class PointSpeedLimit:
+    """A `SpeedLimit` on the speeds of P points, as shares of their limits.
+
+    Attributes:
+        limit: Of each point, shape (P,) [m/s].
+    """
+
+    kind = "point_speed"
+    order = 1
+    signs = (1.0,)
+
+    def __init__(self, points: Sequence[PointSpeed]) -> None:
+        """Take the points of a robot, in its order."""
+        self.limit = np.array([point.speed for point in points])
+        self.keys = tuple(
+            LimitKey(self.kind, link=point.link, point=k) for k, point in enumerate(points)
+        )
+
+    def used(self, at: PathSamples) -> SpeedPolynomial:
+        """Return the points' speeds as shares of their limits."""
+        speed = np.linalg.norm(at.point_rates[0], axis=2)
+        return SpeedPolynomial({1: speed.T / self.limit})
+
+    def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
+        """Return how the shares change with the path; where a point rests, not at all."""
+        scale = np.repeat(speed / self.limit[:, None], len(at), axis=1)
+        rates = zip(*at.point_rates, strict=True)
+        by_point = [speed_by_path(*each) for each in zip(rates, scale, strict=True)]
+        return {order: np.stack(by, axis=1) for order, by in enumerate(zip(*by_point, strict=True))}
+
+    def key_of(self, at: PathSamples) -> IntArray:
+        """Return one key per point."""
+        return np.arange(len(self.limit))[None]
+
+    def refusal(self, at: PathSamples) -> Infeasible:
+        """Return that there is none: a path can be run as slowly as one likes."""
+        return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())

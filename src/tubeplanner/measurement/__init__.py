@@ -1,1 +1,0 @@
-"""Tubes measured from obstacles: radii and joint ranges in which nothing collides."""

@@ -1,0 +1,1 @@
+"""Path and speed together, by sequential linear programs on ever finer knots."""

@@ -1,0 +1,183 @@
+"""Substitute tubes: narrower about a smoother path, wider for coarse knots.
+
+A scan's points lie scattered about the path that was meant, some before those that they follow, and
+a drawing may bend more sharply than its tube is wide. No fast motion follows every such bend, nor
+need it: the tube has room for a smoother path. Where every point is moved by at most d, whatever is
+within r - d of a new segment is within r of the old one: between two segments, distances lie
+between those at their ends. So segments keep their order, their numbers and what they ask.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import sparse
+
+from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.errors import ProblemError
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.optimizer.phased_spline import KnotGrid
+from tubeplanner.optimizer.segment_chains import sharpest_bend, smoothed_turns
+from tubeplanner.task.endpoints import GoalRegion
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- A narrower tube inside a tube, about a smoother path, for paths that bend within their
+# radius.
+
+# By what shares of the radius points may move; the first that leaves no bends sharper than this
+# [rad over the length of a radius], or the last that takes away a tenth of them at least.
+_ROOMS, _GENTLE, _SMOOTHER = (0.5, 0.8), 1.0, 0.9
+# A given start or goal may be so far from its reference point, in radii, or there is no such tube.
+_MOST_AT_ENDS = 0.9
+# Beyond it a path over some radii turns back: not by noise, and the tool must go there [rad].
+_BACKWARDS = np.radians(150)
+# Of the splitting method; distances settle to a thousandth of the room.
+_STEPS, _COUPLING, _OVERSHOOT = 200, 0.1, 1.6
+_SHORTEST_STEP = 0.3  # of the usual one
+
+
+def smoother_problem(problem: PlanningProblem) -> PlanningProblem | None:
+    """Return a problem whose tube lies inside a problem's and bends less; None if there is none.
+
+    Its segments are those of the problem, and whatever keeps its tube keeps the problem's: but for
+    points that count as turning back by noise alone, which need not be passed there, and rotations,
+    which are compared at other points of the segments. Boxes have none: about a path that bends
+    otherwise, they would be turned otherwise.
+    """
+    if problem.tube.is_box.any():
+        return None
+    best, least = None, _SMOOTHER * sharpest_bend(problem.tube)
+    for room in _ROOMS:
+        found = _with_room(problem, room)
+        bend = np.inf if found is None else sharpest_bend(found.tube)
+        if bend < least:
+            best, least = found, _SMOOTHER * bend
+        if bend <= _GENTLE:
+            break
+    return best
+
+
+def _with_room(problem: PlanningProblem, share: float) -> PlanningProblem | None:
+    """Return a problem about a path whose points may move by a share of the radius, if any."""
+    tube, radius = problem.tube, problem.tube.effective_radius
+    ends = _ends(problem)
+    at_ends = np.linalg.norm(ends - tube.points[[0, -1]], axis=1)
+    if (at_ends > _MOST_AT_ENDS * radius[[0, -1]]).any():
+        return None
+    room = share * np.minimum(np.append(radius, np.inf), np.append(np.inf, radius))
+    is_kept = _turns_back(tube)
+    room[is_kept] = 0.0
+    room[[0, -1]] = 0.0
+    given = tube.points.copy()
+    given[[0, -1]] = ends
+    points = smoothed(given, room, is_kept)
+    moved = np.linalg.norm(points - tube.points, axis=1)
+    narrower = tube.radius - np.maximum(moved[:-1], moved[1:])
+    try:
+        smoother = replace(tube, points=points, radius=narrower)
+        if smoother.segment_count != tube.segment_count:
+            return None
+        object.__setattr__(smoother, "parts", tube.parts)
+        return replace(problem, tube=smoother)
+    except ProblemError:  # points that meet, or an end on the edge of its rotation tolerance
+        return None
+
+
+def smoothed(points: FloatArray, room: FloatArray, is_free: BoolArray) -> FloatArray:
+    """Return points near others with the least sum of squared curvatures, about.
+
+    By the alternating direction method of multipliers (Boyd et al., "Distributed optimization and
+    statistical learning", 2011, section 5), which takes turns between bending and distance.
+
+    Args:
+        points: Shape (N, 3) [m].
+        room: How far each may be moved, shape (N,) [m].
+        is_free: Whether the path may bend there at no cost, shape (N,).
+    """
+    from scipy.sparse.linalg import splu
+
+    bending = _bending(points, is_free) + _COUPLING * sparse.identity(len(points))
+    solve = splu(bending.tocsc()).solve
+    near, dual = points.copy(), np.zeros_like(points)
+    for _ in range(_STEPS):
+        wanted = _OVERSHOOT * solve(_COUPLING * (near - dual)) + (1 - _OVERSHOOT) * near + dual
+        away = wanted - points
+        distance = np.linalg.norm(away, axis=1)
+        near = points + away * np.minimum(1.0, room / np.maximum(distance, 1e-15))[:, None]
+        dual = wanted - near
+    return near
+
+
+def _bending(points: FloatArray, is_free: BoolArray) -> sparse.csr_matrix:
+    """Return the matrix (N, N) of the sum of squared curvatures over a path.
+
+    Of usual spacing, so that its scale is that of distances. None counts as far shorter: noise
+    makes some of them so.
+    """
+    count = len(points)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    steps = np.maximum(steps / np.median(steps), _SHORTEST_STEP)
+    direction = sparse.diags([-1 / steps, 1 / steps], [0, 1], shape=(count - 1, count))
+    turn = sparse.diags([-1.0, 1.0], [0, 1], shape=(count - 2, count - 1)) @ direction
+    weight = ~is_free[1:-1] * 2 / (steps[1:] + steps[:-1])
+    return (turn.T @ sparse.diags(weight) @ turn).tocsr()
+
+
+def _ends(problem: PlanningProblem) -> FloatArray:
+    """Return where the tool starts and ends, shape (2, 3) [m]: at the points, if by a seed."""
+    ends = problem.tube.points[[0, -1]].copy()
+    for row, given in enumerate((problem.start, problem.goal)):
+        if isinstance(given, np.ndarray):
+            ends[row] = problem.robot.tool_position(given[None])[0]
+        elif isinstance(given, GoalRegion):
+            ends[row] = given.position
+    return ends
+
+
+def _turns_back(tube: Tube) -> BoolArray:
+    """Return at which compulsory points the path turns back for more than some radii, (m+1,)."""
+    turns_back = np.zeros(tube.segment_count + 1, dtype=bool)
+    compulsory = tube.compulsory_points
+    turns_back[compulsory] = smoothed_turns(tube)[compulsory - 1] > _BACKWARDS
+    return turns_back
+
+
+# ---- A tube as wide as knots are coarse: a few cubics cannot follow a narrow one, and need not
+# yet.
+
+# The radius is at least this share of a knot interval's part of the segment.
+_INTERVAL_SHARE = 0.2
+# At a corner it is at most this share of what touches both legs at the end of the shorter one.
+_CORNER_SHARE = 0.1
+
+
+def widened_radius(tube: Tube, grid: KnotGrid) -> FloatArray:
+    """Return radii (m,) [m] of a tube that splines on some knots can follow.
+
+    Where the tube turns sharply it is hardly widened: else the spline would leave out the turn.
+    """
+    axis = np.diff(tube.points, axis=0)
+    length = np.linalg.norm(axis, axis=1)
+    interval = [
+        length[chain.start : chain.stop].sum() / (len(shares) - 1)
+        for chain, shares in zip(grid.chains, grid.shares, strict=True)
+    ]
+    interval_of = np.repeat(interval, [len(chain) for chain in grid.chains])
+    widest = np.append(np.append(np.inf, _corner_radius(axis, length)), np.inf)
+    widest = np.minimum(widest[:-1], widest[1:])
+    wanted = np.minimum(_INTERVAL_SHARE * interval_of, widest)
+    widened: FloatArray = np.maximum(tube.effective_radius, wanted)
+    return widened
+
+
+def _corner_radius(axis: FloatArray, length: FloatArray) -> FloatArray:
+    """Return what the corners between segments (m, 3) allow, shape (m-1,) [m].
+
+    A circle that touches both legs at a distance d from the corner has the radius d tan(phi / 2),
+    phi being the angle between the legs.
+    """
+    along = axis / length[:, None]
+    cosine = -np.einsum("mi,mi->m", along[:-1], along[1:])  # of the angle between the legs
+    with np.errstate(divide="ignore"):
+        tangent = np.sqrt(np.clip(1 - cosine, 0, None) / np.clip(1 + cosine, 0, None))
+    radius: FloatArray = _CORNER_SHARE * np.minimum(length[:-1], length[1:]) * tangent
+    return radius

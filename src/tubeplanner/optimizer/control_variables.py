@@ -1,0 +1,319 @@
+"""Variables of a step: free control points, their bounds, columns common to legs.
+
+Those at rest at both ends are fixed. If the goal is open, its control points move as one, and the
+tool keeps its position there, or stays in the goal's ball. If the start is where another motion
+ends, its control points move as one too.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.first_guess.inverse_kinematics import solve_position
+from tubeplanner.limits.rates import approachable_range
+from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid
+from tubeplanner.optimizer.rows import INNER_MARGIN
+from tubeplanner.optimizer.sampled_spline import SampledSpline
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.polynomials import REST_POINTS
+
+# ---- Which control points of a spline an optimiser may move, and how far.
+
+FIXED = -1
+# Directions in which the joints at the goal move the tool by less than this [m/rad] are left free.
+_MIN_GAIN = 1e-6
+_TOOL_TOLERANCE = 3e-7  # [m], near where the arm loses a direction too
+_SAMPLES, _SEED = 5, 0  # configurations looked at for redundant joints
+
+
+class ControlVariables:
+    """F variables, each a configuration: the control points that may move.
+
+    Attributes:
+        column: The variable of every control point, -1 where it is fixed, shape (K,).
+        lower: Bounds of the variables, shape (F, n) [rad or m].
+        upper: Likewise.
+    """
+
+    def __init__(
+        self, problem: PlanningProblem, grid: KnotGrid, *, start_moves: bool = False
+    ) -> None:
+        """Take the problem's joint ranges and its goal, given or open, and whether its start moves.
+
+        What the start must keep is up to the motion that ends there.
+        """
+        self._problem, self._grid, self._start_moves = problem, grid, start_moves
+        self._goal = problem.open_goal
+        self._goal_moves = self._goal is not None and (
+            self._goal.tolerance > 0 or _is_redundant(problem)
+        )
+        self.column = self._columns(grid.control_point_count)
+        # Which control points move, with which variables; and one point of each variable.
+        self._moving = moving = np.flatnonzero(self.column != FIXED)
+        self._own = self.column[moving]
+        self._first = moving[np.unique(self._own, return_index=True)[1]]
+        count = int(self.column.max()) + 1
+        lower, upper = self._control_bounds()
+        self._share_of_goal = _minimum_jerk(grid.control_point_count)
+        self.lower, self.upper = np.full((2, count, lower.shape[1]), np.inf)
+        self.lower *= -1
+        np.maximum.at(self.lower, self._own, lower[moving])
+        np.minimum.at(self.upper, self._own, upper[moving])
+
+    def of(self, control_points: FloatArray) -> FloatArray:
+        """Return the variables that control points (K, n) have, shape (F, n)."""
+        return control_points[self._first]
+
+    def before(self, intervals: IntArray) -> IntArray:
+        """Return how many variables are before the ends of so many knot intervals (S,), (S,)."""
+        so_far = np.maximum.accumulate(self.column + 1)
+        before: IntArray = so_far[intervals + DEGREE // 2]
+        return before
+
+    def change(self, step: FloatArray) -> FloatArray:
+        """Return how control points change with a step of the variables (F, n), shape (K, n)."""
+        change = np.zeros((len(self.column), step.shape[1]))
+        change[self._moving] = step[self._own]
+        return change
+
+    def collected(self, by_point: FloatArray) -> FloatArray:
+        """Return derivatives by the variables (F, n) from those by control points (K, n)."""
+        by_variable = np.zeros_like(self.lower)
+        np.add.at(by_variable, self._own, by_point[self._moving])
+        return by_variable
+
+    def within_bounds(self, control_points: FloatArray) -> FloatArray:
+        """Return control points (K, n), the movable ones clipped to their bounds."""
+        inside = self.of(control_points).clip(self.lower, self.upper)
+        points = control_points.copy()
+        points[self._moving] = inside[self._own]
+        return points
+
+    @property
+    def goal_moves(self) -> bool:
+        """Whether the goal is open and leaves joints something to choose."""
+        return self._goal_moves
+
+    def tie(self, following: "ControlVariables") -> None:
+        """Give the goal, and the start of a motion that begins there, the same bounds."""
+        self.lower[-1] = following.lower[0] = np.maximum(self.lower[-1], following.lower[0])
+        self.upper[-1] = following.upper[0] = np.minimum(self.upper[-1], following.upper[0])
+
+    def moved(
+        self, control_points: FloatArray, step: FloatArray, start: FloatArray | None = None
+    ) -> FloatArray | None:
+        """Return control points (K, n) after a step (F, n), the tool still at an open goal.
+
+        Args:
+            control_points: Before, shape (K, n).
+            step: Of the variables, shape (F, n).
+            start: The configuration where the start, if it moves, is to be then, shape (n,).
+
+        Returns:
+            None if the tool cannot be kept there.
+        """
+        points = control_points + self.change(step)
+        # Spread over the whole motion: at an end alone, on its short knot intervals, the little
+        # that is missing would be a leap of the jerk.
+        if start is not None:
+            points += (1 - self._share_of_goal)[:, None] * (start - points[0])
+            points[:REST_POINTS] = start
+        if not self._goal_moves:
+            return points if start is None else self.within_bounds(points)
+        goal = self.goal_after(control_points, step)
+        if goal is None:
+            return None
+        points += self._share_of_goal[:, None] * (goal - points[-1])
+        points[-REST_POINTS:] = goal
+        return self.within_bounds(points)
+
+    def goal_after(self, control_points: FloatArray, step: FloatArray) -> FloatArray | None:
+        """Return the configuration (n,) at a goal that moves, after a step; arguments as `moved`.
+
+        Returns:
+            None if the tool cannot be kept there.
+        """
+        assert self._goal is not None
+        robot, near = self._problem.robot, control_points[-1] + step[-1]
+        target = self._goal.nearest(robot.tool_position(near[None])[0], 1 - INNER_MARGIN)
+        goal = solve_position(robot, target, near, self.lower[-1], self.upper[-1])
+        if goal.error > _TOOL_TOLERANCE:
+            return None
+        q: FloatArray = np.clip(goal.q, self.lower[-1], self.upper[-1])
+        return q
+
+    def move(self, at: SampledSpline) -> BoolArray:
+        """Return whether a step can change the position at samples of a spline, shape (N,)."""
+        free = self.column[at.first[:, None] + np.arange(DEGREE + 1)] != FIXED
+        by_control: BoolArray = (free & (at.basis[0] != 0)).any(axis=1)
+        return by_control | at.by_switching[:, 0].any(axis=(0, 2))
+
+    def held(self, control_points: FloatArray) -> FloatArray:
+        """Return the joint directions (r, n) that would move the tool away from an open goal.
+
+        None where it has a tolerance.
+        """
+        joints = control_points.shape[1]
+        if not self._goal_moves or self._goal is None or self._goal.tolerance > 0:
+            return np.zeros((0, joints))
+        _, jacobian = self._problem.robot.tool_jacobian(control_points[-1:])
+        _, gain, directions = np.linalg.svd(jacobian[0, :3], full_matrices=False)
+        return directions[gain > _MIN_GAIN]
+
+    def _columns(self, count: int) -> IntArray:
+        column = np.arange(count) - REST_POINTS + self._start_moves
+        column[:REST_POINTS] = 0 if self._start_moves else FIXED
+        column[-REST_POINTS:] = column[-REST_POINTS - 1] + 1 if self._goal_moves else FIXED
+        return column
+
+    def _control_bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Return joint bounds of the control points, (K, n): those of all phases they belong to.
+
+        A spline lies in the hull of its control points, so the bounds hold for all t.
+        """
+        shape = (self._grid.control_point_count, self._problem.robot.joint_count)
+        lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
+        joint_lower, joint_upper = self._problem.joint_lower, self._problem.joint_upper
+        # Where joints may hardly move, rows lead to no better trajectory.
+        least, most = approachable_range(self._problem)
+        joint_lower, joint_upper = (
+            np.clip(least, joint_lower, joint_upper),
+            np.clip(most, joint_lower, joint_upper),
+        )
+        first = 0
+        for shares, chain in zip(self._grid.shares, self._grid.chains, strict=True):
+            counting = slice(first, first + len(shares) - 1 + DEGREE)
+            segments = slice(chain.start, chain.stop)
+            lower[counting] = np.maximum(lower[counting], joint_lower[segments].max(axis=0))
+            upper[counting] = np.minimum(upper[counting], joint_upper[segments].min(axis=0))
+            first += len(shares) - 1
+        return lower, upper
+
+
+def _minimum_jerk(count: int) -> FloatArray:
+    """Return how far K control points are along a minimum-jerk course, from 0 to 1, shape (K,).
+
+    Their places in time are about those of the knots, clustered at both ends.
+    """
+    even = (np.arange(count) - (REST_POINTS - 1)) / (count - 2 * REST_POINTS + 1)
+    x = (1 - np.cos(np.pi * np.clip(even, 0.0, 1.0))) / 2
+    return x**3 * (10 - 15 * x + 6 * x**2)
+
+
+def _is_redundant(problem: PlanningProblem) -> bool:
+    """Return whether joints can move while the tool stays where it is, nearly everywhere."""
+    joints = problem.robot.joint_count
+    q = np.random.default_rng(_SEED).uniform(-1.0, 1.0, (_SAMPLES, joints))
+    _, jacobian = problem.robot.tool_jacobian(q)
+    return int(np.linalg.matrix_rank(jacobian[:, :3], tol=_MIN_GAIN).max()) < joints
+
+
+# ---- Which variables of the program of all legs are each leg's: legs share those of tied ends.
+#
+# In the order of time, as the solver likes it: the configurations of all legs, and between them the
+# switching times between short phases, which count only near there. Then, as they count everywhere,
+# the configuration in which a cycle closes, the other switching times, every leg's eta and its
+# elastic variable.
+
+# What a row of a cubic counts: so many configurations, if no switching time stands between them.
+_CONFIGURATIONS = 4
+# Else those of the own phase, and so many more; it counts the switching times that are nearer than
+# so many intervals on either side.
+_BESIDE, _NEAR = 2, 3
+
+
+class LegShape(NamedTuple):
+    """What may change in a leg.
+
+    Attributes:
+        configurations: Number F of variable configurations.
+        joints: Number n of joints.
+        switches: Number S of switching times.
+        intervals: Of the phases beside each switching time, the number of knot intervals of the
+            longer one, shape (S,); None: every switching time counts everywhere.
+        behind: How many configurations are before each switching time, shape (S,); likewise.
+    """
+
+    configurations: int
+    joints: int
+    switches: int
+    intervals: IntArray | None = None
+    behind: IntArray | None = None
+
+    @property
+    def is_among(self) -> BoolArray:
+        """Whether each switching time is to stand among the configurations, shape (S,)."""
+        if self.intervals is None:
+            return np.zeros(self.switches, dtype=bool)
+        longest = min([0, *np.unique(self.intervals).tolist()], key=self._reach)
+        return self.intervals <= longest
+
+    def _reach(self, longest: int) -> int:
+        """Return how many variables each one is coupled with: time goes with its square.
+
+        Args:
+            longest: Switching times beside phases of at most so many intervals stand among the
+                configurations.
+        """
+        assert self.intervals is not None
+        others = int((self.intervals > longest).sum())
+        if longest == 0:
+            return _CONFIGURATIONS * self.joints + others
+        return (max(longest, _NEAR) + _BESIDE) * self.joints + 2 * _NEAR + others
+
+
+def shared_columns(legs: Sequence[LegShape], is_tied: Sequence[bool]) -> tuple[IntArray, ...]:
+    """Return the program's variable for all that may change in every leg, shape (V,) each.
+
+    A leg counts its configurations first, then switching times, eta, elastic.
+
+    Args:
+        legs: The legs.
+        is_tied: Whether each leg's last configuration is the first one of the next, after the last
+            leg that of the first.
+    """
+    numbers, count = _numbers(legs, is_tied)
+    joints = legs[0].joints
+    each = zip(legs, numbers, strict=True)
+    before = np.concatenate([_before(leg, own, count) for leg, own in each])
+    sequence = np.argsort(before, kind="stable")
+    switching = before * joints
+    switching[sequence] += np.arange(len(sequence))
+    by_leg = np.split(switching, np.cumsum([leg.switches for leg in legs])[:-1])
+    others = count * joints + len(switching)
+    columns = []
+    for k, (own, switches) in enumerate(zip(numbers, by_leg, strict=True)):
+        begin = own * joints + np.searchsorted(before[sequence], own, side="right")
+        controls = np.add.outer(begin, np.arange(joints)).ravel()
+        ends = [others + k, others + len(legs) + k]
+        columns.append(np.concatenate([controls, switches, ends]))
+    return tuple(columns)
+
+
+def _numbers(legs: Sequence[LegShape], is_tied: Sequence[bool]) -> tuple[list[IntArray], int]:
+    """Return the numbers of every leg's configurations among all, and how many there are."""
+    count, numbers = 0, []
+    for k, leg in enumerate(legs):
+        is_behind = k > 0 and is_tied[k - 1]
+        numbers.append(np.arange(leg.configurations) + count - is_behind)
+        count = int(numbers[-1][-1]) + 1 if leg.configurations else count
+    return (_closed(numbers), count - 1) if is_tied[-1] else (numbers, count)
+
+
+def _before(leg: LegShape, numbers: IntArray, count: int) -> IntArray:
+    """Return the configurations that switching times stand before; the count: behind all, (S,)."""
+    before = np.full(leg.switches, count)
+    if leg.behind is not None and leg.configurations:
+        following = np.append(numbers, numbers[-1] + 1)
+        before[leg.is_among] = following[leg.behind[leg.is_among]]
+    return before
+
+
+def _closed(numbers: Sequence[IntArray]) -> list[IntArray]:
+    """Return configurations' numbers, the first one being the last one, and that the last."""
+    last = int(numbers[-1][-1])
+    closed = [own - 1 for own in numbers]
+    closed[0][0] = closed[-1][-1] = last - 1
+    return closed

@@ -1,0 +1,429 @@
+"""Clearance constraints at samples of small distance.
+
+Of shapes that lie on each other many corners are equally near. The nearest points of both tell of
+one of them alone: a step that turns a shape about it brings another corner nearer.
+"""
+
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.geometry.body_shapes import near_distances
+from tubeplanner.geometry.collision_checker import CollisionChecker
+from tubeplanner.geometry.distances import ClosestPoints
+from tubeplanner.optimizer.phased_spline import KnotGrid, PhasedSpline, Samples, segments_of_pieces
+from tubeplanner.optimizer.rows import (
+    INNER_MARGIN,
+    MERIT_TOLERANCE,
+    NO_LIMIT,
+    Rows,
+    StepSize,
+    plane_rows,
+)
+from tubeplanner.optimizer.sampled_spline import SampledSpline, sampled
+from tubeplanner.outcome import MARGIN_TOLERANCE
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.required_distances import NearEnd, RequiredDistances, in_contact
+
+# ---- How far single corners of a shape are from a plane that bounds another one.
+
+CORNERS = 4  # of a shape that are looked at
+# Corners that are farther than the nearest by more than this do not count [m].
+_NEAR = 0.005
+
+
+def of_corners(
+    checker: CollisionChecker,
+    poses: tuple[FloatArray, FloatArray],
+    pairs: IntArray,
+    closest: ClosestPoints,
+    corner: IntArray,
+) -> ClosestPoints:
+    """Return where pairs are closest, some at a corner of the smaller shape.
+
+    Args:
+        checker: The shapes.
+        poses: Of all bodies, rotation (E, bodies, 3, 3) and position (E, bodies, 3) [m].
+        pairs: Shape (E, 2).
+        closest: Where the pairs are closest.
+        corner: Which of the nearest corners, in the order of the shape's vertices, from 0 to 3;
+            -1: where the pair is closest.
+    """
+    found = [value.copy() for value in (closest.distance, closest.first, closest.second)]
+    distance, first, second = found
+    for row in np.flatnonzero(corner >= 0):
+        shapes = [checker.shapes[index] for index in pairs[row]]
+        smaller = int(np.argmin([each.shape.bounding_radius for each in shapes]))
+        placed, body = shapes[smaller], shapes[smaller].body
+        corners = placed.shape.vertices @ poses[0][row, body].T + poses[1][row, body]
+        towards = closest.direction[row] if smaller == 1 else -closest.direction[row]
+        height = corners @ towards
+        nearest = np.sort(np.argsort(height, kind="stable")[:CORNERS])
+        chosen = nearest[min(int(corner[row]), len(nearest) - 1)]
+        more = float(height[chosen] - height.min())
+        if more > _NEAR:
+            continue
+        distance[row] += more
+        apart = distance[row] + sum(each.shape.radius for each in shapes)
+        own, other = (second, first) if smaller == 1 else (first, second)
+        own[row], other[row] = corners[chosen], corners[chosen] - apart * towards
+    return replace(closest, distance=distance, first=first, second=second)
+
+
+# ---- How far apart solids must be along a spline, as something that changes smoothly with it.
+#
+# Where solids are in contact at start or goal, less is asked while the tool is near. That ends at
+# once; here it rises to what is asked farther away, late and steeply, so that a step sees it
+# coming.
+
+# What is required rises with the square of the distance from the end, and is all there at this
+# share of the way: between samples a path cuts the corner that is there. Higher powers cost less
+# time, by .1 % where solids leave each other at a small angle, but steps do not find their way.
+_RISEN_AT = 0.93
+# They leave each other at once, by this share of the mean slope: motions along each other are not
+# certain to stay clear between samples.
+_LEAVING = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class AimedDistances:
+    """What is aimed at for E pairs, each in a configuration of its own.
+
+    Attributes:
+        distance: Shape (E,) [m].
+        change: Its derivative by the joints, shape (E, n) [m/rad or 1].
+        strict: Added to the excess, shape (E,).
+    """
+
+    distance: FloatArray
+    change: FloatArray
+    strict: FloatArray
+
+
+class DistancesAlong:
+    """What is required of pairs at samples of a spline."""
+
+    def __init__(self, problem: PlanningProblem, ends: FloatArray, room: float) -> None:
+        """Take what a problem requires of motions from a configuration to another.
+
+        Args:
+            problem: The planning problem.
+            ends: Both configurations, shape (2, n).
+            room: What is required of obstacles in addition [m].
+        """
+        self._problem = problem
+        self._required = RequiredDistances(problem, ends[0], ends[1], room)
+
+    def at(self, grid: KnotGrid, samples: Samples, q: FloatArray) -> FloatArray:
+        """Return what is required at samples in configurations (N, n), shape (N, P) [m]."""
+        rows = self._required.by_segment
+        if self._required.is_constant:
+            return np.broadcast_to(rows[0], (len(q), rows.shape[1]))
+        own, other = _segments(grid, samples)
+        tool = self._problem.robot.tool_position(q)
+        return np.maximum(self._risen(own, tool), self._risen(other, tool))
+
+    def of_pairs(
+        self, grid: KnotGrid, samples: Samples, q: FloatArray, pair: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what is required of a pair at each sample, and how that changes with the joints.
+
+        Args:
+            grid: Of the spline.
+            samples: N samples.
+            q: Configurations there, shape (N, n).
+            pair: Of the P pairs, shape (N,).
+
+        Returns:
+            Distances (N,) [m] and their derivatives (N, n) [m/rad or 1].
+        """
+        change = np.zeros(q.shape)
+        if self._required.is_constant:
+            return self._required.by_segment[0, pair], change
+        own, other = _segments(grid, samples)
+        tool = self._problem.robot.tool_position(q)
+        required = self._required.by_segment[self._required.row_of[own], pair]
+        full, by_tool = required.copy(), np.zeros(tool.shape)
+        for near in self._required.near_ends:
+            here = near.holds(own, tool) & near.pair[pair]
+            share, slope = _risen_share(near, tool)
+            more = (full - near.distance).clip(min=0)
+            risen = near.distance + more * share
+            here &= risen < required
+            required = np.where(here, risen, required)
+            by_tool[here] = (more[:, None] * slope)[here]
+        beside = other != own
+        by_tool[beside] = 0.0
+        every = self.at(grid, samples, q)[np.arange(len(pair)), pair]
+        jacobian = self._problem.robot.tool_jacobian(q)[1][:, :3]
+        change = np.einsum("ni,nij->nj", by_tool, jacobian)
+        return np.where(beside, every, required), change
+
+    def at_ends(self, ends: FloatArray) -> FloatArray:
+        """Return what is required at start and, if it is given too, at goal, (1 or 2, P) [m]."""
+        segments = np.array([0, self._problem.tube.segment_count - 1])[: len(ends)]
+        return self._required.at(segments, self._problem.robot.tool_position(ends))
+
+    def _risen(self, segment: IntArray, tool: FloatArray) -> FloatArray:
+        """Return what is required in segments (N,) of tools (N, 3), shape (N, P) [m]."""
+        full = self._required.by_segment[self._required.row_of[segment]]
+        required = full.copy()
+        for near in self._required.near_ends:
+            place = np.ix_(near.holds(segment, tool), near.pair)
+            share = _risen_share(near, tool[place[0][:, 0]])[0][:, None]
+            more = (full[place] - near.distance).clip(min=0)
+            required[place] = np.minimum(required[place], near.distance + more * share)
+        return required
+
+
+def _risen_share(near: NearEnd, tool: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return which share of what is more required farther away is required of tools (N, 3).
+
+    From 0 at the end to 1, and more where all of it is required, shape (N,), and its derivative by
+    the tool, shape (N, 3) [1/m].
+    """
+    away, length = tool - near.tool, _RISEN_AT * near.within
+    distance = np.linalg.norm(away, axis=1)
+    share = distance / length
+    slope = (2 * share + _LEAVING * (1 - 2 * share)) / length
+    onward = away / np.where(distance > 0, distance, 1.0)[:, None]
+    return share**2 + _LEAVING * share * (1 - share), slope[:, None] * onward
+
+
+def _segments(grid: KnotGrid, samples: Samples) -> tuple[IntArray, IntArray]:
+    """Return each sample's segment, and at a hand-over the other one, else the same: both (N,)."""
+    own = segments_of_pieces(grid)[samples.interval]
+    first = np.array([chain.start for chain in grid.chains])
+    moved = np.where(samples.share == 0, -1, np.where(samples.share == 1, 1, 0))
+    beside = first[np.clip(samples.phase + moved, 0, len(first) - 1)]
+    is_inner: BoolArray = (moved != 0) & (samples.phase + moved >= 0)
+    is_inner &= samples.phase + moved < len(first)
+    return own, np.where(is_inner, beside, own)
+
+
+# ---- Links clear of obstacles and of each other, at the samples of a spline where they come close.
+
+# The unit of the rows [m], as the radius is for the tube.
+_UNIT = 0.05
+# Steps aim at this much more than what is required, unless start or goal have less [m].
+_INNER_MARGIN = INNER_MARGIN * _UNIT
+# Half of what a certificate tolerates, in units: solids that touch at start or goal have no room.
+_ROUNDING = MARGIN_TOLERANCE / 2 / _UNIT
+# Pairs that come closer than this beyond what is required are watched [m].
+_WATCHED = 0.01
+_PER_INTERVAL = 4  # samples looked at
+# Samples of a pair closer than this share of their spacing count as one; requested ones nearly
+# always count.
+_SAME_SHARE, _SAME_SHARE_ASKED = 0.3, 1e-3
+
+
+class LinkConstraints:
+    """The pairs of shapes that must stay apart, and where along the spline they are watched."""
+
+    def __init__(self, problem: PlanningProblem, room: float = 0.0) -> None:
+        """Watch no pairs yet.
+
+        Args:
+            problem: The planning problem.
+            room: What is to stay free from obstacles, beyond what is asked [m].
+        """
+        checker = problem.collision
+        self._problem, self._checker, self._room = problem, checker, room
+        self._pairs = checker.pairs
+        self._samples = Samples(np.zeros(0, int), np.zeros(0), np.zeros(0, int))
+        self._pair = np.zeros(0, dtype=np.int64)
+        self._corner = np.zeros(0, dtype=np.int64)
+        self._in_contact = in_contact(problem)
+        self._spare = np.full(len(self._pairs), np.nan)
+        self._approach = checker.motion_weights(self._pairs)
+        self._seen: tuple[FloatArray, FloatArray] | None = None
+        self._along: tuple[FloatArray, DistancesAlong] | None = None
+
+    def at(self, spline: PhasedSpline) -> "EvaluatedLinks":
+        """Return the pairs that are watched, at a spline."""
+        at = sampled(spline, self._samples)
+        rotation, position = self._problem.robot.body_poses(at.position)
+        pairs = self._pairs[self._pair]
+        poses = rotation, position
+        closest = self._checker.closest_points(*poses, pairs)
+        closest = of_corners(self._checker, poses, pairs, closest, self._corner)
+        spare = self._spare[self._pair]
+        along = self._required(spline)
+        required, change = along.of_pairs(spline.grid, self._samples, at.position, self._pair)
+        # Where the aimed distance is smaller, the merit function may ignore less of it.
+        strict = (MERIT_TOLERANCE * (1 - spare / _INNER_MARGIN) - _ROUNDING).clip(min=0)
+        aim = AimedDistances(required + spare, change, strict)
+        return EvaluatedLinks(self._problem, at, pairs, aim, *poses, closest)
+
+    def on_other_knots(self, spline: PhasedSpline, other: PhasedSpline) -> "LinkConstraints":
+        """Return the same for a spline on other knots, watched where they were."""
+        moved = copy(self)
+        times = self._samples.times(spline.switching_times)
+        moved._samples = other.grid.samples_at(other.switching_times, times)
+        moved._seen = None
+        return moved
+
+    def look(self, spline: PhasedSpline) -> bool:
+        """Watch pairs where they come closest; return whether a new one is too close."""
+        if len(self._pairs) == 0:
+            return False
+        samples = spline.grid.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
+        q = sampled(spline, samples).position
+        required = self._required(spline).at(spline.grid, samples, q)
+        distance = self._distances(q, self._still_apart(q), required)
+        self._seen = q, distance
+        clearance = distance - required
+        before = np.vstack([np.full((1, len(self._pairs)), np.inf), clearance[:-1]])
+        after = np.vstack([clearance[1:], np.full((1, len(self._pairs)), np.inf)])
+        lowest = (clearance < _WATCHED) & (clearance <= before) & (clearance < after)
+        sample, pair = np.nonzero(lowest)
+        at = samples.where(sample)
+        return self._watch(spline, at, pair, clearance[sample, pair], _SAME_SHARE)
+
+    def look_at(self, spline: PhasedSpline, samples: Samples) -> None:
+        """Watch the pairs that come close at samples."""
+        q = sampled(spline, samples).position
+        required = self._required(spline).at(spline.grid, samples, q)
+        distance = self._distances(q, np.full((len(q), len(self._pairs)), -np.inf), required)
+        sample, pair = np.nonzero(distance - required < _WATCHED)
+        at = samples.where(sample)
+        self._watch(spline, at, pair, np.zeros(len(pair)), _SAME_SHARE_ASKED)
+
+    def _watch(
+        self,
+        spline: PhasedSpline,
+        samples: Samples,
+        pair: IntArray,
+        clearance: FloatArray,
+        same_share: float,
+    ) -> bool:
+        """Watch pairs at samples that are not watched yet; return whether one is too close."""
+        switching_times = spline.switching_times
+        known, new = self._samples.times(switching_times), samples.times(switching_times)
+        spacing = (
+            np.diff(spline.grid.breakpoints(switching_times))[samples.interval] / _PER_INTERVAL
+        )
+        same = (pair[:, None] == self._pair) & (
+            abs(new[:, None] - known) < same_share * spacing[:, None]
+        )
+        fresh = np.flatnonzero(~same.any(axis=1))
+        self._set_spare(spline, np.unique(pair[fresh]))
+        # Solids in contact may lie on each other: several corners count.
+        rows = np.repeat(fresh, np.where(self._in_contact[pair[fresh]], CORNERS, 1))
+        number = np.arange(len(rows)) - np.searchsorted(rows, rows)
+        corner = np.where(self._in_contact[pair[rows]], number, -1)
+        self._samples = self._samples.and_also(samples.where(rows))
+        self._pair = np.concatenate([self._pair, pair[rows]])
+        self._corner = np.concatenate([self._corner, corner])
+        too_close = clearance[fresh] < self._spare[pair[fresh]]
+        return bool(too_close.any())
+
+    def _required(self, spline: PhasedSpline) -> DistancesAlong:
+        """Return what is required along splines that begin and end where this one does."""
+        ends = spline.control_points[[0, -1]]
+        if self._along is None or not np.array_equal(self._along[0], ends):
+            self._along = ends.copy(), DistancesAlong(self._problem, ends, self._room)
+        return self._along[1]
+
+    def _set_spare(self, spline: PhasedSpline, pairs: IntArray) -> None:
+        """Set what is aimed at beyond what is required: a little, where start and goal have it."""
+        pairs = pairs[np.isnan(self._spare[pairs])]
+        ends = spline.control_points[[0] if self._problem.given_goal is None else [0, -1]]
+        rotation, position = self._problem.robot.body_poses(ends)
+        found = [
+            self._checker.distances(*pose, self._pairs[pairs])
+            for pose in zip(rotation, position, strict=True)
+        ]
+        required = self._required(spline).at_ends(ends)[:, pairs]
+        there = np.min(found - required, axis=0) - 1e-6
+        spare = self._spare.copy()  # what another object has stays as it is
+        spare[pairs] = np.clip(there, 0.0, _INNER_MARGIN)
+        self._spare = spare
+
+    def _still_apart(self, q: FloatArray) -> FloatArray:
+        """Return lower bounds of the distances (N, P) [m] at configurations on these knots.
+
+        By how far they have moved since the last look.
+        """
+        if self._seen is None:
+            return np.full((len(q), len(self._pairs)), -np.inf)
+        seen, distance = self._seen
+        bounds: FloatArray = distance - abs(q - seen) @ self._approach.T
+        return bounds
+
+    def _distances(self, q: FloatArray, known: FloatArray, required: FloatArray) -> FloatArray:
+        """Return distances of all pairs at configurations along a spline, shape (N, P).
+
+        Those beyond what is watched are lower bounds: known ones, from spheres, or along the
+        direction that separates the pair at a configuration near by.
+        """
+        matters = required + _WATCHED
+        return near_distances(self._checker, q, self._pairs, matters, known)
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedLinks:
+    """Watched pairs of a spline, E of them, each at its own instant.
+
+    Attributes:
+        problem: The planning problem.
+        at: The spline at those instants.
+        pairs: Indices of the shapes, shape (E, 2).
+        aim: What is aimed at.
+        rotation: Of all bodies, shape (E, bodies, 3, 3).
+        position: Likewise, shape (E, bodies, 3) [m].
+        closest: Where the pairs are closest.
+    """
+
+    is_elastic: ClassVar[bool] = True
+
+    problem: PlanningProblem
+    at: SampledSpline
+    pairs: IntArray
+    aim: AimedDistances
+    rotation: FloatArray
+    position: FloatArray
+    closest: ClosestPoints
+
+    @cached_property
+    def excess(self) -> FloatArray:
+        """By how much pairs are closer than they may be, in units of 5 cm, shape (E,)."""
+        return self.aim.strict - self._slack
+
+    def slack(self, duration: float, squared_duration: float) -> FloatArray:
+        """Return the slack of all rows, in whatever duration, shape (E,)."""
+        return self._slack
+
+    @property
+    def row_count(self) -> int:
+        """How many rows there are."""
+        return len(self.pairs)
+
+    @cached_property
+    def _by_joint(self) -> FloatArray:
+        """How the use of the distances changes with the joints, shape (E, 1, n)."""
+        gradient = self.problem.collision.distance_gradient(
+            self.rotation, self.position, self.pairs, self.closest
+        )
+        by_joint: FloatArray = (self.aim.change - gradient)[:, None] / _UNIT
+        return by_joint
+
+    @property
+    def _slack(self) -> FloatArray:
+        """By how much pairs are farther apart than is aimed at, in units of 5 cm, shape (E,)."""
+        slack: FloatArray = (self.closest.distance - self.aim.distance) / _UNIT
+        return slack
+
+    def rows(self, duration: float, size: StepSize | None) -> Rows:
+        """Return rows that keep the pairs apart, in whatever duration.
+
+        Args:
+            duration: T [s].
+            size: Of the step; rows that it cannot break are left out. None: all rows.
+        """
+        limit = np.full(len(self.pairs), NO_LIMIT)
+        return plane_rows(self.at, self._by_joint, self._slack[:, None], limit, size)

@@ -1,0 +1,464 @@
+"""Measures of a motion of fixed duration: energy, work, smoothness.
+
+It is what measures are taken of: values there, and how they change with the control points and the
+switching times. There are M intervals, n joints and S switching times that may move.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.limits.joint_efforts import JointEffort
+from tubeplanner.limits.motor_costs import EffortCosts
+from tubeplanner.limits.rates import JointRate
+from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline, Samples
+from tubeplanner.optimizer.sampled_spline import SampledSpline, sampled
+from tubeplanner.optimizer.spline_constraints import Iterate
+from tubeplanner.task.demands import ENERGY, SMOOTHNESS, Objective
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import from_spline
+
+# ---- A motion run in a given duration, at the beginning, middle and end of every knot interval.
+
+# Control points that count from the beginning of an interval to that of the next.
+POINTS = DEGREE + 2
+# Beginning, middle and end; the integral by Simpson's rule.
+_SAMPLES = 3
+SIMPSON = np.array([1.0, 4.0, 1.0]) / 6
+
+
+class IntervalMotion:
+    """A motion, interval by interval.
+
+    Attributes:
+        run_in: The duration [s].
+        path: The arm at the samples that are watched.
+    """
+
+    def __init__(self, current: Iterate, run_in: float) -> None:
+        """Take a motion and its duration [s]."""
+        self.run_in = run_in
+        self._at, self.path = current.watched
+        self._rates = current.rates
+        self._switching_times = current.spline.switching_times
+        grid = current.spline.grid
+        self._intervals, self._switches = grid.interval_count, grid.switch_count
+        # Two per interval and the end, of those that are watched.
+        every = 2 * self._intervals
+        self._which = np.append(np.arange(every), every + len(grid.shares) - 1)
+        self._places = 2 * np.arange(self._intervals)[:, None] + np.arange(_SAMPLES)
+        self._known: dict[JointEffort, tuple[FloatArray, FloatArray]] = {}
+
+    @cached_property
+    def elapsed(self) -> FloatArray:
+        """Time from sample to sample, as a share of the duration, shape (M, 2)."""
+        return np.diff(self.at_samples(self._samples.times(self._switching_times)), axis=1)
+
+    @cached_property
+    def elapsed_by_switching(self) -> FloatArray:
+        """Shape (M, 2, S)."""
+        return np.diff(self.at_samples(self._samples.times_by_switching(self._switches)), axis=1)
+
+    @property
+    def width(self) -> FloatArray:
+        """Of the intervals, as shares of the duration, shape (M,)."""
+        return self.elapsed[:, 0] + self.elapsed[:, 1]
+
+    @property
+    def width_by_switching(self) -> FloatArray:
+        """Shape (M, S)."""
+        return self.elapsed_by_switching[:, 0] + self.elapsed_by_switching[:, 1]
+
+    def effort(self, effort: JointEffort) -> FloatArray:
+        """Return efforts in their limits, shape (M, 3, I)."""
+        return self.at_samples(effort.used(self.path).at(1 / self.run_in))
+
+    def effort_derivatives(self, effort: JointEffort) -> tuple[FloatArray, FloatArray]:
+        """Return how they change, as `chained` does; kept for measures of the same efforts."""
+        if effort not in self._known:
+            self._known[effort] = self.chained(effort.by_path(self.path, 1 / self.run_in))
+        return self._known[effort]
+
+    def jerk(self, jerk: JointRate) -> FloatArray:
+        """Return the jerks in one second, in their limits, shape (M, I)."""
+        return jerk.used(self._rates[1]).at(1.0)[: self._intervals]
+
+    def jerk_derivatives(self, jerk: JointRate) -> tuple[FloatArray, FloatArray]:
+        """Return how they change: by control points (M, I, 5, n), by switching times (M, I, S)."""
+        at, path = self._rates
+        control, switching = at.chained(jerk.by_path(path, 1.0))
+        control, switching = control[: self._intervals], switching[: self._intervals]
+        return np.pad(control, ((0, 0), (0, 0), (0, 1), (0, 0))), switching
+
+    def at_samples(self, watched: FloatArray) -> FloatArray:
+        """Return what is known of the watched samples (N, ...), by interval, (M, 3, ...)."""
+        placed: FloatArray = watched[self._which][self._places]
+        return placed
+
+    def chained(self, by_path: Mapping[int, FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Return how I quantities of each sample change.
+
+        Args:
+            by_path: Their derivatives, as of `SampledSpline.chained`.
+
+        Returns:
+            By the control points of the interval and the next, (M, 3, I, 5, n), and by the
+            switching times, (M, 3, I, S).
+        """
+        control, switching = self._at.chained(by_path)
+        control = self.at_samples(control)
+        placed = np.zeros((*control.shape[:3], POINTS, control.shape[4]))
+        placed[:, :2, :, :-1] = control[:, :2]
+        # The end of an interval counts on the next one's control points; the last one is of the
+        # last interval itself.
+        placed[:-1, 2, :, 1:] = control[:-1, 2]
+        placed[-1, 2, :, :-1] = control[-1, 2]
+        return placed, self.at_samples(switching)
+
+    @property
+    def _samples(self) -> Samples:
+        assert isinstance(self._at.evaluation_points, Samples)
+        return self._at.evaluation_points
+
+
+# ---- What a motion in a given duration is measured by, and what a step makes of that.
+
+
+@dataclass(frozen=True, eq=False)
+class MeasureModel:
+    """A share of a measure near a motion, as a function of R residuals in each knot interval.
+
+    Attributes:
+        curvature: Its second derivatives by the residuals, >= 0, shape (M, R).
+        slope: Its first ones, shape (M, R).
+        control: The residuals' by the control points of the interval and the next, (M, R, 5 n).
+        switching: Theirs by the switching times, shape (M, R, S).
+    """
+
+    curvature: FloatArray
+    slope: FloatArray
+    control: FloatArray
+    switching: FloatArray
+
+    @staticmethod
+    def of(
+        curvature: FloatArray, slope: FloatArray, control: FloatArray, switching: FloatArray
+    ) -> "MeasureModel":
+        """Return that of residuals (M, ...) with derivatives (M, ..., 5, n) and (M, ..., S)."""
+        rows = len(curvature), curvature[0].size
+        return MeasureModel(
+            curvature.reshape(rows),
+            slope.reshape(rows),
+            control.reshape(*rows, -1),
+            switching.reshape(*rows, switching.shape[-1]),
+        )
+
+    @staticmethod
+    def stacked(models: "list[MeasureModel]") -> "MeasureModel":
+        """Return the sum of models, with the residuals of all."""
+        parts = ("curvature", "slope", "control", "switching")
+        return MeasureModel(
+            *(np.concatenate([getattr(model, part) for model in models], axis=1) for part in parts)
+        )
+
+
+class Measure(Protocol):
+    """One measure of motions: the sum of what every knot interval adds to it."""
+
+    def total(self, motion: IntervalMotion) -> float:
+        """Return the measure, >= 0."""
+        ...
+
+    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+        """Return a share of the measure near a motion."""
+        ...
+
+
+# Measures with the weights of their logarithms.
+Weighted = tuple[tuple[float, Measure], ...]
+
+
+# ---- What a motion takes from its motors: energy, and mechanical work.
+
+# Beside the power of a motion that is spread evenly, this share is rounded off where power begins.
+_ROUNDED = 0.5
+_NOTHING = 1e-9
+
+
+class Energy:
+    """The integral of the weighted squared efforts: what currents heat."""
+
+    def __init__(self, weights: FloatArray) -> None:
+        """Take the weights of the squared efforts, (n,), >= 0."""
+        with np.errstate(divide="ignore"):
+            limit = 1 / np.sqrt(weights)
+        self._effort = JointEffort(limit, with_coulomb_friction=True)
+
+    def total(self, motion: IntervalMotion) -> float:
+        """Return the integral, in one second."""
+        return float((self._squared(motion) ** 2).sum())
+
+    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+        """Return a share of it near a motion; residuals are what is squared."""
+        residual, scale = self._squared(motion), _scale(motion)
+        control, switching = motion.effort_derivatives(self._effort)
+        wider = motion.width_by_switching / (2 * motion.width[:, None])
+        return MeasureModel.of(
+            np.full(residual.shape, 2 * share),
+            2 * share * residual,
+            control * scale[..., None, None],
+            switching * scale[..., None] + residual[..., None] * wider[:, None, None],
+        )
+
+    def _squared(self, motion: IntervalMotion) -> FloatArray:
+        squared: FloatArray = motion.effort(self._effort) * _scale(motion)
+        return squared
+
+
+class Work:
+    """The integral of the power that motors put in; what braking gives back is lost."""
+
+    def __init__(self, joints: int, nominal: float) -> None:
+        """Take scales.
+
+        Args:
+            joints: How many there are.
+            nominal: About the work of a motion [J].
+        """
+        self._effort = JointEffort(np.ones(joints), with_coulomb_friction=True)
+        self._rounded = _ROUNDED * nominal / joints
+
+    def total(self, motion: IntervalMotion) -> float:
+        """Return the work [J], rounded upwards where power changes its sign."""
+        added, rounded = self._added(motion)
+        return float((added + np.hypot(added, rounded)).sum() / 2)
+
+    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+        """Return a share of it near a motion; residuals are what samples add or give back.
+
+        And the sums of efforts and velocities. Power is their product, a difference of two squares:
+        that of the sum curves upwards. (The convex-concave procedure: Yuille & Rangarajan, 2003.)
+        """
+        added, rounded = self._added(motion)
+        size = np.hypot(added, rounded)
+        driving = share * (1 + added / size) / 2
+        scale = _scale(motion)[..., None]
+        control, switching = motion.chained(self._power_by_path(motion))
+        wider = motion.width_by_switching / motion.width[:, None]
+        power = MeasureModel.of(
+            share * rounded**2 / (2 * size**3),
+            driving,
+            control * scale[..., None] ** 2,
+            switching * scale**2 + added[..., None] * wider[:, None, None],
+        )
+        control, switching = motion.chained(self._sum_by_path(motion))
+        both = MeasureModel.of(
+            driving / 2, 0 * driving, control * scale[..., None], switching * scale
+        )
+        return MeasureModel.stacked([power, both])
+
+    def _added(self, motion: IntervalMotion) -> tuple[FloatArray, FloatArray]:
+        """Return the work that samples stand for, (M, 3, n), and how much of it is rounded off."""
+        power = motion.effort(self._effort) * motion.at_samples(motion.path.by_path[1])
+        rounded = self._rounded / len(power) * SIMPSON[:, None]
+        return power * _scale(motion) ** 2, np.broadcast_to(rounded, power.shape)
+
+    def _power_by_path(self, motion: IntervalMotion) -> dict[int, FloatArray]:
+        """Return how power changes with the path, (N, n, n) each."""
+        path, speed = motion.path, 1 / motion.run_in
+        velocity = path.by_path[1]
+        by_path = dict(self._effort.by_path(path, speed))
+        by_path = {order: by * velocity[:, :, None] for order, by in by_path.items()}
+        effort = self._effort.used(path).at(speed)
+        by_path[1] = by_path[1] + effort[:, :, None] * np.eye(velocity.shape[1])
+        return by_path
+
+    def _sum_by_path(self, motion: IntervalMotion) -> dict[int, FloatArray]:
+        """Return how sums of efforts and velocities, in units of equal size, do: likewise."""
+        path, speed = motion.path, 1 / motion.run_in
+        efforts, velocities = self._effort.used(path).at(speed), path.by_path[1]
+        unit = np.sqrt(_size(efforts) / _size(velocities))[:, None]
+        by_path = {order: by / unit for order, by in self._effort.by_path(path, speed).items()}
+        by_path[1] = by_path[1] + unit * np.eye(len(unit))
+        return by_path
+
+
+def _scale(motion: IntervalMotion) -> FloatArray:
+    """Return the square root of the time that samples stand for, (M, 3, 1)."""
+    return np.sqrt(motion.width[:, None] * SIMPSON)[:, :, None]
+
+
+def _size(values: FloatArray) -> FloatArray:
+    """Return the root mean squares of columns, above zero."""
+    return np.sqrt((values**2).mean(axis=0)) + _NOTHING
+
+
+# ---- How smooth a motion is: three measures, each seeing what the others do not.
+#
+# The total variation of the efforts sees how often motors switch, their rates how fast, and jerk
+# what
+# joints of little inertia do. Rates and jerks count with the fourth power, for their peaks, which
+# are
+# at both ends.
+
+# Weights of the logarithms: of effort rate and jerk to the fourth power, variation between them.
+_WEIGHTS = (0.25, 1.0, 0.175)
+_ROUNDED_CHANGE = (
+    0.01  # changes of effort below this share of the limit count for less in the variation
+)
+# Joints that hardly move count as if they moved this share of the farthest.
+_LEAST_TRAVEL = 0.05
+_LOOKS = 200
+
+
+def smoothness_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: float) -> Weighted:
+    """Return effort rate, effort variation and jerk, in the scales of one motion.
+
+    Args:
+        problem: The planning problem.
+        spline: The motion.
+        run_in: Its duration [s].
+    """
+    looks = spline.grid.samples_at(spline.switching_times, np.linspace(0.0, 1.0, _LOOKS))
+    at = sampled(spline, looks)
+    travel = np.ptp(at.position, axis=0)
+    effort = JointEffort(_nominal_efforts(problem, at, run_in))
+    jerk = JointRate("jerk", np.maximum(travel, _LEAST_TRAVEL * travel.max()))
+    measures = (EffortRate(effort), EffortVariation(effort), Jerk(jerk))
+    return tuple(zip(_WEIGHTS, measures, strict=True))
+
+
+class EffortRate:
+    """The integral of the efforts' rates to the fourth power."""
+
+    def __init__(self, effort: JointEffort) -> None:
+        """Take what efforts are shares of."""
+        self._effort = effort
+
+    def total(self, motion: IntervalMotion) -> float:
+        """Return the integral, in one second."""
+        return float((self._raised(motion) ** 4).sum())
+
+    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+        """Return a share of it near a motion; residuals are what is raised to the fourth power."""
+        rate, elapsed = self._raised(motion), motion.elapsed[:, :, None]
+        scale = elapsed**-0.75
+        faster = (-0.75 * rate / elapsed)[..., None] * motion.elapsed_by_switching[:, :, None]
+        control, switching = _change_derivatives(motion, self._effort)
+        return MeasureModel.of(
+            12 * share * rate**2,
+            4 * share * rate**3,
+            control * scale[..., None, None],
+            switching * scale[..., None] + faster,
+        )
+
+    def _raised(self, motion: IntervalMotion) -> FloatArray:
+        rate: FloatArray = _changes(motion, self._effort) * motion.elapsed[:, :, None] ** -0.75
+        return rate
+
+
+class EffortVariation:
+    """The total variation of the efforts, rounded where they hardly change."""
+
+    def __init__(self, effort: JointEffort) -> None:
+        """Take what efforts are shares of."""
+        self._effort = effort
+
+    def total(self, motion: IntervalMotion) -> float:
+        """Return the sum of the changes' sizes."""
+        change = _changes(motion, self._effort)
+        return float((np.sqrt(change**2 + _ROUNDED_CHANGE**2) - _ROUNDED_CHANGE).sum())
+
+    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+        """Return a share of it near a motion, as reweighted squares; residuals are the changes."""
+        change = _changes(motion, self._effort)
+        rounded = np.sqrt(change**2 + _ROUNDED_CHANGE**2)
+        return MeasureModel.of(
+            share / rounded,
+            share * change / rounded,
+            *_change_derivatives(motion, self._effort),
+        )
+
+
+class Jerk:
+    """The integral of the jerks to the fourth power."""
+
+    def __init__(self, jerk: JointRate) -> None:
+        """Take what jerks are shares of."""
+        self._jerk = jerk
+
+    def total(self, motion: IntervalMotion) -> float:
+        """Return the integral, in one second."""
+        return float((self._raised(motion) ** 4).sum())
+
+    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+        """Return a share of it near a motion; residuals are what is raised to the fourth power."""
+        jerk, width = self._raised(motion), motion.width[:, None]
+        root = width**0.25
+        control, switching = motion.jerk_derivatives(self._jerk)
+        wider = (jerk / (4 * width))[:, :, None] * motion.width_by_switching[:, None]
+        return MeasureModel.of(
+            12 * share * jerk**2,
+            4 * share * jerk**3,
+            control * root[:, :, None, None],
+            switching * root[:, :, None] + wider,
+        )
+
+    def _raised(self, motion: IntervalMotion) -> FloatArray:
+        jerk: FloatArray = motion.jerk(self._jerk) * motion.width[:, None] ** 0.25
+        return jerk
+
+
+def _changes(motion: IntervalMotion, effort: JointEffort) -> FloatArray:
+    """Return by how much efforts change from sample to sample, shape (M, 2, I)."""
+    return np.diff(motion.effort(effort), axis=1)
+
+
+def _change_derivatives(
+    motion: IntervalMotion, effort: JointEffort
+) -> tuple[FloatArray, FloatArray]:
+    """Return how these changes change, (M, 2, I, 5, n) and (M, 2, I, S)."""
+    control, switching = motion.effort_derivatives(effort)
+    return np.diff(control, axis=1), np.diff(switching, axis=1)
+
+
+def _nominal_efforts(problem: PlanningProblem, at: SampledSpline, run_in: float) -> FloatArray:
+    """Return the efforts that changes are shares of, (n,): limits, or what the motion takes."""
+    limit = problem.robot.limits.effort
+    position, velocity, acceleration = at.by_x[:3]
+    taken = problem.robot.inverse_dynamics(position, velocity / run_in, acceleration / run_in**2)
+    most = abs(taken).max(axis=0)
+    return np.where(np.isfinite(limit), limit, np.where(most > 0, most, 1.0))
+
+
+# ---- What motions of a problem are measured by, as its objective says.
+
+# Weight of the logarithm of energy or work, and the share of smoothness beside it: joints that cost
+# nothing would wiggle, and efforts chatter where that costs next to nothing.
+_WEIGHT, _SMOOTHNESS = 30.0, 0.3
+_LEAST_WORK = 1e-9  # [J]
+
+
+def objective_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: float) -> Weighted:
+    """Return the measures, with the weights of their logarithms.
+
+    Args:
+        problem: The planning problem.
+        spline: A motion to take scales from.
+        run_in: Its duration [s].
+    """
+    smooth = smoothness_measures(problem, spline, run_in)
+    objective, robot = problem.objective or Objective(), problem.robot
+    if objective.minimise == SMOOTHNESS:
+        return smooth
+    own: Measure
+    if objective.minimise == ENERGY:
+        own = Energy(objective.energy_weights(robot))
+    else:
+        motion = from_spline(robot.joint_names, spline.bspline()).scaled(run_in)
+        own = Work(robot.joint_count, max(EffortCosts(robot, motion).work(), _LEAST_WORK))
+    return ((_WEIGHT, own), *((_SMOOTHNESS * weight, measure) for weight, measure in smooth))

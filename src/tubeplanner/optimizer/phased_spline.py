@@ -1,0 +1,382 @@
+"""PhasedSpline: cubic B-splines over phases of tube segments, native and NumPy basis.
+
+Knots are given as samples are: by phase and share of it, the end included. Every function returns
+None if the library is left out.
+"""
+
+from ctypes import c_int64
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.native.library import Doubles, Integers, native_function
+from tubeplanner.trajectory.polynomials import BSpline, basis_functions
+
+# ---- Cubic splines over phases at samples, compiled: weights, values, changes by switching times.
+
+Knots: TypeAlias = tuple[IntArray, FloatArray]
+Places: TypeAlias = tuple[IntArray, FloatArray, IntArray]
+
+_PLACES = (Doubles, c_int64, Integers, Doubles, c_int64, Integers, Doubles, Integers)
+_weights = native_function("cubic_weights", *_PLACES, Doubles)
+_by_switching = native_function(
+    "cubic_by_switching", *_PLACES, c_int64, Doubles, c_int64, Doubles, Integers
+)
+_values = native_function(
+    "cubic_values", c_int64, c_int64, c_int64, Doubles, Integers, Doubles, Doubles
+)
+
+
+def cubic_weights(switching_times: FloatArray, knots: Knots, samples: Places) -> FloatArray | None:
+    """Return the weights of four control points in position and derivatives, shape (4, N, 4).
+
+    Args:
+        switching_times: Ends of the phases, shape (m+1,).
+        knots: Phases and shares of the M+1 knots, the last one the end.
+        samples: Phases, shares and knot intervals of N samples.
+    """
+    if _weights is None:
+        return None
+    count = len(samples[0])
+    weights = np.empty((4, count, 4))
+    _weights(switching_times, len(knots[0]) - 1, *knots, count, *samples, weights)
+    return weights
+
+
+def cubic_by_switching(
+    switching_times: FloatArray, knots: Knots, samples: Places, control: FloatArray, switches: int
+) -> tuple[FloatArray, IntArray] | None:
+    """Return how positions and derivatives change with inner switching times.
+
+    Args:
+        switching_times: As for `cubic_weights`.
+        knots: Likewise.
+        samples: Likewise.
+        control: Control points, shape (K, n).
+        switches: Number G of the inner switching times.
+
+    Returns:
+        Shape (G, 4, N, n), and which switching times change each sample: the first and the one
+        after the last, shape (N, 2).
+    """
+    if _by_switching is None:
+        return None
+    count, joints, control = len(samples[0]), control.shape[1], np.ascontiguousarray(control)
+    changes = np.zeros((switches, 4, count, joints))
+    moved = np.empty((count, 2), dtype=np.int64)
+    places = (switching_times, len(knots[0]) - 1, *knots, count, *samples)
+    _by_switching(*places, joints, control, switches, changes, moved)
+    return changes, moved
+
+
+def cubic_values(weights: FloatArray, first: IntArray, control: FloatArray) -> FloatArray | None:
+    """Return the values that weights (orders, N, 4) give, shape (orders, N, n).
+
+    Args:
+        weights: Of four control points at each of N samples.
+        first: The first of these, shape (N,).
+        control: Control points, shape (K, n).
+    """
+    if _values is None:
+        return None
+    orders, count = weights.shape[:2]
+    control = np.ascontiguousarray(control)
+    values = np.empty((orders, count, control.shape[1]))
+    own = (np.ascontiguousarray(weights), np.ascontiguousarray(first), control)
+    _values(orders, count, control.shape[1], *own, values)
+    return values
+
+
+# ---- Cubic B-splines of joint positions over phases, each in some tube segments; their ends may
+# move.
+#
+# Time x runs from 0 to 1. Phase k lies between the switching times k and k+1; its knots sit at
+# fixed
+# shares of it, and so do samples: when a switching time moves, they move with it. Joints are C2
+# everywhere. The first three control points are the start and the last three the goal, so that
+# velocity and acceleration vanish exactly at both ends.
+
+DEGREE = 3
+_IMAGINARY_STEP = 1e-30
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """N points on a spline that keep their share of their phase.
+
+    Attributes:
+        phase: Shape (N,).
+        share: From 0 to 1 within the phase, shape (N,).
+        interval: Index of the knot interval over all phases, shape (N,).
+    """
+
+    phase: IntArray
+    share: FloatArray
+    interval: IntArray
+
+    @property
+    def first(self) -> IntArray:
+        """The first of the four control points that count, shape (N,)."""
+        return self.interval
+
+    def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
+        """Return the weights of four control points in position and derivatives, (4, N, 4)."""
+        found = None
+        if not np.iscomplexobj(switching_times):
+            found = cubic_weights(switching_times, grid.places, self.places)
+        return self._by_recursion(grid, switching_times) if found is None else found
+
+    @cached_property
+    def places(self) -> Places:
+        """What functions of the native library take."""
+        return self.phase, self.share, self.interval
+
+    def and_also(self, other: "Samples") -> "Samples":
+        """Return these samples and others."""
+        return Samples(
+            np.concatenate([self.phase, other.phase]),
+            np.concatenate([self.share, other.share]),
+            np.concatenate([self.interval, other.interval]),
+        )
+
+    def where(self, keep: IntArray) -> "Samples":
+        """Return some of the samples."""
+        return Samples(self.phase[keep], self.share[keep], self.interval[keep])
+
+    def times_by_switching(self, count: int) -> FloatArray:
+        """Return the times' derivatives by so many inner switching times, shape (N, count)."""
+        ends = np.arange(1, count + 1)
+        before = (self.phase[:, None] == ends) * (1 - self.share[:, None])
+        after = (self.phase[:, None] == ends - 1) * self.share[:, None]
+        derivatives: FloatArray = before + after
+        return derivatives
+
+    def times(self, switching_times: FloatArray) -> FloatArray:
+        """Return their times x for switching times (m+1,), shape (N,)."""
+        times: FloatArray = (
+            switching_times[self.phase] + np.diff(switching_times)[self.phase] * self.share
+        )
+        return times
+
+    def _by_recursion(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
+        """Return the weights, which are those of a cubic, from those at the knot before."""
+        at_knots = _at_knots(grid, switching_times.tobytes(), switching_times.dtype.char)
+        value, first, second, third = at_knots[:, self.interval]
+        behind = self.times(switching_times) - grid.breakpoints(switching_times)[self.interval]
+        behind = behind[:, None]
+        weights = np.empty((DEGREE + 1, *value.shape), dtype=value.dtype)
+        weights[3] = third
+        weights[2] = second + behind * third
+        weights[1] = first + behind * (second + behind * third / 2)
+        weights[0] = value + behind * (first + behind * (second + behind * third / 3) / 2)
+        return weights
+
+
+@dataclass(frozen=True, eq=False)
+class KnotGrid:
+    """Where the knots of a spline over phases are.
+
+    Attributes:
+        shares: Per phase, the knots' shares of it, from 0 to 1, both included.
+        chains: The tube's segments of every phase; one each if not given.
+        is_fixed: Whether switching times stay where they are.
+    """
+
+    shares: tuple[FloatArray, ...]
+    chains: tuple[range, ...] = ()
+    is_fixed: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.chains:
+            chains = tuple(range(k, k + 1) for k in range(len(self.shares)))
+            object.__setattr__(self, "chains", chains)
+
+    @property
+    def switch_count(self) -> int:
+        """Number of switching times that may move."""
+        return 0 if self.is_fixed else len(self.shares) - 1
+
+    @property
+    def interval_count(self) -> int:
+        """Number of knot intervals of all phases."""
+        return int(self.intervals_of_phases.sum())
+
+    @cached_property
+    def intervals_of_phases(self) -> IntArray:
+        """Number of knot intervals of every phase, shape (m,)."""
+        return np.array([len(share) - 1 for share in self.shares])
+
+    @property
+    def control_point_count(self) -> int:
+        """Number K of control points."""
+        return self.interval_count + DEGREE
+
+    def breakpoints(self, switching_times: FloatArray) -> FloatArray:
+        """Return all knots, without repeating those at the ends, for switching times (m+1,)."""
+        phase, share = (places[:-1] for places in self.places)
+        begin: FloatArray = switching_times[phase] + np.diff(switching_times)[phase] * share
+        return np.append(begin, switching_times[-1])
+
+    @cached_property
+    def places(self) -> Knots:
+        """All knots' phases and shares of these, without repeating those at the ends, (M+1,)."""
+        counts = self.intervals_of_phases
+        phase = np.repeat(np.arange(len(counts)), counts)
+        share = np.concatenate([*(share[:-1] for share in self.shares), [1.0]])
+        return np.append(phase, len(counts) - 1), share
+
+    def knots(self, switching_times: FloatArray) -> FloatArray:
+        """Return the clamped knot vector for switching times (m+1,)."""
+        inner = self.breakpoints(switching_times)
+        return np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
+
+    def samples(self, local: FloatArray) -> Samples:
+        """Return samples at local times (L,) from 0 to 1 in every knot interval."""
+        phase, share, interval, count = [], [], [], 0
+        for k, shares in enumerate(self.shares):
+            width = np.diff(shares)
+            share.append((shares[:-1, None] + width[:, None] * local).ravel())
+            phase.append(np.full(len(width) * len(local), k))
+            interval.append(np.repeat(count + np.arange(len(width)), len(local)))
+            count += len(width)
+        return Samples(np.concatenate(phase), np.concatenate(share), np.concatenate(interval))
+
+    def samples_at(self, switching_times: FloatArray, x: FloatArray) -> Samples:
+        """Return samples at times x from 0 to 1, shape (N,)."""
+        last = self.interval_count - 1
+        interval = np.searchsorted(self.breakpoints(switching_times), x, side="right") - 1
+        phase = np.clip(
+            np.searchsorted(switching_times, x, side="right") - 1, 0, len(switching_times) - 2
+        )
+        share = (x - switching_times[phase]) / np.diff(switching_times)[phase]
+        return Samples(phase, np.clip(share, 0.0, 1.0), np.clip(interval, 0, last))
+
+    def phase_ends(self) -> Samples:
+        """Return a sample at the end of every phase."""
+        count = len(self.shares)
+        last = np.cumsum([len(share) - 1 for share in self.shares]) - 1
+        return Samples(np.arange(count), np.ones(count), last)
+
+
+def segments_of_pieces(grid: KnotGrid) -> IntArray:
+    """Return the tube segment of each knot interval, shape (M,).
+
+    In a chain, the first: its segments ask the same of the arm.
+    """
+    first = [chain.start for chain in grid.chains]
+    return np.repeat(first, [len(shares) - 1 for shares in grid.shares])
+
+
+@lru_cache(maxsize=32)  # of several kinds of samples, and while switching times stay
+def _at_knots(grid: KnotGrid, switching_times: bytes, kind: str) -> FloatArray:
+    """Return the weights at the beginning of every knot interval, shape (4, M, 4)."""
+    knots = grid.knots(np.frombuffer(switching_times, dtype=kind))
+    interval = np.arange(grid.interval_count) + DEGREE
+    return basis_functions(knots, DEGREE, interval, knots[interval])
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityHull:
+    """The control points of a spline's derivative: its velocity stays between them for all x.
+
+    (Piegl & Tiller, "The NURBS Book", 1997, equation 3.8.)
+
+    Attributes:
+        count: Number K of control points of the spline.
+    """
+
+    count: int
+
+    @property
+    def first(self) -> IntArray:
+        """The first of the four control points that count, shape (K-1,)."""
+        return np.minimum(np.arange(self.count - 1), self.count - DEGREE - 1)
+
+    def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
+        """Return the weights of four control points, (2, K-1, 4): none for position."""
+        knots, number = grid.knots(switching_times), np.arange(self.count - 1)
+        weight = DEGREE / (knots[DEGREE + 1 : -1] - knots[1 : -DEGREE - 1])
+        place = number - self.first
+        basis = np.zeros((2, self.count - 1, DEGREE + 1), dtype=weight.dtype)
+        basis[1, number, place], basis[1, number, place + 1] = -weight, weight
+        return basis
+
+
+EvaluationPoints: TypeAlias = Samples | VelocityHull
+
+
+def basis_by_switching(
+    evaluation_points: EvaluationPoints, grid: KnotGrid, switching_times: FloatArray
+) -> FloatArray:
+    """Return the weights' derivatives by the switching times that may move, (m-1, orders, N, 4).
+
+    By complex steps, which take nothing away: to rounding (Squire & Trapp, "Using complex variables
+    to estimate derivatives of real functions", 1998).
+    """
+    moved = switching_times + 1j * _IMAGINARY_STEP * np.eye(len(switching_times))
+    columns = range(1, grid.switch_count + 1)
+    found = [evaluation_points.basis(grid, moved[column]).imag for column in columns]
+    if not found:
+        return np.zeros((0, *evaluation_points.basis(grid, switching_times).shape))
+    return np.stack(found) / _IMAGINARY_STEP
+
+
+@dataclass(frozen=True, eq=False)
+class PhasedSpline:
+    """A spline over phases with its control points, without a duration.
+
+    Attributes:
+        grid: Where the knots are.
+        switching_times: Ends of the phases in time x, from 0 to 1, shape (m+1,).
+        control_points: Shape (K, n).
+    """
+
+    grid: KnotGrid
+    switching_times: FloatArray
+    control_points: FloatArray
+
+    def end_directions(self, samples: Samples, slow: FloatArray) -> FloatArray:
+        """Return which way joints leave the start or approach the goal, by sign, shape (N, n).
+
+        That is known as long as the control points of the velocity have one sign, but looked at no
+        farther than to where they are first not slow; where they reverse before, in the first knot
+        interval alone, and in the last.
+
+        Args:
+            samples: Where; nan at samples farther inside.
+            slow: Below which velocity joints are slow, shape (n,) [rad or m per unit of x].
+        """
+        velocity, last = self._velocity_points(), self.grid.interval_count - 1
+        found = np.full((len(samples.interval), len(slow)), np.nan)
+        for way, interval in ((1, samples.interval), (-1, last - samples.interval)):
+            known = _known_direction(velocity[::way], slow)
+            is_known = known[np.minimum(interval, len(known) - 1)]
+            found = np.where(is_known, np.sign(velocity[::way][0]), found)
+        return found
+
+    def _velocity_points(self) -> FloatArray:
+        """Return the control points of the velocity but for those at both ends, which vanish.
+
+        In a knot interval, counted from either end, those up to the same number count.
+        """
+        knots = self.grid.knots(self.switching_times)
+        spans = (knots[1 + DEGREE : -1] - knots[1 : -1 - DEGREE]) / DEGREE
+        velocity = np.diff(self.control_points, axis=0) / spans[:, None]
+        return velocity[DEGREE - 1 : 1 - DEGREE]
+
+    def bspline(self) -> BSpline:
+        """Return the spline over time x."""
+        return BSpline(self.grid.knots(self.switching_times), self.control_points, DEGREE)
+
+
+def _known_direction(velocity: FloatArray, slow: FloatArray) -> BoolArray:
+    """Return up to which control points (L, n) a joint moves as at the first, until it is fast."""
+    fast, first = abs(velocity) >= slow, np.sign(velocity[0])
+    onward = np.logical_and.accumulate(np.sign(velocity) == first, axis=0)
+    already = np.logical_or.accumulate(fast, axis=0)
+    onward[1:] &= ~already[:-1]
+    onward[1:] &= (onward & fast).any(axis=0) | (first == 0)
+    return onward

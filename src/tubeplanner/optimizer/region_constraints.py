@@ -1,0 +1,475 @@
+"""Region constraints on the tool: segment, compulsory point, rotation tolerance, goal.
+
+A region is convex: a vector p is inside if n.p <= max(n.A, n.B) + e(n) for every unit normal n, A
+and B being the ends of its axis and e its extent beyond. A linear program gets a few of these
+planes: at each sample the one outward and those of faces, and then the tangent planes where its own
+prediction leaves the region (Kelley, "The cutting-plane method for solving convex programs", 1960).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import ClassVar
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.geometry.tube.regions import Capsules, SegmentRegions, plane_slack
+from tubeplanner.geometry.tube.rotation import RotationalTube
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.limits.path_samples import LimitKey, PathSamples
+from tubeplanner.optimizer.rows import INNER_MARGIN, Rows, StepSize, plane_rows
+from tubeplanner.optimizer.sampled_spline import SampledSpline
+from tubeplanner.optimizer.segment_chains import OrderedSegments
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- Vectors that must stay in regions, at samples of a spline: the tool's position, its rotation.
+
+# A prediction may leave the region by this share of its extent.
+_OUTSIDE = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """P supporting planes of regions.
+
+    Attributes:
+        sample: Whose region, shape (P,).
+        normal: Unit vectors, outward, shape (P, 3).
+        segment: Whose region they hold beside the sample's own, shape (P,).
+    """
+
+    sample: IntArray
+    normal: FloatArray
+    segment: IntArray
+
+    def __len__(self) -> int:
+        return len(self.sample)
+
+    def where(self, keep: BoolArray | IntArray) -> "Planes":
+        """Return some of the planes."""
+        return Planes(self.sample[keep], self.normal[keep], self.segment[keep])
+
+    def and_also(self, other: "Planes") -> "Planes":
+        """Return these planes and others."""
+        if len(other) == 0:
+            return self
+        return Planes(
+            np.concatenate([self.sample, other.sample]),
+            np.concatenate([self.normal, other.normal]),
+            np.concatenate([self.segment, other.segment]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedRegions:
+    """The regions at N samples of a spline, and the vectors that must stay in them.
+
+    Attributes:
+        at: The spline at the samples.
+        vector: Shape (N, 3) [m or rad].
+        derivative: Returns what the vectors change by with the joints, shape (N, 3, n).
+        regions: Of all segments.
+        segment: The samples' own, shape (N,).
+        segments_of: Returns what they would be for other vectors (N, 3).
+        in_chain: Whether samples pass from one segment to another by themselves, shape (N,).
+        margin: The share of the radii that stays unused, shape (N,).
+        numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
+        is_crossed: Whether a step may lead from one side to the other: then all planes count as
+            near.
+    """
+
+    at: SampledSpline
+    vector: FloatArray
+    derivative: Callable[[], FloatArray]
+    regions: SegmentRegions
+    segment: IntArray
+    segments_of: Callable[[FloatArray], IntArray]
+    in_chain: BoolArray
+    margin: FloatArray
+    numbers: IntArray
+    is_crossed: bool = False
+
+    @cached_property
+    def excess(self) -> FloatArray:
+        """How far the vectors are outside the narrowed regions, as a share of them, shape (N,)."""
+        return self._excess_of(self.vector, self.segment)
+
+    @cached_property
+    def planes(self) -> Planes:
+        """The planes outward and, unless segments pass into each other, those of faces."""
+        normal = np.array([self.regions.outward(self.vector, self.segment), *self.faces])
+        normal[1:, self.in_chain] = 0.0
+        kind, sample = np.nonzero(normal.any(axis=2))
+        return Planes(sample, normal[kind, sample], self.segment[sample])
+
+    @cached_property
+    def faces(self) -> Sequence[FloatArray]:
+        """Normals of the regions' faces that do not depend on the vectors, each (N, 3)."""
+        return self.regions.faces(self.segment)
+
+    def planes_where_outside(self, vector: FloatArray, elastic: float) -> Planes:
+        """Return the tangent planes at other vectors (N, 3) that are outside.
+
+        Those of a sample in a chain are its planes of the segment that it would then be in.
+
+        Args:
+            vector: The other vectors.
+            elastic: So many radii outside is allowed.
+        """
+        segment = self.segments_of(vector)
+        outside = np.flatnonzero(self._excess_of(vector, segment) > elastic + _OUTSIDE)
+        segment = segment[outside]
+        planes = Planes(outside, self.regions.outward(vector[outside], segment), segment)
+        if len(planes) == 0:
+            return planes
+        # Those that hold the sample's present region too may be farther out than the vectors.
+        return planes.where(self.slack(planes, vector - self.vector) < -elastic)
+
+    def after(self, control: FloatArray, switching: FloatArray) -> FloatArray:
+        """Return the vectors after a step, to first order, shape (N, 3).
+
+        Args:
+            control: Change of the control points, shape (K, n).
+            switching: Change of the inner switching times, shape (m-1,).
+        """
+        change = self.at.change(control, switching)
+        moved: FloatArray = self.vector + np.einsum("nij,nj->ni", self._by_joint, change)
+        return moved
+
+    def slack(self, planes: Planes, bend: FloatArray | None = None) -> FloatArray:
+        """Return how far behind planes the vectors are, in radii, shape (P,).
+
+        Args:
+            planes: The planes.
+            bend: Added to the vectors, shape (N, 3).
+        """
+        vector = self.vector if bend is None else self.vector + bend
+        at, normal = planes.sample, planes.normal
+        extents = (self._extent(planes), self.regions.extent(normal, planes.segment))
+        axes, known = (self.regions.begin, self.regions.end), (at, normal, planes.segment)
+        slack = plane_slack(known, vector, axes, self.segment, self.margin, extents)
+        return self._slack(planes, vector) if slack is None else slack
+
+    def _slack(self, planes: Planes, vector: FloatArray) -> FloatArray:
+        at, normal = planes.sample, planes.normal
+        beyond = np.minimum(
+            np.einsum("pi,pi->p", normal, (vector - self._begin)[at]),
+            np.einsum("pi,pi->p", normal, (vector - self._end)[at]),
+        )
+        extent = self._extent(planes)
+        slack: FloatArray = 1 - self.margin[at] - beyond / extent + self._farther(planes, extent)
+        return slack
+
+    def rows(self, planes: Planes) -> Rows:
+        """Return rows that keep the vectors behind planes; they have no numbers."""
+        at, segment = planes.sample, self.segment[planes.sample]
+        by_joint = np.einsum("pi,pij->pj", planes.normal, self._by_joint[at])
+        by_joint /= self._extent(planes)[:, None]
+        control, switching = self.at.chained({0: by_joint[:, None]}, at)
+        count = len(planes)
+        return Rows(
+            self.at.first[at],
+            control[:, 0],
+            switching[:, 0],
+            np.zeros(count),
+            self.slack(planes),
+            self.numbers[segment, self.regions.kind(planes.normal, segment)],
+            np.full(count, -1),
+        )
+
+    @cached_property
+    def _by_joint(self) -> FloatArray:
+        return self.derivative()
+
+    @cached_property
+    def _begin(self) -> FloatArray:
+        return self.regions.begin[self.segment]
+
+    @cached_property
+    def _end(self) -> FloatArray:
+        return self.regions.end[self.segment]
+
+    def _extent(self, planes: Planes) -> FloatArray:
+        """Return how far the samples' own regions reach beyond their axes, (P,)."""
+        return self.regions.extent(planes.normal, self.segment[planes.sample])
+
+    def _farther(self, planes: Planes, extent: FloatArray) -> FloatArray:
+        """Return how much farther out planes must be to hold another segment's region too, (P,).
+
+        As a share of the extent of the samples' own. The sample may be in either, so that both are
+        held.
+        """
+        farther = np.zeros(len(planes))
+        both = np.flatnonzero(planes.segment != self.segment[planes.sample])
+        at = planes.sample[both]
+        own, other = (
+            self._reach(planes.normal[both], segment, at)
+            for segment in (self.segment[at], planes.segment[both])
+        )
+        farther[both] = np.maximum(other - own, 0.0) / extent[both]
+        return farther
+
+    def _reach(self, normal: FloatArray, segment: IntArray, at: IntArray) -> FloatArray:
+        """Return how far samples' narrowed regions, in some segments, reach along normals."""
+        axis_ends = (self.regions.begin[segment], self.regions.end[segment])
+        farthest = np.maximum(*(np.einsum("pi,pi->p", normal, end) for end in axis_ends))
+        extent = self.regions.extent(normal, segment)
+        reach: FloatArray = farthest + (1 - self.margin[at]) * extent
+        return reach
+
+    def _excess_of(self, vector: FloatArray, segment: IntArray) -> FloatArray:
+        excess: FloatArray = self.regions.share(vector, segment) - (1 - self.margin)
+        return excess
+
+
+# ---- The tool in the region of its segment and at compulsory points, at samples of a spline.
+
+
+def evaluated_tube(
+    at: SampledSpline,
+    path: PathSamples,
+    segments: OrderedSegments,
+    regions: SegmentRegions,
+    margin: FloatArray,
+    numbers: IntArray,
+) -> EvaluatedRegions:
+    """Return the tube at N samples of a spline, each in one of its phase's segments.
+
+    Args:
+        at: The spline at the samples.
+        path: The arm there.
+        segments: Those that the samples may be in.
+        regions: Of all segments.
+        margin: The share of the regions that stays unused, shape (m,).
+        numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
+    """
+    return EvaluatedRegions(
+        at,
+        path.tool_pose[1],
+        lambda: path.tool_jacobian[:, :3],
+        regions,
+        path.segment,
+        segments.at,
+        segments.in_chain,
+        margin[path.segment],
+        numbers,
+    )
+
+
+def evaluated_points(
+    tube: Tube,
+    at: SampledSpline,
+    path: PathSamples,
+    regions: SegmentRegions,
+    margin: float,
+    numbers: IntArray,
+) -> EvaluatedRegions:
+    """Return the balls about compulsory points that the tool must be in at switching times.
+
+    A ball is a capsule without length. The tool is in it as it passes on to the next segment.
+
+    Args:
+        tube: The tube.
+        at: The spline at the switching times into the segments that begin at the points.
+        path: The arm there.
+        regions: Of all segments.
+        margin: The share of the radii that stays unused.
+        numbers: As for `evaluated_tube`.
+    """
+    points, radius = tube.compulsory_points, regions.radius
+    narrower = points - (radius[points - 1] < radius[points])
+    place, own = tube.points[points], np.arange(len(points))
+    # The ball's tolerance is what gives the extent along the segment: that of its end.
+    kind = regions.kind(regions.faces(narrower)[0], narrower)
+    return EvaluatedRegions(
+        at,
+        path.tool_pose[1],
+        lambda: path.tool_jacobian[:, :3],
+        Capsules(place, place, radius[narrower]),
+        own,
+        lambda _: own,
+        np.zeros(len(points), dtype=bool),
+        np.full(len(points), margin),
+        numbers[narrower, kind][:, None],
+    )
+
+
+# ---- The tool's orientation within its segment's tolerance, at samples of a spline.
+#
+# Bounds on the three components of the rotation vector are planes; a bound on the angle is a ball.
+
+_SIDES = np.vstack([np.eye(3), -np.eye(3)])
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedRotation:
+    """The tool's rotation at N samples of a spline, and the bounds on its three components.
+
+    Attributes:
+        tube: The rotational part of the tube.
+        at: The spline at the samples.
+        path: The arm there.
+        margin: The share of the tolerances that stays unused.
+        numbers: Of the tolerances among the limits, shape (m,).
+        segment: The samples' segments, shape (N,).
+    """
+
+    is_elastic: ClassVar[bool] = True
+
+    tube: RotationalTube
+    at: SampledSpline
+    path: PathSamples
+    margin: float
+    numbers: IntArray
+    segment: IntArray
+
+    @property
+    def excess(self) -> FloatArray:
+        """How far components are beyond the narrowed bounds, in bounds, shape (N,)."""
+        excess: FloatArray = (abs(self._error) / self._bounds).max(axis=1) - (1 - self.margin)
+        return excess
+
+    @property
+    def bounds_components(self) -> bool:
+        """Whether a component is bounded in some sample's segment."""
+        return bool(np.isfinite(self._bounds).any())
+
+    @property
+    def bounds_angle(self) -> bool:
+        """Whether the angle is."""
+        return bool(np.isfinite(self.tube.bounds[self.segment, 3]).any())
+
+    def angle(self) -> EvaluatedRegions:
+        """Return the bound on the angle: the rotation vector in a ball."""
+        centre, count = np.zeros((len(self.tube.bounds), 3)), len(self.segment)
+        return EvaluatedRegions(
+            self.at,
+            self._error,
+            lambda: self._by_joint,
+            Capsules(centre, centre, self.tube.bounds[:, 3]),
+            self.segment,
+            lambda _: self.segment,
+            np.zeros(count, dtype=bool),
+            np.full(count, self.margin),
+            self.numbers[:, None],
+        )
+
+    def rows(self, duration: float, size: StepSize | None) -> Rows:
+        """Return rows that keep the components of the rotation vector within their bounds.
+
+        Args:
+            duration: T [s], whatever it is.
+            size: Of the step; rows that it cannot break are left out. None: all rows.
+        """
+        bounds = np.hstack([self._bounds, self._bounds])
+        by_side = np.matmul(_SIDES, self._by_joint) / bounds[:, :, None]
+        slack = np.where(np.isfinite(bounds), self._slack.reshape(bounds.shape), np.inf)
+        return plane_rows(self.at, by_side, slack, self.numbers[self.segment], size)
+
+    @property
+    def row_count(self) -> int:
+        """How many rows there are."""
+        return len(_SIDES) * len(self.segment)
+
+    def slack(self, duration: float, squared_duration: float) -> FloatArray:
+        """Return the slack of all rows that `rows` numbers, in whatever duration."""
+        return self._slack
+
+    @property
+    def _slack(self) -> FloatArray:
+        bounds = np.hstack([self._bounds, self._bounds])
+        slack: FloatArray = 1 - self.margin - self._error @ _SIDES.T / bounds
+        return slack.ravel()
+
+    @property
+    def _bounds(self) -> FloatArray:
+        return self.tube.bounds[self.segment, :3]
+
+    @cached_property
+    def _error(self) -> FloatArray:
+        """Rotation vectors from the reference to the tool, shape (N, 3) [rad]."""
+        return self.tube.error(*self.path.tool_pose, self.segment)
+
+    @cached_property
+    def _by_joint(self) -> FloatArray:
+        """What they change by with the joints, shape (N, 3, n)."""
+        jacobian = self.path.tool_jacobian
+        return self.tube.error_jacobian(*self.path.tool_pose, jacobian, self.segment)[1]
+
+
+# ---- The tool in the ball of its goal, and turned as that asks, at the end of a spline.
+
+# As the problem file calls them.
+_BALL, _ROTATION = LimitKey("tolerance"), LimitKey("rotation_tolerance")
+# Towards the faces, edges and corners of a cube.
+_CORNERS = [np.array(corner) for corner in product((-1.0, 0.0, 1.0), repeat=3) if any(corner)]
+_AROUND = tuple(corner / np.linalg.norm(corner) for corner in _CORNERS)
+
+
+class _Balls(Capsules):
+    """Balls, with planes all around from the beginning.
+
+    Steps are larger than they: tangent planes where each try leaves them would take too many.
+    """
+
+    def faces(self, segment: IntArray) -> Sequence[FloatArray]:
+        """Return the normals of a polyhedron around."""
+        return [np.tile(normal, (len(segment), 1)) for normal in _AROUND]
+
+
+def goal_keys(problem: PlanningProblem) -> list[LimitKey]:
+    """Return the keys of the tolerances that an open goal has."""
+    goal = problem.open_goal
+    if goal is None:
+        return []
+    return [_BALL] * (goal.tolerance > 0) + [_ROTATION] * goal.bounds_rotation
+
+
+def evaluated_ball(
+    problem: PlanningProblem,
+    at: SampledSpline,
+    path: PathSamples,
+    numbers: Mapping[LimitKey, int],
+) -> list[EvaluatedRegions]:
+    """Return the ball that the tool must end in, a capsule without length, if there is one.
+
+    Args:
+        problem: The planning problem.
+        at: The spline at its end.
+        path: The arm there.
+        numbers: Of the keys among those of all limits.
+    """
+    goal = problem.open_goal
+    if goal is None or goal.tolerance == 0:
+        return []
+    centre, own = goal.position[None], np.zeros(1, dtype=np.int64)
+    ball = EvaluatedRegions(
+        at,
+        path.tool_pose[1],
+        lambda: path.tool_jacobian[:, :3],
+        _Balls(centre, centre, np.array([goal.tolerance])),
+        own,
+        lambda _: own,
+        np.zeros(1, dtype=bool),
+        np.full(1, INNER_MARGIN),
+        np.array([[numbers[_BALL]]]),
+        is_crossed=True,
+    )
+    return [ball]
+
+
+def evaluated_turn(
+    problem: PlanningProblem,
+    at: SampledSpline,
+    path: PathSamples,
+    numbers: Mapping[LimitKey, int],
+) -> list[EvaluatedRotation]:
+    """Return the tool's rotation at the end, if the goal bounds it; arguments as for the ball."""
+    goal, beyond = problem.open_goal, problem.tube.segment_count
+    if goal is None or not goal.bounds_rotation:
+        return []
+    assert problem.rotation is not None
+    own = np.full(beyond + 1, numbers[_ROTATION])
+    return [EvaluatedRotation(problem.rotation, at, path, INNER_MARGIN, own, np.array([beyond]))]

@@ -1,0 +1,362 @@
+"""Rows: linear constraints on a step, each scaled by its limit; speed limits as rows.
+
+What may change are the control points C of a spline, its inner switching times s, and its squared
+duration y = T^2, by the relative step eta = dy / y. A row says: control . dC + switching . ds +
+duration eta <= slack.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.limits.path_samples import PathSamples, SpeedLimit
+from tubeplanner.limits.speed_polynomial import SpeedPolynomial
+from tubeplanner.optimizer import sampled_spline as native
+from tubeplanner.optimizer.phased_spline import DEGREE
+from tubeplanner.optimizer.sampled_spline import SampledSpline
+
+# ---- Linear constraints on a step of the optimiser, each divided by its own limit.
+
+# Rows with less slack than this are kept, however short the step.
+_CLOSE = 0.3
+NO_LIMIT = -1
+# Steps aim this far inside tube and clearances, as a share of a radius; the merit function ignores
+# most of it, which absorbs violations between samples and rounding.
+INNER_MARGIN = 0.005
+MERIT_TOLERANCE: float = 0.8 * INNER_MARGIN
+
+
+@dataclass(frozen=True)
+class StepSize:
+    """The largest step.
+
+    Attributes:
+        control: Of control points [rad or m].
+        switching: Of the inner switching times, shape (m-1,).
+    """
+
+    control: float
+    switching: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """R linear constraints.
+
+    Attributes:
+        first: The first of the four control points that count, shape (R,).
+        control: Shape (R, 4, n).
+        switching: Shape (R, m-1).
+        duration: Shape (R,).
+        slack: Shape (R,).
+        limit: Number of the limit that the row stands for; -1 for none, shape (R,).
+        index: Number of the row among all that its constraints have, shape (R,).
+    """
+
+    first: IntArray
+    control: FloatArray
+    switching: FloatArray
+    duration: FloatArray
+    slack: FloatArray
+    limit: IntArray
+    index: IntArray
+
+    def __len__(self) -> int:
+        return len(self.slack)
+
+    def where(self, keep: BoolArray | IntArray) -> "Rows":
+        """Return some of the rows."""
+        return Rows(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
+
+    def numbered_from(self, first: int) -> "Rows":
+        """Return the rows with other numbers, the first of which is given."""
+        own = (self.first, self.control, self.switching, self.duration, self.slack, self.limit)
+        return Rows(*own, first + self.index)
+
+    def reach(self, size: StepSize) -> FloatArray:
+        """Return how far a step can move each row, shape (R,)."""
+        return _reach(self.control, self.switching, size)
+
+
+def stacked(parts: list[Rows]) -> Rows:
+    """Return several sets of rows as one."""
+    names = Rows.__dataclass_fields__
+    if len(parts) == 1:
+        return parts[0]
+    return Rows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def sided_rows(
+    at: SampledSpline,
+    by_path: Mapping[int, FloatArray],
+    used: FloatArray,
+    duration: tuple[FloatArray, float],
+    limit: IntArray,
+    signs: tuple[float, ...],
+    size: StepSize | None,
+) -> Rows:
+    """Return the rows of I quantities at N samples: sign * quantity <= 1 for all signs.
+
+    They are numbered by side, sample and quantity.
+
+    Args:
+        at: The spline at the samples.
+        by_path: The quantities' derivatives by its own, by order, each (N, I, n).
+        used: The quantities, shape (N, I).
+        duration: What eta adds: as much with the sign of the side, (N, I), and less on every side.
+        limit: Number of each quantity's limit, shape (N, I).
+        signs: Of the sides.
+        size: Rows that no step of this size can break are left out; None: none.
+    """
+    slack = 1 - np.multiply.outer(signs, used)
+    index, control, switching = _breakable(at, by_path, slack, signs, _CLOSE, size)
+    side, entry = np.divmod(index, used.size)
+    with_side, on_every = duration
+    return Rows(
+        at.first[entry // used.shape[1]],
+        control,
+        switching,
+        np.array(signs)[side] * with_side.ravel()[entry] - on_every,
+        slack.ravel()[index],
+        limit.ravel()[entry],
+        index,
+    )
+
+
+def plane_rows(
+    at: SampledSpline,
+    by_joint: FloatArray,
+    slack: FloatArray,
+    limit: IntArray,
+    size: StepSize | None,
+) -> Rows:
+    """Return the rows of P planes at N samples, numbered by sample and plane.
+
+    Args:
+        at: The spline at the samples.
+        by_joint: What the planes' use changes by with the joints, shape (N, P, n).
+        slack: How far inside the planes each sample is, shape (N, P); inf where there is none.
+        limit: Number of each sample's limit, shape (N,).
+        size: Rows that no step of this size can break are left out; None: none.
+    """
+    index, control, switching = _breakable(at, {0: by_joint}, slack[None], (1.0,), -np.inf, size)
+    sample = index // slack.shape[1]
+    none = np.zeros(len(index))
+    return Rows(
+        at.first[sample], control, switching, none, slack.ravel()[index], limit[sample], index
+    )
+
+
+def used_by_step(
+    rows: Rows, control_change: FloatArray, switching: FloatArray, duration: float
+) -> FloatArray:
+    """Return what a step uses of the slack of rows, shape (R,).
+
+    Args:
+        rows: The rows.
+        control_change: Of the control points, shape (K, n).
+        switching: Of the inner switching times, shape (m-1,).
+        duration: The relative step eta.
+    """
+    step = (control_change, switching, duration)
+    used = native.used_by_step(rows.first, (rows.control, rows.switching, rows.duration), step)
+    if used is not None:
+        return used
+    taken = control_change[rows.first[:, None] + np.arange(DEGREE + 1)]
+    used = np.einsum("rkj,rkj->r", rows.control, taken)
+    used += rows.switching @ switching + rows.duration * duration
+    return used
+
+
+def _breakable(
+    at: SampledSpline,
+    by_path: Mapping[int, FloatArray],
+    slack: FloatArray,
+    signs: tuple[float, ...],
+    little: float,
+    size: StepSize | None,
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return which rows a step can break or have little slack, and their derivatives.
+
+    Args:
+        at: The spline at N samples.
+        by_path: Derivatives of I quantities of each, by order, each (N, I, n).
+        slack: Shape (S, N, I).
+        signs: Of the quantities, by side, S of them.
+        little: Rows with less slack are among them anyhow.
+        size: Of the step; None: all rows with a finite slack are.
+
+    Returns:
+        Their places in the slack, shape (R,), and how they change with control points, (R, 4, n),
+        and with switching times, (R, m-1).
+    """
+    sizes = None if size is None else (little, size.control, size.switching)
+    found = native.near_rows(at.changes, by_path, slack, signs, sizes)
+    if found is not None:
+        return found
+    # What takes a chain rule is left to rows that a bound on the reach does not rule out.
+    reach = np.inf if size is None else np.maximum(little, _farthest(at, by_path, size))
+    side, sample, quantity = near = np.nonzero(slack < reach)
+    own = {order: by[sample, quantity, None] for order, by in by_path.items()}
+    control, switching = (change[:, 0] for change in at.chained(own, sample))
+    sign = np.array(signs)[side]
+    index, control = np.ravel_multi_index(near, slack.shape), sign[:, None, None] * control
+    switching = sign[:, None] * switching
+    if size is None:
+        return index, control, switching
+    keep = slack.ravel()[index] < np.maximum(little, _reach(control, switching, size))
+    return index[keep], control[keep], switching[keep]
+
+
+def _farthest(at: SampledSpline, by_path: Mapping[int, FloatArray], size: StepSize) -> FloatArray:
+    """Return what the reach of quantities (N, I) is at most, without the chain rule."""
+    orders = list(by_path)
+    by_step = size.control * abs(at.basis[orders]).sum(axis=-1)
+    most = abs(at.by_switching[:, orders]).max(axis=-1, initial=0.0)
+    by_step += np.einsum("gon,g->on", most, size.switching)
+    sizes = np.array([abs(by_path[order]).sum(axis=-1) for order in orders])
+    farthest: FloatArray = np.einsum("on,oni->ni", by_step, sizes)
+    return farthest
+
+
+def _reach(control: FloatArray, switching: FloatArray, size: StepSize) -> FloatArray:
+    found = native.row_reach(control, switching, (size.control, size.switching))
+    if found is not None:
+        return found
+    reach: FloatArray = size.control * abs(control).sum(axis=(-2, -1))
+    return reach + abs(switching) @ size.switching
+
+
+# ---- What every constraint at samples of a spline tells the optimiser, but for regions.
+
+
+class EvaluatedRows(Protocol):
+    """A constraint at samples of a spline: rows, and their slack at another spline.
+
+    Attributes:
+        is_elastic: Whether it may be violated on the way, at a penalty.
+    """
+
+    @property
+    def is_elastic(self) -> bool:
+        """Whether it may be violated on the way, at a penalty."""
+        ...
+
+    @property
+    def row_count(self) -> int:
+        """How many rows there are."""
+        ...
+
+    def rows(self, duration: float, size: StepSize | None) -> Rows:
+        """Return the rows of the spline run in T seconds.
+
+        Args:
+            duration: T [s].
+            size: Of the step; rows that it cannot break are left out. None: all rows.
+        """
+        ...
+
+    def slack(self, duration: float, squared_duration: float) -> FloatArray:
+        """Return the slack of all rows that `rows` numbers, here, for rows made elsewhere.
+
+        Args:
+            duration: The duration that those were made for [s].
+            squared_duration: The new squared duration, as a multiple of the old one.
+        """
+        ...
+
+
+# ---- Limits on the speed of a spline at samples, as rows.
+#
+# What a limit asks, sum of c_k s^k <= 1 with s = 1/T, is multiplied by the highest power of T: so
+# the
+# terms that bring it about, inertia and jerk, do not change with y = T^2, and the rows of efforts
+# and
+# accelerations are exact in y.
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedSpeedLimit:
+    """A limit of I quantities at N samples of a spline.
+
+    Attributes:
+        limit: The limit.
+        at: The spline at the samples.
+        path: The arm there.
+        numbers: Of the limit's keys among those of all limits.
+    """
+
+    is_elastic: ClassVar[bool] = False
+
+    limit: SpeedLimit
+    at: SampledSpline
+    path: PathSamples
+    numbers: IntArray
+    # By duration: after a step that was rejected, the same rows are asked for again.
+    _changes: dict[float, Mapping[int, FloatArray]] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def squared_durations(self) -> FloatArray:
+        """The smallest y = T^2 that the limit allows at each sample, shape (N,) [s^2].
+
+        inf where no speed is slow enough.
+        """
+        with np.errstate(divide="ignore"):
+            slowest: FloatArray = self._used.largest_speed(self.limit.signs).min(axis=1) ** -2.0
+        return slowest
+
+    @property
+    def row_count(self) -> int:
+        """How many rows there are."""
+        return len(self.limit.signs) * int(np.prod(self._used.shape))
+
+    def rows(self, duration: float, size: StepSize | None) -> Rows:
+        """Return the rows of all sides, of the spline run in T seconds.
+
+        Args:
+            duration: T [s].
+            size: Of the step; rows that it cannot break are left out. None: all rows.
+        """
+        used = self._used.at(1 / duration)
+        limit = np.broadcast_to(self.numbers[self.limit.key_of(self.path)], used.shape)
+        by_duration = (self._by_duration(duration), self._used.degree / 2)
+        by_path, signs = self._by_path(duration), self.limit.signs
+        return sided_rows(self.at, by_path, used, by_duration, limit, signs, size)
+
+    def slack(self, duration: float, squared_duration: float) -> FloatArray:
+        """Return the slack of all rows that `rows` numbers, here, for rows made elsewhere.
+
+        Args:
+            duration: The duration that those were made for [s].
+            squared_duration: The new squared duration, as a multiple of the old one.
+        """
+        degree, longer = self._used.degree, squared_duration**0.5
+        powers = self._used.terms
+        used = self._used.weighted({k: duration**-k * longer ** (degree - k) for k in powers})
+        return np.concatenate([(longer**degree - sign * used).ravel() for sign in self.limit.signs])
+
+    @property
+    def rise(self) -> FloatArray:
+        """What slack the rows gain by a relative rise of their limits, by number."""
+        allowed = self._used.allowed
+        by_side = np.ones(self._used.shape) if allowed is None else allowed
+        return np.tile(by_side.ravel(), len(self.limit.signs))
+
+    def _by_path(self, duration: float) -> Mapping[int, FloatArray]:
+        """Return how the quantities change with position and its derivatives by x."""
+        if duration not in self._changes:
+            self._changes[duration] = self.limit.by_path(self.path, 1 / duration)
+        return self._changes[duration]
+
+    @cached_property
+    def _used(self) -> SpeedPolynomial:
+        return self.limit.used(self.path)
+
+    def _by_duration(self, duration: float) -> FloatArray:
+        """Return how the quantities, times the highest power of T, change with y, shape (N, I)."""
+        degree, powers = self._used.degree, self._used.terms
+        return self._used.weighted({k: duration**-k * (degree - k) / 2 for k in powers})

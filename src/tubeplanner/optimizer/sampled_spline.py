@@ -1,0 +1,294 @@
+"""SampledSpline: a spline at samples, its derivatives by control points and switching times.
+
+Every function returns None if the library is left out.
+"""
+
+from collections.abc import Mapping
+from ctypes import c_double, c_int64
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.native.library import Doubles, Integers, native_function
+from tubeplanner.optimizer.phased_spline import (
+    DEGREE,
+    EvaluationPoints,
+    KnotGrid,
+    PhasedSpline,
+    Samples,
+    basis_by_switching,
+    cubic_by_switching,
+    cubic_values,
+)
+
+# ---- Rows of linear constraints on a spline's step, compiled: chained, chosen by reach,
+# multiplied.
+
+_ORDERS = range(4)
+
+
+@dataclass(frozen=True, eq=False)
+class SplineChange:
+    """How a spline changes at N samples.
+
+    Attributes:
+        weights: Of the four control points that count, shape (orders, N, 4).
+        by_switching: Derivatives by G switching times, shape (G, orders, N, n).
+        moved: The first switching time for which these are not zero, and the one after the last,
+            by sample, shape (N, 2); None: any.
+    """
+
+    weights: FloatArray
+    by_switching: FloatArray
+    moved: IntArray | None
+
+
+_SPLINE = (*4 * (c_int64,), Doubles, Doubles, Integers, *(Doubles for _ in _ORDERS))
+_chained = native_function("chained_rows", *_SPLINE, c_int64, Integers, Integers, Doubles, Doubles)
+_near = native_function(
+    "near_rows",
+    *(*_SPLINE, c_int64, c_int64, Doubles, Doubles, c_double),
+    *(c_double, Doubles, Integers, Doubles, Doubles),
+    returns=c_int64,
+)
+_reach = native_function(
+    "row_reach", c_int64, c_int64, Doubles, c_double, c_int64, Doubles, Doubles, Doubles
+)
+_used = native_function(
+    *("used_by_step", c_int64, c_int64, c_int64, Integers, Doubles, Doubles, Doubles),
+    *(Doubles, Doubles, c_double, Doubles),
+)
+
+
+def chained_rows(
+    spline: SplineChange, by_path: Mapping[int, FloatArray], sample: IntArray, entry: IntArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return how quantities change with control points, (R, 4, n), and switching times, (R, G).
+
+    Args:
+        spline: The spline.
+        by_path: The quantities' derivatives by its own, by order, each (..., n).
+        sample: Where each quantity is, shape (R,).
+        entry: Its place among the derivatives, counted through, shape (R,).
+    """
+    if _chained is None:
+        return None
+    found = _rows(spline, len(sample))
+    places = (np.ascontiguousarray(sample), np.ascontiguousarray(entry))
+    _chained(*_given(spline, by_path), len(sample), *places, *found)
+    return found
+
+
+def near_rows(
+    spline: SplineChange,
+    by_path: Mapping[int, FloatArray],
+    slack: FloatArray,
+    signs: tuple[float, ...],
+    size: tuple[float, float, FloatArray] | None,
+) -> tuple[IntArray, FloatArray, FloatArray] | None:
+    """Return the rows that have less slack than what a step can change them by.
+
+    Args:
+        spline: The spline.
+        by_path: Derivatives of I quantities of each sample, by order, each (N, I, n).
+        slack: Shape (S, N, I).
+        signs: Of the quantities, by side, S of them.
+        size: The slack that is little anyhow, and how far a step moves a control point and every
+            switching time; None: any slack but infinite is less.
+
+    Returns:
+        The places among the slack, counted through, (R,), how the rows change with control points,
+        (R, 4, n), and with switching times, (R, G).
+    """
+    if _near is None:
+        return None
+    control, switching = _rows(spline, slack.size)
+    index = np.empty(slack.size, dtype=np.int64)
+    little, control_size, switching_size = size or (0.0, 0.0, None)
+    slack, sides = np.ascontiguousarray(slack), (len(signs), np.array(signs))
+    count = _near(
+        *(*_given(spline, by_path), slack.shape[2], *sides, slack),
+        *(little, control_size, switching_size, index, control, switching),
+    )
+    return index[:count], control[:count], switching[:count]
+
+
+def row_reach(
+    control: FloatArray, switching: FloatArray, size: tuple[float, FloatArray]
+) -> FloatArray | None:
+    """Return how far a step moves rows at most, shape (R,).
+
+    Args:
+        control: The rows, shape (R, 4, n).
+        switching: Likewise, shape (R, G).
+        size: How far it moves a control point and every switching time.
+    """
+    if _reach is None:
+        return None
+    found = np.empty(len(control))
+    width = control.shape[1] * control.shape[2]
+    by_switching = (switching.shape[1], np.ascontiguousarray(switching), size[1])
+    _reach(len(control), width, np.ascontiguousarray(control), size[0], *by_switching, found)
+    return found
+
+
+def used_by_step(
+    first: IntArray,
+    rows: tuple[FloatArray, FloatArray, FloatArray],
+    step: tuple[FloatArray, FloatArray, float],
+) -> FloatArray | None:
+    """Return the products of rows and a step, shape (R,).
+
+    Args:
+        first: The first of the four control points that count, shape (R,).
+        rows: By control points (R, 4, n), switching times (R, G) and the duration (R,).
+        step: Of the control points (K, n), the switching times (G,) and the duration.
+    """
+    if _used is None:
+        return None
+    used, sizes = np.empty(len(first)), (rows[0].shape[2], rows[1].shape[1])
+    parts = [np.ascontiguousarray(part) for part in (*rows, *step[:2])]
+    _used(len(first), *sizes, np.ascontiguousarray(first), *parts, step[2], used)
+    return used
+
+
+def _given(spline: SplineChange, by_path: Mapping[int, FloatArray]) -> tuple[Any, ...]:
+    """Return what the library is given of a spline and derivatives by its own."""
+    orders, samples, _ = spline.weights.shape
+    switches, joints = spline.by_switching.shape[0], spline.by_switching.shape[3]
+    by = [np.ascontiguousarray(by_path[k]) if k in by_path else None for k in _ORDERS]
+    own = (spline.weights, spline.by_switching, spline.moved)
+    return samples, joints, orders, switches, *own, *by
+
+
+def _rows(spline: SplineChange, count: int) -> tuple[FloatArray, FloatArray]:
+    switches, joints = spline.by_switching.shape[0], spline.by_switching.shape[3]
+    return np.empty((count, 4, joints)), np.empty((count, switches))
+
+
+# ---- A spline at samples, and how it changes with its control points and switching times.
+
+
+@dataclass(frozen=True, eq=False)
+class SampledSpline:
+    """A spline over phases at N points.
+
+    Attributes:
+        spline: The spline.
+        evaluation_points: The N points.
+        basis: Weights of the four control points that count, shape (orders, N, 4).
+        by_x: Position and derivatives by x, as many as there are weights, shape (orders, N, n).
+    """
+
+    spline: PhasedSpline
+    evaluation_points: EvaluationPoints
+    basis: FloatArray
+    by_x: FloatArray
+
+    @property
+    def position(self) -> FloatArray:
+        """Shape (N, n)."""
+        return self.by_x[0]
+
+    @property
+    def first(self) -> IntArray:
+        """The first of the four control points that count, shape (N,)."""
+        return self.evaluation_points.first
+
+    @property
+    def by_switching(self) -> FloatArray:
+        """Derivatives of `by_x` by the inner switching times, shape (m-1, orders, N, n)."""
+        return self.changes.by_switching
+
+    @cached_property
+    def changes(self) -> SplineChange:
+        """How the spline changes with control points and switching times."""
+        spline, points = self.spline, self.evaluation_points
+        grid, times, control = spline.grid, spline.switching_times, spline.control_points
+        found = None
+        if isinstance(points, Samples):
+            found = cubic_by_switching(
+                times, grid.places, points.places, control, grid.switch_count
+            )
+        if found is not None:
+            return SplineChange(self.basis, *found)
+        basis = basis_by_switching(points, grid, times)
+        switches, orders, count, _ = basis.shape
+        weights = basis.reshape(switches * orders, count, DEGREE + 1)
+        by_switching = _values(weights, points.first, control)
+        by_switching = by_switching.reshape(switches, orders, count, control.shape[1])
+        return SplineChange(self.basis, by_switching, None)
+
+    def change(self, control: FloatArray, switching: FloatArray) -> FloatArray:
+        """Return how positions change with a step, to first order, shape (N, n).
+
+        Args:
+            control: Change of the control points, shape (K, n).
+            switching: Change of the inner switching times, shape (m-1,).
+        """
+        change: FloatArray = _values(self.basis[:1], self.first, control)[0]
+        if switching.any():
+            change += np.einsum("gnj,g->nj", self.by_switching[:, 0], switching)
+        return change
+
+    def chained(
+        self, by_path: Mapping[int, FloatArray], samples: IntArray | slice = slice(None)
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return how I quantities of each sample change with control points and switching times.
+
+        Args:
+            by_path: Their derivatives by position (0) and by its derivatives by x, each (N, I, n).
+            samples: Whose quantities they are, if not those of all samples.
+
+        Returns:
+            By the four control points that count, (N, I, 4, n), and by the inner switching times,
+            (N, I, m-1).
+        """
+        quantities, joints = next(iter(by_path.values())).shape[1:]
+        which = np.arange(len(self.first))[samples]
+        entry = np.arange(len(which) * quantities)
+        found = chained_rows(self.changes, by_path, np.repeat(which, quantities), entry)
+        if found is None:
+            return self._chained(by_path, samples)
+        control, switching = found
+        return (
+            control.reshape(len(which), quantities, DEGREE + 1, joints),
+            switching.reshape(len(which), quantities, len(self.by_switching)),
+        )
+
+    def _chained(
+        self, by_path: Mapping[int, FloatArray], samples: IntArray | slice
+    ) -> tuple[FloatArray, FloatArray]:
+        orders = list(by_path)
+        by_state = np.stack([by_path[order] for order in orders])
+        basis, by_switching = self.basis[orders], self.by_switching[:, orders]
+        control = np.einsum("onr,onij->nirj", basis[:, samples], by_state)
+        switching = np.einsum("gonj,onij->nig", by_switching[:, :, samples], by_state)
+        return control, switching
+
+
+def sampled(spline: PhasedSpline, evaluation_points: EvaluationPoints) -> SampledSpline:
+    """Return a spline at some points."""
+    basis = _basis(spline.grid, evaluation_points, spline.switching_times.tobytes())
+    by_x = _values(basis, evaluation_points.first, spline.control_points)
+    return SampledSpline(spline, evaluation_points, basis, by_x)
+
+
+@lru_cache(maxsize=8)  # switching times often stay where they are; those of one phase always do
+def _basis(
+    grid: KnotGrid, evaluation_points: EvaluationPoints, switching_times: bytes
+) -> FloatArray:
+    return evaluation_points.basis(grid, np.frombuffer(switching_times).copy())
+
+
+def _values(basis: FloatArray, first: IntArray, control_points: FloatArray) -> FloatArray:
+    """Return what weights (orders, N, 4) of control points give, shape (orders, N, n)."""
+    found = cubic_values(basis, first, control_points)
+    if found is not None:
+        return found
+    taken = control_points[first[:, None] + np.arange(DEGREE + 1)]
+    values: FloatArray = np.matmul(basis[:, :, None], taken)[:, :, 0]
+    return values

@@ -1,0 +1,373 @@
+"""Chains of segments per phase; the segment of each sample.
+
+A switching time is a variable, and its phase needs knots of its own. Of hundreds of short segments,
+as paths from scans and drawings have them, only sharp corners are worth that, and where the
+conditions on the joints or on the rotation change, or a point is compulsory. Between them lie
+chains: there the segment of a sample follows from where the tool is.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.geometry.tube.points import arc_lengths
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.optimizer.phased_spline import Samples
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- Which tube segments make up a phase: one, or a chain of short ones that turn little.
+
+# What a chain ignores of a corner, in radii: the sag of the path there over one spacing of samples,
+# of which there are about this many.
+_SAMPLES = 200
+_KINK = 0.02
+# Up to so many corners all end a phase; of more, only the sharper ones, and at most so many.
+_MANY_CORNERS, _SHARP_KINK, _MOST_SHARP = 12, 0.1, 100
+# A turn counts as far as the path turns over so many radii on both sides: noise turns back at once.
+_WINDOW = 3.0
+
+
+def tube_chains(problem: PlanningProblem) -> tuple[range, ...]:
+    """Return the segments of every phase: one after the other, all of the tube's."""
+    is_end = _is_corner(problem.tube) | _conditions_change(problem.tube)
+    is_end[problem.tube.compulsory_points - 1] = True
+    ends = 1 + np.flatnonzero(is_end)
+    bounds = [0, *ends.tolist(), problem.tube.segment_count]
+    return tuple(range(begin, end) for begin, end in pairwise(bounds))
+
+
+def largest_kink(tube: Tube, chains: tuple[range, ...], spacing: float) -> float:
+    """Return how far a path leaves the chains' capsules between samples inside, at most, in radii.
+
+    On the inner side of a corner the tool is farthest from both legs where it passes from one to
+    the other.
+
+    Args:
+        tube: The tube.
+        chains: The segments of every phase.
+        spacing: Of the samples along the path [m].
+    """
+    inner = np.ones(tube.segment_count - 1, dtype=bool)
+    inner[[chain.stop - 1 for chain in chains[:-1]]] = False
+    return float(_kinks(tube, spacing, _turns(tube))[inner].max(initial=0.0))
+
+
+def sharpest_bend(tube: Tube, chains: tuple[range, ...] = ()) -> float:
+    """Return by how much a path turns over the length of a radius, at most [rad].
+
+    To and fro count as one: it is the inverse of the radius of curvature, in radii, or noise.
+
+    Args:
+        tube: The tube.
+        chains: The segments of every phase, if only what lies within counts.
+    """
+    turns = _turns(tube)
+    turns[[chain.stop - 1 for chain in chains[:-1]]] = 0.0
+    so_far = np.concatenate([[0.0], np.cumsum(turns)])
+    along, radius = arc_lengths(tube.points)[1:-1], tube.effective_radius
+    half = np.minimum(radius[:-1], radius[1:]) / 2
+    last = np.searchsorted(along, along + half, side="right")
+    first = np.searchsorted(along, along - half)
+    return float((so_far[last] - so_far[first]).max(initial=0.0))
+
+
+def smoothed_turns(tube: Tube) -> FloatArray:
+    """Return the angles by which the path turns over some radii, shape (m-1,) [rad]."""
+    points, along = tube.points, arc_lengths(tube.points)
+    radius = tube.effective_radius
+    window = _WINDOW * np.maximum(np.minimum(radius[:-1], radius[1:]), _spacing(tube))
+    before, after = (
+        np.column_stack([np.interp(s, along, column) for column in points.T])
+        for s in (along[1:-1] - window, along[1:-1] + window)
+    )
+    return _angles(points[1:-1] - before, after - points[1:-1])
+
+
+def _is_corner(tube: Tube) -> BoolArray:
+    """Return whether each inner reference point is a corner that ends a phase, shape (m-1,)."""
+    kinks = _kinks(tube, _spacing(tube), np.minimum(_turns(tube), smoothed_turns(tube)))
+    is_corner: BoolArray = kinks >= (_KINK if len(kinks) > _MANY_CORNERS else 0.0)
+    if is_corner.sum() > _MANY_CORNERS:
+        is_corner = kinks >= _SHARP_KINK
+        is_corner[np.argsort(-kinks, kind="stable")[_MOST_SHARP:]] = False
+    return is_corner
+
+
+def _conditions_change(tube: Tube) -> BoolArray:
+    """Return where the conditions on the arm are others, shape (m-1,)."""
+    return np.array([before != after for before, after in pairwise(tube.conditions)], dtype=bool)
+
+
+def _spacing(tube: Tube) -> float:
+    """Return about how far apart samples are [m]."""
+    return float(arc_lengths(tube.points)[-1]) / _SAMPLES
+
+
+def _kinks(tube: Tube, spacing: float, turn: FloatArray) -> FloatArray:
+    """Return how far samples cut the inner reference points, in radii, shape (m-1,).
+
+    A chord of a length d over a turn by a small angle passes it at d / 4 times the angle, at most.
+    """
+    length = np.linalg.norm(np.diff(tube.points, axis=0), axis=1)
+    chord = np.minimum(spacing, np.minimum(length[:-1], length[1:]))
+    radius = tube.effective_radius
+    kinks: FloatArray = chord * turn / 4 / np.minimum(radius[:-1], radius[1:])
+    return kinks
+
+
+def _turns(tube: Tube) -> FloatArray:
+    """Return the angles by which the path turns at inner reference points, shape (m-1,) [rad]."""
+    axis = np.diff(tube.points, axis=0)
+    return _angles(axis[:-1], axis[1:])
+
+
+def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the angles between vectors, each (N, 3): shape (N,) [rad]."""
+    across = np.linalg.norm(np.cross(a, b), axis=1)
+    angles: FloatArray = np.arctan2(across, np.einsum("ni,ni->n", a, b))
+    return angles
+
+
+# ---- Which segment of its chain each sample of a spline belongs to: in order, and as near as can
+# be.
+#
+# The judge asks for segments one after the other too: the tool may not skip back where a path comes
+# near itself, and a closed path begins in its first segment and ends in its last. Nor may it leave
+# segments out, though that is not seen at samples: each of them may be near some segment or other.
+
+# The tool takes a short cut between two samples if it leaves out so many radii more of the path
+# than it moves. Segments left out count from so many radii away, if they are farther than the
+# samples' own, by this factor: so the program sees them before the tool has left them.
+_SHORT_CUT, _FAR, _FARTHER = 0.5, 0.3, 1.1
+_NO_SQUARE = 1e-30  # [m^2]
+# What segments that are asked for count at least, in radii.
+_LEAST_SHARE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class OrderedSegments:
+    """The segments of N samples of a spline, wherever the tool is.
+
+    Attributes:
+        points: Reference points, shape (m+1, 3) [m].
+        radius: Of the segments, shape (m,) [m].
+        chains: The segments of every phase.
+        samples: The samples, in any order.
+        is_asked: Which segments are given a sample wherever the tool is, shape (m,): of those that
+            it missed, which samples do not tell. None: no segment.
+    """
+
+    points: FloatArray
+    radius: FloatArray
+    chains: tuple[range, ...]
+    samples: Samples
+    is_asked: BoolArray | None = None
+
+    @cached_property
+    def in_chain(self) -> BoolArray:
+        """Whether the phases of the samples have several segments, shape (N,)."""
+        several = np.array([len(chain) > 1 for chain in self.chains])
+        in_chain: BoolArray = several[self.samples.phase]
+        return in_chain
+
+    def at(self, tool: FloatArray) -> IntArray:
+        """Return the samples' segments if the tool is at some places (N, 3), shape (N,)."""
+        segment = np.array([chain.start for chain in self.chains])[self.samples.phase]
+        for chain, members in self._members:
+            segment[members] += self._passage(tool, chain, members).segments()
+        return segment
+
+    def missed(self, tool: FloatArray) -> BoolArray:
+        """Return which segments of chains no sample is in if the tool is at (N, 3), shape (m,)."""
+        missed = np.zeros(len(self.radius), dtype=bool)
+        for chain, members in self._members:
+            missed[chain.start : chain.stop] = self._passage(tool, chain, members).missed()
+        return missed
+
+    def _passage(self, tool: FloatArray, chain: range, members: IntArray) -> "_Passage":
+        here = slice(chain.start, chain.stop)
+        points, radius = self.points[chain.start : chain.stop + 1], self.radius[here]
+        asked = np.zeros(len(chain), dtype=bool) if self.is_asked is None else self.is_asked[here]
+        return _Passage(tool[members], points, radius, asked)
+
+    @cached_property
+    def _members(self) -> list[tuple[range, IntArray]]:
+        """The chains, and their samples in the order of time."""
+        order = np.lexsort((self.samples.share, self.samples.phase))
+        phase = self.samples.phase[order]
+        return [
+            (chain, order[slice(*np.searchsorted(phase, [k, k + 1]))])
+            for k, chain in enumerate(self.chains)
+            if len(chain) > 1
+        ]
+
+
+def ordered_choice(cost: FloatArray) -> IntArray:
+    """Return the cheapest never decreasing choice that begins with the first and ends at the last.
+
+    Args:
+        cost: What each of m choices costs each of N samples, shape (N, m); finite.
+
+    Returns:
+        The choices, shape (N,).
+    """
+    cost = cost.copy()
+    cost[0, 1:] = cost[-1, :-1] = np.inf
+    nearest = cost.argmin(axis=1)
+    if (np.diff(nearest) >= 0).all():  # as a rule: none can be cheaper
+        return nearest
+    # Dynamic programme: the least cost of all samples so far, this one's choice being at most k.
+    least = cost
+    for sample in range(1, len(cost)):
+        np.minimum.accumulate(least[sample - 1], out=least[sample - 1])
+        least[sample] += least[sample - 1]
+    choice = np.full(len(cost), cost.shape[1] - 1)
+    for sample in range(len(cost) - 2, -1, -1):
+        choice[sample] = (least[sample] <= least[sample, choice[sample + 1]]).argmax()
+    return choice
+
+
+@dataclass(frozen=True, eq=False)
+class _Passage:
+    """How the tool passes a chain's segments.
+
+    Attributes:
+        tool: Where it is at N samples, in the order of time, shape (N, 3) [m].
+        points: The chain's reference points, shape (m+1, 3) [m].
+        radius: Of its segments, shape (m,) [m].
+        is_asked: Which of them get a sample in any case, shape (m,).
+    """
+
+    tool: FloatArray
+    points: FloatArray
+    radius: FloatArray
+    is_asked: BoolArray
+
+    def missed(self) -> BoolArray:
+        """Return in which segments the tool never is, shape (m,)."""
+        missed: BoolArray = self._square.min(axis=0) > self.radius**2
+        return missed
+
+    def segments(self) -> IntArray:
+        """Return the samples' segments, in order, shape (N,).
+
+        The nearest in order leave out whole bends where the tool is as near to what follows. So
+        where it takes short cuts, what is left out has a price too, by its distance from the line
+        between two samples. If it still is far off, one of the two belongs to it.
+        """
+        cost = (self._square / self.radius**2) ** 2
+        choice = ordered_choice(cost)
+        if not self._left_out(choice)[1].any():
+            return choice  # as a rule
+        choice = ordered_choice_paying(cost, (self._square_from_lines() / self.radius**2) ** 2)
+        farthest, share = self._left_out(choice)
+        has_moved = np.zeros(len(choice), dtype=bool)
+        has_moved[[0, -1]] = True  # these stay in the first segment and the last
+        for step in np.argsort(-share, kind="stable")[: np.count_nonzero(share)]:
+            segment = farthest[step]
+            nearer = step + np.argsort(self._square[step : step + 2, segment], kind="stable")
+            free = nearer[~has_moved[nearer]][:1]
+            choice[free], has_moved[free] = segment, True
+        return choice
+
+    @cached_property
+    def _square(self) -> FloatArray:
+        """The samples' squared distances from the segments, shape (N, m) [m^2]."""
+        return _squared_distances(self.tool, self.points[:-1], self.points[1:])
+
+    @cached_property
+    def _along(self) -> FloatArray:
+        """How far along the path the reference points are, shape (m+1,) [m]."""
+        return arc_lengths(self.points)
+
+    def _square_from_lines(self) -> FloatArray:
+        """Return squared distances of segments from the lines between samples, (N-1, m) [m^2].
+
+        To the ends of either: no more is needed where one of both is short.
+        """
+        from_points = _squared_distances(self.points, self.tool[:-1], self.tool[1:]).T
+        from_samples = np.minimum(self._square[:-1], self._square[1:])
+        return np.minimum(from_samples, np.minimum(from_points[:, :-1], from_points[:, 1:]))
+
+    def _left_out(self, choice: IntArray) -> tuple[IntArray, FloatArray]:
+        """Return of the segments that short cuts leave out the farthest, and how far off it is.
+
+        Returns:
+            For every step between two samples, both of shape (N-1,): the segment, and its distance
+            in radii from the line between them; 0 where none is left out that counts.
+        """
+        farthest, share = np.zeros(len(choice) - 1, dtype=np.int64), np.zeros(len(choice) - 1)
+        left_out = self._along[choice[1:]] - self._along[choice[:-1] + 1]
+        moved = np.linalg.norm(np.diff(self.tool, axis=0), axis=1)
+        own = np.sqrt(self._square[np.arange(len(choice)), choice]) / self.radius[choice]
+        beside = np.maximum(own[:-1], own[1:])
+        several = np.diff(choice) > 1
+        asked = np.concatenate([[0], np.cumsum(self.is_asked)])
+        leaves_asked = several & (asked[choice[1:]] > asked[choice[:-1] + 1])
+        for step in np.flatnonzero((several & (left_out > moved)) | leaves_asked):
+            segments = np.arange(choice[step] + 1, choice[step + 1])
+            line = self.tool[step : step + 2]
+            between = self.points[segments[0] : segments[-1] + 2]
+            from_line = _squared_distances(between, line[:1], line[1:])[:, 0]
+            square = np.minimum(from_line[:-1], from_line[1:])
+            square = np.minimum(square, self._square[step : step + 2, segments].min(axis=0))
+            away = np.sqrt(square) / self.radius[segments]
+            worst = int(away.argmax())
+            segment, distance = segments[worst], away[worst]
+            is_short_cut = left_out[step] > moved[step] + _SHORT_CUT * self.radius[segment]
+            is_far = distance > 1 or distance > max(_FAR, _FARTHER * beside[step])
+            if is_short_cut and is_far:
+                farthest[step], share[step] = segment, distance
+            elif leaves_asked[step]:
+                away[~self.is_asked[segments]] = 0.0
+                worst = int(away.argmax())
+                farthest[step], share[step] = segments[worst], max(away[worst], _LEAST_SHARE)
+        return farthest, share
+
+
+def ordered_choice_paying(cost: FloatArray, passing: FloatArray) -> IntArray:
+    """Return the cheapest ordered choice if what is left out between two samples has a price.
+
+    Args:
+        cost: As in `ordered_choice`.
+        passing: What a choice costs if it lies between those of a sample and the next, shape
+            (N-1, m).
+
+    Returns:
+        The choices, shape (N,).
+    """
+    cost = cost.copy()
+    cost[0, 1:] = cost[-1, :-1] = np.inf
+    count, choices = cost.shape
+    best, every = cost[0], np.arange(choices)
+    origin = np.empty((count - 1, choices), dtype=np.int64)
+    for step, paid in enumerate(np.cumsum(passing, axis=1)):
+        left = best - paid  # from j to k > j it takes paid[k - 1] - paid[j]
+        least = np.minimum.accumulate(left)
+        cheapest = np.maximum.accumulate(np.where(left <= least, every, 0))
+        onward = np.concatenate([[np.inf], (least + paid)[:-1]])
+        moves = onward < best
+        origin[step] = np.where(moves, np.concatenate([[0], cheapest[:-1]]), every)
+        best = np.where(moves, onward, best) + cost[step + 1]
+    choice = np.full(count, choices - 1)
+    for step in range(count - 2, -1, -1):
+        choice[step] = origin[step, choice[step + 1]]
+    return choice
+
+
+def _squared_distances(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the squared distances of points (N, 3) to segments (m, 3): (N, m), to rounding.
+
+    By products of matrices, as there may be a million pairs.
+    """
+    origin = begin.mean(axis=0)
+    points, begin, axis = points - origin, begin - origin, end - begin
+    squared_length = np.einsum("mi,mi->m", axis, axis)
+    along = points @ axis.T - np.einsum("mi,mi->m", begin, axis)
+    share = np.clip(along / np.maximum(squared_length, _NO_SQUARE), 0.0, 1.0)
+    square = np.einsum("ni,ni->n", points, points)[:, None] - 2 * points @ begin.T
+    square += np.einsum("mi,mi->m", begin, begin) - share * (2 * along - share * squared_length)
+    return np.maximum(square, 0.0)

@@ -1,0 +1,431 @@
+"""SplineConstraints: all constraints at samples, with added samples."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.geometry.tube.points import arc_lengths
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.limits.path_samples import (
+    CoulombFriction,
+    LimitKey,
+    PathSamples,
+    SpeedLimit,
+    blended_friction,
+)
+from tubeplanner.limits.rates import RATES, JointRate
+from tubeplanner.limits.speed_limits import speed_limits
+from tubeplanner.optimizer.link_constraints import EvaluatedLinks, LinkConstraints
+from tubeplanner.optimizer.phased_spline import (
+    EvaluationPoints,
+    KnotGrid,
+    PhasedSpline,
+    Samples,
+    VelocityHull,
+)
+from tubeplanner.optimizer.region_constraints import (
+    EvaluatedRegions,
+    EvaluatedRotation,
+    evaluated_ball,
+    evaluated_points,
+    evaluated_tube,
+    evaluated_turn,
+    goal_keys,
+)
+from tubeplanner.optimizer.rows import (
+    INNER_MARGIN,
+    EvaluatedRows,
+    EvaluatedSpeedLimit,
+    Rows,
+    StepSize,
+    stacked,
+)
+from tubeplanner.optimizer.sampled_spline import SampledSpline, sampled
+from tubeplanner.optimizer.segment_chains import OrderedSegments, largest_kink
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- What a tube's tolerances are called among the limits.
+
+
+def tolerance_keys(tube: Tube) -> list[LimitKey]:
+    """Return the keys of all tolerances: of the regions, then of the rotation if it is bounded."""
+    of_rotation = [] if tube.rotation is None else rotation_keys(tube)
+    return [*(key for own in region_keys(tube) for key in own), *of_rotation]
+
+
+def region_keys(tube: Tube) -> list[list[LimitKey]]:
+    """Return the keys of the tolerances of every segment's region."""
+    count = tube.segment_count
+    return [[LimitKey(kind, segment=k) for kind in tube.regions.kinds(k)] for k in range(count)]
+
+
+def rotation_keys(tube: Tube) -> list[LimitKey]:
+    """Return the keys of the rotation tolerances, one for each segment."""
+    return [LimitKey("rotation", segment=k) for k in range(tube.segment_count)]
+
+
+# ---- All constraints of a spline at samples, with samples added where necessary.
+
+# Samples per knot interval. Accelerations are straight lines there and jerks constant; other limits
+# than these and velocities depend on the configuration.
+_RATE_SAMPLES = np.zeros(1)
+_CONFIGURATION_SAMPLES = np.arange(2) / 2
+_JERK_SAMPLES = np.arange(3) / 2  # at knots, where jerks jump, those of both sides
+_TUBE_SAMPLES = np.arange(3) / 3
+_DENSE_SAMPLES = np.linspace(0, 1, 21)
+# Where samples are added to the tube's on either side of an instant, in their spacings.
+_BESIDE = np.array([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75])
+# Samples may lie this much farther apart than on average; and what their kinks may take, in radii.
+_UNEVEN, _MOST_FOR_KINKS = 2, 0.03
+# Over about so many knot intervals the Coulomb friction of one direction is blended into the
+# other's: first, and in the end.
+WIDELY_BLENDED, BLENDED = 12.0, 5.0
+# Peaks of the squared duration between samples that count.
+_HIGHER, _HIGHER_IN_A_GIVEN_DURATION = 1.001, 1.0002
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """A spline and what it costs.
+
+    Attributes:
+        spline: Control points and switching times.
+        squared_duration: The least T^2 that the limits allow at the samples [s^2].
+        duration: T in which it is run [s].
+        excess: How far tool or links violate their constraints, >= 0: of the tool in
+            radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
+        limits: What it was computed from: the limits on its speed.
+        regions: Likewise, the tool's position and the angle of its rotation, if that is bounded.
+        rotations: Likewise, the components of its rotation, where they are bounded.
+        links: Likewise.
+        watched: The spline and the arm at two samples per knot interval, at the end of every phase,
+            and at samples that were added.
+        rates: Likewise, at the beginning of every knot interval and at the end of every phase.
+    """
+
+    spline: PhasedSpline
+    squared_duration: float
+    duration: float
+    excess: float
+    limits: tuple[EvaluatedSpeedLimit, ...]
+    regions: tuple[EvaluatedRegions, ...]
+    rotations: tuple[EvaluatedRotation, ...]
+    links: EvaluatedLinks
+    watched: tuple[SampledSpline, PathSamples]
+    rates: tuple[SampledSpline, PathSamples]
+
+    @property
+    def constraints(self) -> tuple[EvaluatedRows, ...]:
+        """All but regions, in the order in which their rows are numbered."""
+        return (*self.limits, *self.rotations, self.links)
+
+    @property
+    def tool(self) -> tuple[EvaluatedRegions | EvaluatedRotation, ...]:
+        """The constraints of the tube and of the goal on the tool."""
+        return (*self.regions, *self.rotations)
+
+
+class SplineConstraints:
+    """What splines on one knot grid must keep.
+
+    Attributes:
+        keys: Of all limits, in the order of their numbers.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        grid: KnotGrid,
+        links: LinkConstraints,
+        radius: FloatArray,
+        run_in: float | None = None,
+        room: FloatArray | None = None,
+    ) -> None:
+        """Set up the usual samples.
+
+        Args:
+            problem: The planning problem.
+            grid: The splines' knots.
+            links: What is watched of the links already.
+            radius: Of the tube's segments, shape (m,) [m].
+            run_in: The duration in which splines are run [s]; None: the least that limits allow.
+            room: The share of the tube's regions that stays unused, shape (m,); None: none.
+        """
+        self._run_in, self._blended = run_in, BLENDED
+        self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
+        self._has_reversals = problem.robot.motors.has_coulomb_friction
+        limits = speed_limits(problem)
+        self._goal_keys = goal_keys(problem)
+        of_speed = [key for limit in limits for key in limit.keys]
+        self.keys = (*of_speed, *tolerance_keys(problem.tube), *self._goal_keys)
+        self._numbers = {key: number for number, key in enumerate(self.keys)}
+        self._limits = [(limit, self._numbers_of(limit.keys)) for limit in limits]
+        self._regions = problem.tube.regions_of(radius)
+        least = INNER_MARGIN + _margin_for_kinks(problem.tube, grid)
+        room = np.zeros(problem.tube.segment_count) if room is None else room
+        self._margin = np.maximum(least, room)
+        self._higher = _HIGHER if run_in is None else _HIGHER_IN_A_GIVEN_DURATION
+        # A switching time has a sample on either side, so that the tool is in both regions there.
+        ends = grid.phase_ends()
+        self._hull = VelocityHull(grid.control_point_count)
+        self._rate_samples = grid.samples(_RATE_SAMPLES).and_also(ends)
+        # By whether jerk counts.
+        self._watched_samples = {
+            False: grid.samples(_CONFIGURATION_SAMPLES).and_also(ends),
+            True: grid.samples(_JERK_SAMPLES),
+        }
+        self._tube_samples = grid.samples(_TUBE_SAMPLES).and_also(ends)
+        # The segment before a compulsory point is the last one of its phase.
+        stops = [chain.stop for chain in grid.chains]
+        self._passing_samples = ends.where(np.searchsorted(stops, problem.tube.compulsory_points))
+        self._last_sample = ends.where(np.array([len(grid.chains) - 1]))
+        self._dense_samples = grid.samples(_DENSE_SAMPLES)
+        # Of the segments of chains, those that are asked for whatever is nearest to samples.
+        self._is_asked = np.zeros(problem.tube.segment_count, dtype=bool)
+
+    def blend(self, intervals: float) -> bool:
+        """Blend friction over so many knot intervals from now on; return if that is a change."""
+        has_changed = self._has_reversals and intervals != self._blended
+        self._blended = intervals
+        return has_changed
+
+    def links_on(self, spline: PhasedSpline, other: PhasedSpline) -> LinkConstraints:
+        """Return what is watched of a spline's links, for the same spline on other knots."""
+        return self._links.on_other_knots(spline, other)
+
+    def at(self, spline: PhasedSpline) -> Iterate:
+        """Return a spline with what it costs at the samples."""
+        return self._at(spline, self._watched_samples, self._tube_samples)
+
+    def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
+        """Return the rows of all but regions, and 1 for those that may be violated, else 0.
+
+        Args:
+            current: The spline.
+            size: Of the step; rows that it cannot break are left out. None: all rows.
+        """
+        parts, elastic, count = [], [], 0
+        for constraint in current.constraints:
+            rows = constraint.rows(current.duration, size)
+            parts.append(rows.numbered_from(count))
+            elastic.append(np.full(len(rows), float(constraint.is_elastic)))
+            count += constraint.row_count
+        return stacked(parts), np.concatenate(elastic)
+
+    def rise(self, current: Iterate) -> FloatArray:
+        """Return what slack rows gain by a relative rise of their limits, by their numbers."""
+        others = current.constraints[len(current.limits) :]
+        counts = [np.ones(constraint.row_count) for constraint in others]
+        return np.concatenate([*(limit.rise for limit in current.limits), *counts])
+
+    def slack(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
+        """Return the slack that a trial has, by the numbers of the rows at a spline.
+
+        Args:
+            current: The spline whose rows are meant.
+            trial: The spline at which to evaluate them.
+            squared_duration: The trial's, as a multiple of the spline's.
+        """
+        duration = current.duration
+        return np.concatenate(
+            [constraint.slack(duration, squared_duration) for constraint in trial.constraints]
+        )
+
+    def look_for_links(self, spline: PhasedSpline) -> bool:
+        """Watch links where they come close; return whether some are too close and were not."""
+        return self._links.look(spline)
+
+    def between_samples(self, spline: PhasedSpline) -> Iterate:
+        """Return a spline with what it costs between samples too."""
+        dense = self._dense_samples
+        return self._at(spline, dict.fromkeys(self._watched_samples, dense), dense)
+
+    def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
+        """Return a spline's cost between samples too, and whether samples had to be added."""
+        has_more = self.look_for_links(current.spline)
+        worst, dense = self.between_samples(current.spline), self._dense_samples
+        tube, *_ = worst.regions
+        if self._ask_for_missed(tube.vector):
+            worst, has_more = self.between_samples(current.spline), True
+        here = [limit for limit in worst.limits if limit.at.evaluation_points is dense]
+        for with_jerk, samples in self._watched_samples.items():
+            alike = [part for part in here if _depends_on_jerk(part.limit) is with_jerk]
+            if alike:
+                slowest = np.max([part.squared_durations for part in alike], axis=0)
+                higher = _peaks(slowest, self._higher * current.duration**2)
+                self._watched_samples[with_jerk] = samples.and_also(dense.where(higher))
+                has_more |= len(higher) > 0
+        # Compulsory points are passed at switching times, and need no other samples.
+        in_tube = [part for part in worst.tool if part.at.evaluation_points is dense]
+        outside = np.concatenate([_peaks(part.excess, 0.0) for part in in_tube])
+        self._tube_samples = self._tube_samples.and_also(dense.where(outside))
+        return worst, has_more or len(outside) > 0
+
+    def _ask_for_missed(self, tool: FloatArray) -> bool:
+        """Ask for the segments that the tool is in at no dense sample; return if one is new."""
+        points, chains = self._problem.tube.points, self._grid.chains
+        segments = OrderedSegments(points, self._radius, chains, self._dense_samples)
+        missed = segments.missed(tool) & ~self._is_asked
+        self._is_asked = self._is_asked | missed
+        return bool(missed.any())
+
+    def add_samples(self, spline: PhasedSpline, x: float) -> None:
+        """Add samples of everything at an instant, from 0 to 1.
+
+        Of the tube, some on either side too: at a corner, samples before and after the instant may
+        be in one segment each, and what lies between them in neither.
+        """
+        samples = self.watch(spline, np.array([x]))
+        beside = np.clip(x + _BESIDE * self._dense_spacing(spline, samples), 0.0, 1.0)
+        around = self._grid.samples_at(spline.switching_times, beside)
+        self._tube_samples = self._tube_samples.and_also(samples).and_also(around)
+        self._links.look_at(spline, samples)
+
+    def _dense_spacing(self, spline: PhasedSpline, sample: Samples) -> float:
+        """Return the time between the samples between which nothing is looked at, near a sample."""
+        ends = self._grid.breakpoints(spline.switching_times)
+        return float(np.diff(ends)[sample.interval[0]] / (len(_DENSE_SAMPLES) - 1))
+
+    def watch(self, spline: PhasedSpline, x: FloatArray) -> Samples:
+        """Add samples of limits on the speed at instants (N,) from 0 to 1; return them."""
+        samples = self._grid.samples_at(spline.switching_times, x)
+        for with_jerk, watched in self._watched_samples.items():
+            self._watched_samples[with_jerk] = watched.and_also(samples)
+        return samples
+
+    def _at(
+        self, spline: PhasedSpline, watched: Mapping[bool, Samples], tube_samples: Samples
+    ) -> Iterate:
+        """Return an iterate from limits that depend on the configuration, and the tube, there."""
+        known = _Known(self._problem, spline, self._radius, self._blended, self._is_asked)
+        limits = tuple(
+            EvaluatedSpeedLimit(limit, *known.at(self._points(limit, watched)), numbers)
+            for limit, numbers in self._limits
+        )
+        regions, rotations = self._tool_at(known, tube_samples)
+        links = self._links.at(spline)
+        found = [part.excess.max(initial=0.0) for part in regions]
+        found += [part.excess.max(initial=0.0) for part in rotations]
+        squared_duration = max(float(limit.squared_durations.max()) for limit in limits)
+        return Iterate(
+            spline,
+            squared_duration,
+            self._run_in or float(np.sqrt(squared_duration)),
+            float(max(*found, links.excess.max(initial=0.0))),
+            limits,
+            regions,
+            rotations,
+            links,
+            known.at(watched[False]),
+            known.at(self._rate_samples),
+        )
+
+    def _points(self, limit: SpeedLimit, watched: Mapping[bool, Samples]) -> EvaluationPoints:
+        """Return where a limit is looked at."""
+        if not isinstance(limit, JointRate):
+            return watched[_depends_on_jerk(limit)]
+        return self._hull if limit.order == RATES["velocity"] else self._rate_samples
+
+    def _numbers_of(self, keys: Sequence[LimitKey]) -> IntArray:
+        return np.array([self._numbers[key] for key in keys])
+
+    def _tool_at(
+        self, known: "_Known", samples: Samples
+    ) -> tuple[tuple[EvaluatedRegions, ...], tuple[EvaluatedRotation, ...]]:
+        """Return the constraints of tube and goal on the tool, as in an iterate."""
+        tube = self._problem.tube
+        at, path = known.at(samples)
+        segments = known.segments_of(samples)
+        regions, numbers = self._regions, self._tolerances
+        evaluated = [evaluated_tube(at, path, segments, regions, self._margin, numbers)]
+        turned = []
+        if tube.rotation is not None:
+            own = self._rotation_tolerances
+            turned = [EvaluatedRotation(tube.rotation, at, path, INNER_MARGIN, own, path.segment)]
+        if self._goal_keys:
+            there = known.at(self._last_sample)
+            evaluated += evaluated_ball(self._problem, *there, self._numbers)
+            turned += evaluated_turn(self._problem, *there, self._numbers)
+        evaluated += [rotation.angle() for rotation in turned if rotation.bounds_angle]
+        if len(tube.compulsory_points):
+            there = known.at(self._passing_samples)
+            evaluated.append(evaluated_points(tube, *there, regions, INNER_MARGIN, numbers))
+        return tuple(evaluated), tuple(each for each in turned if each.bounds_components)
+
+    @cached_property
+    def _tolerances(self) -> IntArray:
+        """The numbers of the regions' tolerances, by segment and kind, shape (m, kinds)."""
+        keys = region_keys(self._problem.tube)
+        numbers = np.zeros((len(keys), max(map(len, keys))), dtype=np.int64)
+        for k, own in enumerate(keys):
+            numbers[k, : len(own)] = self._numbers_of(own)
+        return numbers
+
+    @cached_property
+    def _rotation_tolerances(self) -> IntArray:
+        """The numbers of the rotation tolerances, shape (m,)."""
+        return self._numbers_of(rotation_keys(self._problem.tube))
+
+
+class _Known:
+    """A spline at points, and the arm there: each evaluated once."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        spline: PhasedSpline,
+        radius: FloatArray,
+        blended: float,
+        is_asked: BoolArray,
+    ) -> None:
+        self._problem, self._spline, self._radius = problem, spline, radius
+        self._is_asked = is_asked
+        # Of a joint's largest velocity.
+        self._blended_share = min(blended / spline.grid.interval_count, 1.0)
+        self._is_last = blended <= BLENDED
+        self._at: dict[EvaluationPoints, tuple[SampledSpline, PathSamples]] = {}
+
+    def at(self, points: EvaluationPoints) -> tuple[SampledSpline, PathSamples]:
+        """Return the spline at points, and the arm there."""
+        if points not in self._at:
+            at = sampled(self._spline, points)
+            segments = partial(self._segment, points) if isinstance(points, Samples) else None
+            friction = partial(self._friction, at, points) if isinstance(points, Samples) else None
+            path = PathSamples(self._problem, at.by_x, segments, friction)
+            self._at[points] = (at, path)
+        return self._at[points]
+
+    def _friction(self, at: SampledSpline, samples: Samples) -> CoulombFriction:
+        rate, motors = at.by_x[1], self._problem.robot.motors
+        # Widely blended friction is to lead somewhere: the more of it is exact, the less it does.
+        share = self._blended_share if self._is_last else 0.0
+        ends = self._spline.end_directions(samples, share * abs(rate).max(axis=0))
+        return blended_friction(motors, rate, ends, self._blended_share)
+
+    def segments_of(self, samples: Samples) -> OrderedSegments:
+        """Return the segments that samples may be in."""
+        points, chains = self._problem.tube.points, self._spline.grid.chains
+        return OrderedSegments(points, self._radius, chains, samples, self._is_asked)
+
+    def _segment(self, samples: Samples) -> IntArray:
+        return self.segments_of(samples).at(self.at(samples)[1].tool_pose[1])
+
+
+def _depends_on_jerk(limit: SpeedLimit) -> bool:
+    return limit.order >= RATES["jerk"]
+
+
+def _margin_for_kinks(tube: Tube, grid: KnotGrid) -> float:
+    """Return how far inside, in radii, samples must be for what they miss at a chain's kinks."""
+    spacing = arc_lengths(tube.points)[-1] / (grid.interval_count * (len(_DENSE_SAMPLES) - 1))
+    kink = largest_kink(tube, grid.chains, _UNEVEN * spacing)
+    return min(kink, _MOST_FOR_KINKS)
+
+
+def _peaks(values: FloatArray, floor: float) -> IntArray:
+    """Return which samples above a floor are no lower than their neighbours."""
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    return np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]) & (values > floor))

@@ -1,0 +1,562 @@
+"""Refinement on ever finer knots; second stage at fixed duration; sensitivities.
+
+The paper's phase 2 moves its knots along discretised gradients and doubles them (Suh & Bishop
+1988). Here, sequential linear programs shorten a spline over phases, one per tube segment, on few
+knots; then its knot intervals are divided, which does not change it, and it is shortened again.
+Links are watched where they come close. On the finest knots, samples are added where a constraint
+is violated between them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.certificate.verification import Certificate
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.limits.path_samples import LimitKey
+from tubeplanner.limits.time_scaling import minimum_duration
+from tubeplanner.optimizer.auxiliary_tubes import widened_radius
+from tubeplanner.optimizer.descent import FIRST_PENALTY, Improved, TrustRegion
+from tubeplanner.optimizer.link_constraints import LinkConstraints
+from tubeplanner.optimizer.motion_measures import objective_measures
+from tubeplanner.optimizer.phased_spline import KnotGrid, PhasedSpline, segments_of_pieces
+from tubeplanner.optimizer.rows import MERIT_TOLERANCE
+from tubeplanner.optimizer.sequential_program import SequentialProgram
+from tubeplanner.optimizer.spline_constraints import (
+    BLENDED,
+    WIDELY_BLENDED,
+    Iterate,
+    SplineConstraints,
+)
+from tubeplanner.optimizer.starts import subdivided
+from tubeplanner.optimizer.step_objective import MeasuredObjective
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
+from tubeplanner.trajectory.parts import common_stretches
+
+# ---- Phase 2: path and speed optimised together, from coarse to fine knots.
+
+# Radii of trust regions, in their units.
+_FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.1, 0.02
+_MIN_LAST_TRUST = 0.002
+_GAIN, _LAST_GAIN = 5e-4, 2e-4
+_MAX_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 60, 3, 8
+_NEAR_TRUST = 0.01  # from where nearly nothing is left to be done
+# On coarse knots, links that came close during the search keep this much clearance.
+_MAX_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
+# Links that ended clear on fine knots were never this deep on coarse ones (1,856 runs: 0.0073).
+_HOPELESS = 0.05
+# Links that get out of something on more knots do so in half as many steps.
+_STEPS_TO_GET_OUT = 15
+# Links that pass through something between samples are this deep in it where samples are added
+# (110 problems with a solution: 0.027 at most, once). So often, they do not get round it.
+_DODGED, _MAX_DODGES = 0.2, 3
+# So many knot intervals are enough to go round something.
+_MANY_INTERVALS = 16
+# The exchange of samples ends when violations between them are below this share of T^2.
+_BETWEEN_SAMPLES = 0.003
+
+
+class Refinement:
+    """Refinement of one spline, and the best one found so far."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        start: PhasedSpline,
+        divisions: tuple[int, ...],
+        checkpoint: Callable[[float], None] = lambda duration: None,
+        *,
+        widens: bool = True,
+    ) -> None:
+        """Prepare it.
+
+        Args:
+            problem: The planning problem; segments are visited in order.
+            start: Where to start; its phases are the tube's segments.
+            divisions: Into how many parts every knot interval is divided, in each round.
+            checkpoint: Called with the duration [s] after every step; it may raise to end the work.
+            widens: Whether coarse knots get a tube as wide as they are coarse, and what stays
+                outside of that is given up.
+        """
+        self._problem, self._start, self._divisions = problem, start, divisions
+        self._widens = widens
+        self._checkpoint_duration = checkpoint
+        self._radius = problem.tube.effective_radius
+        self._program: SequentialProgram  # of the level that `run` is on
+        self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
+        self._best: Iterate | None = None
+        self._gave_up = False
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether it ended early, links too deep in something."""
+        return self._gave_up
+
+    @property
+    def problem(self) -> PlanningProblem:
+        """What is refined."""
+        return self._problem
+
+    @property
+    def has_spline(self) -> bool:
+        """Whether there is a trajectory yet."""
+        return self._best is not None
+
+    @property
+    def spline(self) -> PhasedSpline:
+        """The best so far, or else the least infeasible one."""
+        if self._best is None:
+            raise RuntimeError("refinement has not run")
+        return self._best.spline
+
+    @property
+    def trajectory(self) -> JointTrajectory:
+        """That spline as a trajectory that takes one second."""
+        return from_spline(self._problem.robot.joint_names, self.spline.bspline())
+
+    @property
+    def segments(self) -> IntArray:
+        """The tube segment of each polynomial piece of that trajectory, shape (pieces,)."""
+        return segments_of_pieces(self.spline.grid)
+
+    def run(self) -> bool:
+        """Refine to the finest knots, or until it turns out to be hopeless; return True.
+
+        Raises:
+            Infeasible: Status no_trajectory: there was nothing to start from.
+        """
+        spline, trust, links = self._start, _FIRST_TRUST, LinkConstraints(self._problem)
+        for level, parts in enumerate(self._divisions, 1):
+            is_last = level == len(self._divisions)
+            self._begin_level(spline.grid, links, widens=self._widens)
+            self._program.constraints.look_for_links(spline)
+            # The fewest knots may be too few to go round something: a last try has some more.
+            is_decisive = is_last and has_enough_knots(spline.grid)
+            is_second_of_last_try = level > 1 and is_decisive and not self._widens
+            steps = _STEPS_TO_GET_OUT if is_second_of_last_try else _MAX_STEPS
+            coarse = self._on_coarse_knots(spline, trust, steps)
+            if (self._widens or is_decisive) and _is_hopeless(coarse):
+                self._best, self._gave_up = coarse, True
+                return True
+            spline, trust = subdivided(coarse.spline, parts), _LATER_TRUST
+            links = self._program.constraints.links_on(coarse.spline, spline)
+        self._begin_level(spline.grid, links, widens=False)
+        self._program.constraints.look_for_links(spline)
+        begun = self._begun(spline)
+        if _dodged(begun):
+            self._best, self._gave_up = begun, True
+        else:
+            self._exchange(self._improved(begun, trust, _GAIN, _MAX_STEPS))
+        return True
+
+    def run_on(self) -> bool:
+        """Refine a start that is nearly an answer, on the knots that it has; return True.
+
+        Raises:
+            Infeasible: As `run`.
+        """
+        spline = self._start
+        self._begin_level(spline.grid, LinkConstraints(self._problem), widens=False)
+        self._program.constraints.look_for_links(spline)
+        self._exchange(self._improved(self._begun(spline), _NEAR_TRUST, _GAIN, _MAX_STEPS))
+        return True
+
+    def _begin_level(self, grid: KnotGrid, links: LinkConstraints, *, widens: bool) -> None:
+        """Begin anew on other knots, in a tube that suits them if it is to be widened."""
+        own = self._problem.tube.effective_radius
+        self._radius = widened_radius(self._problem.tube, grid) if widens else own
+        self._program = SequentialProgram(self._problem, grid, links, self._radius)
+        self._program.constraints.blend(WIDELY_BLENDED)
+        self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
+
+    def answer(self, certificate: Certificate, duration: float) -> bool:
+        """Continue with samples where a certificate fails; return whether there was anything to do.
+
+        There is nothing to do if the best trajectory is infeasible at the present samples.
+
+        Args:
+            certificate: Of the best trajectory, scaled to the limits.
+            duration: Of that trajectory [s].
+        """
+        found = [certificate.conditions[name].where for name in certificate.failures()]
+        times = [place.time for place in found if place.time is not None]
+        if self._best is None or self._best.excess > MERIT_TOLERANCE or not times:
+            return False
+        spline = self._best.spline
+        for time in times:
+            self._program.constraints.add_samples(spline, time / duration)
+        again = self._program.iterate(spline)
+        if _dodged(again):
+            self._gave_up = True
+            return False
+        self._exchange(self._improved(again, _LAST_TRUST, _LAST_GAIN, _MAX_STEPS))
+        return True
+
+    def elasticities(self) -> dict[LimitKey, float]:
+        """Return d ln T / d ln p for every limit p, as `SequentialProgram.elasticities`."""
+        if self._best is None:
+            return {}
+        spline, program = self._best.spline, self._program
+        if spline.grid is not program.grid:  # ended before there was a trajectory on finer knots
+            program = SequentialProgram(self._problem, spline.grid)
+        return program.elasticities(program.iterate(spline))
+
+    def _on_coarse_knots(self, spline: PhasedSpline, trust: float, max_steps: int) -> Iterate:
+        """Return a trajectory that is about the shortest, links not yet clear between samples."""
+        found = self._improved(self._begun(spline), trust, _GAIN, max_steps)
+        for _ in range(_MAX_COARSE_ROUNDS):
+            if _has_settled_inside(found):
+                break
+            if not self._program.constraints.look_for_links(found.iterate.spline):
+                break
+            again = self._program.iterate(found.iterate.spline)
+            found = self._improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND)
+        return found.iterate
+
+    def _improved(
+        self, current: Iterate, radius: float, min_gain: float, max_steps: int
+    ) -> Improved:
+        """Return a shorter trajectory; the penalty and damping it took are the next one's first."""
+        found = self._program.improved(
+            current,
+            replace(self._trust, radius=radius),
+            self._penalty,
+            min_gain=min_gain,
+            max_steps=max_steps,
+            checkpoint=self._checkpoint,
+        )
+        self._penalty, self._trust = found.penalty, found.trust
+        return found
+
+    def _begun(self, spline: PhasedSpline) -> Iterate:
+        """Return a trajectory on the program's knots.
+
+        Raises:
+            Infeasible: The motors cannot hold it: there is nothing to start from.
+        """
+        iterate = self._program.iterate(spline)
+        if not np.isfinite(iterate.squared_duration):
+            message = "refinement has no trajectory to start from"
+            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+        return iterate
+
+    def _exchange(self, found: Improved) -> None:
+        """Keep the best trajectory between samples too, adding samples where they are missing."""
+        best, dodges = None, 0
+        if self._program.constraints.blend(BLENDED):
+            again = self._program.iterate(found.iterate.spline)
+            found = replace(found, iterates=(again,), has_ended=False)
+        for _ in range(_MAX_ROUNDS):
+            dense, has_more = self._program.constraints.look_between_samples(found.iterate)
+            inside = dense.excess <= MERIT_TOLERANCE
+            if inside and (best is None or dense.squared_duration < best.squared_duration):
+                best = dense
+            near = dense.squared_duration < (1 + _BETWEEN_SAMPLES) * found.iterate.squared_duration
+            if inside and found.has_ended and (near or not has_more):
+                break
+            again = self._program.iterate(found.iterate.spline)
+            dodges += _dodged(again)
+            if best is None and (_has_settled_inside(found) or dodges == _MAX_DODGES):
+                self._gave_up = True
+                break
+            trust = min(max(2 * found.trust.radius, _MIN_LAST_TRUST), _LAST_TRUST)
+            found = self._improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
+        self._best = best or found.iterate
+
+    def _checkpoint(self, iterate: Iterate) -> None:
+        is_widened = (self._radius > self._problem.tube.effective_radius).any()
+        if iterate.excess <= MERIT_TOLERANCE and not is_widened:
+            self._best = iterate
+        self._checkpoint_duration(iterate.duration)
+
+
+def has_enough_knots(grid: KnotGrid) -> bool:
+    """Return whether splines can go round something, so that links that are not clear stay so."""
+    return grid.interval_count >= _MANY_INTERVALS
+
+
+def _is_hopeless(coarse: Iterate) -> bool:
+    """Return whether links are deeper in something on coarse knots than fine ones can mend."""
+    return bool(coarse.links.excess.max(initial=0.0) > _HOPELESS)
+
+
+def _has_settled_inside(found: Improved) -> bool:
+    """Return whether links stay in something at the samples there are: more of them ask more."""
+    return found.has_ended and _is_hopeless(found.iterate)
+
+
+def _dodged(again: Iterate) -> bool:
+    """Return whether links are deep in something at samples that there were not before."""
+    return bool(again.links.excess.max(initial=0.0) > _DODGED)
+
+
+# ---- What each tolerance and each motor costs: the sensitivities of a refined trajectory.
+
+_RISE = 0.1  # the rise of a limit for which `saved` holds
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What one limit costs, with start, goal and all other limits fixed.
+
+    A goal with tolerances is not fixed: it stays within them.
+
+    Attributes:
+        limit: "effort" (both directions together), "effort_rate" (likewise),
+            "velocity", "acceleration", "jerk", "radius",
+            "velocity_by_position", "tool_speed", "point_speed", "rotation", "width" or "height"
+            of a box, or "tolerance" or "rotation_tolerance" of the goal.
+        joint: Whose limit; None for a segment's, a point's or the goal's.
+        segment: Which segment's, the first of those that count as one; None for other limits.
+        elasticity: d ln T / d ln limit, at most 0: the relative change of the duration per relative
+            rise of the limit.
+        saved: What 10 % more would save [s], to first order.
+        last_segment: The last of those; None for other limits.
+        link: Whose point; None for other limits.
+        point: Index of the point among those whose speed is limited; None for other limits.
+    """
+
+    limit: str
+    joint: str | None
+    segment: int | None
+    elasticity: float
+    saved: float
+    last_segment: int | None = None
+    link: str | None = None
+    point: int | None = None
+
+    def __str__(self) -> str:
+        place = self.joint or ("the goal" if self.segment is None else f"segment {self.segment}")
+        if self.last_segment not in (None, self.segment):
+            place = f"segments {self.segment} to {self.last_segment}"
+        if self.point is not None:
+            place = f"point {self.point}, on {self.link}"
+        return f"{self.limit} of {place}: {1000 * self.saved:.2g} ms"
+
+
+def limit_sensitivities(
+    problem: PlanningProblem, refinement: Refinement, duration: float
+) -> tuple[Sensitivity, ...]:
+    """Return what every limit costs, largest first.
+
+    Args:
+        problem: The planning problem.
+        refinement: The finished refinement.
+        duration: Of the answer [s].
+    """
+    found = []
+    for key, elasticity in refinement.elasticities().items():
+        joint = None if key.joint is None else problem.robot.joint_names[key.joint]
+        first, last = (None, None) if key.segment is None else _numbers(problem.tube, key.segment)
+        saved = -elasticity * _RISE * duration
+        named = (key.link, key.point)
+        found.append(Sensitivity(key.kind, joint, first, elasticity, saved, last, *named))
+    return tuple(sorted(found, key=lambda sensitivity: -sensitivity.saved))
+
+
+def _numbers(tube: Tube, segment: int) -> tuple[int, int]:
+    """Return what messages call the first and the last of a segment's parts."""
+    begin, end = (tube.points[segment + k] for k in (0, 1))
+    return tube.segment_number(segment, begin), tube.segment_number(segment, end)
+
+
+# ---- The second stage: of all motions near the shortest, the best one in a given duration.
+#
+# What is best the problem's objective says: the smoothest, or the one that saves most. It begins
+# with
+# the shortest one, on its knots, and keeps most of the room that this leaves free in the tube and
+# from obstacles.
+
+_FIRST_DAMPING = 1e-3
+_SMOOTHING_TRUST, _LEAST_TRUST = 0.01, 0.002  # in units of the trust region
+_PENALTY = 1.0
+_SMOOTHING_GAIN = 5e-4
+_SMOOTHING_STEPS, _SMOOTHING_ROUNDS = 4, 8
+# Aimed at is this share less than the duration that it may take, for peaks between samples: between
+# these, a part of what it may take longer. Peaks that are looked at stay this far below for others.
+_LEAST_RESERVE, _MOST_RESERVE, _RESERVE_SHARE = 1e-4, 2.5e-4, 0.25
+_BETWEEN_LOOKS = 5e-5
+# Over so many knot intervals Coulomb friction is blended: reversals move with what is saved. These
+# are between samples, and have sharper peaks.
+_BLENDED, _MOST_AT_REVERSALS = 8.0, 7e-4
+# What the shortest motion left free may become smaller by this share of the radius; and by this
+# share of the distance from obstacles, of which no more than so much counts [m].
+_LESS_ROOM, _LESS_CLEARANCE, _MOST_CLEARANCE = 0.05, 0.1, 0.02
+
+
+class SecondStage:
+    """The second stage of one spline, and the best one found so far."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        spline: PhasedSpline,
+        longest: float,
+        clearance: float,
+        checkpoint: Callable[[float], None] = lambda duration: None,
+    ) -> None:
+        """Prepare it.
+
+        Args:
+            problem: The planning problem; segments are visited in order.
+            spline: The shortest motion.
+            longest: How long a better one may take [s].
+            clearance: What that leaves free from obstacles, beyond what is asked [m].
+            checkpoint: Called with the duration [s] after every step; it may raise to end the work.
+        """
+        self._problem, self._start, self._longest = problem, spline, longest
+        plain = SplineConstraints(
+            problem, spline.grid, LinkConstraints(problem), problem.tube.effective_radius
+        )
+        dense = plain.between_samples(spline)
+        reserve = _RESERVE_SHARE * abs(1 - dense.duration / longest)
+        has_reversals = problem.robot.motors.has_coulomb_friction
+        most = _MOST_AT_REVERSALS if has_reversals else _MOST_RESERVE
+        reserve = min(max(reserve, _LEAST_RESERVE), most)
+        run_in = longest * (1 - reserve)
+        measures = objective_measures(problem, spline, run_in)
+        self._objective = MeasuredObjective(measures, run_in)
+        kept = (1 - _LESS_CLEARANCE) * min(max(clearance, 0.0), _MOST_CLEARANCE)
+        self._program = SequentialProgram(
+            problem,
+            spline.grid,
+            LinkConstraints(problem, kept),
+            objective=self._objective,
+            room=_room(problem, dense) - _LESS_ROOM,
+        )
+        self._program.constraints.blend(_BLENDED)
+        self._checkpoint = checkpoint
+        self._penalty = _PENALTY
+        self._best: Iterate | None = None
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether it ended early: never."""
+        return False
+
+    @property
+    def has_spline(self) -> bool:
+        """Whether there is a better motion yet."""
+        return self._best is not None
+
+    @property
+    def trajectory(self) -> JointTrajectory:
+        """The best so far, as a trajectory that takes one second."""
+        return from_spline(self._problem.robot.joint_names, self._found.spline.bspline())
+
+    @property
+    def segments(self) -> IntArray:
+        """The tube segment of each polynomial piece of that trajectory, shape (pieces,)."""
+        return segments_of_pieces(self._found.spline.grid)
+
+    def run(self) -> bool:
+        """Make the motion as good as it can be; return whether there is one.
+
+        Raises:
+            Infeasible: Status no_trajectory: the motors cannot hold it.
+        """
+        constraints, start = self._program.constraints, self._start
+        constraints.look_for_links(start)
+        first = TrustRegion(_SMOOTHING_TRUST, _FIRST_DAMPING)
+        # Where that asks for more time than there is, friction is blended as in the first stage.
+        return self._improved(self._begun(start), first) or (
+            constraints.blend(BLENDED) and self._improved(self._begun(start), first)
+        )
+
+    def answer(self, certificate: Certificate, duration: float) -> bool:
+        """Continue with samples where a certificate fails; return whether there is an answer.
+
+        Args:
+            certificate: Of the best motion, as long as it may take.
+            duration: Of that motion [s].
+        """
+        found = [certificate.conditions[name].where for name in certificate.failures()]
+        times = [place.time for place in found if place.time is not None]
+        spline = self._found.spline
+        for time in times:
+            self._program.constraints.add_samples(spline, time / duration)
+        self._best = None
+        return bool(times) and self._improved(self._begun(spline), TrustRegion(_LEAST_TRUST))
+
+    @property
+    def _found(self) -> Iterate:
+        if self._best is None:
+            raise RuntimeError("the second stage has not run")
+        return self._best
+
+    def _begun(self, spline: PhasedSpline) -> Iterate:
+        iterate = self._program.iterate(spline)
+        if not np.isfinite(iterate.squared_duration):
+            message = "the second stage has no trajectory to start from"
+            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+        return iterate
+
+    def _improved(self, current: Iterate, trust: TrustRegion) -> bool:
+        """Keep the best motion, adding samples and links where they are missing."""
+        for _ in range(_SMOOTHING_ROUNDS):
+            found = self._program.improved(
+                current,
+                trust,
+                self._penalty,
+                min_gain=_SMOOTHING_GAIN,
+                max_steps=_SMOOTHING_STEPS,
+                checkpoint=lambda iterate: self._checkpoint(self._longest),
+            )
+            self._penalty = found.penalty
+            inside = self._looked_at(found.iterate)
+            if inside and (self._best is None or self._is_better(found.iterate)):
+                self._best = found.iterate
+            if inside and found.has_ended:
+                break
+            current = self._begun(found.iterate.spline)
+            trust = replace(found.trust, radius=max(found.trust.radius, _LEAST_TRUST))
+        return self._best is not None
+
+    def _looked_at(self, iterate: Iterate) -> bool:
+        """Return whether a motion is an answer between samples too; add some where it is not."""
+        dense, _ = self._program.constraints.look_between_samples(iterate)
+        if dense.excess > MERIT_TOLERANCE:
+            return False
+        longest = self._longest * (1 - _BETWEEN_LOOKS)
+        if not self._problem.robot.motors.has_coulomb_friction:
+            return dense.squared_duration <= longest**2
+        return self._has_time_with_friction(dense.spline, longest)
+
+    def _has_time_with_friction(self, spline: PhasedSpline, longest: float) -> bool:
+        """Return whether a duration is enough by exact time scaling; if not, watch all reversals.
+
+        Blended friction asks for more than that, and between samples, where efforts are steep, may
+        miss what a reversal needs.
+        """
+        shape = from_spline(self._problem.robot.joint_names, spline.bspline())
+        segments = segments_of_pieces(spline.grid)
+        try:
+            if minimum_duration(self._problem, shape, segments=segments) <= longest:
+                return True
+        except Infeasible:
+            pass
+        stretches = common_stretches(shape)
+        begin = shape.breakpoints[stretches.piece] + stretches.start * shape.widths[stretches.piece]
+        self._program.constraints.watch(spline, begin[stretches.start > 0])
+        return False
+
+    def _is_better(self, iterate: Iterate) -> bool:
+        return self._objective.value(iterate) < self._objective.value(self._found)
+
+
+def _room(problem: PlanningProblem, dense: Iterate) -> FloatArray:
+    """Return the share of the tube's regions that a motion leaves free, by segment, (m,).
+
+    None beside compulsory points, about which there is a region of another kind.
+    """
+    tube, regions = problem.tube, dense.regions[0]
+    room = np.ones(tube.segment_count)
+    share = regions.regions.share(regions.vector, regions.segment)
+    np.minimum.at(room, regions.segment, 1 - share)
+    beside = np.concatenate([tube.compulsory_points - 1, tube.compulsory_points])
+    room[beside] = 0.0
+    return room

@@ -1,0 +1,302 @@
+"""First splines of a refinement: reference branch, coarser knots, last motion, period grid."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.first_guess.branches import ReferenceBranch, end_configuration
+from tubeplanner.first_guess.inverse_kinematics import solve_position
+from tubeplanner.first_guess.segment_walk import wanted_at
+from tubeplanner.limits.tube_membership import tube_use
+from tubeplanner.optimizer.auxiliary_tubes import smoother_problem
+from tubeplanner.optimizer.phased_spline import DEGREE, KnotGrid, PhasedSpline
+from tubeplanner.optimizer.sampled_spline import sampled
+from tubeplanner.optimizer.segment_chains import OrderedSegments, tube_chains
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.polynomials import REST_POINTS, fitted_control_points, times_between
+
+# ---- Where refinement starts: a spline along the reference branch, and one knot grid from another.
+
+# Of a phase, if there are several: as many as give this sum, at most so many.
+_FEWEST_IN_ALL, _FEWEST = 12, 3
+_FIT_POINTS_PER_INTERVAL = 5
+# How many intervals are tried for chains, until the tool is less than so many radii outside.
+_INTERVALS, _ENOUGH = (12, 16, 24, 32, 48, 64, 96, 128), 0.5
+_FIT_SAMPLES = np.arange(3) / 3
+# Control points that the fit leaves open are pulled to the joint line by this weight.
+_DRAW = 1e-8
+# Joints may move while the tool hardly does: a radian counts as this many metres of travel.
+_TRAVEL_PER_RADIAN = 0.05
+# Where the goal is at the last corner, the arm has nothing to do in the last phase. A phase of less
+# width than the first gets the second: the knots of one without any would lie at one instant.
+_STILL, _STILL_WIDTH = 1e-6, 1e-3
+
+
+def sufficient_start(
+    problem: PlanningProblem, branch: ReferenceBranch, intervals: int
+) -> PhasedSpline:
+    """Return a spline along the branch with as many knots as its chains need.
+
+    In a chain no switching time takes knots to where the path bends, and coarse knots would lead
+    the tool past whole segments.
+
+    Args:
+        problem: The planning problem.
+        branch: The arm along the reference path.
+        intervals: About how many knot intervals it has at least.
+    """
+    spline = starting_spline(problem, branch, intervals)
+    for more in _INTERVALS:
+        if _excess_in_chains(problem, spline) < _ENOUGH:
+            break
+        if more > intervals:
+            spline = starting_spline(problem, branch, more)
+    return spline
+
+
+def starting_spline(
+    problem: PlanningProblem, branch: ReferenceBranch, intervals: int
+) -> PhasedSpline:
+    """Return a spline along the branch, with a minimum-jerk time course over all corners.
+
+    Its phases are the tube's chains.
+
+    Args:
+        problem: The planning problem.
+        branch: The arm along the reference path.
+        intervals: About how many knot intervals it has.
+    """
+    q = np.concatenate(branch.segments)
+    tool = problem.robot.tool_position(q)
+    steps = np.linalg.norm(np.diff(tool, axis=0), axis=1)
+    steps += _TRAVEL_PER_RADIAN * np.linalg.norm(np.diff(q, axis=0), axis=1)
+    travel = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+    corners = travel[np.cumsum([len(segment) for segment in branch.segments]) - 1]
+    x = np.linspace(0, 1, 2001)
+    covered = x**3 * (10 - 15 * x + 6 * x**2)
+    chains = tube_chains(problem)
+    ends = [chain.stop - 1 for chain in chains[:-1]]
+    switching_times = _with_width(
+        np.concatenate([[0.0], np.interp(corners[ends], covered, x), [1.0]])
+    )
+    grid = knot_grid(switching_times, intervals, chains)
+    apart = np.concatenate([[True], np.diff(travel) > 0])
+    times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
+    wanted = np.interp(times, x, covered)
+    path = np.array([np.interp(wanted, travel[apart], column[apart]) for column in q.T]).T
+    return _fitted(grid, switching_times, times, path, branch.start, branch.goal)
+
+
+def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
+    """Return the same spline, exactly, with every knot interval divided into several."""
+    switching_times, shares = spline.switching_times, []
+    for k, share in enumerate(spline.grid.shares):
+        width = switching_times[k + 1] - switching_times[k]
+        angle = np.arccos(1 - 2 * np.clip(switching_times[k] + width * share, 0.0, 1.0))
+        steps = np.arange(len(angle) * parts - parts + 1) / parts
+        x = (1 - np.cos(np.interp(steps, np.arange(len(angle)), angle))) / 2
+        finer = (x - switching_times[k]) / width
+        finer[::parts] = share
+        shares.append(finer)
+    return on_knots(spline, KnotGrid(tuple(shares), spline.grid.chains), switching_times)
+
+
+def on_knots(spline: PhasedSpline, grid: KnotGrid, switching_times: FloatArray) -> PhasedSpline:
+    """Return the spline on other knots that is nearest to one."""
+    times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
+    ends = spline.control_points[[0, -1]]
+    return _fitted(grid, switching_times, times, spline.bspline()(times), *ends)
+
+
+def knot_grid(
+    switching_times: FloatArray, intervals: int, chains: tuple[range, ...] = ()
+) -> KnotGrid:
+    """Return knots clustered at both ends of the spline, as Chebyshev points are.
+
+    There the arm at rest begins to move, and its acceleration needs the finest steps.
+
+    Args:
+        switching_times: Ends of the phases, from 0 to 1, shape (P+1,).
+        intervals: About how many knot intervals there are in all.
+        chains: The segments of every phase; one each if not given.
+    """
+    angle = np.arccos(1 - 2 * switching_times)
+    shares, phases = [], len(switching_times) - 1
+    fewest = 1 if phases == 1 else min(max(_FEWEST_IN_ALL // phases, 1), _FEWEST)
+    for k in range(phases):
+        count = max(fewest, round(intervals * (angle[k + 1] - angle[k]) / np.pi))
+        x = (1 - np.cos(np.linspace(angle[k], angle[k + 1], count + 1))) / 2
+        share = (x - switching_times[k]) / (switching_times[k + 1] - switching_times[k])
+        share[0], share[-1] = 0.0, 1.0
+        shares.append(share)
+    return KnotGrid(tuple(shares), chains)
+
+
+def _with_width(switching_times: FloatArray) -> FloatArray:
+    """Return switching times (P+1,) from 0 to 1 with some width of every phase."""
+    widths = np.diff(switching_times)
+    is_still = widths < _STILL
+    if not is_still.any():
+        return switching_times
+    widths[is_still] = _STILL_WIDTH
+    times = np.concatenate([[0.0], np.cumsum(widths) / widths.sum()])
+    times[-1] = 1.0
+    return times
+
+
+def _excess_in_chains(problem: PlanningProblem, spline: PhasedSpline) -> float:
+    """Return how far the tool is outside its segments' capsules in chains, in radii."""
+    if all(len(chain) == 1 for chain in spline.grid.chains):
+        return 0.0
+    tube, samples = problem.tube, spline.grid.samples(_FIT_SAMPLES)
+    segments = OrderedSegments(tube.points, tube.effective_radius, spline.grid.chains, samples)
+    tool = problem.robot.tool_position(sampled(spline, samples).position)
+    excess = tube_use(problem, tool, segments.at(tool)) - 1
+    return float(excess[segments.in_chain].max(initial=0.0))
+
+
+def _fitted(
+    grid: KnotGrid,
+    switching_times: FloatArray,
+    times: FloatArray,
+    path: FloatArray,
+    start: FloatArray,
+    goal: FloatArray,
+) -> PhasedSpline:
+    """Return the least-squares spline through configurations (N, n), at rest at its ends."""
+    knots = grid.knots(switching_times)
+    points = fitted_control_points(knots, DEGREE, times, path, (start, goal), _DRAW)
+    return PhasedSpline(grid, switching_times, points)
+
+
+# ---- Where refinement ended, and the start that it makes for a problem that has changed a little.
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedMotion:
+    """Where refinement ended.
+
+    Attributes:
+        problem: What was refined: the planning problem, or a smoother one inside of its tube.
+        is_smoother: Whether it was that.
+        spline: The motion, without its duration.
+    """
+
+    problem: PlanningProblem
+    is_smoother: bool
+    spline: PhasedSpline
+
+    def suited(self, changed: PlanningProblem) -> PlanningProblem | None:
+        """Return what is to be refined of a changed problem, likewise; None if all is different.
+
+        The motion suits it if it has the same joints, and phases of the same segments.
+        """
+        if changed.robot.joint_names != self.problem.robot.joint_names:
+            return None
+        inner = smoother_problem(changed) if self.is_smoother else changed
+        if inner is None or tube_chains(inner) != self.spline.grid.chains:
+            return None
+        return inner
+
+    def shifted(self, changed: PlanningProblem) -> PhasedSpline:
+        """Return the motion from a changed problem's start to its goal, on the same knots.
+
+        At switching times the tool moves as far as the reference points have; between them, joints
+        move by a smooth blend.
+
+        Args:
+            changed: What the motion suits.
+
+        Raises:
+            Infeasible: Status unreachable: the arm does not reach a point from where it was.
+        """
+        q = self.spline.bspline()(self.spline.switching_times)
+        wanted = q.copy()
+        wanted[0] = end_configuration(changed, changed.start, 0)
+        points = [chain.stop for chain in self.spline.grid.chains]
+        for k, point in enumerate(points, start=1):
+            is_last = k == len(points)
+            moved = changed.tube.points[point] - self.problem.tube.points[point]
+            tool = changed.robot.tool_position(q[k : k + 1])[0]
+            if is_last and changed.given_goal is not None:
+                wanted[k] = end_configuration(changed, changed.given_goal, -1)
+            elif is_last and changed.open_goal is not None:
+                wanted[k] = _reached(changed, point, changed.open_goal.nearest(tool), q[k])
+            elif moved.any():
+                wanted[k] = _reached(changed, point, tool + moved, q[k])
+        control_points = self.spline.control_points + self._blend(wanted - q)
+        return PhasedSpline(self.spline.grid, self.spline.switching_times, control_points)
+
+    def _blend(self, shift: FloatArray) -> FloatArray:
+        """Return how control points (K, n) follow what shifts the ends of the phases, (P+1, n)."""
+        grid, ends = self.spline.grid, self.spline.switching_times
+        knots, count = grid.knots(ends), grid.control_point_count
+        times = np.mean([knots[k : k + count] for k in range(1, DEGREE + 1)], axis=0)
+        times[:REST_POINTS], times[-REST_POINTS:] = 0.0, 1.0
+        phase = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, len(ends) - 2)
+        x = (times - ends[phase]) / np.diff(ends)[phase]
+        share = (x**3 * (10 - 15 * x + 6 * x**2))[:, None]
+        blend: FloatArray = (1 - share) * shift[phase] + share * shift[phase + 1]
+        return blend
+
+
+def _reached(
+    problem: PlanningProblem, point: int, target: FloatArray, near: FloatArray
+) -> FloatArray:
+    """Return a configuration (n,) near another with the tool at a target, turned as it was."""
+    segment = point - 1
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    wanted = wanted_at(problem, target, segment, near)
+    found = solve_position(problem.robot, target, near, lower, upper, rotation=wanted)
+    if found.error > MARGIN_TOLERANCE / 2:
+        message = f"the last motion does not lead to reference point {problem.tube.numbers[point]}"
+        raise Infeasible(PlanStatus.UNREACHABLE, message, Place().at(target))
+    return found.q
+
+
+# ---- Knots at multiples of a controller's period, so that its samples are the motion itself.
+
+
+def on_periodic_knots(spline: PhasedSpline, periods: int) -> PhasedSpline:
+    """Return nearly the same spline, all knots at multiples of a share of its duration.
+
+    Args:
+        spline: The spline.
+        periods: How many periods its duration has, at least as many as the spline has phases.
+    """
+    ends = _apart(spline.switching_times * periods, periods)
+    breakpoints = np.round(spline.grid.breakpoints(spline.switching_times) * periods).astype(int)
+    breakpoints = _filled(np.union1d(breakpoints, ends), spline.grid.interval_count)
+    shares = []
+    for begin, end in pairwise(ends):
+        inner = breakpoints[(breakpoints > begin) & (breakpoints < end)]
+        places = np.unique(np.concatenate([[begin], inner, [end]]))
+        shares.append((places - begin) / (end - begin))
+    grid = KnotGrid(tuple(shares), spline.grid.chains, is_fixed=True)
+    return on_knots(spline, grid, ends / periods)
+
+
+def _filled(places: IntArray, intervals: int) -> IntArray:
+    """Return places, the widest intervals between them halved until there are so many.
+
+    Where knots were closer than a period, several fell onto one.
+    """
+    while len(places) - 1 < intervals:
+        widths = np.diff(places)
+        widest = int(widths.argmax())
+        if widths[widest] == 1:
+            break
+        places = np.insert(places, widest + 1, places[widest] + widths[widest] // 2)
+    return places
+
+
+def _apart(times: FloatArray, last: int) -> IntArray:
+    """Return whole numbers near increasing times from 0 to the last, no two the same."""
+    count = len(times)
+    places = np.round(times).astype(int)
+    for k in range(1, count):
+        places[k] = max(places[k], places[k - 1] + 1)
+    return np.minimum(places, last - np.arange(count)[::-1])

@@ -1,0 +1,364 @@
+"""Objective of a step: duration or a measure; damping, proximity."""
+
+from typing import Protocol
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.optimizer.control_variables import FIXED, ControlVariables
+from tubeplanner.optimizer.motion_measures import POINTS, IntervalMotion, MeasureModel, Weighted
+from tubeplanner.optimizer.phased_spline import KnotGrid, PhasedSpline
+from tubeplanner.optimizer.rows import MERIT_TOLERANCE
+from tubeplanner.optimizer.spline_constraints import Iterate
+from tubeplanner.optimizer.step_block import Quadratic, Step, SymmetricEntries, merged_entries
+
+# ---- The convex quadratic part of a step's cost: smoothing, proximity and damping.
+
+# Weights of third differences, against wiggles of joints that do not matter, and of the step.
+_SMOOTHING = 1e-5
+_PROXIMITY = 1e-3
+# Of switching times, eta and the elastic variable: next to none.
+_OTHERS = 1e-9
+DURATION_AND_ELASTIC = 2
+_FIRST, _THIRD = (-1.0, 1.0), (-1.0, 3.0, -3.0, 1.0)
+
+
+class StepCost:
+    """The quadratic costs of steps on one knot grid."""
+
+    def __init__(self, variables: ControlVariables, grid: KnotGrid, joints: int) -> None:
+        """Prepare it.
+
+        Args:
+            variables: What may change.
+            grid: The splines' knots.
+            joints: How many there are.
+        """
+        self._variables, self._intervals = variables, grid.interval_count
+        self._weight = 2 * _SMOOTHING * grid.interval_count**5 / 250_000
+        count, others = len(variables.lower), grid.switch_count + DURATION_AND_ELASTIC
+        alone = np.arange(count)
+        smoothing = _squared_differences(variables.column, _THIRD)
+        rates = _squared_differences(variables.column, _FIRST)
+        row, column = np.hstack([smoothing[0], rates[0], [alone, alone]])
+        nothing = np.zeros(len(smoothing[1]))
+        still = np.concatenate([self._weight * smoothing[1], 0 * rates[1], 0 * alone + _PROXIMITY])
+        damped = np.concatenate([nothing, self._intervals * rates[1], 0.0 * alone])
+        row, column, place = merged_entries(row, column, count)
+        rest = count * joints + np.arange(others)
+        self._row, self._column = (
+            np.append(np.add.outer(which * joints, np.arange(joints)), rest)
+            for which in (row, column)
+        )
+        self._still, self._damped = (
+            np.append(
+                np.repeat(np.bincount(place, value, len(row)), joints), np.full(others, other)
+            )
+            for value, other in ((still, _OTHERS), (damped, 0.0))
+        )
+        self._size = count * joints + others
+        # Of every phase, how its width changes with the switching times at its ends.
+        self._switches, self._first_switch = grid.switch_count, count * joints
+
+    def quadratic(self, spline: PhasedSpline, damping: float = 0.0) -> Quadratic:
+        """Return the cost at a spline, squared rates weighted with a damping."""
+        value = self._still + damping * self._damped
+        hessian = SymmetricEntries(self._row, self._column, value, self._size)
+        if damping and self._switches:
+            hessian = hessian.plus(self._of_widths(spline, damping))
+        control_points = spline.control_points
+        bends = np.diff(control_points, len(_THIRD) - 1, axis=0)
+        by_point = np.zeros_like(control_points)
+        for place, weight in enumerate(_THIRD):
+            by_point[place : place + len(bends)] += weight * bends
+        gradient = np.zeros(self._size - DURATION_AND_ELASTIC)
+        by_variable = self._weight * self._variables.collected(by_point)
+        gradient[: by_variable.size] = by_variable.ravel()
+        return Quadratic(hessian, gradient)
+
+    def squared_rates(self, spline: PhasedSpline, step: FloatArray, switching: FloatArray) -> float:
+        """Return the integral of the squared rates of a step, run in one second.
+
+        Nearly: knots are taken as evenly spaced, and so is the motion where phases change widths.
+
+        Args:
+            spline: Before.
+            step: Of the variables, shape (F, n).
+            switching: Of the switching times, shape (S,).
+        """
+        found = self._squared_rates(self._variables.change(step))
+        if self._switches:
+            changes = np.diff(switching, prepend=0.0, append=0.0)
+            found += self._squared_rates(spline.control_points) * float(
+                (changes**2 / np.diff(spline.switching_times)).sum()
+            )
+        return found
+
+    def _squared_rates(self, control_points: FloatArray) -> float:
+        rates = np.diff(control_points, axis=0)
+        return self._intervals * float(np.vdot(rates, rates))
+
+    def _of_widths(self, spline: PhasedSpline, damping: float) -> SymmetricEntries:
+        """Return the squared rates of a motion whose phases change their widths, weighted."""
+        weight = damping * self._squared_rates(spline.control_points)
+        inverse = weight / np.diff(spline.switching_times)
+        own = self._first_switch + np.arange(self._switches)
+        row = np.concatenate([own, own[:-1], own[1:]])
+        column = np.concatenate([own, own[1:], own[:-1]])
+        value = np.concatenate([inverse[:-1] + inverse[1:], -inverse[1:-1], -inverse[1:-1]])
+        return SymmetricEntries(row, column, value, self._size)
+
+
+def _squared_differences(
+    column: IntArray, weights: tuple[float, ...]
+) -> tuple[IntArray, FloatArray]:
+    """Return the sum of squared differences of control points, as entries over the variables.
+
+    Args:
+        column: The variable of every control point, -1 where it is fixed, shape (K,).
+        weights: Of consecutive control points in a difference.
+
+    Returns:
+        Rows and columns (2, E), and values (E,); they may repeat.
+    """
+    order = len(weights)
+    which = column[np.arange(len(column) - order + 1)[:, None] + np.arange(order)]
+    row, other = np.broadcast_arrays(which[:, :, None], which[:, None, :])
+    value = np.broadcast_to(np.outer(weights, weights), row.shape)
+    both = (row != FIXED) & (other != FIXED)
+    return np.stack([row[both], other[both]]), value[both]
+
+
+# ---- What steps of the optimiser are to gain: by default, a shorter duration.
+
+
+class StepObjective(Protocol):
+    """What steps are to gain."""
+
+    @property
+    def run_in(self) -> float | None:
+        """The duration in which splines are run [s]; None: the least that limits allow."""
+        ...
+
+    @property
+    def least_duration_step(self) -> float:
+        """The smallest eta of a step."""
+        ...
+
+    @property
+    def ignored_excess(self) -> float:
+        """The part of an iterate's excess that does not count."""
+        ...
+
+    def cost(
+        self, current: Iterate, variables: ControlVariables, regularization: Quadratic
+    ) -> Quadratic:
+        """Return what a step costs, with what keeps it regular.
+
+        Args:
+            current: Where it begins.
+            variables: What may change.
+            regularization: The cost of all steps, whatever they are to gain.
+        """
+        ...
+
+    def predicted_gain(self, current: Iterate, step: Step) -> float:
+        """Return what a step should gain, of the cost that was asked for last."""
+        ...
+
+    def gain(self, current: Iterate, trial: Iterate) -> float:
+        """Return what was gained."""
+        ...
+
+    def after(self, step: Step) -> None:
+        """Take note of a step that the program found."""
+        ...
+
+
+class ShortestDuration:
+    """The `StepObjective` of a shorter duration: the relative change of T^2."""
+
+    run_in = None
+    least_duration_step = -0.5
+    ignored_excess = MERIT_TOLERANCE
+
+    def cost(
+        self, current: Iterate, variables: ControlVariables, regularization: Quadratic
+    ) -> Quadratic:
+        """Return the cost: eta, and what keeps steps regular."""
+        return regularization
+
+    def predicted_gain(self, current: Iterate, step: Step) -> float:
+        """Return by which share of T^2 a step should be shorter."""
+        return -step.duration
+
+    def gain(self, current: Iterate, trial: Iterate) -> float:
+        """Return by which share of T^2 a trial is shorter."""
+        return 1 - trial.squared_duration / current.squared_duration
+
+    def after(self, step: Step) -> None:
+        """Take no note: durations need no weight."""
+
+
+# ---- Sums of blocks, one for every knot interval, over all that a step may change.
+
+
+class IntervalBlocks:
+    """Where blocks go: their pattern is found once."""
+
+    def __init__(
+        self, variables: ControlVariables, intervals: int, points: int, switches: int
+    ) -> None:
+        """Find the pattern.
+
+        Args:
+            variables: What may change.
+            intervals: How many knot intervals there are: M.
+            points: How many control points count in each, from that with its number on: P.
+            switches: How many switching times may move: S.
+        """
+        free, n = variables.lower.shape
+        # After the last interval there are fewer control points; nothing depends on others.
+        missing = np.full(intervals + points, FIXED)
+        column = np.append(variables.column, missing)
+        which = column[np.arange(intervals)[:, None] + np.arange(points)]
+        place = which[:, :, None] * n + np.arange(n)
+        place[which == FIXED] = FIXED
+        self._place = place.reshape(intervals, -1)
+        self._switching = free * n + np.arange(switches)
+        self._size = free * n + switches + DURATION_AND_ELASTIC
+        own = np.broadcast_to(self._switching, (intervals, switches))
+        both = np.concatenate([self._place, own], axis=1)
+        row, other = np.broadcast_arrays(both[:, :, None], both[:, None, :])
+        self._known = (row != FIXED) & (other != FIXED)
+        self._row, self._column, self._entry = merged_entries(
+            row[self._known], other[self._known], self._size
+        )
+
+    def matrix(self, blocks: FloatArray, mixed: FloatArray, corner: FloatArray) -> SymmetricEntries:
+        """Return the sum of symmetric blocks.
+
+        Args:
+            blocks: By the control points of every interval, shape (M, P n, P n).
+            mixed: By these and the switching times, shape (M, P n, S).
+            corner: By the switching times alone, of all intervals, shape (S, S).
+        """
+        shared = np.broadcast_to(corner / len(blocks), (len(blocks), *corner.shape))
+        below = np.concatenate([np.swapaxes(mixed, 1, 2), shared], axis=2)
+        whole = np.concatenate([np.concatenate([blocks, mixed], axis=2), below], axis=1)
+        data = np.bincount(self._entry, whole[self._known], len(self._row)).astype(np.float64)
+        return SymmetricEntries(self._row, self._column, data, self._size)
+
+    def vector(self, by_control: FloatArray, by_switching: FloatArray) -> FloatArray:
+        """Return the sum of vectors, without duration and elastic variable.
+
+        Args:
+            by_control: By the control points of every interval, shape (M, P n).
+            by_switching: By the switching times, of all intervals, shape (S,).
+        """
+        known = self._place != FIXED
+        size = self._size - DURATION_AND_ELASTIC
+        total = np.bincount(self._place[known], by_control[known], size).astype(float)
+        total[self._switching] += by_switching
+        return total
+
+
+# ---- What steps are to gain in a given duration: less of what motions are measured by.
+#
+# The measures' logarithms are added, so that scales do not matter.
+
+_NOTHING = 1e-12  # beside measures that may vanish
+# What the sum of logarithms is worth at first, and at least, in shares of T^2: halved while steps
+# would make the motion longer than it may be.
+_FIRST_WORTH, _LEAST_WORTH = 5e-3, 5e-4
+_LONGER = 1e-4
+
+
+class MeasuredObjective:
+    """The `StepObjective` of a motion that measures less, within a duration."""
+
+    least_duration_step = 0.0
+    ignored_excess = 0.0  # gains are large here, beside what curvature brings
+
+    def __init__(self, measures: Weighted, run_in: float) -> None:
+        """Take what counts.
+
+        Args:
+            measures: The measures, with the weights of their logarithms.
+            run_in: The duration [s].
+        """
+        self.run_in = run_in
+        self._worth = _FIRST_WORTH
+        self._weights = np.array([weight for weight, _ in measures])
+        self._measures = tuple(measure for _, measure in measures)
+        self._blocks: IntervalBlocks | None = None
+        self._last: tuple[Iterate, Quadratic] | None = None
+        self._measured: list[tuple[Iterate, IntervalMotion, FloatArray]] = []
+
+    def value(self, current: Iterate) -> float:
+        """Return the weighted sum of the measures' logarithms: the less, the better."""
+        return float(np.log(self._measure(current)[1]) @ self._weights)
+
+    def cost(
+        self, current: Iterate, variables: ControlVariables, regularization: Quadratic
+    ) -> Quadratic:
+        """Return the cost: convex quadratics of the measures, and eta."""
+        own = self._model(current, variables).times(self._worth)
+        self._last = current, own
+        hessian = own.hessian.plus(regularization.hessian)
+        return Quadratic(hessian, own.gradient + regularization.gradient)
+
+    def predicted_gain(self, current: Iterate, step: Step) -> float:
+        """Return what a step should gain, of the cost that was asked for last."""
+        assert self._last is not None
+        change = np.concatenate([step.control.ravel(), step.switching])
+        padded = np.append(change, [0.0, 0.0])
+        own = self._last[1]
+        less = -(own.gradient @ change) - padded @ own.hessian.product(padded) / 2
+        return float(less + self._longer(current) - max(step.duration, 0.0))
+
+    def gain(self, current: Iterate, trial: Iterate) -> float:
+        """Return what measuring less is worth, less the share by which T^2 is longer."""
+        if not np.isfinite(trial.squared_duration):
+            return -np.inf
+        longer = self._longer(trial) - self._longer(current)
+        return self._worth * (self.value(current) - self.value(trial)) - longer
+
+    def after(self, step: Step) -> None:
+        """Let measures be worth less if the step would make the motion longer than it may be."""
+        if step.duration > _LONGER:
+            self._worth = max(self._worth / 2, _LEAST_WORTH)
+
+    def _longer(self, iterate: Iterate) -> float:
+        """Return by which share T^2 would have to be longer."""
+        return max(iterate.squared_duration / self.run_in**2 - 1, 0.0)
+
+    def _measure(self, current: Iterate) -> tuple[IntervalMotion, FloatArray]:
+        """Return a motion in the duration, and its measures."""
+        for known, motion, totals in self._measured:
+            if known is current:
+                return motion, totals
+        motion = IntervalMotion(current, self.run_in)
+        totals = np.array([measure.total(motion) for measure in self._measures]) + _NOTHING
+        self._measured = [*self._measured[-2:], (current, motion, totals)]
+        return motion, totals
+
+    def _model(self, current: Iterate, variables: ControlVariables) -> Quadratic:
+        """Return a convex quadratic of the value near a trajectory: that of Gauss and Newton."""
+        motion, totals = self._measure(current)
+        shares = (self._weights / totals).tolist()
+        models = zip(self._measures, shares, strict=True)
+        model = MeasureModel.stacked([measure.model(motion, share) for measure, share in models])
+        control, switching = model.control, model.switching
+        weighted = control * model.curvature[:, :, None]
+        blocks = np.swapaxes(control, 1, 2) @ weighted
+        mixed = np.swapaxes(weighted, 1, 2) @ switching
+        corner = np.einsum("mri,mr,mrk->ik", switching, model.curvature, switching)
+        gradient = np.einsum("mrv,mr->mv", control, model.slope)
+        by_switching = np.einsum("mri,mr->i", switching, model.slope)
+        if self._blocks is None:
+            intervals, _, switches = switching.shape
+            self._blocks = IntervalBlocks(variables, intervals, POINTS, switches)
+        return Quadratic(
+            self._blocks.matrix(blocks, mixed, corner), self._blocks.vector(gradient, by_switching)
+        )

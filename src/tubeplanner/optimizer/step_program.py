@@ -1,0 +1,430 @@
+"""The program of one step over all legs: native banded solver, PIQP."""
+
+from collections.abc import Sequence
+from ctypes import c_double, c_int, c_int64, c_void_p
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.native.library import LIBRARY, Doubles, Integers, native_function
+from tubeplanner.optimizer.step_block import (
+    Block,
+    JointBlocks,
+    SparseRows,
+    Step,
+    SymmetricEntries,
+    stacked_rows,
+)
+
+# ---- The native program of one step: quadratic, sparse, banded but for a few variables.
+
+_new = native_function(
+    "step_program_new", c_int64, c_int64, Doubles, Doubles, Doubles, Doubles, returns=c_void_p
+)
+_delete = native_function("step_program_delete", c_void_p)
+_add_quadratic = native_function(
+    "step_program_add_quadratic", c_void_p, c_int64, Integers, Integers, Doubles
+)
+_add_rows = native_function(
+    "step_program_add_rows", c_void_p, c_int64, Integers, Integers, Doubles, Doubles
+)
+_set_slack = native_function("step_program_set_slack", c_void_p, Doubles)
+_solve = native_function("step_program_solve", c_void_p, c_double, c_int64, returns=c_int)
+_read = native_function("step_program_read", c_void_p, Doubles, Doubles, returns=c_int64)
+_MOST_ITERATIONS = 100
+
+
+class NativeProgram:
+    """It minimises x . Q x / 2 + c . x under A x <= b and bounds on x.
+
+    Rows may be added after it was solved: the next solution goes on from the last.
+    """
+
+    def __init__(
+        self,
+        first: FloatArray,
+        linear: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
+        band: int,
+    ) -> None:
+        """Set it up without any row.
+
+        Args:
+            first: Where x begins, shape (V,).
+            linear: c, shape (V,).
+            lower: Of x, shape (V,).
+            upper: Likewise; may be infinite.
+            band: How many of the first variables only rows and Q's entries of neighbours couple.
+        """
+        self._handle: Any = None
+        self._size, self.row_count, self.iterations = len(linear), 0, 0
+        self._handle = _call(_new)(len(linear), band, first, linear, lower, upper)
+
+    def __del__(self) -> None:
+        if self._handle is not None:
+            _call(_delete)(self._handle)
+
+    def add_quadratic(self, row: IntArray, column: IntArray, value: FloatArray) -> None:
+        """Add entries (E,) of Q: those above the diagonal and on it are taken."""
+        own = (np.ascontiguousarray(part, dtype=np.int64) for part in (row, column))
+        _call(_add_quadratic)(self._handle, len(value), *own, np.ascontiguousarray(value))
+
+    def add_rows(
+        self, count: IntArray, column: IntArray, value: FloatArray, slack: FloatArray
+    ) -> None:
+        """Add R rows.
+
+        Args:
+            count: How many entries each has, shape (R,).
+            column: Where they are, row after row, shape (entries,); they may repeat.
+            value: Theirs, shape (entries,).
+            slack: b, shape (R,).
+
+        Raises:
+            ValueError: They do not fit together, or the program has no such variable.
+        """
+        fits = len(count) == len(slack) and len(column) == len(value) == count.sum()
+        if not fits or column.max(initial=0) >= self._size:
+            raise ValueError("rows and slack do not fit the program")
+        own = (np.ascontiguousarray(part, dtype=np.int64) for part in (count, column))
+        _call(_add_rows)(self._handle, len(slack), *own, np.ascontiguousarray(value), slack)
+        self.row_count += len(slack)
+
+    def set_slack(self, slack: FloatArray) -> None:
+        """Give all rows other slack (R,); the next solution begins anew."""
+        _call(_set_slack)(self._handle, slack)
+
+    def solve(self, tolerance: float) -> tuple[FloatArray, FloatArray] | None:
+        """Return x (V,) and the rows' multipliers (R,), or None if it does not get there.
+
+        Args:
+            tolerance: Of the gradient, the rows and the cost, absolute.
+        """
+        is_solved = _call(_solve)(self._handle, tolerance, _MOST_ITERATIONS)
+        x, multipliers = np.empty(self._size), np.empty(self.row_count)
+        self.iterations = _call(_read)(self._handle, x, multipliers)
+        return (x, multipliers) if is_solved else None
+
+
+def _call(function: Any) -> Any:
+    """Return a function of the library."""
+    if function is None:
+        raise RuntimeError("the native library is left out")
+    return function
+
+
+# ---- The program of one step for the native library: rows join it while it is being solved.
+
+# Where the method begins: eta, and how far beyond what rows lack the elastic variable is.
+_FIRST_DURATION_STEP, _FIRST_SPARE = 0.2, 0.1
+# Of what must not move: neither rows nor curvature move it, this balances bounds alone.
+_STIFFNESS = 1e9
+
+
+class BandedProgram:
+    """A program that goes on from its last solution when rows join it; see `StepProgram`."""
+
+    goes_on = True
+
+    def __init__(self, blocks: Sequence[Block], columns: Sequence[IntArray]) -> None:
+        """Set it up; arguments as `step_program`."""
+        self._columns = columns
+        self._blocks = joint = JointBlocks(blocks, columns)
+        self._bounds = joint.bounds
+        self._held = [row for held in joint.held for row in held.rows()]
+        linear = joint.linear
+        for row in self._held:
+            linear[row.column] -= row.data * (row.data @ linear[row.column])
+        self._program = NativeProgram(self._first(), linear, *self._bounds, self._band())
+        hessian = joint.hessian
+        for places, directions in _groups(self._held):
+            hessian = _flattened(hessian, places, directions)
+        self._program.add_quadratic(hessian.row, hessian.column, hessian.value)
+        for row in self._held:
+            column, other = np.meshgrid(row.column, row.column)
+            square = _STIFFNESS * np.outer(row.data, row.data)
+            self._program.add_quadratic(column.ravel(), other.ravel(), square.ravel())
+        self._slack = np.zeros(0)
+        for leg, block in enumerate(blocks):
+            self._add_ends(leg, block)
+        # Which of the program's rows are each leg's, and how many sets of them it has.
+        self._places = [np.zeros(0, dtype=np.int64) for _ in blocks]
+        self._known = [0] * len(blocks)
+        self.join(blocks)
+
+    def join(self, blocks: Sequence[Block]) -> None:
+        """Take rows that blocks have gained."""
+        self._blocks = JointBlocks(blocks, self._columns)
+        for leg, block in enumerate(blocks):
+            given = block.slack[len(self._places[leg]) :]
+            added = stacked_rows(block.rows[self._known[leg] :])
+            self._known[leg] = len(block.rows)
+            if len(given):
+                places = self._add(self._blocks.over_all(added, leg), given)
+                self._places[leg] = np.concatenate([self._places[leg], places])
+
+    def correct(self, blocks: Sequence[Block]) -> None:
+        """Take rows that blocks have gained, and other slack of all."""
+        self.join(blocks)
+        for block, places in zip(blocks, self._places, strict=True):
+            self._slack[places] = block.slack
+        self._program.set_slack(self._slack)
+
+    def solve(self, tolerance: float) -> tuple[Step, ...] | None:
+        """Return the step of every leg, or None if the method does not get there."""
+        found = self._program.solve(tolerance)
+        if found is None:
+            return None
+        x, multipliers = found
+        joint = self._blocks
+        for row in self._held:
+            x[row.column] -= row.data * (row.data @ x[row.column])
+        return joint.steps(np.clip(x, *self._bounds), [multipliers[own] for own in self._places])
+
+    def _add(self, rows: SparseRows, slack: FloatArray) -> IntArray:
+        """Add rows; return their places among all."""
+        if self._held:
+            rows = _without(rows, self._held)
+        self._program.add_rows(rows.count, rows.column, rows.data, slack)
+        self._slack = np.concatenate([self._slack, slack])
+        return np.arange(len(self._slack) - len(slack), len(self._slack))
+
+    def _add_ends(self, leg: int, block: Block) -> None:
+        """Add how far phases may change."""
+        changes = self._blocks.over_all(block.width_changes, leg)
+        for sign in (1.0, -1.0):
+            if len(changes.count):
+                self._add(replace(changes, data=sign * changes.data), block.widths)
+
+    def _first(self) -> FloatArray:
+        """Return where the method begins."""
+        first = np.zeros(self._blocks.size)
+        for block, own in zip(self._blocks.blocks, self._columns, strict=True):
+            lacks = max(-float(block.slack.min(initial=0.0)), 0.0)
+            first[own[-2:]] = _FIRST_DURATION_STEP, lacks + _FIRST_SPARE
+        return first
+
+    def _band(self) -> int:
+        """Return how many of the first variables only neighbours couple.
+
+        The configuration in which a cycle closes is behind all others.
+        """
+        legs = list(zip(self._blocks.blocks, self._columns, strict=True))
+        controls = [own[: block.bounds.lower.size] for block, own in legs]
+        last = max((int(own.max()) for own in controls if len(own)), default=-1)
+        band = last + 1
+        for own in controls:
+            if (np.diff(own) < 0).any():
+                band = min(band, int(own[0]))
+        return band
+
+
+def _without(rows: SparseRows, held: Sequence[SparseRows]) -> SparseRows:
+    """Return rows that do not change along some directions, which are at right angles."""
+    for columns, directions in _groups(held):
+        rows = _turned_away(rows, columns, directions)
+    return rows
+
+
+def _groups(held: Sequence[SparseRows]) -> list[tuple[IntArray, FloatArray]]:
+    """Return the variables (n,) of which some directions (r, n) are held."""
+    groups: dict[tuple[int, ...], list[FloatArray]] = {}
+    for row in held:
+        groups.setdefault(tuple(row.column.tolist()), []).append(row.data)
+    return [(np.array(columns), np.array(own)) for columns, own in groups.items()]
+
+
+def _flattened(
+    entries: SymmetricEntries, columns: IntArray, directions: FloatArray
+) -> SymmetricEntries:
+    """Return curvature that is none along directions (r, n) of some variables (n,)."""
+    place = np.full(entries.size, -1)
+    place[columns] = np.arange(len(columns))
+    row, column = place[entries.row], place[entries.column]
+    own = np.zeros((entries.size, len(columns)))
+    np.add.at(own, (entries.row[column >= 0], column[column >= 0]), entries.value[column >= 0])
+    own -= own @ directions.T @ directions
+    own[columns] -= directions.T @ (directions @ own[columns])
+    first, second = np.nonzero(own)
+    others = place[first] < 0  # what couples them with other variables stands on both sides
+    rest = (row < 0) & (column < 0)
+    return SymmetricEntries(
+        np.concatenate([entries.row[rest], first, columns[second][others]]),
+        np.concatenate([entries.column[rest], columns[second], first[others]]),
+        np.concatenate([entries.value[rest], own[first, second], own[first, second][others]]),
+        entries.size,
+    )
+
+
+def _turned_away(rows: SparseRows, columns: IntArray, directions: FloatArray) -> SparseRows:
+    """Return rows without their parts along directions (r, n) of some variables (n,)."""
+    number = np.repeat(np.arange(len(rows.count)), rows.count)
+    places_of = np.full(max(columns.max(), rows.column.max(initial=0)) + 1, -1)
+    places_of[columns] = np.arange(len(columns))
+    place = places_of[rows.column]
+    is_meant = place >= 0
+    if not is_meant.any():
+        return rows
+    own = np.zeros((len(rows.count), len(columns)))
+    np.add.at(own, (number[is_meant], place[is_meant]), rows.data[is_meant])
+    own -= own @ directions.T @ directions
+    row, column = np.nonzero(own)
+    number = np.concatenate([number[~is_meant], row])
+    sequence = np.argsort(number, kind="stable")
+    data = np.concatenate([rows.data[~is_meant], own[row, column]])[sequence]
+    places = np.concatenate([rows.column[~is_meant], columns[column]])[sequence]
+    return SparseRows(data, places, np.bincount(number, minlength=len(rows.count)))
+
+
+# ---- The program of one step for PIQP, an interior-point method for sparse problems.
+
+# Tried in turn: the first is the fastest for control points in the order of time.
+_SOLVERS = ("sparse_multistage", "sparse_ldlt", "sparse_ldlt_cond")
+
+
+class SparseProgram:
+    """A program that begins anew when rows join it; see `StepProgram`."""
+
+    goes_on = False
+
+    def __init__(self, blocks: Sequence[Block], columns: Sequence[IntArray]) -> None:
+        """Set it up; arguments as `step_program`."""
+        self._columns = columns
+        self._solver: Any = None
+        self.join(blocks)
+
+    def join(self, blocks: Sequence[Block]) -> None:
+        """Take all rows of blocks."""
+        self._blocks, self._solver = JointBlocks(blocks, self._columns), None
+
+    def correct(self, blocks: Sequence[Block]) -> None:
+        """Take all rows of blocks; where none is new, only their slack."""
+        counts = [[len(block.slack) for block in each] for each in (blocks, self._blocks.blocks)]
+        if self._solver is None or counts[0] != counts[1]:
+            return self.join(blocks)
+        self._blocks = JointBlocks(blocks, self._columns)
+        self._solver.update(h_u=self._most())
+        return None
+
+    def solve(self, tolerance: float) -> tuple[Step, ...] | None:
+        """Return the step of every leg, or None if no solver finds one."""
+        if self._solver is not None:
+            return self._solution(self._solver)
+        for kind in _SOLVERS:
+            solver = self._set_up(kind, tolerance)
+            steps = self._solution(solver)
+            if steps is not None:
+                self._solver = solver
+                return steps
+        return None
+
+    def _set_up(self, kind: str, tolerance: float) -> Any:
+        # Where the native library is, neither this nor scipy.sparse is loaded.
+        import piqp
+
+        joint = self._blocks
+        solver = piqp.SparseSolver()
+        settings = solver.settings
+        settings.kkt_solver = getattr(piqp.KKTSolver, kind)
+        settings.preconditioner_iter = 0  # rows are scaled by their limits already
+        settings.eps_abs = settings.eps_rel = tolerance
+        settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = tolerance
+        rows = [
+            joint.over_all(own, k) for k, block in enumerate(joint.blocks) for own in block.rows
+        ]
+        held = _matrix(joint.held, joint.size)
+        lower, upper = joint.bounds
+        count = sum(len(block.slack) for block in joint.blocks)
+        solver.setup(
+            _symmetric(joint.hessian),
+            joint.linear,
+            held if held.shape[0] else None,
+            np.zeros(held.shape[0]) if held.shape[0] else None,
+            _matrix([*rows, *joint.width_changes], joint.size),
+            np.concatenate([np.full(count, -np.inf), -joint.widths]),
+            self._most(),
+            lower,
+            upper,
+        )
+        return solver
+
+    def _most(self) -> FloatArray:
+        return np.concatenate(
+            [*(block.slack for block in self._blocks.blocks), self._blocks.widths]
+        )
+
+    def _solution(self, solver: Any) -> tuple[Step, ...] | None:
+        import piqp
+
+        status, joint = solver.solve(), self._blocks
+        x = np.array(solver.result.x)
+        if status != piqp.PIQP_SOLVED or len(x) != joint.size or not np.isfinite(x).all():
+            return None
+        x = np.clip(x, *joint.bounds)
+        ends = np.cumsum([len(block.slack) for block in joint.blocks])
+        multipliers = np.split(np.array(solver.result.z_u)[: ends[-1]], ends[:-1])
+        return joint.steps(x, multipliers)
+
+
+def _symmetric(entries: SymmetricEntries) -> Any:
+    """Return a symmetric matrix."""
+    from scipy import sparse
+
+    places = (entries.row, entries.column)
+    return sparse.coo_matrix((entries.value, places), (entries.size, entries.size)).tocsc()
+
+
+def _matrix(parts: Sequence[SparseRows], columns: int) -> Any:
+    """Return the matrix of several sets of rows."""
+    from scipy import sparse
+
+    rows = stacked_rows(parts)
+    # What scipy.sparse takes as it is.
+    ends = np.concatenate([[0], np.cumsum(rows.count)]).astype(np.int32)
+    column = rows.column.astype(np.int32, copy=False)
+    matrix = sparse.csr_matrix((rows.data, column, ends), shape=(len(rows.count), columns))
+    matrix.sum_duplicates()  # control points that move as one
+    return matrix.tocsc()
+
+
+# ---- The program of one step, of one or more legs: what legs ask together, and who solves it.
+#
+# It minimises the sum over legs of duration * eta + penalty * elastic + gradient . z +
+# x . hessian . x / 2 under the rows, z being a leg's configurations and switching times, x all that
+# may change there: z, eta, elastic. Legs may share variables.
+
+
+class StepProgram(Protocol):
+    """A program that was set up with blocks, one of each leg."""
+
+    def solve(self, tolerance: float) -> tuple[Step, ...] | None:
+        """Return the step of every leg, or None if there is none; tolerance: of the cost."""
+        ...
+
+    def join(self, blocks: Sequence[Block]) -> None:
+        """Take rows that blocks have gained behind those they had, with the slack they have."""
+        ...
+
+    def correct(self, blocks: Sequence[Block]) -> None:
+        """Take rows that blocks have gained, and other slack of all."""
+        ...
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether solutions go on from the last one after rows have joined."""
+        ...
+
+
+def step_program(blocks: Sequence[Block], columns: Sequence[IntArray]) -> StepProgram:
+    """Set up a program.
+
+    Args:
+        blocks: What it asks of each leg.
+        columns: Which of the program's variables each leg's V are, shape (V,).
+    """
+    if LIBRARY.functions is None:
+        return SparseProgram(blocks, columns)
+    return BandedProgram(blocks, columns)

@@ -1,0 +1,1 @@
+"""Files, controllers, figures, pages; here the data that figures and pages share."""

@@ -1,0 +1,1 @@
+"""Verdicts of robot controllers on a trajectory: refusals, altered execution."""

@@ -1,0 +1,341 @@
+"""Libfranka's joint position control; limits of Franka's arms."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.errors import OptionError
+from tubeplanner.output.controllers.verdict import ControllerFinding, ControllerVerdict, Effect
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.overrides import LimitOverrides
+from tubeplanner.task.side_files import read_preset
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+
+# ---- The limits of Franka's arms as their control has them: those of the presets, and a few more.
+
+_JOINTS = tuple(f"joint {k + 1}" for k in range(7))
+# The control's position limits where the preset leaves them to the URDF [rad]; and the acceleration
+# and jerk of Cartesian commands [m/s^2, m/s^3]. From "Limits for Panda" of Franka's documentation
+# and, of the FR3, `kMaxTranslationalAcceleration` and `kMaxTranslationalJerk` of libfranka.
+_POSITION = {
+    "fer": (
+        (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973),
+        (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973),
+    )
+}
+_TOOL = {"fer": (13.0, 6500.0), "fr3": (9.0, 4500.0)}
+FRANKA_ARMS = {"fer": "Franka Emika Robot (Panda)", "fr3": "Franka Research 3"}
+_LAWS, _LAW_KEYS = "velocity_by_position", ("deceleration", "offset", "lower", "upper")
+
+
+@dataclass(frozen=True, eq=False)
+class FrankaLimits:
+    """Limits of an arm of seven joints, in chain order.
+
+    Attributes:
+        name: Of the arm.
+        position: Lower and upper, shape (2, 7) [rad].
+        velocity: Shape (7,) [rad/s].
+        acceleration: Shape (7,) [rad/s^2].
+        jerk: Shape (7,) [rad/s^3].
+        effort: Shape (7,) [N m].
+        effort_rate: Shape (7,) [N m/s].
+        tool_rates: Translation of Cartesian commands: velocity, acceleration and jerk
+            [m/s, m/s^2, m/s^3].
+        velocity_laws: How velocity falls with position: deceleration [rad/s^2], offset [rad/s],
+            lower and upper [rad], shape (4, 7); None: it does not.
+    """
+
+    name: str
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    effort: FloatArray
+    effort_rate: FloatArray
+    tool_rates: tuple[float, float, float]
+    velocity_laws: FloatArray | None = None
+
+    def velocity_bounds(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the least and the largest velocity at positions, each (N, 7) [rad/s].
+
+        Args:
+            q: Positions, shape (N, 7) [rad].
+        """
+        most = np.broadcast_to(self.velocity, q.shape)
+        if self.velocity_laws is None:
+            return -most, most
+        deceleration, offset, lower, upper = self.velocity_laws
+        slowest, fastest = (
+            np.clip(np.sqrt(2 * deceleration * np.maximum(room, 0.0)) - offset, 0.0, most)
+            for room in (q - lower, upper - q)
+        )
+        return -slowest, fastest
+
+
+def franka_limits(name: str) -> FrankaLimits:
+    """Return the limits of an arm.
+
+    Args:
+        name: Of its preset: one of `FRANKA_ARMS`.
+    """
+    limits = read_preset(name).limits
+    position = _POSITION.get(name)
+    return FrankaLimits(
+        name=FRANKA_ARMS[name],
+        position=read_only(_rows(limits, "position").T if position is None else position),
+        velocity=_rows(limits, "velocity"),
+        acceleration=_rows(limits, "acceleration"),
+        jerk=_rows(limits, "jerk"),
+        effort=_rows(limits, "effort"),
+        effort_rate=_rows(limits, "effort_rate"),
+        tool_rates=(np.inf if limits.tool_speed is None else limits.tool_speed, *_TOOL[name]),
+        velocity_laws=_velocity_laws(limits),
+    )
+
+
+def _velocity_laws(limits: LimitOverrides) -> FloatArray | None:
+    given = limits.by_name(_LAWS, _JOINTS, _LAWS) if limits.velocity_by_position else {}
+    laws = [[given[joint][key] for joint in _JOINTS] for key in _LAW_KEYS] if given else None
+    return None if laws is None else read_only(laws)
+
+
+def _rows(limits: LimitOverrides, quantity: str) -> FloatArray:
+    """Return what a preset gives, one row per joint."""
+    given = limits.by_name(quantity, _JOINTS, quantity)
+    return read_only([given[joint] for joint in _JOINTS])
+
+
+# ---- What libfranka's control of joint positions makes of a trajectory.
+#
+# Every millisecond the robot is sent a position. It takes differences: (q_k - q_(k-1)) / 1 ms is
+# the
+# velocity, and so on to jerk. Before the first command and after the last the arm stands still, so
+# that a motion that does not begin or end at rest shows as a jump. The names of errors are those of
+# `franka::Errors`; what is necessary and what only recommended is Franka's "Robot and interface
+# specifications".
+
+PERIOD = 1e-3  # [s]
+_STILL = 3  # commands before the first and after the last: a jerk takes three differences
+_ROUNDING = 1e-6  # share of a limit
+_AT_REST = 1e-3  # share of a limit: velocity and acceleration at both ends
+_VELOCITY_JUMP = "joint_motion_generator_velocity_discontinuity"
+_ACCELERATION_JUMP = "joint_motion_generator_acceleration_discontinuity"
+_TOOL_QUANTITIES = (
+    ("tool speed", "m/s"),
+    ("tool acceleration", "m/s^2"),
+    ("tool jerk", "m/s^3"),
+)
+
+
+@dataclass(frozen=True)
+class _Quantity:
+    """A quantity that is compared with limits: what it is called, its unit, what exceeding does."""
+
+    name: str
+    unit: str
+    effect: Effect
+    error: str
+
+
+_POSITION_QUANTITY = _Quantity(
+    "position", "rad", Effect.REFUSED, "joint_motion_generator_position_limits_violation"
+)
+_VELOCITY = _Quantity(
+    "velocity", "rad/s", Effect.REFUSED, "joint_motion_generator_velocity_limits_violation"
+)
+_ACCELERATION = _Quantity("acceleration", "rad/s^2", Effect.REFUSED, _VELOCITY_JUMP)
+_JERK = _Quantity("jerk", "rad/s^3", Effect.REFUSED, _ACCELERATION_JUMP)
+_RECOMMENDED = "recommended only, the robot follows otherwise without an error"
+_EFFORT = _Quantity("torque", "N m", Effect.NOTED, _RECOMMENDED)
+_EFFORT_RATE = _Quantity("torque rate", "N m/s", Effect.NOTED, _RECOMMENDED)
+_CARTESIAN = "enforced for Cartesian commands only"
+
+
+def judged_by_franka(
+    name: str, robot: RobotModel, trajectory: JointTrajectory, limits: FrankaLimits
+) -> ControllerVerdict:
+    """Return what the control of joint positions makes of a trajectory.
+
+    Args:
+        name: One of `CONTROLLERS`.
+        robot: The arm.
+        trajectory: Of its joints, in any order; its polynomials are sampled every millisecond.
+        limits: The controller's.
+
+    Raises:
+        OptionError: The robot has another number of joints than the limits.
+    """
+    chain = [joint for joint in robot.urdf.chain(robot.tool_frame) if joint in robot.joint_names]
+    if len(chain) != robot.joint_count or len(chain) != len(limits.velocity):
+        raise OptionError(
+            f"--for {name}: the {limits.name} has {len(limits.velocity)} joints; the problem plans "
+            f"{robot.joint_count} ({', '.join(robot.joint_names)})"
+        )
+    commands = _Commands(trajectory.reordered(chain))
+    findings = (
+        *_aborts(commands, limits),
+        *_unrest(commands, limits),
+        *_recommended(robot, commands, limits),
+        *_cartesian(robot, commands, limits),
+    )
+    title = f"{limits.name}, libfranka, joint positions at {1 / PERIOD:g} Hz"
+    return ControllerVerdict(name, title, "abort", findings)
+
+
+class _Commands:
+    """The positions sent, and the differences that the robot takes of them.
+
+    Attributes:
+        trajectory: Joints in chain order.
+        time: Of every command, shape (N,) [s]; below 0 and beyond the duration the arm stands.
+        position: Shape (N, n) [rad].
+    """
+
+    def __init__(self, trajectory: JointTrajectory) -> None:
+        count = int(np.ceil(trajectory.duration / PERIOD - _ROUNDING))
+        self.trajectory = trajectory
+        self.time = np.arange(-_STILL, count + _STILL + 1) * PERIOD
+        self.position = trajectory.position(self.time)
+
+    def differences(self, order: int) -> FloatArray:
+        """Return the positions' differences of an order over the period, shape (N - order, n)."""
+        return _differences(self.position, order)
+
+    def instants(self, order: int) -> FloatArray:
+        """Return the time of the command that ends each difference, shape (N - order,) [s]."""
+        return np.clip(self.time[order:], 0.0, self.trajectory.duration)
+
+
+def _differences(values: FloatArray, order: int) -> FloatArray:
+    """Return differences of rows over the period, shape (N - order, n)."""
+    found: FloatArray = np.diff(values, order, axis=0) / PERIOD**order
+    return found
+
+
+def _aborts(commands: _Commands, limits: FrankaLimits) -> Iterator[ControllerFinding]:
+    """Yield where positions and their differences exceed what is necessary."""
+    position = commands.position
+    # As libfranka's own rate limiter: the limit where the last command was.
+    slowest, fastest = limits.velocity_bounds(position[:-1])
+    bounds = {
+        _POSITION_QUANTITY: (limits.position[0], limits.position[1]),
+        _VELOCITY: (slowest, fastest),
+        _ACCELERATION: (-limits.acceleration, limits.acceleration),
+        _JERK: (-limits.jerk, limits.jerk),
+    }
+    scales = (np.ones(position.shape[1]), limits.velocity, limits.acceleration, limits.jerk)
+    names = commands.trajectory.joint_names
+    for order, (quantity, (lower, upper)) in enumerate(bounds.items()):
+        value = commands.differences(order)
+        time = commands.instants(order)
+        yield from _exceeded(quantity, names, time, value, lower, upper, scales[order])
+
+
+def _unrest(commands: _Commands, limits: FrankaLimits) -> Iterator[ControllerFinding]:
+    """Yield joints that do not begin or end at rest."""
+    trajectory = commands.trajectory
+    ends = trajectory.per_piece(2)
+    for quantity, jump, rows, limit in (
+        (_VELOCITY, _VELOCITY_JUMP, ends.velocity, limits.velocity),
+        (_ACCELERATION, _ACCELERATION_JUMP, ends.acceleration, limits.acceleration),
+    ):
+        for side, row in (("start", 0), ("end", -1)):
+            joint = int((abs(rows[row]) / limit).argmax())
+            value, name = float(rows[row, joint]), trajectory.joint_names[joint]
+            if abs(value) <= _AT_REST * limit[joint]:
+                continue
+            time = 0.0 if row == 0 else trajectory.duration
+            message = (
+                f"{name} {quantity.name} {value:.3g} {quantity.unit} at the {side}, "
+                f"t = {time:.4f} s; it must be 0"
+            )
+            yield ControllerFinding(
+                Effect.REFUSED, jump, message, name, value, 0.0, quantity.unit, time
+            )
+
+
+def _recommended(
+    robot: RobotModel, commands: _Commands, limits: FrankaLimits
+) -> Iterator[ControllerFinding]:
+    """Yield where the model's torques exceed what is recommended."""
+    within = commands.trajectory.reordered(robot.joint_names)
+    at = within.at(np.clip(commands.time, 0.0, within.duration))
+    effort = robot.inverse_dynamics(at.position, at.velocity, at.acceleration)
+    names = commands.trajectory.joint_names
+    effort = effort[:, [robot.joint_names.index(name) for name in names]]
+    for order, quantity, limit in (
+        (0, _EFFORT, limits.effort),
+        (1, _EFFORT_RATE, limits.effort_rate),
+    ):
+        value, time = _differences(effort, order), commands.instants(order)
+        yield from _exceeded(quantity, names, time, value, -limit, limit, limit)
+
+
+def _cartesian(
+    robot: RobotModel, commands: _Commands, limits: FrankaLimits
+) -> Iterator[ControllerFinding]:
+    """Yield where the tool centre point exceeds what Cartesian commands must keep."""
+    within = commands.trajectory.reordered(robot.joint_names)
+    tool = robot.tool_position(within.position(commands.time))
+    for order, ((name, unit), most) in enumerate(
+        zip(_TOOL_QUANTITIES, limits.tool_rates, strict=True), 1
+    ):
+        value = np.linalg.norm(_differences(tool, order), axis=1, keepdims=True)
+        limit = np.array([most])
+        quantity = _Quantity(name, unit, Effect.NOTED, _CARTESIAN)
+        time = commands.instants(order)
+        yield from _exceeded(quantity, (None,), time, value, -limit, limit, limit)
+
+
+def _exceeded(
+    quantity: _Quantity,
+    names: tuple[str | None, ...],
+    time: FloatArray,
+    value: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    scale: FloatArray,
+) -> Iterator[ControllerFinding]:
+    """Yield the worst value beyond its bounds, if any, and when the first one was.
+
+    Args:
+        quantity: What is compared.
+        names: Of the n columns.
+        time: Of the N rows [s].
+        value: Shape (N, n).
+        lower: Shape (n,) or (N, n).
+        upper: Likewise.
+        scale: By which joints are compared with each other, shape (n,).
+    """
+    over = np.maximum(value - upper, lower - value) / scale
+    if not over.max() > _ROUNDING:
+        return
+    row, column = np.unravel_index(int(over.argmax()), over.shape)
+    found, name = float(value[row, column]), names[column]
+    below = found < np.broadcast_to(lower, value.shape)[row, column]
+    limit = float(np.broadcast_to(lower if below else upper, value.shape)[row, column])
+    first = float(time[int((over > _ROUNDING).any(axis=1).argmax())])
+    owner = "" if name is None else f"{name} "
+    begins = "" if first == time[row] else f", first at t = {first:.4f} s"
+    message = (
+        f"{owner}{quantity.name} {_shown(found)} {'<' if below else '>'} {_shown(limit)} "
+        f"{quantity.unit} at t = {time[row]:.4f} s{begins}"
+    )
+    yield ControllerFinding(
+        quantity.effect,
+        quantity.error,
+        message,
+        name,
+        found,
+        limit,
+        quantity.unit,
+        float(time[row]),
+        first,
+    )
+
+
+def _shown(value: float) -> str:
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"

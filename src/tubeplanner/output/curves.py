@@ -1,0 +1,487 @@
+"""Curves of a motion per section: quantities, limit use, segments; time line of a cycle."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby, pairwise
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.errors import ProblemError
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.limits.binding_limits import (
+    ClosestPairs,
+    Span,
+    binding_rows,
+    bound_share,
+    clearance_use,
+    closest_pairs,
+)
+from tubeplanner.limits.motor_costs import motor_effort
+from tubeplanner.limits.path_samples import PathSamples
+from tubeplanner.limits.rates import PointSpeedLimit, ToolSpeed
+from tubeplanner.limits.speed_limits import LimitUses, limit_uses, samples_per_piece
+from tubeplanner.limits.time_scaling import scaling_factor
+from tubeplanner.limits.tube_membership import current_segments, tube_use
+from tubeplanner.output.drawing import segment_color
+from tubeplanner.robot.model import RobotModel, effort_rate
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.cycle_motion import CycleMotion
+from tubeplanner.task.legs import step_text
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.steps import Move
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
+
+# ---- A part of a motion that is judged under one problem: all of it, or a leg of a cycle.
+
+_MAX_LABELS = 8
+_MAX_MARKED = 24  # segments one by one; more of them as groups, of which each has a label
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A part of a motion under one problem.
+
+    Attributes:
+        problem: The problem.
+        trajectory: Of its joints, in their order, from time zero.
+        begin: When it begins in the whole motion [s].
+    """
+
+    problem: PlanningProblem
+    trajectory: JointTrajectory
+    begin: float = 0.0
+
+    @cached_property
+    def uses(self) -> LimitUses:
+        """How much of its limits it uses."""
+        return limit_uses(self.problem, self.trajectory)
+
+    @cached_property
+    def closest(self) -> list[ClosestPairs]:
+        """Its closest pairs at the times of `uses`."""
+        return closest_pairs(self.problem, self.trajectory, self.uses.samples.time)
+
+    def inside(self, time: FloatArray) -> IntArray:
+        """Return which of the times (K,) [s] of the whole motion are in it."""
+        late = time > self.begin + self.trajectory.duration * (1 + 1e-12)
+        return np.flatnonzero((time >= self.begin) & ~late)
+
+    def nearest(self, time: FloatArray) -> IntArray:
+        """Return the samples of `uses` nearest to times (K,) of its own [s]."""
+        own = self.uses.samples.time
+        later = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
+        return later - (time - own[later - 1] < own[later] - time)
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryCurves:
+    """What there is to draw of a trajectory, at N samples, both sides of every breakpoint.
+
+    Attributes:
+        problem: The planning problem.
+        samples: Times, positions, velocities, accelerations.
+        jerk: Shape (N, n) [rad/s^3 or m/s^3].
+        effort: Shape (N, n) [N m or N].
+        effort_rate: Shape (N, n) [N m/s or N/s]; None where no joint's is limited.
+        tool: Shape (N, 3) [m].
+        speed: Of the tool, shape (N,) [m/s].
+        speed_limit: Its limit in that segment, shape (N,) [m/s]; inf where there is none.
+        points: Speeds of the points that limits name, as shares of these, shape (N, P).
+        segment: The tube segment of each sample, shape (N,).
+        tube_use: The tool's distance from the segment as a share of its radius, or of the nearest
+            half side of its box, shape (N,).
+        rotation_use: The same of the rotation tolerance; None where there is none.
+    """
+
+    problem: PlanningProblem
+    samples: TrajectorySamples
+    jerk: FloatArray
+    effort: FloatArray
+    effort_rate: FloatArray | None
+    tool: FloatArray
+    speed: FloatArray
+    speed_limit: FloatArray
+    points: FloatArray
+    segment: IntArray
+    tube_use: FloatArray
+    rotation_use: FloatArray | None
+
+    @property
+    def visits(self) -> list[tuple[int, float, float]]:
+        """The visits of groups of segments in turn: group, begin and end [s].
+
+        A group is `segments_per_group` segments: of hundreds, nothing could be seen one by one.
+        """
+        time, group = self.samples.time, self.segment // self.segments_per_group
+        ends = [0, *(np.flatnonzero(np.diff(group)) + 1).tolist(), len(time) - 1]
+        return [(int(group[a]), float(time[a]), float(time[b])) for a, b in pairwise(ends)]
+
+    @cached_property
+    def factor(self) -> FloatArray:
+        """How many times faster each sample could be run, jerk left out, shape (N,)."""
+        at = self.samples
+        known = (at.position, at.velocity, at.acceleration)
+        return scaling_factor(self.problem, *known, segment=self.segment)
+
+    @property
+    def segments_per_group(self) -> int:
+        """How many segments one after the other are marked as one."""
+        return segments_per_group(self.problem.tube.segment_count)
+
+
+def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> TrajectoryCurves:
+    """Return what there is to draw of a trajectory of the problem's joints, in their order."""
+    robot, tube = problem.robot, problem.tube
+    count = samples_per_piece(trajectory)
+    samples = trajectory.per_piece(count)
+    q, v, a = samples.position, samples.velocity, samples.acceleration
+    rotation, tool, jacobian = robot.tool_pose_jacobian(q)
+    segment = current_segments(problem, trajectory, samples)
+    turned = None
+    if tube.rotation is not None:
+        error = tube.rotation.error(rotation, tool, segment)
+        angle = np.linalg.norm(error, axis=1, keepdims=True)
+        turned = (np.hstack([abs(error), angle]) / tube.rotation.bounds[segment]).max(axis=1)
+    rate, jerk = None, trajectory.jerk_per_piece(count)
+    if np.isfinite(robot.limits.effort_rate).any():
+        rate = effort_rate(robot, q, v, a, jerk)
+    known = PathSamples(problem, np.stack([q, v, a]))
+    return TrajectoryCurves(
+        problem,
+        samples,
+        jerk,
+        motor_effort(robot, trajectory, samples),
+        rate,
+        tool,
+        np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
+        ToolSpeed(problem).limit[segment],
+        PointSpeedLimit(robot.limits.point_speed).used(known).at(1.0),
+        segment,
+        tube_use(problem, tool, segment),
+        turned,
+    )
+
+
+def segments_per_group(count: int) -> int:
+    """Return how many of so many segments are marked as one: a round number, 1 of a few."""
+    if count <= _MAX_MARKED:
+        return 1
+    steps = (digit * 10**power for power in range(9) for digit in (1, 2, 5))
+    return next(step for step in steps if -(-count // step) <= _MAX_LABELS)
+
+
+def size_of(tube: Tube, k: int) -> str:
+    """Return what views call the effective size of a segment: its radius, or its box's sides."""
+    if tube.cross_section is None or not tube.is_box[k]:
+        return f"{1000 * tube.effective_radius[k]:.3g} mm"
+    width, height = 1000 * (tube.cross_section[k, :2] - 2 * tube.tool_radius)
+    return f"{width:.3g} x {height:.3g} mm"
+
+
+# ---- What binds when, of one motion or of several one after the other, as figures show it.
+
+
+@dataclass(frozen=True, eq=False)
+class LimitedMotion:
+    """A motion, how much of its limits it uses, and what it comes near.
+
+    Attributes:
+        problem: The planning problem.
+        begin: When it begins [s].
+        uses: How much of its limits it uses, its own time from zero on.
+        closest: Its closest pairs at these samples.
+    """
+
+    problem: PlanningProblem
+    begin: float
+    uses: LimitUses
+    closest: Sequence[ClosestPairs]
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        return float(self.uses.samples.time[-1])
+
+
+@dataclass(frozen=True)
+class BindingStrip:
+    """What binds when.
+
+    Attributes:
+        rows: By the names of joints, "tool" and "links": when which limit binds.
+        shares: By kind of limit, in which share of the time one binds anywhere; those that do.
+        speed_share: In which share of the time some limit on the speed does.
+        duration: Of all [s].
+        joint_count: How many of the rows are joints; they come first.
+    """
+
+    rows: Mapping[str, Sequence[Span]]
+    shares: Mapping[str, float]
+    speed_share: float
+    duration: float
+    joint_count: int
+
+
+def limited_motion(
+    problem: PlanningProblem, trajectory: JointTrajectory, begin: float = 0.0
+) -> LimitedMotion:
+    """Return what there is to say of a trajectory of a problem's joints, in any order."""
+    uses = limit_uses(problem, trajectory)
+    return LimitedMotion(
+        problem, begin, uses, closest_pairs(problem, trajectory, uses.samples.time)
+    )
+
+
+def binding_strip(motions: Sequence[LimitedMotion], duration: float) -> BindingStrip:
+    """Return what binds when in motions one after the other; between them, nothing.
+
+    Args:
+        motions: The motions, of the same joints.
+        duration: From the beginning of the first to the end of all [s].
+    """
+    names = motions[0].problem.robot.joint_names
+    rows: dict[str, list[Span]] = {}
+    shares: dict[str, float] = {}
+    speed_share = 0.0
+    for motion in motions:
+        weight = motion.duration / duration
+        for row in binding_rows(names, motion.uses, motion.closest):
+            shifted = [
+                Span(span.kind, motion.begin + span.begin, motion.begin + span.end)
+                for span in row.spans
+            ]
+            rows.setdefault(row.name, []).extend(shifted)
+        uses = [*motion.uses.uses, *map(clearance_use, motion.closest)]
+        for kind in dict.fromkeys(use.kind for use in uses):
+            own = bound_share(motion.uses, [use for use in uses if use.kind == kind])
+            shares[kind] = shares.get(kind, 0.0) + weight * own
+        speed_share += weight * bound_share(motion.uses)
+    binding = {kind: share for kind, share in shares.items() if share > 0}
+    ordered = {name: rows[name] for name in (*names, *rows) if name in rows}
+    joint_count = int(np.isin(list(ordered), names).sum())
+    return BindingStrip(ordered, binding, speed_share, duration, joint_count)
+
+
+# ---- What there is to draw of the motion of a cycle: of every leg and of every rest, in turn.
+
+
+def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
+    """Return the curves of legs and rests in order, their times those of the whole motion.
+
+    Each has the arm as it is then, with what it carries.
+    """
+    legs = [
+        _later(trajectory_curves(stretch.problem, stretch.trajectory), stretch.begin)
+        for stretch in cycle_stretches(cycle, motion)
+    ]
+    found: list[TrajectoryCurves] = []
+    for k, leg in enumerate(legs):
+        found += [*_rest_curves(cycle, motion, k, leg, 0), leg]
+    return [*found, *_rest_curves(cycle, motion, len(legs), legs[-1], -1)]
+
+
+def limited_motions(cycle: Cycle, motion: CycleMotion) -> list[LimitedMotion]:
+    """Return what there is to say of the limits of all legs, in order."""
+    return [
+        limited_motion(stretch.problem, stretch.trajectory, stretch.begin)
+        for stretch in cycle_stretches(cycle, motion)
+    ]
+
+
+def cycle_stretches(cycle: Cycle, motion: CycleMotion) -> tuple[Stretch, ...]:
+    """Return the legs of a motion, each under its problem."""
+    legs = zip(motion.legs, motion.leg_times, strict=True)
+    return tuple(
+        Stretch(_problem(cycle, motion, k), leg, begin) for k, (leg, (begin, _)) in enumerate(legs)
+    )
+
+
+def _problem(cycle: Cycle, motion: CycleMotion, k: int) -> PlanningProblem:
+    """Return the problem of a leg as the judge has it, which tells what segment counts when.
+
+    What begins where its problem has no place fails, and is drawn all the same.
+    """
+    try:
+        return cycle.problem(k, motion.seams[: k + 1])
+    except ProblemError:
+        return cycle.problem_from_anywhere(k)
+
+
+def _later(curves: TrajectoryCurves, begin: float) -> TrajectoryCurves:
+    """Return curves that begin at another time [s]."""
+    return replace(curves, samples=replace(curves.samples, time=curves.samples.time + begin))
+
+
+def _rest_curves(
+    cycle: Cycle, motion: CycleMotion, seam: int, beside: TrajectoryCurves, sample: int
+) -> Iterator[TrajectoryCurves]:
+    """Yield the curves of what takes time at a seam.
+
+    Args:
+        cycle: The cycle.
+        motion: Its motion.
+        seam: Which one.
+        beside: Of the leg after it, or before it.
+        sample: Which of its samples is at the seam.
+    """
+    rest, marks = cycle.rest_at(seam), motion.marks
+    first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:seam])
+    times = [mark.time for mark in marks[first : first + len(rest.steps) + 1]]
+    if seam == len(cycle.legs):
+        times.append(motion.trajectory.duration)
+    for (begin, end), arm in zip(pairwise(times), rest.arms[1:], strict=True):
+        if end > begin:
+            yield _held_curves(beside, sample, arm, (begin, end))
+
+
+def _held_curves(
+    beside: TrajectoryCurves, sample: int, arm: RobotModel, span: tuple[float, float]
+) -> TrajectoryCurves:
+    """Return what is at a sample, at rest for a span of time [s]: motors hold the arm."""
+    rows = np.arange(len(beside.segment))[[sample, sample]]
+    given = beside.samples
+    still = np.zeros_like(given.velocity[rows])
+    return replace(
+        beside,
+        samples=replace(
+            given,
+            time=np.array(span),
+            position=given.position[rows],
+            velocity=still,
+            acceleration=still,
+        ),
+        jerk=still,
+        effort=arm.gravity_effort(given.position[rows]),
+        effort_rate=None if beside.effort_rate is None else still,
+        tool=beside.tool[rows],
+        speed=np.zeros(2),
+        speed_limit=beside.speed_limit[rows],
+        points=np.zeros_like(beside.points[rows]),
+        segment=beside.segment[rows],
+        tube_use=beside.tube_use[rows],
+        rotation_use=None if beside.rotation_use is None else beside.rotation_use[rows],
+    )
+
+
+# ---- What happens when in the motion of a cycle, as bands and ticks of a time line.
+
+# Nearer to an end of the line than this share of it, a name is not in the middle of its room.
+_EDGE = 0.1
+
+
+@dataclass(frozen=True)
+class Band:
+    """A move on a time line.
+
+    Attributes:
+        name: Of the move.
+        begin: [s].
+        end: [s].
+        color: That of its tube.
+        tube: Name of its surface.
+    """
+
+    name: str
+    begin: float
+    end: float
+    color: str
+    tube: str
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A rest on a time line.
+
+    Attributes:
+        begin: [s].
+        end: [s]; the same as begin if all that happens takes no time.
+        ticks: When each thing begins that happens [s], and what it is.
+    """
+
+    begin: float
+    end: float
+    ticks: tuple[tuple[float, str], ...]
+
+    @property
+    def text(self) -> str:
+        """All that happens, on one line."""
+        return ", ".join(text for _, text in self.ticks)
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """What happens when.
+
+    Attributes:
+        bands: Moves.
+        stops: Rests at which something happens.
+    """
+
+    bands: tuple[Band, ...]
+    stops: tuple[Stop, ...]
+
+    def as_dict(self, duration: float) -> dict[str, Any]:
+        """Return the time line as JSON values, with the room that the text of each rest has.
+
+        Args:
+            duration: That the whole width stands for [s].
+        """
+        rooms = _rooms([(stop.begin + stop.end) / 2 for stop in self.stops], duration)
+        return {
+            "bands": [vars(band) for band in self.bands],
+            "rests": [
+                {**vars(stop), "text": stop.text, "room": room}
+                for stop, room in zip(self.stops, rooms, strict=True)
+            ],
+        }
+
+
+def cycle_timeline(motion: CycleMotion) -> Timeline:
+    """Return the time line of a motion."""
+    spans = motion.move_times.items()
+    bands = [
+        Band(name, *times, segment_color(k), tube_name(k)) for k, (name, times) in enumerate(spans)
+    ]
+    return Timeline(tuple(bands), tuple(_stops(motion)))
+
+
+def tube_name(move: int) -> str:
+    """Return what the surface of a move's tube is called in the scene."""
+    return f"move_{move}"
+
+
+def _stops(motion: CycleMotion) -> list[Stop]:
+    steps = zip(motion.cycle.steps, motion.marks, strict=True)
+    runs = [list(run) for _, run in groupby(steps, lambda each: isinstance(each[0], Move))]
+    ends = [run[0][1].time for run in runs[1:]] + [motion.trajectory.duration]
+    return [
+        Stop(
+            run[0][1].time,
+            end,
+            tuple((mark.time, step_text(step)) for step, mark in run if not isinstance(step, Move)),
+        )
+        for run, end in zip(runs, ends, strict=True)
+        if not isinstance(run[0][0], Move)
+    ]
+
+
+def _rooms(middles: Sequence[float], duration: float) -> list[dict[str, Any]]:
+    """Return the room of texts around times [s], so that none is drawn over another.
+
+    A room reaches at most half way to the next text, and as far on both sides; the first and the
+    last text, at an end of the line, have all that is left to that end.
+    """
+    borders = [0.0, *(sum(pair) / 2 for pair in pairwise(middles)), duration]
+    rooms = []
+    for k, (middle, (low, high)) in enumerate(zip(middles, pairwise(borders), strict=True)):
+        even = min(middle - low, high - middle)
+        room = {"begin": middle - even, "end": middle + even, "align": "center"}
+        if k == 0 and middle < _EDGE * duration:
+            room = {"begin": low, "end": high, "align": "left"}
+        elif k == len(middles) - 1 and middle > (1 - _EDGE) * duration:
+            room = {"begin": low, "end": high, "align": "right"}
+        rooms.append(room)
+    return rooms

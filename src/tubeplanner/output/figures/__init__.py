@@ -1,0 +1,1 @@
+"""Figures of motions, runs and studies; matplotlib is imported on use."""

@@ -1,0 +1,145 @@
+"""Figures without a window: creation, files, grid of panels."""
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tubeplanner.errors import OptionError
+from tubeplanner.writing import write_files
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+# ---- Figures without a window, and their files. matplotlib is imported when a figure is made.
+
+_DPI = 110
+_DPI_OF_PICTURES = 150  # of what vector files hold as pixels
+# By ending: what is said of the file beside the figure, without the date, so that equal figures
+# are equal files.
+_METADATA: dict[str, dict[str, Any]] = {
+    ".png": {},
+    ".pdf": {"CreationDate": None},
+    ".svg": {"Date": None},
+}
+FIGURE_ENDINGS = tuple(_METADATA)
+# Text stays text, so that it is found, copied and edited; a PDF brings its fonts along.
+_VECTOR_STYLE: dict[Any, Any] = {
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "tubeplanner",
+}
+
+
+def new_figure(width: float, height: float) -> "Figure":
+    """Return an empty figure of a size [inches]."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=_DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def saved(figure: "Figure", path: str | Path | None) -> "Figure":
+    """Return a figure, written to a file if one is named: PNG, PDF or SVG, by its ending.
+
+    Raises:
+        OptionError: The name ends otherwise.
+        OutputError: The file could not be written.
+    """
+    if path is not None:
+        write_files({Path(path): figure_file(figure, Path(path))})
+    return figure
+
+
+def figure_file(figure: "Figure", path: Path) -> bytes:
+    """Return a figure as the contents of a file: PNG, PDF or SVG, by its ending.
+
+    Equal figures give equal contents.
+
+    Raises:
+        OptionError: The name ends otherwise.
+    """
+    from matplotlib import rc_context
+
+    require_figure(path)
+    ending = path.suffix.lower()
+    resolution = _DPI if ending == ".png" else _DPI_OF_PICTURES
+    stream = io.BytesIO()
+    with rc_context(_VECTOR_STYLE):
+        kind, about = ending.removeprefix("."), _METADATA[ending]
+        figure.savefig(stream, format=kind, dpi=resolution, metadata=about)
+    return stream.getvalue()
+
+
+def require_figure(path: Path | None, option: str = "figure") -> None:
+    """Check that the name of a figure's file, if there is one, has an ending that can be written.
+
+    Args:
+        path: The file.
+        option: What the message says it was given as.
+
+    Raises:
+        OptionError: It has not.
+    """
+    if path is not None and path.suffix.lower() not in FIGURE_ENDINGS:
+        *others, last = FIGURE_ENDINGS
+        known = f"{', '.join(others)} or {last}"
+        raise OptionError(f"{option} {path}: name a file that ends in {known}")
+
+
+# ---- Where the panels of a motion's figure are, so that they fill its page.
+
+_WIDTH = 12.5  # all of these [inches]
+_ABOVE_STRIP, _STRIP_ROW, _PANEL, _MOTORS = 1.0, 0.21, 1.95, 2.7
+_LEAST_SPACE = 2  # rows of panels that the panel in space takes
+
+
+@dataclass(frozen=True, eq=False)
+class FigureGrid:
+    """The panels of a figure.
+
+    Attributes:
+        figure: The figure.
+        strip: What binds when, over the whole width.
+        panels: Curves over time, those of the left column first.
+        space: The panel in space, at the top of the right column.
+        motors: For motors, below all; None: there are none.
+    """
+
+    figure: "Figure"
+    strip: "Axes"
+    panels: "list[Axes]"
+    space: "Axes"
+    motors: "SubFigure | None"
+
+    def name_time(self) -> None:
+        """Name the axis of time below the last panel of each column alone, and save the room."""
+        for axis in (self.strip, *self.panels):
+            spec = axis.get_subplotspec()
+            is_last = axis is not self.strip and spec is not None and spec.is_last_row()
+            axis.set_xlabel("time [s]" if is_last else "")
+
+
+def figure_grid(strip_rows: int, panels: int, *, has_motors: bool) -> FigureGrid:
+    """Return an empty figure.
+
+    Args:
+        strip_rows: Rows of the strip.
+        panels: How many curves over time there are.
+        has_motors: Whether there is room for motors.
+    """
+    rows = -(-(panels + _LEAST_SPACE) // 2)
+    heights = [_ABOVE_STRIP + _STRIP_ROW * strip_rows, _PANEL * rows]
+    heights += [_MOTORS] * has_motors
+    figure = new_figure(_WIDTH, sum(heights))
+    parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
+    strip = parts[0].add_subplot()
+    grid = parts[1].add_gridspec(rows, 2, width_ratios=(1.1, 1))
+    beside = panels - rows
+    places = [(row, 0) for row in range(rows)] + [(row, 1) for row in range(rows - beside, rows)]
+    axes = [parts[1].add_subplot(grid[place]) for place in places]
+    space = parts[1].add_subplot(grid[: rows - beside, 1])
+    return FigureGrid(figure, strip, axes, space, parts[2] if has_motors else None)

@@ -1,0 +1,382 @@
+"""Panels over time with limits and segments; effort over velocity."""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.limits.rates import VelocityByPositionLimit
+from tubeplanner.output.curves import _MAX_LABELS, TrajectoryCurves, size_of
+from tubeplanner.output.drawing import LINE_COLORS, REFERENCE_COLOR, segment_color
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.problem import PlanningProblem
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+# ---- The panels of a trajectory's figure: a quantity over time, its limits, the tube's segments.
+
+# Dashes tell lines apart in grey print.
+_DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)), (0, (1, 1)))
+LIMIT: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": (0, (4, 3))}
+_MAIN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.6}
+_MAX_FACTOR = 3.0  # more than so many times faster is drawn as that
+_LONG_LABEL, _SHORT_LABEL = 0.2, 0.1  # shares of the panel that a label needs
+_MARGIN = 0.08
+
+
+def line_style(number: int) -> dict[str, Any]:
+    """Return colour and dashes of the line of a joint or of a case."""
+    dashes = _DASHES[number % len(_DASHES)]
+    return {"color": LINE_COLORS[number % len(LINE_COLORS)], "linewidth": 1.5, "linestyle": dashes}
+
+
+def draw_positions(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw positions and, in each joint's colour, those of their bounds that are near."""
+    problem, samples = curves.problem, curves.samples
+    for j, name in enumerate(problem.robot.joint_names):
+        axis.plot(samples.time, samples.position[:, j], label=_once(axis, name), **line_style(j))
+    low, high = samples.position.min(), samples.position.max()
+    padding = _MARGIN * max(high - low, 1e-3)
+    axis.set_ylim(low - padding, high + padding)
+    for j in range(problem.robot.joint_count):
+        for bounds in (problem.joint_lower, problem.joint_upper):
+            limit = bounds[curves.segment, j]
+            if ((limit > low - padding) & (limit < high + padding)).any():
+                color = LINE_COLORS[j % len(LINE_COLORS)]
+                axis.plot(samples.time, limit, **{**LIMIT, "color": color})
+    axis.set_ylabel(f"position [{_unit(problem, 'rad', 'm')}]")
+
+
+def draw_velocities(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw velocities against their limits; in each joint's colour, those that fall below them."""
+    robot = curves.problem.robot
+    unit = _unit(curves.problem, "rad/s", "m/s")
+    _draw_shares(axis, curves, curves.samples.velocity, robot.limits.velocity, "velocity", unit)
+    _draw_velocity_by_position(axis, curves)
+
+
+def draw_efforts(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw efforts against their limits; in each joint's colour, those that fall below them."""
+    robot = curves.problem.robot
+    unit = _unit(curves.problem, "N m", "N")
+    _draw_shares(axis, curves, curves.effort, robot.limits.effort, "effort", unit)
+    _draw_effort_ranges(axis, curves)
+
+
+def draw_accelerations(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw accelerations against their limits, of joints that have one."""
+    limit = curves.problem.robot.limits.acceleration
+    _draw_limited(axis, curves, curves.samples.acceleration, limit, "acceleration")
+
+
+def draw_jerks(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw jerks against their limits, of joints that have one."""
+    _draw_limited(axis, curves, curves.jerk, curves.problem.robot.limits.jerk, "jerk")
+
+
+def draw_effort_rates(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw how fast efforts change against their limits, of joints that have one."""
+    if curves.effort_rate is None:
+        return
+    limit = curves.problem.robot.limits.effort_rate
+    _draw_limited(axis, curves, curves.effort_rate, limit, "effort rate")
+
+
+def draw_factor(axis: "Axes", curves: TrajectoryCurves, label: str, number: int) -> None:
+    """Draw how many times faster the arm could move, over the share of the duration.
+
+    Args:
+        axis: Where; several trajectories may share it.
+        curves: The trajectory.
+        label: In a legend.
+        number: Of the line, for colour and dashes.
+    """
+    time = curves.samples.time
+    shown = np.minimum(curves.factor, _MAX_FACTOR)
+    axis.plot(time / time[-1], shown, label=label, **line_style(number))
+    axis.axhline(1.0, **LIMIT)
+    axis.set_xlim(0.0, 1.0)
+    axis.set_ylim(0.9, None)
+    axis.set_xlabel("share of the duration, t / T [-]")
+    axis.set_ylabel("b(t), times faster [-]")
+    axis.grid(alpha=0.25)
+
+
+def draw_speed(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw the speed of the tool, and its limit where there is one."""
+    axis.plot(curves.samples.time, curves.speed, **_MAIN)
+    limit = curves.speed_limit
+    shown = limit[np.isfinite(limit) & (limit < 2 * curves.speed.max())]
+    axis.plot(curves.samples.time, np.where(np.isin(limit, shown), limit, np.nan), **LIMIT)
+    # At rest there is no speed that would set the scale.
+    axis.set_ylim(0.0, 1.1 * max(curves.speed.max(), shown.max(initial=0.0)) or 1e-3)
+    axis.set_ylabel("tool speed [m/s]")
+
+
+def draw_points(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw the speeds of points of the arm against their limits."""
+    limited = curves.problem.robot.limits.point_speed
+    for k, (point, share) in enumerate(zip(limited, curves.points.T, strict=True)):
+        label = _once(axis, f"{k}: {point.link}")
+        axis.plot(curves.samples.time, 100 * share, label=label, **line_style(k))
+    axis.axhline(100.0, **LIMIT)
+    axis.set_ylim(0.0, 130.0)
+    axis.set_ylabel("speed of points [% of limit]")
+    axis.legend(fontsize=8, loc="upper center", ncols=3)
+
+
+def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw the distance to the tool's segment as a share of its radius or box; rotation too."""
+    has_boxes = curves.problem.tube.cross_section is not None
+    label = "distance / radius or half side" if has_boxes else "distance / radius"
+    axis.plot(curves.samples.time, 100 * curves.tube_use, label=_once(axis, label), **_MAIN)
+    if curves.rotation_use is not None:
+        style = line_style(3)
+        turned = 100 * curves.rotation_use
+        label = _once(axis, "turned / rotation tolerance")
+        axis.plot(curves.samples.time, turned, label=label, **style)
+    axis.axhline(100.0, **LIMIT)
+    axis.set_ylim(0.0, 130.0)
+    axis.set_ylabel("tolerance used [%]")
+    axis.legend(fontsize=8, loc="upper center", ncols=2)
+
+
+def mark_segments(
+    axis: "Axes", curves: TrajectoryCurves, *, labels: bool = False, until: float | None = None
+) -> None:
+    """Shade a panel over time by the segments that the tool is in, and name them if asked.
+
+    Args:
+        axis: The panel.
+        curves: The trajectory.
+        labels: Whether segments are named.
+        until: When the panel ends [s]; None: with the trajectory.
+    """
+    visits, last = curves.visits, until or float(curves.samples.time[-1])
+    for group, begin, end in visits:
+        axis.axvspan(begin, end, color=segment_color(group), alpha=0.10, linewidth=0, zorder=0)
+        if begin > 0:
+            axis.axvline(begin, color="#888888", linewidth=0.8, linestyle=":")
+        if labels and len(visits) <= _MAX_LABELS:
+            name = _label(curves, group, (end - begin) / last)
+            place = axis.get_xaxis_transform()
+            axis.text((begin + end) / 2, 1.01, name, transform=place, ha="center", fontsize=7)
+    axis.set_xlim(0.0, last)
+    axis.set_xlabel("time [s]")
+    axis.grid(alpha=0.25)
+
+
+def _label(curves: TrajectoryCurves, group: int, share: float) -> str:
+    """Return what a visit of a group is called that takes a share of the panel."""
+    tube, step = curves.problem.tube, curves.segments_per_group
+    first, last = group * step, min((group + 1) * step, tube.segment_count) - 1
+    number = str(first) if first == last else f"{first}-{last}"
+    sizes = [size_of(tube, k) for k in range(first, last + 1)]
+    is_group = first < last
+    if share <= (_LONG_LABEL if is_group else _SHORT_LABEL) or len(set(sizes)) > 1:
+        return number
+    name = f"segment{'s' * is_group} {number}" if share > _LONG_LABEL else number
+    return f"{name}: {sizes[0]}"
+
+
+def _draw_shares(
+    axis: "Axes",
+    curves: TrajectoryCurves,
+    values: FloatArray,
+    limit: FloatArray,
+    quantity: str,
+    unit: str,
+) -> None:
+    """Draw values as percent of their limits, or in their unit where a joint has no limit."""
+    limited = bool(np.isfinite(limit).all())
+    shown = 100 * values / limit if limited else values
+    for j in range(values.shape[1]):
+        axis.plot(curves.samples.time, shown[:, j], **line_style(j))
+    if limited:
+        for bound in (-100, 100):
+            axis.axhline(bound, **LIMIT)
+        axis.set_ylim(-112, 112)
+        axis.set_ylabel(f"{quantity} [% of limit]")
+        return
+    axis.set_ylabel(f"{quantity} [{unit}]")
+    axis.set_title(f"not every joint has a {quantity} limit", fontsize=8, loc="right")
+
+
+def _draw_limited(
+    axis: "Axes", curves: TrajectoryCurves, values: FloatArray, limit: FloatArray, quantity: str
+) -> None:
+    """Draw values as percent of their limits, of joints that have one, and name the others."""
+    for j in np.flatnonzero(np.isfinite(limit)).tolist():
+        axis.plot(curves.samples.time, 100 * values[:, j] / limit[j], **line_style(j))
+    for bound in (-100, 100):
+        axis.axhline(bound, **LIMIT)
+    axis.set_ylim(-112, 112)
+    axis.set_ylabel(f"{quantity} [% of limit]")
+    names = curves.problem.robot.joint_names
+    free = [names[j] for j in np.flatnonzero(~np.isfinite(limit))]
+    if free:
+        axis.set_title(f"no limit: {', '.join(free)}", fontsize=8, loc="right")
+
+
+def _draw_effort_ranges(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw the efforts that joints have by direction or position, where they are less."""
+    limits, samples = curves.problem.robot.limits, curves.samples
+    own = limits.effort
+    unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
+    for each in limits.effort_ranges:
+        color = LINE_COLORS[each.joint % len(LINE_COLORS)]
+        for way in (1.0, -1.0):
+            allowed = each.allowed(samples.position[:, each.joint], way)
+            less = np.where(allowed < own[each.joint], way * allowed / unit[each.joint], np.nan)
+            axis.plot(samples.time, less, **{**LIMIT, "color": color})
+
+
+def _draw_velocity_by_position(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw the velocities that joints are allowed towards their ends, where they are less."""
+    limits, samples = curves.problem.robot.limits, curves.samples
+    own = limits.velocity
+    unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
+    most = np.where(np.isfinite(own), own, 1.2 * abs(samples.velocity).max())
+    law = VelocityByPositionLimit(limits)
+    towards_ends = law.allowed(samples.position).T
+    for joint, way, allowed in zip(law.joints, law.way, towards_ends, strict=True):
+        shown = np.where(allowed < most[joint], way * allowed / unit[joint], np.nan)
+        color = LINE_COLORS[joint % len(LINE_COLORS)]
+        axis.plot(samples.time, shown, **{**LIMIT, "color": color})
+
+
+def _once(axis: "Axes", label: str) -> str:
+    """Return a label, or one that no legend shows where a line has it: panels may be drawn on."""
+    return "_" if label in (line.get_label() for line in axis.lines) else label
+
+
+def _unit(problem: PlanningProblem, turning: str, sliding: str) -> str:
+    return turning if problem.robot.revolute.all() else f"{turning}, {sliding}"
+
+
+# ---- Which panels over time a motion's figure has.
+
+DrawPanel: TypeAlias = "Callable[[Axes, TrajectoryCurves], None]"
+
+
+def time_panels(runs: Sequence[TrajectoryCurves]) -> list[DrawPanel]:
+    """Return what draws the panels of motions of one arm.
+
+    Accelerations, jerks, effort rates and points' speeds have one where they are limited.
+    """
+    limits = runs[0].problem.robot.limits
+    found: list[DrawPanel] = [draw_positions, draw_velocities]
+    found += [draw_accelerations] if np.isfinite(limits.acceleration).any() else []
+    found += [draw_jerks] if np.isfinite(limits.jerk).any() else []
+    found.append(draw_efforts)
+    found += [draw_effort_rates] if np.isfinite(limits.effort_rate).any() else []
+    found.append(draw_speed)
+    found += [draw_points] if limits.point_speed else []
+    return [*found, draw_tube_use]
+
+
+# ---- Panels of motors: the efforts of a joint over its velocities, inside what its motor has.
+
+_MOTION: dict[str, Any] = {"color": LINE_COLORS[1], "linewidth": 1.4}
+_SHADE: dict[str, Any] = {"color": LINE_COLORS[0], "alpha": 0.08, "linewidth": 0}
+_LOOKS = 201  # velocities at which a motor's limits are drawn
+_MOTOR_MARGIN = 1.12  # how far beyond limits, or motions where there are none, the panel shows
+
+
+def motor_joints(robot: RobotModel) -> IntArray:
+    """Return the joints whose motors a panel has something to say of: friction, or a line."""
+    motors = robot.motors
+    friction = motors.viscous_friction + motors.backwards_friction + motors.forwards_friction
+    return np.flatnonzero((friction > 0) | motors.has_curve)
+
+
+def draw_motors(
+    figure: "FigureBase", curves: TrajectoryCurves, joints: IntArray, columns: int | None = None
+) -> None:
+    """Draw the motors of some joints beside each other, in so many columns; None: in one row."""
+    columns = columns or len(joints)
+    grid = figure.add_gridspec(-(-len(joints) // columns), columns)
+    axes = [figure.add_subplot(grid[divmod(place, columns)]) for place in range(len(joints))]
+    for place, (axis, joint) in enumerate(zip(axes, joints.tolist(), strict=True)):
+        draw_motor(axis, curves, joint)
+        if place % columns:
+            axis.set_ylabel("")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=3, fontsize=8, frameon=False)
+
+
+def draw_motor(axis: "Axes", curves: TrajectoryCurves, joint: int) -> None:
+    """Draw a joint's efforts over its velocities, what friction takes, and the motor's limits.
+
+    Where its limits depend on the position, the most and the least that it has anywhere.
+    """
+    robot = curves.problem.robot
+    velocity, effort = curves.samples.velocity[:, joint], curves.effort[:, joint]
+    shown = _shown_velocities(robot, joint, velocity)
+    _draw_limits(axis, robot, joint, shown)
+    coulomb = robot.motors.coulomb_effort(np.tile(shown[:, None], robot.joint_count))[:, joint]
+    friction = robot.motors.viscous_friction[joint] * shown + coulomb
+    axis.plot(shown, friction, color=REFERENCE_COLOR, linewidth=1.0, label="friction alone")
+    axis.plot(velocity, effort, **_MOTION, label="motion")
+    most = robot.limits.effort[joint]
+    top = _MOTOR_MARGIN * float(most if np.isfinite(most) else abs(effort).max())
+    axis.set(xlim=(shown[0], shown[-1]), ylim=(-top, top))
+    units = ("rad/s", "N m") if robot.revolute[joint] else ("m/s", "N")
+    axis.set_title(robot.joint_names[joint], fontsize=8)
+    axis.set_xlabel(f"velocity [{units[0]}]", fontsize=8)
+    axis.set_ylabel(f"effort [{units[1]}]", fontsize=8)
+    axis.tick_params(labelsize=7)
+    axis.grid(alpha=0.25)
+
+
+def _draw_limits(axis: "Axes", robot: RobotModel, joint: int, velocity: FloatArray) -> None:
+    """Shade what a motor has at velocities (N,), and draw its limits as lines."""
+    most = robot.limits.velocity[joint]
+    for forwards, backwards in _limits(robot, joint, velocity):
+        within = abs(velocity) <= most
+        axis.fill_between(velocity, -backwards, forwards, where=within, **_SHADE)
+        for bound in (forwards, -backwards):
+            axis.plot(velocity, bound, **LIMIT)
+    for bound in (-most, most):
+        axis.axvline(bound, **LIMIT)
+
+
+def _shown_velocities(robot: RobotModel, joint: int, velocity: FloatArray) -> FloatArray:
+    """Return velocities, increasing, over all that a joint may have, or else has."""
+    most = robot.limits.velocity[joint]
+    end = _MOTOR_MARGIN * float(most if np.isfinite(most) else max(abs(velocity).max(), 1e-3))
+    # Friction jumps at zero: one look on either side.
+    positive = np.linspace(0, end, _LOOKS // 2 + 1)
+    positive[0] = 1e-9 * end
+    return np.concatenate([-positive[::-1], positive])
+
+
+def _limits(robot: RobotModel, joint: int, velocity: FloatArray) -> list[FloatArray]:
+    """Return what a motor has forwards and backwards at velocities (N,), (2, N) each.
+
+    The most, and the least if that is another.
+    """
+    own = robot.limits.effort[joint]
+    sides = [
+        (each.side(1.0), each.side(-1.0))
+        for each in robot.limits.effort_ranges
+        if each.joint == joint
+    ]
+    pairs = [(own, own)]
+    if sides:
+        ((forwards, backwards),) = sides
+        pairs = [(forwards.max(), backwards.max()), (forwards.min(), backwards.min())]
+    left = _left_by_the_line(robot, joint, velocity)
+    found = [np.minimum(np.array(pair)[:, None], left) for pair in dict.fromkeys(pairs)]
+    return [reserve for reserve in found if np.isfinite(reserve).all()]
+
+
+def _left_by_the_line(robot: RobotModel, joint: int, velocity: FloatArray) -> FloatArray:
+    """Return what a torque-speed line leaves forwards and backwards, (2, N); inf without one."""
+    if not robot.motors.has_curve[joint]:
+        return np.full((2, len(velocity)), np.inf)
+    stall, no_load = robot.motors.saturation_effort[joint], robot.motors.no_load_velocity[joint]
+    return np.array([stall * (1 - way * velocity / no_load) for way in (1.0, -1.0)])

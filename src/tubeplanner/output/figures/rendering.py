@@ -1,0 +1,281 @@
+"""Depth-buffered picture of solids in parallel projection."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.output.drawing import Surface
+
+# ---- A view of space from far away: where points are on the page, and how near they are.
+
+_UPRIGHT = 0.999  # of a direction's height: from above, x points right and y up
+
+
+@dataclass(frozen=True, eq=False)
+class SpaceView:
+    """A view along a direction, lines that are parallel in space parallel on the page.
+
+    Attributes:
+        direction: From the scene towards the viewer, unit vector (3,).
+    """
+
+    direction: FloatArray
+
+    @property
+    def is_from_above(self) -> bool:
+        """Whether the page is the plane of x and y."""
+        return bool(self.direction[2] > _UPRIGHT)
+
+    @property
+    def axes(self) -> FloatArray:
+        """Unit vectors to the right and upwards on the page, shape (2, 3)."""
+        if self.is_from_above:
+            return np.eye(3)[:2]
+        right = np.cross([0.0, 0.0, 1.0], self.direction)
+        right /= np.linalg.norm(right)
+        return np.array([right, np.cross(self.direction, right)])
+
+    def on_page(self, points: FloatArray) -> FloatArray:
+        """Return where points (..., 3) are on the page, shape (..., 2) [m]."""
+        placed: FloatArray = points @ self.axes.T
+        return placed
+
+    def nearness(self, points: FloatArray) -> FloatArray:
+        """Return how near to the viewer points (..., 3) are, shape (...) [m]."""
+        near: FloatArray = points @ self.direction
+        return near
+
+
+# ---- Solids rendered to a picture, pixel by pixel, so that what is in front is seen in front.
+#
+# Of solids that nothing is seen through, every pixel shows the nearest. Of translucent ones it
+# shows
+# the sides towards the viewer, over what is behind them: each is as dark as it is translucent.
+
+_PIXELS = 1100  # of the longer side
+_LIGHT = np.array([0.35, -0.25, 0.9]) / np.linalg.norm([0.35, -0.25, 0.9])
+_SHADE = 0.45  # how much darker what turns away from the light is
+_SHARP = 0.9  # cosine of the angle between faces from which on they meet in an edge
+_EDGE_WIDTH, _EDGE_LIFT = 2.4, 5.0  # of edges, and how much nearer than their faces [pixels]
+_EDGE_SHADE, _EDGE_ALPHA = 0.55, 0.75
+_NO_AREA = 1e-9  # [pixels^2]
+_TIE = 1e-3  # [pixels]
+_DIGITS = 9  # of a corner's coordinates [m]
+_AT_ONCE = 2_000_000  # pixels of triangles, so that memory suffices
+
+
+# Pixels that triangles are in: indices (P,), how near they are there (P,), and colours (P, 4).
+_Fragments: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedSolid:
+    """A surface and how it is seen.
+
+    Attributes:
+        surface: Base frame.
+        color: Red, green, blue from 0 to 1, shape (3,).
+        alpha: 1 if nothing is seen through it; below that, faces must be outward.
+        has_edges: Whether its edges are drawn.
+    """
+
+    surface: Surface
+    color: FloatArray
+    alpha: float = 1.0
+    has_edges: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture of solids.
+
+    Attributes:
+        pixels: Red, green, blue and alpha from 0 to 1, from the bottom up, shape (H, W, 4).
+        low: Where its lower left corner is on the page, shape (2,) [m].
+        high: Where the opposite one is, shape (2,) [m].
+    """
+
+    pixels: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Triangles:
+    """Triangles in pixels: corners (F, 3, 3), the third coordinate towards the viewer, and colours.
+
+    Attributes:
+        corners: Shape (F, 3, 3).
+        colors: Red, green, blue and alpha, shape (F, 4).
+    """
+
+    corners: FloatArray
+    colors: FloatArray
+
+
+def rendered(solids: Sequence[RenderedSolid], view: SpaceView) -> Picture:
+    """Return the picture of solids from far away."""
+    page = view.on_page(np.vstack([solid.surface.vertices for solid in solids]))
+    low, high = page.min(axis=0), page.max(axis=0)
+    pixel = float((high - low).max()) / (_PIXELS - 2 * _EDGE_WIDTH)
+    low, high = low - _EDGE_WIDTH * pixel, high + _EDGE_WIDTH * pixel
+    width, height = np.ceil((high - low) / pixel).astype(int).tolist()
+    opaque: list[_Triangles] = []
+    through: list[_Triangles] = []
+    for solid in solids:
+        (opaque if solid.alpha == 1 else through).append(_faces(solid, view, low, pixel))
+        if solid.has_edges:
+            through.append(_edges(solid, view, low, pixel))
+    nearest = np.full(width * height, -np.inf)
+    pixels = np.zeros((width * height, 4))
+    for number, part in enumerate(opaque):
+        for place, near, color in _fragments(part, width, height):
+            # Of faces in one plane the last is seen, not now this one and now that.
+            near = near + _TIE * number
+            np.maximum.at(nearest, place, near)
+            is_seen = near >= nearest[place]
+            pixels[place[is_seen]] = color[is_seen]
+    kept = []
+    for part in through:
+        place, near, color = _nearest(_fragments(part, width, height))
+        is_seen = near > nearest[place]
+        kept.append((place[is_seen], near[is_seen], color[is_seen]))
+    if kept:
+        place, near, color = (np.concatenate(rows) for rows in zip(*kept, strict=True))
+        _lay_over(pixels, place, near, color)
+    return Picture(pixels.reshape(height, width, 4), low, low + pixel * np.array([width, height]))
+
+
+def _faces(solid: RenderedSolid, view: SpaceView, low: FloatArray, pixel: float) -> _Triangles:
+    """Return the faces of a solid as they are lit, of a translucent one those that are seen."""
+    corners = solid.surface.vertices[solid.surface.faces]
+    normal = _normals(corners)
+    if solid.alpha < 1:
+        towards = normal @ view.direction > 0
+        corners, normal = corners[towards], normal[towards]
+    shade = (1 - _SHADE) + _SHADE * abs(normal @ _LIGHT)
+    colors = np.column_stack([shade[:, None] * solid.color, np.full(len(shade), solid.alpha)])
+    return _Triangles(_in_pixels(corners, view, low, pixel), colors)
+
+
+def _edges(solid: RenderedSolid, view: SpaceView, low: FloatArray, pixel: float) -> _Triangles:
+    """Return the sharp edges of a solid that are seen, as thin triangles."""
+    # What is cut has a corner per triangle where it should have one in all.
+    points, own = np.unique(solid.surface.vertices.round(_DIGITS), axis=0, return_inverse=True)
+    faces = own.reshape(-1)[solid.surface.faces]
+    normal = _normals(points[faces])
+    sides = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    unique, side, count = np.unique(np.sort(sides), axis=0, return_inverse=True, return_counts=True)
+    face = np.repeat(np.arange(len(faces)), 3)[np.argsort(side.ravel(), kind="stable")]
+    first = np.cumsum(count) - count
+    both = count == 2
+    one, other = face[first[both]], face[first[both] + 1]
+    facing = normal @ view.direction > 0
+    is_seen = facing[one] | facing[other]
+    sharp = np.einsum("ei,ei->e", normal[one], normal[other]) < _SHARP
+    ends = points[unique[both][sharp & is_seen]]
+    corners = _strips(_in_pixels(ends, view, low, pixel))
+    color = np.append(_EDGE_SHADE * solid.color, _EDGE_ALPHA)
+    return _Triangles(corners, np.tile(color, (len(corners), 1)))
+
+
+def _strips(ends: FloatArray) -> FloatArray:
+    """Return lines from end to end, (E, 2, 3) in pixels, as triangles (2 E, 3, 3)."""
+    along = (ends[:, 1] - ends[:, 0])[:, :2]
+    length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    side = np.zeros((len(ends), 3))
+    side[:, :2] = _EDGE_WIDTH / 2 * np.column_stack([-along[:, 1], along[:, 0]]) / length
+    start, end = ends.transpose(1, 0, 2) + np.array([0.0, 0.0, _EDGE_LIFT])
+    quads = [start - side, end - side, end + side, start + side]
+    return np.vstack(
+        [np.stack([quads[k] for k in turn], axis=1) for turn in ((0, 1, 2), (0, 2, 3))]
+    )
+
+
+def _in_pixels(points: FloatArray, view: SpaceView, low: FloatArray, pixel: float) -> FloatArray:
+    """Return where points (..., 3) are in the picture, and how near, in pixels, (..., 3)."""
+    page, near = (view.on_page(points) - low) / pixel, view.nearness(points) / pixel
+    placed: FloatArray = np.concatenate([page, near[..., None]], axis=-1)
+    return placed
+
+
+def _fragments(triangles: _Triangles, width: int, height: int) -> list[_Fragments]:
+    """Return the pixels in which triangles are: indices, how near, and colours, part by part."""
+    corners = triangles.corners
+    if len(corners) == 0:
+        return []
+    # Pixels' centres are at whole numbers and a half.
+    first = np.ceil(corners[:, :, :2].min(axis=1) - 0.5).astype(int)
+    last = np.floor(corners[:, :, :2].max(axis=1) - 0.5).astype(int)
+    first, last = np.maximum(first, 0), np.minimum(last, [width - 1, height - 1])
+    size = np.maximum(last - first + 1, 0)
+    count = size.prod(axis=1)
+    part, planes = np.cumsum(count) // _AT_ONCE, _planes(corners)
+    found = []
+    for rows in np.split(np.arange(len(corners)), np.flatnonzero(np.diff(part)) + 1):
+        owner = np.repeat(rows, count[rows])
+        begin = np.cumsum(count[rows]) - count[rows]
+        within = np.arange(len(owner)) - np.repeat(begin, count[rows])
+        y, x = np.divmod(within, size[owner, 0])
+        x, y = x + first[owner, 0], y + first[owner, 1]
+        slopes = planes[owner]
+        value = slopes[:, :, 0] * x[:, None] + slopes[:, :, 1] * y[:, None] + slopes[:, :, 2]
+        inside = (value[:, :2] >= 0).all(axis=1) & (value[:, 0] + value[:, 1] <= 1)
+        place = (y * width + x)[inside]
+        found.append((place, value[inside, 2], triangles.colors[owner[inside]]))
+    return found
+
+
+def _nearest(fragments: Sequence[_Fragments]) -> _Fragments:
+    """Return the nearest fragment of every pixel: where triangles meet it is in both."""
+    place = np.concatenate([np.zeros(0, dtype=np.int64), *(each[0] for each in fragments)])
+    near = np.concatenate([np.zeros(0), *(each[1] for each in fragments)])
+    color = np.vstack([np.zeros((0, 4)), *(each[2] for each in fragments)])
+    order = np.lexsort([near, place])
+    last = order[np.flatnonzero(np.diff(place[order], append=-1))]
+    return place[last], near[last], color[last]
+
+
+def _planes(corners: FloatArray) -> FloatArray:
+    """Return what is linear over triangles (F, 3, 3), by x, by y and at the first pixel's centre.
+
+    Two of the barycentric coordinates, and how near they are: shape (F, 3, 3). Of triangles that
+    are seen edge on a coordinate is -1.
+    """
+    a, b, c = corners.transpose(1, 0, 2)
+    u, v = b - a, c - a
+    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    sound = abs(area) > _NO_AREA
+    by = np.zeros((len(corners), 3, 3))
+    by[:, 0, :2] = np.column_stack([v[:, 1], -v[:, 0]])
+    by[:, 1, :2] = np.column_stack([-u[:, 1], u[:, 0]])
+    by[sound, :2] /= area[sound, None, None]
+    by[:, 2] = by[:, 0] * u[:, 2:] + by[:, 1] * v[:, 2:]
+    by[:, :, 2] = -np.einsum("fki,fi->fk", by[:, :, :2], a[:, :2] - 0.5)
+    by[:, 2, 2] += a[:, 2]
+    by[~sound] = np.array([0.0, 0.0, -1.0])
+    return by
+
+
+def _lay_over(pixels: FloatArray, place: IntArray, near: FloatArray, color: FloatArray) -> None:
+    """Lay translucent fragments (P,) over pixels, from far to near."""
+    order = np.lexsort([near, place])
+    place, color = place[order], color[order]
+    begin = np.flatnonzero(np.diff(place, prepend=-1))
+    rank = np.arange(len(place)) - np.repeat(begin, np.diff(np.append(begin, len(place))))
+    for layer in range(int(rank.max(initial=-1)) + 1):
+        now = rank == layer
+        own, over = pixels[place[now]], color[now]
+        alpha = over[:, 3:] + own[:, 3:] * (1 - over[:, 3:])
+        mixed = over[:, :3] * over[:, 3:] + own[:, :3] * own[:, 3:] * (1 - over[:, 3:])
+        pixels[place[now]] = np.hstack([mixed / alpha, alpha])
+
+
+def _normals(corners: FloatArray) -> FloatArray:
+    """Return the unit normals of triangles (F, 3, 3), shape (F, 3); zero of what has no area."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    return normal / np.maximum(length, np.finfo(float).tiny)

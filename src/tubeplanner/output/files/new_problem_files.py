@@ -1,0 +1,273 @@
+"""New problem files: commented starter, problem of a recorded trail.
+
+Lines that begin with `##` explain; in lines that begin with `# ` a field follows, which holds as
+soon as that is removed, alone or with all others.
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import TrajectoryError
+from tubeplanner.output.files.problem_file import included_fields, new_fields, read_fields
+from tubeplanner.resources import EXAMPLE_PREFIX, find_problem
+from tubeplanner.robot.info import RobotInfo
+from tubeplanner.studies.tubes.starter_problem import StarterProblem
+from tubeplanner.studies.tubes.teach import joint_trail
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.problem_format import PROBLEM_FORMAT, check_problem_fields
+from tubeplanner.task.problem_reader import parse_problem, robot_of
+from tubeplanner.trajectory.reader import TrajectoryFile
+
+# ---- A first problem file with comments: fields that hold, and others that can be switched on.
+
+_PACKAGE_PREFIX = "package://"
+_WHY = {
+    "position": "ranges that the URDF lacks [rad] or [m]",
+    "velocity": "velocity limits that the URDF lacks [rad/s] or [m/s]",
+    "effort": "effort limits that the URDF lacks [N m] or [N]",
+}
+_NO_MASSES = "no effort is limited, as links lack their <inertial>"
+_WORDS = ("true", "false", "null")  # which are no text in YAML
+_GENTLE = (
+    "acceleration: 10.0  # [rad/s^2] or [m/s^2], one number for all joints, a list or a map",
+    "jerk: 500.0  # [rad/s^3] or [m/s^3]",
+)
+
+
+def starter_text(
+    starter: StarterProblem, urdf: str, package_dirs: tuple[str, ...], folder: Path
+) -> str:
+    """Return the contents of a problem file.
+
+    Args:
+        starter: The problem.
+        urdf: Its URDF as it was named, relative to the working folder.
+        package_dirs: Further folders that hold packages, likewise.
+        folder: Where the file will be: its paths are relative to that.
+    """
+    lines = [
+        f"## {starter.info.name}: a first problem, which was planned before it was written.",
+        '## Lines with "##" explain. In lines with "#" a field follows: remove "# " to use it.',
+        "## `tubeplanner schema` has all fields, with units and defaults.",
+        f"format: {PROBLEM_FORMAT}",
+        "version: 1",
+        *_robot_lines(starter, urdf, package_dirs, folder),
+        *_tube_lines(starter),
+        *_end_lines(starter),
+        *_cell_lines(starter),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _robot_lines(
+    starter: StarterProblem, urdf: str, package_dirs: tuple[str, ...], folder: Path
+) -> list[str]:
+    frame = starter.info.tool_frame
+    folders = [_as_yaml(_path_from(each, folder)) for each in package_dirs]
+    return [
+        "robot:",
+        f"  urdf: {_as_yaml(_path_from(urdf, folder))}",
+        *([f"  package_dirs: [{', '.join(folders)}]"] if folders else []),
+        f"  tool_frame: {_as_yaml(frame)}",
+        *_other_frames(starter.info),
+        "  ## the tool centre point in tool_frame; it is what stays in the tube [m]",
+        "  # tool_offset: {position: [0.0, 0.0, 0.0]}",
+        "  ## where the root link stands in the cell, whose frame is then that of all [m, rad]",
+        "  # base: {position: [0.0, 0.0, 0.0], rpy: [0.0, 0.0, 0.0]}",
+        "  ## what the tool carries: mass [kg], centre of mass and solid in tool_frame [m]",
+        "  # payload: {mass: 0.1, com: [0.0, 0.0, 0.0]}",
+        "  # attached: [{name: part, sphere: 0.01, position: [0.0, 0.0, 0.03], "
+        f"touch_links: [{_as_yaml(frame)}]}}]",
+        *_limit_lines(starter),
+    ]
+
+
+def _other_frames(info: RobotInfo) -> list[str]:
+    others = [name for name in info.leaf_links if name != info.tool_frame]
+    return [f"  ## other ends of chains: {', '.join(others)}"] if others else []
+
+
+def _limit_lines(starter: StarterProblem) -> list[str]:
+    """Return placeholders for the limits that are missing, to be replaced, and gentle examples."""
+    why = "  ## without these a motion may be as abrupt as the motors allow"
+    if not starter.placeholders:
+        return [why, "  # limits: {acceleration: 10.0, jerk: 500.0}"]
+    lines = ["  limits:"]
+    for quantity, values in starter.placeholders.items():
+        endless = quantity == "effort" and np.isinf(list(values.values())).all()
+        lines.append(f"    ## PLACEHOLDERS: {_NO_MASSES if endless else _WHY[quantity]};")
+        lines.append("    ## REPLACE THEM by the maker's")
+        lines.append(f"    {quantity}: {_row(values)}")
+    return [*lines, f"  {why}", *(f"    # {line}" for line in _GENTLE)]
+
+
+def _tube_lines(starter: StarterProblem) -> list[str]:
+    tube = starter.problem.tube
+    signs = tube.joint_signs[0]
+    return [
+        "tube:",
+        "  ## reference points of the tool in the frame of the root link [m]",
+        "  points:",
+        *(f"    - {_row(point)}" for point in tube.points.tolist()),
+        "  ## how far the tool may stray from the lines between them, one number or one each [m]",
+        f"  radius: {tube.radius[0]:g}",
+        *(["  ## the arm stays in the configuration of its start"] if signs else []),
+        *([f"  joint_signs: {_row(signs)}"] if signs else []),
+        "  ## of the tool [m/s]",
+        "  # tool_speed: 0.25",
+    ]
+
+
+def _end_lines(starter: StarterProblem) -> list[str]:
+    names, trajectory = starter.problem.robot.joint_names, starter.result.trajectory
+    assert isinstance(starter.problem.start, np.ndarray) and trajectory is not None
+    start = dict(zip(names, starter.problem.start.tolist(), strict=True))
+    last = trajectory.position(trajectory.duration).round(4).tolist()
+    return [
+        "start:",
+        f"  joints: {_row(start)}",
+        "## without a goal the motion ends in any configuration, the tool at the last point",
+        f"# goal: {{joints: {_row(dict(zip(names, last, strict=True)))}}}",
+    ]
+
+
+def _cell_lines(starter: StarterProblem) -> list[str]:
+    """Return examples of what else a problem may have."""
+    beyond = round(2 * starter.reach + 1, 1)
+    return [
+        "## box: side lengths; also sphere, cylinder, capsule, mesh; with rpy or quaternion [m]",
+        f"# obstacles: [{{name: box, box: [0.2, 0.2, 0.2], position: [{beyond}, 0.0, 0.1]}}]",
+        "## least distance of links to obstacles [m]",
+        "# clearance: 0.01",
+        "## by which share longer than the shortest the motion may be, to be smooth",
+        "# objective: {slack: 0.02, minimise: smoothness}",
+        "## of the controller: duration and breakpoints are multiples of it [s]",
+        "# period: 0.001",
+    ]
+
+
+def _path_from(path: str, folder: Path) -> str:
+    """Return a path in the working folder as one relative to another folder."""
+    if path.startswith((EXAMPLE_PREFIX, _PACKAGE_PREFIX)) or Path(path).is_absolute():
+        return path
+    return os.path.relpath(Path(path).resolve(), folder.resolve())
+
+
+def _row(values: Any) -> str:
+    """Return a list or map as YAML has it on one line."""
+    if isinstance(values, Mapping):
+        return "{" + ", ".join(f"{_as_yaml(k)}: {_row(v)}" for k, v in values.items()) + "}"
+    if isinstance(values, list | tuple):
+        return "[" + ", ".join(_row(value) for value in values) + "]"
+    return _as_yaml(values)
+
+
+def _as_yaml(value: Any) -> str:
+    """Return a name or a number as YAML reads it."""
+    if isinstance(value, str):
+        plain = value.replace("_", "").replace("/", "").replace(".", "").replace(":", "")
+        is_plain = plain.isascii() and plain.isalnum() and plain[0].isalpha()
+        is_word = value.lower() in _WORDS or value.endswith(":")
+        return value if is_plain and not is_word else '"' + _escaped(value) + '"'
+    if np.isinf(value):
+        return ".inf" if value > 0 else "-.inf"
+    return repr(float(value) + 0.0)
+
+
+def _escaped(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', '\\"')
+
+
+# ---- The problem that a recorded trail belongs to: a robot and its cell, from the trail's ends.
+
+_FOUND = ("tube", "start", "goal")  # by a trail
+_SAMPLES_PER_PIECE = 20  # of a trail that is a trajectory of ours
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A robot and its surroundings, as a problem file has them.
+
+    Attributes:
+        fields: What the problem file itself holds, without tube, start and goal.
+        known: What it holds with the files that it includes, likewise.
+        folder: Where its relative paths start.
+        source: What messages call it.
+    """
+
+    fields: Any
+    known: Any
+    folder: Path
+    source: str
+
+
+def read_cell(
+    urdf: str | None,
+    tool_frame: str | None,
+    obstacles: Path | None,
+    template: str | None,
+    changes: Mapping[str, Any] | None = None,
+) -> Cell:
+    """Return the cell of a problem file, or of a robot and a file of obstacles.
+
+    Args:
+        urdf: As `robot.urdf`; None if a template is given.
+        tool_frame: As `robot.tool_frame`; likewise.
+        obstacles: A file that holds obstacles; None: there are none.
+        template: Problem file; None if a robot is given.
+        changes: Other values of the problem file, by field path.
+
+    Raises:
+        ProblemError: A file cannot be read, or a path leads nowhere.
+    """
+    if template is not None:
+        path = find_problem(template, Path())
+        fields = read_fields(path, changes)
+        for key in _FOUND:
+            fields.pop(key, None)
+        return _cell(fields, path.parent, str(path))
+    assert urdf is not None and tool_frame is not None
+    return _cell(new_fields(urdf, tool_frame, obstacles), Path(), "teach")
+
+
+def _cell(fields: Any, folder: Path, source: str) -> Cell:
+    merged = included_fields(fields, folder)
+    known = {key: value for key, value in merged.items() if key not in _FOUND}
+    return Cell(fields, known, folder, source)
+
+
+def taught_problem(
+    cell: Cell, read: TrajectoryFile, source: str
+) -> tuple[PlanningProblem, FloatArray]:
+    """Return the problem from a trail's start to its end, the tool anywhere, and the trail (N, n).
+
+    Args:
+        cell: The robot and its surroundings.
+        read: The file of the trail.
+        source: What messages call that file.
+
+    Raises:
+        ProblemError: The cell contradicts its format or itself.
+        RobotError: The robot cannot be planned with.
+        TrajectoryError: The trail is not of this robot.
+    """
+    ends: dict[str, Any] = {"start": {"joints": []}, "goal": {"joints": []}}
+    robot = robot_of(check_problem_fields({**cell.known, **ends}, cell.source), cell.folder)
+    trajectory = read.trajectory
+    if read.interpolation is None:
+        samples = trajectory.per_piece(_SAMPLES_PER_PIECE).position
+    else:
+        samples = trajectory.position(trajectory.breakpoints)
+    try:
+        trail = joint_trail(robot, trajectory.joint_names, samples)
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{source}: {error}") from None
+    ends = {"start": {"joints": trail[0].tolist()}, "goal": {"joints": trail[-1].tolist()}}
+    name = Path(source).stem
+    return parse_problem({**cell.known, **ends}, cell.folder, name, reads_tube=False), trail

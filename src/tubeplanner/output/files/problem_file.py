@@ -1,0 +1,347 @@
+"""Problem files with a new tube or base: comments kept, paths valid."""
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import YAMLError
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import ProblemError, shown
+from tubeplanner.geometry.tube.segment_values import JointRange, sign_of
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.task.field_changes import changed_problem
+from tubeplanner.task.fields import BaseFields, Section
+from tubeplanner.task.includes import ProblemLayers, is_named, merged_fields, move_paths
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.problem_format import (
+    PROBLEM_FORMAT,
+    EndpointFields,
+    TubeFields,
+    read_document,
+    require_problem,
+)
+
+# ---- What a problem file must hold itself, so that with its included files it says something else.
+
+
+def change_own(own: Any, merged: Any, wanted: Any) -> None:
+    """Change a file's own fields so that with what it includes they give what is wanted.
+
+    Comments stay; what need not be changed is left where it is.
+
+    Args:
+        own: The file's fields; they are changed.
+        merged: What they give with the included ones.
+        wanted: What they are to give: the same with other values, no key left out.
+    """
+    for key, value in wanted.items():
+        old = merged.get(key)
+        if value == old:
+            continue
+        if isinstance(value, dict) and isinstance(old, dict):
+            change_own(_own_part(own, key, {}), old, value)
+        elif old and value and is_named(old) and is_named(value) and len(old) == len(value):
+            _change_items(_own_part(own, key, []), old, value)
+        else:
+            own[key] = value
+
+
+def _change_items(own: Any, merged: Any, wanted: Any) -> None:
+    """Change a list of named items likewise."""
+    places = {item["name"]: k for k, item in enumerate(own)}
+    for old, value in zip(merged, wanted, strict=True):
+        if value == old:
+            continue
+        name = old["name"]
+        if name not in places:
+            places[name] = len(own)
+            own.append({"name": name})
+        change_own(_own_part(own, places[name], {}), old, value)
+
+
+def _own_part(own: Any, key: Any, empty: Any) -> Any:
+    """Return what a map or list holds, where a map may have nothing yet."""
+    held = own.get(key) if isinstance(own, dict) else own[key]
+    # A copy: an alias elsewhere in the file keeps what it stands for.
+    own[key] = empty if held is None else deepcopy(held)
+    return own[key]
+
+
+# ---- Problem files with another tube: comments and all else kept, relative paths valid from there.
+
+_MAX_LINE_LENGTH = 1000  # [characters]: lines are left as they were
+_MAX_REASON = 200  # [characters]
+_ORDER = ("format", "version", "include", "robot", "tube", "start", "goal")
+_MEASURED = ("radius", "cross_section", "joint_signs")
+_CELL = ("obstacles", "clearance", "contacts", "collision")
+
+
+def read_fields(path: Path, changes: Mapping[str, Any] | None = None) -> Any:
+    """Return what a problem file holds, with its comments if it is YAML.
+
+    Args:
+        path: The file.
+        changes: Other values, by field path.
+
+    Raises:
+        ProblemError: It cannot be read, holds no map or a cycle, or a path leads nowhere.
+    """
+    plain = read_document(path)  # says what is wrong with it
+    if not isinstance(plain, dict):
+        raise ProblemError(f"{path}: a problem is a map with robot, tube and start")
+    require_problem(plain, str(path))
+    fields = plain if path.suffix == ".json" else _with_comments(path)
+    changes = changes or {}
+    rows = {key: _in_a_row(v) if isinstance(v, list | dict) else v for key, v in changes.items()}
+    merged = included_fields(fields, path.parent, path)
+    change_own(fields, merged, changed_problem(merged, rows))
+    return fields
+
+
+def _with_comments(path: Path) -> Any:
+    """Return what a YAML file holds that can be read, with its comments."""
+    try:
+        return _yaml().load(path.read_text("utf-8-sig"))
+    except (YAMLError, ValueError, TypeError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise ProblemError(
+            f"{path} cannot be rewritten with its comments, {shown(reason, _MAX_REASON)}; save it "
+            "as plain YAML or as JSON"
+        ) from None
+
+
+def included_fields(fields: Any, folder: Path, path: Path | None = None) -> Any:
+    """Return what a problem file's own fields give with what they include.
+
+    Args:
+        fields: Its own fields.
+        folder: Where their relative paths start.
+        path: The file, as messages call it; None: it is in no file.
+
+    Raises:
+        ProblemError: An included file cannot be read or is none.
+    """
+    return ProblemLayers.of(fields, folder, str(path or "the problem"), path).merged
+
+
+def new_fields(urdf: str, tool_frame: str, cell: Path | None) -> Any:
+    """Return the fields of a new problem file in the current folder, without tube and ends.
+
+    Args:
+        urdf: As `robot.urdf`.
+        tool_frame: As `robot.tool_frame`.
+        cell: A file whose obstacles, clearance and collision rules are taken; None: no obstacles.
+
+    Raises:
+        ProblemError: The file cannot be read, or has no obstacles.
+    """
+    robot = CommentedMap(urdf=urdf, tool_frame=tool_frame)
+    fields = CommentedMap(format=PROBLEM_FORMAT, version=1, robot=robot)
+    if cell is not None:
+        read = included_fields(read_fields(cell), cell.parent, cell)
+        if not read.get("obstacles"):
+            raise ProblemError(f"{cell}: obstacles is required: a list of solids")
+        taken = {key: read[key] for key in _CELL if key in read}
+        move_paths(taken, cell.parent, Path())
+        fields.update(taken)
+    return fields
+
+
+def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProblem) -> bytes:
+    """Return a problem file's contents with a problem's tube, start and goal.
+
+    Args:
+        fields: What a problem file holds; it is changed.
+        folder: Where its relative paths start.
+        target: Where the contents will be; its ending says whether they are JSON or YAML.
+        problem: Its tube and its ends, configurations, are written.
+    """
+    below = ProblemLayers.of(fields, folder, "the problem").below
+    merged = merged_fields(below, fields)
+    changes: dict[str, Any] = {"tube": _tube_fields(problem.tube)}
+    for end, q in (("start", problem.start), ("goal", problem.goal)):
+        assert isinstance(q, np.ndarray)
+        if not _has_joints(merged.get(end)):
+            changes[end] = _in_a_row({"joints": _in_a_row(q.tolist())})
+    for key, value in changes.items():
+        alone = _alone(value, below.get(key), TubeFields if key == "tube" else EndpointFields)
+        if key in fields:
+            fields[key] = alone
+        else:
+            _insert(fields, key, alone)
+    return _contents(fields, folder, target)
+
+
+def _has_joints(end: Any) -> bool:
+    """Return whether start or goal is a configuration, which is kept as it is written."""
+    return isinstance(end, dict) and end.get("joints") is not None
+
+
+def _alone(value: Any, below: Any, model: type[Section]) -> Any:
+    """Return a map that means the same above another one: it has defaults for that one's keys."""
+    if not isinstance(below, dict):
+        return value
+    for key in below:
+        if key not in value:
+            value[key] = model.model_fields[key].default
+    if isinstance(value.get("joint_signs"), dict) and below.get("joint_signs"):
+        # One map would be merged; a list is replaced.
+        value["joint_signs"] = [deepcopy(value["joint_signs"]) for _ in value["radius"]]
+    return value
+
+
+def with_other_tube(
+    source: Path, target: Path, tube: Tube, changes: Mapping[str, Any] | None = None
+) -> bytes:
+    """Return a problem file's contents with other radii and joint signs, for another place.
+
+    Args:
+        source: A valid problem file.
+        target: Where the contents will be; its ending says whether they are JSON or YAML.
+        tube: Its radii, boxes and joint ranges are written, and its points, if the file names
+            another one that has them or points were left out.
+        changes: Other values of the file, by field path.
+    """
+    fields, other = read_fields(source, changes), _tube_fields(tube)
+    below = ProblemLayers.of(fields, source.parent, str(source)).below.get("tube") or {}
+    own = fields.setdefault("tube", CommentedMap())
+    written = merged_fields(below, own)["points"]
+    if isinstance(written, str) or len(written) != len(tube.points):
+        own["points"] = other["points"]
+        for key, values in (_rotation_fields(tube) | _speed_fields(tube)).items():
+            own[key] = values
+        if tube.clearance is not None:
+            segments = {"segments": _numbers_or_none(tube.clearance)}
+            fields.setdefault("clearance", CommentedMap()).update(segments)
+    for key in _MEASURED:
+        own.pop(key, None)
+    values = {key: other[key] for key in _MEASURED if key in other}
+    hidden = {key: below[key] for key in _MEASURED if key in below}
+    own.update(_alone(values, hidden, TubeFields))
+    return _contents(fields, source.parent, target)
+
+
+def with_placement(
+    source: Path,
+    target: Path,
+    placement: Mapping[str, Any],
+    changes: Mapping[str, Any] | None = None,
+) -> bytes:
+    """Return a problem file's contents with the robot at another place, for another folder.
+
+    Args:
+        source: A valid problem file.
+        target: Where the contents will be; its ending says whether they are JSON or YAML.
+        placement: What the place changes, as a `Placement` has it: `robot.base`, start and goal.
+        changes: Other values of the file, by field path.
+    """
+    fields = read_fields(source, changes)
+    below = ProblemLayers.of(fields, source.parent, str(source)).below
+    for path, value in placement.items():
+        rows = {k: _in_a_row(v) if isinstance(v, list | dict) else v for k, v in value.items()}
+        if path == "robot.base":
+            hidden = (below.get("robot") or {}).get("base")
+            robot = fields.setdefault("robot", CommentedMap())
+            robot["base"] = _alone(_in_a_row(rows), hidden, BaseFields)
+        elif path in fields:
+            fields[path] = _alone(_in_a_row(rows), below.get(path), EndpointFields)
+        else:
+            _insert(fields, path, _alone(_in_a_row(rows), below.get(path), EndpointFields))
+    return _contents(fields, source.parent, target)
+
+
+def _contents(fields: Any, folder: Path, target: Path) -> bytes:
+    move_paths(fields, folder, target.parent)
+    if target.suffix == ".json":
+        return (json.dumps(fields, indent=2) + "\n").encode()  # limits may be Infinity
+    stream = io.BytesIO()
+    _yaml().dump(fields, stream)
+    return stream.getvalue()
+
+
+def _tube_fields(tube: Tube) -> CommentedMap:
+    points = _in_a_row([_in_a_row(point) for point in tube.points.tolist()])
+    maps = [_in_a_row(_signs(ranges)) for ranges in tube.joint_ranges]
+    signs = maps[0] if all(row == maps[0] for row in maps) else maps
+    fields = CommentedMap(points=points, radius=_in_a_row(tube.radius.tolist()))
+    if tube.cross_section is not None:
+        radii = zip(tube.radius.tolist(), tube.is_box, strict=True)
+        fields["radius"] = _in_a_row([None if is_box else radius for radius, is_box in radii])
+        fields["cross_section"] = _in_a_row([_box(row) for row in tube.cross_section.tolist()])
+    fields["joint_signs"] = signs
+    fields.update(_speed_fields(tube))
+    return fields
+
+
+def _box(section: Sequence[float]) -> Any:
+    """Return the cross-section of a segment as a file has it; None for a disc."""
+    if not any(section):
+        return None
+    return _in_a_row({"box": _in_a_row(section[:2]), "up": _in_a_row(section[2:])})
+
+
+def _rotation_fields(tube: Tube) -> dict[str, Any]:
+    """Return the orientations and their tolerances, as a file has them, if there are any."""
+    if tube.orientations is None or tube.rotation_tolerance is None:
+        return {}
+    entries = tube.rotation_tolerance
+    bounds = [_in_a_row(list(b)) if isinstance(b, tuple) else b for b in entries]
+    orientations = [_in_a_row(q) for q in tube.orientations.tolist()]
+    return {
+        "orientations": _in_a_row(orientations),
+        "rotation_tolerance": _in_a_row(bounds),
+    }
+
+
+def _speed_fields(tube: Tube) -> dict[str, Any]:
+    """Return the limits on the tool's speed, as a file has them, if there are any."""
+    if tube.tool_speed is None:
+        return {}
+    return {"tool_speed": _numbers_or_none(tube.tool_speed)}
+
+
+def _numbers_or_none(values: FloatArray) -> Any:
+    """Return a number of each segment as a file has it, null where it is infinite."""
+    return _in_a_row([value if np.isfinite(value) else None for value in values.tolist()])
+
+
+def _signs(ranges: Mapping[str, JointRange]) -> dict[str, Any]:
+    """Return joint ranges as a file has them, signs where they say the same."""
+    pairs = ranges.items()
+    return {name: sign_of(bounds) or _in_a_row(list(bounds)) for name, bounds in pairs}
+
+
+def _in_a_row(values: Sequence[Any] | Mapping[str, Any]) -> Any:
+    """Return a list or map that YAML has on one line."""
+    row: Any = CommentedMap(values) if isinstance(values, Mapping) else CommentedSeq(values)
+    row.fa.set_flow_style()
+    return row
+
+
+def _insert(fields: Any, key: str, value: Any) -> None:
+    """Put a key where a reader expects it: tube, start and goal in this order, after the robot."""
+    names = list(fields)
+    before = _ORDER[: _ORDER.index(key)]
+    place = 1 + max((names.index(name) for name in before if name in fields), default=-1)
+    if isinstance(fields, CommentedMap):
+        fields.insert(place, key, value)
+        return
+    rest = list(fields.items())[place:]
+    for name, _ in rest:
+        del fields[name]
+    fields.update({key: value, **dict(rest)})
+
+
+def _yaml() -> YAML:
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    yaml.width = _MAX_LINE_LENGTH
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    return yaml

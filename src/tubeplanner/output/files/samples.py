@@ -1,0 +1,259 @@
+"""Samples at a given rate, smoothed until joining polynomials keep the limits.
+
+The acceleration of a time-optimal trajectory has kinks between samples, the sharpest at its ends,
+where it rises to a limit within a fraction of a period. Polynomials through samples cannot follow:
+they swing past the limit, by up to a third of it. Where they do, the trajectory is averaged over
+about a period to either side: a uniform cubic spline whose control points lie on the trajectory
+(Schoenberg's operator; de Boor, "A Practical Guide to Splines", chapter XI). Its velocities,
+accelerations and jerks are means of the trajectory's, so that they keep its limits, and between
+samples it is a cubic, so that joining them gives it back. It begins and ends a period late; the
+limits of effort, which means keep but nearly, are checked, and more periods are taken until they
+hold.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE
+from tubeplanner.certificate.verification import verify
+from tubeplanner.limits.motor_costs import motor_effort
+from tubeplanner.limits.time_scaling import minimum_duration
+from tubeplanner.outcome import Infeasible
+from tubeplanner.task.cycle_motion import CycleMotion
+from tubeplanner.task.legs import Rest
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.steps import Event
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples, averaged
+from tubeplanner.trajectory.parts import resting
+from tubeplanner.trajectory.reader import joined_samples
+
+# ---- Samples at a rate that keep the limits when polynomials join them.
+
+# Averaging tries at most this many periods; slowing down ends where the trajectory takes this much
+# longer.
+_MIN_PERIODS, _MAX_SLOWED = 6, 2.0
+# Limits hold when the joined samples need no more than this share of their time more.
+_RUN_OVER = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ExportSamples:
+    """Samples of a trajectory, for a file.
+
+    Attributes:
+        samples: One every period, the last one at their duration.
+        rate: [Hz].
+        slowed: By which share they last longer than the trajectory; 0 if they lie on it.
+        note: How the samples differ from the trajectory, or what joining them violates; None:
+            nothing.
+    """
+
+    samples: TrajectorySamples
+    rate: float
+    slowed: float
+    note: str | None
+
+
+def samples_for_export(
+    problem: PlanningProblem, trajectory: JointTrajectory, rate: float
+) -> ExportSamples:
+    """Return samples that pass `check`: of the trajectory itself, averaged, or slowed down.
+
+    Args:
+        problem: The planning problem.
+        trajectory: A certified answer, in the problem's joint order.
+        rate: [Hz].
+
+    Returns:
+        If nothing passes, samples of the trajectory itself; the note says which conditions fail,
+        and whether the trajectory itself fails them.
+
+    Raises:
+        TrajectoryError: The rate is not positive, or makes too many samples.
+    """
+    samples = trajectory.sample(rate)
+    broken = _broken(problem, trajectory, samples)
+    if broken is None:
+        return ExportSamples(samples, rate, 0.0, None)
+    for how, found in _gentler(problem, trajectory, rate):
+        if _broken(problem, trajectory, found) is None:
+            slowed = found.time[-1] / trajectory.duration - 1
+            note = (
+                f"CSV and ROS samples at {rate:g} Hz are {how} and last {found.time[-1]:.4f} s, "
+                f"{100 * slowed:.2g} % longer than the trajectory, so that the limits hold "
+                "between samples too"
+            )
+            return ExportSamples(found, rate, slowed, note)
+    return ExportSamples(samples, rate, 0.0, _blame(problem, trajectory, rate, broken))
+
+
+def _broken(
+    problem: PlanningProblem, trajectory: JointTrajectory, samples: TrajectorySamples
+) -> str | None:
+    """Return the conditions that joined samples violate, None if they pass."""
+    return _failed(problem, _joined(trajectory, samples))
+
+
+def _failed(problem: PlanningProblem, trajectory: JointTrajectory) -> str | None:
+    return ", ".join(verify(problem, trajectory, FOREIGN_TOLERANCE).failures()) or None
+
+
+def _blame(problem: PlanningProblem, trajectory: JointTrajectory, rate: float, broken: str) -> str:
+    """Return the note on samples that break conditions: is it the trajectory, or the rate?"""
+    itself = _failed(problem, trajectory)
+    if itself is not None:
+        return (
+            "CSV and ROS samples are of the trajectory as it is, which itself breaks the "
+            f"conditions {itself}"
+        )
+    return (
+        f"CSV and ROS samples at {rate:g} Hz are too few: joined by polynomials, they break the "
+        f"conditions {broken}; raise the rate"
+    )
+
+
+def _gentler(
+    problem: PlanningProblem, trajectory: JointTrajectory, rate: float
+) -> Iterator[tuple[str, TrajectorySamples]]:
+    """Yield samples that keep all limits when joined: averaged, then slowed down alone."""
+    averaged = _averaged(problem, trajectory, rate)
+    if averaged is not None:
+        yield "averaged over neighbouring periods", averaged
+    slowed = _slowed(problem, trajectory, rate)
+    if slowed is not None:
+        yield "slowed down", slowed
+
+
+def _averaged(
+    problem: PlanningProblem, trajectory: JointTrajectory, rate: float
+) -> TrajectorySamples | None:
+    """Return samples of the trajectory averaged, in the fewest periods that keep the limits."""
+    fewest = max(int(np.ceil(trajectory.duration * rate)), _MIN_PERIODS)
+    periods = fewest
+    while periods <= _MAX_SLOWED * fewest:
+        average = averaged(trajectory, periods, periods / rate)
+        needed = _needed(problem, average)
+        if needed <= 1 + _RUN_OVER:
+            return average.at(np.arange(periods + 1) / rate)
+        periods += max(1, int((needed - 1) * periods))
+    return None
+
+
+def _slowed(
+    problem: PlanningProblem, trajectory: JointTrajectory, rate: float
+) -> TrajectorySamples | None:
+    """Return samples on the trajectory, run slowly enough to keep the limits when joined."""
+    factor = 1.0
+    while factor <= _MAX_SLOWED:
+        samples = trajectory.scaled(factor).sample(rate)
+        needed = _needed(problem, _joined(trajectory, samples))
+        if needed <= 1 + _RUN_OVER:
+            return samples
+        factor *= needed
+    return None
+
+
+def _needed(problem: PlanningProblem, average: JointTrajectory) -> float:
+    """Return which share of its duration a trajectory needs to keep the limits."""
+    try:
+        return minimum_duration(problem, average) / average.duration
+    except Infeasible:  # gravity alone exceeds a motor where the joined samples lead
+        return np.inf
+
+
+def _joined(trajectory: JointTrajectory, samples: TrajectorySamples) -> JointTrajectory:
+    known = (samples.position, samples.velocity, samples.acceleration)
+    return joined_samples(trajectory.joint_names, samples.time, known)
+
+
+# ---- Samples of the motion of a cycle at a rate: move after move, and the rests between them.
+
+
+@dataclass(frozen=True, eq=False)
+class CycleSamples:
+    """Samples of all legs of a motion.
+
+    Attributes:
+        motion: What they are of.
+        legs: Each leg's, from time zero.
+        rate: [Hz].
+    """
+
+    motion: CycleMotion
+    legs: tuple[ExportSamples, ...]
+    rate: float
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """How samples differ from the motion, and when moves begin if that is later."""
+        notes = [
+            f"move '{leg.name}': {sampled.note}"
+            for leg, sampled in zip(self.motion.cycle.legs, self.legs, strict=True)
+            if sampled.note is not None
+        ]
+        begins, marked = self.begins, [begin for begin, _ in self.motion.leg_times]
+        if not np.allclose(begins, marked, rtol=0, atol=1e-9):
+            names = [leg.name for leg in self.motion.cycle.legs]
+            listed = ", ".join(f"{n} at {t:.4f} s" for n, t in zip(names, begins, strict=True))
+            notes.append(f"in CSV, moves begin later than in the trajectory: {listed}")
+        return tuple(notes)
+
+    @property
+    def begins(self) -> list[float]:
+        """When each leg begins, all of them one after the other [s]."""
+        cycle, time, found = self.motion.cycle, 0.0, []
+        for k, sampled in enumerate(self.legs):
+            time += cycle.rest_at(k).duration
+            found.append(time)
+            time += float(sampled.samples.time[-1])
+        return found
+
+    def whole(self) -> tuple[TrajectorySamples, FloatArray]:
+        """Return samples of all, rests included, and what the motors give, shape (N, n) [N m or N].
+
+        Where the tool takes something or lets it go, the motors give what holds from then on.
+        """
+        tables, begin = [], 0.0
+        for samples, effort in self._parts():
+            rows = (samples.position, samples.velocity, samples.acceleration, effort)
+            tables.append(np.column_stack([begin + samples.time, *rows]))
+            begin = tables[-1][-1, 0]
+        # An instant at which one part ends and the next begins belongs to the next.
+        table = np.concatenate([*(each[:-1] for each in tables[:-1]), tables[-1]])
+        position, velocity, acceleration, effort = np.split(table[:, 1:], 4, axis=1)
+        return TrajectorySamples(table[:, 0], position, velocity, acceleration), effort
+
+    def _parts(self) -> Iterator[tuple[TrajectorySamples, FloatArray]]:
+        """Yield samples of every leg and dwell, from time zero, and efforts (N, n)."""
+        motion = self.motion
+        cycle, seams = motion.cycle, motion.seams
+        for k, trajectory in enumerate(motion.legs):
+            yield from self._dwells(cycle.legs[k].before, seams[k])
+            samples = self.legs[k].samples
+            yield samples, motor_effort(cycle.legs[k].robot, trajectory, samples)
+        yield from self._dwells(cycle.after, seams[-1])
+
+    def _dwells(self, rest: Rest, q: FloatArray) -> Iterator[tuple[TrajectorySamples, FloatArray]]:
+        """Yield the same of every dwell of a rest in a configuration (n,)."""
+        for step, arm in zip(rest.steps, rest.arms[1:], strict=True):
+            if isinstance(step, Event) and step.dwell > 0:
+                samples = resting(arm.joint_names, q, step.dwell).sample(self.rate)
+                yield samples, arm.gravity_effort(samples.position)
+
+
+def cycle_samples(motion: CycleMotion, rate: float) -> CycleSamples:
+    """Return samples of a motion's legs that keep their limits when joined.
+
+    Args:
+        motion: A certified answer.
+        rate: [Hz].
+
+    Raises:
+        TrajectoryError: The rate is not positive, or makes too many samples.
+    """
+    problems = motion.cycle.problems(motion.seams)
+    legs = zip(problems, motion.legs, strict=True)
+    return CycleSamples(motion, tuple(samples_for_export(*leg, rate) for leg in legs), rate)

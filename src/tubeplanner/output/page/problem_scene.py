@@ -1,0 +1,507 @@
+"""Scene of a problem and its items: arm, solids, tube, paths, tool axes, tolerance cones."""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.errors import TrajectoryError
+from tubeplanner.execution.simulation import Execution
+from tubeplanner.geometry.solids import Obstacle
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.orientation import rotation_matrix
+from tubeplanner.output.curves import Stretch
+from tubeplanner.output.drawing import (
+    AXIS_COLORS,
+    CARRIED_COLOR,
+    CONE_COLOR,
+    OBSTACLE_COLOR,
+    REFERENCE_COLOR,
+    SWEPT_COLOR,
+    Surface,
+    dashes,
+    directions,
+    goal_ball,
+    hull_surface,
+    joined,
+    pipe,
+    rgb,
+    segment_color,
+    shape_surface,
+    speed_colors,
+    tube_surfaces,
+)
+from tubeplanner.output.execution_curves import (
+    BESIDE_EXECUTED,
+    EXECUTED_STEPS,
+    ExecutedPaths,
+    executed_paths,
+    tool_runs,
+)
+from tubeplanner.output.link_visuals import (
+    MAX_FACES,
+    LinkPart,
+    arm_hulls,
+    carried_surfaces,
+    link_parts,
+)
+from tubeplanner.output.page.scene import (
+    Item,
+    Layer,
+    Scene,
+    ShownTrajectory,
+    direction_of,
+    poses_along,
+    poses_at_rest,
+    scene_frame,
+    with_bodies,
+)
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+
+# ---- The items of a scene: arm, solids, tube, paths, and the space that links sweep.
+
+_SWEEP_STEPS = 24
+_BALL_POINTS = 150
+_POINT_COLOR = "#111111"
+
+
+def arm_items(trajectory: int, parts: list[LinkPart]) -> list[Item]:
+    """Return the links of an arm."""
+    return [
+        Item(
+            Layer.ARM,
+            trajectory,
+            f"{part.link}/{i}",
+            part.surface,
+            np.array(part.color),
+            1,
+            part.body,
+        )
+        for i, part in enumerate(parts)
+    ]
+
+
+def carried_items(trajectory: int, surfaces: Iterable[tuple[int, str, Surface]]) -> list[Item]:
+    """Return what is carried, of bodies, names and surfaces."""
+    color = rgb(CARRIED_COLOR)
+    return [
+        Item(Layer.CARRIED, trajectory, name, surface, color, 0.85, body, is_smooth=False)
+        for body, name, surface in surfaces
+    ]
+
+
+def obstacle_items(trajectory: int, obstacles: Iterable[Obstacle]) -> list[Item]:
+    """Return what stands still."""
+    color = rgb(OBSTACLE_COLOR)
+    return [
+        Item(Layer.OBSTACLES, trajectory, each.name, surface, color, 0.55, is_smooth=False)
+        for each in obstacles
+        for surface in [joined(shape_surface(shape) for shape in each.shapes)]
+    ]
+
+
+def reference_item(trajectory: int, name: str, points: FloatArray, thickness: float) -> Item:
+    """Return a dashed line through points (N, 3) of a thickness [m]."""
+    line = dashes(points, 0.45 * thickness, 10 * thickness)
+    return Item(Layer.REFERENCE, trajectory, name, line, rgb(REFERENCE_COLOR))
+
+
+def tool_items(
+    i: int, trajectory: ShownTrajectory, robot: RobotModel, thickness: float, fastest: float
+) -> list[Item]:
+    """Return the tool's path, coloured by its speed, and a point where the tool is.
+
+    Args:
+        i: Index of the trajectory.
+        trajectory: Where the tool is when.
+        robot: The arm.
+        thickness: Of the path [m].
+        fastest: The speed of the brightest colour [m/s].
+    """
+    body = robot.link_body[robot.tool_frame]
+    center = (trajectory.tool[0] - trajectory.position[0, body]) @ trajectory.rotation[0, body]
+    point = hull_surface(center + 1.8 * thickness * directions(_BALL_POINTS))
+    items = [Item(Layer.TOOL, i, "point", point, rgb(_POINT_COLOR), 1.0, body)]
+    surface, owner = pipe(trajectory.tool, thickness)
+    if len(owner):
+        share = trajectory.speed[owner] / (fastest or 1.0)
+        items.append(Item(Layer.TOOL, i, "path", surface, speed_colors(share)))
+    return items
+
+
+def swept_item(i: int, trajectory: ShownTrajectory, swept: Surface) -> list[Item]:
+    """Return the space that links sweep, if they move."""
+    if trajectory.duration == 0:
+        return []
+    return [Item(Layer.SWEPT, i, "links", swept, rgb(SWEPT_COLOR), 0.22)]
+
+
+def swept_surface(
+    trajectory: ShownTrajectory, hulls: list[tuple[int, FloatArray]], steps: int = _SWEEP_STEPS
+) -> Surface:
+    """Return the space that moving links take: hulls of each in one pose and the next.
+
+    Args:
+        trajectory: The poses.
+        hulls: Bodies, and points (V, 3) of what they carry.
+        steps: In how many poses.
+    """
+    chosen = np.unique(np.linspace(0, len(trajectory.time) - 1, steps).round().astype(int))
+    pieces = []
+    for body, points in hulls:
+        if body == 0:
+            continue
+        placements = [trajectory.placement(step, body) for step in chosen]
+        poses = [points @ placement[:3, :3].T + placement[:3, 3] for placement in placements]
+        pairs = pairwise(poses) if len(poses) > 1 else [(poses[0],)]
+        pieces += [hull_surface(np.vstack(pair)) for pair in pairs]
+    return joined(pieces)
+
+
+def line_thickness(tubes: Iterable[Tube], size: float) -> float:
+    """Return the radius of drawn lines [m]: thin in all tubes, seen in a scene of a size [m]."""
+    radius = min(float(tube.effective_radius.min()) for tube in tubes)
+    return float(np.clip(0.12 * radius, 0.002 * size, 0.004 * size))
+
+
+# ---- How the tool is turned: its axes, and the cones in which the tube wants one of them.
+#
+# A rotation tolerance bounds the components of the rotation vector from the reference to the tool,
+# and its length. Tilts of one axis of the tool then lie in a cone about that axis of the reference.
+
+AXIS_NAMES, POINTER = "xyz", "pointer_"
+_POINTER_COLOR = "#111111"
+_CONE_OPACITY = 0.4
+_RIM_POINTS, _TRIED_WAYS, _TRIED_TURNS = 48, 480, 41
+_AXIS_LENGTH, _CONE_LENGTH, _POINTER_LENGTH = 30.0, 60.0, 66.0  # in radii of drawn lines
+
+
+@dataclass(frozen=True, eq=False)
+class RotationCone:  # a `MovingBody`
+    """The cone of a rotation tolerance, where it holds.
+
+    Attributes:
+        bounds: On |x|, |y|, |z| of the rotation vector and on its length, shape (4,) [rad].
+        poses: Of the reference, at the tool, at T times, base frame, shape (T, 4, 4).
+        present: Whether it holds then, shape (T,).
+    """
+
+    bounds: FloatArray
+    poses: FloatArray
+    present: BoolArray
+
+
+def turned_tool(
+    i: int,
+    robot: RobotModel,
+    tubes: Sequence[Tube],
+    stretches: Sequence[Stretch],
+    shown: ShownTrajectory,
+    thickness: float,
+) -> tuple[ShownTrajectory, list[Item]]:
+    """Return a motion with its cones as bodies, and all that shows how the tool is turned.
+
+    Args:
+        i: Index of the motion.
+        robot: The arm.
+        tubes: What the motion runs through.
+        stretches: Of the motion; none: the arm rests, and cones stand at the reference points.
+        shown: Where the arm is.
+        thickness: Radius of drawn lines [m].
+    """
+    cones = rotation_cones(stretches, shown)
+    bounds = [row for tube in tubes if tube.rotation for row in tube.rotation.bounds]
+    items = [*axes_items(i, robot, thickness), *pointer_items(i, robot, bounds, thickness)]
+    items += cone_items(i, shown.rotation.shape[1], cones, thickness)
+    if not stretches:
+        for k, tube in enumerate(tubes):
+            items += standing_cones(i, f"tube_{k}", tube, thickness)
+    return with_bodies(shown, cones), items
+
+
+def axes_items(i: int, robot: RobotModel, thickness: float) -> list[Item]:
+    """Return the axes of the tool centre point of an arm, for lines of a radius [m]."""
+    body, placement = robot.link_body[robot.tool_frame], _tool_placement(robot)
+    return [
+        Item(
+            Layer.AXES,
+            i,
+            name,
+            _stick(axis, thickness, _AXIS_LENGTH * thickness).moved(placement),
+            rgb(color),
+            body=body,
+        )
+        for axis, (name, color) in enumerate(zip(AXIS_NAMES, AXIS_COLORS, strict=True))
+    ]
+
+
+def rotation_cones(stretches: Sequence[Stretch], shown: ShownTrajectory) -> list[RotationCone]:
+    """Return the cones of a motion's rotation tolerances, those that differ, as they move."""
+    found: dict[tuple[float, ...], RotationCone] = {}
+    for stretch in stretches:
+        rotation = stretch.problem.tube.rotation
+        if rotation is None:
+            continue
+        rows = stretch.inside(shown.time)
+        segment = stretch.uses.segment[stretch.nearest(shown.time[rows] - stretch.begin)]
+        tool = shown.tool[rows]
+        reference = rotation.reference(tool, segment)
+        for bounds in np.unique(rotation.bounds[segment], axis=0):
+            if cone_axis(bounds) is None:
+                continue
+            cone = found.setdefault(tuple(bounds.tolist()), _absent(bounds, len(shown.time)))
+            holds = (rotation.bounds[segment] == bounds).all(axis=1)
+            cone.poses[rows[holds], :3, :3] = reference[holds]
+            cone.poses[rows[holds], :3, 3] = tool[holds]
+            cone.present[rows[holds]] = True
+    return list(found.values())
+
+
+def cone_items(i: int, first: int, cones: Sequence[RotationCone], thickness: float) -> list[Item]:
+    """Return cones as bodies that move, numbered from the first on."""
+    color = rgb(CONE_COLOR)
+    return [
+        Item(
+            Layer.ROTATION,
+            i,
+            f"cone_{k}",
+            _cone(each.bounds, thickness),
+            color,
+            _CONE_OPACITY,
+            first + k,
+            is_smooth=False,
+        )
+        for k, each in enumerate(cones)
+    ]
+
+
+def standing_cones(i: int, name: str, tube: Tube, thickness: float) -> Iterator[Item]:
+    """Yield the cones at the reference points of a tube, each with the tolerance after it."""
+    rotation = tube.rotation
+    if rotation is None:
+        return
+    last = tube.segment_count - 1
+    for k in range(len(tube.points)):
+        segment = min(k, last)
+        if cone_axis(rotation.bounds[segment]) is None:
+            continue
+        placement = np.eye(4)
+        share = np.array([float(k > last)])
+        placement[:3, :3] = rotation.reference_at(share, np.array([segment]))[0]
+        placement[:3, 3] = tube.points[k]
+        cone = _cone(rotation.bounds[segment], thickness).moved(placement)
+        color = rgb(CONE_COLOR)
+        yield Item(Layer.ROTATION, i, f"{name}_{k}", cone, color, _CONE_OPACITY, is_smooth=False)
+
+
+def pointer_items(
+    i: int, robot: RobotModel, bounds: Sequence[FloatArray], thickness: float
+) -> list[Item]:
+    """Return the axes of the tool that cones bound, as dark lines that move with it."""
+    axes = sorted({axis for each in bounds if (axis := cone_axis(each)) is not None})
+    body, placement = robot.link_body[robot.tool_frame], _tool_placement(robot)
+    color = rgb(_POINTER_COLOR)
+    return [
+        Item(
+            Layer.ROTATION,
+            i,
+            f"{POINTER}{AXIS_NAMES[axis]}",
+            _stick(axis, 0.6 * thickness, _POINTER_LENGTH * thickness).moved(placement),
+            color,
+            body=body,
+        )
+        for axis in axes
+    ]
+
+
+def cone_axis(bounds: FloatArray) -> int | None:
+    """Return the axis of the tool whose tilts bounds (4,) [rad] confine to a cone; None: none.
+
+    The one about which it may turn the farthest; where several may as far, z.
+    """
+    largest = np.flatnonzero(bounds[:3] == bounds[:3].max())
+    axis = int(largest[0]) if len(largest) == 1 else 2
+    across = np.delete(bounds[:3], axis).max()
+    return axis if min(across, bounds[3]) < np.pi else None
+
+
+def cone_rim(bounds: FloatArray, axis: int) -> FloatArray:
+    """Return how far an axis may tilt each way: unit vectors in the reference, (M + 1, 3).
+
+    A rotation vector whose component along the axis is large turns the way of the tilt by half of
+    it. So all of these are tried, and of each way the farthest tilt counts.
+    """
+    turn = np.linspace(0, 2 * np.pi, _TRIED_WAYS, endpoint=False)
+    along = min(bounds[axis], bounds[3], np.pi) * np.linspace(-1, 1, _TRIED_TURNS)
+    ways = np.column_stack([np.cos(turn), np.sin(turn)])
+    across = bounds[:3][[axis - 2, axis - 1]]
+    with np.errstate(divide="ignore"):
+        farthest = (across / abs(ways)).min(axis=1)[:, None]
+    round_ = np.sqrt(np.maximum(min(bounds[3], np.pi) ** 2 - along**2, 0.0))
+    tilt = np.minimum(farthest, round_)[..., None] * ways[:, None]
+    vectors = np.zeros((*tilt.shape[:2], 3))
+    vectors[..., axis - 2], vectors[..., axis - 1] = tilt[..., 0], tilt[..., 1]
+    vectors[..., axis] = along
+    tips = rotation_matrix(vectors.reshape(-1, 3))[..., axis]
+    way = np.arctan2(tips[:, axis - 1], tips[:, axis - 2])
+    rim = np.round(way / (2 * np.pi) * _RIM_POINTS).astype(int) % _RIM_POINTS
+    angle = np.zeros(_RIM_POINTS)
+    np.maximum.at(angle, rim, np.arccos(np.clip(tips[:, axis], -1, 1)))
+    angle = np.append(angle, angle[0])
+    around = np.linspace(0, 2 * np.pi, _RIM_POINTS + 1)
+    points = np.zeros((_RIM_POINTS + 1, 3))
+    points[:, axis] = np.cos(angle)
+    points[:, axis - 2] = np.sin(angle) * np.cos(around)
+    points[:, axis - 1] = np.sin(angle) * np.sin(around)
+    return points
+
+
+def _cone(bounds: FloatArray, thickness: float) -> Surface:
+    """Return the cone of bounds (4,) [rad], its tip at the origin of the reference."""
+    axis = cone_axis(bounds)
+    assert axis is not None
+    points = np.vstack([np.zeros(3), _CONE_LENGTH * thickness * cone_rim(bounds, axis)])
+    around = np.arange(1, _RIM_POINTS + 1)
+    outside = np.column_stack([np.zeros_like(around), around, around + 1])
+    return Surface(points, np.vstack([outside, outside[:, ::-1]]))
+
+
+def _stick(axis: int, thickness: float, length: float) -> Surface:
+    """Return a line from the origin along an axis, of a radius and length [m]."""
+    return pipe(np.array([np.zeros(3), length * np.eye(3)[axis]]), thickness)[0]
+
+
+def _absent(bounds: FloatArray, count: int) -> RotationCone:
+    return RotationCone(bounds, np.tile(np.eye(4), (count, 1, 1)), np.zeros(count, dtype=bool))
+
+
+def _tool_placement(robot: RobotModel) -> FloatArray:
+    """Return the pose of the tool centre point in the frame of the body that carries it, (4, 4)."""
+    q, body = np.zeros(robot.joint_count), robot.link_body[robot.tool_frame]
+    (rotation, position), (turned, tool) = robot.body_poses(q), robot.tool_pose(q)
+    placement = np.eye(4)
+    placement[:3, :3] = rotation[body].T @ turned
+    placement[:3, 3] = rotation[body].T @ (tool - position[body])
+    return placement
+
+
+# ---- The scene of a problem and its trajectories.
+
+_FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES = 200, 80, 240
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ProblemScene(Scene):
+    """The scene of a problem.
+
+    Attributes:
+        problem: What is shown.
+    """
+
+    problem: PlanningProblem
+
+
+def build_scene(
+    problem: PlanningProblem,
+    named: Mapping[str, JointTrajectory],
+    execution: Execution | None = None,
+    *,
+    at_rest: ShownTrajectory | None = None,
+    notes: Sequence[str] = (),
+    empty_handed: Collection[str] = (),
+) -> ProblemScene:
+    """Return the scene of a problem and some trajectories, by name.
+
+    Without a trajectory the arm stands as is given, else at the start. The execution is that of the
+    one trajectory. Trajectories that are empty-handed are drawn without the problem's carried
+    solids. Notes of the scene begin with those that are given.
+
+    Raises:
+        TrajectoryError: A trajectory moves other joints than the problem's; it is named.
+        RobotError: The robot's geometry is of a kind no URDF has.
+    """
+    said, robot = list(notes), problem.robot
+    motions = {name: _motion(problem, name, given) for name, given in named.items()}
+    stretches = tuple((Stretch(problem, motion),) for motion in motions.values())
+    shown = [_shown(robot, *pair) for pair in motions.items()]
+    shown = shown or [at_rest or poses_at_rest(problem, said)]
+    parts, notes_of_parts = link_parts(robot, MAX_FACES // len(shown))
+    carried = carried_surfaces(robot, problem.attached)
+    hulls, tube = arm_hulls(parts, carried), tube_surfaces(problem.tube)
+    swept = [swept_surface(each, hulls) for each in shown]
+    standing = [points for body, points in hulls if body == 0]
+    points = [*(surface.vertices for surface in [*swept, *tube]), *standing]
+    direction = direction_of(shown[0], [problem.tube.points], problem.obstacles, hulls)
+    thickness = line_thickness([problem.tube], float(np.ptp(np.vstack(points), axis=0).max()))
+    fastest = max(float(each.speed.max()) for each in shown)
+    width = thickness if execution is None else BESIDE_EXECUTED * thickness
+    items: list[Item] = []
+    for i, each in enumerate(shown):
+        shown[i], turned = turned_tool(
+            i, robot, [problem.tube], sum(stretches[i : i + 1], ()), each, thickness
+        )
+        items += arm_items(i, parts)
+        items += carried_items(i, () if each.name in empty_handed else carried)
+        items += _surroundings(i, problem, tube, thickness)
+        items += tool_items(i, each, robot, width, fastest)
+        items += [*turned, *swept_item(i, each, swept[i])]
+    return ProblemScene(
+        name=problem.name,
+        trajectories=tuple(shown),
+        items=tuple(items),
+        frame=scene_frame(points, direction, len(shown)),
+        thickness=thickness,
+        notes=(*said, *notes_of_parts),
+        stretches=stretches,
+        executed=_executed(problem, named, execution),
+        problem=problem,
+    )
+
+
+def _motion(problem: PlanningProblem, name: str, trajectory: JointTrajectory) -> JointTrajectory:
+    try:
+        return trajectory.reordered(problem.robot.joint_names)
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{name}: {error}") from error
+
+
+def _shown(robot: RobotModel, name: str, trajectory: JointTrajectory) -> ShownTrajectory:
+    wanted = int(np.ceil(_FRAMES_PER_SECOND * trajectory.duration))
+    frames = min(max(wanted, _MIN_FRAMES), _MAX_FRAMES)
+    time = np.linspace(0.0, trajectory.duration, frames)
+    return poses_along(robot, name, trajectory, time)
+
+
+def _surroundings(
+    trajectory: int, problem: PlanningProblem, tube: list[Surface], thickness: float
+) -> list[Item]:
+    """Return tube, reference path, its lines of a thickness [m], and obstacles."""
+    items = [
+        Item(
+            Layer.TUBE,
+            trajectory,
+            f"segment_{k}",
+            surface,
+            rgb(segment_color(k)),
+            0.3,
+            is_smooth=not problem.tube.is_box[k],
+        )
+        for k, surface in enumerate(tube)
+    ]
+    items.append(reference_item(trajectory, "path", problem.tube.points, thickness))
+    for ball in goal_ball(problem.goal):
+        items.append(Item(Layer.REFERENCE, trajectory, "goal", ball, rgb(REFERENCE_COLOR), 0.35))
+    return items + obstacle_items(trajectory, problem.obstacles)
+
+
+def _executed(
+    problem: PlanningProblem, named: Mapping[str, JointTrajectory], execution: Execution | None
+) -> ExecutedPaths | None:
+    if execution is None:
+        return None
+    (trajectory,) = named.values()
+    return executed_paths(tool_runs(problem, trajectory, execution), EXECUTED_STEPS)

@@ -1,0 +1,204 @@
+"""CycleResult: plans of the legs, sensitivities per move."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate.cycle_verification import CycleCertificate
+from tubeplanner.native.library import LIBRARY
+from tubeplanner.optimizer.stages import Sensitivity
+from tubeplanner.outcome import Place, PlanStatus, StoppedBy
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.cycle_motion import CycleMotion, move_rows
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- The plan of one leg of a cycle.
+
+
+@dataclass(frozen=True, eq=False)
+class LegPlan:
+    """The plan of one leg.
+
+    Attributes:
+        problem: What was planned.
+        result: Its certified answer, the shortest or what is written.
+    """
+
+    problem: PlanningProblem
+    result: PlanResult
+
+    @property
+    def duration(self) -> float:
+        """Of the answer [s]."""
+        assert self.result.duration is not None
+        return self.result.duration
+
+    @property
+    def begin(self) -> FloatArray:
+        """The configuration in which it begins, shape (n,)."""
+        assert self.result.trajectory is not None
+        return self.result.trajectory.position(0.0)
+
+    @property
+    def end(self) -> FloatArray:
+        """The configuration in which it ends, shape (n,)."""
+        assert self.result.trajectory is not None
+        return self.result.trajectory.position(self.result.trajectory.duration)
+
+    def between(self, problem: PlanningProblem) -> "LegPlan":
+        """Return the plan as one of a problem with given ends, those of the plan."""
+        motion = self.result.motion
+        if motion is not None and not motion.is_smoother:
+            motion = replace(motion, problem=problem.joined)
+        return LegPlan(problem, replace(self.result, motion=motion))
+
+
+class BlockedLeg(Exception):
+    """A leg has no answer.
+
+    Attributes:
+        leg: Which one.
+        result: Why not.
+    """
+
+    def __init__(self, leg: int, result: PlanResult) -> None:
+        super().__init__(result.message)
+        self.leg, self.result = leg, result
+
+
+# ---- The result of planning a cycle: a certified motion of all of it, or why there is none.
+
+
+@dataclass(frozen=True, eq=False)
+class CycleResult:
+    """The result of planning a cycle.
+
+    Attributes:
+        status: Success means that the certificate passed.
+        message: One sentence: the answer, or why there is none.
+        place: Where, if there is no answer; it names the move.
+        method: As of a `PlanResult`.
+        motion: The answer; None unless successful.
+        certificate: Of the answer, or of an attempt that failed; None if there was none.
+        legs: The plan of every leg of the answer.
+        greedy_duration: What it takes to run the moves planned alone, each from where the last
+            ended, rests included [s]; None if that led nowhere.
+        planning_time: Wall time from the loaded cycle to the certified result [s].
+        certificate_time: The share of it for the answer's certificate [s].
+        stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
+        sensitivities: What every limit costs over the cycle, the dearest first; a segment's name
+            their move.
+        notes: What else is worth knowing about the answer.
+        proved: As of a `PlanResult`.
+        starts_tried: Likewise.
+    """
+
+    status: PlanStatus
+    message: str
+    place: Place
+    method: str
+    motion: CycleMotion | None = None
+    certificate: CycleCertificate | None = None
+    legs: tuple[LegPlan, ...] = ()
+    greedy_duration: float | None = None
+    planning_time: float = 0.0
+    certificate_time: float = 0.0
+    stopped_by: StoppedBy | None = None
+    sensitivities: tuple["CycleSensitivity", ...] = ()
+    notes: tuple[str, ...] = ()
+    proved: bool | None = None
+    starts_tried: int | None = None
+
+    def __repr__(self) -> str:
+        return f"<CycleResult {self.status.value} by {self.method}: {self.message[:200]}>"
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether there is a certified motion."""
+        return self.status is PlanStatus.SUCCESS
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the cycle [s], rests included; None if there is none."""
+        return None if self.motion is None else self.motion.trajectory.duration
+
+    @property
+    def shortest_duration(self) -> float | None:
+        """Of the shortest motions that were found, rests included [s]; None if there is none."""
+        if self.duration is None:
+            return None
+        spared = [leg.duration - (leg.result.shortest_duration or 0.0) for leg in self.legs]
+        return self.duration - sum(spared)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time."""
+        motion = self.motion
+        return {
+            "status": str(self.status),
+            "message": self.message,
+            "where": self.place.as_dict(),
+            "proved": self.proved,
+            "starts_tried": self.starts_tried,
+            "duration": self.duration,
+            "shortest_duration": self.shortest_duration,
+            "greedy_duration": self.greedy_duration,
+            "phase1_duration": None,
+            "planning_time": self.planning_time,
+            "certificate_time": self.certificate_time,
+            "stopped_by": self.stopped_by,
+            "method": self.method,
+            "build": LIBRARY.build,
+            "moves": [] if motion is None else move_rows(motion),
+            "marks": [] if motion is None else [mark.as_dict() for mark in motion.marks],
+            "notes": list(self.notes),
+            "sensitivities": [asdict(each) for each in self.sensitivities],
+            "certificate": None if self.certificate is None else self.certificate.as_dict(),
+        }
+
+
+@dataclass(frozen=True)
+class CycleSensitivity:
+    """What one limit costs over a cycle, with the ends of all moves fixed.
+
+    Attributes:
+        limit: As of a `Sensitivity`.
+        joint: Likewise.
+        move: Whose tolerance; None for the limits of joints, which count in all moves.
+        segment: Likewise, of the move.
+        saved: What 10 % more would save [s], to first order.
+    """
+
+    limit: str
+    joint: str | None
+    move: str | None
+    segment: int | None
+    saved: float
+
+    def __str__(self) -> str:
+        place = self.joint or f"move '{self.move}'"
+        if self.segment is not None:
+            place = f"segment {self.segment} of {place}"
+        return f"{self.limit} of {place}: {1000 * self.saved:.3g} ms"
+
+
+def cycle_sensitivities(cycle: Cycle, plans: Sequence[LegPlan]) -> tuple[CycleSensitivity, ...]:
+    """Return what every limit costs over a cycle, largest first: the sum over its moves."""
+    saved: dict[tuple[str, str | None, str | None, int | None], float] = {}
+    for leg, plan in zip(cycle.legs, plans, strict=True):
+        for each in plan.result.sensitivities:
+            key = (each.limit, each.joint, *_whose(leg, each))
+            saved[key] = saved.get(key, 0.0) + each.saved
+    found = [CycleSensitivity(*key, saved=value) for key, value in saved.items()]
+    return tuple(sorted(found, key=lambda each: -each.saved))
+
+
+def _whose(leg: Any, each: Sensitivity) -> tuple[str | None, int | None]:
+    """Return the move and its segment that a leg's limit belongs to; None: all moves."""
+    if each.joint is not None:
+        return None, None
+    if each.segment is None:
+        return leg.name, None
+    move, segment = leg.move_of(each.segment)
+    return move.name, segment

@@ -1,0 +1,286 @@
+"""PlanResult: certified, refused or stopped; grounds of a refusal."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate.refusal import refusal
+from tubeplanner.certificate.verification import Certificate, verify
+from tubeplanner.first_guess.branch_and_bound import SearchStatistics
+from tubeplanner.first_guess.suh_bishop import PhaseTwoStatistics
+from tubeplanner.limits.peaks import TrajectoryPeaks, peaks_as_dict, trajectory_peaks
+from tubeplanner.limits.speed_limits import unused_speed
+from tubeplanner.native.library import LIBRARY
+from tubeplanner.optimizer.stages import Sensitivity
+from tubeplanner.optimizer.starts import RefinedMotion
+from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, StoppedBy
+from tubeplanner.planning.notes import contact_notes, path_minimum
+from tubeplanner.planning.tightening import Survival
+from tubeplanner.robot.notes import robot_notes
+from tubeplanner.task.endpoints import GoalRegion
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+
+# ---- The result of planning: a certified trajectory, or the reason why there is none.
+
+_MAX_MESSAGE = 200  # [characters] in the representation
+# The message names a reference point that the tool passes farther away than this.
+_FAR_IN_RADII = 3.0
+_SAMPLES_PER_PIECE = 20
+# A note says so when more than this share of the speed is not used.
+_MUCH_UNUSED = 0.02
+
+
+def _no_trajectory() -> None:
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult:
+    """The result of planning.
+
+    Attributes:
+        status: Success means that the certificate passed.
+        message: One sentence: the answer, or why there is none.
+        place: Where, if there is no answer.
+        proved: Whether there is none for certain; False: none was found. None if there is one, or
+            planning was stopped.
+        starts_tried: From how many configurations or branches one was looked for in vain; None
+            unless `proved` is False.
+        configuration: Of the arm at the place, shape (n,) [rad or m]; None if it is not known.
+        method: The method that found the answer: one of `METHODS`.
+        trajectory: The answer; None unless successful.
+        certificate: Of the answer, or of the best attempt; None if there was none.
+        planning_time: Wall time from the loaded problem to the certified result [s].
+        certificate_time: The share of it for the answer's certificate [s].
+        search: What branch and bound did; None if it did not run.
+        phase_two: What "suh-bishop" did after that; None if it did not.
+        stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
+        sensitivities: What every limit costs, the dearest first; empty unless the answer is
+            refinement's.
+        notes: What else is worth knowing about the answer.
+        motion: What `Planner.replan` begins with; None unless the answer is refinement's.
+        shortest: The shortest certified trajectory that was found, if the answer is another one
+            that takes a little longer; None if it is the answer.
+        survival: What was seen of it in simulation; None unless field robustness asks for it.
+        path_minimum: The least time [s] in which motors that switch at once could run the answer's
+            path; computed when first asked for. None if there is no answer. With viscous friction
+            or torque-speed lines an upper bound on it.
+        peaks: The answer's largest joint acceleration, tool speed and tool acceleration; likewise.
+    """
+
+    status: PlanStatus
+    message: str
+    place: Place
+    method: str
+    trajectory: JointTrajectory | None = None
+    certificate: Certificate | None = None
+    planning_time: float = 0.0
+    certificate_time: float = 0.0
+    search: SearchStatistics | None = None
+    phase_two: PhaseTwoStatistics | None = None
+    stopped_by: StoppedBy | None = None
+    notes: tuple[str, ...] = ()
+    sensitivities: tuple[Sensitivity, ...] = ()
+    motion: RefinedMotion | None = None
+    shortest: JointTrajectory | None = None
+    survival: Survival | None = None
+    proved: bool | None = None
+    starts_tried: int | None = None
+    configuration: FloatArray | None = None
+    _path_minimum: Callable[[], float | None] = _no_trajectory
+    _peaks: Callable[[], TrajectoryPeaks | None] = _no_trajectory
+
+    def __repr__(self) -> str:
+        return f"<PlanResult {self.status.value} by {self.method}: {self.message[:_MAX_MESSAGE]}>"
+
+    @cached_property
+    def path_minimum(self) -> float | None:
+        """The least time for the answer's path [s], if motors switch instantly."""
+        return self._path_minimum()
+
+    @cached_property
+    def peaks(self) -> TrajectoryPeaks | None:
+        """Largest joint acceleration, tool speed and tool acceleration of the answer."""
+        return self._peaks()
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether there is a certified trajectory."""
+        return self.status is PlanStatus.SUCCESS
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the trajectory [s], None if there is none."""
+        return None if self.trajectory is None else self.trajectory.duration
+
+    @property
+    def shortest_duration(self) -> float | None:
+        """Duration of the shortest certified trajectory that was found [s], None if none was."""
+        return self.duration if self.shortest is None else self.shortest.duration
+
+    @property
+    def phase1_duration(self) -> float | None:
+        """Duration of branch and bound's trajectory [s], None if it found nothing faster."""
+        return None if self.search is None else self.search.best_duration
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time and path_minimum."""
+        return {
+            "status": str(self.status),
+            "message": self.message,
+            "where": self.place.as_dict(),
+            "proved": self.proved,
+            "starts_tried": self.starts_tried,
+            "duration": self.duration,
+            "shortest_duration": self.shortest_duration,
+            "phase1_duration": self.phase1_duration,
+            "planning_time": self.planning_time,
+            "certificate_time": self.certificate_time,
+            "stopped_by": self.stopped_by,
+            **peaks_as_dict(self.peaks),
+            "method": self.method,
+            "build": LIBRARY.build,
+            "notes": list(self.notes),
+            "sensitivities": [asdict(sensitivity) for sensitivity in self.sensitivities],
+            "search": None if self.search is None else self.search.as_dict(),
+            "phase_two": None if self.phase_two is None else self.phase_two.as_dict(),
+            "certificate": None if self.certificate is None else self.certificate.as_dict(),
+            "robustness": None if self.survival is None else self.survival.as_dict(),
+        }
+
+
+def refused_result(reason: Infeasible, method: str) -> PlanResult:
+    """Return the result that there is no answer, for a reason."""
+    starts = None if reason.proved else reason.starts
+    return PlanResult(
+        reason.status,
+        str(reason),
+        reason.place,
+        method,
+        proved=reason.proved,
+        starts_tried=starts,
+        configuration=reason.configuration,
+    )
+
+
+def stopped_result(clock: PlanningClock, stopped_by: StoppedBy, method: str) -> PlanResult:
+    """Return the result of a method that was stopped before it had anything."""
+    if stopped_by == "interrupt":
+        status, message = PlanStatus.INTERRUPTED, "interrupted before anything was certified"
+    else:
+        status, message = PlanStatus.TIME_LIMIT, clock.past_limit
+    return PlanResult(status, message, Place(), method, stopped_by=stopped_by)
+
+
+def certified_result(
+    problem: PlanningProblem, trajectory: JointTrajectory, method: str, clock: PlanningClock
+) -> PlanResult:
+    """Return the result of a method that made a trajectory: success if its certificate passes."""
+    begin = clock.elapsed
+    certificate = verify(problem, trajectory)
+    return judged_result(problem, trajectory, certificate, clock.elapsed - begin, method)
+
+
+def judged_result(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    certificate: Certificate,
+    certificate_time: float,
+    method: str,
+) -> PlanResult:
+    """Return the result of a method whose trajectory has its certificate, passed or not."""
+    reason = refusal(problem, certificate)
+    if reason is not None:
+        refused = refused_result(_with_arm(problem, trajectory, reason), method)
+        return replace(refused, certificate=certificate, certificate_time=certificate_time)
+    return PlanResult(
+        PlanStatus.SUCCESS,
+        _success_message(problem, trajectory),
+        Place(),
+        method,
+        trajectory,
+        certificate,
+        certificate_time=certificate_time,
+        notes=_notes(problem, trajectory),
+        _path_minimum=partial(path_minimum, problem, trajectory),
+        _peaks=partial(trajectory_peaks, problem.robot, trajectory),
+    )
+
+
+def _with_arm(
+    problem: PlanningProblem, trajectory: JointTrajectory, reason: Infeasible
+) -> Infeasible:
+    """Return why a trajectory is refused, with where arm and tool are then."""
+    if reason.place.time is None:
+        return reason
+    q = trajectory.position(reason.place.time)
+    place = reason.place.at(problem.robot.tool_position(q[None])[0])
+    return reason.replaced(configuration=q, place=place)
+
+
+def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
+    """Return notes on what the motors could do more, on contacts, and on the robot as described."""
+    notes = []
+    unused = unused_speed(problem, trajectory)
+    if unused > _MUCH_UNUSED:
+        notes.append(
+            f"on average {unused:.1%} of the speed that the limits allow is not used: there may "
+            "well be a faster trajectory; --quality best looks for it from more starts"
+        )
+    return (*notes, *contact_notes(problem, trajectory), *robot_notes(problem.robot))
+
+
+def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
+    """Return the message about a certified trajectory."""
+    message = f"certified trajectory of {trajectory.duration:.4f} s"
+    if problem.given_goal is None:
+        last = trajectory.position(trajectory.duration)
+        q = ", ".join(f"{value:.4f}" for value in last)
+        if isinstance(problem.goal, GoalRegion) and problem.goal.tolerance > 0:
+            away = problem.goal.distance(problem.robot.tool_position(last[None])[0])
+            message += f"; the tool ends {1000 * away:.3g} mm from the goal's position"
+        message += f"; the goal was left open and became [{q}]"
+    return message + _passed_by(problem, trajectory)
+
+
+def _passed_by(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
+    """Return the message about reference points that the tool passes far away; empty if none."""
+    reach = _FAR_IN_RADII * (problem.tube.reach.max() + problem.tube.tool_radius)
+    for count in (2, _SAMPLES_PER_PIECE):  # as a rule, the few show that it passes them all
+        tool = problem.robot.tool_position(trajectory.per_piece(count).position)
+        away = [np.linalg.norm(tool - point, axis=1).min() for point in problem.tube.points]
+        far = np.flatnonzero(np.array(away) > reach)
+        if len(far) == 0:
+            return ""
+    return "".join(
+        f"; it passes reference point {problem.tube.numbers[point]} at {away[point]:.3g} "
+        "m: the regions beside that point overlap elsewhere"
+        for point in far
+    )
+
+
+# ---- How sure it is that there is no answer: proved, or looked for in vain.
+
+
+def with_grounds(result: PlanResult) -> PlanResult:
+    """Return a result whose message says so, if it is a refusal.
+
+    What stopped planning proves nothing, and says so itself.
+    """
+    if result.proved is None:
+        return result
+    return replace(result, message=f"{result.message}; {_grounds(result)}")
+
+
+def _grounds(result: PlanResult) -> str:
+    if result.proved:
+        return "proved: there is no motion"
+    if not result.starts_tried:
+        return "not found"
+    plural = "s" if result.starts_tried > 1 else ""
+    return f"not found, {result.starts_tried} start{plural} tried"

@@ -1,0 +1,371 @@
+"""Plan, Planner: order of the attempts under one time limit."""
+
+from dataclasses import replace
+from functools import partial
+from typing import TypeGuard
+
+from tubeplanner.certificate.refusal import require_free
+from tubeplanner.checks import given_options
+from tubeplanner.errors import OptionError
+from tubeplanner.execution.mujoco_model import require_mujoco, require_no_followers
+from tubeplanner.first_guess.branches import KnownBranches, configured_ends
+from tubeplanner.optimizer.starts import RefinedMotion
+from tubeplanner.outcome import (
+    Infeasible,
+    PlanningClock,
+    PlanStatus,
+    ProgressCallback,
+    until_stopped,
+)
+from tubeplanner.planning.diagnosis import right_reason, surely_blocked_spot
+from tubeplanner.planning.necessary_conditions import require_possible, require_within_bound
+from tubeplanner.planning.options import (
+    QUALITIES,
+    REFINEMENT,
+    STOP_AT_CORNERS,
+    SUH_BISHOP,
+    PlanOptions,
+)
+from tubeplanner.planning.refined_plan import RefinedPlans, continued_plan, narrowed_plan
+from tubeplanner.planning.result import PlanResult, refused_result, stopped_result, with_grounds
+from tubeplanner.planning.robust_plan import robust_plan
+from tubeplanner.planning.second_stage import followed_plan
+from tubeplanner.planning.waypoint_plans import (
+    StoppingPlan,
+    searched_plan,
+    stopping_plan,
+    suh_bishop_plan,
+)
+from tubeplanner.task.endpoints import ToolPose
+from tubeplanner.task.problem import PlanningProblem
+
+_CONTINUED = "planned from the last motion, not afresh"
+_PROVIDED_AT = 0.25  # of the time limit
+
+
+class Planner:
+    """Plans a problem, and plans it again after it has changed a little.
+
+    It remembers the last motion that refinement found and the certificate passed. A changed problem
+    begins with it, on the finest knots, if it has the same joints and segments: that takes about
+    half the processor time. After small changes durations were within 0.3 % of a fresh plan's
+    wherever that was tried; like refinement itself, it finds the best motion near its start.
+    """
+
+    def __init__(self, problem: PlanningProblem, options: PlanOptions | None = None) -> None:
+        """Keep what is planned, and how.
+
+        Args:
+            problem: The planning problem.
+            options: How to plan, always.
+
+        Raises:
+            ProblemError: The problem is none.
+            OptionError: A slack or robustness is asked for that the method does not honour, or
+                robustness without MuJoCo.
+            RobotError: Robustness is asked for, and joints of the robot follow others.
+        """
+        PlanningProblem.require(problem)
+        self._problem, self._options = problem, given_options(options, PlanOptions)
+        require_honoured(problem, self._options)
+        self._last: RefinedMotion | None = None
+
+    def __repr__(self) -> str:
+        state = "nothing planned yet" if self._last is None else "a motion remembered"
+        return f"<Planner of {self._problem.name}: {self._options.method}, {state}>"
+
+    def plan(self, progress: ProgressCallback | None = None) -> PlanResult:
+        """Plan a trajectory afresh and certify it, as `tubeplanner.plan` does.
+
+        Args:
+            progress: As there.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C before anything was certified.
+        """
+        return self._answer(None, progress)
+
+    def replan(
+        self, problem: PlanningProblem, progress: ProgressCallback | None = None
+    ) -> PlanResult:
+        """Plan a changed problem from the last motion, or afresh where that leads to no answer.
+
+        Afresh too: before any motion was found, where joints or segments are others, with quality
+        "best" or other methods than refinement.
+
+        Args:
+            problem: The changed problem: another radius, start, goal, obstacle, payload or limit.
+                Made from the one before by `dataclasses.replace` or `with_tube`, it shares what did
+                not change.
+            progress: As of `plan`.
+
+        Returns:
+            As `plan`; a note says so if it was planned from the last motion.
+
+        Raises:
+            ProblemError: The problem is none.
+            KeyboardInterrupt: Ctrl-C before anything was certified.
+        """
+        PlanningProblem.require(problem)
+        require_honoured(problem, self._options)
+        self._problem = problem
+        every_start = QUALITIES[self._options.quality].every_start
+        return self._answer(None if every_start else self._last, progress)
+
+    def _answer(self, last: RefinedMotion | None, progress: ProgressCallback | None) -> PlanResult:
+        """Return the answer, from the last motion if it is given; remember how it ended."""
+        options = self._options
+        clock = PlanningClock(options.time_limit, progress)
+        try:
+            problem, chosen = _configured(self._problem)
+        except Infeasible as reason:
+            return with_grounds(refused_result(reason, options.method))
+        result = _shortest(problem, options, clock, last)
+        if result.stopped_by is None:  # else it may have ended on coarse knots
+            self._last = result.motion or self._last
+        follow = partial(followed_plan, slack=options.slack, clock=clock)
+        if options.robust and problem.robustness is not None:
+            again = partial(_planned_from, options, clock)
+            result = robust_plan(problem.joined, result, again, follow, clock)
+        else:
+            result = follow(problem, result)
+        notes = (*chosen, *problem.robot.limits.notes, *problem.tube.notes, *result.notes)
+        result = with_grounds(_of_poses(self._problem, result))
+        return replace(result, planning_time=clock.elapsed, notes=notes)
+
+
+def shortest_plan(
+    problem: PlanningProblem, options: PlanOptions, clock: PlanningClock
+) -> PlanResult:
+    """Return the shortest motion that is found, without period, slack and robustness.
+
+    Args:
+        problem: The planning problem.
+        options: How to plan it; the time limit is the clock's.
+        clock: The planning's.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C before anything was certified.
+    """
+    try:
+        configured, chosen = _configured(problem)
+    except Infeasible as reason:
+        return refused_result(reason, options.method)
+    result = _of_poses(problem, _shortest(configured, options, clock, None))
+    return replace(result, notes=(*chosen, *result.notes))
+
+
+def _configured(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[str, ...]]:
+    """Return the problem between configurations, and notes on their choice.
+
+    Raises:
+        Infeasible: A point is out of reach for certain, or a pose has no configuration.
+    """
+    require_within_bound(problem)
+    return configured_ends(problem)
+
+
+def _of_poses(problem: PlanningProblem, result: PlanResult) -> PlanResult:
+    """Return a result; what is proved of a configuration that was chosen is not of its pose."""
+    has_poses = any(isinstance(end, ToolPose) for end in (problem.start, problem.goal))
+    if not (result.proved and has_poses):
+        return result
+    return replace(result, proved=False, starts_tried=1)
+
+
+def _shortest(
+    problem: PlanningProblem,
+    options: PlanOptions,
+    clock: PlanningClock,
+    last: RefinedMotion | None,
+) -> PlanResult:
+    """Return the shortest motion between configured ends, or what is known when it is stopped.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C before anything was certified.
+    """
+    work = partial(_planned, problem.joined, options, clock, last)
+    result, stopped_by = until_stopped(work)
+    if result is None:
+        result = stopped_result(clock, stopped_by or "interrupt", options.method)
+    if result.status is PlanStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+    return result
+
+
+def _planned_from(
+    options: PlanOptions,
+    clock: PlanningClock,
+    problem: PlanningProblem,
+    last: RefinedMotion | None,
+) -> PlanResult:
+    return _planned(problem, options, clock, last)
+
+
+def require_honoured(problem: PlanningProblem, options: PlanOptions) -> None:
+    """Raise OptionError if a method makes nothing of time, or nothing simulates what is asked."""
+    is_robust = options.robust and problem.robustness is not None
+    if is_robust:
+        require_mujoco("the field robustness")
+        require_no_followers(problem.robot)
+    if options.method == REFINEMENT:
+        return
+    if is_robust:
+        raise OptionError(
+            f"the problem has a field robustness, which method '{options.method}' does not honour; "
+            f"leave it out (--set robustness=null), or give method '{REFINEMENT}'"
+        )
+    slack, duration = options.slack, None
+    if slack is None and problem.objective is not None:
+        slack, duration = problem.objective.slack, problem.objective.duration
+    if slack or duration is not None:
+        given = f"slack is {slack:g}" if slack else f"objective.duration is {duration:g} s"
+        raise OptionError(
+            f"{given}, but method '{options.method}' makes nothing smoother and saves nothing; "
+            f"give slack 0, or method '{REFINEMENT}'"
+        )
+
+
+def plan(
+    problem: PlanningProblem,
+    options: PlanOptions | None = None,
+    progress: ProgressCallback | None = None,
+) -> PlanResult:
+    """Plan a trajectory and certify it.
+
+    Args:
+        problem: The planning problem.
+        options: How to plan.
+        progress: Called as each stage begins, and many times during the search.
+
+    Returns:
+        A result whose status is success only if the certificate passed; else its message and place
+        say what is in the way. Ctrl-C ends the search with the best so far.
+
+    Raises:
+        ProblemError: The problem is none.
+        OptionError: A slack or robustness is asked for that the method does not honour, or
+            robustness without MuJoCo.
+        RobotError: Robustness is asked for, and joints of the robot follow others.
+        KeyboardInterrupt: Ctrl-C before anything was certified.
+    """
+    return Planner(problem, options).plan(progress)
+
+
+def _planned(
+    problem: PlanningProblem,
+    options: PlanOptions,
+    clock: PlanningClock,
+    last: RefinedMotion | None,
+) -> PlanResult:
+    """Return the answer of the first method in question that has one.
+
+    Raises:
+        TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
+    """
+    branches = KnownBranches(problem, clock)
+    try:
+        require_possible(problem, branches)
+    except Infeasible as reason:
+        return refused_result(reason, options.method)
+    result = _attempted(problem, branches, options, clock, last)
+    if result.proved is not False or result.starts_tried:
+        return result
+    return replace(result, starts_tried=branches.tried)
+
+
+def _attempted(
+    problem: PlanningProblem,
+    branches: KnownBranches,
+    options: PlanOptions,
+    clock: PlanningClock,
+    last: RefinedMotion | None,
+) -> PlanResult:
+    """Return the answer of the first method in question that has one, by branches.
+
+    Raises:
+        TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
+    """
+    if options.method == SUH_BISHOP:
+        return suh_bishop_plan(problem, branches, options, clock)
+    if options.method != REFINEMENT or problem.tube.visit != "ordered":
+        return _searched(problem, stopping_plan(problem, branches, clock), options, clock)
+    continued = None if last is None else continued_plan(problem, last, clock)
+    if continued is not None:
+        notes = (*continued.notes, _CONTINUED) if continued.succeeded else continued.notes
+        return replace(continued, notes=notes)
+    if not options.persistent:
+        blocked = surely_blocked_spot(problem, branches.require_ends()[0], clock.check)
+        if blocked is not None:
+            return refused_result(blocked, REFINEMENT)
+    corners: StoppingPlan | None = None
+
+    def stop_at_corners() -> None:
+        # With a part of the time gone: an answer, in case nothing better is found in time.
+        nonlocal corners
+        if corners is None and clock.used >= _PROVIDED_AT:
+            corners = stopping_plan(problem, branches, clock)
+
+    plans = RefinedPlans(problem, branches, options, clock, stop_at_corners)
+    refined = plans.after_all() if options.persistent else plans.after_one()
+    if not options.persistent and not _is_last(refined):
+        corners = corners or stopping_plan(problem, branches, clock, every_rule=False)
+        if not corners.result.succeeded:
+            return _with_better_reason(corners.result, refined)
+        refined = plans.after_all()
+    if _is_last(refined):
+        if refined.succeeded:
+            return refined
+        return _after_stop(problem, branches, corners, refined, clock)
+    corners = corners or stopping_plan(problem, branches, clock, every_rule=True)
+    if corners.result.succeeded and corners.result.stopped_by is None:
+        narrowed = narrowed_plan(problem, options, clock)
+        if narrowed is not None:
+            return narrowed
+    result = _with_better_reason(_searched(problem, corners, options, clock), refined)
+    return right_reason(problem, branches, result, clock)
+
+
+def _is_last(refined: PlanResult | None) -> TypeGuard[PlanResult]:
+    """Return whether no other method is tried after refinement's result."""
+    return refined is not None and (refined.succeeded or refined.stopped_by is not None)
+
+
+def _after_stop(
+    problem: PlanningProblem,
+    branches: KnownBranches,
+    corners: StoppingPlan | None,
+    refined: PlanResult,
+    clock: PlanningClock,
+) -> PlanResult:
+    """Return what there is when refinement was stopped and left nothing certified."""
+    if corners is None and branches.has_any:  # along it, corners take little time
+        silent = PlanningClock(None, None)  # its callback would only interrupt again
+        corners = stopping_plan(problem, branches.under(silent), silent)
+    if corners is None or (refined.stopped_by == "interrupt" and not corners.result.succeeded):
+        return stopped_result(clock, refined.stopped_by or "interrupt", REFINEMENT)
+    result = _with_better_reason(corners.result, refined)
+    return replace(result, stopped_by=refined.stopped_by)
+
+
+def _searched(
+    problem: PlanningProblem, corners: StoppingPlan, options: PlanOptions, clock: PlanningClock
+) -> PlanResult:
+    """Return what branch and bound makes of a branch, or stopping at corners alone."""
+    branch = corners.branch
+    is_asked = options.method != STOP_AT_CORNERS and corners.result.stopped_by is None
+    if not is_asked or branch is None or not branch.moving_segments:
+        return corners.result
+    try:
+        require_free(problem, "goal", branch.goal)
+    except Infeasible:  # where all trajectories of the search would end
+        return corners.result
+    return searched_plan(problem, branch, corners, options, clock)
+
+
+def _with_better_reason(result: PlanResult, refined: PlanResult | None) -> PlanResult:
+    """Return a result; if links are in the way, only those that refinement could not move away."""
+    blocked = PlanStatus.TUBE_BLOCKED
+    if refined is not None and result.status is blocked and refined.status is blocked:
+        return replace(refined, search=result.search)
+    return result

@@ -1,0 +1,290 @@
+"""Attempts without refinement: stops at corners, branch and bound, method of 1988."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate.verification import Certificate
+from tubeplanner.first_guess.branch_and_bound import BranchAndBound
+from tubeplanner.first_guess.branches import (
+    KnownBranches,
+    RedundancyRule,
+    ReferenceBranch,
+    redundancy_rules,
+)
+from tubeplanner.first_guess.knot_modification import KnotTrajectory
+from tubeplanner.first_guess.stop_at_corners import stop_at_corners
+from tubeplanner.first_guess.suh_bishop import SuhBishop
+from tubeplanner.first_guess.waypoints import candidate_waypoints, sequential_quartics
+from tubeplanner.limits.time_scaling import scaled_to_limits
+from tubeplanner.outcome import (
+    Infeasible,
+    Place,
+    PlanningClock,
+    PlanStatus,
+    Progress,
+    StoppedBy,
+    TimeLimitReached,
+    until_stopped,
+)
+from tubeplanner.planning.options import BRANCH_AND_BOUND, STOP_AT_CORNERS, SUH_BISHOP, PlanOptions
+from tubeplanner.planning.result import (
+    PlanResult,
+    certified_result,
+    judged_result,
+    refused_result,
+    stopped_result,
+)
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+
+# ---- Planning without refinement or search: the arm rests at every reference point.
+
+
+@dataclass(frozen=True, eq=False)
+class StoppingPlan:
+    """The result of stopping at corners, certified or not, with its branch and trajectory."""
+
+    result: PlanResult
+    branch: ReferenceBranch | None = None
+    trajectory: JointTrajectory | None = None
+
+
+def stopping_plan(
+    problem: PlanningProblem,
+    branches: KnownBranches,
+    clock: PlanningClock,
+    *,
+    every_rule: bool = True,
+) -> StoppingPlan:
+    """Return the first certified trajectory that stops at corners.
+
+    If there is none, the reason is that of the most natural rule for redundant joints; branch and
+    trajectory are the first found.
+
+    Args:
+        problem: The planning problem.
+        branches: Its branches.
+        clock: The planning's.
+        every_rule: Whether others are tried than the most natural one.
+    """
+    reasons: dict[RedundancyRule, PlanResult] = {}
+    first_branch = first_trajectory = None
+    rules = redundancy_rules(problem)
+    for rule in rules if every_rule else rules[:1]:
+        try:
+            branch = branches.by_rule(rule)
+            clock.enter("trajectory along it, stopping at corners")
+            first_branch = first_branch or branch
+            trajectory = stop_at_corners(problem, branch, clock.check)
+            first_trajectory = first_trajectory or trajectory
+            clock.enter("certificate")
+            result = certified_result(problem, trajectory, STOP_AT_CORNERS, clock)
+        except TimeLimitReached:
+            return StoppingPlan(stopped_result(clock, "time_limit", STOP_AT_CORNERS))
+        except Infeasible as reason:
+            result = refused_result(reason, STOP_AT_CORNERS)
+        if result.succeeded:
+            return StoppingPlan(result, branch, trajectory)
+        reasons[rule] = result
+    most_natural = RedundancyRule.AS_NEEDED if every_rule else rules[0]
+    return StoppingPlan(reasons[most_natural], first_branch, first_trajectory)
+
+
+# ---- Planning by branch and bound: the first phase of the paper.
+
+
+def searched_plan(
+    problem: PlanningProblem,
+    branch: ReferenceBranch,
+    corners: StoppingPlan,
+    options: PlanOptions,
+    clock: PlanningClock,
+) -> PlanResult:
+    """Return what branch and bound finds, if it is faster than stopping at corners.
+
+    Even if that one failed its certificate: a search without a bound takes very long.
+    """
+    known = corners.result
+
+    def prepared() -> BranchAndBound:
+        clock.enter("candidate points on the reference path")
+        return BranchAndBound(
+            problem,
+            candidate_waypoints(problem, branch, options.candidate_points, clock.check),
+            upper_bound=np.inf if corners.trajectory is None else corners.trajectory.duration,
+            node_budget=options.node_budget,
+            checkpoint=clock.check,
+        )
+
+    search, stopped_by = until_stopped(prepared)
+    if search is not None:
+        stopped_by = run_search(search, known.duration, clock)
+    has_answer = known.succeeded or (search is not None and search.best is not None)
+    if stopped_by == "interrupt" and not has_answer:
+        return stopped_result(clock, stopped_by, BRANCH_AND_BOUND)
+    return _better(problem, replace(known, stopped_by=stopped_by), search, options)
+
+
+def run_search(
+    search: BranchAndBound, known: float | None, clock: PlanningClock
+) -> StoppedBy | None:
+    """Search until there is nothing better or the budget is used; return what stopped it earlier.
+
+    Args:
+        search: Its best trajectory is the answer.
+        known: Duration of the best trajectory known before [s].
+        clock: Announces how far the search has come.
+    """
+
+    def work() -> None:
+        while not search.finished:
+            clock.check()
+            search.expand()
+            now = search.statistics
+            best = now.best_duration or known
+            clock.announce(Progress("branch and bound", now.nodes, now.lower_bound, best))
+
+    return until_stopped(work)[1]
+
+
+def _better(
+    problem: PlanningProblem,
+    known: PlanResult,
+    search: BranchAndBound | None,
+    options: PlanOptions,
+) -> PlanResult:
+    """Return the search's answer, or else what was known before, with what the search did."""
+    result, stopped_by = known, known.stopped_by
+    if search is not None and search.best is not None and search.certificate is not None:
+        result = judged_result(
+            problem, search.best, search.certificate, search.certificate_time, BRANCH_AND_BOUND
+        )
+    elif stopped_by == "time_limit" and not known.succeeded:
+        message = "the time limit passed before a trajectory was found"
+        result = PlanResult(PlanStatus.TIME_LIMIT, message, Place(), BRANCH_AND_BOUND)
+    elif stopped_by is None and known.succeeded:
+        message = f"{result.message}; branch and bound found nothing faster"
+        result = replace(result, message=message)
+    result = replace(result, stopped_by=stopped_by)
+    if search is None:
+        return result
+    if search.statistics.budget_reached:
+        message = f"{result.message}; the search ended at its budget of {options.node_budget} nodes"
+        result = replace(result, message=message)
+    return replace(result, search=search.statistics)
+
+
+# ---- Planning by the method of Suh & Bishop (1988): both its phases and no other method.
+
+
+def suh_bishop_plan(
+    problem: PlanningProblem, branches: KnownBranches, options: PlanOptions, clock: PlanningClock
+) -> PlanResult:
+    """Return what both phases find, or why the first one finds nothing.
+
+    Tries rules for redundant joints in turn until phase 1 has a certified trajectory.
+
+    Raises:
+        TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
+    """
+    reasons = []
+    for rule in redundancy_rules(problem):
+        try:
+            result = _along(problem, branches.by_rule(rule), options, clock)
+        except Infeasible as reason:
+            result = refused_result(reason, SUH_BISHOP)
+        if result.succeeded or result.stopped_by is not None:
+            return result
+        reasons.append(result)
+    return reasons[0]
+
+
+def _along(
+    problem: PlanningProblem, branch: ReferenceBranch, options: PlanOptions, clock: PlanningClock
+) -> PlanResult:
+    """Return what both phases find along a branch.
+
+    Raises:
+        Infeasible: Nothing is to be moved, or gravity is too strong for phase 1's trajectories.
+        TimeLimitReached: Before phase 1 began.
+    """
+    if not branch.moving_segments:
+        message = "the start is the goal: there is nothing to move"
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place(), proved=True)
+    clock.enter("candidate points on the reference path")
+    waypoints = candidate_waypoints(problem, branch, options.candidate_points, clock.check)
+    search = BranchAndBound(
+        problem, waypoints, node_budget=options.node_budget, checkpoint=clock.check
+    )
+    stopped_by = run_search(search, None, clock)
+    if search.best is None and stopped_by == "interrupt":
+        return stopped_result(clock, stopped_by, SUH_BISHOP)
+    if search.best is None or search.certificate is None:
+        _require_held(problem, waypoints)
+        nothing = _nothing_found(search, options, stopped_by)
+        return replace(nothing, search=search.statistics, stopped_by=stopped_by)
+    knots = waypoints[list(search.best_waypoints)]
+    candidate = KnotTrajectory(knots, sequential_quartics, search.best)
+    phase_two = _phase_two(problem, candidate, search.certificate, options, clock)
+    if stopped_by is None:
+        _, stopped_by = until_stopped(phase_two.run)
+    certificate_time = phase_two.certificate_time or search.certificate_time
+    result = judged_result(
+        problem, phase_two.best.trajectory, phase_two.certificate, certificate_time, SUH_BISHOP
+    )
+    statistics = phase_two.statistics
+    message = result.message
+    if statistics.budget_reached:
+        message += "; searches of phase 2 ended at their shares of the node budget"
+    return replace(
+        result,
+        message=message,
+        search=search.statistics,
+        phase_two=statistics,
+        stopped_by=stopped_by,
+    )
+
+
+def _require_held(problem: PlanningProblem, waypoints: FloatArray) -> None:
+    """Raise Infeasible if gravity alone is too strong on the joint lines between waypoints (M, n).
+
+    Not on quartics through all of them: those swing ever farther, and soon beyond all numbers.
+    """
+    rows = [np.diff(waypoints, axis=0), waypoints[:-1]]
+    lines = JointTrajectory(problem.robot.joint_names, np.arange(len(waypoints)), rows)
+    scaled_to_limits(problem, lines)
+
+
+def _phase_two(
+    problem: PlanningProblem,
+    candidate: KnotTrajectory,
+    certificate: Certificate,
+    options: PlanOptions,
+    clock: PlanningClock,
+) -> SuhBishop:
+    """Return phase 2, ready to run; its checkpoint ends it at the time limit or at Ctrl-C."""
+
+    def checkpoint() -> None:
+        now = phase_two.statistics
+        clock.announce(Progress("moving knots", now.nodes, None, phase_two.best.duration))
+        clock.check()
+
+    phase_two = SuhBishop(problem, candidate, certificate, options.suh_bishop, checkpoint)
+    return phase_two
+
+
+def _nothing_found(
+    search: BranchAndBound, options: PlanOptions, stopped_by: StoppedBy | None
+) -> PlanResult:
+    """Say that phase 1 ended without a trajectory."""
+    if stopped_by == "time_limit":
+        message = "the time limit passed before phase 1 found a trajectory"
+        return PlanResult(PlanStatus.TIME_LIMIT, message, Place(), SUH_BISHOP)
+    message = (
+        f"phase 1 found no certified trajectory through {options.candidate_points} points of the "
+        f"reference path ({search.statistics}); another number of candidate points, or a wider "
+        "tube, may have one"
+    )
+    return refused_result(Infeasible(PlanStatus.NO_TRAJECTORY, message, Place()), SUH_BISHOP)

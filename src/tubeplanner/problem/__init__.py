@@ -1,1 +1,0 @@
-"""The planning problem: robot, tube, start, goal, obstacles; read from files and checked."""

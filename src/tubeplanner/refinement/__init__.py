@@ -1,1 +1,0 @@
-"""Phase 2: path and speed optimised together, by sequential linear programs."""

@@ -1,0 +1,121 @@
+"""Load_robot: a RobotModel from a URDF and a problem's settings."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tubeplanner.checks import are_numbers, given_path, given_row
+from tubeplanner.errors import RobotError, shown
+from tubeplanner.resources import find_description
+from tubeplanner.robot.joint_limits import resolve_limits
+from tubeplanner.robot.limit_layers import GivenLimits, LimitLayer, layers_of
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.motors import resolve_motors
+from tubeplanner.robot.overrides import LimitOverrides, MotorOverrides
+from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset, planning_group
+from tubeplanner.robot.urdf import read_urdf
+
+EARTH_GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
+_KINDS: Mapping[str, type] = {"tool_offset": ToolOffset, "payload": Payload, "base": BasePose}
+
+
+def load_robot(
+    urdf: str | Path,
+    tool_frame: str,
+    *,
+    joints: Sequence[str] | None = None,
+    locked_joints: Mapping[str, float] | None = None,
+    tool_offset: ToolOffset | None = None,
+    base: BasePose | None = None,
+    gravity: Sequence[float] = EARTH_GRAVITY,
+    payload: Payload | None = None,
+    limits: GivenLimits | None = None,
+    motors: MotorOverrides | None = None,
+    package_dirs: Sequence[str | Path] = (),
+    xacro_args: Mapping[str, object] | None = None,
+    directory: str | Path = ".",
+) -> RobotModel:
+    """Load the arm that ends at a link of a URDF.
+
+    Args:
+        urdf: A path, `package://PACKAGE/...`, or `example:NAME`.
+        tool_frame: Any link; with the tool offset it gives the point that must stay in the tube.
+        joints: Planning group, in the order wanted; default: the movable joints from the root to
+            the tool frame, in chain order, or the joints that these mimic.
+        locked_joints: Values of joints outside the group, by name [rad or m]; default 0, moved
+            into the limits. A mimic joint follows its master, locked or planned.
+        tool_offset: Tool centre point in the tool frame; default: its origin.
+        base: Where the root link stands in the cell, whose frame is then the base frame; default:
+            the base frame is the root link's.
+        gravity: In the base frame [m/s^2].
+        payload: Carried mass; default: none.
+        limits: What replaces the URDF's limits, or several such, as `read_preset` gives them, of
+            which the later ones hold; default: nothing.
+        motors: Motors of the joints, above those of presets among the limits; default: nothing.
+        package_dirs: Further folders that hold the packages of `package://` names.
+        xacro_args: Values of the arguments of a URDF that ends in .xacro, by name.
+        directory: Where relative paths start.
+
+    Raises:
+        RobotError: The description cannot be planned with; the message says why.
+    """
+    if not are_numbers(gravity, 3):
+        row = list(gravity) if isinstance(gravity, tuple | np.ndarray) else gravity
+        raise RobotError(f"robot.gravity {shown(row)} must be three finite numbers [m/s^2]")
+    for name, given in (("tool_offset", tool_offset), ("payload", payload), ("base", base)):
+        _require_kind(name, given)
+    _require_map("locked_joints", locked_joints)
+    _require_map("xacro_args", xacro_args)
+    directory = given_path("directory", directory)
+    folders = package_folders(package_dirs, directory)
+    description = read_urdf(find_description(urdf, directory, folders), xacro_args, folders)
+    group = planning_group(description, tool_frame, joints)
+    layers = [*layers_of(() if limits is None else limits), *_layer_of(motors)]
+    return RobotModel(
+        description,
+        tuple(group),
+        tool_frame,
+        tool_offset or ToolOffset(),
+        resolve_limits(description, group, layers),
+        folders,
+        dict(locked_joints or {}),
+        (float(gravity[0]), float(gravity[1]), float(gravity[2])),
+        payload,
+        resolve_motors(description, group, layers),
+        base,
+    )
+
+
+def package_folders(given: Sequence[str | Path], directory: Path) -> tuple[Path, ...]:
+    """Return folders that hold packages, whose relative paths start in a directory.
+
+    Raises:
+        OptionError: They are no list of paths.
+    """
+    rows = given_row("robot.package_dirs", given, "folders")
+    return tuple(directory / given_path("robot.package_dirs", folder) for folder in rows)
+
+
+def _require_kind(name: str, given: object) -> None:
+    """Raise RobotError unless a part of a robot is of its kind or left out."""
+    kind = _KINDS[name]
+    if given is not None and not isinstance(given, kind):
+        raise RobotError(f"robot.{name} is {shown(given)}; give a {kind.__name__}")
+
+
+def _require_map(name: str, given: object) -> None:
+    """Raise RobotError unless something is a map by name or left out."""
+    if given is not None and not isinstance(given, Mapping):
+        raise RobotError(f"robot.{name} is {shown(given)}; give a map by name")
+    for key in given or {}:
+        if not isinstance(key, str):
+            raise RobotError(f"robot.{name}: the key {shown(key)} is no name; give text")
+
+
+def _layer_of(motors: MotorOverrides | None) -> list[LimitLayer]:
+    if motors is None:
+        return []
+    if not isinstance(motors, MotorOverrides):
+        raise RobotError(f"motors are {shown(motors)}; give MotorOverrides")
+    return [LimitLayer("robot.", LimitOverrides(), motors=motors)]

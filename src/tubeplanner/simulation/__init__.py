@@ -1,1 +1,0 @@
-"""Trajectories executed in MuJoCo: wrong plants, controllers, and what becomes of tolerances."""

@@ -1,0 +1,242 @@
+"""Change of one quantity by any size; the explained problem; order of likely remedies."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import ProblemError
+from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, require_problem
+from tubeplanner.task.problem_reader import points_of, robot_of
+
+# ---- A change of one quantity of a problem, by any size.
+
+FIGURES = 3  # of a size: what is certified is what is printed
+_SHOWN = 2 * FIGURES  # of a value that a size is added to
+
+_MILLI = {"m": "mm", "s": "ms"}
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A change by a certain size.
+
+    Attributes:
+        changes: Values by field path, as `load_problem` takes them.
+        after: The quantity then, as JSON values.
+        text: The change, as one tells it to somebody.
+        brief: Its size, or the value then, where the rest is known; empty: it has none.
+    """
+
+    changes: Mapping[str, Any]
+    after: Any
+    text: str
+    brief: str = ""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of one quantity in one direction.
+
+    Attributes:
+        kind: Which sort of quantity, such as "radius" or "effort".
+        field: The quantity's path in the problem file.
+        before: The quantity as it is, as JSON values.
+        unit: Of the quantity and of sizes; empty: none.
+        scale: The size that counts as one: the quantity itself, 0.1 m or 0.1 rad.
+        most: The largest size that makes sense.
+        propose: From a size, up to the largest: the change by it.
+        about: Names of what it concerns: "segment 3", a joint, an obstacle.
+        is_switch: Whether it is made or not, and has no size but 1.
+        is_loss: Whether sizes are taken off the quantity: then what is left counts as well.
+    """
+
+    kind: str
+    field: str
+    before: Any
+    unit: str
+    scale: float
+    most: float
+    propose: Callable[[float], Proposal]
+    about: frozenset[str] = frozenset()
+    is_switch: bool = False
+    is_loss: bool = False
+
+    def __repr__(self) -> str:
+        return f"<Change of {self.field}, up to {self.most:g} {self.unit}>"
+
+
+def rounded(size: float) -> float:
+    """Return a number in the figures that texts show."""
+    return float(f"{size:.{FIGURES}g}")
+
+
+def exact(value: float) -> float:
+    """Return a number without what adding rounded ones leaves behind it."""
+    return float(f"{value:.10g}")
+
+
+def figures(value: float, unit: str = "") -> str:
+    """Return a number in the figures that texts show, with its unit; metres as millimetres."""
+    if unit in _MILLI and abs(value) < 1:
+        value, unit = 1000 * value, _MILLI[unit]
+    return f"{value:.{_SHOWN}g} {unit}".rstrip()
+
+
+def from_to(before: float, after: float, unit: str) -> str:
+    """Return "30 -> 42 mm"."""
+    both = (before, after)
+    if unit in _MILLI and max(map(abs, both)) < 1:
+        both, unit = (1000 * before, 1000 * after), _MILLI[unit]
+    first, then = (f"{value:.{_SHOWN}g}" for value in both)
+    return f"{first} -> {then} {unit}".rstrip()
+
+
+# ---- The problem that is asked about: what its file holds, and what changes of it need to know.
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """A problem that is asked about; it need not be one that can be posed.
+
+    Attributes:
+        posed: As its file holds it.
+        fields: The same, checked against the format.
+        robot: Its arm.
+    """
+
+    posed: PosedProblem
+    fields: ProblemFields
+    robot: RobotModel
+
+    def __repr__(self) -> str:
+        return f"<Question about {self.posed.name}>"
+
+    @classmethod
+    def of(cls, posed: PosedProblem) -> "Question":
+        """Take a problem.
+
+        Raises:
+            ProblemError: It is a cycle or a study, contradicts its format, or has no tube.
+            RobotError: Its robot cannot be planned with.
+        """
+        require_problem(posed.document, posed.name)
+        fields = check_problem_fields(posed.document, posed.name)
+        if fields.tube is None:
+            raise ProblemError(
+                f"{posed.name}: tube is required; `tubeplanner route` finds one from start, goal "
+                "and obstacles"
+            )
+        return cls(posed, fields, robot_of(fields, posed.folder))
+
+    @cached_property
+    def given_tube(self) -> Mapping[str, Any]:
+        """Points, radius and orientations, from the problem file or its file of points."""
+        assert self.fields.tube is not None
+        return points_of(self.fields.tube, self.posed.folder)
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """The reference points, shape (m + 1, 3) [m]."""
+        return np.array(self.given_tube["points"], dtype=float)
+
+    @property
+    def segment_count(self) -> int:
+        """Number m of segments."""
+        return len(self.points) - 1
+
+    def segment_near(self, position: FloatArray) -> int:
+        """Return the segment whose line is nearest to a point (3,) [m]."""
+        begin, along = self.points[:-1], np.diff(self.points, axis=0)
+        square = np.maximum(np.einsum("mi,mi->m", along, along), np.finfo(float).tiny)
+        share = np.einsum("mi,mi->m", position - begin, along) / square
+        nearest = begin + np.clip(share, 0, 1)[:, None] * along
+        return int(np.linalg.norm(position - nearest, axis=1).argmin())
+
+    def per_segment(self, given: Any) -> list[Any]:
+        """Return what is given once or for each segment as a list of m."""
+        return list(given) if isinstance(given, list | tuple) else [given] * self.segment_count
+
+    def load(self, changes: Mapping[str, Any] | None = None) -> PlanningProblem:
+        """Return the problem with other values by field path.
+
+        Raises:
+            ProblemError: It contradicts itself then.
+            RobotError: The robot cannot be planned with.
+        """
+        loaded = self.posed.changed(changes).load()
+        assert isinstance(loaded, PlanningProblem)
+        return loaded
+
+
+# ---- Which changes may help where a plan ended: these are tried first.
+
+# By how planning ended: the kinds that help against what is said, then others that may.
+_HELPFUL = {
+    PlanStatus.TUBE_BLOCKED: (
+        ("clearance", "obstacle", "radii", "sign"),
+        ("radius", "rotation_tolerance", "start", "goal", "point", "attached"),
+    ),
+    PlanStatus.GRAVITY_EXCEEDS_EFFORT: (("effort", "payload", "sign"), ()),
+    PlanStatus.UNREACHABLE: (
+        ("position", "sign", "rotation_tolerance", "radius", "radii"),
+        ("point", "start", "goal"),
+    ),
+    PlanStatus.BAD_INPUT: (("position", "start", "goal"), ("radius", "sign", "point")),
+}
+# Of these every one helps against what is said, wherever it is.
+_EVERYWHERE = ("payload", "sign", "radii", "duration")
+
+
+def in_order(
+    changes: Iterable[Change], status: PlanStatus, place: Place
+) -> list[list[list[Change]]]:
+    """Return changes in tiers: about the place, elsewhere, and of kinds that are unlikely to help.
+
+    The first has two groups, the likelier kinds first; others have one.
+
+    Args:
+        changes: All of them.
+        status: How planning ended.
+        place: Where.
+    """
+    about = _named(place)
+    first: list[Change] = []
+    second: list[Change] = []
+    elsewhere: list[Change] = []
+    unlikely: list[Change] = []
+    likelier, others = _HELPFUL.get(status, ((), ()))
+    kinds = (*likelier, *others)
+    rank = {kind: k for k, kind in enumerate(kinds)}
+    for change in sorted(changes, key=lambda change: rank.get(change.kind, len(kinds))):
+        is_helpful = not kinds or change.kind in kinds
+        is_there = bool(about & change.about) or change.kind in _EVERYWHERE or not change.about
+        if not is_helpful:
+            unlikely.append(change)
+        elif not is_there:
+            elsewhere.append(change)
+        else:
+            (second if change.kind in others else first).append(change)
+    return [[first, second], [elsewhere], [unlikely]]
+
+
+def _named(place: Place) -> frozenset[str]:
+    """Return what a place names, as changes say what they are about."""
+    named = set()
+    if place.joint is not None:
+        named.add(place.joint)
+    if place.segment is not None:
+        named |= {f"segment {place.segment}"}
+    if place.point is not None:
+        named |= {f"point {place.point}", f"segment {place.point - 1}", f"segment {place.point}"}
+    named |= {f"link {name}" for name in place.links or ()}
+    if place.obstacle is not None:
+        named |= {f"obstacle {place.obstacle}"}
+    return frozenset(named)

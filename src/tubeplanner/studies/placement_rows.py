@@ -1,0 +1,368 @@
+"""Rows and result of a placement; trials, each once."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from tubeplanner.errors import TubePlannerError
+from tubeplanner.outcome import Infeasible, Place, PlanStatus, StoppedBy
+from tubeplanner.planning.options import PlanOptions
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.planning.strategy import plan
+from tubeplanner.studies.base_regions import (
+    MovableProblem,
+    Region,
+    Stand,
+    StandGrid,
+    leading_seeds,
+    require_base_free,
+)
+from tubeplanner.studies.journal import Journal, require_fields
+from tubeplanner.studies.plan_many import Done, run_many
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.text import short_repr
+
+# ---- One place of a robot that was tried, and what came of it.
+
+BASE_IN_OBSTACLE = "base_in_obstacle"
+# The kinds of answers, from that which says least about the rest to that which says all.
+KINDS = (
+    *(PlanStatus.CRASHED, PlanStatus.BAD_INPUT, BASE_IN_OBSTACLE, PlanStatus.UNREACHABLE),
+    *(PlanStatus.GRAVITY_EXCEEDS_EFFORT, PlanStatus.TUBE_BLOCKED, PlanStatus.NO_TRAJECTORY),
+    *(PlanStatus.CERTIFICATE_FAILED, PlanStatus.SUCCESS),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacementRow:
+    """One place of the robot, and what planning there gave.
+
+    Attributes:
+        stand: Where the root link stands.
+        status: "base_in_obstacle", or how planning ended, as of `PlanResult`.
+        message: One sentence: the answer, or why there is none.
+        place: Where, if there is no answer.
+        duration: Of the shortest certified motion that was found with quality "fast" [s]; None if
+            there is none.
+        seeds: Of start and goal, where the joints given lead to no configuration that is free.
+    """
+
+    stand: Stand
+    status: str
+    message: str
+    place: Place = field(default_factory=Place)
+    duration: float | None = None
+    seeds: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+    __repr__ = short_repr
+
+    @property
+    def is_feasible(self) -> bool:
+        """Whether there is a certified motion."""
+        return self.duration is not None
+
+    @property
+    def reason(self) -> str:
+        """Why there is no motion, without the numbers, so that many places have the same."""
+        words = str(self.status).replace("_", " ")
+        links, obstacle, joint = self.place.links or (), self.place.obstacle, self.place.joint
+        if links and obstacle is not None:
+            between = "in" if self.status == BASE_IN_OBSTACLE else "and"
+            return f"{words}: '{links[0]}' {between} '{obstacle}'"
+        if links:
+            return f"{words}: {' and '.join(map(repr, links))}"
+        if joint is not None:
+            return f"{words}: {joint}"
+        return words if self.place.segment is None else f"{words}: segment {self.place.segment}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the row as JSON values."""
+        return {
+            "position": list(self.stand[:3]),
+            "yaw": self.stand.yaw,
+            "status": str(self.status),
+            "message": self.message,
+            "where": self.place.as_dict(),
+            "duration": self.duration,
+            "seeds": {end: list(values) for end, values in self.seeds.items()},
+        }
+
+    @classmethod
+    def of_dict(cls, fields: Mapping[str, Any]) -> "PlacementRow":
+        """Return the row of which `as_dict` gave the values.
+
+        Raises:
+            KeyError: A value is missing.
+            ValueError: There are others, or a type is another one.
+        """
+        where: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value
+            for key, value in fields["where"].items()
+        }
+        x, y, z = fields["position"]
+        names = {"position": "stand", "where": "place"}
+        plain = {names.get(key, key): value for key, value in fields.items() if key != "yaw"}
+        require_fields(cls, {**plain, "stand": [x, y, z, fields["yaw"]]})
+        return cls(
+            Stand(x, y, z, fields["yaw"]),
+            fields["status"],
+            fields["message"],
+            Place(**where),
+            fields["duration"],
+            fields["seeds"],
+        )
+
+
+def tried(call: tuple[MovableProblem, Stand, Sequence[str], PlanOptions]) -> PlacementRow:
+    """Return what comes of a problem, its robot at a stand.
+
+    Args:
+        call: The problem, the stand, names of obstacles that links which no joint moves may touch,
+            and how to plan.
+    """
+    movable, stand, stands_on, options = call
+    try:
+        problem = movable.load(stand)
+        try:
+            require_base_free(problem, stands_on)
+        except Infeasible as reason:
+            return PlacementRow(stand, BASE_IN_OBSTACLE, str(reason), reason.place)
+        seeds = leading_seeds(problem, tuple(movable.seeds))
+        result = plan(movable.load(stand, seeds) if seeds else problem, options)
+    except TubePlannerError as error:
+        return PlacementRow(stand, str(PlanStatus.BAD_INPUT), str(error))
+    status, duration = str(result.status), result.shortest_duration
+    return PlacementRow(stand, status, result.message, result.place, duration, seeds)
+
+
+def grouped(
+    rows: Sequence[PlacementRow], key: Callable[[PlacementRow], str]
+) -> list[tuple[str, list[PlacementRow]]]:
+    """Return rows by a key, the largest group first."""
+    groups: dict[str, list[PlacementRow]] = {}
+    for row in rows:
+        groups.setdefault(key(row), []).append(row)
+    return sorted(groups.items(), key=lambda pair: -len(pair[1]))
+
+
+# ---- Where a robot is to stand in its cell: what `place` returns.
+
+
+@dataclass(frozen=True, eq=False)
+class GivenStand:
+    """What comes of the problem as it is given.
+
+    Attributes:
+        stand: Where the robot stands.
+        result: Of planning; None where it was not planned.
+        message: One sentence: the answer, or why there is none.
+    """
+
+    stand: Stand
+    result: PlanResult | None
+    message: str
+
+    __repr__ = short_repr
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the certified motion [s]; None if there is none."""
+        return None if self.result is None else self.result.duration
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where a robot is to stand so that its motion is short.
+
+    Attributes:
+        problem: The problem, its robot at the best stand, or as given if there is none.
+        region: Where it may stand.
+        stands_on: Names of obstacles that links which no joint moves may touch.
+        grid: The stands that were tried first.
+        rows: What came of each stand that was tried, those of the grid first.
+        given: What comes of the problem as given.
+        best: The stand chosen; None if no stand has a motion.
+        result: Of planning there; None if there is none.
+        changes: What the best stand changes in the problem file, by field path, as `load_problem`
+            takes it; empty if there is none.
+        restored: How many rows come from the journal.
+        stopped_by: "interrupt" if Ctrl-C ended the search; None otherwise.
+    """
+
+    problem: PlanningProblem
+    region: Region
+    stands_on: tuple[str, ...]
+    grid: StandGrid
+    rows: tuple[PlacementRow, ...]
+    given: GivenStand
+    best: PlacementRow | None
+    result: PlanResult | None
+    changes: Mapping[str, Any]
+    restored: int = 0
+    stopped_by: StoppedBy | None = None
+
+    def __repr__(self) -> str:
+        answer = "no stand has a motion" if self.best is None else f"best {self.best.stand}"
+        return f"<Placement of {self.problem.name}: {len(self.rows)} stands tried, {answer}>"
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether there is a stand with a certified motion."""
+        return self.result is not None
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the motion at the best stand [s]; None if there is none."""
+        return None if self.result is None else self.result.duration
+
+    @property
+    def gain(self) -> float | None:
+        """By which share the shortest motion is shorter than as given; None if one is missing."""
+        results = self.given.result, self.result
+        before, after = (None if r is None else r.shortest_duration for r in results)
+        return None if before is None or after is None else 1 - after / before
+
+    @property
+    def feasible_count(self) -> int:
+        """How many of the stands that were tried have a motion."""
+        return sum(row.is_feasible for row in self.rows)
+
+    @cached_property
+    def reasons(self) -> tuple[tuple[str, int, str], ...]:
+        """Why stands have no motion, how many for that reason, and the message of one of them.
+
+        The most frequent first.
+        """
+        others = [row for row in self.rows if not row.is_feasible]
+        groups = grouped(others, lambda row: row.reason)
+        return tuple((reason, len(rows), rows[0].message) for reason, rows in groups)
+
+    @property
+    def message(self) -> str:
+        """The answer, or why there is none, in one sentence."""
+        if self.result is not None:
+            return self.result.message
+        if self.feasible_count:
+            return (
+                f"none of the {self.feasible_count} places that have a motion could be planned "
+                "once more; run it again, or ask for another quality"
+            )
+        reason, count, example = self.reasons[0]
+        return (
+            f"no place of {len(self.rows)} has a motion; the most frequent reason, {count} times: "
+            f"{reason} (such as: {example})"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the placement as JSON values."""
+        given = {**_place_of(self.given.stand), "duration": self.given.duration}
+        best = None if self.best is None else _place_of(self.best.stand)
+        keys = "reason", "count", "example"
+        return {
+            "problem": self.problem.name,
+            "region": self.region.bounds,
+            "stands_on": list(self.stands_on),
+            "message": self.message,
+            "duration": self.duration,
+            "stopped_by": self.stopped_by,
+            "given": {**given, "message": self.given.message},
+            "best": best,
+            "gain": self.gain,
+            "changes": dict(self.changes),
+            "tried": len(self.rows),
+            "feasible": self.feasible_count,
+            "restored": self.restored,
+            "reasons": [dict(zip(keys, each, strict=True)) for each in self.reasons],
+            "rows": [row.as_dict() for row in self.rows],
+        }
+
+
+def _place_of(stand: Stand) -> dict[str, Any]:
+    return {"position": list(stand[:3]), "yaw": stand.yaw}
+
+
+# ---- Places of a robot tried side by side, each once: those of former runs are in a journal.
+
+# Shortest motions: what is searched for is where they are short. Errors to survive come at the end.
+SEARCH_OPTIONS = PlanOptions(quality="fast", slack=0.0, robust=False)
+
+
+class PlacementTrials:
+    """What is known of the places of one problem's robot.
+
+    Attributes:
+        restored: How many were found in the journal.
+    """
+
+    def __init__(
+        self,
+        problem: MovableProblem,
+        stands_on: Sequence[str],
+        journal: Journal | None,
+    ) -> None:
+        """Know nothing yet.
+
+        Args:
+            problem: The problem.
+            stands_on: Names of obstacles that links which no joint moves may touch.
+            journal: Where answers are kept, and looked for first; None: nowhere.
+        """
+        self._problem, self._stands_on = problem, tuple(sorted(stands_on))
+        self._journal = journal
+        self._found: dict[Stand, PlacementRow] = {}
+        self._order: dict[Stand, int] = {}  # in which they were asked for
+        self.restored = 0
+
+    @property
+    def rows(self) -> tuple[PlacementRow, ...]:
+        """All that is known, in the order in which it was asked for."""
+        return tuple(sorted(self._found.values(), key=lambda row: self._order[row.stand]))
+
+    def of(
+        self, stands: Sequence[Stand], executor: Executor, report: Callable[[int, int], None]
+    ) -> list[PlacementRow]:
+        """Return what comes of some stands, in their order; what is not known is tried.
+
+        Args:
+            stands: Where the robot is to stand.
+            executor: What tries them.
+            report: Called with how many of those that are new are done, and how many there are.
+        """
+        asked = [stand for stand in dict.fromkeys(stands) if stand not in self._found]
+        self._order.update({stand: len(self._order) + k for k, stand in enumerate(asked)})
+        missing = [stand for stand in asked if not self._restored(stand)]
+        calls = [(self._problem, stand, self._stands_on, SEARCH_OPTIONS) for stand in missing]
+        report(0, len(missing))
+        for count, done in enumerate(run_many(tried, calls, executor), start=1):
+            self._keep(missing[done.index], done)
+            report(count, len(missing))
+        return [self._found[stand] for stand in stands]
+
+    def _restored(self, stand: Stand) -> bool:
+        """Return whether the journal knows a stand, and take what it says."""
+        if self._journal is None:
+            return False
+        key = self._key(stand)
+        if key not in self._journal:
+            return False
+        self._found[stand] = self._journal.made(key, PlacementRow.of_dict)
+        self.restored += 1
+        return True
+
+    def _keep(self, stand: Stand, done: Done[PlacementRow]) -> None:
+        row = done.value
+        if row is None:
+            message = f"{type(done.error).__name__}: {done.error}"
+            row = PlacementRow(stand, str(PlanStatus.CRASHED), message)
+        self._found[stand] = row
+        if self._journal is not None:
+            base = self._problem.changes(stand)["robot.base"]
+            values = {f"robot.base.{key}": value for key, value in base.items()}
+            self._journal.add(self._key(stand), values, row.as_dict())
+
+    def _key(self, stand: Stand) -> str:
+        """Return a hash of all that a row depends on: not that of the plan alone."""
+        planned = self._problem.at(stand).content_hash(SEARCH_OPTIONS)
+        return f"{planned} standing on {', '.join(self._stands_on) or 'nothing'}"

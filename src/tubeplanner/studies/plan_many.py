@@ -1,0 +1,421 @@
+"""Plan_many: problems and cycles on any executor, in order, packed for other processes."""
+
+import hashlib
+import io
+import pickle
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+from time import perf_counter
+from typing import Any, Generic, TypeAlias, TypeVar
+
+from tubeplanner.checks import given_options, require_executor
+from tubeplanner.errors import OptionError, TubePlannerError, shown
+from tubeplanner.geometry.collision_checker import CollisionScene
+from tubeplanner.outcome import PlanStatus, ProgressCallback, StoppedBy, require_callback
+from tubeplanner.planning.cycle_result import CycleResult
+from tubeplanner.planning.cycle_strategy import plan_cycle
+from tubeplanner.planning.options import PlanOptions
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.planning.strategy import plan
+from tubeplanner.resources import EXAMPLE_PREFIX
+from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.worker_processes import WorkerProcesses
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.text import short_repr
+
+# ---- One function for many items, by any executor: what comes of each, as it comes.
+
+_T = TypeVar("_T")
+_R = TypeVar("_R")
+# More would hold more in memory; fewer would leave some of a large cluster without work.
+_SUBMITTED = 4000
+
+
+@dataclass(frozen=True)
+class Done(Generic[_R]):
+    """What came of one item.
+
+    Attributes:
+        index: Which of the items, from 0.
+        value: What the function returned; None if it did not.
+        error: Why it did not: what it raised, or what became of its worker; None if it did.
+    """
+
+    index: int
+    value: _R | None = None
+    error: Exception | None = None
+
+
+def run_many(
+    work: Callable[[_T], _R], items: Iterable[_T], executor: Executor | None = None
+) -> Iterator[Done[_R]]:
+    """Call a function with each item, and yield what comes of it as it comes.
+
+    Args:
+        work: The function; it must be importable by name for executors that pickle.
+        items: What it is called with; taken a few thousand at most ahead of what is done.
+        executor: What calls it, by `submit` alone; None: this process, one after the other.
+
+    Yields:
+        One for every item, in the order in which they are done.
+
+    Raises:
+        OptionError: The executor broke, or dropped items: what is not done yet will not be.
+        KeyboardInterrupt: Ctrl-C; what has not begun is dropped.
+    """
+    if executor is None:
+        for index, item in enumerate(items):
+            yield _called(index, work, item)
+        return
+    waiting: dict[Future[_R], int] = {}
+    finished: SimpleQueue[Future[_R]] = SimpleQueue()
+    numbered = enumerate(items)
+    try:
+        while True:
+            if finished.empty() and len(waiting) < _SUBMITTED and (one := next(numbered, None)):
+                future = _submitted(executor, work, one[1])
+                waiting[future] = one[0]
+                future.add_done_callback(finished.put)
+            elif waiting:
+                future = finished.get()
+                yield _of_future(waiting.pop(future), future)
+            else:
+                return
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def _submitted(executor: Executor, work: Callable[[_T], _R], item: _T) -> "Future[_R]":
+    try:
+        return executor.submit(work, item)
+    except BrokenExecutor as error:
+        raise _broken(error) from error
+
+
+def _called(index: int, work: Callable[[_T], _R], item: _T) -> Done[_R]:
+    try:
+        return Done(index, work(item))
+    except Exception as error:
+        return Done(index, error=error)
+
+
+def _of_future(index: int, future: "Future[_R]") -> Done[_R]:
+    try:
+        return Done(index, future.result())
+    except (BrokenExecutor, CancelledError) as error:
+        raise _broken(error) from error
+    except Exception as error:
+        return Done(index, error=error)
+
+
+def _broken(error: BaseException) -> OptionError:
+    return OptionError(
+        f"the executor broke ({type(error).__name__}: {error}); WorkerProcesses goes on where a "
+        "process dies, and so does a Dask cluster"
+    )
+
+
+# ---- The rows of a sweep: one for every value, wherever it is planned.
+
+_Row = TypeVar("_Row")
+
+
+def swept_rows(
+    work: Callable[..., _Row],
+    items: Iterable[Any],
+    called: Callable[[int], str],
+    executor: Executor | None,
+    progress: Callable[[object], None] | None,
+) -> tuple[list[_Row], StoppedBy | None]:
+    """Make a row of every item.
+
+    Args:
+        work: Makes one; in this process it is given `progress`, by that name, for its stages.
+        items: What of.
+        called: What messages call the item of a number, from 1.
+        executor: What calls it; None: this process, item by item.
+        progress: Told of the stages in this process, or else how far all have come; None: nobody.
+
+    Returns:
+        The rows in the order of the items, and "interrupt" if Ctrl-C kept others from being made.
+
+    Raises:
+        OptionError: Executor or progress is none.
+        KeyboardInterrupt: Ctrl-C before the first row.
+        Exception: Whatever work raised.
+    """
+    require_callback(progress)
+    require_executor(executor)
+    rows: dict[int, _Row] = {}
+    tell = progress or _silent
+
+    def work_here(item: Any) -> _Row:
+        name = called(len(rows) + 1)
+        return work(item, progress=lambda what: tell(f"{name}: {what}"))
+
+    try:
+        for done in run_many(work_here if executor is None else work, items, executor):
+            if done.error is not None:
+                raise done.error
+            assert done.value is not None
+            rows[done.index] = done.value
+            if executor is not None:
+                tell(f"{called(len(rows))}: done")
+    except KeyboardInterrupt:
+        if not rows:
+            raise
+        return _in_order(rows), "interrupt"
+    return _in_order(rows), None
+
+
+def _in_order(rows: dict[int, _Row]) -> list[_Row]:
+    return [rows[index] for index in sorted(rows)]
+
+
+def _silent(_: object) -> None:
+    return None
+
+
+# ---- A problem packed for another process, and what comes back, without what they share.
+#
+# Most of a pickled problem is its robot and its collision geometry, which many problems have in
+# common. They travel as a part of their own, which a process that has it does not unpack again; an
+# answer refers to them, and gets those of the sender.
+
+_ROBOT, _SCENE = "robot", "scene"
+_KEPT = 16
+_known: dict[str, CollisionScene] = {}  # by hash, those that came in parcels
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """A problem, packed.
+
+    Attributes:
+        content: The problem, pickled; it refers to robot and scene.
+        scene: Both, pickled.
+        scene_hash: Of that.
+    """
+
+    content: bytes
+    scene: bytes
+    scene_hash: str
+
+    def unpacked(self) -> PlanningProblem:
+        """Return the problem; robot and scene are those of the same hash, if they came before."""
+        scene = _known.pop(self.scene_hash, None) or pickle.loads(self.scene)
+        _known[self.scene_hash] = scene
+        for oldest in list(_known)[:-_KEPT]:
+            _known.pop(oldest, None)
+        problem: PlanningProblem = _read(self.content, scene)
+        return problem
+
+
+class Packer:
+    """Packs problems; remembers the scenes it packed."""
+
+    def __init__(self) -> None:
+        self._packed: dict[int, tuple[CollisionScene, bytes, str]] = {}
+
+    def pack(self, problem: PlanningProblem) -> Parcel:
+        """Return a problem, packed."""
+        scene = problem.scene
+        known = self._packed.get(id(scene))
+        if known is None:
+            pickled = pickle.dumps(scene)
+            known = scene, pickled, hashlib.sha256(pickled).hexdigest()
+            self._packed[id(scene)] = known  # holds it, so that its id stays its own
+        return Parcel(_pickled(problem, scene), *known[1:])
+
+
+def reply(answer: Any, problem: PlanningProblem) -> bytes:
+    """Return an answer about a problem that came in a parcel, packed."""
+    return _pickled(answer, problem.scene)
+
+
+def read_reply(packed: bytes, problem: PlanningProblem) -> Any:
+    """Return the answer about a problem, as it was packed by `reply`."""
+    return _read(packed, problem.scene)
+
+
+def _pickled(thing: Any, scene: CollisionScene) -> bytes:
+    stream = io.BytesIO()
+    _Pickler(stream, scene).dump(thing)
+    return stream.getvalue()
+
+
+def _read(pickled: bytes, scene: CollisionScene) -> Any:
+    return _Unpickler(io.BytesIO(pickled), scene).load()
+
+
+class _Pickler(pickle.Pickler):
+    def __init__(self, stream: io.BytesIO, scene: CollisionScene) -> None:
+        super().__init__(stream)
+        self._scene = scene
+
+    def persistent_id(self, thing: Any) -> str | None:
+        if thing is self._scene:
+            return _SCENE
+        return _ROBOT if thing is self._scene.robot else None
+
+
+class _Unpickler(pickle.Unpickler):
+    def __init__(self, stream: io.BytesIO, scene: CollisionScene) -> None:
+        super().__init__(stream)
+        self._scene = scene
+
+    def persistent_load(self, name: str) -> Any:
+        return {_SCENE: self._scene, _ROBOT: self._scene.robot}[name]
+
+
+# ---- From what a problem file or a cycle file holds to its plan.
+
+
+def plan_either(
+    problem: PlanningProblem | Cycle,
+    options: PlanOptions,
+    progress: ProgressCallback | None = None,
+) -> PlanResult | CycleResult:
+    """Plan a problem or a cycle; arguments and what is raised are those of `plan`."""
+    if isinstance(problem, Cycle):
+        return plan_cycle(problem, options, progress)
+    return plan(problem, options, progress)
+
+
+# ---- Many problems planned at once: in processes of this machine, or by any executor.
+
+Plannable: TypeAlias = PlanningProblem | Cycle | PosedProblem | str | Path
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedItem:
+    """What came of one of many problems.
+
+    Attributes:
+        index: Which of them, from 0.
+        result: Of planning; None where the problem cannot be posed, or its plan crashed.
+        message: One sentence: the answer, or why there is none.
+        crashed: Whether planning raised what it must not, or its process died, twice.
+        loading_time: How long reading the problem took [s].
+    """
+
+    index: int
+    result: PlanResult | CycleResult | None
+    message: str
+    crashed: bool = False
+    loading_time: float = 0.0
+
+    __repr__ = short_repr
+
+    @property
+    def status(self) -> PlanStatus:
+        """How planning ended; bad_input where the problem cannot be posed."""
+        if self.result is not None:
+            return self.result.status
+        return PlanStatus.CRASHED if self.crashed else PlanStatus.BAD_INPUT
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the certified motion [s]; None if there is none."""
+        return None if self.result is None else self.result.duration
+
+
+def plan_many(
+    problems: Iterable[Plannable],
+    options: PlanOptions | None = None,
+    executor: Executor | None = None,
+) -> Iterator[PlannedItem]:
+    """Plan many problems; each is planned as by `plan` or `plan_cycle` alone.
+
+    Answers are those of one thread for linear algebra: worker processes have one, and so have
+    Dask's; those of `plan` are the same bits where it has one (OPENBLAS_NUM_THREADS=1) on the same
+    type of machine.
+
+    Args:
+        problems: Problems, cycles, or names of their files, which are read where they are planned.
+            They are taken as needed: a generator may make a million.
+        options: How to plan.
+        executor: Any `concurrent.futures` executor, such as that of a Dask client; it stays open.
+            None: as many `WorkerProcesses` as there are processors.
+
+    Yields:
+        What came of each, as it comes. A problem that cannot be posed, raises or kills its process
+        costs its own item alone.
+
+    Raises:
+        OptionError: Options or executor are none, problems come one alone, or the executor broke.
+        KeyboardInterrupt: Ctrl-C; processes of this machine are ended.
+    """
+    options = given_options(options, PlanOptions)
+    require_executor(executor)
+    if not isinstance(problems, Iterable) or isinstance(problems, str | Path):
+        raise OptionError(f"problems are {shown(problems)}; give a list or a generator of them")
+    return _planned_many(problems, options, executor)
+
+
+def _planned_many(
+    problems: Iterable[Plannable], options: PlanOptions, executor: Executor | None
+) -> Iterator[PlannedItem]:
+    sent: dict[int, Plannable] = {}
+
+    def calls() -> Iterator[tuple[Any, PlanOptions]]:
+        packer = Packer()
+        for index, problem in enumerate(problems):
+            sent[index] = problem
+            yield _packed(problem, packer), options
+
+    with WorkerProcesses() if executor is None else nullcontext(executor) as workers:
+        for done in run_many(_answer, calls(), workers):
+            yield _item(done, sent.pop(done.index))
+
+
+def _packed(problem: Plannable, packer: Packer) -> Any:
+    if isinstance(problem, PlanningProblem):
+        return packer.pack(problem)
+    if isinstance(problem, str | Path):
+        is_bundled = str(problem).startswith(EXAMPLE_PREFIX)
+        return str(problem) if is_bundled else str(Path(problem).absolute())
+    return problem
+
+
+def _answer(call: tuple[Any, PlanOptions]) -> tuple[Any, float]:
+    """Return the answer about a packed problem, or what is wrong with it, and the loading time."""
+    packed, options = call
+    begin = perf_counter()
+    try:
+        problem = _loaded(packed)
+        loading_time = perf_counter() - begin
+        result = plan_either(problem, options)
+    except TubePlannerError as error:
+        return str(error), perf_counter() - begin
+    if isinstance(packed, Parcel) and isinstance(problem, PlanningProblem):
+        return reply(result, problem), loading_time
+    return result, loading_time
+
+
+def _loaded(packed: Any) -> PlanningProblem | Cycle:
+    if isinstance(packed, Parcel):
+        return packed.unpacked()
+    if isinstance(packed, str):
+        packed = PosedProblem.read(packed)
+    if isinstance(packed, PosedProblem):
+        return packed.load()
+    return packed
+
+
+def _item(done: Done[tuple[Any, float]], problem: Plannable) -> PlannedItem:
+    if done.value is None:
+        error = done.error
+        return PlannedItem(done.index, None, f"{type(error).__name__}: {error}", crashed=True)
+    answer, loading_time = done.value
+    if isinstance(answer, bytes) and isinstance(problem, PlanningProblem):
+        answer = read_reply(answer, problem)
+    if isinstance(answer, str):
+        return PlannedItem(done.index, None, answer, loading_time=loading_time)
+    return PlannedItem(done.index, answer, answer.message, loading_time=loading_time)

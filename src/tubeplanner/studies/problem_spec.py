@@ -1,0 +1,234 @@
+"""PosedProblem: a document ready to travel; content hashes of problem, files, options, package.
+
+A file's name, its folder and its date do not count. What cannot be read counts as such: the plan
+then says what is wrong.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import asdict, dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import tubeplanner
+from tubeplanner.checks import given_path
+from tubeplanner.errors import TubePlannerError
+from tubeplanner.planning.options import PlanOptions
+from tubeplanner.resources import (
+    bundled_presets,
+    find_description,
+    find_limits_file,
+    find_mesh,
+    find_preset,
+    find_problem,
+)
+from tubeplanner.robot.urdf import read_urdf
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.cycle_file import CycleFields, parse_cycle
+from tubeplanner.task.field_changes import changed_problem
+from tubeplanner.task.includes import ProblemLayers, path_places
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, is_cycle
+from tubeplanner.task.problem_reader import build_problem
+
+# ---- Hashes of what an answer depends on: the problem, its files by what they hold, the options,
+# us.
+
+_DIGITS = 32
+_FILES = 10_000  # whose hashes are remembered
+
+
+def content_hash(document: Any, folder: Path, options: PlanOptions) -> str:
+    """Return a hash of all that the plan of a problem or cycle depends on.
+
+    Args:
+        document: What its file holds, with all that it includes.
+        folder: Where its relative paths start.
+        options: How it is planned.
+    """
+    return _hash_of(document_hash(document, folder), asdict(options), package_hash())
+
+
+def document_hash(document: Any, folder: Path) -> str:
+    """Return a hash of what a problem file or a part of it holds, files by their contents.
+
+    Args:
+        document: As dictionaries and lists.
+        folder: Where its relative paths start.
+    """
+    held = deepcopy(document)
+    robot = held.get("robot") if isinstance(held, dict) else None
+    robot = robot if isinstance(robot, dict) else {}
+    given = robot.pop("package_dirs", [])
+    folders = tuple(folder / str(each) for each in given) if isinstance(given, list) else ()
+    files = _Files(folder, folders, robot.get("xacro_args") or {})
+    for holder, key, kind in list(path_places(held)):
+        if isinstance(holder[key], str):
+            holder[key] = files.content(kind, holder[key])
+    return _hash_of(held)
+
+
+@cache
+def package_hash() -> str:
+    """Return a hash of this package's sources and its presets of limits and motors."""
+    folder = Path(str(tubeplanner.__file__)).parent
+    sources = {str(each.relative_to(folder)): each for each in folder.rglob("*.py")}
+    files = {**sources, **bundled_presets()}
+    return _hash_of({name: _file_hash(path) for name, path in files.items()})
+
+
+class _Files:
+    """What the files are that a problem names."""
+
+    def __init__(
+        self, folder: Path, package_dirs: tuple[Path, ...], xacro_args: Mapping[str, object]
+    ) -> None:
+        self._folder, self._package_dirs = folder, package_dirs
+        self._xacro_args = json.dumps(xacro_args, default=str, sort_keys=True)
+
+    def content(self, kind: str, name: str) -> str:
+        """Return a hash of what a file of a kind, named by a field, holds; or why there is none."""
+        found: dict[str, Callable[[], Path]] = {
+            "srdf": lambda: find_description(name, self._folder, self._package_dirs),
+            "limits_file": lambda: find_limits_file(name, self._folder, self._package_dirs),
+            "preset": lambda: find_preset(name, self._folder),
+            "mesh": lambda: find_mesh(name, self._folder / "the problem file", self._package_dirs),
+        }
+        try:
+            if kind == "urdf":
+                return self._robot(find_description(name, self._folder, self._package_dirs))
+            return _file_hash(found.get(kind, lambda: self._folder / name)())
+        except (TubePlannerError, OSError) as error:
+            return f"{kind} cannot be read: {error}"
+
+    def _robot(self, path: Path) -> str:
+        """Return a hash of a URDF, expanded if it is xacro's, and of its collision meshes."""
+        xml, meshes = _robot_parts(path, self._package_dirs, self._xacro_args, _stamp(path))
+        return _hash_of(xml, [self._link_mesh(name, path) for name in meshes])
+
+    def _link_mesh(self, name: str, urdf: Path) -> str:
+        try:
+            return _file_hash(find_mesh(name, urdf, self._package_dirs))
+        except (TubePlannerError, OSError) as error:
+            return f"mesh cannot be read: {error}"
+
+
+@lru_cache(_FILES)
+def _robot_parts(
+    path: Path, package_dirs: tuple[Path, ...], xacro_args: str, stamp: tuple[int, int]
+) -> tuple[str, tuple[str, ...]]:
+    """Return what a URDF holds, and the names of its collision meshes.
+
+    It is read again after a change; what a macro file includes only by the next process.
+    """
+    xml = read_urdf(path, json.loads(xacro_args), package_dirs).xml
+    meshes = ElementTree.fromstring(xml).iterfind(".//collision//mesh")
+    return xml.decode("utf-8", "replace"), tuple(mesh.get("filename", "") for mesh in meshes)
+
+
+def _file_hash(path: Path) -> str:
+    return _content_of(path, _stamp(path))
+
+
+@lru_cache(_FILES)
+def _content_of(path: Path, stamp: tuple[int, int]) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """Return when a file was last written [ns] and its size: another, and it is read again."""
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size
+
+
+def _hash_of(*parts: Any) -> str:
+    text = json.dumps(parts, default=str, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+
+
+# ---- A problem or a cycle as its file holds it, ready to travel to where it is planned.
+
+# What robot and solids are made of; problems that agree in it share them.
+_CELL = ("robot", "obstacles", "collision")
+_KEPT = 16
+_known: dict[str, PlanningProblem] = {}  # by the hash of their cells, the latest last
+
+
+@dataclass(frozen=True)
+class PosedProblem:
+    """What a problem file or a cycle file holds, with all that it includes.
+
+    Attributes:
+        document: As dictionaries and lists.
+        folder: Where its relative paths start.
+        name: What messages call it.
+    """
+
+    document: Any
+    folder: Path
+    name: str
+
+    def __repr__(self) -> str:
+        kind = "cycle" if is_cycle(self.document) else "problem"
+        return f"<PosedProblem {self.name}: a {kind} in {self.folder}>"
+
+    @classmethod
+    def read(cls, problem: str | Path, directory: str | Path = ".") -> "PosedProblem":
+        """Read a problem file or a cycle file, and what it includes.
+
+        Args:
+            problem: A path, or `example:ROBOT/NAME` for a bundled one.
+            directory: Where a relative path starts.
+
+        Raises:
+            ProblemError: A file cannot be read, or files include each other in a circle.
+        """
+        path = find_problem(problem, given_path("directory", directory)).resolve()
+        return cls(ProblemLayers.read(path).merged, path.parent, f"{path.parent.name}/{path.stem}")
+
+    def changed(self, changes: Mapping[str, Any] | None) -> "PosedProblem":
+        """Return it with other values by field path; None: the same ones.
+
+        Raises:
+            ProblemError: A path leads nowhere.
+        """
+        model = CycleFields if is_cycle(self.document) else ProblemFields
+        document = changed_problem(self.document, changes, model)
+        return PosedProblem(document, self.folder, self.name)
+
+    def content_hash(self, options: PlanOptions) -> str:
+        """Return a hash of all that its plan with some options depends on."""
+        return content_hash(self.document, self.folder, options)
+
+    def load(self) -> PlanningProblem | Cycle:
+        """Return what it poses; robot and solids that this process knows are not built again.
+
+        Raises:
+            ProblemError: It contradicts its format, itself or its robot.
+            RobotError: The robot cannot be planned with.
+        """
+        if is_cycle(self.document):
+            return parse_cycle(self.document, self.folder, self.name)
+        fields = check_problem_fields(self.document, self.name)
+        key = self._cell_hash
+        like = _known.get(key)
+        problem = build_problem(fields, self.folder, self.name, self.name, like=like)
+        _keep(key, problem)
+        return problem
+
+    @property
+    def _cell_hash(self) -> str:
+        cell = {key: self.document[key] for key in _CELL if key in self.document}
+        return document_hash(cell, self.folder)
+
+
+def _keep(key: str, problem: PlanningProblem) -> None:
+    """Keep a problem for its robot and solids, and forget the one not used for longest."""
+    _known.pop(key, None)
+    _known[key] = problem
+    for oldest in list(_known)[:-_KEPT]:
+        _known.pop(oldest, None)

@@ -1,0 +1,261 @@
+"""The study file's format; load_study."""
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
+
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
+
+from tubeplanner.checks import given_path, is_number
+from tubeplanner.errors import OptionError, ProblemError, unknown_name
+from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
+from tubeplanner.planning.options import PlanOptions
+from tubeplanner.resources import find_problem
+from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.study import MOST_POINTS, PROBLEM, Axis, Latin, Levels, Study, interval
+from tubeplanner.task.field_changes import factor_of
+from tubeplanner.task.fields import Finite, Flag, Section, Version, no_flag
+from tubeplanner.task.problem_format import is_study, read_document, require_study
+from tubeplanner.task.validation import check_fields
+
+# ---- The study file's shape: fields, units, defaults. Other tools read it, so names never change.
+
+Count: TypeAlias = Annotated[int, BeforeValidator(no_flag), Field(strict=True)]
+
+
+def _number_or_factor(value: object) -> object:
+    if not is_number(value) and factor_of(value) is None:
+        raise ValueError("it must be a number, or a factor such as x0.5")
+    return value
+
+
+End: TypeAlias = Annotated[Finite | str, BeforeValidator(_number_or_factor)]
+
+
+class RangeFields(Section):
+    """Values from one to another, both included."""
+
+    from_: End = Field(alias="from", description="the first: a number, or a factor such as x0.5")
+    to: End = Field(description="the last, likewise")
+    count: Count | None = Field(
+        None, description="how many; left out, in a Latin hypercube alone: any between the two"
+    )
+    spacing: Literal["linear", "log"] = Field(
+        "linear", description="what is the same between neighbours: the difference or the ratio"
+    )
+
+
+class LatinFields(Section):
+    """A Latin hypercube: random points, spread evenly over the values of each field."""
+
+    latin: Count = Field(description="how many points")
+    seed: Count = Field(0, description="the same seed, the same points")
+
+
+class OptionFields(Section):
+    """How every point is planned: as by `plan` with these options."""
+
+    method: str = Field(PlanOptions.method, description="refinement, or another of `plan`")
+    quality: str = Field(PlanOptions.quality, description="fast, balanced or best")
+    candidate_points: Count = Field(
+        PlanOptions.candidate_points, description="from which branch-and-bound chooses"
+    )
+    node_budget: Count = Field(
+        PlanOptions.node_budget, description="after how many nodes branch-and-bound ends"
+    )
+    suh_bishop: dict[str, Any] = Field(
+        {}, description="of phase 2 of suh-bishop, by the names of `SuhBishopOptions`"
+    )
+    time_limit: Finite | None = Field(
+        PlanOptions.time_limit, description="of every point [s]; left out: none"
+    )
+    slack: Finite | None = Field(
+        PlanOptions.slack,
+        description="share that answers may take longer, to be smooth; 0: the shortest; left out: "
+        "what the problem's objective says",
+    )
+    robust: Flag = Field(
+        PlanOptions.robust, description="whether the problem's field robustness counts"
+    )
+    persistent: Flag = Field(
+        PlanOptions.persistent,
+        description="whether planning goes on where refinement's first start leads to no answer",
+    )
+
+
+def _kind_of_values(value: object) -> str | None:
+    if isinstance(value, dict | RangeFields):
+        return "RangeFields"
+    return "list" if isinstance(value, list) else None
+
+
+def _kind_of_design(value: object) -> str | None:
+    if isinstance(value, dict | LatinFields):
+        return "LatinFields"
+    return "grid" if value == "grid" else None
+
+
+Values: TypeAlias = Annotated[
+    Annotated[list[Any], Tag("list")] | Annotated[RangeFields, Tag("RangeFields")],
+    Discriminator(
+        _kind_of_values,
+        custom_error_type="values",
+        custom_error_message="it must be a list of values, or a map with from, to and count",
+    ),
+]
+Design: TypeAlias = Annotated[
+    Annotated[Literal["grid"], Tag("grid")] | Annotated[LatinFields, Tag("LatinFields")],
+    Discriminator(
+        _kind_of_design,
+        custom_error_type="design",
+        custom_error_message="it must be grid, or a map with latin and seed",
+    ),
+]
+
+
+class StudiedFields(Section):
+    """What is varied, how points are chosen, and how they are planned."""
+
+    problem: str | list[str] = Field(
+        description="a problem or cycle file, relative to this file, or example:ROBOT/NAME; a list "
+        "of them is one more axis, called `problem`"
+    )
+    vary: dict[str, Values] = Field(
+        {}, description="by field path: its values; x0.5 scales every number there"
+    )
+    design: Design = Field(
+        "grid", description="grid: every value of each with every value of the others"
+    )
+    options: OptionFields = Field(OptionFields(), description="how every point is planned")
+
+
+class StudyFields(Section):
+    """Many plans: of one or several problems, with other values of some fields."""
+
+    model_config = ConfigDict(title="tubeplanner study")
+
+    format: Literal["tubeplanner/study"] = Field(description="what this file is")
+    version: Version = Field(1, description="of the format")
+    study: StudiedFields = Field(description="what is planned")
+
+
+def study_schema() -> dict[str, Any]:
+    """Return the JSON schema of the study file."""
+    return StudyFields.model_json_schema(by_alias=True)
+
+
+def check_study_fields(data: object, source: str) -> StudyFields:
+    """Check the shape of a study given as nested dictionaries.
+
+    Args:
+        data: What a study file holds.
+        source: What messages call it.
+
+    Raises:
+        ProblemError: A key is unknown, a value has the wrong type. The message names the field.
+    """
+    return check_fields(StudyFields, data, "a study is a map", source, None)
+
+
+# ---- Studies read from files.
+
+_Options = TypeVar("_Options")
+
+
+def load_study(name: str | Path, directory: str | Path = ".") -> Study:
+    """Read a study file and the files of its problems.
+
+    Args:
+        name: A path, or `example:ROBOT/NAME` for a bundled study.
+        directory: Where a relative path starts.
+
+    Raises:
+        ProblemError: A file cannot be read or contradicts its format, or a field path leads
+            nowhere. Values that a problem refuses are no fault of the study: their rows say so.
+    """
+    path = find_problem(name, given_path("directory", directory))
+    document = read_document(path, "study file")
+    require_study(document, str(path))
+    given = check_study_fields(document, str(path)).study
+    try:
+        problems, latin = _problems(given, path.parent), _latin(given.design)
+        axes, options = _axes(given, problems), _options(given.options)
+    except (ProblemError, OptionError) as error:
+        raise ProblemError(f"{path}: study.{error}") from None
+    try:
+        called = f"{path.resolve().parent.name}/{path.stem}"
+        files = [path, *(find_problem(name, path.parent) for name in problems)]
+        return Study(called, problems, axes, latin, options, files)
+    except ProblemError as error:
+        raise ProblemError(f"{path}: study.vary: {error}") from None
+
+
+def _problems(given: StudiedFields, folder: Path) -> dict[str, PosedProblem]:
+    names = given.problem if isinstance(given.problem, list) else [given.problem]
+    if not names:
+        raise ProblemError("problem: give at least one")
+    return {name: _problem(name, folder) for name in names}
+
+
+def _problem(name: str, folder: Path) -> PosedProblem:
+    try:
+        posed = PosedProblem.read(name, folder)
+    except ProblemError as error:
+        raise ProblemError(f"problem: {error}") from None
+    if is_study(posed.document):
+        raise ProblemError(f"problem: {name} is a study itself; name a problem or a cycle")
+    return posed
+
+
+def _axes(given: StudiedFields, problems: Mapping[str, PosedProblem]) -> list[Axis]:
+    chosen = [Levels(PROBLEM, tuple(problems))] if isinstance(given.problem, list) else []
+    return [*chosen, *(_axis(path, values) for path, values in given.vary.items())]
+
+
+def _axis(path: str, values: Any) -> Axis:
+    if not isinstance(values, RangeFields):
+        return Levels(path, tuple(values))
+    try:
+        between = interval(path, values.from_, values.to, is_logarithmic=values.spacing == "log")
+    except ProblemError as error:
+        raise ProblemError(f"vary.{path}: {error}") from None
+    if values.count is None:
+        return between
+    if not 2 <= values.count <= MOST_POINTS:
+        raise ProblemError(
+            f"vary.{path}: count is {values.count}; it must be >= 2 and <= {MOST_POINTS}"
+        )
+    return between.levels(values.count)
+
+
+def _latin(design: Any) -> Latin | None:
+    if not isinstance(design, LatinFields):
+        return None
+    try:
+        return Latin(design.latin, design.seed)
+    except ProblemError as error:
+        raise ProblemError(f"design: {error}") from None
+
+
+def _options(given: OptionFields) -> PlanOptions:
+    try:
+        others = {**given.model_dump(), "suh_bishop": _made(SuhBishopOptions, given.suh_bishop)}
+        return PlanOptions(**others)
+    except OptionError as error:
+        raise OptionError(f"options: {error}") from None
+
+
+def _made(kind: type[_Options], given: Mapping[str, Any]) -> _Options:
+    """Return options by their names; those that are options themselves, of maps."""
+    defaults = {each.name: getattr(kind(), each.name) for each in fields(kind)}  # type: ignore[arg-type]
+    for name in given:
+        if name not in defaults:
+            raise OptionError(unknown_name("option", name, defaults))
+    made = {
+        name: _made(type(defaults[name]), value)
+        if is_dataclass(defaults[name]) and isinstance(value, Mapping)
+        else value
+        for name, value in given.items()
+    }
+    return kind(**made)

@@ -1,0 +1,475 @@
+"""Sweeps: duration against tolerance, or against any field of a file.
+
+Every radius is planned from scratch, exactly as by `plan`: a start from the neighbour's trajectory
+could end in another local optimum, and a row must not depend on its neighbours.
+"""
+
+import csv
+import io
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tubeplanner.checks import given_options, given_row, in_figures, is_finite, is_number
+from tubeplanner.errors import OptionError, ProblemError, RobotError
+from tubeplanner.execution.run_verdict import RunVerdict
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.optimizer.stages import Sensitivity
+from tubeplanner.outcome import PlanStatus, StoppedBy
+from tubeplanner.planning.options import PlanOptions
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.planning.strategy import plan
+from tubeplanner.studies.plan_many import swept_rows
+from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.study import Levels, Study
+from tubeplanner.task.field_changes import is_of_objective, require_changes, require_path
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.problem_format import require_problem
+from tubeplanner.text import json_value, short_repr, value_text, without_formulas
+
+# ---- The duration against the tolerance: one problem planned at several radii.
+
+_SIDES = ("width", "height")  # of boxes, in the order of `Tube.cross_section`
+_SAME = 1e-3  # durations nearer to each other (relative) do not differ
+
+
+@dataclass(frozen=True, eq=False)
+class SweepRow:
+    """One tolerance, and the result of planning with it.
+
+    Attributes:
+        value: The radius of all segments [m], or the factor by which all radii, and the sides of
+            boxes, are scaled.
+        problem: The problem with that tolerance; None where it cannot be posed.
+        result: The result of planning; None where the problem cannot be posed.
+        message: One sentence: the answer, or why there is none.
+        elasticity: d ln T / d ln radius (of boxes, width and height) of all segments together, from
+            the sensitivities: the share
+            by which the duration falls, per share by which the tolerance grows; None if not known.
+        note: Further information about the answer; None: none.
+    """
+
+    value: float
+    problem: PlanningProblem | None
+    result: PlanResult | None
+    message: str
+    elasticity: float | None = None
+    note: str | None = None
+
+    __repr__ = short_repr
+
+    @property
+    def status(self) -> PlanStatus:
+        """How planning ended; bad_input where the problem cannot be posed."""
+        return PlanStatus.BAD_INPUT if self.result is None else self.result.status
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the certified trajectory [s]; None if there is none."""
+        return None if self.result is None else self.result.duration
+
+    @property
+    def slope(self) -> float | None:
+        """The change of the duration per unit of `value` [s/m, or s]; None if not known."""
+        if self.elasticity is None or self.duration is None:
+            return None
+        return self.elasticity * self.duration / self.value
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the row as JSON values."""
+        radius = None if self.problem is None else self.problem.tube.radius.tolist()
+        return {
+            "value": self.value,
+            "radii": radius,
+            "status": str(self.status),
+            "duration": self.duration,
+            "elasticity": self.elasticity,
+            "slope": self.slope,
+            "method": None if self.result is None else self.result.method,
+            "planning_time": None if self.result is None else self.result.planning_time,
+            "message": self.message,
+            "note": self.note,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class SweepResult:
+    """The duration against the tolerance.
+
+    Attributes:
+        problem: The planning problem.
+        quantity: "radius" [m] or "radius_scale".
+        rows: One per tolerance, the narrowest first.
+        stopped_by: "interrupt" if Ctrl-C kept wider tolerances from being planned; None otherwise.
+    """
+
+    problem: PlanningProblem
+    quantity: str
+    rows: tuple[SweepRow, ...]
+    stopped_by: StoppedBy | None = None
+
+    __repr__ = short_repr
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether any tolerance has a certified trajectory."""
+        return any(row.duration is not None for row in self.rows)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the sweep as JSON values."""
+        rows = [row.as_dict() for row in self.rows]
+        report = {"problem": self.problem.name, "quantity": self.quantity}
+        return {**report, "stopped_by": self.stopped_by, "rows": rows}
+
+    def csv(self) -> str:
+        """Return the rows as CSV; `radii` has one number per segment [m], spaces between them."""
+        stream = io.StringIO()
+        first, *others = SweepRow(1.0, None, None, "").as_dict()
+        writer = csv.DictWriter(stream, [self.quantity, *others], lineterminator="\n")
+        writer.writeheader()
+        for row in self.rows:
+            fields = row.as_dict()
+            radii = " ".join(repr(value) for value in fields["radii"] or ())
+            value = fields.pop(first)
+            writer.writerow({self.quantity: value, **fields, "radii": radii})
+        return without_formulas(stream.getvalue())
+
+
+def sweep(
+    problem: PlanningProblem,
+    radii: Sequence[float] | None = None,
+    *,
+    scales: Sequence[float] | None = None,
+    options: PlanOptions | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[object], None] | None = None,
+) -> SweepResult:
+    """Plan a problem at several tolerances, each from scratch.
+
+    Args:
+        problem: The planning problem, but for the radii.
+        radii: Path tolerances, each for all segments [m]; either these or `scales`.
+        scales: Factors for the problem's own radii and boxes.
+        options: How to plan.
+        executor: As for `sweep_field`.
+        progress: Likewise.
+
+    Returns:
+        A row for every tolerance, the narrowest first. A tolerance that cannot be planned has the
+        reason in its row. After Ctrl-C, the finished rows.
+
+    Raises:
+        ProblemError: The problem is none, or has boxes, for which radii are no tolerances.
+        OptionError: Not exactly one of radii and scales is given, one is no positive number, or an
+            argument is of another kind.
+        KeyboardInterrupt: Ctrl-C before the first tolerance was done.
+    """
+    PlanningProblem.require(problem)
+    if (radii is None) == (scales is None):
+        raise OptionError("sweep takes either radii or scales")
+    if scales is None:
+        remedy = "sweep over factors (scales, --radius-scale), which scale its width and height"
+        problem.tube.require_discs("a sweep over radii", remedy)
+    quantity, given = ("radius", radii) if scales is None else ("radius_scale", scales)
+    values = _values(quantity, given)
+    work = partial(_tolerance_row, problem, quantity, given_options(options, PlanOptions).shortest)
+    called = f"tolerance {{}} of {len(values)}".format
+    rows, stopped_by = swept_rows(work, values, called, executor, progress)
+    return SweepResult(problem, quantity, _noted(quantity, rows), stopped_by)
+
+
+def _values(quantity: str, given: object) -> list[float]:
+    values = given_row(quantity, given, "numbers")
+    if not values:
+        raise OptionError(f"{quantity}: give at least one number")
+    for value in values:
+        if not is_number(value) or not is_finite(value) or value <= 0:
+            raise OptionError(f"{quantity} is {in_figures(value)}; it must be > 0 and finite")
+    return sorted({float(value) for value in values})
+
+
+def _tolerance_row(
+    problem: PlanningProblem,
+    quantity: str,
+    options: PlanOptions,
+    value: float,
+    progress: Callable[[object], None] | None = None,
+) -> SweepRow:
+    tube = problem.tube
+    try:
+        other = tube.with_radius(value) if quantity == "radius" else tube.scaled(value)
+        posed = problem.with_tube(other)
+    except ProblemError as error:
+        return SweepRow(value, None, None, str(error))
+    result = plan(posed, options, progress)
+    if result.stopped_by == "interrupt":
+        raise KeyboardInterrupt
+    elasticities = [
+        _by_whole_radius(sensitivity, posed.tube) for sensitivity in result.sensitivities
+    ]
+    elasticity = (
+        sum(elasticities) + 0.0 if elasticities else None
+    )  # + 0.0: no minus in front of zero
+    return SweepRow(value, posed, result, result.message, elasticity)
+
+
+def _noted(quantity: str, rows: Sequence[SweepRow]) -> tuple[SweepRow, ...]:
+    """Return rows, the narrowest first, with notes where a narrower one is faster."""
+    noted = []
+    for number, row in enumerate(rows):
+        faster = [each for each in rows[:number] if _is_faster(each, row)]
+        note = None
+        if faster:
+            note = (
+                f"slower than that at {quantity} {faster[-1].value:g}, which keeps to this tube "
+                "too: another local optimum"
+            )
+        noted.append(replace(row, note=note))
+    return tuple(noted)
+
+
+def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
+    """Return an elasticity by the radius or side, tool radius included; nothing for joints."""
+    if sensitivity.limit not in ("radius", *_SIDES) or sensitivity.segment is None:
+        return 0.0
+    k = tube.segment_index(sensitivity.segment)
+    whole = tube.radius[k]
+    if sensitivity.limit in _SIDES and tube.cross_section is not None:
+        whole = tube.cross_section[k, _SIDES.index(sensitivity.limit)] / 2
+    return float(sensitivity.elasticity * whole / (whole - tube.tool_radius))
+
+
+def _is_faster(narrow: SweepRow, wide: SweepRow) -> bool:
+    if narrow.duration is None or wide.duration is None:
+        return False
+    return narrow.duration < (1 - _SAME) * wide.duration
+
+
+# ---- The duration against any field of a problem file: one problem planned at several values of
+# it.
+#
+# Every value is planned from scratch, exactly as by `plan`: a row does not depend on its
+# neighbours.
+
+
+@dataclass(frozen=True, eq=False)
+class FieldRow:
+    """One value of the field, and the result of planning with it.
+
+    Attributes:
+        value: As it is given, such as 0.02, [0.02, 0.03] or "x0.5".
+        result: The result of planning; None where the problem cannot be posed.
+        message: One sentence: the answer, or why there is none.
+        loading_time: How long reading the problem took [s].
+    """
+
+    value: Any
+    result: PlanResult | None
+    message: str
+    loading_time: float
+
+    __repr__ = short_repr
+
+    @property
+    def status(self) -> PlanStatus:
+        """How planning ended; bad_input where the problem cannot be posed."""
+        return PlanStatus.BAD_INPUT if self.result is None else self.result.status
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the certified trajectory [s]; None if there is none."""
+        return None if self.result is None else self.result.duration
+
+    @property
+    def shortest_duration(self) -> float | None:
+        """Duration of the shortest certified trajectory that was found [s]; None if none was."""
+        return None if self.result is None else self.result.shortest_duration
+
+    @property
+    def verdict(self) -> RunVerdict | None:
+        """What was seen of the answer in simulation; None unless robustness asks for it."""
+        survival = None if self.result is None else self.result.survival
+        return None if survival is None else survival.verdict
+
+    @property
+    def runs(self) -> int | None:
+        """How many runs were simulated; None unless robustness asks for it."""
+        return None if self.verdict is None else self.verdict.runs
+
+    @property
+    def runs_failed(self) -> int | None:
+        """How many of them failed; likewise."""
+        return None if self.verdict is None else self.verdict.failed
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What else is worth knowing about the answer."""
+        return () if self.result is None else self.result.notes
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the row as JSON values."""
+        return {
+            "value": json_value(self.value),
+            "status": str(self.status),
+            "duration": self.duration,
+            "shortest_duration": self.shortest_duration,
+            "runs": self.runs,
+            "runs_failed": self.runs_failed,
+            "method": None if self.result is None else self.result.method,
+            "planning_time": None if self.result is None else self.result.planning_time,
+            "loading_time": self.loading_time,
+            "message": self.message,
+            "notes": list(self.notes),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class FieldSweep:
+    """The duration against a field.
+
+    Attributes:
+        name: Of the problem.
+        path: Of the field, such as "robot.payload.mass".
+        rows: One per value, in the order given.
+        stopped_by: "interrupt" if Ctrl-C kept other values from being planned; None otherwise.
+    """
+
+    name: str
+    path: str
+    rows: tuple[FieldRow, ...]
+    stopped_by: StoppedBy | None = None
+
+    __repr__ = short_repr
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether any value has a certified trajectory."""
+        return any(row.duration is not None for row in self.rows)
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether any answer was executed in simulation."""
+        return any(row.verdict is not None for row in self.rows)
+
+    @property
+    def varies_objective(self) -> bool:
+        """Whether the field is part of the objective, so that answers may not be the shortest."""
+        return is_of_objective(self.path)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the sweep as JSON values."""
+        rows = [row.as_dict() for row in self.rows]
+        report = {"problem": self.name, "quantity": self.path}
+        return {**report, "stopped_by": self.stopped_by, "rows": rows}
+
+    def csv(self) -> str:
+        """Return the rows as CSV; lists and maps as JSON, notes with semicolons between them."""
+        stream = io.StringIO()
+        first, *others = FieldRow(None, None, "", 0.0).as_dict()
+        writer = csv.DictWriter(stream, [self.path, *others], lineterminator="\n")
+        writer.writeheader()
+        for row in self.rows:
+            fields = row.as_dict()
+            del fields[first]
+            notes = "; ".join(row.notes)
+            writer.writerow({self.path: value_text(row.value), **fields, "notes": notes})
+        return without_formulas(stream.getvalue())
+
+
+def sweep_field(
+    problem: str | Path,
+    path: str,
+    values: Sequence[Any],
+    *,
+    changes: Mapping[str, Any] | None = None,
+    options: PlanOptions | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[object], None] | None = None,
+) -> FieldSweep:
+    """Plan a problem file at several values of a field, each from scratch.
+
+    Answers are the shortest motions, unless a slack is given or the field is of the objective.
+
+    Args:
+        problem: A path, or `example:ROBOT/NAME` for a bundled problem.
+        path: Of the field, as for `load_problem`.
+        values: What it is to be; "x0.5" scales every number there.
+        changes: Of other fields, made first.
+        options: How to plan.
+        executor: What plans, any of `concurrent.futures`; None: this process, value by value.
+        progress: Called as by `plan`, its stage with the value in front; with an executor, when a
+            value is done.
+
+    Returns:
+        A row for every value, in their order. A value that cannot be planned has the reason in its
+        row. After Ctrl-C, the finished rows.
+
+    Raises:
+        ProblemError: The file cannot be read, or the path leads nowhere in it.
+        OptionError: No value is given, the field is changed too, the field is of the objective and
+            a slack is given, or an argument is of another kind.
+        KeyboardInterrupt: Ctrl-C before the first value was done.
+    """
+    require_path(path)
+    changes = {} if changes is None else changes
+    require_changes(changes)
+    options = _options(path, given_options(options, PlanOptions))
+    values = given_row("values", values, f"what {path} is to be")
+    study = _study(problem, path, values, changes, options)
+    asked = ((value, study.posed(point)) for value, point in zip(values, study.points, strict=True))
+    called = f"value {{}} of {len(values)}".format
+    rows, stopped_by = swept_rows(partial(_field_row, options), asked, called, executor, progress)
+    return FieldSweep(study.name, path, tuple(rows), stopped_by)
+
+
+def _options(path: str, options: PlanOptions) -> PlanOptions:
+    if not is_of_objective(path):
+        return options.shortest
+    if options.slack is not None:
+        raise OptionError(f"{path} is varied and slack is given; leave out one of them")
+    return options
+
+
+def _study(
+    problem: str | Path,
+    path: str,
+    values: Sequence[Any],
+    changes: Mapping[str, Any],
+    options: PlanOptions,
+) -> Study:
+    """Return the values of a field as a study of one axis."""
+    if len(values) == 0:
+        raise OptionError(f"{path}: give at least one value")
+    if path in changes:
+        raise OptionError(f"{path} is both varied and changed; leave out one of them")
+    posed = PosedProblem.read(problem)
+    require_problem(posed.document, posed.name)
+    changed = posed.changed(changes)
+    return Study(posed.name, {posed.name: changed}, [Levels(path, values)], options=options)
+
+
+def _field_row(
+    options: PlanOptions,
+    asked: tuple[Any, PosedProblem],
+    progress: Callable[[object], None] | None = None,
+) -> FieldRow:
+    """Return the row of a value, given with its problem; arguments as of `plan`."""
+    value, posed = asked
+    begin = time.perf_counter()
+    if progress is not None:
+        progress("loading robot and collision geometry")
+    try:
+        problem = posed.load()
+    except (ProblemError, RobotError) as error:
+        reason = str(error).removeprefix(f"{posed.name}: ")
+        return FieldRow(value, None, reason, time.perf_counter() - begin)
+    loading_time = time.perf_counter() - begin
+    assert isinstance(problem, PlanningProblem)
+    result = plan(problem, options, progress)
+    if result.stopped_by == "interrupt":
+        raise KeyboardInterrupt
+    return FieldRow(value, result, result.message, loading_time)

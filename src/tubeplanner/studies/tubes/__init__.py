@@ -1,0 +1,1 @@
+"""Tubes from obstacles, zones, trails, or start and goal alone."""

@@ -1,0 +1,399 @@
+"""The neighbourhood of a branch, segment by segment; folding joints.
+
+Where such a joint is at zero, the arm is nearer to a singularity than elsewhere: there two
+configurations with the same tool position meet.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.first_guess.branches import ReferenceBranch
+from tubeplanner.geometry.tube.points import densified
+from tubeplanner.geometry.tube.segment_values import JointRange
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.planning.options import PlanOptions
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.planning.strategy import plan
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.studies.tubes.clearance_bounds import PairClearance
+from tubeplanner.studies.tubes.counterexamples import Box
+from tubeplanner.studies.tubes.measurement_result import Binding, MeasureOptions, SegmentMeasurement
+from tubeplanner.studies.tubes.segment_search import (
+    WANTED_RANGE,
+    Collision,
+    CollisionBoxes,
+    JointBounds,
+    KeptSegments,
+    SegmentSearch,
+    SetPreferences,
+    range_core,
+    search_core,
+    search_segment,
+)
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- The joints whose signs distinguish an arm's configurations: elbows, and joints like them.
+
+_SAMPLES = 300
+_SEED = 0
+# A joint folds if at its zero the arm's least gain is below this share of what it is elsewhere.
+_FOLDED_SHARE = 0.7
+_NO_GAIN = 1e-6
+
+
+def is_determined(robot: RobotModel) -> bool:
+    """Return whether an arm has as many joints as the tool's position needs."""
+    return _rank(robot) == robot.joint_count
+
+
+@lru_cache(maxsize=16)
+def folding_joints(robot: RobotModel) -> tuple[int, ...]:
+    """Return the joints whose signs distinguish configurations, as indices of the group.
+
+    Of a two-link arm the elbow, of a UR5 elbow and second wrist joint, of a Panda the second,
+    fourth and sixth joint.
+    """
+    q = _random(robot)
+    usual, found = _min_gain(robot, q), []
+    for joint in np.flatnonzero((q.min(axis=0) < 0) & (q.max(axis=0) > 0)):
+        folded = q.copy()
+        folded[:, joint] = 0.0
+        if _min_gain(robot, folded) < _FOLDED_SHARE * usual:
+            found.append(int(joint))
+    return tuple(found)
+
+
+def sign_bounds(
+    problem: PlanningProblem, segment: int, branch: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return joint bounds, (n,) each, with the signs that folding joints have along a branch."""
+    lower, upper = problem.joint_lower[segment].copy(), problem.joint_upper[segment].copy()
+    for joint in folding_joints(problem.robot):
+        if branch[:, joint].min() >= 0:
+            lower[joint] = max(lower[joint], 0.0)
+        if branch[:, joint].max() <= 0:
+            upper[joint] = min(upper[joint], 0.0)
+    turns = problem.robot.revolute & (upper - lower > 2 * np.pi)
+    middle = np.clip(branch.mean(axis=0), lower + np.pi, upper - np.pi)
+    return np.where(turns, middle - np.pi, lower), np.where(turns, middle + np.pi, upper)
+
+
+def _random(robot: RobotModel) -> FloatArray:
+    limits = robot.limits
+    lower = np.maximum(limits.lower_position, -np.pi)
+    upper = np.minimum(limits.upper_position, np.pi)
+    lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)
+    return np.random.default_rng(_SEED).uniform(lower, upper, (_SAMPLES, robot.joint_count))
+
+
+def _rank(robot: RobotModel) -> int:
+    """Return in how many directions the joints move the tool's position."""
+    jacobian = robot.tool_jacobian(_random(robot))[1][:, :3]
+    return int(np.median((np.linalg.svd(jacobian, compute_uv=False) > _NO_GAIN).sum(axis=1)))
+
+
+def _min_gain(robot: RobotModel, q: FloatArray) -> float:
+    """Return how little joints move the tool in the worst direction: a share, typical of (N, n).
+
+    Only its position counts if the joints suffice for no more, otherwise its rotation too.
+    """
+    jacobian = robot.tool_jacobian(q)[1]
+    if is_determined(robot):
+        jacobian = jacobian[:, :3]
+    gain = np.linalg.svd(jacobian, compute_uv=False)
+    least = min(robot.joint_count, gain.shape[1]) - 1
+    return float(np.median(gain[:, least] / np.maximum(gain[:, 0], _NO_GAIN)))
+
+
+# ---- The surroundings of a branch, segment by segment, and what searches find there.
+
+# Extra distance beyond the clearance [m], in reserve for what later counterexample searches find:
+# the second value where the first leaves nothing around the branch.
+EXTRA_CLEARANCES = (1e-3, 1e-4)
+_ROUNDING = 1e-9
+_ROUGH_SHARE = 12  # of the samples: a rough measurement has so many times fewer
+_SAMPLES_PER_PIECE = 10
+_MAX_STEP = 0.02  # [rad or m] between tested configurations of the branch
+
+
+class BranchNeighbourhood:
+    """The surroundings of a branch, and what searches find there.
+
+    Attributes:
+        count: Number of segments.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        branch: ReferenceBranch,
+        options: MeasureOptions,
+        extra: float = EXTRA_CLEARANCES[0],
+        checkpoint: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Test the branch.
+
+        Args:
+            problem: The planning problem; its radii are the largest wanted.
+            branch: Along the centre line.
+            options: How to measure.
+            extra: Extra distance beyond the clearance, unless the branch has less [m].
+            checkpoint: Called many times; it may raise to end the work.
+
+        Raises:
+            Infeasible: Status tube_blocked: the branch itself collides.
+        """
+        self._problem, self._samples, self._checkpoint = problem, options.samples, checkpoint
+        self._rough = options.samples // _ROUGH_SHARE + 1
+        self._branch = [densified(q, _MAX_STEP) for q in branch.segments]
+        self.count = len(self._branch)
+        clearance = PairClearance(problem, 0.0)
+        least = min(
+            _require_clearance(problem, clearance, k, q) for k, q in enumerate(self._branch)
+        )
+        self._pair_clearance = PairClearance(problem, min(extra, least / 2))
+        self._rngs = [np.random.default_rng([options.seed, k]) for k in range(self.count)]
+        self._boxes: dict[int, CollisionBoxes] = {}
+
+    def require_space(self, k: int) -> None:
+        """Raise where not even the branch's own ranges are free, as a rough search has it.
+
+        Raises:
+            Infeasible: Status tube_blocked.
+        """
+        core = range_core(self._problem, k, self._branch[k])
+        boxes = CollisionBoxes(self._problem, k, self._branch[k], core, core, self._pair_clearance)
+        found = search_core(boxes, self._pair_clearance, self._rough, self._rngs[k])
+        if found is not None:
+            self._unless_collision(k, found)
+
+    def first_search(self, k: int, part: FloatArray | None = None) -> SegmentSearch:
+        """Return what a rough search finds for a segment.
+
+        Signs are tried before ranges, and wider surroundings before narrow ones.
+
+        Args:
+            k: Index of the segment.
+            part: Configurations (N, n) whose needs decide; None: not known.
+
+        Raises:
+            Infeasible: Status tube_blocked: not even the branch's own ranges are free.
+        """
+        for core, outer in self._cores(k):
+            boxes = CollisionBoxes(
+                self._problem, k, self._branch[k], core, outer, self._pair_clearance
+            )
+            self._boxes[k] = boxes
+            wanted = SetPreferences() if part is None else SetPreferences(boxes.needed(part), 1.0)
+            found = self._searched(k, self._rough, wanted)
+            if isinstance(found, SegmentSearch):
+                return found
+        return self._unless_collision(k, found)
+
+    def kept_search(self, k: int, part: FloatArray, kept: KeptSegments) -> SegmentSearch:
+        """Return what was found before for the same segment, or else `first_search`.
+
+        Raises:
+            Infeasible: Status tube_blocked.
+        """
+        problem, key = self._problem, self._key(k)
+        known = kept.around(key, problem, k, self._branch[k])
+        if known is not None:
+            self._boxes[k], found = known
+            return found
+        found = self.first_search(k, part)
+        kept.keep(key, self._boxes[k], found)
+        return found
+
+    def parts(self, q: FloatArray) -> list[FloatArray]:
+        """Return configurations (N, n) by the segment that their tools are nearest to."""
+        tool = self._problem.robot.tool_position(q)
+        nearest = self._problem.tube.distance(tool).argmin(axis=1)
+        return [q[nearest == k] for k in range(self.count)]
+
+    def has_trades(self, found: list[SegmentSearch]) -> bool:
+        """Return whether a radius or a range ends where another one could end instead."""
+        return any(each.box.has_choice for each in found)
+
+    def needs_of_trajectory(
+        self, found: list[SegmentSearch], beyond_radius: float, beyond_range: float
+    ) -> list[FloatArray | None]:
+        """Return how far a fast trajectory leaves the branch, by segment; None: there is none.
+
+        Args:
+            found: Sets, which the trajectory may leave.
+            beyond_radius: By how much in space [m].
+            beyond_range: By how much in the joints [rad or m].
+        """
+        result = self._planned(found, beyond_radius, beyond_range)
+        if result.trajectory is None:
+            return [None] * self.count
+        q = result.trajectory.per_piece(_SAMPLES_PER_PIECE).position
+        return [self._boxes[k].needed(part) for k, part in enumerate(self.parts(q))]
+
+    def search(self, k: int, preferences: SetPreferences) -> SegmentSearch:
+        """Return what a rough search finds, with the collisions known so far.
+
+        Raises:
+            Infeasible: Status tube_blocked: searches for counterexamples do not end.
+        """
+        return self._unless_collision(k, self._searched(k, self._rough, preferences))
+
+    def has_trajectory(self, found: list[SegmentSearch]) -> bool:
+        """Return whether fast planning finds a certified trajectory within sets."""
+        return self._planned(found).succeeded
+
+    def _planned(
+        self, found: list[SegmentSearch], beyond_radius: float = 0.0, beyond_range: float = 0.0
+    ) -> PlanResult:
+        """Return what fast planning finds within sets, or a little beyond."""
+        tube, ranges = self._problem.tube, []
+        for k, each in enumerate(found):
+            lower = np.maximum(each.allowed.lower - beyond_range, self._problem.joint_lower[k])
+            upper = np.minimum(each.allowed.upper + beyond_range, self._problem.joint_upper[k])
+            ranges.append(_ranges(self._problem, lower, upper))
+        radii = [each.allowed.radius + tube.tool_radius + beyond_radius for each in found]
+        other = replace(tube, radius=np.array(radii), joint_signs=tuple(ranges))
+        problem = self._problem.with_tube(other)
+        return plan(problem, PlanOptions(quality="fast", slack=0.0, robust=False))
+
+    def without_counterexamples(self, k: int, found: SegmentSearch) -> SegmentSearch:
+        """Return the largest set within one that a thorough counterexample search leaves.
+
+        Raises:
+            Infeasible: Status tube_blocked: searches for counterexamples do not end.
+        """
+        last = self._searched(k, self._samples, found.preferences, found.box)
+        return self._unless_collision(k, last)
+
+    def described(self, k: int, found: SegmentSearch) -> SegmentMeasurement:
+        """Return the result of a search as radius and joint ranges of a tube segment."""
+        least = found.last.least_clearance
+        return SegmentMeasurement(
+            radius=found.allowed.radius + self._problem.tube.tool_radius,
+            joint_ranges=_ranges(self._problem, found.allowed.lower, found.allowed.upper),
+            bindings=_bindings(self._problem, k, found, self._pair_clearance),
+            samples=found.last.samples,
+            searched=found.samples,
+            collisions=len(found.q),
+            least_clearance=least if np.isfinite(least) else None,
+        )
+
+    def _cores(self, k: int) -> list[tuple[JointBounds, JointBounds]]:
+        """Return what a set must hold and may hold, by joint bounds, the best choice first."""
+        problem, branch = self._problem, self._branch[k]
+        whole = (problem.joint_lower[k], problem.joint_upper[k])
+        cores = [
+            (range_core(problem, k, branch, WANTED_RANGE), whole),
+            (range_core(problem, k, branch), whole),
+        ]
+        if is_determined(problem.robot):
+            signs = sign_bounds(problem, k, branch)
+            cores.insert(0, (signs, signs))
+        return cores
+
+    def _key(self, k: int) -> bytes:
+        """Return what a segment's measurement depends on, beside its branch.
+
+        Not the extra clearance: less of it is tried later, and serves as well.
+        """
+        problem = self._problem
+        bounds = problem.joint_lower[k], problem.joint_upper[k]
+        return np.concatenate([problem.tube.points[k : k + 2].ravel(), *bounds]).tobytes()
+
+    def _searched(
+        self, k: int, samples: int, preferences: SetPreferences, within: Box | None = None
+    ) -> SegmentSearch | Collision:
+        return search_segment(
+            self._boxes[k],
+            self._pair_clearance,
+            samples,
+            self._rngs[k],
+            preferences,
+            within,
+            self._checkpoint,
+        )
+
+    def _unless_collision(self, k: int, found: SegmentSearch | Collision) -> SegmentSearch:
+        if isinstance(found, SegmentSearch):
+            return found
+        place = _place(self._problem, k, found.q, self._pair_clearance.pairs[found.pair])
+        message = (
+            f"there is no free space around the branch in segment {place.segment}: within its own "
+            "joint ranges "
+            f"{place}, {-1000 * found.clearance:.1f} mm too close; split the segment by another "
+            "reference point, or move it"
+        )
+        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+
+
+def _require_clearance(
+    problem: PlanningProblem, clearance: PairClearance, k: int, q: FloatArray
+) -> float:
+    """Return the least clearance along a branch's segment, at most the required one [m].
+
+    Raises:
+        Infeasible: Status tube_blocked: there is none.
+    """
+    found = clearance.least(q, 2 * EXTRA_CLEARANCES[0])
+    worst = int(found.clearance.argmin())
+    least = min(float(found.clearance[worst]), 2 * EXTRA_CLEARANCES[0])
+    if least <= 0:
+        place = _place(problem, k, q[worst], clearance.pairs[found.pair[worst]])
+        message = (
+            f"the arm collides on the centre line of segment {place.segment}: {place}, "
+            f"{-1000 * least:.1f} mm too close; move the reference points or choose another "
+            "configuration"
+        )
+        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+    return least
+
+
+def _ranges(
+    problem: PlanningProblem, lower_bounds: FloatArray, upper_bounds: FloatArray
+) -> dict[str, JointRange]:
+    """Return the ranges tighter than the position limits, by joint name; signs as such."""
+    limits, ranges = problem.robot.limits, {}
+    for joint, name in enumerate(problem.robot.joint_names):
+        lower, upper = float(lower_bounds[joint]), float(upper_bounds[joint])
+        from_lowest = lower <= limits.lower_position[joint]
+        to_highest = upper >= limits.upper_position[joint]
+        if problem.robot.revolute[joint] and upper - lower >= 2 * np.pi - _ROUNDING:
+            continue  # every angle
+        if from_lowest and upper == 0:
+            ranges[name] = (-np.inf, 0.0)
+        elif to_highest and lower == 0:
+            ranges[name] = (0.0, np.inf)
+        elif not (from_lowest and to_highest):
+            ranges[name] = (lower, upper)
+    return ranges
+
+
+def _bindings(
+    problem: PlanningProblem, k: int, found: SegmentSearch, clearance: PairClearance
+) -> tuple[Binding, ...]:
+    names = problem.robot.joint_names
+    bounds = [("radius", None), *(("lower", n) for n in names), *(("upper", n) for n in names)]
+    return tuple(
+        Binding(
+            bound,
+            _place(problem, k, found.q[blocker], clearance.pairs[found.pair[blocker]], joint),
+            found.q[blocker],
+        )
+        for (bound, joint), blocker in zip(bounds, found.box.blocker, strict=True)
+        if blocker >= 0
+    )
+
+
+def _place(
+    problem: PlanningProblem, k: int, q: FloatArray, pair: Any, joint: str | None = None
+) -> Place:
+    links, obstacle = problem.collision.owners(pair)
+    number = problem.tube.segment_number(k)
+    place = Place(joint=joint, segment=number, links=links, obstacle=obstacle)
+    return place.at(problem.robot.tool_position(q[None])[0])

@@ -1,0 +1,220 @@
+"""Free configurations; collision-free joint routes by OMPL."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.errors import OptionError, not_installed
+from tubeplanner.outcome import Place
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.required_distances import RequiredDistances
+
+# ---- Which configurations are free: links clear of obstacles and of each other, by a margin.
+
+# Where an end of the trajectory has less clearance than the margin, this share of it is kept
+# everywhere.
+_SHARE_AT_ENDS = 0.9
+
+
+class FreeSpace:
+    """The configurations in which links are farther apart than a problem requires."""
+
+    def __init__(self, problem: PlanningProblem, margin: float, ends: FloatArray) -> None:
+        """Take the pairs of a problem.
+
+        Args:
+            problem: Its arm, obstacles and clearance count; its tube does not.
+            margin: Required distance beyond the clearance [m].
+            ends: Configurations (E, n), at least one, from start to goal: pairs of shapes that are
+                nearer there need not be farther apart elsewhere.
+        """
+        checker = problem.collision
+        self._robot, self._checker = problem.robot, checker
+        self._pairs = checker.pairs
+        self._asked = RequiredDistances(problem, ends[0], ends[-1])
+        self._margin = np.zeros(len(self._pairs))
+        if margin > 0:
+            least = np.min([self._clearances(q) for q in ends], axis=0, initial=margin)
+            self._margin = np.clip(_SHARE_AT_ENDS * least, 0.0, margin)
+
+    def is_free(self, q: FloatArray) -> bool:
+        """Return whether a configuration (n,) has the margin."""
+        return self.lacking(q) is None
+
+    def lacking(self, q: FloatArray) -> Place | None:
+        """Return links too close at a configuration (n,), and where the tool is; or None."""
+        rotation, position = self._robot.body_poses(q[None])
+        wanted = self._required(q) + self._margin
+        quick = self._checker.sphere_distances(rotation, position, self._pairs)[0] - wanted
+        near = np.flatnonzero(quick < 0)
+        alone = np.zeros(len(near), dtype=np.int64)
+        boxes = self._checker.box_distances(rotation, position, alone, self._pairs[near])
+        near = near[boxes < wanted[near]]
+        distance = self._checker.distances(rotation[0], position[0], self._pairs[near])
+        short = distance - wanted[near]
+        if short.min(initial=0.0) >= 0:
+            return None
+        return self._place(q, self._pairs[near[short.argmin()]])
+
+    def clearance(self, q: FloatArray) -> float:
+        """Return the least distance beyond the clearance at a configuration (n,) [m]."""
+        return float(self._clearances(q).min(initial=np.inf))
+
+    def _clearances(self, q: FloatArray) -> FloatArray:
+        rotation, position = self._robot.body_poses(q[None])
+        return self._checker.distances(rotation[0], position[0], self._pairs) - self._required(q)
+
+    def _required(self, q: FloatArray) -> FloatArray:
+        return self._asked.anywhere(self._robot.tool_position(q[None]))[0]
+
+    def _place(self, q: FloatArray, pair: IntArray) -> Place:
+        links, obstacle = self._checker.owners(pair)
+        return Place(links=links, obstacle=obstacle).at(self._robot.tool_position(q[None])[0])
+
+
+# ---- Collision-free routes in joint space, found by OMPL.
+#
+# Sucan, Moll & Kavraki, "The Open Motion Planning Library" (IEEE Robotics & Automation Magazine
+# 19(4), 2012); Kuffner & LaValle, "RRT-Connect" (ICRA 2000). Only this module knows OMPL.
+
+_STEP = 0.05  # [rad or m] between configurations tested along an edge
+# How far beyond start and goals joints may go that have no nearer limit [rad or m].
+_BEYOND = np.pi
+_MIN_SPAN = 1e-6  # [rad or m]: OMPL wants bounds that differ
+_SHORTENINGS = 5
+
+
+def require_ompl() -> None:
+    """Raise unless OMPL is installed, before any work.
+
+    Raises:
+        OptionError: It is not installed.
+    """
+    try:
+        import ompl.base
+    except ImportError:
+        raise OptionError(not_installed("route", "finding a route", "OMPL 2")) from None
+    _ = ompl.base
+
+
+class RouteSearch:
+    """A search from one configuration to any of some others; the same for the same seed.
+
+    Attributes:
+        checks: How many configurations the last search tested.
+        reached: Of the last search that found no route, the configuration (n,) nearest to a goal
+            that was reached from the start.
+    """
+
+    def __init__(
+        self,
+        space: FreeSpace,
+        start: FloatArray,
+        goals: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
+    ) -> None:
+        """Prepare a search.
+
+        Args:
+            space: Which configurations are free.
+            start: Shape (n,) [rad or m].
+            goals: Configurations, one of which it must reach, shape (G, n).
+            lower: Lower position limits, shape (n,).
+            upper: Upper position limits, shape (n,).
+
+        Raises:
+            OptionError: OMPL is not installed.
+        """
+        require_ompl()
+        from ompl import base
+
+        self._space, self._start, self._goals = space, start, goals
+        ends = np.vstack([start, *goals])
+        least, most = ends.min(axis=0), ends.max(axis=0)
+        low = np.minimum(np.maximum(lower, least - _BEYOND), least)
+        high = np.maximum(np.minimum(upper, most + _BEYOND), most)
+        self._states = base.RealVectorStateSpace(0)
+        for bounds in zip(low, np.maximum(high, low + _MIN_SPAN), strict=True):
+            self._states.addDimension(*(float(bound) for bound in bounds))
+        self.checks = 0
+        self.reached = start
+
+    def route(
+        self, seed: int, budget: int, is_over: Callable[[], bool] = lambda: False
+    ) -> FloatArray | None:
+        """Return the corners (P, n) of a free route, shortened; None if none was found.
+
+        Args:
+            seed: Of OMPL's random numbers, > 0; they are one stream for the whole process.
+            budget: Most configurations to look at before there is a route.
+            is_over: Whether there is no time left to look for one.
+        """
+        with _silent_ompl():
+            return self._route(seed, budget, is_over)
+
+    def _route(self, seed: int, budget: int, is_over: Callable[[], bool]) -> FloatArray | None:
+        from ompl import base, geometric, util
+
+        util.RNG.setSeed(seed)
+        self.checks = 0
+        setup = self._setup()
+        setup.setPlanner(geometric.RRTConnect(setup.getSpaceInformation()))
+        setup.solve(base.PlannerTerminationCondition(lambda: self.checks >= budget or is_over()))
+        if not setup.haveSolutionPath():
+            return None
+        path = setup.getSolutionPath()
+        if not setup.haveExactSolutionPath():
+            self.reached = self._corners(path)[-1]
+            return None
+        simplifier = setup.getPathSimplifier()
+        for _ in range(_SHORTENINGS):
+            simplifier.reduceVertices(path)
+            simplifier.partialShortcutPath(path)
+            simplifier.collapseCloseVertices(path)
+        return self._corners(path)
+
+    def _setup(self) -> Any:
+        from ompl import base, geometric
+
+        setup = geometric.SimpleSetup(self._states)
+        setup.setStateValidityChecker(self._is_valid)
+        information = setup.getSpaceInformation()
+        information.setStateValidityCheckingResolution(_STEP / information.getMaximumExtent())
+        setup.setStartState(self._state(self._start))
+        wanted = base.GoalStates(information)
+        for goal in self._goals:
+            wanted.addState(self._state(goal))
+        setup.setGoal(wanted)
+        return setup
+
+    def _is_valid(self, state: Any) -> bool:
+        self.checks += 1
+        return self._space.is_free(self._values(state))
+
+    def _state(self, q: FloatArray) -> Any:
+        state = self._states.allocState()
+        for j, value in enumerate(q):
+            state[j] = float(value)
+        return state
+
+    def _values(self, state: Any) -> FloatArray:
+        return np.array([state[j] for j in range(len(self._start))])
+
+    def _corners(self, path: Any) -> FloatArray:
+        return np.array([self._values(state) for state in path.getStates()])
+
+
+@contextmanager
+def _silent_ompl() -> Iterator[None]:
+    """Keep OMPL from logging to standard output, for as long as it works for us."""
+    from ompl import util
+
+    util.noOutputHandler()
+    try:
+        yield
+    finally:
+        util.restorePreviousOutputHandler()

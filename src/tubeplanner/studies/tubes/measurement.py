@@ -1,0 +1,402 @@
+"""Measure_tube: widest radii and ranges; survey_patterns: free sign patterns."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.checks import given_options
+from tubeplanner.errors import OptionError, ProblemError
+from tubeplanner.first_guess.branches import (
+    KnownBranches,
+    RedundancyRule,
+    configured_ends,
+    redundancy_rules,
+    reference_branch,
+)
+from tubeplanner.outcome import (
+    Infeasible,
+    Place,
+    PlanningClock,
+    PlanStatus,
+    Progress,
+    ProgressCallback,
+    require_callback,
+)
+from tubeplanner.studies.tubes.branch_neighbourhood import (
+    EXTRA_CLEARANCES,
+    BranchNeighbourhood,
+    folding_joints,
+)
+from tubeplanner.studies.tubes.clearance_bounds import PairClearance
+from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet
+from tubeplanner.studies.tubes.measurement_result import (
+    MeasureOptions,
+    SegmentMeasurement,
+    TubeMeasurement,
+)
+from tubeplanner.studies.tubes.segment_search import KeptSegments, SegmentSearch, SetPreferences
+from tubeplanner.task.problem import PlanningProblem, Seed
+from tubeplanner.text import short_repr
+
+# ---- How wide a tube may be: radii and joint ranges inside which no part of the robot collides.
+
+# Trades of radii for joint ranges: how far a trajectory may leave the sets found so far, to say
+# what it needs, [m] and [rad or m], and what a radius is worth. In sets that are no wider than what
+# was found, it asks for the radii found, and the trade has nothing to give.
+_TRADES = ((0.03, np.inf, 1.0), (0.03, 0.3, 4.0))
+
+
+def measure_tube(
+    problem: PlanningProblem,
+    options: MeasureOptions | None = None,
+    progress: ProgressCallback | None = None,
+) -> TubeMeasurement:
+    """Measure how wide a problem's tube may be.
+
+    For every segment: the largest radius and joint ranges around the branch along the centre line
+    such that in all configurations with the tool in that capsule and the joints in those ranges
+    everything keeps clear, as far as a counterexample search over many configurations can tell.
+    Where a radius can only grow at the cost of a range, the needs of a fast trajectory decide. The
+    problem's own radii do not count; its joint signs do. Where there are more segments than the
+    options allow, those on one line that ask the same are measured as one.
+
+    Args:
+        problem: The planning problem.
+        options: How to measure.
+        progress: Called as each stage begins.
+
+    Returns:
+        The tube, or why there is none. (The branch along the centre line, or its surroundings,
+        collide.)
+
+    Raises:
+        OptionError: The largest radius is not above the tool radius, the segments are too many, or
+            an argument is of another kind.
+        ProblemError: The problem is none, the start or the goal is farther from the tube than the
+            largest radius, or a segment has a box.
+    """
+    PlanningProblem.require(problem)
+    options = given_options(options, MeasureOptions)
+    return measured_tube(problem, options, PlanningClock(None, progress))
+
+
+def measured_tube(
+    problem: PlanningProblem,
+    options: MeasureOptions,
+    clock: PlanningClock,
+    way: FloatArray | None = None,
+    kept: KeptSegments | None = None,
+) -> TubeMeasurement:
+    """Measure as `measure_tube` does, under a clock.
+
+    Args:
+        problem: The planning problem.
+        options: How to measure.
+        clock: Announces progress and may end the work.
+        way: Configurations of a fast trajectory, shape (N, n): then its needs decide, and no other
+            one is planned.
+        kept: Segments that were measured before, and that are from now on.
+
+    Raises:
+        OptionError: As for `measure_tube`.
+        ProblemError: As for `measure_tube`.
+        TimeLimitReached: The clock's limit has passed.
+    """
+    tube = problem.tube
+    if options.max_radius <= tube.tool_radius:
+        raise OptionError(
+            f"max_radius is {options.max_radius:g} m; it must be above the tool radius, "
+            f"{tube.tool_radius:g} m"
+        )
+    tube.require_discs(
+        "measuring, which gives radii",
+        "leave out tube.cross_section: the file's radii do not count, any will do",
+    )
+    whole = problem if tube.segment_count <= options.max_segments else problem.joined
+    options.require_few(whole.tube.segment_count)
+    widest = whole.with_tube(whole.tube.with_radius(options.max_radius))
+    try:
+        widest, _ = configured_ends(widest)
+        found = _segments_of_some_branch(widest, options, clock, way, kept or KeptSegments())
+    except Infeasible as reason:
+        return TubeMeasurement(
+            reason.status, str(reason), reason.place, measuring_time=clock.elapsed
+        )
+    # Of joined segments, each part has what was measured for all.
+    segments = tuple(found[k] for k in np.searchsorted(whole.tube.numbers, tube.numbers[1:]) - 1)
+    radii = np.array([segment.radius for segment in segments])
+    ranges = tuple(segment.joint_ranges for segment in segments)
+    measured = problem.with_tube(replace(tube, radius=radii, joint_signs=ranges))
+    shown_radii = ", ".join(f"{1000 * segment.radius:.1f}" for segment in found)
+    message = f"no collision found within radii of {shown_radii} mm and the joint ranges"
+    message += _left_out(problem)
+    return TubeMeasurement(PlanStatus.SUCCESS, message, Place(), segments, measured, clock.elapsed)
+
+
+def _left_out(problem: PlanningProblem) -> str:
+    """Return what a message adds on pairs in contact, of which a measured tube claims nothing."""
+    names = (" and ".join(f"'{name}'" for name in each.links) for each in problem.contacts)
+    pairs = ", ".join(dict.fromkeys(names))
+    return f"; not measured, since they may be in contact: {pairs}" if pairs else ""
+
+
+def _segments_of_some_branch(
+    problem: PlanningProblem,
+    options: MeasureOptions,
+    clock: PlanningClock,
+    way: FloatArray | None,
+    kept: KeptSegments,
+) -> tuple[SegmentMeasurement, ...]:
+    """Return what was measured around the first branch that has free space around it.
+
+    Raises:
+        Infeasible: None has; the reason is that of the first one.
+    """
+    branches, first = KnownBranches(problem, clock), None
+    for rule in redundancy_rules(problem):
+        try:
+            branch = branches.by_rule(rule)
+        except Infeasible as reason:
+            first = first or reason
+            continue
+        for extra in EXTRA_CLEARANCES:
+            try:
+                around = BranchNeighbourhood(problem, branch, options, extra, clock.check)
+                return _segments(around, clock, way, kept)
+            except Infeasible as reason:
+                first = first or reason
+    assert first is not None
+    raise first
+
+
+def _segments(
+    around: BranchNeighbourhood,
+    clock: PlanningClock,
+    way: FloatArray | None,
+    kept: KeptSegments,
+) -> tuple[SegmentMeasurement, ...]:
+    """Return what was measured around a branch.
+
+    What is blocked at once comes before what takes time. The sets that suit a fast trajectory best
+    get a thorough counterexample search.
+
+    Raises:
+        Infeasible: Status tube_blocked.
+    """
+    for k in range(around.count):
+        around.require_space(k)
+    best = _traded(around, clock) if way is None else _suited(around, clock, way, kept)
+    final = []
+    for k, found in enumerate(best):
+        clock.announce(
+            Progress(f"searching for counterexamples in segment {k + 1} of {around.count}")
+        )
+        final.append(around.described(k, around.without_counterexamples(k, found)))
+    return tuple(final)
+
+
+def _suited(
+    around: BranchNeighbourhood, clock: PlanningClock, way: FloatArray, kept: KeptSegments
+) -> list[SegmentSearch]:
+    """Return sets that have what a trajectory (N, n) needs, as far as there is space.
+
+    Raises:
+        Infeasible: Status tube_blocked.
+    """
+    found = []
+    for k, part in enumerate(around.parts(way)):
+        clock.announce(Progress(f"measuring segment {k + 1} of {around.count}"))
+        found.append(around.kept_search(k, part, kept))
+    return found
+
+
+def _traded(around: BranchNeighbourhood, clock: PlanningClock) -> list[SegmentSearch]:
+    """Return sets that suit a fast trajectory.
+
+    A first, rough measurement ignores trajectories. A fast one that may leave its sets a little
+    then shows which radii and joint ranges it needs, and sets with another compromise between them
+    are measured; once more where nothing can be planned in these.
+
+    Raises:
+        Infeasible: Status tube_blocked.
+    """
+    segments, rough = range(around.count), []
+    for k in segments:
+        clock.announce(Progress(f"measuring segment {k + 1} of {around.count}"))
+        rough.append(around.first_search(k))
+    for beyond_radius, beyond_range, worth in _TRADES if around.has_trades(rough) else ():
+        needs = around.needs_of_trajectory(rough, beyond_radius, beyond_range)
+        clock.announce(Progress(f"trading radii, worth {worth:g}, for joint ranges"))
+        trade = [around.search(k, SetPreferences(needs[k], worth)) for k in segments]
+        if around.has_trajectory(trade):
+            return trade
+    return rough
+
+
+# ---- Which configurations of an arm are reachable and free along each segment of a tube.
+#
+# The signs of the joints that fold distinguish configurations: elbow up or down, and the like.
+
+_SEEDS = 24  # configurations, of this many samples, from which to search for a branch
+_SAMPLES = 600
+_NEAR_LINE = 0.01  # [m]
+_FREE_BRANCHES = 2  # so many free branches are measured; the best counts
+
+
+@dataclass(frozen=True, eq=False)
+class PatternRow:
+    """One sign pattern in one segment.
+
+    Attributes:
+        segment: Index of the segment.
+        signs: "+" or "-" by joint name.
+        reachable: Whether the arm can follow the centre line with these signs.
+        free: Whether it can without a collision.
+        radius: The best radius found, as far as a rough measurement tells [m]; None unless free.
+        message: Why not, where it is not free.
+    """
+
+    segment: int
+    signs: Mapping[str, str]
+    reachable: bool
+    free: bool
+    radius: float | None
+    message: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values."""
+        return {**vars(self), "signs": dict(self.signs)}
+
+
+@dataclass(frozen=True, eq=False)
+class PatternSurvey:
+    """Sign patterns of all segments.
+
+    Attributes:
+        rows: One for every segment and pattern.
+        suggested: The pattern, the same in all segments, whose smallest radius is largest; None if
+            none is free in all of them.
+    """
+
+    rows: tuple[PatternRow, ...]
+    suggested: Mapping[str, str] | None
+
+    __repr__ = short_repr
+
+    @property
+    def message(self) -> str:
+        """The suggestion, in one sentence."""
+        if self.suggested is None:
+            return "no sign pattern is free in all segments"
+        if not self.suggested:
+            return "no joint of this arm folds: there are no signs to choose"
+        signs = ", ".join(f'{name}: "{sign}"' for name, sign in self.suggested.items())
+        return f"suggested joint_signs: {{{signs}}}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time."""
+        found = self.suggested is not None
+        return {
+            "status": str(PlanStatus.SUCCESS if found else PlanStatus.TUBE_BLOCKED),
+            "message": self.message,
+            "suggested": None if self.suggested is None else dict(self.suggested),
+            "configurations": [row.as_dict() for row in self.rows],
+        }
+
+
+def survey_patterns(
+    problem: PlanningProblem,
+    options: MeasureOptions | None = None,
+    progress: ProgressCallback | None = None,
+) -> PatternSurvey:
+    """Find out which sign patterns are reachable and free in each segment of a tube.
+
+    Ignores the file's signs of folding joints, its start and its goal; its ranges of other joints
+    count.
+
+    Args:
+        problem: The planning problem.
+        options: How to measure.
+        progress: Called as each pattern begins.
+
+    Raises:
+        OptionError: There are too many segments, or an argument is of another kind.
+        ProblemError: The problem is none, or a segment has a box.
+    """
+    PlanningProblem.require(problem)
+    options = given_options(options, MeasureOptions)
+    require_callback(progress)
+    problem.tube.require_discs("measuring, which gives radii", "leave out tube.cross_section")
+    options.require_few(problem.tube.segment_count)
+    names = [problem.robot.joint_names[joint] for joint in folding_joints(problem.robot)]
+    patterns = [dict(zip(names, signs, strict=True)) for signs in product("+-", repeat=len(names))]
+    rows = []
+    for k in range(problem.tube.segment_count):
+        of_all = f"segment {k + 1} of {problem.tube.segment_count}"
+        for number, signs in enumerate(patterns, start=1):
+            if progress is not None:
+                progress(Progress(f"{of_all}, sign pattern {number} of {len(patterns)}"))
+            rows.append(_row(problem, k, signs, options))
+    return PatternSurvey(tuple(rows), _suggested(rows, patterns))
+
+
+def _suggested(rows: list[PatternRow], patterns: list[dict[str, str]]) -> Mapping[str, str] | None:
+    def least(signs: Mapping[str, str]) -> float:
+        return min(row.radius or 0.0 for row in rows if row.signs == signs)
+
+    best = max(patterns, key=least)
+    return best if least(best) > 0 else None
+
+
+def _row(
+    problem: PlanningProblem, k: int, signs: Mapping[str, str], options: MeasureOptions
+) -> PatternRow:
+    reachable, why, radii = False, "", []
+    for alone in _posed(problem, k, signs, options):
+        try:
+            branch = reference_branch(alone, RedundancyRule.AS_NEEDED)
+            reachable = True
+            found = BranchNeighbourhood(alone, branch, options).first_search(0)
+            radii.append(found.allowed.radius + problem.tube.tool_radius)
+        except Infeasible as reason:
+            if reachable or not why:
+                why = f"{reason.status}: {replace(reason.place, segment=k)}"
+        if len(radii) == _FREE_BRANCHES:
+            break
+    radius = max(radii, default=None)
+    return PatternRow(k, signs, reachable, bool(radii), radius, "" if radii else why)
+
+
+def _posed(
+    problem: PlanningProblem, k: int, signs: Mapping[str, str], options: MeasureOptions
+) -> Iterator[PlanningProblem]:
+    """Yield the problem of one segment alone, with a pattern's signs, from random seeds.
+
+    Seeds are near the centre line; those that are free come first.
+    """
+    tube, rng = problem.tube, np.random.default_rng([options.seed, k])
+    asked = ({**tube.joint_ranges[k], **signs},)
+    widest = tube.with_points([k, k + 1], [k]).with_radius(options.max_radius)
+    try:
+        alone = problem.along(
+            replace(widest, joint_signs=asked),
+            Seed(problem.robot.limits.clip(np.zeros(problem.robot.joint_count))),
+        )
+    except ProblemError:  # the position limits leave no value with such a sign
+        return
+    lower, upper = _one_turn(alone.joint_lower[0], alone.joint_upper[0])
+    q = ConfigurationSet(alone, 0, lower, upper, _NEAR_LINE).sample(_SAMPLES, rng)
+    free = PairClearance(alone, 0.0).least(q, 0.0).clearance > 0
+    order = np.argsort(~free, kind="stable")  # the free ones first
+    for seed in q[order[:_SEEDS]]:
+        yield problem.along(alone.tube, Seed(seed))
+
+
+def _one_turn(lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return joint bounds narrowed to one turn about zero, as far as they have it."""
+    low = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))
+    return low, np.minimum(upper, low + 2 * np.pi)

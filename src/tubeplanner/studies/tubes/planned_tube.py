@@ -1,0 +1,238 @@
+"""A reference tube measured and planned in: the common end of route and teach.
+
+Measuring uses the planner's own branch along the reference points. Where that has too little space,
+although the route has enough, the segment gets another reference point.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, StoppedBy
+from tubeplanner.planning.options import PlanOptions
+from tubeplanner.planning.result import PlanResult
+from tubeplanner.planning.second_stage import followed_plan
+from tubeplanner.planning.strategy import plan
+from tubeplanner.studies.tubes.joint_routes import FreeSpace
+from tubeplanner.studies.tubes.measurement import measured_tube
+from tubeplanner.studies.tubes.measurement_result import MeasureOptions
+from tubeplanner.studies.tubes.segment_search import KeptSegments
+from tubeplanner.studies.tubes.tool_corners import ToolCorners, reference_tube, with_another_corner
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.text import short_repr
+
+# ---- The common end of `route` and `teach`: measure a tube's radii and ranges, and plan in it.
+
+_MAX_PARTINGS = 4
+# A segment takes one to two seconds with as few samples as `route` and `teach` draw.
+MAX_CORNER_SEGMENTS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedTube:
+    """A problem with a tube that was found for it, and its certified plan.
+
+    Attributes:
+        problem: With that tube.
+        result: Its plan.
+    """
+
+    problem: PlanningProblem
+    result: PlanResult
+
+    @property
+    def duration(self) -> float:
+        """Duration of the trajectory [s]."""
+        assert self.result.duration is not None
+        return self.result.duration
+
+
+def measured_plan(
+    problem: PlanningProblem,
+    space: FreeSpace,
+    corners: ToolCorners,
+    band: float,
+    options: MeasureOptions,
+    clock: PlanningClock,
+    way: FloatArray | None = None,
+) -> PlannedTube:
+    """Measure the tube around corners of a route, and plan the trajectory through it.
+
+    Args:
+        problem: The planning problem; its tube does not count.
+        space: Which configurations are free.
+        corners: Reference points, and the arm between them.
+        band: How far joints may leave their ranges there, before measuring [rad or m].
+        options: How to measure.
+        clock: Announces progress and may end the work.
+        way: Configurations of a fast trajectory, shape (N, n), whose needs decide; None: such
+            trajectories are planned.
+
+    Raises:
+        Infeasible: The tube is too narrow, or there is no certified trajectory in it.
+        TimeLimitReached: The clock's limit has passed.
+    """
+    kept = KeptSegments()
+    for parted in range(_MAX_PARTINGS + 1):
+        whole = in_tube(problem, corners, band, options.max_radius)
+        try:
+            with clock.within(f"tube {parted + 1} of at most {_MAX_PARTINGS + 1}"):
+                return _measured(whole, options, clock, way, kept)
+        except Infeasible as reason:
+            segment = reason.place.segment
+            is_blocked = reason.status is PlanStatus.TUBE_BLOCKED and segment is not None
+            if not is_blocked or parted == _MAX_PARTINGS:
+                raise
+            assert segment is not None
+            finer = with_another_corner(problem.robot, space, corners, segment)
+            if finer is None:
+                raise
+            corners = finer
+    raise AssertionError("the last parting returns or raises")
+
+
+def measure_options(max_radius: float, samples: int, seed: int) -> MeasureOptions:
+    """Return how the tube around corners is measured; all of them, and those added to them."""
+    most = MAX_CORNER_SEGMENTS + _MAX_PARTINGS
+    return MeasureOptions(max_radius, samples, seed, max_segments=most)
+
+
+def in_tube(
+    problem: PlanningProblem, corners: ToolCorners, band: float, radius: float
+) -> PlanningProblem:
+    """Return a problem in the tube around corners of a route, not measured yet.
+
+    Args:
+        problem: The planning problem; its tube does not count.
+        corners: Reference points, and the arm between them.
+        band: How far joints may leave their ranges there [rad or m].
+        radius: Of all segments [m].
+    """
+    segments = [np.vstack(pair) for pair in zip(corners.lines, corners.parts, strict=True)]
+    tube = reference_tube(problem.robot, corners.points, segments, band, radius)
+    return problem.with_tube(tube, corners.parts[-1][-1])
+
+
+def _measured(
+    problem: PlanningProblem,
+    options: MeasureOptions,
+    clock: PlanningClock,
+    way: FloatArray | None,
+    kept: KeptSegments,
+) -> PlannedTube:
+    measured = measured_tube(problem, options, clock, way, kept)
+    if measured.problem is None:
+        raise Infeasible(measured.status, measured.message, measured.place)
+    clock.enter("planning through the measured tube")
+    result = plan_under(clock, measured.problem)
+    if not result.succeeded:
+        raise Infeasible(result.status, result.message, result.place)
+    return PlannedTube(measured.problem, result)
+
+
+def plan_under(
+    clock: PlanningClock, problem: PlanningProblem, quality: str = "balanced"
+) -> PlanResult:
+    """Return what planning finds in the time that is left on a clock.
+
+    Raises:
+        TimeLimitReached: None is left.
+    """
+    clock.check()
+    limit = None if np.isinf(clock.remaining) else clock.remaining
+    options = PlanOptions(quality=quality, time_limit=limit, slack=0.0, robust=False)
+    return plan(problem, options, clock.announce)
+
+
+def followed(found: PlannedTube, clock: PlanningClock) -> PlannedTube | Infeasible:
+    """Return a tube with the motion that its problem asks for: smooth, in whole periods.
+
+    Or why there is none: the duration that is asked for is too short.
+    """
+    result = followed_plan(found.problem, found.result, None, clock)
+    if not result.succeeded:
+        return Infeasible(result.status, result.message, result.place)
+    return replace(found, result=result)
+
+
+# ---- The result of a search for a tube: a problem to plan, or the reason why there is none.
+
+
+@dataclass(frozen=True, eq=False)
+class TubeAnswer:
+    """The result of a search for a tube.
+
+    Attributes:
+        status: Success means that the trajectory through the tube is certified.
+        message: One sentence.
+        place: Where, if there is no answer.
+        found: The problem with its tube, and its plan; None unless successful.
+        measured: The tube in which no collision was found, and its plan: `found`, or slower than
+            that; None if there is none.
+        notes: Further information.
+        compared: Durations of the trajectories through the tubes that were compared before
+            measuring, each of the same radius [s]; None where there was no trajectory.
+        search_time: Wall time from the loaded problem to the answer [s].
+        stopped_by: "time_limit" or "interrupt" if that ended the search early; None otherwise.
+    """
+
+    status: PlanStatus
+    message: str
+    place: Place
+    found: PlannedTube | None = None
+    measured: PlannedTube | None = None
+    notes: tuple[str, ...] = ()
+    compared: tuple[float | None, ...] = ()
+    search_time: float = 0.0
+    stopped_by: StoppedBy | None = None
+
+    __repr__ = short_repr
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether there is a tube with a certified trajectory."""
+        return self.status is PlanStatus.SUCCESS
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time."""
+        planned = {} if self.found is None else self.found.result.as_dict()
+        return {
+            **planned,
+            "status": str(self.status),
+            "message": self.message,
+            "where": self.place.as_dict(),
+            "notes": [*self.notes, *planned.get("notes", ())],
+            "search_time": self.search_time,
+            "compared_durations": list(self.compared),
+            "stopped_by": self.stopped_by,
+            **_tube_fields(self.found),
+            "measured": self._measured_fields(),
+        }
+
+    def _measured_fields(self) -> dict[str, Any] | None:
+        if self.measured is None:
+            return None
+        return {"duration": self.measured.duration, **_tube_fields(self.measured)}
+
+
+def answer_of(found: PlannedTube | Infeasible, **more: Any) -> TubeAnswer:
+    """Return an answer: what was found, or why nothing was.
+
+    Args:
+        found: What was found, or the reason.
+        more: Other fields of the answer.
+    """
+    if isinstance(found, Infeasible):
+        return TubeAnswer(found.status, str(found), found.place, **more)
+    tube = found.problem.tube
+    message = f"tube of {len(tube.points)} reference points; {found.result.message}"
+    return TubeAnswer(PlanStatus.SUCCESS, message, Place(), found, **more)
+
+
+def _tube_fields(found: PlannedTube | None) -> dict[str, Any]:
+    if found is None:
+        return {"points": None, "radius": None}
+    tube = found.problem.tube
+    return {"points": tube.points.tolist(), "radius": tube.radius.tolist()}

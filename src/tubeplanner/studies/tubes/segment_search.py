@@ -1,0 +1,371 @@
+"""Largest set of one segment without a counterexample; reuse between splits.
+
+The set is the product of a capsule around the segment and a range for every joint; it holds the
+branch along the centre line. Counterexample searches find collisions, and the set is the largest
+box that excludes them all; searches continue until they find nothing. (Shrinking by counterexamples
+is the idea of IRIS-NP: Petersen & Tedrake, "Growing convex collision-free regions in configuration
+space using nonlinear programming", ICRA 2023.)
+"""
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.studies.tubes.clearance_bounds import PairClearance
+from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet
+from tubeplanner.studies.tubes.counterexamples import (
+    Box,
+    BoxSearch,
+    CounterexampleSearch,
+    search_counterexamples,
+)
+from tubeplanner.task.problem import PlanningProblem
+
+# ---- The largest set of one segment in which a counterexample search finds no collision.
+
+# The set reaches this far beyond what the branch itself needs [m], [rad or m]; where it is free,
+# its ranges reach the farther one.
+_MIN_RADIUS, _MIN_RANGE = 1e-3, 1e-3
+WANTED_RANGE = 0.05
+_WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
+# More than this is worth nothing: of a range whose need is unknown [rad or m]; else beyond the
+# need, of a radius [m] and of a range [rad or m].
+_ENOUGH_RANGE, _EXTRA_RADIUS, _EXTRA_RANGE = 0.3, 5e-3, 0.05
+# How far the set ends before a collision [m], [rad or m]: so that searches come to an end.
+_MARGIN_RADIUS, _MARGIN_RANGE = 1e-3, 1e-2
+_FIRST_SAMPLES = 2000
+_FIRST_SHARE = 8  # the first search has so many times fewer samples than the last
+# After so many counterexample searches, or one without a collision, the set only shrinks: most is
+# known where it was.
+_FREE_ROUNDS = 25
+_MAX_ROUNDS = 200
+# So many collisions of a search are moved to the edge of the colliding region, in so many
+# bisections.
+_MAX_MOVED, _BISECTIONS = 48, 8
+_DECIMALS = 4  # of the numbers written to files
+
+
+# Lower and upper joint bounds, shape (n,) each [rad or m].
+JointBounds: TypeAlias = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class SetPreferences:
+    """What a set should be like.
+
+    Attributes:
+        needed: How far a fast trajectory reaches beyond the branch in each direction, shape (1 +
+            2n,); a little more is enough. None: not known, and no radius is enough.
+        radius_worth: What the logarithm of the radius counts, where that of every side of a range
+            counts 1.
+    """
+
+    needed: FloatArray | None = None
+    radius_worth: float = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Collision:
+    """Even the branch's own surroundings collide.
+
+    Attributes:
+        q: A configuration in which links are too close, shape (n,).
+        pair: The pair of shapes that is too close.
+        clearance: Its clearance [m], negative.
+    """
+
+    q: FloatArray
+    pair: int
+    clearance: float
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentSearch:
+    """What was found for one segment.
+
+    Attributes:
+        allowed: The set.
+        box: How far it reaches beyond the branch, in which direction, and what ends it there.
+        preferences: What it should be like.
+        q: Collisions found during the search, shape (B, n); the blockers of the box.
+        pair: The pair of shapes that is too close in each, shape (B,).
+        last: The counterexample search that found nothing.
+        samples: How many configurations the counterexample searches of this search looked at.
+    """
+
+    allowed: ConfigurationSet
+    box: Box
+    preferences: SetPreferences
+    q: FloatArray
+    pair: IntArray
+    last: CounterexampleSearch
+    samples: int
+
+
+class CollisionBoxes:
+    """Boxes around a branch that leave out the collisions known so far.
+
+    Directions are the radius, the lower sides of the n joints, and their upper sides.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        segment: int,
+        branch: FloatArray,
+        core: JointBounds,
+        outer: JointBounds,
+        clearance: PairClearance,
+    ) -> None:
+        """Begin with no collision known.
+
+        Args:
+            problem: The planning problem; its radius is the largest that the set may have.
+            segment: Index of the segment.
+            branch: Configurations along it, shape (P, n).
+            core: Of what the set must hold.
+            outer: Of what it may hold.
+            clearance: Of the pairs of links.
+        """
+        self._problem, self._segment, self._branch = problem, segment, branch
+        self._pair_clearance = clearance
+        lower, upper = self._outer_lower, self._outer_upper = outer
+        self._lower, self._upper = core
+        radius = float(problem.tube.effective_radius[segment])
+        tool = ConfigurationSet(problem, segment, lower, upper, radius).tool_distance(branch)
+        self.radius = min(radius, float(_up(tool.max() + _MIN_RADIUS)))
+        self.widest = np.concatenate(
+            [
+                [radius - self.radius],
+                np.minimum(self._lower - lower, _WIDEST_RANGE),
+                np.minimum(upper - self._upper, _WIDEST_RANGE),
+            ]
+        )
+        # Collisions known, the pairs that collide, how far they are beyond the core.
+        self.q = np.zeros((0, branch.shape[1]))
+        self.pair = np.zeros(0, dtype=np.int64)
+        self.beyond = np.zeros((0, len(self.widest)))
+        # Sets in which a search found nothing, and that search.
+        self._cleared: list[tuple[ConfigurationSet, CounterexampleSearch]] = []
+
+    def allowed(self, extent: FloatArray) -> ConfigurationSet:
+        """Return the set that reaches by extents (1 + 2n,) beyond the branch, in round numbers."""
+        below, above = extent[1:].reshape(2, -1)
+        lower = np.minimum(_up(self._lower - below), self._lower)
+        upper = np.maximum(_down(self._upper + above), self._upper)
+        # A bound that the problem has anyway stays as it is.
+        lower = np.where(below >= self._lower - self._outer_lower, self._outer_lower, lower)
+        upper = np.where(above >= self._outer_upper - self._upper, self._outer_upper, upper)
+        radius = max(float(_down(self.radius + extent[0])), self.radius)
+        return ConfigurationSet(self._problem, self._segment, lower, upper, radius)
+
+    def needed(self, q: FloatArray) -> FloatArray:
+        """Return how far configurations (N, n) reach beyond the core, shape (1 + 2n,)."""
+        return np.asarray(np.maximum(self._beyond_core(q).max(axis=0, initial=0.0), 0.0))
+
+    def learn(self, q: FloatArray, pair: IntArray) -> None:
+        """Take note of collisions, shapes (C, n) and (C,)."""
+        share = self._beyond_core(q) / np.maximum(self.widest, _MIN_RANGE)
+        nearest = np.argsort(share.max(axis=1))[:_MAX_MOVED]
+        q = q.copy()
+        q[nearest] = self._edge(q[nearest], pair[nearest])
+        self.q, self.pair = np.concatenate([self.q, q]), np.concatenate([self.pair, pair])
+        self.beyond = np.concatenate([self.beyond, self._beyond_core(q)])
+
+    def moved_to(self, problem: PlanningProblem, segment: int) -> "CollisionBoxes":
+        """Return the same boxes, of the same segment in another problem."""
+        moved = copy(self)
+        moved._problem, moved._segment = problem, segment
+        return moved
+
+    def clear(self, allowed: ConfigurationSet, search: CounterexampleSearch) -> None:
+        """Take note of a set in which a search found nothing."""
+        self._cleared.append((allowed, search))
+
+    def cleared(self, allowed: ConfigurationSet, samples: int) -> CounterexampleSearch | None:
+        """Return a search of so many samples that found nothing in just this set, if any did."""
+        for other, search in self._cleared:
+            if search.tried >= samples and other.is_as(allowed):
+                return search
+        return None
+
+    def collision(self) -> Collision | None:
+        """Return a collision that no box leaves out, if there is one."""
+        inside = np.flatnonzero((self.beyond <= 0).all(axis=1))
+        if len(inside) == 0:
+            return None
+        depth, _ = self._pair_clearance.of_pairs(self.q[inside], self.pair[inside])
+        worst = int(inside[depth.argmin()])
+        return Collision(self.q[worst], int(self.pair[worst]), float(depth.min()))
+
+    def _beyond_core(self, q: FloatArray) -> FloatArray:
+        core = ConfigurationSet(self._problem, self._segment, self._lower, self._upper, 0.0)
+        tool = core.tool_distance(q)[:, None]
+        return np.hstack([tool - self.radius, self._lower - q, q - self._upper])
+
+    def _edge(self, q: FloatArray, pair: IntArray) -> FloatArray:
+        """Return the first collisions on joint lines from the branch to collisions (N, n)."""
+        apart = np.linalg.norm(q[:, None] - self._branch, axis=2)
+        begin = self._branch[apart.argmin(axis=1)]
+        free, hit = np.zeros((len(q), 1)), np.ones((len(q), 1))
+        for _ in range(_BISECTIONS):
+            share = (free + hit) / 2
+            clearance, _ = self._pair_clearance.of_pairs(begin + share * (q - begin), pair)
+            collides = (clearance < 0)[:, None]
+            free, hit = np.where(collides, free, share), np.where(collides, share, hit)
+        return begin + hit * (q - begin)
+
+
+def range_core(
+    problem: PlanningProblem, segment: int, branch: FloatArray, beyond: float = _MIN_RANGE
+) -> JointBounds:
+    """Return joint bounds that hold a branch (P, n) and a little more."""
+    lower = np.maximum(_down(branch.min(axis=0) - beyond), problem.joint_lower[segment])
+    upper = np.minimum(_up(branch.max(axis=0) + beyond), problem.joint_upper[segment])
+    return lower, upper
+
+
+def search_core(
+    boxes: CollisionBoxes, clearance: PairClearance, samples: int, rng: np.random.Generator
+) -> Collision | None:
+    """Return a collision in what every set around a branch holds, if a quick search finds one.
+
+    Args:
+        boxes: Around the branch.
+        clearance: Of the pairs of links.
+        samples: How many configurations a search draws that must find nothing.
+        rng: Random numbers.
+    """
+    core = boxes.allowed(np.zeros_like(boxes.widest))
+    found = search_counterexamples(core, clearance, samples // _FIRST_SHARE + 1, rng)
+    return None if found.failed else _collision(found, clearance)
+
+
+def search_segment(
+    boxes: CollisionBoxes,
+    clearance: PairClearance,
+    samples: int,
+    rng: np.random.Generator,
+    preferences: SetPreferences | None = None,
+    within: Box | None = None,
+    checkpoint: Callable[[], None] = lambda: None,
+) -> SegmentSearch | Collision:
+    """Return the largest set found around a branch, or a collision that leaves none.
+
+    Args:
+        boxes: Around the branch; they store the collisions that searches find.
+        clearance: Of the pairs of links.
+        samples: How many configurations the counterexample search draws that must find nothing.
+        rng: Random numbers.
+        preferences: What the set should be like; default: radii count, ranges a little.
+        within: A box that the set must lie in; default: none.
+        checkpoint: Called before every counterexample search; it may raise to end the work.
+    """
+    preferences = preferences or SetPreferences()
+    search, budget = _box_search(boxes, preferences, rng), samples // _FIRST_SHARE + 1
+    if len(boxes.q) == 0:
+        collision = search_core(boxes, clearance, samples, rng)
+        if collision is not None:
+            return collision
+        q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
+        least = clearance.least(q, 0.0)
+        boxes.learn(q[least.clearance < 0], least.pair[least.clearance < 0])
+    total, within = 0, within or Box(boxes.widest, np.full(len(boxes.widest), -1))
+    for number in range(_MAX_ROUNDS):
+        collision = boxes.collision()
+        if collision is not None:
+            return collision
+        checkpoint()
+        box = search.best(boxes.beyond, within)
+        allowed = boxes.allowed(box.extent)
+        cleared = boxes.cleared(allowed, samples)
+        if cleared is not None:
+            return SegmentSearch(allowed, box, preferences, boxes.q, boxes.pair, cleared, total)
+        found = search_counterexamples(allowed, clearance, budget, rng)
+        while found.failed and found.tried < samples:
+            found = found.then(
+                search_counterexamples(
+                    allowed, clearance, min(found.tried, samples - found.tried), rng
+                )
+            )
+            within = box
+        total += found.samples
+        if found.failed:
+            boxes.clear(allowed, found)
+            return SegmentSearch(allowed, box, preferences, boxes.q, boxes.pair, found, total)
+        boxes.learn(found.q, found.pair)
+        if number >= _FREE_ROUNDS:
+            within = box
+    return _collision(found, clearance)
+
+
+def _box_search(
+    boxes: CollisionBoxes, preferences: SetPreferences, rng: np.random.Generator
+) -> BoxSearch:
+    sides = np.ones(len(boxes.widest) - 1)
+    enough = np.concatenate([boxes.widest[:1], _ENOUGH_RANGE * sides])
+    if preferences.needed is not None:
+        enough = preferences.needed + np.concatenate([[_EXTRA_RADIUS], _EXTRA_RANGE * sides])
+    return BoxSearch(
+        margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
+        worth=np.concatenate([[preferences.radius_worth], sides]),
+        enough=np.minimum(boxes.widest, enough),
+        already=np.concatenate([[boxes.radius], WANTED_RANGE * sides]),
+        rng=rng,
+    )
+
+
+def _collision(found: CounterexampleSearch, clearance: PairClearance) -> Collision:
+    depth, _ = clearance.of_pairs(found.q, found.pair)
+    worst = int(depth.argmin())
+    return Collision(found.q[worst], int(found.pair[worst]), float(depth[worst]))
+
+
+def _down(values: FloatArray) -> FloatArray:
+    """Return the next round numbers below values."""
+    return np.asarray(np.round(np.floor(values * 10.0**_DECIMALS) / 10.0**_DECIMALS, _DECIMALS))
+
+
+def _up(values: FloatArray) -> FloatArray:
+    """Return the next round numbers above values."""
+    return -_down(-values)
+
+
+# ---- Segments that were measured, kept while the segments beside them are parted.
+
+
+class KeptSegments:
+    """What was found for segments, by what that depends on.
+
+    A set serves another branch, too, as long as that one lies inside.
+    """
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._found: dict[bytes, list[tuple[CollisionBoxes, SegmentSearch]]] = {}
+
+    def keep(self, key: bytes, boxes: CollisionBoxes, found: SegmentSearch) -> None:
+        """Keep what was found for a segment."""
+        self._found.setdefault(key, []).append((boxes, found))
+
+    def around(
+        self, key: bytes, problem: PlanningProblem, segment: int, branch: FloatArray
+    ) -> tuple[CollisionBoxes, SegmentSearch] | None:
+        """Return boxes and set of a segment, in its problem, if one holds a branch (P, n).
+
+        Args:
+            key: What they depend on.
+            problem: The problem whose segment it is now.
+            segment: Its index there.
+            branch: Along it.
+        """
+        for boxes, found in self._found.get(key, ()):
+            old = found.allowed
+            allowed = ConfigurationSet(problem, segment, old.lower, old.upper, old.radius)
+            if boxes.collision() is None and allowed.contains(branch).all():
+                return boxes.moved_to(problem, segment), replace(found, allowed=allowed)
+        return None

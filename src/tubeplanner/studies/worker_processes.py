@@ -1,0 +1,353 @@
+"""WorkerProcesses: an executor that loses one call per dead process; caller and worker."""
+
+import os
+import pickle
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from types import TracebackType
+from typing import Any, TypeVar
+
+from tubeplanner.checks import WHOLE_NUMBER
+from tubeplanner.errors import OptionError
+
+# ---- What a worker process does: call by call, as `worker_processes` sends them, until it is left.
+
+_STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
+
+
+def serve(descriptor: int) -> None:
+    """Answer calls until nobody is left at the other end.
+
+    Args:
+        descriptor: Of the connection that calls come from.
+    """
+    # What libraries print is not to come between the lines of what the parent prints.
+    os.dup2(_STANDARD_ERROR, _STANDARD_OUTPUT)
+    with Connection(descriptor) as connection:
+        while True:
+            try:
+                call = connection.recv_bytes()
+                connection.send_bytes(_answer(call))
+            except (EOFError, ConnectionError):
+                return
+
+
+def _answer(call: bytes) -> bytes:
+    """Return whether a pickled call returned, and what it returned or raised, pickled."""
+    try:
+        work, arguments, named = pickle.loads(call)
+        return pickle.dumps((True, work(*arguments, **named)))
+    except Exception as error:
+        return pickle.dumps((False, _travelling(error)))
+
+
+def _travelling(error: Exception) -> Exception:
+    """Return an exception that can be pickled, with the place that it comes from as a note."""
+    error.add_note("".join(traceback.format_tb(error.__traceback__)))
+    try:
+        return _same_kind(pickle.loads(pickle.dumps(error)), error)
+    except Exception:  # its constructor takes other arguments, or it holds what cannot be pickled
+        return RuntimeError(f"{type(error).__name__}: {error}")
+
+
+def _same_kind(copy: object, error: Exception) -> Exception:
+    if type(copy) is not type(error):
+        raise TypeError(f"{type(error).__name__} becomes {type(copy).__name__}")
+    return error
+
+
+# ---- Calls in processes of their own, of which one that dies costs one call.
+#
+# The standard library's pool is broken for good once a process dies, with all calls that were on
+# their way, and its processes run the main script of the program again. Here every process has one
+# call at a time, so that it is known which one it died of, and begins with this package alone: no
+# `if __name__ == "__main__"` is needed.
+
+_R = TypeVar("_R")
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+_PROGRAM = """import sys
+sys.path[:] = {path!r}
+from tubeplanner.studies.worker_processes import serve
+serve({descriptor})
+"""
+
+
+class WorkerDied(Exception):
+    """The process that worked on a call ended without an answer, twice."""
+
+
+class WorkerProcesses(Executor):
+    """Processes that calls are sent to, each with one thread for linear algebra.
+
+    A call whose process dies is made once more in a new process, while no other call runs; if that
+    dies too, its future raises `WorkerDied`. What is called must be importable by name: it and its
+    arguments are pickled. Used in a `with` statement that ends by an exception, such as Ctrl-C, all
+    processes are ended at once.
+    """
+
+    def __init__(self, count: int | None = None) -> None:
+        """Start no process yet.
+
+        Args:
+            count: At most so many processes; None: as many as there are processors for this one.
+
+        Raises:
+            OptionError: It is no whole number >= 1.
+        """
+        if count is not None and (not isinstance(count, WHOLE_NUMBER) or count < 1):
+            raise OptionError(f"count of worker processes is {count!r}; give a whole number >= 1")
+        self.count = processors() if count is None else int(count)
+        self._calls: queue.SimpleQueue[_Call | None] = queue.SimpleQueue()
+        self._threads: list[threading.Thread] = []
+        self._lock, self._floor = threading.Lock(), _Floor()
+        self._running: set[_Worker] = set()
+        self._closed = self._killed = False
+
+    def __repr__(self) -> str:
+        return f"<WorkerProcesses: {self.count}>"
+
+    def submit(self, fn: Callable[..., _R], /, *args: Any, **kwargs: Any) -> "Future[_R]":
+        """Send a call to the next process that is free; it is pickled then.
+
+        Raises:
+            RuntimeError: It was shut down.
+        """
+        call = _Call((fn, args, kwargs))
+        with self._lock:
+            if self._closed:
+                raise RuntimeError("these worker processes were shut down; make others")
+            self._calls.put(call)
+            if len(self._threads) < self.count:
+                thread = threading.Thread(target=self._work, daemon=True)
+                thread.start()
+                self._threads.append(thread)
+        return call.future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Take no more calls; end each process once its calls are done.
+
+        Args:
+            wait: Whether to return only then.
+            cancel_futures: Whether to drop the calls that have not begun.
+        """
+        with self._lock:
+            if cancel_futures:
+                self._drop_waiting()
+            self._closed = True
+            # Each time: those of the time before may have been dropped with what waited.
+            for _ in self._threads:
+                self._calls.put(None)
+        if wait:
+            for thread in self._threads:
+                thread.join()
+
+    def kill(self) -> None:
+        """End all processes now, whatever they work on."""
+        self.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            self._killed = True
+            for worker in self._running:
+                worker.kill()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is not None:
+            self.kill()
+        self.shutdown()
+
+    def _drop_waiting(self) -> None:
+        while True:
+            try:
+                call = self._calls.get_nowait()
+            except queue.Empty:
+                return
+            if call is not None:
+                call.future.cancel()
+
+    def _work(self) -> None:
+        """Send calls to one process after the other, until there are no more."""
+        worker: _Worker | None = None
+        while (call := self._calls.get()) is not None:
+            if call.future.set_running_or_notify_cancel():
+                worker = self._answered(call, worker)
+        self._end(worker)
+
+    def _answered(self, call: "_Call", worker: "_Worker | None") -> "_Worker | None":
+        """Answer a call; return the process to go on with, if it lives."""
+        pickled, how = call.pickled(), ""
+        if pickled is None:
+            return worker
+        for turn in (self._floor.with_others, self._floor.alone):
+            with turn():
+                try:
+                    worker = worker or self._started()
+                    call.answer(worker.ask(pickled))
+                    return worker
+                except _Dead as dead:
+                    how = dead.how
+                    self._end(worker)
+                    worker = None
+        call.future.set_exception(WorkerDied(f"the process that worked on it {how}"))
+        return None
+
+    def _started(self) -> "_Worker":
+        """Return a new process.
+
+        Raises:
+            _Dead: There can be none, or all are ended.
+        """
+        with self._lock:
+            if self._killed:
+                raise _Dead("was ended with all others")
+            try:
+                worker = _Worker()
+            except OSError as error:
+                raise _Dead(f"could not be started: {error}") from error
+            self._running.add(worker)
+            return worker
+
+    def _end(self, worker: "_Worker | None") -> None:
+        if worker is not None:
+            with self._lock:
+                self._running.discard(worker)
+            worker.end()
+
+
+class _Call:
+    """A function with its arguments, and the future of its answer.
+
+    Thousands may wait that share large arguments: none is pickled before its turn.
+    """
+
+    def __init__(self, parts: tuple[Any, ...]) -> None:
+        self._parts, self.future = parts, Future[Any]()
+
+    def pickled(self) -> bytes | None:
+        """Return it, pickled; None if it cannot be, which its future then raises."""
+        try:
+            return pickle.dumps(self._parts)
+        except Exception as error:
+            self.future.set_exception(error)
+            return None
+
+    def answer(self, pickled: bytes) -> None:
+        """Hand on an answer."""
+        try:
+            returned, value = pickle.loads(pickled)
+        except Exception as error:
+            self.future.set_exception(error)
+            return
+        if returned:
+            self.future.set_result(value)
+        else:
+            self.future.set_exception(value)
+
+
+class _Dead(Exception):
+    """A process has ended; `how` says in words by what."""
+
+    def __init__(self, how: str) -> None:
+        super().__init__(how)
+        self.how = how
+
+
+class _Worker:
+    """A process, and the connection to it."""
+
+    def __init__(self) -> None:
+        self._connection, other = Pipe()
+        program = _PROGRAM.format(path=sys.path, descriptor=other.fileno())
+        with other:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", program],
+                stdin=subprocess.DEVNULL,
+                pass_fds=[other.fileno()],
+                env={**os.environ, **dict.fromkeys(_THREADS, "1")},
+                start_new_session=True,  # Ctrl-C is the parent's
+            )
+
+    def ask(self, call: bytes) -> bytes:
+        """Return the answer to a call.
+
+        Raises:
+            _Dead: The process ended before.
+        """
+        try:
+            self._connection.send_bytes(call)
+            return self._connection.recv_bytes()
+        except (EOFError, OSError):
+            self.kill()
+            raise _Dead(_ending(self._process.wait())) from None
+
+    def kill(self) -> None:
+        """End it now."""
+        self._process.kill()
+
+    def end(self) -> None:
+        """Leave it, so that it ends."""
+        self._connection.close()
+        self._process.wait()
+
+
+class _Floor:
+    """Whose turn it is: of many together, or of one alone."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._together, self._waiting = 0, 0
+        self._one = False
+
+    @contextmanager
+    def with_others(self) -> Iterator[None]:
+        """Wait until nobody is alone or waits to be."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._one and not self._waiting)
+            self._together += 1
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._together -= 1
+                self._changed.notify_all()
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Wait until nobody else is there."""
+        with self._changed:
+            self._waiting += 1
+            self._changed.wait_for(lambda: not self._one and not self._together)
+            self._waiting -= 1
+            self._one = True
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._one = False
+                self._changed.notify_all()
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _ending(code: int) -> str:
+    """Return in words how a process ended."""
+    if code < 0:
+        return f"was ended by {signal.Signals(-code).name}"
+    return f"ended with status {code}"

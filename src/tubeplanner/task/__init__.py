@@ -1,0 +1,1 @@
+"""Problems and cycles, made in Python or read from files."""

@@ -1,0 +1,386 @@
+"""The cycle file's format; load_cycle, parse_cycle; files of either kind."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
+
+from tubeplanner.checks import given_path
+from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.geometry.solids import AttachedSolid
+from tubeplanner.resources import find_problem
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.pinocchio_model import Payload
+from tubeplanner.task.cycle import Cycle, anywhere
+from tubeplanner.task.field_changes import changed_problem
+from tubeplanner.task.fields import (
+    Clearance,
+    ContactFields,
+    Finite,
+    Flag,
+    LimitFields,
+    Section,
+    Version,
+    clearances_of,
+    contacts_of,
+)
+from tubeplanner.task.includes import ProblemLayers, merged_fields
+from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.task.problem_format import (
+    AttachedFields,
+    CollisionFields,
+    EndpointFields,
+    ObjectiveFields,
+    ObstacleFields,
+    PayloadFields,
+    ProblemFields,
+    RobotFields,
+    ShapeFields,
+    TubeFields,
+    is_cycle,
+    read_document,
+)
+from tubeplanner.task.problem_reader import attached_of, build_problem, load_problem
+from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
+from tubeplanner.task.validation import check_fields
+from tubeplanner.text import require_name
+
+# ---- The cycle file's shape: fields, units, defaults. Other tools read it, so names never change.
+
+
+class MoveCollisionFields(Section):
+    """What is not checked in a move, beside what is not in the cycle."""
+
+    ignore: list[tuple[str, str]] = Field([], description="pairs of links or obstacles left out")
+
+
+class MoveFields(Section):
+    """A motion along a tube, from where the one before ended."""
+
+    name: str = Field(description="unique; what messages call it")
+    tube: TubeFields = Field(description="where the tool may be, and in which configuration")
+    goal: EndpointFields | None = Field(
+        None, description="where it ends; left out: in whichever configuration is best"
+    )
+    limits: LimitFields | None = Field(None, description="above the robot's limits")
+    clearance: Clearance | None = Field(
+        None, description="in place of the cycle's [m]; of a map, field by field"
+    )
+    contacts: list[ContactFields] = Field(
+        [], description="solids that may be nearer where the move begins or ends"
+    )
+    objective: ObjectiveFields | None = Field(None, description="in place of the cycle's")
+    collision: MoveCollisionFields = Field(MoveCollisionFields(), description="what is checked")
+    pass_through: Flag = Field(False, description="no stop where it begins")
+
+
+def _plain(value: object) -> object:
+    """Report what an event may set."""
+    if not isinstance(value, str | bool | int | float | None):
+        raise ValueError("it must be a text, a number, true or false")
+    return value
+
+
+class EventFields(Section):
+    """Something that happens while the arm is at rest."""
+
+    event: str = Field(description="what it is called")
+    set: Annotated[Flag | float | str | None, BeforeValidator(_plain)] = Field(
+        None, description="what it sets, for those who read the marks"
+    )
+    dwell: Finite = Field(0.0, description="how long the arm stays [s]")
+
+
+class AttachFields(Section):
+    """The tool takes something."""
+
+    attach: str = Field(description="an obstacle, as it stands then, or what the shape is called")
+    payload: PayloadFields | None = Field(None, description="adds to robot.payload")
+    shape: ShapeFields | None = Field(
+        None, description="in tool_frame, if it is no obstacle; left out: a mass alone"
+    )
+
+
+class DetachFields(Section):
+    """The tool lets something go."""
+
+    detach: str = Field(description="what was attached")
+    leave_as_obstacle: Flag = Field(True, description="whether it stays where it is then")
+
+
+_STEPS = {"event": EventFields, "attach": AttachFields, "detach": DetachFields}
+
+
+def _step_kind(step: Any) -> str | None:
+    """Return which step something is meant to be; None: there is no telling."""
+    if isinstance(step, Section):
+        return type(step).__name__
+    keys = step if isinstance(step, dict) else {}
+    named = [model.__name__ for key, model in _STEPS.items() if key in keys]
+    return next(iter(named), "MoveFields" if keys.keys() & MoveFields.model_fields.keys() else None)
+
+
+StepFields: TypeAlias = Annotated[
+    Annotated[MoveFields, Tag("MoveFields")]
+    | Annotated[EventFields, Tag("EventFields")]
+    | Annotated[AttachFields, Tag("AttachFields")]
+    | Annotated[DetachFields, Tag("DetachFields")],
+    Discriminator(
+        _step_kind,
+        custom_error_type="step",
+        custom_error_message="it must be a map with name (of a move), event, attach or detach",
+    ),
+]
+
+
+class CycleFields(Section):
+    """Moves one after the other. SI units, radians; positions in the URDF's root link's frame."""
+
+    model_config = ConfigDict(title="tubeplanner cycle")
+
+    format: Literal["tubeplanner/cycle"] = Field(description="what this file is")
+    version: Version = Field(1, description="of the format")
+    include: str | list[str] = Field(
+        [], description="parts of problem files below this one, relative to this one"
+    )
+    robot: RobotFields = Field(description="the arm, its tool and its limits")
+    start: EndpointFields = Field(description="where the first move begins, at rest")
+    obstacles: list[ObstacleFields] = Field([], description="solids in the base frame, at first")
+    clearance: Clearance = Field(
+        0.0, description="least distance of links to obstacles [m]; or others for pairs"
+    )
+    collision: CollisionFields = Field(CollisionFields(), description="what is checked")
+    objective: ObjectiveFields | None = Field(
+        None, description="of all moves, beside short; left out: smooth within a slack of 0.005"
+    )
+    period: Finite | None = Field(
+        None, description="the controller's: durations and breakpoints are multiples of it [s]"
+    )
+    closed: Flag = Field(False, description="whether the arm ends where it began")
+    moves: list[StepFields] = Field(description="moves and what happens between them, in order")
+
+
+def cycle_schema() -> dict[str, Any]:
+    """Return the JSON schema of the cycle file."""
+    return CycleFields.model_json_schema(by_alias=True)
+
+
+def check_cycle_fields(
+    data: object, source: str, source_of: Callable[[Any, Sequence[int | str]], str]
+) -> CycleFields:
+    """Check the shape of a cycle given as nested dictionaries; arguments as `check_fields`.
+
+    Raises:
+        ProblemError: A key is unknown, a value has the wrong type. The message names the field.
+    """
+    return check_fields(CycleFields, data, "a cycle is a map", source, source_of)
+
+
+# ---- Cycles read from files and from nested dictionaries.
+
+_HEADER = ("robot", "start", "obstacles", "objective", "period")
+
+
+def load_cycle(
+    name: str | Path, directory: str | Path = ".", *, changes: Mapping[str, Any] | None = None
+) -> Cycle:
+    """Read a cycle file, its robot and its robot's collision geometry.
+
+    Args:
+        name: A path, or `example:ROBOT/NAME` for a bundled cycle.
+        directory: Where a relative path starts.
+        changes: Other values by field path, such as `{"moves.to_place.tube.radius": 0.02}`.
+
+    Raises:
+        ProblemError: The file contradicts its format, itself or its robot.
+        RobotError: The robot cannot be planned with.
+    """
+    path = find_problem(name, given_path("directory", directory))
+    called = f"{path.resolve().parent.name}/{path.stem}"
+    return _build(ProblemLayers.read(path), changes, path.parent, called)
+
+
+def parse_cycle(
+    data: Mapping[str, Any],
+    directory: str | Path = ".",
+    name: str = "cycle",
+    *,
+    changes: Mapping[str, Any] | None = None,
+) -> Cycle:
+    """Build a cycle from what a cycle file holds, as dictionaries and lists.
+
+    Args:
+        data: The contents of a cycle file.
+        directory: Where its relative paths start.
+        name: What messages and plots call it.
+        changes: As for `load_cycle`.
+
+    Raises:
+        ProblemError: As `load_cycle`.
+        RobotError: As `load_cycle`.
+    """
+    folder = given_path("directory", directory)
+    return _build(ProblemLayers.of(data, folder, name), changes, folder, name)
+
+
+def _build(
+    layers: ProblemLayers, changes: Mapping[str, Any] | None, directory: Path, name: str
+) -> Cycle:
+    source = layers.sources[-1]
+    data = changed_problem(layers.merged, changes, CycleFields)
+    fields = check_cycle_fields(data, source, layers.source_of)
+    reader = _MoveReader(data, directory, source)
+    steps = [
+        reader.move(k, step) if isinstance(step, MoveFields) else None
+        for k, step in enumerate(fields.moves)
+    ]
+    first = reader.first
+    if first is None:
+        raise ProblemError(f"{source}: moves has no move; give one with a name and a tube")
+    try:
+        return Cycle(
+            start=first.start,
+            steps=[
+                move or _rest_step(k, step, directory, first.robot)
+                for k, (move, step) in enumerate(zip(steps, fields.moves, strict=True))
+            ],
+            obstacles=first.obstacles,
+            attached=first.attached,
+            closed=fields.closed,
+            self_collision=fields.collision.self_,
+            period=fields.period,
+            name=name,
+        )
+    except (ProblemError, RobotError) as error:
+        raise type(error)(f"{source}: {error}") from None
+
+
+class _MoveReader:
+    """Makes moves of what a cycle file holds, each by way of a planning problem."""
+
+    def __init__(self, data: Mapping[str, Any], directory: Path, source: str) -> None:
+        self._data, self._directory, self._source = data, directory, source
+        self._robots: dict[str, RobotModel] = {}
+        self.first: PlanningProblem | None = None
+
+    def move(self, k: int, fields: MoveFields) -> Move:
+        """Return move k of the file, which has these fields."""
+        require_name(f"{self._source}: moves[{k}].name", fields.name, ProblemError)
+        own = self._data["moves"][k]
+        merged = self._merged(own)
+        source = f"{self._source}: move '{fields.name}'"
+        checked = ProblemFields.model_validate(merged)
+        problem = build_problem(checked, self._directory, fields.name, source)
+        self.first = self.first or problem
+        clearance = ProblemFields.model_validate(
+            {**merged, **_above(self._data, own, "clearance")}
+        ).clearance
+        segments = int(problem.tube.numbers[-1])
+        ignored = [*self._ignored(self._data), *self._ignored(own), *problem.ignore_collisions]
+        return Move(
+            fields.name,
+            self._robots.setdefault(json.dumps(merged["robot"], default=str), problem.robot),
+            problem.tube,
+            problem.goal,
+            **clearances_of(clearance),
+            contacts=contacts_of(fields.contacts, segments),
+            ignore_collisions=tuple(ignored),
+            objective=problem.objective,
+            passes_through=fields.pass_through,
+        )
+
+    def _merged(self, own: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the fields of a problem that is a move alone.
+
+        Without what names solids that come and go, and, but for the first, from anywhere.
+        """
+        merged = {key: self._data[key] for key in _HEADER if key in self._data}
+        robot = merged["robot"]
+        limits = merged_fields(robot.get("limits") or {}, own.get("limits") or {})
+        merged["robot"] = {**robot, "limits": limits}
+        merged |= _above(self._data, own, "objective")
+        merged |= {key: own[key] for key in ("tube", "goal") if key in own}
+        segments = _above(self._data, own, "clearance").get("clearance")
+        if isinstance(segments, dict) and segments.get("segments") is not None:
+            merged["clearance"] = {"segments": segments["segments"]}
+        if self.first is not None:
+            merged["start"] = {"seed": anywhere(self.first.robot).tolist()}
+        return merged
+
+    @staticmethod
+    def _ignored(holder: Mapping[str, Any]) -> list[tuple[str, str]]:
+        pairs = (holder.get("collision") or {}).get("ignore") or []
+        return [(first, second) for first, second in pairs]
+
+
+def _above(data: Mapping[str, Any], own: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Return what a move has under a key above the cycle's; nothing if neither has it."""
+    given = [holder[key] for holder in (data, own) if holder.get(key) is not None]
+    return {key: merged_fields(given[0], given[-1])} if given else {}
+
+
+def _rest_step(k: int, step: Any, directory: Path, robot: RobotModel) -> Step:
+    """Return step k of the file, which is no move."""
+    try:
+        if isinstance(step, EventFields):
+            return Event(step.event, step.set, step.dwell)
+        if isinstance(step, DetachFields):
+            return Detach(step.detach, step.leave_as_obstacle)
+        assert isinstance(step, AttachFields)
+        return Attach(step.attach, _payload(step), _solid(step, directory, robot))
+    except (ProblemError, RobotError) as error:
+        raise type(error)(f"moves[{k}]: {error}") from None
+
+
+def _payload(step: AttachFields) -> Payload | None:
+    if step.payload is None:
+        return None
+    try:
+        return Payload(**step.payload.model_dump())
+    except RobotError as error:
+        # It is called as that of the whole robot is.
+        raise RobotError(f"attach '{step.attach}': {str(error).removeprefix('robot.')}") from None
+
+
+def _solid(step: AttachFields, directory: Path, robot: RobotModel) -> AttachedSolid | None:
+    if step.shape is None:
+        return None
+    fields = AttachedFields(name=step.attach, **step.shape.model_dump())
+    field = f"attach '{step.attach}': shape"
+    return attached_of(fields, directory, robot.package_dirs, field)
+
+
+# ---- A file that is a problem or a cycle, whichever it is.
+
+
+def load_problem_or_cycle(
+    name: str | Path, directory: str | Path = ".", *, changes: Mapping[str, Any] | None = None
+) -> PlanningProblem | Cycle:
+    """Read a problem file or a cycle file, whichever it is.
+
+    Args:
+        name: A path, or `example:ROBOT/NAME` for a bundled one.
+        directory: Where a relative path starts.
+        changes: Other values by field path, as for `load_problem`.
+
+    Raises:
+        ProblemError: As `load_problem` or `load_cycle`.
+        RobotError: Likewise.
+    """
+    load = load_cycle if is_cycle_file(name, directory) else load_problem
+    return load(name, directory, changes=changes)
+
+
+def is_cycle_file(name: str | Path, directory: str | Path = ".") -> bool:
+    """Return whether a file is a cycle's rather than a problem's.
+
+    Args:
+        name: As for `load_problem_or_cycle`.
+        directory: Likewise.
+
+    Raises:
+        ProblemError: It does not exist, or cannot be read.
+    """
+    return is_cycle(read_document(find_problem(name, given_path("directory", directory))))

@@ -1,0 +1,342 @@
+"""Demands beside the tube: contacts, objective, controller period, robustness."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.checks import in_figures, is_number
+from tubeplanner.errors import ProblemError, TubePlannerError, shown, unknown_name
+from tubeplanner.geometry.collision_checker import CollisionChecker
+from tubeplanner.geometry.solids import MAX_SIZE
+from tubeplanner.robot.model import RobotModel
+
+# ---- Solids that may be near each other where the motion begins or ends, or must be farther apart.
+
+START, GOAL = "start", "goal"
+ENDS = (START, GOAL)
+_LEAST = 1e-6  # [m]
+
+Names = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two solids that touch, or nearly do, at start or goal.
+
+    While the tool is within a distance of where it is there, in the tube's first or last segment,
+    they must be as far apart as they are at that end, or as their clearance asks, if that is less.
+    At a goal that is left open they must not overlap.
+
+    Attributes:
+        links: Names of links, attached solids or obstacles.
+        within: Distance of the tool from its place at that end [m].
+        ends: "start", "goal" or both.
+
+    Raises:
+        ProblemError: On construction, if the distance is not positive or an end is unknown.
+    """
+
+    links: Names
+    within: float
+    ends: tuple[str, ...] = ENDS
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "links", _names("contacts", self.links))
+        if not is_number(self.within) or not _LEAST <= self.within <= MAX_SIZE:
+            raise ProblemError(
+                f"contacts: within is {in_figures(self.within)} m for {_called(self.links)}; "
+                f"{_LEAST:g} to {MAX_SIZE:g} m are accepted"
+            )
+        ends = (self.ends,) if isinstance(self.ends, str) else self.ends
+        if not isinstance(ends, list | tuple):
+            raise ProblemError(f"contacts: ends is {shown(ends)}; give a list of {', '.join(ENDS)}")
+        ends = tuple(ends)
+        for end in ends:
+            if not isinstance(end, str) or end not in ENDS:
+                raise ProblemError(f"contacts: {unknown_name('end', end, ENDS)}")
+        object.__setattr__(self, "ends", ends)
+
+
+def pair_distances(given: Mapping[Names, float]) -> Mapping[Names, float]:
+    """Return clearances [m] by pairs of names, once they are what they must be.
+
+    Raises:
+        ProblemError: A number is negative or too large, or a key is no pair of names.
+    """
+    if not isinstance(given, Mapping):
+        raise ProblemError(
+            f"clearance.pairs is {shown(given)}; give a map from pairs of names to distances [m]"
+        )
+    for links, clearance in given.items():
+        names = _names("clearance.pairs", links)
+        if not is_number(clearance) or not 0 <= clearance <= MAX_SIZE:
+            raise ProblemError(
+                f"clearance.pairs: clearance is {in_figures(clearance)} m for {_called(names)}; "
+                f"0 to {MAX_SIZE:g} m are accepted"
+            )
+    return {_names("", links): float(value) for links, value in given.items()}
+
+
+def require_checked(checker: CollisionChecker, field: str, pairs: Iterable[Names]) -> None:
+    """Raise ProblemError unless the solids of some pairs are checked against each other.
+
+    Args:
+        checker: The geometry.
+        field: What messages call the pairs.
+        pairs: Of names.
+    """
+    owners = list(dict.fromkeys(shape.owner for shape in checker.shapes))
+    for names in pairs:
+        for name in names:
+            if name not in owners:
+                kind = "link with collision geometry or obstacle"
+                raise ProblemError(f"{field}: {unknown_name(kind, name, owners)}")
+        if not checker.between(*names).any():
+            left_out = {frozenset(pair.links): pair.reason for pair in checker.left_out}
+            why = left_out.get(frozenset(names), "no joint moves one against the other")
+            raise ProblemError(
+                f"{field}: {_called(names)} are not checked against each other ({why}): remove "
+                "the pair"
+            )
+
+
+def _names(field: str, given: object) -> Names:
+    if isinstance(given, list | tuple) and len(given) == 2:
+        first, second = given
+        if isinstance(first, str) and isinstance(second, str) and first != second:
+            return first, second
+    raise ProblemError(
+        f"{field}: {shown(given)} is no pair of names of different links or obstacles"
+    )
+
+
+def _called(names: Names) -> str:
+    return f"'{names[0]}' and '{names[1]}'"
+
+
+# ---- What an answer is to be beside short.
+
+SMOOTHNESS, ENERGY, WORK = MINIMISED = ("smoothness", "energy", "work")
+_SLACK, _MAX_SLACK = 0.005, 10.0
+_MAX_DURATION = 1e4  # [s]
+_ROUNDING = 1e-6  # of a period
+
+
+@dataclass(frozen=True)
+class Objective:
+    """What an answer is to be beside short.
+
+    Attributes:
+        slack: It may take this share more time than the shortest motion; 0: it is that. None:
+            0.005, unless a duration is given.
+        minimise: What the time is used for: "smoothness", for efforts that change little and
+            slowly and small jerks; "energy", for the integral of the weighted squared efforts;
+            "work", for the integral of the power that motors put in.
+        duration: How long it takes instead [s]; None: as slack says.
+        weights: Of the squared efforts in the energy, by joint name, >= 0; those of other joints
+            are 1/limit^2.
+
+    Raises:
+        ProblemError: On construction, for slack that is no number from 0 to 10, a duration that is
+            no number above 0 or beside a slack, another name, or weights that are none or of
+            nothing.
+    """
+
+    slack: float | None = None
+    minimise: str = SMOOTHNESS
+    duration: float | None = None
+    weights: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.minimise, str) or self.minimise not in MINIMISED:
+            message = unknown_name("objective", self.minimise, MINIMISED)
+            raise ProblemError(f"objective.minimise: {message}")
+        if self.duration is not None:
+            self._require_duration(self.duration)
+        elif self.slack is None:
+            object.__setattr__(self, "slack", _SLACK)
+        else:
+            require_slack("objective.slack", self.slack)
+        self._require_weights()
+
+    def energy_weights(self, robot: RobotModel) -> FloatArray:
+        """Return the weights of the joints' squared efforts, shape (n,).
+
+        Raises:
+            ProblemError: One is of no joint, or none is above zero.
+        """
+        for name in self.weights:
+            if name not in robot.joint_names:
+                message = unknown_name("joint", name, robot.joint_names)
+                raise ProblemError(f"objective.weights: {message}")
+        weights = 1 / robot.limits.effort**2
+        for joint, name in enumerate(robot.joint_names):
+            weights[joint] = self.weights.get(name, weights[joint])
+        if not weights.any():
+            raise ProblemError(
+                "objective.weights are all zero, as those of joints without an effort limit are "
+                "unless given: nothing is to be saved; give some"
+            )
+        return np.asarray(weights)
+
+    def _require_duration(self, duration: float) -> None:
+        if self.slack is not None:
+            raise ProblemError(
+                f"objective.slack is {in_figures(self.slack)} and objective.duration "
+                f"{in_figures(duration)} s; give one of them"
+            )
+        if not is_number(duration) or not 0 < duration <= _MAX_DURATION:
+            raise ProblemError(
+                f"objective.duration is {in_figures(duration)} s; give how long the motion is "
+                f"to take, above 0 and up to {_MAX_DURATION:g} s, or a slack instead"
+            )
+
+    def _require_weights(self) -> None:
+        if not isinstance(self.weights, Mapping):
+            raise ProblemError(
+                f"objective.weights is {shown(self.weights)}; give a map by joint name"
+            )
+        if self.weights and self.minimise != ENERGY:
+            raise ProblemError(
+                f"objective.weights are of energy, but '{self.minimise}' is minimised; leave them "
+                f"out, or minimise '{ENERGY}'"
+            )
+        for name, weight in self.weights.items():
+            if not is_number(weight) or not 0 <= weight < inf:
+                raise ProblemError(
+                    f"objective.weights of '{name}' is {in_figures(weight)}; give a finite number, "
+                    "0 or more"
+                )
+
+
+def require_slack(what: str, slack: Any, error: type[TubePlannerError] = ProblemError) -> None:
+    """Raise an error unless something is a share of time."""
+    if not is_number(slack) or not 0 <= slack <= _MAX_SLACK:
+        raise error(
+            f"{what} is {in_figures(slack)}; give a share of the shortest duration from 0 (the "
+            f"shortest motion) to {_MAX_SLACK:g}"
+        )
+
+
+def is_multiple(duration: float, period: float) -> bool:
+    """Return whether a duration is a multiple of a period, but for rounding."""
+    return abs(duration / period - round(duration / period)) <= _ROUNDING
+
+
+# ---- The period of a controller, of which durations and breakpoints are multiples.
+
+_MIN_PERIOD, _MAX_CONTROLLER_PERIOD = 1e-5, 1.0  # [s]
+
+
+def require_period(period: float, duration: float | None) -> None:
+    """Raise unless a period is one.
+
+    Args:
+        period: The controller's [s].
+        duration: That the answer is to have [s]; None: any.
+
+    Raises:
+        ProblemError: It is out of its bounds, or the duration is no multiple of it.
+    """
+    if not is_number(period) or not _MIN_PERIOD <= period <= _MAX_CONTROLLER_PERIOD:
+        raise ProblemError(
+            f"period is {in_figures(period)} s; give the controller's, {_MIN_PERIOD:g} to "
+            f"{_MAX_CONTROLLER_PERIOD:g} s, or leave it out"
+        )
+    if duration is not None and not is_multiple(duration, period):
+        raise ProblemError(
+            f"objective.duration is {in_figures(duration)} s, no multiple of the period, "
+            f"{period:g} s; give one, or leave one of them out"
+        )
+
+
+# ---- By how much a real arm and its control may differ from the model that is planned with.
+
+COMPUTED_TORQUE, FEEDFORWARD_PD, PD = CONTROLLERS = ("computed-torque", "feedforward-pd", "pd")
+# The most of each quantity, and its unit. Masses and frictions stay above zero.
+_MAX_ERRORS = {
+    "mass": (0.9, ""),
+    "com": (1.0, "m"),
+    "payload": (0.9, ""),
+    "friction": (0.9, ""),
+    "unmodelled_friction": (0.9, ""),
+    "lag": (1.0, "s"),
+    "delay": (1.0, "s"),
+    "noise": (0.1, "rad or m"),
+    "tool": (1.0, "m"),
+    "base": (1.0, "m"),
+}
+ERRORS = tuple(_MAX_ERRORS)
+_SPREAD = ("mass", "com", "payload", "friction", "tool", "base")  # drawn about what is expected
+_LEAST_PERIOD, _MAX_PERIOD = 1e-4, 0.1  # [s]
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """Errors that a plan is to survive, and the control that meets them.
+
+    Attributes:
+        mass: Relative error of each body's mass, uniform in +-.
+        com: Of each body's centre of mass, uniform in a ball of this radius [m].
+        payload: Relative error of the payload's mass, uniform in +-.
+        friction: Relative error of each joint's viscous friction, and of its Coulomb friction each
+            way, uniform in +-.
+        unmodelled_friction: Viscous friction beside the modelled, as a share of the joint's effort
+            limit at its velocity limit, uniform between half of it and it.
+        lag: Time constant with which motors follow the effort that is asked of them [s].
+        delay: From a measurement to the effort that follows from it [s].
+        noise: Standard deviation of measured joint positions, normal [rad or m].
+        tool: Of the tool centre point in its link, uniform in a ball of this radius [m].
+        base: Of the robot's base in its cell, likewise [m].
+        control_period: [s].
+        controller: "computed-torque", "feedforward-pd" or "pd".
+
+    Raises:
+        ProblemError: On construction, for a value out of its bounds or an unknown controller.
+    """
+
+    mass: float = 0.05
+    com: float = 0.005
+    payload: float = 0.1
+    friction: float = 0.2
+    unmodelled_friction: float = 0.02
+    lag: float = 0.001
+    delay: float = 0.001
+    noise: float = 1e-5
+    tool: float = 0.0005
+    base: float = 0.0005
+    control_period: float = 0.001
+    controller: str = COMPUTED_TORQUE
+
+    def __post_init__(self) -> None:
+        for name, (most, unit) in _MAX_ERRORS.items():
+            self._require_between(name, 0.0, most, unit)
+        self._require_between("control_period", _LEAST_PERIOD, _MAX_PERIOD, "s")
+        if self.controller not in CONTROLLERS:
+            message = unknown_name("controller", self.controller, CONTROLLERS)
+            raise ProblemError(f"robustness.controller: {message}")
+
+    @classmethod
+    def exact(cls, **fields: float | str) -> "Robustness":
+        """Return no errors at all, but for some fields."""
+        return cls(**(dict.fromkeys(_MAX_ERRORS, 0.0) | fields))  # type: ignore[arg-type]
+
+    def enlarged(self, factor: float) -> "Robustness":
+        """Return the errors of the arm's build with larger spreads, as far as they may be."""
+        larger: dict[str, Any] = {
+            name: min(factor * getattr(self, name), _MAX_ERRORS[name][0]) for name in _SPREAD
+        }
+        return replace(self, **larger)
+
+    def _require_between(self, name: str, least: float, most: float, unit: str) -> None:
+        value = getattr(self, name)
+        if not is_number(value) or not least <= value <= most:
+            of_unit = f" {unit}" if unit else ""
+            raise ProblemError(
+                f"robustness.{name} is {in_figures(value)}{of_unit}; give a number from {least:g} "
+                f"to {most:g}{of_unit}"
+            )

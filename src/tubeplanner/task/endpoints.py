@@ -1,0 +1,311 @@
+"""Start and goal: joints, tool pose or goal region; checks of both."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.checks import are_numbers, in_figures, is_number
+from tubeplanner.errors import ProblemError, shown, unknown_name
+from tubeplanner.geometry.solids import MAX_SIZE
+from tubeplanner.geometry.tube.rotation import (
+    RotationalTube,
+    RotationBound,
+    rotation_bound,
+    rotational_tube,
+)
+from tubeplanner.geometry.tube.tube import Tube
+from tubeplanner.outcome import MARGIN_TOLERANCE, ContradictionError, Place
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.text import short_repr
+
+# ---- Joint values as users give them: in group order, or by joint name.
+
+
+def configuration_of(robot: RobotModel, what: str, values: Any) -> FloatArray:
+    """Return joint values given in group order or by name as an array (n,) [rad or m].
+
+    Args:
+        robot: The arm.
+        what: What messages call them, such as "start".
+        values: n numbers, or a map from joint name to number.
+
+    Raises:
+        ProblemError: They are not n finite numbers, or a name is unknown or missing.
+    """
+    names = robot.joint_names
+    if isinstance(values, Mapping):
+        for name in values:
+            if name not in names:
+                raise ProblemError(f"{what}: {unknown_name('joint', name, names)}")
+        missing = [name for name in names if name not in values]
+        if missing:
+            raise ProblemError(f"{what}: no value for joint {', '.join(missing)}")
+        values = [values[name] for name in names]
+    try:
+        if any(isinstance(value, bool) for value in values):
+            raise TypeError("a truth value is no number")
+        q = read_only(values)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(
+            f"{what} {shown(values)} must be numbers, one per joint ({error})"
+        ) from None
+    if q.shape != (len(names),):
+        raise ProblemError(
+            f"{what} has {q.size} values for the {len(names)} joints {', '.join(names)}"
+        )
+    if not np.isfinite(q).all():
+        raise ProblemError(f"{what} must be finite numbers")
+    return q
+
+
+# ---- A start or goal as a pose of the tool.
+
+_ORTHONORMAL = 1e-6  # how far a rotation matrix may be from one, by rounding
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPose:
+    """A pose of the tool centre point, taken on the branch that the tube's joint ranges ask for.
+
+    Attributes:
+        placement: Shape (4, 4), base frame [m], as `placement_of` returns.
+        seed: Where inverse kinematics begins, (n,) in group order or a map by joint name [rad or
+            m]; None: at several configurations spread over the joint ranges.
+
+    Raises:
+        ProblemError: On construction, if the placement is none.
+    """
+
+    placement: FloatArray
+    seed: FloatArray | None = None
+
+    __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        try:
+            placement = read_only(self.placement)
+        except (TypeError, ValueError):
+            raise _no_placement(self.placement) from None
+        if placement.shape != (4, 4) or not (abs(placement) <= MAX_SIZE).all():
+            raise _no_placement(self.placement)
+        turn = placement[:3, :3]
+        off = float(abs(turn @ turn.T - np.eye(3)).max())
+        if off > _ORTHONORMAL or np.linalg.det(turn) < 0 or (placement[3] != (0, 0, 0, 1)).any():
+            raise _no_placement(placement.tolist())
+        object.__setattr__(self, "placement", placement)
+
+    @property
+    def position(self) -> FloatArray:
+        """Where the tool centre point is, shape (3,) [m]."""
+        return self.placement[:3, 3]
+
+    @property
+    def rotation(self) -> FloatArray:
+        """How its frame is turned, shape (3, 3)."""
+        return self.placement[:3, :3]
+
+    def errors(self, rotation: FloatArray, position: FloatArray) -> tuple[float, float]:
+        """Return how far a tool, turned by (3, 3) and at (3,), is from the pose: [m] and [rad]."""
+        turn = self.rotation.T @ rotation
+        # Of the angle, sine and cosine: either alone is blind somewhere.
+        twice_sine = np.linalg.norm((turn - turn.T)[[2, 0, 1], [1, 2, 0]])
+        angle = np.arctan2(twice_sine, np.trace(turn) - 1)
+        return float(np.linalg.norm(position - self.position)), float(angle)
+
+
+def _no_placement(value: object) -> ProblemError:
+    return ProblemError(
+        f"a tool pose's placement is {shown(value)}; give a rotation and translation (4, 4), at "
+        f"most {MAX_SIZE:g} m away, made with placement_of"
+    )
+
+
+# ---- A goal that is a tool position, within a tolerance, instead of joints.
+
+
+@dataclass(frozen=True, eq=False)
+class GoalRegion:
+    """A ball in which the tool ends, in whichever configuration the answer ends in.
+
+    Attributes:
+        position: Its centre, shape (3,), base frame [m].
+        tolerance: Its radius [m]; 0: the tool ends at the centre.
+        rotation_tolerance: How far the tool may be turned there from the tube's last orientation:
+            one angle, or bounds on the three components of log(R_ref^T R) [rad]; None: as far as
+            the tube allows.
+
+    Raises:
+        ProblemError: On construction, if a value is none of these.
+    """
+
+    position: FloatArray
+    tolerance: float = 0.0
+    rotation_tolerance: RotationBound | None = None
+
+    __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", _position(self.position))
+        if not is_number(self.tolerance) or not 0 <= self.tolerance <= MAX_SIZE:
+            raise ProblemError(
+                f"goal.tolerance is {in_figures(self.tolerance)} m; 0 to {MAX_SIZE:g} m are "
+                "accepted"
+            )
+        if self.rotation_tolerance is not None:
+            bound = rotation_bound("goal.rotation_tolerance", self.rotation_tolerance)
+            object.__setattr__(self, "rotation_tolerance", bound)
+
+    @property
+    def bounds_rotation(self) -> bool:
+        """Whether the tool may not be turned at will."""
+        tolerance = self.rotation_tolerance
+        return tolerance is not None and bool(np.isfinite(tolerance).any())
+
+    def rotation(self, tube: Tube) -> RotationalTube | None:
+        """Return a tube's rotational part and, where the rotation is bounded here, one row more.
+
+        That is a segment beyond the last one whose reference is the last orientation. None where
+        all is free.
+        """
+        if not self.bounds_rotation:
+            return tube.rotation
+        assert tube.orientations is not None and tube.rotation_tolerance is not None
+        assert self.rotation_tolerance is not None
+        beyond = 2 * tube.points[-1] - tube.points[-2]
+        return rotational_tube(
+            np.vstack([tube.points, beyond]),
+            np.vstack([tube.orientations, tube.orientations[-1:]]),
+            (*tube.rotation_tolerance, self.rotation_tolerance),
+        )
+
+    def margin(self, tool: FloatArray) -> float:
+        """Return how far inside the ball a tool (3,) is [m]."""
+        return self.tolerance - self.distance(tool)
+
+    def distance(self, tool: FloatArray) -> float:
+        """Return how far a tool (3,) is from the position [m]."""
+        return float(np.linalg.norm(tool - self.position))
+
+    def nearest(self, tool: FloatArray, share: float = 1.0) -> FloatArray:
+        """Return the point (3,) nearest to a tool (3,) in the ball scaled by a share."""
+        distance, allowed = self.distance(tool), share * self.tolerance
+        if distance <= allowed:
+            return tool
+        nearest: FloatArray = self.position + (tool - self.position) * (allowed / distance)
+        return nearest
+
+
+def _position(given: Any) -> FloatArray:
+    """Return a position (3,) [m].
+
+    Raises:
+        ProblemError: It is no list of three finite numbers.
+    """
+    if not are_numbers(given, 3):
+        raise ProblemError(f"goal.position is {shown(given)}; give [x, y, z], finite numbers [m]")
+    return read_only(np.array(given, dtype=float))
+
+
+# ---- What a problem's start and goal must keep: position limits, joint ranges, and their segments.
+
+
+@dataclass(frozen=True, eq=False)
+class EndChecks:
+    """Checks of start and goal; each raises a `ContradictionError` with its place.
+
+    Attributes:
+        robot: The arm.
+        tube: The tube; messages name its segments.
+        joined: The same, neighbouring segments that ask the same joined to one.
+        lower: Lower bounds of joints, by limits and ranges, shape (m, n) [rad or m].
+        upper: Upper bounds, likewise.
+    """
+
+    robot: RobotModel
+    tube: Tube
+    joined: Tube
+    lower: FloatArray
+    upper: FloatArray
+
+    def require_within_limits(self, what: str, q: FloatArray) -> None:
+        """Raise unless a configuration (n,), called `what`, is inside position limits."""
+        limits = self.robot.limits
+        low, high = (
+            limits.lower_position - MARGIN_TOLERANCE,
+            limits.upper_position + MARGIN_TOLERANCE,
+        )
+        for joint in np.flatnonzero((q < low) | (q > high)):
+            name = self.robot.joint_names[joint]
+            raise ContradictionError(
+                f"{what}: joint '{name}' at {q[joint]:g} is outside its "
+                f"position limits [{limits.lower_position[joint]:g}, "
+                f"{limits.upper_position[joint]:g}] (radians and metres are meant)",
+                Place(joint=name),
+                configuration=q,
+            )
+
+    def require_inside(self, end: str, q: FloatArray, segment: int) -> None:
+        """Raise unless a configuration (n,) keeps what its segment asks of joints and tool."""
+        number = self.tube.segment_number(segment)
+        lower, upper = self.lower[segment], self.upper[segment]
+        rotation, tool = self.robot.tool_pose(q[None])
+        for name, value, low, high in zip(self.robot.joint_names, q, lower, upper, strict=True):
+            if not low - MARGIN_TOLERANCE <= value <= high + MARGIN_TOLERANCE:
+                raise ContradictionError(
+                    f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
+                    f"position limits and joint sign in segment {number}",
+                    Place(joint=name, segment=number).at(tool[0]),
+                    configuration=q,
+                )
+        try:
+            self.require_tool_inside(end, rotation, tool, segment)
+        except ContradictionError as error:
+            raise ContradictionError(str(error), error.place, configuration=q) from error
+
+    def require_tool_inside(
+        self, end: str, rotation: FloatArray, tool: FloatArray, segment: int
+    ) -> None:
+        """Raise unless a tool (1, 3, 3), (1, 3) is in its segment's region and turned as asked."""
+        self.require_in_region(end, f"{end}: the tool", tool[0], segment)
+        self._require_turned(end, rotation, tool, self.tube.segment_number(segment))
+
+    def require_in_region(self, end: str, what: str, tool: FloatArray, segment: int) -> None:
+        """Raise unless a tool position (3,), called `what`, is in the region of a segment."""
+        margin = float(self.joined.margin(tool[None])[0, 0 if end == "start" else -1])
+        if margin < -MARGIN_TOLERANCE:
+            point = self.tube.points[segment + (end == "goal")]
+            region = "box" if self.tube.is_box[segment] else "capsule"
+            number = self.tube.segment_number(segment)
+            raise ContradictionError(
+                f"{what} is at {np.round(tool, 4).tolist()} m, {-margin:.3g} m outside "
+                f"the {region} of segment {number} (its end point is "
+                f"{point.tolist()} m); move the {end} or the reference point",
+                self._place_of(end, number, tool),
+            )
+
+    def _require_turned(
+        self, end: str, rotation: FloatArray, tool: FloatArray, number: int
+    ) -> None:
+        """Raise unless a tool is within the rotation tolerance of a segment called by a number."""
+        tube, joined = self.joined.rotation, 0 if end == "start" else -1
+        if tube is None or tube.margin(rotation, tool, joined)[0] >= -MARGIN_TOLERANCE:
+            return
+        error = tube.error(rotation, tool, joined)[0]
+        turned = [*error.tolist(), float(np.linalg.norm(error))]
+        worst = int((abs(np.array(turned)) - tube.bounds[joined]).argmax())
+        about = "" if worst == 3 else f" about {'xyz'[worst]} of the reference orientation"
+        raise ContradictionError(
+            f"{end}: the tool is turned by {turned[worst]:.4g} rad{about}, where the rotation "
+            f"tolerance of segment {number} is {tube.bounds[joined, worst]:.4g} rad; turn the "
+            f"{end}, change tube.orientations[{number + (end == 'goal')}] or widen "
+            f"tube.rotation_tolerance[{number}]",
+            self._place_of(end, number, tool[0]),
+        )
+
+    def _place_of(self, end: str, number: int, tool: FloatArray) -> Place:
+        """Return the place of an end whose segment has a number, the tool at a point (3,)."""
+        point = self.tube.numbers[0 if end == "start" else -1]
+        return Place(segment=number, point=int(point)).at(tool)

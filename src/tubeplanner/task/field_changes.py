@@ -1,0 +1,337 @@
+"""Changes of single fields by path, such as `obstacles.wall.position`."""
+
+import re
+from collections.abc import Iterable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+from tubeplanner.checks import is_number
+from tubeplanner.documents import DocumentError, parse_yaml, require_shallow
+from tubeplanner.errors import OptionError, ProblemError, shown, unknown_name
+from tubeplanner.task.fields import Section
+from tubeplanner.task.includes import INCLUDE, ProblemLayers
+from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, require_problem
+
+# ---- What a schema has at a place: which keys a map may hold there, and what lies below them.
+
+
+@dataclass(frozen=True)
+class SchemaPlace:
+    """A place in a document, as its schema has it.
+
+    Attributes:
+        kinds: What it may hold: models, maps, lists and scalars.
+    """
+
+    kinds: tuple[Any, ...]
+
+    @classmethod
+    def of(cls, *annotations: Any) -> "SchemaPlace":
+        """Return the place of what is annotated in one of these ways."""
+        return cls(tuple(_kinds(annotations)))
+
+    @property
+    def keys(self) -> list[str]:
+        """The names of the fields that a map may have here; empty if it may have any, or none."""
+        models = [kind for kind in self.kinds if _is_model(kind)]
+        return [
+            field.alias or name for model in models for name, field in model.model_fields.items()
+        ]
+
+    @property
+    def may_be_map(self) -> bool:
+        """Whether a map may stand here."""
+        return any(_is_model(kind) or get_origin(kind) is dict for kind in self.kinds)
+
+    def below(self, key: str) -> "SchemaPlace | None":
+        """Return the place under a key of a map; None: there is no such key."""
+        found = [get_args(kind)[1] for kind in self.kinds if get_origin(kind) is dict]
+        for model in self.kinds:
+            if _is_model(model):
+                fields = {field.alias or name: field for name, field in model.model_fields.items()}
+                found += [fields[key].annotation] if key in fields else []
+        return SchemaPlace.of(*found) if found else None
+
+    @property
+    def item(self) -> "SchemaPlace":
+        """The place of an item of a list."""
+        lists = [kind for kind in self.kinds if get_origin(kind) in (list, tuple)]
+        return SchemaPlace.of(*(each for kind in lists for each in get_args(kind)))
+
+
+def _kinds(annotations: Iterable[Any]) -> Iterable[Any]:
+    """Yield the alternatives that annotations stand for."""
+    for annotation in annotations:
+        origin, arguments = get_origin(annotation), get_args(annotation)
+        if origin in (Union, UnionType):
+            yield from _kinds(arguments)
+        elif origin is Annotated:
+            yield from _kinds(arguments[:1])
+        else:
+            yield annotation
+
+
+def _is_model(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+# ---- Changes of single fields, by paths such as `obstacles.wall.position`, before the schema's
+# check.
+#
+# A path is keys joined by dots; an item of a list goes by its index or by its `name`. Names that
+# hold
+# dots are found where they exist. A value such as `x0.5` scales every number below the path.
+
+_FACTOR = re.compile(r"x([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
+
+
+def parse_change(option: str, text: str) -> tuple[str, Any]:
+    """Return path and value of FIELD.PATH=VALUE, the value in YAML.
+
+    Args:
+        option: What messages call it.
+        text: The change.
+
+    Raises:
+        OptionError: It is none.
+    """
+    path, value = _parted_at_equals(option, text, "VALUE", "tube.radius=0.02")
+    return path, _parsed(option, text, value)
+
+
+def parse_variation(option: str, text: str) -> tuple[str, list[Any]]:
+    """Return path and values of FIELD.PATH=V1,V2,...: a list in YAML without its brackets.
+
+    Args:
+        option: What messages call it.
+        text: The variation.
+
+    Raises:
+        OptionError: It is none.
+    """
+    path, values = _parted_at_equals(option, text, "V1,V2,...", "tube.radius=0.01,0.02")
+    parsed: list[Any] = _parsed(option, text, f"[{values}]")
+    return path, parsed
+
+
+def changed_fields(data: Any, changes: Mapping[str, Any], root: SchemaPlace) -> Any:
+    """Return a document with other values at some places; the given one stays as it is.
+
+    Args:
+        data: What a file holds, as dictionaries and lists.
+        changes: Values by path, applied in their order. A missing key is made if the schema has it.
+        root: The place of the whole document in its schema.
+
+    Raises:
+        ProblemError: A path leads nowhere, or to no number where a factor is given, or a value is
+            nested too deep.
+    """
+    if not changes or not isinstance(data, dict):
+        return data
+    fields = deepcopy(data)
+    for path, value in changes.items():
+        try:
+            require_shallow(value)
+        except DocumentError as error:
+            raise ProblemError(f"{path}: {error}") from None
+        _Walk(path).change(fields, value, root)
+    return fields
+
+
+def require_path(path: object) -> None:
+    """Raise ProblemError unless something is text, as field paths are."""
+    if not isinstance(path, str):
+        raise ProblemError(f"{shown(path)} is no field path; give text, such as 'tube.radius'")
+
+
+def require_changes(changes: object) -> None:
+    """Raise ProblemError unless changes are a map from texts."""
+    if not isinstance(changes, Mapping):
+        raise ProblemError(f"changes are {shown(changes)}; give a map from field paths to values")
+    for path in changes:
+        require_path(path)
+
+
+def factor_of(value: Any) -> float | None:
+    """Return the factor that a value such as `x0.5` stands for; None: it stands for itself."""
+    match = _FACTOR.fullmatch(value) if isinstance(value, str) else None
+    return None if match is None else float(match[1])
+
+
+def is_of_objective(path: str) -> bool:
+    """Return whether a path leads to what an answer is to be beside short, or into it."""
+    return path.split(".")[0] == "objective"
+
+
+class _Walk:
+    """The way along a path into a document."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._rest: str | None = path
+
+    def change(self, fields: Any, value: Any, place: SchemaPlace) -> None:
+        """Change what the path leads to in a document, whose schema begins at a place."""
+        holder = fields
+        while True:
+            key, place = self._step(holder, place)
+            old = holder[key] if isinstance(holder, list) else holder.get(key)
+            if self._rest is None:
+                holder[key] = self._new(old, value)
+                return
+            # A copy: an alias elsewhere in the document keeps what it stands for.
+            holder[key] = {} if old is None and place.may_be_map else deepcopy(old)
+            holder = holder[key]
+
+    def _step(self, holder: Any, place: SchemaPlace) -> tuple[Any, SchemaPlace]:
+        """Go to the next key, which a map or list has or may have; return it and its place."""
+        if isinstance(holder, dict):
+            key = self._next([*holder, *place.keys])
+            below = place.below(key)
+            if below is None and key not in holder:
+                raise self._fault(unknown_name("key", key, place.keys))
+            return key, below or SchemaPlace.of()
+        if isinstance(holder, list):
+            return self._item(holder), place.item
+        what = "is not given" if holder is None else f"is {shown(holder)}, which has no parts"
+        raise self._fault(f"{self._walked} {what}; give it as a whole")
+
+    def _item(self, items: list[Any]) -> int:
+        """Return the index of the next item, which goes by it or by its name."""
+        names = [item.get("name") if isinstance(item, dict) else None for item in items]
+        numbers = [str(k) for k in range(len(items))]
+        walked = self._walked
+        key = self._next([*names, *numbers])
+        if key in names:
+            return names.index(key)
+        if key in numbers:
+            return int(key)
+        if known := [name for name in names if isinstance(name, str)]:
+            raise self._fault(unknown_name("name", key, known))
+        raise self._fault(
+            f"{walked} has no item {shown(key)}; there are {len(items)}, from 0 to {len(items) - 1}"
+        )
+
+    def _next(self, known: list[Any]) -> str:
+        """Return the next key, the longest of the known ones that fits or else up to a dot."""
+        rest = self._rest or ""
+        fitting = [
+            name for name in known if isinstance(name, str) and f"{rest}.".startswith(f"{name}.")
+        ]
+        key = max(fitting, key=len) if fitting else rest.partition(".")[0]
+        self._rest = rest[len(key) + 1 :] if len(rest) > len(key) else None
+        return key
+
+    def _new(self, old: Any, value: Any) -> Any:
+        """Return what takes the place of a value: another one, or the old one scaled."""
+        factor = factor_of(value)
+        if factor is None:
+            return value
+        if not _has_numbers(old):
+            what = "nothing is given there" if old is None else f"it is {shown(old)}"
+            raise self._fault(f"{what}: {value} has no number to scale; give a value")
+        try:
+            return _scaled(old, factor)
+        except OverflowError:
+            raise self._fault(f"{value} of a number that is too large; give a value") from None
+
+    @property
+    def _walked(self) -> str:
+        """The part of the path up to here."""
+        rest = "" if self._rest is None else f".{self._rest}"
+        return self._path.removesuffix(rest)
+
+    def _fault(self, reason: str) -> ProblemError:
+        return ProblemError(f"{self._path}: {reason}")
+
+
+def _has_numbers(value: Any) -> bool:
+    if isinstance(value, dict | list):
+        parts = value.values() if isinstance(value, dict) else value
+        return any(_has_numbers(part) for part in parts)
+    return is_number(value)
+
+
+def _scaled(value: Any, factor: float) -> Any:
+    """Return a copy of a value, every number in it scaled."""
+    if isinstance(value, dict | list):
+        scaled = deepcopy(value)  # keeps how a file writes it
+        for key in value if isinstance(value, dict) else range(len(value)):
+            scaled[key] = _scaled(value[key], factor)
+        return scaled
+    return factor * float(value) if is_number(value) else value
+
+
+def _parted_at_equals(option: str, text: str, wanted: str, example: str) -> tuple[str, str]:
+    path, equals, value = (part.strip() for part in text.partition("="))
+    if not (path and equals and value):
+        raise OptionError(f"{option} {shown(text)}: give FIELD.PATH={wanted}, such as {example}")
+    return path, value
+
+
+def _parsed(option: str, text: str, value: str) -> Any:
+    try:
+        return parse_yaml(value)
+    except DocumentError as error:
+        raise OptionError(f"{option} {shown(text)}: the value is no YAML: {error}") from None
+
+
+# ---- The fields of a problem, with changes of single ones that are made before they are checked.
+
+
+def read_problem_fields(path: Path, changes: Mapping[str, Any] | None = None) -> ProblemFields:
+    """Read a problem file, YAML 1.2 or JSON, and what it includes.
+
+    Args:
+        path: The file.
+        changes: Other values, by field path.
+
+    Raises:
+        ProblemError: A file cannot be read or is a cycle, a key is unknown or doubled, a value has
+            the wrong type. The message names the file and the field.
+    """
+    return checked_layers(ProblemLayers.read(path), changes)
+
+
+def checked_layers(
+    layers: ProblemLayers, changes: Mapping[str, Any] | None = None
+) -> ProblemFields:
+    """Return the fields that layers give together, with other values at some field paths.
+
+    Raises:
+        ProblemError: As `read_problem_fields`.
+    """
+    require_problem(layers.documents[-1], layers.sources[-1])
+    data = changed_problem(layers.merged, changes)
+    return check_problem_fields(data, layers.sources[-1], layers.source_of)
+
+
+def changed_problem(
+    data: Any, changes: Mapping[str, Any] | None, model: type[Section] = ProblemFields
+) -> Any:
+    """Return what a problem file and its included ones hold, with other values at field paths.
+
+    Args:
+        data: What they hold.
+        changes: Other values, by field path.
+        model: Of the file.
+
+    Raises:
+        ProblemError: As `changed_fields`; or changes are no map from paths, or included files
+            would be others.
+    """
+    if changes is None:
+        return data
+    require_changes(changes)
+    for path in changes:
+        if path.split(".")[0] == INCLUDE:
+            raise ProblemError(
+                f"{path}: values are changed after files are included; change {INCLUDE} in the "
+                "file, or set the fields themselves"
+            )
+    return changed_fields(data, changes, SchemaPlace.of(model))

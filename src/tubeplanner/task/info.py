@@ -1,0 +1,237 @@
+"""ProblemInfo and CycleInfo: robot, missing limits, task if it loads."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.resources import find_description, find_problem
+from tubeplanner.robot.info import RobotInfo, robot_info
+from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_states
+from tubeplanner.task.cycle import Cycle
+from tubeplanner.task.cycle_file import CycleFields, check_cycle_fields, load_cycle
+from tubeplanner.task.endpoints import GoalRegion, ToolPose
+from tubeplanner.task.field_changes import changed_problem, read_problem_fields
+from tubeplanner.task.includes import ProblemLayers
+from tubeplanner.task.legs import Leg, step_text
+from tubeplanner.task.problem import PlanningProblem, Seed, end_kind
+from tubeplanner.task.problem_format import RobotFields
+from tubeplanner.task.problem_reader import load_problem, robot_arguments
+
+# ---- What is in a problem file: its robot, whatever limits are missing, and its task if it loads.
+
+
+@dataclass(frozen=True)
+class SrdfInfo:
+    """What is in an SRDF.
+
+    Attributes:
+        states: Positions of joints by name of the state [rad or m].
+        disabled_pairs: Pairs of links that may touch.
+    """
+
+    states: Mapping[str, Mapping[str, float]]
+    disabled_pairs: tuple[tuple[str, str], ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        return {"states": self.states, "disabled_pairs": self.disabled_pairs}
+
+
+@dataclass(frozen=True)
+class ProblemInfo:
+    """What is in a problem file.
+
+    Attributes:
+        robot: Its robot.
+        srdf: What its SRDF has; None without one.
+        problem: The problem; None if it does not load.
+        refused: Why it does not load; None if it does.
+    """
+
+    robot: RobotInfo
+    srdf: SrdfInfo | None
+    problem: PlanningProblem | None
+    refused: str | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        srdf = None if self.srdf is None else self.srdf.as_dict()
+        task = None if self.problem is None else _problem_task(self.problem)
+        return {**self.robot.as_dict(), "srdf": srdf, "refused": self.refused, "task": task}
+
+
+def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> ProblemInfo:
+    """Return what is in a problem file.
+
+    Args:
+        name: A path, or `example:ROBOT/NAME`.
+        changes: Other values, by field path.
+
+    Raises:
+        ProblemError: The file cannot be read or contradicts its format.
+        RobotError: Its URDF, its SRDF or a file of limits cannot be read.
+    """
+    path = find_problem(name, Path())
+    fields = read_problem_fields(path, changes)
+    robot = robot_info(**robot_arguments(fields.robot, path.parent))
+    srdf = srdf_info(fields.robot, path.parent)
+    try:
+        problem = load_problem(name, reads_tube=fields.tube is not None, changes=changes)
+    except (ProblemError, RobotError) as error:
+        return ProblemInfo(robot, srdf, None, str(error))
+    return ProblemInfo(robot, srdf, problem, None)
+
+
+def srdf_info(fields: RobotFields, folder: Path) -> SrdfInfo | None:
+    """Return what the SRDF of a robot's fields has, its path relative to a folder; None: no SRDF.
+
+    Raises:
+        RobotError: It cannot be read.
+    """
+    if fields.srdf is None:
+        return None
+    roots = tuple(folder / root for root in fields.package_dirs)
+    path = find_description(fields.srdf, folder, roots)
+    return SrdfInfo(read_group_states(path), tuple(read_allowed_pairs(path)))
+
+
+def _problem_task(problem: PlanningProblem) -> dict[str, Any]:
+    """Return start, tube, solids and payload of a problem as JSON values."""
+    tube, payload = problem.tube, problem.robot.payload
+    return {
+        "name": problem.name,
+        "start": _end(problem, problem.start),
+        "goal": None if problem.goal is None else _end(problem, problem.goal),
+        "points": tube.points.tolist(),
+        "segments": [_segment(problem, k) for k in range(tube.segment_count)],
+        "obstacles": [str(obstacle) for obstacle in problem.obstacles],
+        "attached": [str(solid) for solid in problem.attached],
+        "clearance": problem.clearance,
+        "pair_clearances": [
+            {"links": list(links), "clearance": clearance}
+            for links, clearance in problem.pair_clearances.items()
+        ],
+        "contacts": [asdict(contact) for contact in problem.contacts],
+        "payload": None if payload is None else {"mass": payload.mass, "com": list(payload.com)},
+        "period": problem.period,
+    }
+
+
+def _end(problem: PlanningProblem, end: Any) -> dict[str, Any]:
+    """Return how an end is given, its joints or seed, and where the tool is, if they are known."""
+    joints, tool = None, None
+    if isinstance(end, Seed):
+        joints = end.joints.tolist()
+    elif isinstance(end, GoalRegion | ToolPose):
+        tool = end.position.tolist()
+    else:
+        joints, tool = end.tolist(), problem.robot.tool_position(end).tolist()
+    return {"kind": end_kind(end), "joints": joints, "tool": tool}
+
+
+def _segment(problem: PlanningProblem, k: int) -> dict[str, Any]:
+    """Return one segment of the tube: its size, and what else it asks."""
+    tube = problem.tube
+    bound = None if tube.rotation is None else tube.rotation.bounds[k]
+    speed = np.inf if tube.tool_speed is None else float(tube.tool_speed[k])
+    return {
+        "number": tube.segment_number(k),
+        "length": float(np.linalg.norm(tube.points[k + 1] - tube.points[k])),
+        "radius": None if tube.is_box[k] else float(tube.radius[k]),
+        "rotation_tolerance": None if bound is None else bound.tolist(),
+        "tool_speed": speed,
+        "clearance": None if tube.clearance is None else float(tube.clearance[k]),
+        "joint_ranges": tube.joint_ranges[k],
+    }
+
+
+# ---- What is in a cycle file: its robot, whatever limits are missing, and its moves if it loads.
+
+
+@dataclass(frozen=True)
+class CycleInfo:
+    """What is in a cycle file.
+
+    Attributes:
+        robot: Its robot.
+        srdf: What its SRDF has; None without one.
+        cycle: The cycle; None if it does not load.
+        refused: Why it does not load; None if it does.
+    """
+
+    robot: RobotInfo
+    srdf: SrdfInfo | None
+    cycle: Cycle | None
+    refused: str | None
+
+    @property
+    def problem(self) -> PlanningProblem | None:
+        """The planning problem of its first leg; None if it does not load."""
+        return None if self.cycle is None else self.cycle.problem_from_anywhere(0)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        srdf = None if self.srdf is None else self.srdf.as_dict()
+        task = None if self.cycle is None else _cycle_task(self.cycle)
+        return {**self.robot.as_dict(), "srdf": srdf, "refused": self.refused, "cycle": task}
+
+
+def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> CycleInfo:
+    """Return what is in a cycle file.
+
+    Args:
+        name: A path, or `example:ROBOT/NAME`.
+        changes: Other values, by field path.
+
+    Raises:
+        ProblemError: The file cannot be read or contradicts its format.
+        RobotError: Its URDF, its SRDF or a file of limits cannot be read.
+    """
+    path = find_problem(name, Path())
+    layers = ProblemLayers.read(path)
+    data = changed_problem(layers.merged, changes, CycleFields)
+    fields = check_cycle_fields(data, layers.sources[-1], layers.source_of)
+    robot = robot_info(**robot_arguments(fields.robot, path.parent))
+    srdf = srdf_info(fields.robot, path.parent)
+    try:
+        cycle = load_cycle(name, changes=changes)
+    except (ProblemError, RobotError) as error:
+        return CycleInfo(robot, srdf, None, str(error))
+    return CycleInfo(robot, srdf, cycle, None)
+
+
+def _cycle_task(cycle: Cycle) -> dict[str, Any]:
+    """Return start, moves and rests, and solids of a cycle as JSON values."""
+    return {
+        "name": cycle.name,
+        "start": end_kind(cycle.start),
+        "closed": cycle.closed,
+        "period": cycle.period,
+        "obstacles": [str(obstacle) for obstacle in cycle.obstacles],
+        "attached": [str(solid) for solid in cycle.attached],
+        "legs": [_leg(cycle, k, leg) for k, leg in enumerate(cycle.legs)],
+        "after": [step_text(step) for step in cycle.after.steps],
+    }
+
+
+def _leg(cycle: Cycle, k: int, leg: Leg) -> dict[str, Any]:
+    """Return what happens before a leg, its moves, and what is carried in it."""
+    payload = leg.robot.payload
+    return {
+        "before": [step_text(step) for step in leg.before.steps],
+        "moves": [
+            {
+                "name": move.name,
+                "points": move.tube.points.tolist(),
+                "length": float(np.linalg.norm(np.diff(move.tube.points, axis=0), axis=1).sum()),
+                "goal": None if move.goal is None else end_kind(move.goal),
+            }
+            for move in leg.moves
+        ],
+        "payload": None if payload is None else {"mass": payload.mass, "com": list(payload.com)},
+        "attached": [solid.name for solid in cycle.problem_from_anywhere(k).attached],
+    }

@@ -1,0 +1,395 @@
+"""PlanningProblem: robot, tube, start, goal, obstacles, objective; checks of its parts."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray, read_only
+from tubeplanner.checks import in_figures, is_number
+from tubeplanner.errors import ProblemError, shown, unknown_name
+from tubeplanner.geometry.collision_checker import CollisionChecker, CollisionScene
+from tubeplanner.geometry.solids import MAX_SIZE, AttachedSolid, Obstacle
+from tubeplanner.geometry.tube.rotation import RotationalTube
+from tubeplanner.geometry.tube.tube import Tube, joined_segments
+from tubeplanner.outcome import ContradictionError, Place
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.pinocchio_model import Payload
+from tubeplanner.task.demands import (
+    ENERGY,
+    Contact,
+    Names,
+    Objective,
+    Robustness,
+    pair_distances,
+    require_checked,
+    require_period,
+)
+from tubeplanner.task.endpoints import EndChecks, GoalRegion, ToolPose, configuration_of
+
+# ---- The parts of which problems and cycles are made in Python, once they are what they must be.
+
+_FLAG = (bool, "True or False")
+_PARTS = {
+    "robot": (RobotModel, "a RobotModel, as load_robot returns"),
+    "tube": (Tube, "a Tube"),
+    "objective": (Objective | None, "an Objective"),
+    "robustness": (Robustness | None, "a Robustness"),
+    "payload": (Payload | None, "a Payload"),
+    "solid": (AttachedSolid | None, "an AttachedSolid"),
+    "name": (str, "text"),
+    "self_collision": _FLAG,
+    "closed": _FLAG,
+    "passes_through": _FLAG,
+    "leaves_obstacle": _FLAG,
+}
+_MEMBERS = {
+    "obstacles": (Obstacle, "Obstacle.box, .sphere, .cylinder, .capsule or .mesh"),
+    "attached": (AttachedSolid, "AttachedSolid"),
+    "ignore_collisions": (list | tuple, "pairs of names"),
+    "contacts": (Contact, "Contact"),
+}
+
+
+def require_parts(holder: object, *names: str, called: str = "") -> None:
+    """Raise ProblemError unless attributes of a problem, a cycle or a step are of their kind.
+
+    Args:
+        holder: It.
+        *names: The attributes.
+        called: What messages begin with.
+    """
+    for name in names:
+        kind, remedy = _PARTS[name]
+        if not isinstance(value := getattr(holder, name), kind):
+            raise ProblemError(f"{called}{name} is {shown(value)}; give {remedy}")
+
+
+def given_members(group: str, given: object, called: str = "") -> tuple[Any, ...]:
+    """Return a group of solids, contacts or pairs of names as a tuple; one alone is taken as such.
+
+    Args:
+        group: What it is called in a `PlanningProblem`.
+        given: The group.
+        called: What messages begin with.
+
+    Raises:
+        ProblemError: A member is of another kind.
+    """
+    kind, remedy = _MEMBERS[group]
+    members = tuple(given) if isinstance(given, Iterable) and _is_row(given) else (given,)
+    for k, member in enumerate(members):
+        is_pair = group == "ignore_collisions" and isinstance(member, kind)
+        if not isinstance(member, kind) or (is_pair and not _is_pair(member)):
+            raise ProblemError(f"{called}{group}[{k}] is {shown(member)}; give {remedy}")
+    return members
+
+
+def _is_row(given: object) -> bool:
+    """Return whether what seems iterable is so: an array without a shape is not."""
+    return getattr(given, "ndim", 1) > 0
+
+
+def _is_pair(member: Any) -> bool:
+    return len(member) == 2 and all(isinstance(name, str) for name in member)
+
+
+# ---- A planning problem: robot, tube, start, goal, obstacles; built in Python or read from a file.
+
+
+@dataclass(frozen=True, eq=False)
+class Seed:
+    """A start for the inverse kinematics of a reference point.
+
+    Attributes:
+        joints: Shape (n,), group order [rad or m].
+    """
+
+    joints: FloatArray
+
+
+def end_kind(end: object) -> str:
+    """Return how a start or goal is given: joints, seed, pose, position, or open."""
+    kinds = {Seed: "seed", ToolPose: "pose", GoalRegion: "position", type(None): "open"}
+    return kinds.get(type(end), "joints")
+
+
+@dataclass(frozen=True, eq=False)
+class PlanningProblem:
+    """The problem that `plan` solves.
+
+    Attributes:
+        robot: The arm.
+        tube: Where its tool may be.
+        start: Configuration (n,) [rad or m] in group order, or a map by joint name, or a Seed, or a
+            ToolPose.
+        goal: The same for the last point; None: whichever configuration the answer ends in, the
+            tool at the last point; a GoalRegion: likewise, the tool in a ball.
+        obstacles: Solids in the base frame.
+        attached: Solids in the tool frame, carried along.
+        clearance: Least distance between any moving link and any obstacle [m]; segments of the tube
+            may have others.
+        pair_clearances: By pairs of names of links or obstacles, instead of it [m].
+        contacts: Solids that may be nearer at start or goal.
+        self_collision: Whether links are checked against each other.
+        ignore_collisions: Pairs of names of links or obstacles that may touch.
+        objective: What the answer is to be beside short.
+        period: A controller's [s]: duration and breakpoints are multiples of it; None: any.
+        robustness: Errors that the plan is to survive in simulation; None: none.
+        name: What messages and plots call it.
+
+    Raises:
+        ProblemError: On construction, if start, goal or a seed break a limit, a sign, their
+            capsule or its rotation tolerance, a goal region is turned without orientations of the
+            tube, the tube names a joint that is not planned, a clearance is negative, a pair of
+            solids is not checked, or something is of another kind.
+    """
+
+    robot: RobotModel
+    tube: Tube
+    start: FloatArray | Seed | ToolPose
+    goal: FloatArray | Seed | ToolPose | GoalRegion | None = None
+    obstacles: Sequence[Obstacle] = ()
+    attached: Sequence[AttachedSolid] = ()
+    clearance: float = 0.0
+    pair_clearances: Mapping[Names, float] = field(default_factory=dict)
+    contacts: Sequence[Contact] = ()
+    self_collision: bool = True
+    ignore_collisions: Sequence[tuple[str, str]] = ()
+    objective: Objective | None = None
+    period: float | None = None
+    robustness: Robustness | None = None
+    name: str = "problem"
+    joint_lower: FloatArray = field(init=False)
+    joint_upper: FloatArray = field(init=False)
+    _scene: CollisionScene | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        require_parts(self, "robot", "tube", "self_collision", "name")
+        for group in ("obstacles", "attached", "ignore_collisions", "contacts"):
+            self._keep(group, given_members(group, getattr(self, group)))
+        self._keep_scene()
+        self._keep_joint_bounds()
+        self._keep("start", self._checked_end("start", self.start, 0))
+        if isinstance(self.goal, GoalRegion):
+            self._require_goal_region(self.goal)
+        elif self.goal is not None:
+            last = self.tube.segment_count - 1
+            self._keep("goal", self._checked_end("goal", self.goal, last))
+        if not is_number(self.clearance) or not 0 <= self.clearance <= MAX_SIZE:
+            raise ProblemError(
+                f"clearance is {in_figures(self.clearance)} m; 0 to {MAX_SIZE:g} m are accepted"
+            )
+        self._require_pairs()
+        self._require_timing()
+
+    def __repr__(self) -> str:
+        robot, solids = self.robot, len(self.obstacles)
+        kinds = [end_kind(end) for end in (self.start, self.goal)]
+        return (
+            f"<PlanningProblem {self.name}: {robot.joint_count} joints of {robot.name} to "
+            f"{robot.tool_frame}, {self.tube.segment_count} segments, {solids} "
+            f"obstacle{'s' * (solids != 1)}, start by {kinds[0]}, goal {kinds[1]}>"
+        )
+
+    @property
+    def given_goal(self) -> FloatArray | Seed | ToolPose | None:
+        """The goal's configuration, its seed or its pose; None if it is open."""
+        return None if isinstance(self.goal, GoalRegion) else self.goal
+
+    @cached_property
+    def open_goal(self) -> GoalRegion | None:
+        """Where the tool ends if the goal's configuration is open; None if it is given."""
+        if self.goal is None:
+            return GoalRegion(self.tube.points[-1])
+        return self.goal if isinstance(self.goal, GoalRegion) else None
+
+    @cached_property
+    def rotation(self) -> RotationalTube | None:
+        """The tube's rotational part, and where the goal bounds the rotation, one row more."""
+        return self.tube.rotation if self.open_goal is None else self.open_goal.rotation(self.tube)
+
+    @property
+    def collision(self) -> CollisionChecker:
+        """The robot's links and the obstacles, ready to be checked."""
+        return self.scene.checker
+
+    @property
+    def scene(self) -> CollisionScene:
+        """Robot and solids, shared by problems that differ in tube, start or goal alone."""
+        assert self._scene is not None
+        return self._scene
+
+    @cached_property
+    def distinct_joint_bounds(self) -> tuple[FloatArray, FloatArray, IntArray]:
+        """The different rows of `joint_lower` and `joint_upper`, and which each segment has.
+
+        Lower and upper bounds, (u, n) each, and a row for each of m segments, (m,).
+        """
+        both = np.hstack([self.joint_lower, self.joint_upper])
+        rows, bounds_of = np.unique(both, axis=0, return_inverse=True)
+        lower, upper = map(read_only, np.hsplit(rows, 2))
+        bounds_of = bounds_of.ravel()
+        bounds_of.setflags(write=False)
+        return lower, upper, bounds_of
+
+    @property
+    def solids(self) -> dict[str, Any]:
+        """What may collide, as arguments of another problem of this robot, which shares it."""
+        names = ("obstacles", "attached", "self_collision", "ignore_collisions", "_scene")
+        return {name: getattr(self, name) for name in names}
+
+    @property
+    def has_one_clearance(self) -> bool:
+        """Whether all links keep the same distance from all obstacles, in all segments."""
+        has_others = self.pair_clearances or self.contacts or self.tube.clearance is not None
+        return not has_others
+
+    @cached_property
+    def joined(self) -> "PlanningProblem":
+        """The problem with neighbouring segments on one line that ask the same joined to one.
+
+        It is what is planned and judged. Itself, if there are none.
+        """
+        tube = self._joined_tube
+        return self if tube is self.tube else replace(self, tube=tube)
+
+    @cached_property
+    def _joined_tube(self) -> Tube:
+        return joined_segments(self.tube)
+
+    @cached_property
+    def _end_checks(self) -> EndChecks:
+        return EndChecks(
+            self.robot, self.tube, self._joined_tube, self.joint_lower, self.joint_upper
+        )
+
+    @staticmethod
+    def require(problem: object) -> None:
+        """Raise ProblemError unless something is a planning problem."""
+        if not isinstance(problem, PlanningProblem):
+            raise ProblemError(
+                f"the problem is {shown(problem)}; give a PlanningProblem, as load_problem returns"
+            )
+
+    def with_tube(self, tube: Tube, goal: FloatArray | None = None) -> "PlanningProblem":
+        """Return the problem with another tube; robot and collision geometry are shared.
+
+        Args:
+            tube: The other tube.
+            goal: Another goal (n,) to go with it; None: the same.
+
+        Raises:
+            ProblemError: As on construction: start or goal may lie outside the other tube.
+        """
+        return replace(self, tube=tube, goal=self.goal if goal is None else goal)
+
+    def along(self, tube: Tube, start: FloatArray | Seed | ToolPose) -> "PlanningProblem":
+        """Return the problem with another tube and start, the goal open; robot and solids shared.
+
+        Raises:
+            ProblemError: As on construction.
+        """
+        return replace(self, tube=tube, start=start, goal=None)
+
+    def farther_apart(self, by: float) -> "PlanningProblem":
+        """Return the problem with all clearances larger by a distance [m], contacts the same.
+
+        Of links from each other only those that are given.
+        """
+        tube, pairs = self.tube, self.pair_clearances.items()
+        if tube.clearance is not None:
+            tube = replace(tube, clearance=tube.clearance + by)
+        wider = {names: clearance + by for names, clearance in pairs}
+        return replace(self, tube=tube, clearance=self.clearance + by, pair_clearances=wider)
+
+    def _require_pairs(self) -> None:
+        """Keep clearances of pairs and contacts, once their solids are checked."""
+        self._keep("pair_clearances", pair_distances(self.pair_clearances))
+        if self.pair_clearances:
+            require_checked(self.collision, "clearance.pairs", self.pair_clearances)
+        if self.contacts:
+            pairs = (contact.links for contact in self.contacts)
+            require_checked(self.collision, "contacts", pairs)
+
+    def _require_timing(self) -> None:
+        """Raise unless objective and period are what they must be."""
+        require_parts(self, "objective", "robustness")
+        if self.objective is not None and self.objective.minimise == ENERGY:
+            self.objective.energy_weights(self.robot)
+        if self.period is not None:
+            duration = None if self.objective is None else self.objective.duration
+            require_period(self.period, duration)
+
+    def _keep(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def _keep_scene(self) -> None:
+        """Keep the scene that was handed on, unless what it is made of was replaced."""
+        scene = CollisionScene(
+            self.robot,
+            tuple(self.obstacles),
+            tuple(self.attached),
+            self.self_collision,
+            tuple(self.ignore_collisions),
+        )
+        if self._scene is None or not self._scene.is_as(scene):
+            self._keep("_scene", scene)
+
+    def _checked_end(
+        self, end: str, given: FloatArray | Seed | ToolPose, segment: int
+    ) -> FloatArray | Seed | ToolPose:
+        """Return start or goal in group order, once it is inside limits and tube."""
+        if isinstance(given, ToolPose):
+            seed = None if given.seed is None else self._checked_seed(end, given.seed)
+            self._end_checks.require_tool_inside(
+                end, given.rotation[None], given.position[None], segment
+            )
+            return replace(given, seed=seed)
+        if isinstance(given, Seed):
+            return Seed(self._checked_seed(end, given.joints))
+        q = configuration_of(self.robot, end, given)
+        self._end_checks.require_inside(end, q, segment)
+        return q
+
+    def _require_goal_region(self, goal: GoalRegion) -> None:
+        """Raise unless a goal's ball is about a point of the last segment, and can be turned."""
+        last = self.tube.segment_count - 1
+        self._end_checks.require_in_region("goal", "goal.position", goal.position, last)
+        if goal.rotation_tolerance is not None and self.tube.orientations is None:
+            raise ProblemError(
+                "goal.rotation_tolerance is about the tube's last orientation, but "
+                "tube.orientations is not given; give both it and tube.rotation_tolerance (.inf "
+                "where the tool is free on the way), or leave goal.rotation_tolerance out"
+            )
+
+    def _checked_seed(self, end: str, given: FloatArray) -> FloatArray:
+        """Return a seed in group order, once it is inside limits."""
+        seed = configuration_of(self.robot, f"{end}.seed", given)
+        self._end_checks.require_within_limits(f"{end}.seed", seed)
+        return seed
+
+    def _keep_joint_bounds(self) -> None:
+        """Keep, per segment, the position limits cut with the tube's joint ranges: (m, n)."""
+        names, limits = self.robot.joint_names, self.robot.limits
+        for ranges in self.tube.joint_ranges:
+            for joint in ranges:
+                if joint not in names:
+                    raise ProblemError(f"tube.joint_signs: {unknown_name('joint', joint, names)}")
+        lower, upper = self.tube.ranges_of(names)
+        lower = np.maximum(lower, limits.lower_position)
+        upper = np.minimum(upper, limits.upper_position)
+        for segment, joint in np.argwhere(lower > upper):
+            number = self.tube.segment_number(segment)
+            raise ContradictionError(
+                f"tube.joint_signs: joint '{names[joint]}' has no value left in segment {number}: "
+                f"signs and position limits [{limits.lower_position[joint]:g}, "
+                f"{limits.upper_position[joint]:g}] ask for >= {lower[segment, joint]:g} and <= "
+                f"{upper[segment, joint]:g}",
+                Place(joint=names[joint], segment=number),
+                proved=self.tube.visit == "ordered" or None,
+            )
+        self._keep("joint_lower", read_only(lower))
+        self._keep("joint_upper", read_only(upper))

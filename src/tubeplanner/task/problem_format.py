@@ -1,0 +1,445 @@
+"""The problem file's format: fields, units, defaults; the kind of a document."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, TypeAlias
+
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
+
+from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
+from tubeplanner.errors import ProblemError
+from tubeplanner.task.demands import Robustness
+from tubeplanner.task.fields import (
+    BaseFields,
+    Clearance,
+    ContactFields,
+    Finite,
+    Flag,
+    LimitFields,
+    MotorFields,
+    Number,
+    PoseFields,
+    Quaternion,
+    Section,
+    ToolOffsetFields,
+    Vector,
+    Version,
+    no_flag,
+)
+from tubeplanner.task.validation import check_fields
+
+# ---- Which kind of file a document is: a problem, a cycle or a study.
+
+CYCLE_FORMAT: Final = "tubeplanner/cycle"
+STUDY_FORMAT: Final = "tubeplanner/study"
+
+
+def is_cycle(document: Any) -> bool:
+    """Return whether a document is meant as a cycle: its format says so, or it has moves."""
+    return _is_of(document, CYCLE_FORMAT, "moves")
+
+
+def is_study(document: Any) -> bool:
+    """Return whether a document is meant as a study: its format says so, or it has study."""
+    return _is_of(document, STUDY_FORMAT, "study")
+
+
+def require_problem(document: Any, source: str) -> None:
+    """Raise ProblemError if a document, called so by messages, is a cycle or a study."""
+    if is_cycle(document):
+        raise ProblemError(
+            f"{source}: this is a cycle, where one problem is needed; plan, check, info, view, "
+            "plot and simulate take cycles, and load_cycle in Python"
+        )
+    if is_study(document):
+        raise ProblemError(
+            f"{source}: this is a study, where one problem is needed; study takes it, and "
+            "load_study in Python"
+        )
+
+
+def require_study(document: Any, source: str) -> None:
+    """Raise ProblemError if a document, called so by messages, is a problem or a cycle."""
+    if isinstance(document, dict) and not is_study(document):
+        kind = "a cycle" if is_cycle(document) else "a problem"
+        raise ProblemError(
+            f"{source}: this is {kind}, where a study is needed: a file with format: "
+            f"{STUDY_FORMAT} and study: {{problem: ..., vary: ...}}; plan takes {kind}"
+        )
+
+
+def _is_of(document: Any, format_: str, key: str) -> bool:
+    if not isinstance(document, dict):
+        return False
+    given = document.get("format")
+    return key in document or (isinstance(given, str) and given == format_)
+
+
+# ---- The problem file's shape: fields, units, defaults. Other tools read it, so names never
+# change.
+#
+# Here a file is only read and its shape checked; `problem` gives it meaning.
+
+JointValues: TypeAlias = list[Finite] | dict[str, Finite]
+
+
+def _sign_or_range(value: object) -> object:
+    """Report what a sign may be, rather than the fault of each alternative."""
+    no_flag(value)
+    is_range = isinstance(value, list | tuple) and len(value) == 2
+    if not is_range and value not in ("+", "-", "0", 1, -1, 0):
+        raise ValueError("it must be '+', '-', '0', 1, -1, 0 or a range [lower, upper]")
+    return value
+
+
+Sign: TypeAlias = Annotated[
+    Literal["+", "-", "0", 1, -1, 0] | tuple[Number, Number], BeforeValidator(_sign_or_range)
+]
+
+
+def _angle_or_bounds(value: object) -> object:
+    """Report what a bound on the rotation may be."""
+    numbers = list(value) if isinstance(value, list | tuple) else [value]
+    right = all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers)
+    if not right or (isinstance(value, list | tuple) and len(numbers) != 3):
+        raise ValueError("it must be one angle or three bounds [x, y, z] [rad], .inf where free")
+    return value
+
+
+RotationBoundField: TypeAlias = Annotated[
+    Number | tuple[Number, Number, Number], BeforeValidator(_angle_or_bounds)
+]
+
+
+def _argument(value: object) -> object:
+    """Report what an argument may be, rather than the fault of each alternative."""
+    if not isinstance(value, str | bool | int | float):
+        raise ValueError("it must be a text, a number, true or false")
+    return value
+
+
+XacroValue: TypeAlias = Annotated[Flag | int | float | str, BeforeValidator(_argument)]
+
+PROBLEM_FORMAT: Final = "tubeplanner/problem"
+_MAX_BYTES = 10_000_000
+
+
+class PayloadFields(Section):
+    """A mass carried in the tool frame."""
+
+    mass: Finite = Field(description="what is carried [kg]")
+    com: Vector = Field((0.0, 0.0, 0.0), description="centre of mass in tool_frame [m]")
+    inertia: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = Field(
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        description="ixx iyy izz ixy ixz iyz about the com [kg m^2]",
+    )
+
+
+class ShapeFields(Section):
+    """A solid without a name; exactly one of box, sphere, cylinder, capsule, mesh."""
+
+    box: Vector | None = Field(None, description="full side lengths [m]")
+    sphere: Finite | None = Field(None, description="radius [m]")
+    cylinder: tuple[Finite, Finite] | None = Field(None, description="radius, length along z [m]")
+    capsule: tuple[Finite, Finite] | None = Field(
+        None, description="radius, length between the centres of its caps [m]"
+    )
+    mesh: str | None = Field(None, description="file, relative to this one")
+    scale: Finite = Field(1.0, description="of a mesh")
+    position: Vector = Field((0.0, 0.0, 0.0), description="of its centre, or the mesh's origin [m]")
+    rpy: Vector | None = Field(None, description="fixed x, y, z as in URDF [rad]")
+    quaternion: Quaternion | None = Field(None, description="x y z w, instead of rpy")
+
+
+class NamedFields(Section):
+    """What has a name, before all else that it has."""
+
+    name: str = Field(description="unique; what messages call it")
+
+
+class ObstacleFields(ShapeFields, NamedFields):
+    """One solid; exactly one of box, sphere, cylinder, capsule, mesh."""
+
+
+class AttachedFields(ObstacleFields):
+    """One solid carried by the tool, placed in tool_frame."""
+
+    touch_links: list[str] = Field([], description="links that it may touch")
+
+
+class RobotFields(Section):
+    """The arm."""
+
+    urdf: str = Field(description="path relative to this file, package://PKG/..., example:NAME")
+    package_dirs: list[str] = Field([], description="extra roots for package:// names")
+    xacro_args: dict[str, XacroValue] = Field(
+        {}, description="arguments of a urdf that ends in .xacro, by name"
+    )
+    srdf: str | None = Field(
+        None,
+        description="file whose disable_collisions lists pairs of links that may touch, and whose "
+        "group_state names configurations",
+    )
+    tool_frame: str = Field(description="any URDF link")
+    tool_offset: ToolOffsetFields = Field(
+        ToolOffsetFields(), description="the tool centre point in tool_frame"
+    )
+    base: BaseFields | None = Field(
+        None,
+        description="pose of the root link in the cell, whose frame is then the base frame; null: "
+        "the base frame is the root link's",
+    )
+    joints: list[str] | None = Field(None, description="planning group; default: the chain's")
+    locked_joints: dict[str, Finite] = Field({}, description="joints outside the group [rad, m]")
+    gravity: Vector = Field((0.0, 0.0, -9.81), description="base frame [m/s^2]")
+    payload: PayloadFields | None = Field(None, description="a mass carried in tool_frame")
+    attached: list[AttachedFields] = Field([], description="solids carried in tool_frame")
+    limits: LimitFields = Field(LimitFields(), description="replace and scale the URDF's limits")
+    motors: MotorFields = Field(
+        MotorFields(), description="inertia, friction, less effort at speed"
+    )
+    preset: str | list[str] | None = Field(
+        None,
+        description="limits and motors below these: a bundled name, a file, or a list, of which "
+        "the later win",
+    )
+    limits_file: str | None = Field(
+        None, description="MoveIt's joint_limits.yaml: limits below those of the preset"
+    )
+
+
+class CrossSectionFields(Section):
+    """A rectangle in place of the disc of a radius."""
+
+    box: tuple[Finite, Finite] = Field(description="full width, across, and height, along up [m]")
+    up: Vector = Field(description="made perpendicular to the segment")
+
+
+class TubeFields(Section):
+    """Where the tool may be, and its orientation there."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "if": {"properties": {"points": {"type": "array"}, "cross_section": {"type": "null"}}},
+            "then": {"required": ["radius"]},
+        }
+    )
+
+    points: list[Vector] | str = Field(
+        description="m+1 reference points, base frame, or a CSV file of them, relative to this "
+        "one: x, y, z, then optionally qx, qy, qz, qw, radius [m]"
+    )
+    # Before the radius, whose check asks for it.
+    cross_section: CrossSectionFields | list[CrossSectionFields | None] | None = Field(
+        None, description="boxes in place of discs, one or m; null: the disc of the radius"
+    )
+    radius: Finite | list[Finite | None] | None = Field(
+        None,
+        validate_default=True,
+        description="one or m path tolerances, from 1e-6 to 1e4, null where there is a box; may be "
+        "left out if the file of points has them [m]",
+    )
+    tool_radius: Finite = Field(
+        0.0, description="end effector as a sphere; at least 1e-6 below each radius [m]"
+    )
+    joint_signs: dict[str, Sign] | list[dict[str, Sign]] = Field(
+        {}, description="one map or m: '+', '-', '0', 1, -1, 0, or [lower, upper] [rad, m]"
+    )
+    orientations: list[Quaternion] | None = Field(
+        None, description="of the tool centre point frame at the points, m+1 quaternions x y z w"
+    )
+    rotation_tolerance: Number | list[RotationBoundField] | None = Field(
+        None,
+        description="m angles, or triples of bounds on log(R_ref^T R), .inf where free [rad]; one "
+        "number or triple serves for all segments; three numbers for three segments: an angle each",
+    )
+    tool_speed: Number | list[Number | None] | None = Field(
+        None, description="one or m limits on the tool's speed, null where it is free [m/s]"
+    )
+    visit: Literal["ordered", "any"] = Field(
+        "ordered", description="segments one after the other, or the union of their capsules"
+    )
+    pass_through_points: Literal["all", "corners", "none"] = Field(
+        "corners",
+        description="which inner points the tool must pass within the smaller radius beside them; "
+        "corners: where the tube turns by more than 150 degrees",
+    )
+
+    @field_validator("radius")
+    @classmethod
+    def _required(cls, radius: object, info: ValidationInfo) -> object:
+        """Ask for the radius, unless points are in a file, which may have it."""
+        has_other = isinstance(info.data.get("points"), str) or info.data.get("cross_section")
+        if radius is None and not has_other:
+            raise PydanticCustomError("missing", "it is required")
+        return radius
+
+
+class EndpointFields(Section):
+    """A configuration, or a seed for the inverse kinematics of the reference point.
+
+    Or a pose of the tool (a seed may go with it), a named configuration, or where a trajectory
+    ends. A goal may be a tool position instead; `route` finds the configuration.
+    """
+
+    joints: JointValues | None = Field(None, description="group order or by name [rad, m]")
+    seed: JointValues | None = Field(None, description="group order or by name [rad, m]")
+    position: Vector | None = Field(
+        None, description="of the tool, of a goal alone, in the last segment's region [m]"
+    )
+    tolerance: Finite = Field(
+        0.0, description="how far from the position the tool may end; 0: there [m]"
+    )
+    rotation_tolerance: RotationBoundField | None = Field(
+        None,
+        description="an angle or a triple of bounds, as in the tube, about its last orientation; "
+        "left out: as the tube has it [rad]",
+    )
+    pose: PoseFields | None = Field(
+        None, description="of the tool centre point, on the branch that the joint signs ask for"
+    )
+    group_state: str | None = Field(None, description="name of a configuration in robot.srdf")
+    trajectory: str | None = Field(
+        None, description="file whose last configuration it is, relative to this one"
+    )
+
+
+class CollisionFields(Section):
+    """What is checked."""
+
+    self_: Flag = Field(True, alias="self", description="links against links")
+    ignore: list[tuple[str, str]] = Field([], description="pairs of links or obstacles left out")
+
+
+class ObjectiveFields(Section):
+    """What the answer is to be beside short."""
+
+    slack: Finite | None = Field(
+        None,
+        description="share of the shortest duration that it may take more; 0: the shortest; left "
+        "out: 0.005, unless a duration is given",
+    )
+    duration: Finite | None = Field(
+        None, description="how long it takes [s], in place of a slack; left out: as that says"
+    )
+    minimise: Literal["smoothness", "energy", "work"] = Field(
+        "smoothness",
+        description="what that time is used for: efforts and jerks that change little, the "
+        "integral of squared efforts, or that of positive power",
+    )
+    weights: dict[str, Finite] = Field(
+        {}, description="of the squared efforts in the energy, by joint; left out: 1/limit^2"
+    )
+
+
+class RobustnessFields(Section):
+    """By how much the real arm and its control may differ: the plan is to survive it."""
+
+    mass: Finite = Field(Robustness.mass, description="of every body, relative, uniform in +-")
+    com: Finite = Field(
+        Robustness.com, description="of every centre of mass, uniform in a ball [m]"
+    )
+    payload: Finite = Field(
+        Robustness.payload, description="of the payload's mass, relative, uniform in +-"
+    )
+    friction: Finite = Field(
+        Robustness.friction, description="of every modelled friction, relative, uniform in +-"
+    )
+    unmodelled_friction: Finite = Field(
+        Robustness.unmodelled_friction,
+        description="viscous, share of the effort limit at the velocity limit, uniform between "
+        "half of it and it",
+    )
+    lag: Finite = Field(Robustness.lag, description="time constant of the motors [s]")
+    delay: Finite = Field(Robustness.delay, description="from a measurement to its effort [s]")
+    noise: Finite = Field(Robustness.noise, description="of measured positions, normal [rad, m]")
+    tool: Finite = Field(
+        Robustness.tool, description="of the tool centre point, uniform in a ball [m]"
+    )
+    base: Finite = Field(Robustness.base, description="of the base, uniform in a ball [m]")
+    control_period: Finite = Field(Robustness.control_period, description="of the controller [s]")
+    controller: Literal["computed-torque", "feedforward-pd", "pd"] = Field(
+        "computed-torque", description="what follows the plan"
+    )
+
+
+class ProblemFields(Section):
+    """A tubeplanner problem. SI units, radians; positions in the frame of the URDF's root link."""
+
+    model_config = ConfigDict(title="tubeplanner problem")
+
+    format: Literal["tubeplanner/problem"] = Field(PROBLEM_FORMAT, description="what this file is")
+    version: Version = Field(1, description="of the format")
+    include: str | list[str] = Field(
+        [], description="problem files, or parts of them, below this one, relative to this one"
+    )
+    robot: RobotFields = Field(description="the arm, its tool and its limits")
+    tube: TubeFields | None = Field(
+        None, description="where the tool may be, and in which configuration; `route` finds one"
+    )
+    start: EndpointFields = Field(description="where the trajectory begins, at rest")
+    goal: EndpointFields | None = Field(
+        None, description="where it ends, at rest; left out: in any configuration"
+    )
+    obstacles: list[ObstacleFields] = Field([], description="solids in the base frame")
+    clearance: Clearance = Field(
+        0.0,
+        description="least distance of links to obstacles [m]; or others for pairs and segments",
+    )
+    contacts: list[ContactFields] = Field(
+        [], description="solids that may be nearer where the motion begins or ends"
+    )
+    collision: CollisionFields = Field(CollisionFields(), description="what is checked")
+    objective: ObjectiveFields | None = Field(
+        None, description="beside short; left out: smooth within a slack of 0.005"
+    )
+    period: Finite | None = Field(
+        None,
+        description="the controller's: duration and breakpoints are multiples of it [s]",
+    )
+    robustness: RobustnessFields | None = Field(
+        None, description="errors that the plan is to survive; left out: none"
+    )
+
+
+def problem_schema() -> dict[str, Any]:
+    """Return the JSON schema of the problem file."""
+    return ProblemFields.model_json_schema(by_alias=True)
+
+
+def check_problem_fields(
+    data: object,
+    source: str,
+    source_of: Callable[[Any, Sequence[int | str]], str] | None = None,
+) -> ProblemFields:
+    """Check the shape of a problem given as nested dictionaries and lists.
+
+    Args:
+        data: What a problem file holds.
+        source: What messages call it.
+        source_of: From the data, and the keys and indices that lead to a value: what messages call
+            the file that has it; None: all is from one.
+
+    Raises:
+        ProblemError: A key is unknown, a value has the wrong type. The message names the field.
+    """
+    return check_fields(
+        ProblemFields, data, "a problem is a map with robot, tube and start", source, source_of
+    )
+
+
+def read_document(path: Path, what: str = "problem file") -> object:
+    """Return what a YAML or JSON file holds, as dictionaries and lists; messages call it `what`.
+
+    Raises:
+        ProblemError: The file cannot be read or is malformed.
+    """
+    try:
+        text = read_text(path, _MAX_BYTES)
+    except DocumentError as error:
+        raise ProblemError(f"{what} {path} cannot be read: {error}") from error
+    try:
+        return parse_json(text) if path.suffix == ".json" else parse_yaml(text)
+    except DocumentError as error:
+        raise ProblemError(f"{what} {path} is malformed: {error}") from error

@@ -1,0 +1,365 @@
+"""Files beside a problem: limits of presets and MoveIt, reference points as CSV."""
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from tubeplanner.checks import given_path
+from tubeplanner.documents import DocumentError, read_text
+from tubeplanner.errors import ProblemError, RobotError, shown, unknown_name
+from tubeplanner.resources import bundled_presets, find_preset
+from tubeplanner.robot.limit_layers import LimitLayer
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.overrides import LimitOverrides
+from tubeplanner.task.fields import (
+    Flag,
+    LimitFields,
+    MotorFields,
+    Number,
+    Section,
+    Version,
+    limits_of,
+    motors_of,
+)
+from tubeplanner.task.problem_format import read_document
+from tubeplanner.task.validation import first_fault
+
+# ---- Presets: limits and motors of a robot, each number with its source.
+
+
+class _PresetFields(Section):
+    """A file for all arms of one kind. SI units, radians; lists are in chain order."""
+
+    format: Literal["tubeplanner/preset"] = Field(description="what this file is")
+    version: Version = Field(1, description="of the format")
+    joints: Annotated[int, Field(strict=True, ge=1)] = Field(description="number of the arm's")
+    limits: LimitFields = Field(LimitFields(), description="as robot.limits, without scale")
+    motors: MotorFields = Field(MotorFields(), description="as robot.motors")
+    sources: dict[str, str] = Field(description="by field, such as limits.velocity: where from")
+
+    @property
+    def given(self) -> list[str]:
+        """What has values, such as "limits.velocity"."""
+        return [
+            f"{section}.{name}"
+            for section, fields in (("limits", self.limits), ("motors", self.motors))
+            for name, field in type(fields).model_fields.items()
+            if getattr(fields, name) != field.default
+        ]
+
+
+def read_preset(name: str | Path, directory: str | Path = ".") -> LimitLayer:
+    """Read a preset, to be given to `load_robot` below limits of one's own.
+
+    Args:
+        name: A bundled name, such as "fr3", or the path of a YAML file.
+        directory: Where a relative path starts.
+
+    Raises:
+        RobotError: There is no such preset, or it is malformed: a key is unknown, a number out of
+            its bounds or without a source.
+    """
+    path = find_preset(name, given_path("directory", directory))
+    called = f"preset {name}"
+    try:
+        data = read_document(path, "file")
+    except ProblemError as error:
+        raise RobotError(f"{called}: {error}") from None
+    if not isinstance(data, dict):
+        raise RobotError(
+            f"{called}: a preset is a map with format, joints, limits or motors, and sources"
+        )
+    try:
+        fields = _PresetFields.model_validate(data)
+    except ValidationError as error:
+        raise RobotError(f"{called}: {first_fault(data, error, _PresetFields)}") from None
+    _require_sources(called, fields)
+    try:
+        limits, motors = limits_of(fields.limits), motors_of(fields.motors)
+    except RobotError as error:
+        raise RobotError(f"{called}: {str(error).removeprefix('robot.')}") from None
+    return LimitLayer(f"{called}: ", limits, fields.joints, motors=motors, source=called)
+
+
+def _require_sources(called: str, fields: _PresetFields) -> None:
+    """Raise RobotError unless every quantity that is given has a source, and no other."""
+    if fields.limits.scale:
+        raise RobotError(f"{called}: limits.scale belongs into robot.limits of a problem")
+    given = fields.given
+    if not given:
+        raise RobotError(f"{called}: limits or motors is required")
+    for name in given:
+        if not fields.sources.get(name, "").strip():
+            raise RobotError(f"{called}: sources.'{name}' is required: say where it is from")
+    for name in fields.sources:
+        if name not in given:
+            raise RobotError(f"{called}: sources: {unknown_name('field', name, given)}")
+
+
+# ---- The bundled presets that are for a robot.
+
+_COMPARED = ("velocity", "effort")
+
+
+def fitting_presets(robot: RobotModel) -> list[str]:
+    """Return the names of bundled presets whose velocities and efforts are those of a URDF.
+
+    What gives neither, motors alone, fits no robot for certain.
+    """
+    joints = [robot.urdf.joints[name] for name in robot.urdf.chain(robot.tool_frame)]
+    joints = [joint for joint in joints if joint.name in robot.joint_names]
+    names = [joint.name for joint in joints]
+    fitting = []
+    for preset in bundled_presets():
+        layer = read_preset(preset)
+        if layer.joint_count != len(joints):
+            continue
+        given = {what: layer.limits.by_name(what, names, preset) for what in _COMPARED}
+        if all(
+            np.isclose(given[what].get(joint.name, np.nan), getattr(joint, what) or np.nan)
+            for what in _COMPARED
+            for joint in joints
+        ):
+            fitting.append(preset)
+    return fitting
+
+
+# ---- Limits from MoveIt's `joint_limits.yaml`.
+
+_QUANTITIES = ("effort", "velocity", "acceleration", "jerk")
+_FACTORS = ("default_velocity_scaling_factor", "default_acceleration_scaling_factor")
+
+
+class _JointFields(Section):
+    """Limits of one joint; `has_...: false` switches one off."""
+
+    has_position_limits: Flag | None = None
+    min_position: Number | None = None
+    max_position: Number | None = None
+    has_velocity_limits: Flag | None = None
+    max_velocity: Number | None = None
+    has_acceleration_limits: Flag | None = None
+    max_acceleration: Number | None = None
+    has_deceleration_limits: Flag | None = None
+    max_deceleration: Number | None = None
+    has_jerk_limits: Flag | None = None
+    max_jerk: Number | None = None
+    has_effort_limits: Flag | None = None
+    max_effort: Number | None = None
+    angle_wraparound: Flag | None = None
+
+
+class _FileFields(Section):
+    """A file of limits as MoveIt's setup assistant writes it."""
+
+    joint_limits: dict[str, _JointFields] = Field(description="by joint name")
+    default_velocity_scaling_factor: Number = 1.0
+    default_acceleration_scaling_factor: Number = 1.0
+
+
+def read_limits_file(path: str | Path) -> LimitLayer:
+    """Read MoveIt's `joint_limits.yaml`; joints that are not planned are left out.
+
+    Position, velocity, effort, acceleration and jerk limits are taken; of acceleration and
+    deceleration the smaller one. What is switched off by `has_...: false` leaves what the URDF
+    says. Default scaling factors are those of MoveIt's requests, no limits: a note names them.
+
+    Raises:
+        RobotError: The file cannot be read or is malformed.
+    """
+    path = given_path("path", path)
+    try:
+        data = read_document(path, "file of limits")
+    except ProblemError as error:
+        raise RobotError(str(error)) from None
+    if not isinstance(data, dict):
+        raise RobotError(f"{path}: a file of limits is a map with joint_limits")
+    try:
+        fields = _FileFields.model_validate(data)
+    except ValidationError as error:
+        raise RobotError(f"{path}: {first_fault(data, error, _FileFields)}") from None
+    try:
+        limits = _limits_of_joints(fields)
+    except RobotError as error:
+        raise RobotError(f"{path}: {str(error).removeprefix('robot.')}") from None
+    notes = _notes(path, fields)
+    source = f"limits_file {path.name}"
+    return LimitLayer(f"{path}: ", limits, skips_others=True, notes=notes, source=source)
+
+
+def _limits_of_joints(fields: _FileFields) -> LimitOverrides:
+    given: dict[str, Any] = {quantity: {} for quantity in ("position", *_QUANTITIES)}
+    for name, joint in fields.joint_limits.items():
+        where = f"joint_limits.{name}"
+        lower = _value(where, joint, "position", "min_position")
+        upper = _value(where, joint, "position", "max_position")
+        if (lower is None) != (upper is None):
+            missing = "min_position" if lower is None else "max_position"
+            raise RobotError(f"{where}.{missing} is required beside the other")
+        if lower is not None:
+            given["position"][name] = (lower, upper)
+        for quantity in _QUANTITIES:
+            value = _value(where, joint, quantity, f"max_{quantity}")
+            if value is not None:
+                given[quantity][name] = value
+        deceleration = _value(where, joint, "deceleration", "max_deceleration")
+        if deceleration is not None:  # given as a negative number by some
+            accelerations = given["acceleration"]
+            accelerations[name] = min(abs(deceleration), accelerations.get(name, np.inf))
+    return LimitOverrides(**given)
+
+
+def _value(where: str, joint: _JointFields, quantity: str, key: str) -> float | None:
+    """Return a limit of a joint; None if there is none or it is switched off."""
+    has: bool | None = getattr(joint, f"has_{quantity}_limits")
+    value: float | None = getattr(joint, key)
+    if has and value is None:
+        raise RobotError(f"{where}.{key} is required: has_{quantity}_limits is true")
+    return None if has is False else value
+
+
+def _notes(path: Path, fields: _FileFields) -> tuple[str, ...]:
+    factors = {key: getattr(fields, key) for key in _FACTORS}
+    unused = [f"{key} {value:g}" for key, value in factors.items() if value != 1.0]
+    if not unused:
+        return ()
+    return (
+        f"{path}: {' and '.join(unused)} not used: what MoveIt asks by default is no limit; "
+        "robot.limits.scale slows the robot down",
+    )
+
+
+# ---- Reference points from a CSV file: one point per line, as CAM and scanners write them.
+
+_POSITION, _QUATERNION, _RADIUS = ("x", "y", "z"), ("qx", "qy", "qz", "qw"), ("radius",)
+_COLUMNS = (*_POSITION, *_QUATERNION, *_RADIUS)
+# Without a line of names, the number of columns says which they are.
+_UNNAMED = {
+    3: _POSITION,
+    4: (*_POSITION, *_RADIUS),
+    7: (*_POSITION, *_QUATERNION),
+    8: _COLUMNS,
+}
+_MAX_BYTES = 10_000_000
+
+
+@dataclass(frozen=True)
+class PointFile:
+    """What a file of points holds.
+
+    Attributes:
+        points: m+1 reference points [m].
+        orientations: m+1 quaternions x y z w; None if the file has none.
+        radius: Of the m segments, each given where it begins [m]; None if the file has none.
+    """
+
+    points: list[list[float]]
+    orientations: list[list[float]] | None
+    radius: list[float] | None
+
+
+def read_points(path: Path) -> PointFile:
+    """Read a CSV file of reference points.
+
+    The first line may name the columns: x, y, z, and optionally qx, qy, qz, qw and radius, in any
+    order; without names they are in this one. The last radius belongs to no segment: it is empty or
+    that of the line before.
+
+    Raises:
+        ProblemError: The file cannot be read, or a line is malformed; the message names file, line
+            and column.
+    """
+    try:
+        text = read_text(path, _MAX_BYTES)
+        lines = [(k, row) for k, row in _rows(text) if any(cell.strip() for cell in row)]
+    except (DocumentError, csv.Error) as error:
+        raise ProblemError(f"tube.points: {path} cannot be read: {error}") from None
+    if not lines:
+        raise ProblemError(f"tube.points: {path} is empty; give a line x, y, z for every point")
+    names = _names(path, lines[0][1])
+    is_named = not _is_number(lines[0][1][0])
+    last = lines[-1][0]
+    table = [_values(path, k, row, names, k == last) for k, row in lines[is_named:]]
+    columns = {name: [row[name] for row in table] for name in names}
+    points = [list(point) for point in zip(*(columns[name] for name in _POSITION), strict=True)]
+    turned = [columns[name] for name in _QUATERNION if name in columns]
+    orientations = [list(row) for row in zip(*turned, strict=True)] if turned else None
+    radius = _radius(path, columns["radius"]) if "radius" in columns else None
+    return PointFile(points, orientations, radius)
+
+
+def _rows(text: str) -> list[tuple[int, list[str]]]:
+    """Return the lines' numbers, from 1, and cells; a line that begins with # says nothing."""
+    lines = text.splitlines()
+    rows = csv.reader(lines, skipinitialspace=True)
+    return [(k, row) for k, row in enumerate(rows, 1) if row and not row[0].startswith("#")]
+
+
+def _names(path: Path, first: list[str]) -> tuple[str, ...]:
+    """Return the names of the columns, from the file's first line.
+
+    Raises:
+        ProblemError: They are unknown, doubled or incomplete.
+    """
+    if _is_number(first[0]):
+        if len(first) not in _UNNAMED:
+            raise ProblemError(
+                f"tube.points: {path} has {len(first)} columns; x, y, z, then optionally "
+                "qx, qy, qz, qw and radius are known, so 3, 4, 7 or 8 of them"
+            )
+        return _UNNAMED[len(first)]
+    names = tuple(cell.strip() for cell in first)
+    for name in names:
+        if name not in _COLUMNS:
+            raise ProblemError(f"tube.points: {path}: {unknown_name('column', name, _COLUMNS)}")
+    missing = [name for name in _POSITION if name not in names]
+    if any(name in names for name in _QUATERNION):
+        missing += [name for name in _QUATERNION if name not in names]
+    if missing or len(set(names)) < len(names):
+        fault = f"no column {missing[0]}" if missing else "a column twice"
+        raise ProblemError(f"tube.points: {path} has {fault}; its columns: {', '.join(names)}")
+    return names
+
+
+def _values(
+    path: Path, line: int, row: list[str], names: tuple[str, ...], is_last: bool
+) -> dict[str, float]:
+    """Return a line's numbers by column; a radius that may be empty is NaN then."""
+    if len(row) != len(names):
+        raise ProblemError(
+            f"tube.points: {path}, line {line} has {len(row)} values for {len(names)} columns"
+        )
+    values = {}
+    for name, cell in zip(names, row, strict=True):
+        may_be_empty = is_last and name == "radius" and not cell.strip()
+        if not may_be_empty and not (_is_number(cell) and math.isfinite(float(cell))):
+            raise ProblemError(
+                f"tube.points: {path}, line {line}: {name} is {shown(cell)}; it must be a finite "
+                "number"
+            )
+        values[name] = math.nan if may_be_empty else float(cell)
+    return values
+
+
+def _radius(path: Path, column: list[float]) -> list[float]:
+    """Return the segments' radii, without the one after the last point."""
+    *radius, beyond = column
+    if radius and not math.isnan(beyond) and beyond != radius[-1]:
+        raise ProblemError(
+            f"tube.points: {path}: the last radius, {beyond:g} m, belongs to no segment: each is "
+            f"that of the segment that begins there; leave it empty or repeat {radius[-1]:g}"
+        )
+    return radius
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

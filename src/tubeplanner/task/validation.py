@@ -1,0 +1,165 @@
+"""Validation of a document against its model; pydantic's faults in terms of the file."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from tubeplanner.errors import MAX_SHOWN, ProblemError, shown, unknown_name
+from tubeplanner.task.fields import Section
+
+# ---- The faults that pydantic finds in a problem file, in terms of that file.
+
+_Path = tuple[int | str, ...]
+
+# The wanted value for each of pydantic's fault types.
+_WANTED = {
+    "bool_type": "true or false",
+    "dict_type": "a map",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "list_type": "a list",
+    "model_type": "a map",
+    "string_type": "text",
+    "tuple_type": "a list",
+}
+
+
+def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseModel]) -> str:
+    """Return the first fault of a document: field, value, and what it must be.
+
+    Args:
+        data: The document.
+        error: Pydantic's report on it.
+        root: The model that it must match.
+    """
+    faults, fault = error.errors(), _deepest(data, error)
+    steps, kind = _steps(data, fault["loc"]), fault["type"]
+    if kind == "extra_forbidden":
+        known = _keys(_model_at(root, fault["loc"][:-1]))
+        section = _join(steps[:-1]) or "top level"
+        return f"{section}: {unknown_name('key', str(fault['loc'][-1]), known)}"
+    if kind == "missing" and isinstance(fault["loc"][-1], int):
+        count = 1 + max(step for f in faults if isinstance(step := f["loc"][-1], int))
+        return f"{_join(steps)} has {fault['loc'][-1]} values; {count} are needed"
+    if kind == "missing":
+        name = fault["loc"][-1]
+        return f"{_join(steps if steps[-1:] == [name] else [*steps, name])} is required"
+    if kind == "too_long":
+        sizes = fault["ctx"]
+        return f"{_join(steps)} has more than {sizes['max_length']} values"
+    if kind == "invalid_key" or fault["loc"][-1:] == ("[key]",):
+        above = fault["loc"][: -1 if kind == "invalid_key" else -2]
+        section = _join(_steps(data, above)) or "top level"
+        return f"{section}: the key {shown(fault['input'])} is no text; quote it"
+    return f"{_join(steps) or 'the problem'} is {_found(fault['input'])}; {_wanted(fault, root)}"
+
+
+def fault_steps(data: dict[str, Any], error: ValidationError) -> list[int | str]:
+    """Return the keys and indices that lead to the first fault of a document."""
+    return _steps(data, _deepest(data, error)["loc"])
+
+
+def _deepest(data: dict[str, Any], error: ValidationError) -> Any:
+    """Return the fault that the user made: a union reports one for each of its members."""
+    return max(error.errors(), key=lambda fault: len(_steps(data, fault["loc"])))
+
+
+def _wanted(fault: Any, root: type[BaseModel]) -> str:
+    wanted = _WANTED.get(fault["type"])
+    if fault["type"] in ("model_type", "dict_type"):
+        model = _model_at(root, fault["loc"])
+        keys = _keys(model) if model is not root or not fault["loc"] else []
+        return f"it must be a map with {', '.join(keys)}" if keys else "it must be a map"
+    if wanted is not None:
+        return f"it must be {wanted}"
+    message = str(fault["msg"]).removeprefix("Value error, ").lower()
+    return message.replace("input should be", "it must be")
+
+
+def _found(value: object) -> str:
+    return "empty" if value is None else shown(value)
+
+
+def _steps(data: object, path: _Path) -> list[int | str]:
+    """Return the steps of a fault's path that exist in the data; others name union members."""
+    steps: list[int | str] = []
+    for step in path:
+        try:
+            data = data[step]  # type: ignore[index]
+        except (KeyError, IndexError, TypeError):
+            continue
+        steps.append(step)
+    return steps
+
+
+def _join(steps: list[int | str]) -> str:
+    words = [step if isinstance(step, int) else _word(str(step)) for step in steps]
+    text = "".join(f"[{word}]" if isinstance(word, int) else f".{word}" for word in words)
+    return text.lstrip(".")
+
+
+def _word(key: str) -> str:
+    """Return a key as a path has it; one that cannot be shown or is long, in quotes."""
+    return key if key.isprintable() and len(key) <= MAX_SHOWN else shown(key)
+
+
+def _keys(model: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _model_at(root: type[BaseModel], path: _Path) -> type[BaseModel]:
+    """Return the innermost model that a path leads into; of several, the one that it names."""
+    model, alternatives = root, [root]
+    for step in path:
+        named = [each for each in alternatives if each.__name__ == step]
+        model = named[0] if named else model
+        for name, field in model.model_fields.items():
+            if step in (name, field.alias):
+                alternatives = _models_in(field.annotation)
+                model = alternatives[0] if alternatives else model
+                break
+    return model
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    """Return the models that an annotation is, or is a list or an alternative of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for argument in get_args(annotation) for model in _models_in(argument)]
+
+
+# ---- What files hold, checked against the models of their formats.
+
+_Fields = TypeVar("_Fields", bound=Section)
+
+
+def check_fields(
+    model: type[_Fields],
+    data: object,
+    what: str,
+    source: str,
+    source_of: Callable[[Any, Sequence[int | str]], str] | None,
+) -> _Fields:
+    """Check the shape of nested dictionaries and lists against a model.
+
+    Args:
+        model: What they must match.
+        data: What a file holds.
+        what: What it must be, if it is no map.
+        source: What messages call it.
+        source_of: From the data, and the keys and indices that lead to a value: what messages call
+            the file that has it; None: all is from one.
+
+    Raises:
+        ProblemError: A key is unknown, a value has the wrong type. The message names the field.
+    """
+    if not isinstance(data, dict):
+        raise ProblemError(f"{source}: {what}")
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        fault = first_fault(data, error, model)
+        called = source if source_of is None else source_of(data, fault_steps(data, error))
+        raise ProblemError(f"{called}: {fault}") from None

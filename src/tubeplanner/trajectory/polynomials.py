@@ -1,0 +1,370 @@
+"""Piecewise polynomials and their rigorous bounds; B-splines, fits, pieces between samples."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from math import comb
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray, read_only
+
+# ---- Piecewise polynomials of one variable.
+
+
+@dataclass(frozen=True, eq=False)
+class PiecewisePolynomial:
+    """Polynomials between breakpoints; the first and the last one go on beyond them.
+
+    Attributes:
+        coefficients: Shape (degree+1, pieces, n), highest power first, local time
+            `t - breakpoints[i]`.
+        breakpoints: Shape (pieces+1,), increasing.
+    """
+
+    coefficients: FloatArray
+    breakpoints: FloatArray
+
+    def __call__(self, t: FloatArray) -> FloatArray:
+        """Return the values at times of any shape (...,): shape (..., n).
+
+        At a breakpoint, that of the piece after it.
+        """
+        last = len(self.breakpoints) - 2
+        piece = np.clip(np.searchsorted(self.breakpoints, t, side="right") - 1, 0, last)
+        local = (t - self.breakpoints[piece])[..., None]
+        value = self.coefficients[0][piece]
+        for row in self.coefficients[1:]:
+            value = value * local + row[piece]
+        return value
+
+    def derivative(self, order: int) -> "PiecewisePolynomial":
+        """Return the derivative of an order; of at least one row of coefficients."""
+        coefficients = self.coefficients
+        for _ in range(order):
+            powers = np.arange(len(coefficients) - 1, 0, -1.0)
+            lower = coefficients[:-1] * powers[:, None, None]
+            coefficients = lower if len(lower) else np.zeros_like(coefficients)
+        return PiecewisePolynomial(coefficients, self.breakpoints)
+
+
+# ---- Rigorous bounds on polynomials: a polynomial lies in the hull of its Bernstein coefficients.
+#
+# Coefficients are laid out as in `scipy.interpolate.PPoly`: shape (degree+1, pieces, n), highest
+# power first, local time from 0 to the width of the piece.
+
+# Halvings after which a piece is not cut further: its width is then 1e-12 of the original.
+_MAX_HALVINGS = 40
+_RESOLUTION = 1e-10  # relative to the largest value
+
+
+@dataclass(frozen=True, eq=False)
+class Extrema:
+    """Largest values of n polynomials over all their pieces, and where.
+
+    Attributes:
+        value: Shape (n,); a value that is attained, at most 1e-10 (relative) below the maximum.
+        piece: Piece that attains it: int, shape (n,).
+        local_time: Time from the start of that piece [s], shape (n,).
+    """
+
+    value: FloatArray
+    piece: IntArray
+    local_time: FloatArray
+
+
+def bernstein_coefficients(
+    coefficients: FloatArray, start: FloatArray, width: FloatArray
+) -> FloatArray:
+    """Return the Bernstein coefficients of polynomials restricted to intervals.
+
+    Args:
+        coefficients: Shape (degree+1, P, n), highest power first.
+        start: Start of each interval in local time [s], shape (P,).
+        width: Width of each interval [s], shape (P,).
+
+    Returns:
+        Shape (degree+1, P, n); the first and the last are the values at the interval's ends.
+        (Farouki, "The Bernstein polynomial basis: a centennial retrospective", 2012, section 3.2.)
+    """
+    return np.einsum(
+        "bk,kpn->bpn",
+        _power_to_bernstein(len(coefficients) - 1),
+        _taylor_coefficients(coefficients, start, width),
+    )
+
+
+def restricted(coefficients: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
+    """Return polynomials on intervals, as polynomials of a time that runs from 0 to 1 over each.
+
+    Args:
+        coefficients: Shape (degree+1, P, n), highest power first.
+        start: Start of each interval in local time [s], shape (P,).
+        width: Width of each interval [s], shape (P,).
+
+    Returns:
+        Shape (degree+1, P, n), highest power first.
+    """
+    return _taylor_coefficients(coefficients, start, width)[::-1]
+
+
+def halves(start: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return starts and widths of both halves of intervals (P,), one after the other: (2P,)."""
+    width = np.repeat(width / 2, 2)
+    start = np.repeat(start, 2)
+    start[1::2] += width[1::2]
+    return start, width
+
+
+def maxima(coefficients: FloatArray, widths: FloatArray) -> Extrema:
+    """Return the largest value of each of n piecewise polynomials, by Bernstein subdivision.
+
+    Args:
+        coefficients: Shape (degree+1, pieces, n).
+        widths: Widths of the pieces [s], shape (pieces,).
+
+    Raises:
+        ValueError: A coefficient is not finite.
+    """
+    if not np.isfinite(coefficients).all():
+        raise ValueError("coefficients must be finite")
+    pieces, n = coefficients.shape[1:]
+    # One row per (piece, polynomial) still in question.
+    piece = np.repeat(np.arange(pieces), n)
+    column = np.tile(np.arange(n), pieces)
+    start, width = np.zeros(len(piece)), widths[piece].astype(float)
+    value = np.full(n, -np.inf)
+    best_piece, best_time = np.zeros(n, dtype=np.int64), np.zeros(n)
+    for _ in range(_MAX_HALVINGS):
+        rows = coefficients[:, piece, column][:, :, None]
+        bounds = bernstein_coefficients(rows, start, width)[:, :, 0]
+        for ends, times in ((bounds[0], start), (bounds[-1], start + width)):
+            order = np.argsort(ends, kind="stable")
+            better = order[ends[order] > value[column[order]]]
+            value[column[better]] = ends[better]
+            best_piece[column[better]] = piece[better]
+            best_time[column[better]] = times[better]
+        slack = _RESOLUTION * np.maximum(abs(value), 1e-300)
+        open_ = bounds.max(axis=0) > value[column] + slack[column]
+        if not open_.any():
+            break
+        piece, column = np.repeat(piece[open_], 2), np.repeat(column[open_], 2)
+        start, width = halves(start[open_], width[open_])
+    return Extrema(value, best_piece, best_time)
+
+
+def peak_magnitudes(coefficients: FloatArray, widths: FloatArray) -> Extrema:
+    """Return the largest magnitude of each of n piecewise polynomials; arguments as `maxima`."""
+    both = maxima(np.concatenate([coefficients, -coefficients], axis=2), widths)
+    n = coefficients.shape[2]
+    sign = both.value.reshape(2, n).argmax(axis=0)
+    chosen = n * sign + np.arange(n)
+    return Extrema(both.value[chosen], both.piece[chosen], both.local_time[chosen])
+
+
+def _taylor_coefficients(
+    coefficients: FloatArray, start: FloatArray, width: FloatArray
+) -> FloatArray:
+    """Return those about the starts of intervals, in widths of these, lowest power first."""
+    degree = len(coefficients) - 1
+    ascending = np.asarray(coefficients, dtype=np.float64)[::-1]
+    if not start.any():
+        return ascending * (width ** np.arange(degree + 1)[:, None])[..., None]
+    scaled = np.empty_like(ascending)
+    powers = start ** np.arange(degree + 1)[:, None]
+    for power in range(degree + 1):
+        # Sum over k of C(k, power) start^(k - power) c_k.
+        factors = _binomials(degree)[power:, power, None] * powers[: degree + 1 - power]
+        scaled[power] = np.einsum("kp,kpn->pn", factors, ascending[power:])
+        scaled[power] *= (width**power)[:, None]
+    return scaled
+
+
+@cache
+def _binomials(degree: int) -> FloatArray:
+    """Return the numbers C(i, j) for i and j from 0 to a degree, (k+1, k+1)."""
+    numbers = range(degree + 1)
+    return read_only([[comb(i, j) for j in numbers] for i in numbers])
+
+
+@cache
+def _power_to_bernstein(degree: int) -> FloatArray:
+    """Return the matrix from powers of u on [0, 1] to Bernstein coefficients, (k+1, k+1)."""
+    binomials = _binomials(degree)
+    # 0 above the diagonal, as C(i, j) is.
+    return read_only(binomials / binomials[-1])
+
+
+# ---- B-splines by the recursions of Cox and de Boor.
+
+
+@dataclass(frozen=True, eq=False)
+class BSpline:
+    """A B-spline; called with times x of shape (N,), it gives values of shape (N, ...).
+
+    Attributes:
+        knots: Clamped knot vector, shape (K+degree+1,).
+        control_points: Shape (K, ...).
+        degree: At least 1.
+    """
+
+    knots: FloatArray
+    control_points: FloatArray
+    degree: int
+
+    def __call__(self, x: FloatArray, order: int = 0) -> FloatArray:
+        """Return a derivative of an order up to the degree; 0: the values.
+
+        Where it jumps, at a knot, that of the interval after it.
+        """
+        if order > 0:
+            return self.derivative()(x, order - 1)
+        span = knot_intervals(self.knots, self.degree, x)
+        weights = basis_functions(self.knots, self.degree, span, x)[0]
+        near = self.control_points[span[:, None] + np.arange(-self.degree, 1)]
+        values: FloatArray = np.einsum("nk,nk...->n...", weights, near)
+        return values
+
+    def derivative(self) -> "BSpline":
+        """Return the derivative (Piegl & Tiller, "The NURBS Book", 1997, equation 3.4).
+
+        Exactly zero where control points are equal.
+        """
+        widths = self.knots[self.degree + 1 : -1] - self.knots[1 : -self.degree - 1]
+        slopes = (self.degree * np.diff(self.control_points, axis=0).T / widths).T
+        return BSpline(self.knots[1:-1], slopes, self.degree - 1)
+
+
+def knot_intervals(knots: FloatArray, degree: int, x: FloatArray) -> IntArray:
+    """Return the index of the knot that begins the interval of each x, shape (N,)."""
+    span = np.searchsorted(knots, x, side="right") - 1
+    return np.clip(span, degree, len(knots) - degree - 2)
+
+
+def basis_functions(knots: FloatArray, degree: int, span: IntArray, x: FloatArray) -> FloatArray:
+    """Return the basis functions that count at each x, and their derivatives.
+
+    Args:
+        knots: Clamped knot vector.
+        degree: Of the spline.
+        span: For each x, the knot that begins the interval that counts, shape (N,).
+        x: Shape (N,).
+
+    Returns:
+        By order, x and control point, from span - degree on, shape (degree+1, N, degree+1).
+
+    By the recursions of Cox and de Boor (Piegl & Tiller, "The NURBS Book", 1997, equations 2.5 and
+    2.9): the order-th derivative at one degree comes from the order before at the degree below.
+    Knots and x may be complex, in the order of their real parts.
+    """
+    dtype = np.result_type(knots, x, float)
+    known = np.ones((1, len(x), 1), dtype=dtype)
+    for k in range(1, degree + 1):
+        offsets = np.arange(k + 2) - k
+        t = knots[span[:, None] + offsets]  # t[:, r] begins function r of this degree
+        t_end = knots[span[:, None] + offsets + k]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse = np.where(t_end.real > t.real, 1 / (t_end - t), 0.0)
+        new = np.zeros((k + 1, len(x), k + 1), dtype=dtype)
+        padded = np.zeros((len(known), len(x), k + 2), dtype=dtype)
+        padded[:, :, 1:-1] = known * inverse[:, 1:-1]
+        left, right = padded[:, :, :-1], padded[:, :, 1:]
+        rising = x[:, None] - t[:, :-1]
+        falling = knots[span[:, None] + offsets[1:] + k] - x[:, None]
+        new[0] = rising * left[0] + falling * right[0]
+        new[1:] = k * (left - right)
+        known = new
+    return known
+
+
+# ---- B-splines fitted to configurations, at rest at both ends.
+
+REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
+
+
+def fitted_control_points(
+    knots: FloatArray,
+    degree: int,
+    times: FloatArray,
+    path: FloatArray,
+    ends: tuple[FloatArray, FloatArray],
+    draw: float = 0.0,
+) -> FloatArray:
+    """Return the control points of the least-squares spline that rests at its ends, (K, n).
+
+    Args:
+        knots: Clamped, shape (K+degree+1,) [s].
+        degree: Of the spline, at least 3.
+        times: Shape (N,) [s].
+        path: Configurations at these times, shape (N, n).
+        ends: Start and goal, each (n,): the first and the last three control points.
+        draw: Weight by which control points are drawn to the joint line from start to goal, for
+            those that the times leave open; 0 if there are none.
+    """
+    count = len(knots) - degree - 1
+    span = knot_intervals(knots, degree, times)
+    near = span[:, None] + np.arange(-degree, 1)
+    weights = basis_functions(knots, degree, span, times)[0]
+    inner = slice(REST_POINTS, count - REST_POINTS)
+    line = ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0])
+    points = np.zeros_like(line)
+    points[:REST_POINTS], points[-REST_POINTS:] = ends
+    # Normal equations, gathered from the few weights that count at each time: well conditioned.
+    squared, wanted = draw * np.eye(count), draw * line
+    np.add.at(squared, (near[:, :, None], near[:, None]), weights[:, :, None] * weights[:, None])
+    rest = path - np.einsum("nk,nkj->nj", weights, points[near])
+    np.add.at(wanted, near, weights[:, :, None] * rest[:, None])
+    points[inner] = np.linalg.solve(squared[inner, inner], wanted[inner])
+    return points
+
+
+def times_between(breakpoints: FloatArray, count: int) -> FloatArray:
+    """Return `count` times in each of P intervals between breakpoints (P+1,), none on its ends."""
+    local = (np.arange(count) + 0.5) / count
+    times: FloatArray = breakpoints[:-1, None] + local * np.diff(breakpoints)[:, None]
+    return times.ravel()
+
+
+# ---- Polynomials between samples that meet what is known of them: lines, cubics or quintics.
+#
+# (Hermite interpolation; Biagiotti & Melchiorri, "Trajectory Planning for Automatic Machines and
+# Robots", 2008, sections 2.1.1, 2.1.3 and 2.1.5.) Each begins with what is known of its first
+# sample;
+# the rest is taken from what that leaves to be made up until the next one. These are small numbers:
+# samples a millisecond apart meet to rounding, where differences of Bernstein coefficients would
+# leave jumps of the acceleration of 1e-7 rad/s^2.
+
+
+def hermite_pieces(time: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
+    """Return the coefficients of one polynomial between every two samples.
+
+    Args:
+        time: Of the samples, shape (N,), increasing [s].
+        known: Positions and, if given, velocities and accelerations there, each (N, n).
+
+    Returns:
+        Shape (2 * len(known), N-1, n), highest power of the time in the piece first.
+    """
+    h = np.diff(time)[:, None]
+    first, last = [k[:-1] for k in known], [k[1:] for k in known]
+    if len(known) == 1:
+        return np.stack([(last[0] - first[0]) / h, first[0]])
+    if len(known) == 2:
+        left = last[0] - (first[0] + first[1] * h)
+        left_rate = (last[1] - first[1]) * h
+        return np.stack(
+            [(left_rate - 2 * left) / h**3, (3 * left - left_rate) / h**2, first[1], first[0]]
+        )
+    left = last[0] - (first[0] + (first[1] + first[2] * h / 2) * h)
+    left_rate = (last[1] - (first[1] + first[2] * h)) * h
+    left_bend = (last[2] - first[2]) * h**2
+    return np.stack(
+        [
+            (12 * left - 6 * left_rate + left_bend) / (2 * h**5),
+            (-30 * left + 14 * left_rate - 2 * left_bend) / (2 * h**4),
+            (20 * left - 8 * left_rate + left_bend) / (2 * h**3),
+            first[2] / 2,
+            first[1],
+            first[0],
+        ]
+    )

@@ -1,1 +1,0 @@
-"""Where the tool may be, and its orientation there: pure geometry."""

@@ -1,1 +1,0 @@
-"""Tubes from what users have: zones of a controller, a trail, start and goal."""

@@ -1,0 +1,104 @@
+"""What tests of commands share: answers as JSON, a cycle, figures not drawn, no other processes."""
+
+import json
+from contextlib import nullcontext
+
+import pytest
+from small_cycle import SMALL
+from studied import Here
+
+from tubeplanner.cli import compare as comparison_report
+from tubeplanner.cli import explain as explain_command
+from tubeplanner.cli import info as info_command
+from tubeplanner.cli import place as place_command
+from tubeplanner.cli import plan as plan_outputs
+from tubeplanner.cli import reproduce as reproduce_command
+from tubeplanner.cli import simulate as simulate_command
+from tubeplanner.cli import study as study_command
+from tubeplanner.cli import sweep as study_commands
+from tubeplanner.cli import view as view_command
+from tubeplanner.output.figures import figure_files
+
+PNG = b"\x89PNG"
+DRAWING = (
+    *(comparison_report, info_command, place_command, plan_outputs, reproduce_command),
+    *(simulate_command, study_command, study_commands, view_command),
+)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def real_figures():
+    """Figures are not drawn, and those of motions empty: the tests of views look at them.
+
+    The real functions, by module and name.
+    """
+    from matplotlib.figure import Figure
+
+    from tubeplanner.output.figures import execution_figures as cycle_execution_plot
+    from tubeplanner.output.figures import execution_figures as execution_plot
+    from tubeplanner.output.figures import trajectory_figures as cycle_plot
+    from tubeplanner.output.figures import trajectory_figures as plotting
+
+    def figure_file(figure, path):
+        assert isinstance(figure, Figure)
+        return PNG + bytes(2000)
+
+    instead = {
+        (figure_files, "figure_file"): figure_file,
+        (plotting, "plot_trajectory"): lambda problem, trajectory: Figure(),
+        (cycle_plot, "plot_cycle"): lambda cycle, motion: Figure(),
+        (execution_plot, "plot_execution"): lambda problem, motion, runs, judged: Figure(),
+        (cycle_execution_plot, "plot_cycle_execution"): lambda motion, runs, judged: Figure(),
+    }
+    instead = {
+        (module, name): function
+        for (home, name), function in instead.items()
+        for module in (home, *DRAWING)
+        if hasattr(module, name)
+    }
+    with pytest.MonkeyPatch.context() as patch:
+        real = {place: getattr(*place) for place in instead}
+        for place, function in instead.items():
+            patch.setattr(*place, function)
+        yield real
+
+
+@pytest.fixture
+def drawn(real_figures, monkeypatch):
+    """Figures are drawn after all, with few pixels."""
+    monkeypatch.setattr(figure_files, "_DPI", 40)
+    for place, function in real_figures.items():
+        monkeypatch.setattr(*place, function)
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Commands plan in this process; the list has what their workers were to be."""
+    calls = []
+
+    def workers(executor):
+        return lambda *arguments: calls.append(arguments) or nullcontext(executor)
+
+    monkeypatch.setattr(explain_command, "workers_of", workers(None))
+    for module in (place_command, study_command):
+        monkeypatch.setattr(module, "workers_of", workers(Here()))
+    return calls
+
+
+@pytest.fixture
+def run_json(run):
+    """Return a function from arguments to the exit status and the object that is printed."""
+
+    def call(*arguments):
+        status, out, _ = run(*arguments, "--json")
+        return status, json.loads(out)
+
+    return call
+
+
+@pytest.fixture
+def cycle_path(tmp_path):
+    """The file of the small cycle."""
+    path = tmp_path / "small.yaml"
+    path.write_text(SMALL)
+    return path

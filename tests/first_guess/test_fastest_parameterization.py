@@ -1,0 +1,190 @@
+"""What limits ask along a path, and how fast it is run then, against integrated phase planes."""
+
+import numpy as np
+import pytest
+from cases import ANGLE, INERTIA, anywhere, one_joint, with_motors
+
+from tubeplanner import JointTrajectory
+from tubeplanner.first_guess.fastest_parameterization import (
+    fastest_parameterization,
+    path_rows,
+    with_reversals,
+)
+from tubeplanner.limits.speed_limits import speed_limits
+from tubeplanner.outcome import Infeasible
+from tubeplanner.robot.overrides import EffortRange
+from tubeplanner.studies.comparison import smoothness_class
+
+STRAIGHT = JointTrajectory(["turn"], [0, ANGLE], [[[1.0]], [[0.0]]])
+# There and back to where it came from: it reverses at 0.75, between the points where all is judged.
+BACK = JointTrajectory(["turn"], [0, 1.0], [[[-1.0]], [[1.5]], [[0.0]]])
+FRICTION = {"viscous_friction": 1.0, "forwards_friction": 0.8, "backwards_friction": 0.3}
+LINE = {"saturation_effort": 6.0, "no_load_velocity": 3.0}
+
+
+def effort_rows(problem, path, grid):
+    limits = tuple(limit for limit in speed_limits(problem) if limit.kind == "effort")
+    return path_rows(problem, path, np.array(grid), limits)
+
+
+def least_time(forwards, backwards, length=ANGLE, steps=2000):
+    """Return the time from rest to rest of a joint with accelerations by velocity and place.
+
+    The phase plane, integrated from both ends by Heun's method: x = v^2, dx/ds = 2 a(v, s). Places
+    are counted from the end that the integration begins at.
+    """
+    step = length / steps
+
+    def squares(acceleration):
+        x = np.zeros(steps + 1)
+        for k in range(steps):
+            slope = 2 * acceleration(np.sqrt(x[k]), k * step)
+            ahead = np.sqrt(max(x[k] + step * slope, 0))
+            x[k + 1] = x[k] + step / 2 * (slope + 2 * acceleration(ahead, (k + 1) * step))
+        return x
+
+    speed = np.sqrt(np.minimum(squares(forwards), squares(backwards)[::-1]))
+    return (2 * step / (speed[1:] + speed[:-1])).sum()
+
+
+def table(position, backwards, forwards):
+    sides = (np.array(each, dtype=float) for each in (position, backwards, forwards))
+    return {"effort_ranges": [EffortRange(0, *sides)]}
+
+
+BOUNDED = {"limits": {"velocity": 1.5, "effort": np.inf, "acceleration": 3.0}}
+# Motors, and the force that speeds up and slows down, by velocity and place.
+PHASE_PLANES = {
+    "rotor": ({"armature": 0.4}, lambda v, s: 5, lambda v, s: 5),
+    "velocity and acceleration": (BOUNDED, *[lambda v, s: 3 * INERTIA * (v < 1.5)] * 2),
+    "friction": (FRICTION, lambda v, s: 4.2 - v, lambda v, s: 5.8 + v),
+    "torque-speed line": (LINE, lambda v, s: min(5, 6 - 2 * v), lambda v, s: min(5, 6 + 2 * v)),
+    "all, friction uncertain": (
+        FRICTION | LINE | {"friction_uncertainty": 0.5},
+        lambda v, s: min(5, 6 - 2 * v) - 1.2 - 1.5 * v,
+        lambda v, s: 5 + 0.4 + 0.5 * v,
+    ),
+    "effort by direction": (table([0], [2], [5]), lambda v, s: 5, lambda v, s: 2),
+    "effort by position": (
+        table([0, 2], [5, 1], [5, 1]),
+        lambda v, s: 5 - 2 * s,
+        lambda v, s: 5 - 2 * (ANGLE - s),
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("motors", "forwards", "backwards"), PHASE_PLANES.values(), ids=PHASE_PLANES
+)
+def test_one_joint_takes_what_its_phase_plane_says(motors, forwards, backwards, tmp_path):
+    robot = with_motors(one_joint(tmp_path, velocity=np.inf), **motors)
+    grid, at_both_ends = np.linspace(0, ANGLE, 1601), motors is not FRICTION
+    timing = fastest_parameterization(anywhere(robot), STRAIGHT, grid, at_both_ends=at_both_ends)
+    inertia = INERTIA + motors.get("armature", 0.0)
+    expected = least_time(
+        lambda v, s: forwards(v, s) / inertia, lambda v, s: backwards(v, s) / inertia
+    )
+    assert timing.duration == pytest.approx(expected, rel=1e-3)
+    assert timing.position(timing.duration)[0] == pytest.approx(ANGLE)
+    assert smoothness_class(timing) == "C1"
+
+
+def test_a_motor_that_can_hardly_lift_its_load_creeps_over_the_top(tmp_path):
+    """Tangents at what an ideal motor would do there leave it nothing: others must be found."""
+    mass, line = 1.1, {"saturation_effort": 6.0, "no_load_velocity": 1.0}
+    robot = with_motors(one_joint(tmp_path, mass, velocity=np.inf, effort=50.0), **line)
+    path = JointTrajectory(["turn"], [0, 2 * ANGLE], [[[1.0]], [[-ANGLE]]])
+    grid = np.linspace(0, 2 * ANGLE, 1601)
+    timing = fastest_parameterization(anywhere(robot), path, grid)
+    inertia = INERTIA + mass * 0.5**2
+
+    def load(s):
+        return mass * 9.81 * 0.5 * np.cos(s - ANGLE)
+
+    expected = least_time(
+        lambda v, s: (min(50, 6 * (1 - v)) - load(s)) / inertia,
+        lambda v, s: (min(50, 6 * (1 + v)) + load(s)) / inertia,
+        2 * ANGLE,
+    )
+    assert expected > 10
+    assert timing.duration == pytest.approx(expected, rel=2e-3)
+
+
+def test_what_is_found_keeps_the_limits_themselves_and_not_their_tangents(tmp_path):
+    robot = with_motors(one_joint(tmp_path, velocity=np.inf), **(FRICTION | LINE))
+    problem, grid = anywhere(robot), np.linspace(0, ANGLE, 401)
+    limits = tuple(limit for limit in speed_limits(problem) if limit.order == 2)
+    begin, _ = path_rows(problem, STRAIGHT, grid, limits)
+    timing = fastest_parameterization(problem, STRAIGHT, grid, at_both_ends=False)
+    speed = timing.velocity(timing.breakpoints[:-1])
+    acceleration = 2 * timing.coefficients[0]
+    used = begin.acceleration * acceleration + begin.square * speed**2 + begin.speed * speed
+    most = (used - begin.allowed).max(axis=1)
+    assert most.max() < 1e-6
+    assert (most < -1e-4).sum() <= 1  # every step takes all that there is, but that which switches
+
+
+def test_points_are_added_where_joints_reverse():
+    apart = with_reversals(BACK, np.linspace(0, 1, 5), 1e-3)
+    np.testing.assert_allclose(apart, [0, 0.25, 0.5, 0.75, 1.0])  # one of them is there already
+    apart = with_reversals(BACK, np.linspace(0, 1, 4), 1e-3)
+    np.testing.assert_allclose(apart, [0, 1 / 3, 2 / 3, 0.75, 1.0])
+    assert len(with_reversals(BACK, np.linspace(0, 1, 4), 0.1)) == 4
+
+
+def test_steps_have_the_friction_of_their_own_direction(tmp_path):
+    """Before and after the reversal, whatever the velocity is at the ends of the steps."""
+    robot = with_motors(one_joint(tmp_path), forwards_friction=0.8, backwards_friction=0.3)
+    rows = effort_rows(anywhere(robot), BACK, [0.0, 0.75, 1.0])
+    for each in rows:
+        allowed = np.array([[5 - 0.8, 5 + 0.8], [5 + 0.3, 5 - 0.3]]) / 5
+        np.testing.assert_allclose(each.allowed, allowed)
+    begin, end = rows
+    np.testing.assert_allclose(begin.acceleration[:, 0] * 5 / INERTIA, [1.5, 0.0], atol=1e-12)
+    np.testing.assert_allclose(end.acceleration[:, 0] * 5 / INERTIA, [0.0, -0.5], atol=1e-12)
+    np.testing.assert_allclose(begin.square[:, 0] * 5 / INERTIA, -2.0)
+
+
+def test_where_a_path_begins_to_bend_steps_have_the_bend_of_their_own_side(tmp_path):
+    robot = with_motors(one_joint(tmp_path))
+    bends = [[[0.0], [1.0]], [[1.0], [1.0]], [[0.0], [0.5]]]  # s, and from 0.5 on s + (s - 0.5)^2
+    path = JointTrajectory(["turn"], [0, 0.5, 1.0], bends)
+    for each in effort_rows(anywhere(robot), path, [0.0, 0.5, 1.0]):
+        np.testing.assert_allclose(each.square[:, 0] * 5 / INERTIA, [0.0, 2.0], atol=1e-12)
+
+
+def test_tangents_cost_no_less_than_the_root(tmp_path):
+    robot = with_motors(one_joint(tmp_path, velocity=np.inf), **FRICTION, **LINE)
+    problem = anywhere(robot)
+    begin, _ = path_rows(problem, STRAIGHT, np.array([0.0, 1.0]), speed_limits(problem)[:2])
+    touches, x = 2.3, np.linspace(0, 9, 50)
+    tangent = begin.tangent(np.array([touches]))
+    used = begin.square[0] * x[:, None] + begin.speed[0] * np.sqrt(x)[:, None] - begin.allowed[0]
+    bound = tangent.square[0] * x[:, None] - tangent.allowed[0]
+    costs = begin.speed[0] > 0
+    assert costs.any()
+    assert (~costs).any()
+    assert (bound >= used - 1e-12)[:, costs].all()
+    at_touch = tangent.square[0] * touches - tangent.allowed[0]
+    exact = begin.square[0] * touches + begin.speed[0] * np.sqrt(touches) - begin.allowed[0]
+    np.testing.assert_allclose(at_touch, exact)
+    assert not tangent.speed.any()
+
+
+def test_an_arm_that_friction_stops_is_refused(tmp_path):
+    robot = with_motors(one_joint(tmp_path), forwards_friction=5.5)
+    with pytest.raises(Infeasible, match=r"needs 5\.50 N m against gravity and friction"):
+        fastest_parameterization(anywhere(robot), STRAIGHT, np.linspace(0, ANGLE, 11))
+
+
+@pytest.mark.parametrize("velocity", [0.0, -1e-17])
+def test_what_rounding_makes_of_standing_still_has_no_friction(slide, velocity):
+    """A joint that gravity and friction together would stop, and that does not move."""
+    start = np.array([0.0, 0.0, 0.5])
+    held = float(abs(slide.gravity_effort(start[None])[0, 2]))
+    friction = np.array([0.0, 0.0, slide.limits.effort[2] - held / 2])
+    robot = with_motors(slide, forwards_friction=friction, backwards_friction=friction)
+    path = JointTrajectory(robot.joint_names, [0, 1.0], [[[1.0, 0.0, velocity]], [start]])
+    timing = fastest_parameterization(anywhere(robot), path, np.linspace(0, 1, 101))
+    assert held > 0.1
+    assert timing.duration > 0

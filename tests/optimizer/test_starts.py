@@ -1,0 +1,134 @@
+"""First splines of a refinement: reference branch, coarser knots, last motion, period grid."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tubeplanner import PlanningProblem, Tube
+from tubeplanner.optimizer.phased_spline import PhasedSpline
+from tubeplanner.optimizer.starts import knot_grid, on_periodic_knots
+from tubeplanner.outcome import Infeasible, PlanStatus
+
+
+@pytest.fixture(scope="module")
+def motion(planned):
+    return planned("two_link/around_a_post", "refinement")[1].motion
+
+
+def moved(problem, steps):
+    return problem.with_tube(replace(problem.tube, points=problem.tube.points + np.array(steps)))
+
+
+def test_where_nothing_changes_it_stays_and_goes_to_a_given_goal(motion):
+    points, problem = motion.spline.control_points, motion.problem
+    shifted = motion.shifted(problem)
+    np.testing.assert_allclose(shifted.control_points, points, rtol=0, atol=1e-6)
+    assert shifted.grid is motion.spline.grid
+    goal = points[-1] + [0.02, -0.01]
+    ends = motion.shifted(replace(problem, goal=goal)).control_points[-3:]
+    np.testing.assert_allclose(ends, np.tile(goal, (3, 1)), atol=1e-12)
+
+
+def test_its_tool_moves_with_the_reference_points_and_it_stays_at_rest(motion):
+    steps = [[0.01, 0.0, 0.0], [-0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, -0.01, 0.0]]
+    changed = moved(motion.problem, steps)
+    spline = motion.shifted(changed)
+    before, after = (
+        changed.robot.tool_position(each.bspline()(spline.switching_times))
+        for each in (motion.spline, spline)
+    )
+    np.testing.assert_allclose(after[[0, -1]], changed.tube.points[[0, -1]], atol=1e-8)
+    # Control points near a corner follow it, but for what the spline makes of the others.
+    np.testing.assert_allclose(after - before, steps, atol=2e-3)
+    assert np.ptp(spline.control_points[:3], axis=0).max() == 0
+    assert np.ptp(spline.control_points[-3:], axis=0).max() == 0
+
+
+def test_a_goal_out_of_reach_is_none(motion):
+    far = moved(motion.problem, [[0, 0, 0]] * 3 + [[0.0, 0.5, 0.0]])
+    with pytest.raises(Infeasible, match="does not lead to reference point 3") as found:
+        motion.shifted(far)
+    assert found.value.status is PlanStatus.UNREACHABLE
+
+
+def test_it_suits_problems_with_the_same_joints_and_segments(motion, slide):
+    problem = motion.problem
+    wider = problem.with_tube(problem.tube.scaled(1.2))
+    assert motion.suited(wider) is wider
+    points = problem.tube.points
+    fewer = Tube(points[:-1], 0.03, joint_signs={"joint2": "-"})
+    assert motion.suited(problem.with_tube(fewer)) is None
+    tool = slide.tool_position(np.zeros((1, 3)))[0]
+    other = Tube(tool + points - points[0], 0.05)
+    assert motion.suited(PlanningProblem(slide, other, np.zeros(3))) is None
+
+
+SWITCHING_TIMES = np.array([0.0, 0.31, 0.33, 1.0])
+CHAINS = (range(0, 2), range(2, 3), range(3, 4))
+FINE, FEWER_THAN_KNOTS, FEWER_THAN_PHASES_NEED, FEWEST = 2000, 25, 7, 4
+
+
+def spline():
+    """Return a motion of two joints, control points at the means of their knots."""
+    grid = knot_grid(SWITCHING_TIMES, 40, CHAINS)
+    knots, count = grid.knots(SWITCHING_TIMES), grid.control_point_count
+    x = np.mean([knots[k : k + count] for k in (1, 2, 3)], axis=0)[:, None]
+    points = x**3 * (10 - 15 * x + 6 * x**2) * np.array([1.0, -0.4])
+    points[:3], points[-3:] = points[0], points[-1]
+    return PhasedSpline(grid, SWITCHING_TIMES, points)
+
+
+@pytest.mark.parametrize("periods", [FINE, 60, FEWER_THAN_KNOTS, FEWER_THAN_PHASES_NEED, FEWEST])
+def test_all_knots_are_multiples_and_every_phase_keeps_its_own(periods):
+    """As many knots as before or as there is room for, no two the same; the segments stay."""
+    before, found = spline(), on_periodic_knots(spline(), periods)
+    knots = found.grid.breakpoints(found.switching_times) * periods
+    np.testing.assert_allclose(knots, knots.round(), atol=1e-9)
+    widths = np.diff(knots.round())
+    assert widths.min() >= 1
+    assert (knots[0], knots[-1]) == (0.0, pytest.approx(periods))
+    assert found.grid.interval_count == min(before.grid.interval_count, periods)
+    assert len(found.control_points) == found.grid.control_point_count
+    assert found.grid.chains == CHAINS
+    for share in found.grid.shares:
+        assert (share[0], share[-1]) == (0.0, 1.0)
+        assert np.diff(share).min() > 0
+    ends = np.cumsum([0, *(len(share) - 1 for share in found.grid.shares)])
+    np.testing.assert_allclose(found.switching_times * periods, knots[ends])
+    # Switching times no longer move.
+    assert found.grid.is_fixed
+    assert (before.grid.switch_count, found.grid.switch_count) == (2, 0)
+    if periods == 60:
+        # Chebyshev's are closest at the ends: there every period has one. Knots that fall onto
+        # one are made up for in the widest intervals.
+        assert widths[0] == widths[-1] == 1
+        assert widths.max() <= 2
+
+
+@pytest.mark.parametrize(
+    ("times", "periods", "expected"),
+    [
+        ([0, 0.31, 0.33, 1], 500, [0, 155, 165, 500]),
+        ([0, 0.5, 0.501, 0.502, 1], 10, [0, 5, 6, 7, 10]),
+        ([0, 0.98, 0.99, 1], 4, [0, 2, 3, 4]),
+        ([0, 0.01, 0.99, 1], 5, [0, 1, 4, 5]),
+    ],
+)
+def test_switching_times_stay_to_a_period_and_move_apart_if_they_are_closer(
+    times, periods, expected
+):
+    grid = knot_grid(np.array(times), 40)
+    before = PhasedSpline(grid, np.array(times), np.zeros((grid.control_point_count, 1)))
+    found = on_periodic_knots(before, periods)
+    np.testing.assert_allclose(found.switching_times * periods, expected, atol=1e-12)
+    assert found.grid.interval_count == min(grid.interval_count, periods)
+
+
+@pytest.mark.parametrize(("periods", "apart"), [(FINE, 1e-4), (100, 1e-2)])
+def test_it_is_nearly_the_same_motion_at_rest_at_both_ends(periods, apart):
+    before, found = spline(), on_periodic_knots(spline(), periods)
+    x = np.linspace(0, 1, 500)
+    assert abs(found.bspline()(x) - before.bspline()(x)).max() < apart
+    np.testing.assert_array_equal(found.control_points[[0, 1, 2]], before.control_points[[0] * 3])
+    np.testing.assert_array_equal(found.control_points[-3:], before.control_points[[-1] * 3])

@@ -1,0 +1,273 @@
+"""Tubes from start, goal and obstacles alone."""
+
+import json
+import sys
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from cases import SHORTEST
+
+from measured_tubes import random_attack
+from tubeplanner import PlanOptions, RouteOptions, find_route, load_problem, parse_problem, plan
+from tubeplanner.errors import OptionError
+from tubeplanner.outcome import TimeLimitReached
+from tubeplanner.studies.tubes.joint_routes import FreeSpace, RouteSearch
+from tubeplanner.studies.tubes.route import goal_configurations
+from tubeplanner.studies.tubes.tool_corners import reference_tube, tool_corners
+
+GAP = "example:two_link/through_the_gap"
+QUICK = RouteOptions(tries=1, samples=200)
+CELL = {
+    "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
+    "start": {"joints": [0, 0.5]},
+    "goal": {"joints": [1.5, 0.5]},
+}
+# Nothing gets past it without leaving the plane.
+GATE = {"name": "gate", "box": [0.5, 0.02, 0.3], "position": [0.4, 0.4, 0], "rpy": [0, 0, 0.785]}
+FAR = {"position": [0.5, 0.5, 0]}
+NO_ROUTE = "no route was found in 3 tries of 300 configurations;"
+
+
+@pytest.fixture(scope="module")
+def gap():
+    return load_problem(GAP, reads_tube=False)
+
+
+@pytest.fixture(scope="module")
+def searched(gap):
+    """Return the free space, a search in it and the route of seed 1."""
+    ends = np.array([gap.start, gap.goal])
+    space = FreeSpace(gap, 0.01, ends)
+    limits = gap.robot.limits
+    search = RouteSearch(space, gap.start, ends[1:], limits.lower_position, limits.upper_position)
+    return space, search, search.route(1, 20_000)
+
+
+@pytest.fixture(scope="module")
+def answered(gap):
+    """Return the answer of a whole search, and the progress that it told."""
+    told = []
+    return find_route(gap, QUICK, told.append), told
+
+
+@pytest.fixture(scope="module")
+def late():
+    """Return the answer of a search whose time passes while it measures."""
+    return stopped("step 4 of 4", TimeLimitReached())
+
+
+def cell(**changes):
+    return parse_problem({**CELL, **changes}, reads_tube=False)
+
+
+def stopped(stage, error, problem=None):
+    """Return the answer of a search that ends as a stage begins."""
+
+    def show(progress):
+        if progress.stage.startswith(stage):
+            raise error
+
+    return find_route(problem or cell(), QUICK, show)
+
+
+def answer_with(monkeypatch, answer):
+    """Let the command find an answer; return a list that gets its options."""
+    asked = []
+
+    def find(problem, options, progress):
+        asked.append(options)
+        return answer
+
+    monkeypatch.setattr("tubeplanner.cli.tubes.find_route", find)
+    return asked
+
+
+def test_a_route_is_free_where_the_straight_line_is_not_and_the_same_for_the_same_seed(
+    gap, searched
+):
+    space, search, route = searched
+    np.testing.assert_allclose(route[[0, -1]], [gap.start, gap.goal])
+    assert search.checks > 0
+    shares = np.linspace(0, 1, 20)[:, None]
+    for a, b in pairwise(route):
+        assert all(space.is_free(q) for q in a + shares * (b - a))
+    assert not all(space.is_free(q) for q in gap.start + shares * (gap.goal - gap.start))
+    np.testing.assert_array_equal(search.route(1, 20_000), route)
+    assert not np.array_equal(search.route(2, 20_000), route)
+
+
+def test_lines_between_corners_are_straight_and_free(gap, searched):
+    space, _, route = searched
+    corners = tool_corners(gap.robot, space, route)
+    assert 3 <= len(corners.points) <= 5
+    for a, b, q in zip(corners.points, corners.points[1:], corners.lines, strict=False):
+        tool = gap.robot.tool_position(q)
+        np.testing.assert_allclose(tool[[0, -1]], [a, b], atol=1e-5)
+        along = np.clip((tool - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)[:, None]
+        assert np.linalg.norm(tool - a - along * (b - a), axis=1).max() < 1e-5
+        assert abs(np.diff(q, axis=0)).max() <= 0.3
+        assert all(space.is_free(each) for each in q)
+    fine = tool_corners(gap.robot, space, route, deviation=0.005)
+    assert len(fine.points) > len(corners.points)
+
+
+def test_clearance_is_the_distance_beyond_the_required_one():
+    ball = [{"name": "ball", "sphere": 0.05, "position": [0.75, 0, 0.02]}]
+    problem = cell(start={"joints": [0, 0]}, obstacles=ball, clearance=0.01)
+    # The second link ends 0.62 m from the base; see two_link.urdf.
+    space = FreeSpace(problem, 0.0, problem.start[None])
+    assert space.clearance(problem.start) == pytest.approx(0.75 - 0.05 - 0.62 - 0.01, abs=1e-6)
+    assert space.is_free(problem.start)
+    wider = FreeSpace(problem, 0.1, np.array([[1.0, 0]]))
+    assert wider.lacking(problem.start).obstacle == "ball"
+    # An end that has no more clearance itself does not ask for it.
+    assert FreeSpace(problem, 0.1, problem.start[None]).is_free(problem.start)
+
+
+def test_a_tool_position_has_several_configurations(two_link):
+    problem = cell(goal={"position": [0.3, 0.3, 0]})
+    goals = goal_configurations(problem, problem.start, seed=1)
+    assert {np.sign(q[1]) for q in goals} == {1.0, -1.0}
+    tool = two_link.tool_position(goals)
+    np.testing.assert_allclose(tool, [[0.3, 0.3, 0]] * len(goals), atol=2e-6)
+    assert abs(goals[0] - problem.start).max() == min(abs(goals - problem.start).max(axis=1))
+
+
+def test_signs_that_hold_everywhere_are_kept(two_link):
+    q = np.array([[0.1, -0.5], [0.4, 0.2], [0.6, 0.3]])
+    tube = reference_tube(two_link, two_link.tool_position(q), [q[:2], q[1:]], 0.25, 0.05)
+    assert tube.joint_ranges[0] == {"joint1": (0.0, 0.65), "joint2": (-0.75, 0.45)}
+    assert tube.joint_ranges[1] == {"joint1": (0.15, 0.85), "joint2": (-0.05, 0.55)}
+
+
+@pytest.mark.dear("searches, plans and measures three routes through a gap")
+def test_the_tube_of_a_route_is_planned_and_a_measured_one_offered_beside_it(gap, answered):
+    answer, told = answered
+    found, measured = answer.found, answer.measured
+    assert answer.succeeded
+    np.testing.assert_allclose(found.problem.goal, gap.goal)
+    assert 2 <= len(answer.compared) <= 3
+    assert found.duration <= min(answer.compared)
+    assert measured is not found
+    assert measured.result.succeeded and measured.duration > found.duration
+    rng = np.random.default_rng(3)
+    for k in range(measured.problem.tube.segment_count):
+        assert random_attack(measured.problem, k, 500, rng).collisions == 0
+    fields = answer.as_dict()
+    assert fields["duration"] == found.duration
+    assert fields["measured"]["duration"] == measured.duration
+    assert fields["measured"]["radius"] == measured.problem.tube.radius.tolist()
+    assert fields["radius"] == [0.05] * len(fields["radius"])
+    steps = [int(each.stage.removeprefix("step ")[0]) for each in told]
+    assert steps == sorted(steps) and set(steps) == {1, 2, 3, 4}
+    best = [each.best_duration for each in told if each.best_duration is not None]
+    assert best == sorted(best, reverse=True) and told[0].best_duration is None
+
+
+@pytest.mark.dear("plans both tubes of the whole search again")
+def test_both_tubes_go_to_files_that_plan(run, monkeypatch, tmp_path, answered):
+    answer, _ = answered
+    asked = answer_with(monkeypatch, answer)
+    files = [tmp_path / "fast.yaml", tmp_path / "measured.yaml"]
+    words = ("route", GAP, "--tries", 1, "--samples", 200, "-o", files[0], "--measured", files[1])
+    status, out, _ = run(*words)
+    assert status == 0 and asked == [QUICK]
+    assert "measured tube, in which nothing collides: " in out
+    # The answer is smooth; tubes are compared by their shortest motions.
+    cases = ((answer.found, PlanOptions()), (answer.measured, SHORTEST))
+    for path, (tube, options) in zip(files, cases, strict=True):
+        assert str(path) in out
+        assert plan(load_problem(path), options).duration == pytest.approx(tube.duration, rel=1e-6)
+    report = json.loads(run(*words, "--json")[1])
+    assert (report["status"], report["problem"]) == ("success", str(files[0]))
+    assert len(report["points"]) == len(report["radius"]) + 1
+
+
+def test_a_robot_without_geometry_needs_no_way_around():
+    robot = {"urdf": "example:asr_twodof", "tool_frame": "Tip"}
+    problem = cell(robot=robot, goal={"joints": [1.0, 0.9]})
+    assert stopped("step 4 of 4", TimeLimitReached(), problem).succeeded
+
+
+def test_what_is_certified_is_the_answer_when_time_passes_or_it_is_interrupted(late):
+    interrupted = stopped("step 2 of 4, route 2 of 3", KeyboardInterrupt())
+    for answer, name, step in ((late, "time_limit", 4), (interrupted, "interrupt", 2)):
+        assert answer.succeeded and answer.stopped_by == name
+        assert answer.found.duration == pytest.approx(min(answer.compared), rel=0.02)
+        assert answer.measured is None
+        assert answer.as_dict()["stopped_by"] == name and answer.as_dict()["measured"] is None
+        assert (
+            f"the search was stopped by {name.replace('_', ' ')} in step {step} of 4: there may be "
+            "a faster tube"
+        ) in answer.notes
+
+
+def test_a_file_for_a_measured_tube_that_is_not_there_is_told(run, monkeypatch, tmp_path, late):
+    answer_with(monkeypatch, replace(late, stopped_by=None))
+    files = [tmp_path / "fast.yaml", tmp_path / "measured.yaml"]
+    status, out, _ = run("route", GAP, "-o", files[0], "--measured", files[1])
+    assert status == 0
+    assert f"note: {files[1]} was not written: there is no measured tube" in out.splitlines()
+    assert files[0].exists() and not files[1].exists()
+    assert "not written" not in run("route", GAP, "-o", files[0])[1]
+
+
+def test_ended_before_anything_is_certified_there_is_none():
+    answer = stopped("step 2 of 4, route 1 of 3", TimeLimitReached())
+    assert answer.status == "time_limit" and answer.stopped_by == "time_limit"
+    assert answer.found is None
+    with pytest.raises(KeyboardInterrupt):
+        stopped("step 1 of 4", KeyboardInterrupt())
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "status", "message"),
+    [
+        ({"obstacles": [GATE]}, {"tries": 1, "checks": 300}, "no_trajectory", NO_ROUTE),
+        ({"goal": FAR}, {}, "unreachable", "the tool was brought no nearer than 0.1071 m"),
+        ({}, {"time_limit": 1e-6}, "time_limit", "the time limit of 1e-06 s passed before the end"),
+    ],
+)
+def test_without_an_answer_the_reason_is_named(changes, options, status, message):
+    answer = find_route(cell(**changes), RouteOptions(**options))
+    assert answer.status == status and message in answer.message
+    assert (answer.place.position is None) == (status == "time_limit")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"seed": 0}, "seed is 0; it must be >= 1"),
+        ({"max_radius": 0.0}, "max_radius is 0 m; it must be > 0 and finite"),
+        ({"band": np.nan}, "band is nan; it must be > 0 and finite"),
+        ({"time_limit": -1}, "time_limit is -1 s"),
+    ],
+)
+def test_options_out_of_range_are_named(changes, message):
+    with pytest.raises(OptionError, match=message):
+        RouteOptions(**changes)
+
+
+def test_without_ompl_the_message_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ompl", None)
+    with pytest.raises(OptionError, match=r"pip install -e '\.\[route\]'"):
+        find_route(cell())
+
+
+def test_a_start_in_collision_is_an_answer_with_its_place(run, tmp_path):
+    ball = {"name": "ball", "sphere": 0.1, "position": [0.3, 0, 0]}
+    path = tmp_path / "blocked.json"
+    path.write_text(json.dumps({**CELL, "obstacles": [ball]}))
+    status, out, _ = run("route", path, "--json", "-o", tmp_path / "no.yaml")
+    report = json.loads(out)
+    assert status == 1 and report["status"] == "tube_blocked"
+    assert "in the start configuration" in report["message"]
+    assert report["where"]["obstacle"] == "ball"
+    assert not (tmp_path / "no.yaml").exists()
+
+
+def test_bad_input_ends_with_status_2(run):
+    status, _, err = run("route", GAP, "--tries", 0)
+    assert status == 2 and "tries is 0; it must be >= 1" in err
