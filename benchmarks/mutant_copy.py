@@ -23,6 +23,7 @@ _LIBRARIES = (
     *("scipy.optimize", "scipy.sparse.linalg", "scipy.spatial.transform", "scipy.special"),
     *("toppra", "trimesh", "yourdfpy"),
 )
+_COVERS = Path("output/test-covers")  # of links and solids, which tests keep from run to run
 _WAITS = 3  # other processes, and what a test waits for
 _LOG, _FAILED = "mutant.log", "mutant.failed"
 _CONTEXT = get_context("forkserver")
@@ -33,11 +34,12 @@ class Copy:
     """A copy of a checkout in which one module at a time is another."""
 
     def __init__(self, folder: Path, checkout: Path) -> None:
-        self._folder = folder
+        self._folder, self._known_covers = folder, checkout / _COVERS
         shutil.copytree(checkout, folder, ignore=shutil.ignore_patterns(*_NOT_COPIED))
         # Compiled here, where it is not: what is read from then on is the module that changes.
         compiling = [sys.executable, "-m", "compileall", "-q", "src", "tests"]
         subprocess.run(compiling, cwd=folder, check=True)
+        self._renew_covers()
 
     @property
     def log(self) -> str:
@@ -56,6 +58,13 @@ class Copy:
             yield
         finally:
             path.write_text(original)
+            self._renew_covers()
+
+    def _renew_covers(self) -> None:
+        """Take the checkout's covers again: a mutant may have kept wrong ones."""
+        shutil.rmtree(self._folder / _COVERS, ignore_errors=True)
+        if self._known_covers.is_dir():
+            shutil.copytree(self._known_covers, self._folder / _COVERS)
 
     def failure(self, tests: list[str], time_limit: float) -> str:
         """Return the first test that fails, `TIMEOUT` or `CRASH`; "" if all pass.
