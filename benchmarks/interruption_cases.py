@@ -197,7 +197,7 @@ class Kept:
         real = []
         command = self._case.words.split()[0]
         places = [(name, *name.split(":")) for name in self._case.computed]
-        module = import_module(f"tubeplanner.cli.{command}_command") if self._case.journal else None
+        module = import_module(f"tubeplanner.cli.{command}") if self._case.journal else None
         try:
             for name, where, attribute in places:
                 import_module(where)

@@ -1,6 +1,6 @@
 // Lower bounds on how far pairs of convex shapes are apart in many configurations.
 //
-// Counterpart of tubeplanner/measurement/clearance_bounds.py, which explains them.
+// Counterpart of tubeplanner/studies/tubes/clearance_bounds.py, which explains them.
 #include <cmath>
 #include <cstdlib>
 

@@ -1,6 +1,6 @@
 // Configurations in which the tool has given positions and rotations, by damped least squares.
 //
-// Counterpart of tubeplanner/branches/inverse_kinematics.py, which explains the method.
+// Counterpart of tubeplanner/first_guess/inverse_kinematics.py, which explains the method.
 #include <cstdlib>
 #include <cstring>
 

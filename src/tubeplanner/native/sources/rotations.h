@@ -1,6 +1,6 @@
 // Rotation vectors: axis times angle; rotations row by row.
 //
-// Counterpart of tubeplanner/tube/rotations.py.
+// Counterpart of tubeplanner/orientation.py.
 #pragma once
 
 #include <cmath>

@@ -1,6 +1,6 @@
 // Configurations moved until the tool is where it is wanted, or as near to it as it comes.
 //
-// Counterpart of tubeplanner/measurement/tool_moves.py, which explains the method.
+// Counterpart of tubeplanner/studies/tubes/configuration_sets.py, which explains the method.
 #include <cstdlib>
 #include <cstring>
 
