@@ -154,6 +154,7 @@ def test_the_range_ends_where_a_hundredth_of_the_largest_velocity_is_left(limite
         (0.0, UPPER - ZONE - 1e-6, 0.6, True),
         (0.0, UPPER - ZONE, 0.6, False),
         (2.0, UPPER - ZONE / 2, 0.6, True),
+        (UPPER - ZONE / 2, UPPER - ZONE / 2, 0.6, True),
         (UPPER - ZONE / 2, 2.0, 0.6, False),
         (-1.0, LOWER + ZONE / 2, 0.6, True),
         (0.0, 2.1, 0.0, False),

@@ -1,12 +1,15 @@
 """Names are names: no markup in pages, no codes in terminals, no formulas in tables."""
 
+import base64
 import csv
+import gzip
 import io
 import json
 import re
 from html.parser import HTMLParser
 
 import pytest
+import umsgpack
 import yaml
 from gantry import HOSTILE, explained
 from rich.table import Table
@@ -85,10 +88,18 @@ def test_a_name_is_no_markup_in_a_page(folder, name, capsys):
 
 def test_what_a_page_says_comes_out_of_it_as_it_went_in():
     panel = {"names": [*NAMES, *CODES]}
-    text = page_html(NAMES[1], panel, [])
+    commands = [{"type": "delete", "path": f"/{name}"} for name in NAMES]
+    text = page_html(NAMES[1], panel, commands)
     begin = text.index('{"names"')
     assert json.JSONDecoder().raw_decode(text[begin:])[0] == panel
     assert NAMES[1] not in text
+    (scene,) = re.findall(r'<script type="text/plain" id="scene">(.*?)</script>', text)
+    packed, kept = gzip.decompress(base64.b64decode(scene)), []
+    while packed:
+        length = int.from_bytes(packed[:4], "little")
+        kept.append(umsgpack.unpackb(packed[4 : 4 + length]))
+        packed = packed[4 + length :]
+    assert kept == commands
 
 
 @pytest.mark.dear("plans four problems and makes four pages")

@@ -133,7 +133,7 @@ def test_a_robot_that_cannot_move_is_refused(tmp_path):
     assert "no joint can move" in refusal(RobotError, likely_tool_frame, read_urdf(path))
 
 
-@pytest.mark.parametrize("name", ["ur5", "two_link"])
+@pytest.mark.parametrize("name", ["ur5", "two_link", "kinova"])
 def test_typical_configurations_are_within_limits_and_far_from_singular(name):
     arm = robot_info(f"example:{name}").arm
     q = typical_configurations(arm)

@@ -58,6 +58,11 @@ def test_what_is_within_the_bounds_is_in_the_cone_and_some_on_its_rim(bounds, ax
     assert -0.015 < min(left) < 0.02  # between two points of the rim
 
 
+def test_one_angle_is_a_round_cone():
+    rim = cone_rim(np.array([INF, INF, INF, 0.2]), 2)
+    np.testing.assert_allclose(rim[:, 2], np.cos(0.2), atol=1e-6)
+
+
 def test_cones_stand_at_the_tool_as_the_reference_is_turned(tray):
     cone, shown = named(tray, Layer.ROTATION, "cone_0"), tray.trajectories[0]
     assert shown.present[cone.body].all()
