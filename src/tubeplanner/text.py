@@ -112,7 +112,7 @@ def value_text(value: Any) -> str:
 
 # ---- Cells of tables that spreadsheets would run: text that begins as a formula does.
 
-_FORMULA_BEGINS = ("=", "+", "-", "@")
+FORMULA_BEGINS = ("=", "+", "-", "@")
 
 
 def without_formulas(table: str) -> str:
@@ -129,7 +129,7 @@ def without_formulas(table: str) -> str:
 
 
 def _is_formula(cell: str) -> bool:
-    if not cell.lstrip().startswith(_FORMULA_BEGINS):
+    if not cell.lstrip().startswith(FORMULA_BEGINS):
         return False
     try:
         float(cell)

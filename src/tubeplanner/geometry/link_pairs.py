@@ -93,11 +93,6 @@ class LinkJudge:
         self._covers = BodyShapes(robot, shapes)
         self._rotation, self._position = robot.body_poses(_random_configurations(robot))
 
-    def overlapping(self, pair: Pair) -> bool:
-        """Return whether a pair's covers overlap in all configurations."""
-        indices = self._pairs_of(pair)
-        return all(self._overlap(indices, k) for k in range(_TOUCH_SAMPLES))
-
     def judged(self, pairs: Sequence[Pair]) -> LinkPairs:
         """Judge pairs of links."""
         touching = tuple(pair for pair in pairs if self._always_touch(pair))

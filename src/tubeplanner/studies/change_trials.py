@@ -186,13 +186,8 @@ class SizeBracket:
     larger: Trial | None = None
 
     @property
-    def possible(self) -> Trial | None:
-        """The trial nearest to where it begins to matter that was certified; None if none was."""
-        return self.larger if self.helps else self.smaller
-
-    @property
     def impossible(self) -> Trial | None:
-        """The trial nearest to it that was not; None if all were."""
+        """The refused trial nearest to the decisive size; None if all were certified."""
         return self.smaller if self.helps else self.larger
 
     @property

@@ -120,7 +120,8 @@ def _called(names: Names) -> str:
 
 # ---- What an answer is to be beside short.
 
-SMOOTHNESS, ENERGY, WORK = MINIMISED = ("smoothness", "energy", "work")
+MINIMISED = ("smoothness", "energy", "work")
+SMOOTHNESS, ENERGY = MINIMISED[:2]
 _SLACK, _MAX_SLACK = 0.005, 10.0
 _MAX_DURATION = 1e4  # [s]
 _ROUNDING = 1e-6  # of a period

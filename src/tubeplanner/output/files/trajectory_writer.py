@@ -21,13 +21,12 @@ from tubeplanner.output.files.samples import CycleSamples, cycle_samples, sample
 from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.legs import rest_text
 from tubeplanner.task.problem import PlanningProblem
+from tubeplanner.text import FORMULA_BEGINS
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.trajectory.reader import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
 from tubeplanner.writing import require_writable, write_files
 
 # ---- Trajectories as text: our JSON, CSV, ROS.
-
-_FORMULA_BEGINS = ("=", "+", "-", "@")
 
 
 def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
@@ -85,7 +84,7 @@ def require_no_formula(joint_names: Sequence[str]) -> None:
         OutputError: A name begins as a formula does, which they would run.
     """
     for name in joint_names:
-        if name.lstrip().startswith(_FORMULA_BEGINS):
+        if name.lstrip().startswith(FORMULA_BEGINS):
             raise OutputError(
                 f"CSV: the column of joint {shown(name)} would begin with '{name.lstrip()[0]}', "
                 "a formula to spreadsheets; rename the joint, or write JSON or ROS"
