@@ -56,8 +56,7 @@ def _turn(angle: float, first: int, second: int) -> FloatArray:
 #
 # A rotation vector v has the rotation's axis as direction and its angle [rad] as length. All
 # functions take arrays with any leading shape (...). Formulas after Sola, Deray & Atchuthan, "A
-# micro
-# Lie theory for state estimation in robotics" (2018), appendix B.
+# micro Lie theory for state estimation in robotics" (2018), appendix B.
 
 _SMALL = 1e-2  # [rad]: below it, series are used where closed forms lose digits
 # An error of the entries of a rotation matrix, in every column at most e, turns its rotation vector

@@ -267,8 +267,7 @@ def enclosed_pose(
 # ---- Polynomials that enclose the joint efforts and their rates, for all t.
 #
 # The terms of the effort law are listed once. Its values and the bounds on what lies between them
-# are
-# sums over that list, so that no term can be in the one and not in the other.
+# are sums over that list, so that no term can be in the one and not in the other.
 
 
 def effort_terms(robot: RobotModel) -> Mapping[str, Quantity]:

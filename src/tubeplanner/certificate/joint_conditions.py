@@ -135,8 +135,7 @@ def _visits_by_range(motion: JudgedMotion) -> list[list[Visit]]:
 #
 # Towards an end at a distance g, a joint's velocity v keeps v <= max(0, sqrt(2 d g) - o). What that
 # leaves is the larger one of two concave functions of g and v, sqrt(2 d g) - o - v and -v. On a
-# piece
-# of a polynomial both are polynomials of time, g and v lie in the hull of their Bernstein
+# piece of a polynomial both are polynomials of time, g and v lie in the hull of their Bernstein
 # coefficients, and each function is nowhere less than at the worst of these.
 
 _RESOLUTION = 1e-9  # of the largest velocity

@@ -81,9 +81,9 @@ def path_steps(trajectory: JointTrajectory, count: int, per_piece: int) -> PathS
 # ---- Limits on efforts and accelerations along a trajectory's path, one side each, at any speed.
 #
 # Run along its path at the speed p, 1 being the trajectory's own, and with the rate p' of that
-# speed,
-# a trajectory q(t) has the velocities q' p and the accelerations q'' p^2 + q' p'. Efforts then are
-# gravity and Coulomb friction, which stay, viscous friction with p, inertia with p^2 and with p'.
+# speed, a trajectory q(t) has the velocities q' p and the accelerations q'' p^2 + q' p'. Efforts
+# then are gravity and Coulomb friction, which stay, viscous friction with p, inertia with p^2 and
+# with p'.
 
 _WAYS = (1.0, -1.0)
 
@@ -183,11 +183,9 @@ def _shares(
 #
 # The state is the place on the trajectory and the speed p at which its time runs, 1 before the arm
 # brakes. From every place, p^2 is lowered over the steps of a grid as steeply as the limits allow,
-# in
-# which p' is bounded from both sides by every limit (Bobrow, Dubowsky & Gibson, "Time-optimal
-# control
-# of robotic manipulators along specified paths", 1985). A step keeps one p', which suits the limits
-# at both its ends.
+# in which p' is bounded from both sides by every limit (Bobrow, Dubowsky & Gibson, "Time-optimal
+# control of robotic manipulators along specified paths", 1985). A step keeps one p', which suits
+# the limits at both its ends.
 
 _STEP = 1e-3  # [s]; at most, unless that makes too many
 _FEWEST, _MOST = 1000, 20_000

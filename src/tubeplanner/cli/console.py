@@ -212,8 +212,7 @@ def print_json(fields: dict[str, Any], indent: int | None = None) -> None:
 #
 # Commands hold Ctrl-C back before they draw an answer that took its time. Those whose work is to
 # draw enter a stage before they write: it raises a Ctrl-C that a library swallowed, and that may
-# have
-# spoiled what it drew.
+# have spoiled what it drew.
 
 OTHERS_NOT_TRIED = "; interrupted, the others were not tried"
 

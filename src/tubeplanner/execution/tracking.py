@@ -86,8 +86,8 @@ def _inertia(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
 # ---- Controllers that follow a plan: from measured states to the efforts that motors are asked
 # for.
 #
-# Each answers an error of position by an acceleration back, as a critically damped oscillator of
-# 30 rad/s would.
+# Each answers an error of position by an acceleration back, as a critically damped oscillator of 30
+# rad/s would.
 
 BANDWIDTH = 30.0  # [rad/s]
 

@@ -122,8 +122,7 @@ def _composed(path: JointTrajectory, timing: FloatArray, piece: IntArray) -> Flo
 #
 # At every instant some motor or velocity is at its limit, and motors switch instantly: the
 # acceleration jumps. (Bobrow, Dubowsky & Gibson, "Time-optimal control of robotic manipulators
-# along
-# specified paths", 1985; Shin & McKay, 1985.)
+# along specified paths", 1985; Shin & McKay, 1985.)
 
 # Steps between the points where limits are judged: of a whole path, and of each line or arc in it.
 _PATH_STEPS, _PIECE_STEPS = 800, 400
@@ -185,9 +184,8 @@ def _grid(path: ToolPath) -> FloatArray:
 # ---- Smoothed bang-bang control: the same path with an average of its time parameterization.
 #
 # The average is C2 and begins and ends at rest without acceleration. Where that violates a limit,
-# the
-# time parameterization is slowed locally before it is averaged again; the rest is slowed uniformly.
-# Finer averages cost ever less: the allowed jerk sets the price of smoothness.
+# the time parameterization is slowed locally before it is averaged again; the rest is slowed
+# uniformly. Finer averages cost ever less: the allowed jerk sets the price of smoothness.
 
 _ROUNDS = 8
 _SAMPLES_PER_INTERVAL = 8  # at the limits, per interval

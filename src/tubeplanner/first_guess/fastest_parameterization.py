@@ -139,8 +139,7 @@ def _rows(
 # reachability analysis", IEEE T-RO 34(3), 2018); first by Bobrow et al. and Shin & McKay (1985).
 #
 # A path is stored as the trajectory that runs it at unit speed: its times are the arc length in
-# joint
-# space.
+# joint space.
 
 # What is to be said of the answer where that is so.
 NOT_PROVED = (

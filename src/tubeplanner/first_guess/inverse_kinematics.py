@@ -61,8 +61,7 @@ def native_solve_positions(
 #
 # Damped least squares with the damping of Sugihara, "Solvability-unconcerned inverse kinematics by
 # the Levenberg-Marquardt method" (IEEE T-RO 27(5), 2011): it converges at a fully stretched arm,
-# and
-# comes as near as possible to a point out of reach. The rotation comes second: it uses what the
+# and comes as near as possible to a point out of reach. The rotation comes second: it uses what the
 # position leaves, in the null space of its Jacobian. A third task pulls redundant joints towards a
 # preferred configuration, in the null space of both.
 

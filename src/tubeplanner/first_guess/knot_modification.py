@@ -120,17 +120,13 @@ def _is_free(shape: JointTrajectory, clearance: LinkClearance) -> bool:
 # number of segments being known (Suh & Bishop 1988, phase 2: nu = M-1-k).
 #
 # Nodes are kept by depth. Each sweep goes through the depths and expands the most promising nodes
-# of
-# each (cyclic best-first search: Morrison, Sauppe, Zhang, Jacobson and Sewell, "Cyclic best first
-# search", 2017), so that the first sweep already ends with complete directions.
+# of each (cyclic best-first search: Morrison, Sauppe, Zhang, Jacobson and Sewell, "Cyclic best
+# first search", 2017), so that the first sweep already ends with complete directions.
 #
 # Sequential quartics depend on no later knot than the one they aim at: cutting loses nothing that
-# the
-# samples do not miss. A spline's segments depend on all knots, on each about a quarter as much as
-# on
-# the one before; those not yet chosen are taken to stay, so a good direction may be lost, but none
-# is
-# taken that does not help.
+# the samples do not miss. A spline's segments depend on all knots, on each about a quarter as much
+# as on the one before; those not yet chosen are taken to stay, so a good direction may be lost, but
+# none is taken that does not help.
 
 # How many segments are tested at a depth, and how many complete directions judged, in a sweep.
 _SEGMENTS_PER_DEPTH, _TRAJECTORIES_PER_SWEEP = 300, 8
@@ -359,8 +355,7 @@ def unit_response(construction: Construction, count: int) -> FloatArray:
 # ---- The modification process: knots are moved until no direction makes the trajectory faster.
 #
 # Find the discretised gradient, search along it, repeat (Suh & Bishop 1988, phase 2). The paper
-# does
-# not give the increment: here it is halved whenever no direction helps, from coarse to fine.
+# does not give the increment: here it is halved whenever no direction helps, from coarse to fine.
 
 
 @dataclass(frozen=True)

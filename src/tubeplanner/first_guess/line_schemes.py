@@ -165,9 +165,8 @@ def _off(
 # Knots are added at the middle of the tool's arc length between two knots until the joint line
 # between them deviates by no more than the tolerance; the arm runs from knot to knot at constant
 # joint velocities, with a transition of constant acceleration around each of them. (Taylor,
-# "Planning
-# and execution of straight line manipulator trajectories", IBM J. Research and Development 23(4),
-# 1979.)
+# "Planning and execution of straight line manipulator trajectories", IBM J. Research and
+# Development 23(4), 1979.)
 
 _MAX_ROUNDS = 10  # of adding knots
 _PROBES = np.linspace(0.0, 1.0, 9)[1:-1]  # of every joint line

@@ -119,10 +119,10 @@ class LinkClearance:
 
 # ---- The rules by which phase 1 cuts segments, for many segments at once (Suh & Bishop 1988).
 #
-# - joint_limits (FR-1): a joint leaves its position limits;
-# - duration (FR-3): the lower bound on the whole duration is no better than the known best;
-# - tube (FR-2): the tool leaves the tube, rotates too far there, or a joint leaves its range;
-# - collision (FR-2): a link comes too near to an obstacle or another link.
+# - joint_limits (FR-1): a joint leaves its position limits; - duration (FR-3): the lower bound on
+# the whole duration is no better than the known best; - tube (FR-2): the tool leaves the tube,
+# rotates too far there, or a joint leaves its range; - collision (FR-2): a link comes too near to
+# an obstacle or another link.
 #
 # Segments are tested at a few samples, which can only be too lenient.
 

@@ -71,11 +71,10 @@ def _solved(
 # ---- Smooth trajectories through waypoints at equal times, at rest at both ends.
 #
 # Two primitives. Sequential quartics are built one segment at a time, so that a search can judge
-# each
-# segment as soon as two further waypoints are known (Suh & Bishop 1988, section on trajectory
+# each segment as soon as two further waypoints are known (Suh & Bishop 1988, section on trajectory
 # construction; waypoints are the paper's knots). The 4-3-...-3-4 spline is the classical
-# alternative,
-# one linear system for all segments (Craig, "Introduction to Robotics", chapter on trajectories).
+# alternative, one linear system for all segments (Craig, "Introduction to Robotics", chapter on
+# trajectories).
 #
 # Every segment lasts one second: time scaling gives the trajectory its real duration. Coefficients
 # are laid out as in `scipy.interpolate.PPoly`, highest power first.

@@ -81,10 +81,8 @@ def _largest_gap(solid: MeshSolid, points: FloatArray) -> float:
 # ---- The part of a solid inside a box, and its convex hull: what finer covers are made of.
 #
 # The hull of a solid inside a box is that of the surface inside the box and of the box's corners
-# that
-# are inside the solid: any other point has surface or solid around it, so that it is no corner of
-# the
-# hull.
+# that are inside the solid: any other point has surface or solid around it, so that it is no corner
+# of the hull.
 
 # Where a piece may be cut: at its deepest notches, at the coordinates that most of its corners
 # have, and in its middle. A cut at a corner is preferred to one that is better by less than this

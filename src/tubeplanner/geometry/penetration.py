@@ -77,8 +77,8 @@ def _nearest_to_origin(start: FloatArray, end: FloatArray) -> FloatArray:
 # ---- How deep two convex shapes overlap, along which direction, and between which points.
 #
 # FCL ends the process on some shapes that touch, so it is never asked how deep: Coal is. Where
-# faces
-# lie on each other its direction is off by as much as 1e-4 rad; the normal of one of them is exact.
+# faces lie on each other its direction is off by as much as 1e-4 rad; the normal of one of them is
+# exact.
 
 # Coal refuses solids of which more edges than 255 meet at a corner.
 _MOST_NEIGHBOURS = 250

@@ -113,8 +113,7 @@ class JointEffort:
 # ---- Efforts as sides bound them: of each joint forwards and then backwards, with its friction.
 #
 # Upwards bounded is the most that a joint may need, downwards the least: where friction is
-# uncertain,
-# or its direction about to change, these differ.
+# uncertain, or its direction about to change, these differ.
 
 
 class SidedEffort:

@@ -58,8 +58,8 @@ class JointRate:
 # ---- Velocity limits that fall towards the ends of the joints' ranges, each way of its own.
 #
 # Towards an end at the distance g, a joint may move at L = max(0, sqrt(2 d g) - o): d is the
-# deceleration that would stop it there, o an offset. Away from it, this limit asks nothing. Where
-# g <= o^2 / (2 d), no motion towards the end is allowed: a joint may rest there or leave. A joint
+# deceleration that would stop it there, o an offset. Away from it, this limit asks nothing. Where g
+# <= o^2 / (2 d), no motion towards the end is allowed: a joint may rest there or leave. A joint
 # that is not there cannot come there, as L falls to zero in proportion to what is left.
 
 # A joint at rest moves at this rate by rounding [rad or m per unit of x].

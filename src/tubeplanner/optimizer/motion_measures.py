@@ -300,10 +300,8 @@ def _size(values: FloatArray) -> FloatArray:
 # ---- How smooth a motion is: three measures, each seeing what the others do not.
 #
 # The total variation of the efforts sees how often motors switch, their rates how fast, and jerk
-# what
-# joints of little inertia do. Rates and jerks count with the fourth power, for their peaks, which
-# are
-# at both ends.
+# what joints of little inertia do. Rates and jerks count with the fourth power, for their peaks,
+# which are at both ends.
 
 # Weights of the logarithms: of effort rate and jerk to the fourth power, variation between them.
 _WEIGHTS = (0.25, 1.0, 0.175)

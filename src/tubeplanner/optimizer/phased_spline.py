@@ -94,9 +94,8 @@ def cubic_values(weights: FloatArray, first: IntArray, control: FloatArray) -> F
 # move.
 #
 # Time x runs from 0 to 1. Phase k lies between the switching times k and k+1; its knots sit at
-# fixed
-# shares of it, and so do samples: when a switching time moves, they move with it. Joints are C2
-# everywhere. The first three control points are the start and the last three the goal, so that
+# fixed shares of it, and so do samples: when a switching time moves, they move with it. Joints are
+# C2 everywhere. The first three control points are the start and the last three the goal, so that
 # velocity and acceleration vanish exactly at both ends.
 
 DEGREE = 3

@@ -273,10 +273,8 @@ class EvaluatedRows(Protocol):
 # ---- Limits on the speed of a spline at samples, as rows.
 #
 # What a limit asks, sum of c_k s^k <= 1 with s = 1/T, is multiplied by the highest power of T: so
-# the
-# terms that bring it about, inertia and jerk, do not change with y = T^2, and the rows of efforts
-# and
-# accelerations are exact in y.
+# the terms that bring it about, inertia and jerk, do not change with y = T^2, and the rows of
+# efforts and accelerations are exact in y.
 
 
 @dataclass(frozen=True, eq=False)

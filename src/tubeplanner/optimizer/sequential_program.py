@@ -103,9 +103,8 @@ def _solved(
 # ---- Shortening a trajectory on one knot grid: what the descent asks of one leg.
 #
 # The unknowns are the control points, the switching times and the squared duration. After every
-# step
-# the duration is made exact by time scaling, so that each iterate keeps all limits at its samples;
-# tube and clearances are elastic.
+# step the duration is made exact by time scaling, so that each iterate keeps all limits at its
+# samples; tube and clearances are elastic.
 
 # Rows are given to the solver if they are this near, or a part of the trust region away.
 _NEAR, _NEAR_SHARE = 0.03, 0.03

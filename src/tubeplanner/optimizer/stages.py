@@ -367,9 +367,8 @@ def _numbers(tube: Tube, segment: int) -> tuple[int, int]:
 # ---- The second stage: of all motions near the shortest, the best one in a given duration.
 #
 # What is best the problem's objective says: the smoothest, or the one that saves most. It begins
-# with
-# the shortest one, on its knots, and keeps most of the room that this leaves free in the tube and
-# from obstacles.
+# with the shortest one, on its knots, and keeps most of the room that this leaves free in the tube
+# and from obstacles.
 
 _FIRST_DAMPING = 1e-3
 _SMOOTHING_TRUST, _LEAST_TRUST = 0.01, 0.002  # in units of the trust region

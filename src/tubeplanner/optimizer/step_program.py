@@ -392,9 +392,9 @@ def _matrix(parts: Sequence[SparseRows], columns: int) -> Any:
 
 # ---- The program of one step, of one or more legs: what legs ask together, and who solves it.
 #
-# It minimises the sum over legs of duration * eta + penalty * elastic + gradient . z +
-# x . hessian . x / 2 under the rows, z being a leg's configurations and switching times, x all that
-# may change there: z, eta, elastic. Legs may share variables.
+# It minimises the sum over legs of duration * eta + penalty * elastic + gradient . z + x . hessian
+# . x / 2 under the rows, z being a leg's configurations and switching times, x all that may change
+# there: z, eta, elastic. Legs may share variables.
 
 
 class StepProgram(Protocol):

@@ -151,8 +151,7 @@ def _goal_spot(problem: PlanningProblem) -> Spot:
 # ---- The first place on the reference path at which the arm has no configuration, and why.
 #
 # Conditions are asked in the order in which they matter: no motor, obstacle or orientation is in
-# the
-# way where the tool cannot be at all. Each is asked at all places before the next one.
+# the way where the tool cannot be at all. Each is asked at all places before the next one.
 
 _REACHED = 1e-6  # [m]
 _MOST_SEEDS = 20

@@ -467,8 +467,7 @@ class RobotModel:
 # ---- How fast an arm's joint efforts change along a motion, and how that follows from the motion.
 #
 # The efforts are a function tau(q, v, a), so that d tau / dt is by_q v + by_v a + by_a jerk with
-# its
-# derivatives by_q, by_v and by_a (Carpentier & Mansard, "Analytical derivatives of rigid body
+# its derivatives by_q, by_v and by_a (Carpentier & Mansard, "Analytical derivatives of rigid body
 # dynamics algorithms", 2018).
 
 # Of the times in which the motion changes by one radian or metre: the differences are good to 1e-8.

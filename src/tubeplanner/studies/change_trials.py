@@ -156,8 +156,7 @@ def planned(asked: Asked) -> Answer:
 # not.
 #
 # What is possible is taken to stay possible as a remedy grows, and the impossible to stay
-# impossible
-# as a change for the worse does.
+# impossible as a change for the worse does.
 #
 # Most of the time goes into plans that find nothing. So sizes are tried quickly at first, and only
 # those in vain that a bracket ends at once more, thoroughly.

@@ -84,8 +84,7 @@ def _is_model(kind: Any) -> bool:
 # check.
 #
 # A path is keys joined by dots; an item of a list goes by its index or by its `name`. Names that
-# hold
-# dots are found where they exist. A value such as `x0.5` scales every number below the path.
+# hold dots are found where they exist. A value such as `x0.5` scales every number below the path.
 
 _FACTOR = re.compile(r"x([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 

@@ -329,10 +329,9 @@ def times_between(breakpoints: FloatArray, count: int) -> FloatArray:
 #
 # (Hermite interpolation; Biagiotti & Melchiorri, "Trajectory Planning for Automatic Machines and
 # Robots", 2008, sections 2.1.1, 2.1.3 and 2.1.5.) Each begins with what is known of its first
-# sample;
-# the rest is taken from what that leaves to be made up until the next one. These are small numbers:
-# samples a millisecond apart meet to rounding, where differences of Bernstein coefficients would
-# leave jumps of the acceleration of 1e-7 rad/s^2.
+# sample; the rest is taken from what that leaves to be made up until the next one. These are small
+# numbers: samples a millisecond apart meet to rounding, where differences of Bernstein coefficients
+# would leave jumps of the acceleration of 1e-7 rad/s^2.
 
 
 def hermite_pieces(time: FloatArray, known: Sequence[FloatArray]) -> FloatArray:

@@ -162,8 +162,7 @@ def _missing(header: Sequence[str], joint_names: Collection[str]) -> str:
 # ---- Trajectory files read back: our JSON, and CSV and ROS messages made anywhere.
 #
 # Our JSON holds the polynomials themselves. The others hold samples, which are joined by
-# polynomials;
-# `interpolation` states how.
+# polynomials; `interpolation` states how.
 
 TRAJECTORY_FORMAT = "tubeplanner/trajectory"
 TRAJECTORY_VERSION = 1

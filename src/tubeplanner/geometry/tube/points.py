@@ -200,8 +200,7 @@ def given_radii(radius: float | Sequence[float] | FloatArray, segments: int) -> 
 # ---- Which reference points the tool must pass: those at which the tube turns back.
 #
 # Where a tube turns back on itself, the capsules before and after the point overlap along the way:
-# a
-# tool could turn round long before the point and still be in both.
+# a tool could turn round long before the point and still be in both.
 
 PASS_THROUGH = ("all", "corners", "none")
 _TURNS_BACK = np.radians(150)

@@ -214,8 +214,7 @@ class Capsules:
 # ---- Segments with a rectangle for a cross-section: their sizes, and the boxes about them.
 #
 # A box is the rectangle swept along its segment and, beyond both ends, as far as the smaller half
-# of
-# its sides. It has six faces: across, along the given upward direction, and at both ends.
+# of its sides. It has six faces: across, along the given upward direction, and at both ends.
 
 _PARALLEL = 1e-6  # sine of the least angle between a segment and what is upward there
 _SMALLEST, _LARGEST = 2 * MIN_LENGTH, 1e4  # sides [m]

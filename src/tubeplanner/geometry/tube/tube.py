@@ -457,8 +457,7 @@ def _narrowed_bound(bound: RotationBound, by: float) -> RotationBound:
 #
 # A point between them asks nothing, so that a tube is the same however its straight parts are
 # divided. Segments that were visited one after the other would ask more: the tool would have to
-# come
-# near every point between them.
+# come near every point between them.
 
 _ON_LINE = 1e-9  # [m], [rad]
 _HALF_TURN = np.pi - 1e-6  # [rad]: beyond it the short way round would be another one

@@ -111,10 +111,9 @@ def _rows(limits: LimitOverrides, quantity: str) -> FloatArray:
 # ---- What libfranka's control of joint positions makes of a trajectory.
 #
 # Every millisecond the robot is sent a position. It takes differences: (q_k - q_(k-1)) / 1 ms is
-# the
-# velocity, and so on to jerk. Before the first command and after the last the arm stands still, so
-# that a motion that does not begin or end at rest shows as a jump. The names of errors are those of
-# `franka::Errors`; what is necessary and what only recommended is Franka's "Robot and interface
+# the velocity, and so on to jerk. Before the first command and after the last the arm stands still,
+# so that a motion that does not begin or end at rest shows as a jump. The names of errors are those
+# of `franka::Errors`; what is necessary and what only recommended is Franka's "Robot and interface
 # specifications".
 
 PERIOD = 1e-3  # [s]

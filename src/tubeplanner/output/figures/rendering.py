@@ -52,8 +52,8 @@ class SpaceView:
 # ---- Solids rendered to a picture, pixel by pixel, so that what is in front is seen in front.
 #
 # Of solids that nothing is seen through, every pixel shows the nearest. Of translucent ones it
-# shows
-# the sides towards the viewer, over what is behind them: each is as dark as it is translucent.
+# shows the sides towards the viewer, over what is behind them: each is as dark as it is
+# translucent.
 
 _PIXELS = 1100  # of the longer side
 _LIGHT = np.array([0.35, -0.25, 0.9]) / np.linalg.norm([0.35, -0.25, 0.9])

@@ -277,8 +277,7 @@ def differing_parts(problem: PlanningProblem, stated: Mapping[str, str]) -> list
 # ---- Hashes of cycles: is a motion that of this cycle, and if not, in what do they differ?
 #
 # They are those of its moves' problems, each as it is before it is known where it begins, and of
-# what
-# happens between them.
+# what happens between them.
 
 _CYCLE_DIGITS, _PART_DIGITS = 32, 8
 _STEPS = "order of steps or dwells"

@@ -66,8 +66,7 @@ def scene_frame(points: Sequence[FloatArray], direction: FloatArray, count: int)
 # ---- What there is to see: surfaces, colours, placements; no viewer.
 #
 # Everything is in the base frame, in m and s. Several trajectories stand side by side, each with
-# its
-# own arm and tube, and start together.
+# its own arm and tube, and start together.
 
 
 class Layer(StrEnum):
