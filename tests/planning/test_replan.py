@@ -217,13 +217,14 @@ def test_it_takes_problems_only(bundled):
 
 def test_steps_count_until_the_motion_is_judged(planner_of, bundled, monkeypatch):
     problem, steps, judged = CHANGES["narrower"](bundled(POST)), [], []
+    planner = planner_of(POST)  # planned before the judge is watched
 
     def judge(*arguments):
         judged.append(len(steps))
         return certified_result(*arguments)
 
     monkeypatch.setattr("tubeplanner.planning.refined_plan.certified_result", judge)
-    planner_of(POST).replan(problem, steps.append)
+    planner.replan(problem, steps.append)
     count = sum(one.best_duration is not None for one in steps[: judged[0]])
     limit = "tubeplanner.planning.refined_plan._MAX_STEPS"
     monkeypatch.setattr(limit, count)
