@@ -41,7 +41,7 @@ from .task.side_files import read_limits_file as read_limits_file
 from .task.problem_reader import load_problem as load_problem
 from .task.problem_reader import parse_problem as parse_problem
 from .task.problem import PlanningProblem as PlanningProblem
-from .task.problem import Seed as Seed
+from .task.endpoints import Seed as Seed
 from .task.demands import Contact as Contact
 from .task.endpoints import GoalRegion as GoalRegion
 from .task.endpoints import ToolPose as ToolPose

@@ -60,9 +60,9 @@ def test_all_have_the_tool_at_the_pose_inside_the_signs(wall, configurations):
 
 def test_signs_or_a_seed_choose_among_them(wall, configurations, bundled):
     """Of those that are free, the stored one is the nearest to the middle of all ranges."""
-    q = end_configuration(wall, wall.start, 0)
+    q = end_configuration(wall, wall.endpoints[0], 0)
     np.testing.assert_allclose(q, bundled("ur5/over_the_wall").start, atol=1e-6)
-    assert end_configuration(with_signs(wall, {"elbow_joint": "-"}), wall.start, 0)[2] < 0
+    assert end_configuration(with_signs(wall, {"elbow_joint": "-"}), wall.endpoints[0], 0)[2] < 0
     seeded = pose_at(wall, configurations[3], configurations[3] + 0.02)
     (chosen,) = pose_configurations(wall, seeded, 0)
     np.testing.assert_allclose(chosen, configurations[3], atol=1e-6)
@@ -126,7 +126,7 @@ def test_a_pose_out_of_reach_says_how_far(wall):
 
 def test_an_arm_with_few_joints_cannot_turn_its_tool(bundled):
     gap = bundled("two_link/around_a_post")
-    q = end_configuration(gap, gap.start, 0)
+    q = end_configuration(gap, gap.endpoints[0], 0)
     pose = placement_of(gap.robot.tool_position(q[None])[0], rpy=[1.0, 0, 0])
     message = refusal(changed(gap, start=ToolPose(pose)))
     assert "the tool gets to the pose's position, but was turned no nearer than" in message

@@ -17,6 +17,7 @@ from tubeplanner.output.drawing import (
     shape_surface,
     tube_surfaces,
 )
+from tubeplanner.task.endpoints import endpoint_of
 
 CORNERS = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.4, 0.0], [0.5, 0.4, 0.3]]
 
@@ -75,11 +76,12 @@ def test_boxes_are_drawn_as_ones_and_their_parts_are_their_boundary():
 
 def test_the_ball_of_a_goal_is_as_large_as_its_tolerance_and_a_point_has_none():
     position = np.array([0.2, 0.01, 0.3])
-    (ball,) = goal_ball(GoalRegion(position, 0.02))
+    (ball,) = goal_ball(endpoint_of(GoalRegion(position, 0.02), position))
     away = np.linalg.norm(ball.vertices - position, axis=1)
     np.testing.assert_allclose(away, 0.02, rtol=1e-5)
     np.testing.assert_allclose(ball.vertices.mean(axis=0), position, atol=1e-3)
-    assert goal_ball(None) == goal_ball(GoalRegion(position, 0.0)) == []
+    for goal in (None, GoalRegion(position, 0.0)):
+        assert goal_ball(endpoint_of(goal, position)) == []
 
 
 def test_whoever_looks_is_not_behind_a_wall():

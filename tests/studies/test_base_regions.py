@@ -26,6 +26,7 @@ from tubeplanner.studies.base_regions import (
     require_base_free,
 )
 from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.task.endpoints import Endpoint
 
 # The gantry's base is a cube of 0.1 m whose top is at -0.05: it stands on the floor's top.
 ON_FLOOR = ("floor",)
@@ -201,7 +202,7 @@ def test_a_seed_that_leads_into_an_obstacle_gives_way_to_the_nearest_that_does_n
     found = leading_seeds(blocked, ("start", "goal"))
     assert set(leading_seeds(blocked, ("goal",))) == {"goal"}
     for end, point in (("start", 0), ("goal", -1)):
-        q = end_configuration(blocked, Seed(np.array(found[end])), point)
+        q = end_configuration(blocked, Endpoint("seed", seed=np.array(found[end])), point)
         np.testing.assert_allclose(q, found[end], atol=2e-6)
         assert q[1] < 0
         others = q + 2 * np.pi * np.array([[1, 0], [-1, 0]])

@@ -18,8 +18,6 @@ from tubeplanner.certificate.judged_motion import (
 from tubeplanner.certificate.tube_visits import Visit
 from tubeplanner.outcome import Place
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.task.endpoints import GoalRegion, ToolPose
-from tubeplanner.task.problem import Seed
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import (
     Extrema,
@@ -316,41 +314,38 @@ def _in_tolerances(motion: JudgedMotion, condition: JudgedCondition) -> float:
 
 def judge_start(motion: JudgedMotion) -> JudgedCondition:
     """Judge where the trajectory begins."""
-    return _judge_end(motion, 0, motion.problem.start, 0.0)
+    return _judge_end(motion, 0, 0.0)
 
 
 def judge_goal(motion: JudgedMotion) -> JudgedCondition:
     """Judge where the trajectory ends."""
-    goal, duration = motion.problem.goal, motion.trajectory.duration
-    if not isinstance(goal, GoalRegion):
-        return _judge_end(motion, -1, goal, duration)
+    goal, duration = motion.problem.endpoints[1], motion.trajectory.duration
+    if goal.kind != "position" or (region := goal.region) is None:
+        return _judge_end(motion, -1, duration)
     tool = motion.robot.tool_position(motion.trajectory.position(duration)[None])[0]
-    coverage = f"tool within {goal.tolerance:g} m of the goal's position"
-    return JudgedCondition(goal.margin(tool), "m", Place(time=duration), coverage)
+    coverage = f"tool within {region.tolerance:g} m of the goal's position"
+    return JudgedCondition(region.margin(tool), "m", Place(time=duration), coverage)
 
 
-def _judge_end(
-    motion: JudgedMotion, index: int, given: FloatArray | Seed | ToolPose | None, time: float
-) -> JudgedCondition:
-    """Judge one end against the given configuration (n,) or pose, or else the reference point.
+def _judge_end(motion: JudgedMotion, index: int, time: float) -> JudgedCondition:
+    """Judge start or goal against its configuration or pose, or else the reference point.
 
     Args:
-        motion: What is judged.
-        index: The end's reference point.
-        given: What the problem asks there.
-        time: When the trajectory is there [s].
+        motion: The motion.
+        index: 0 for the start, -1 for the goal.
+        time: The time at that end [s].
     """
-    q = motion.trajectory.position(time)
-    if isinstance(given, ToolPose):
+    q, end = motion.trajectory.position(time), motion.problem.endpoints[index]
+    if end.pose is not None:
         rotation, position = (part[0] for part in motion.robot.tool_pose(q[None]))
-        away, turned = given.errors(rotation, position)
+        away, turned = end.pose.errors(rotation, position)
         unit, worst = ("m", away) if away >= turned else ("rad", turned)
         return JudgedCondition(0.0 - worst, unit, Place(time=time), "tool at its pose")
-    if given is None or isinstance(given, Seed):
+    if end.joints is None:
         tool = motion.robot.tool_position(q[None])[0]
         error = float(np.linalg.norm(tool - motion.tube.points[index]))
         return JudgedCondition(0.0 - error, "m", Place(time=time), "tool at the reference point")
-    off = abs(q - given)
+    off = abs(q - end.joints)
     joint = motion.robot.joint_names[int(off.argmax())]
     place = Place(time=time, joint=joint)
     return JudgedCondition(

@@ -41,10 +41,10 @@ from tubeplanner.robot.info import (
 from tubeplanner.studies.tubes.starter_problem import shown_configuration
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import is_cycle_file
-from tubeplanner.task.endpoints import GoalRegion, ToolPose
+from tubeplanner.task.endpoints import Endpoint
 from tubeplanner.task.info import CycleInfo, ProblemInfo, SrdfInfo, cycle_info, problem_info
 from tubeplanner.task.legs import Leg, Rest, rest_text
-from tubeplanner.task.problem import PlanningProblem, Seed
+from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Move
 from tubeplanner.writing import require_writable
 
@@ -314,8 +314,10 @@ def srdf_lines(srdf: SrdfInfo) -> list[str]:
 def _task_lines(problem: PlanningProblem) -> list[str]:
     """Return start, tube, solids and payload of a problem."""
     payload = problem.robot.payload
-    lines = [f"problem {problem.name}:", end_line(problem, "start", problem.start)]
-    lines.append("goal: open" if problem.goal is None else end_line(problem, "goal", problem.goal))
+    lines = [f"problem {problem.name}:", end_line(problem, "start", problem.endpoints[0])]
+    lines.append(
+        "goal: open" if problem.goal is None else end_line(problem, "goal", problem.endpoints[1])
+    )
     lines.append(_segment_table(problem))
     lines += [f"obstacle {bare(solid)}" for solid in problem.obstacles] or ["no obstacles"]
     lines += [f"attached {bare(solid)}" for solid in problem.attached]
@@ -336,16 +338,16 @@ def bare(solid: object) -> str:
     return repr(solid).strip("<>").split(" ", 1)[1]
 
 
-def end_line(problem: PlanningProblem, name: str, end: Any) -> str:
+def end_line(problem: PlanningProblem, name: str, end: Endpoint) -> str:
     """Return how an end of a problem's motion is given, behind what it is called."""
-    if isinstance(end, Seed):
-        return f"{name}: by inverse kinematics from {_numbers(end.joints)}"
-    if isinstance(end, ToolPose):
-        return f"{name}: by inverse kinematics, tool centre point at {_numbers(end.position)} m"
-    if isinstance(end, GoalRegion):
-        return f"{name}: the tool within {end.tolerance:g} m of {_numbers(end.position)} m"
-    tool = problem.robot.tool_position(end)
-    return f"{name}: joints {_numbers(end)}, tool centre point at {_numbers(tool)} m"
+    if (pose := end.pose) is not None:
+        return f"{name}: by inverse kinematics, tool centre point at {_numbers(pose.position)} m"
+    if (ball := end.region) is not None:
+        return f"{name}: the tool within {ball.tolerance:g} m of {_numbers(ball.position)} m"
+    if end.joints is None:
+        return f"{name}: by inverse kinematics from {_numbers(end.seed)}"
+    tool = problem.robot.tool_position(end.joints)
+    return f"{name}: joints {_numbers(end.joints)}, tool centre point at {_numbers(tool)} m"
 
 
 def _numbers(values: Any) -> str:
@@ -409,7 +411,7 @@ def _cycle_lines(cycle: Cycle) -> list[str]:
     legs = f"{len(cycle.legs)} legs (each without a stop)"
     return [
         f"cycle {cycle.name}: {moves} moves in {legs}; {ends}",
-        end_line(first, "start", cycle.start),
+        end_line(first, "start", cycle.endpoint),
         _step_table(cycle),
         *([f"obstacle {bare(solid)}" for solid in cycle.obstacles] or ["no obstacles"]),
         *(f"attached {bare(solid)}" for solid in cycle.attached),
@@ -444,7 +446,7 @@ def _length(move: Move) -> str:
 
 
 def _goal(cycle: Cycle, move: Move) -> str:
-    if move.goal is not None and not move.ends_openly:
+    if not move.ends_openly:
         return "in a given configuration"
     closes = cycle.closed and move is cycle.legs[-1].moves[-1]
     return "as the cycle begins" if closes else "in any configuration"

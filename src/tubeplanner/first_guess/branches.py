@@ -33,8 +33,8 @@ from tubeplanner.first_guess.segment_walk import (
 )
 from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus
-from tubeplanner.task.endpoints import ToolPose
-from tubeplanner.task.problem import PlanningProblem, Seed
+from tubeplanner.task.endpoints import Endpoint, ToolPose
+from tubeplanner.task.problem import PlanningProblem
 
 # ---- The arm along the reference path: one continuous branch of the inverse kinematics.
 
@@ -96,7 +96,7 @@ class RedundancyRule(StrEnum):
 
 def redundancy_rules(problem: PlanningProblem) -> tuple[RedundancyRule, ...]:
     """Return the rules worth trying for a problem, the most natural first."""
-    if problem.given_goal is None:
+    if problem.endpoints[1].is_open:
         return RedundancyRule.AS_NEEDED, RedundancyRule.HELD, RedundancyRule.CENTRED
     return (
         RedundancyRule.PROPORTIONAL,
@@ -124,9 +124,7 @@ def reference_branch(
     Raises:
         Infeasible: Status unreachable: the message says where the branch ends and why.
     """
-    start = end_configuration(problem, problem.start, 0)
-    given = problem.given_goal
-    goal = None if given is None else end_configuration(problem, given, -1)
+    start, goal = end_configurations(problem)
     route = _route(problem, start, goal)
     pulls = _pulls(problem, route, start, goal, rule)
     q, segments = start, []
@@ -165,22 +163,32 @@ def _pulls(
     return (1 - share) * start + share * goal
 
 
-def end_configuration(
-    problem: PlanningProblem, given: FloatArray | Seed | ToolPose, point: int
-) -> FloatArray:
+def end_configurations(problem: PlanningProblem) -> tuple[FloatArray, FloatArray | None]:
+    """Return the configurations (n,) of start and goal; None for an open goal.
+
+    Raises:
+        Infeasible: Status unreachable, as of `end_configuration`.
+    """
+    start, goal = problem.endpoints
+    first = end_configuration(problem, start, 0)
+    return first, None if goal.is_open else end_configuration(problem, goal, -1)
+
+
+def end_configuration(problem: PlanningProblem, end: Endpoint, point: int) -> FloatArray:
     """Return the start (point 0) or goal (point -1), (n,): as given, or from its seed or pose.
 
     Raises:
         Infeasible: Status unreachable: the seed does not lead there, or the pose is not reached.
     """
-    if isinstance(given, ToolPose):
-        first: FloatArray = pose_configurations(problem, given, point)[0]
+    if end.pose is not None:
+        first: FloatArray = pose_configurations(problem, end.pose, point)[0]
         return first
-    if not isinstance(given, Seed):
-        return given
+    if end.joints is not None:
+        return end.joints
+    assert end.seed is not None  # of an open end there is none
     segment = 0 if point == 0 else problem.tube.segment_count - 1
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
-    target, seed = problem.tube.points[point], given.joints
+    target, seed = problem.tube.points[point], end.seed
     wanted = wanted_at(problem, target, segment)
     solution = solve_position(problem.robot, target, seed, lower, upper, rotation=wanted)
     reason = None
@@ -192,8 +200,8 @@ def end_configuration(
             reason = _explain_turned_end(problem, target, seed, segment, solution)
     if reason is not None:
         place = Place(segment=problem.tube.segment_number(segment, target)).at(target)
-        end = "start" if point == 0 else "goal"
-        message = f"{end} from its seed: {reason}"
+        name = "start" if point == 0 else "goal"
+        message = f"{name} from its seed: {reason}"
         raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=1, configuration=solution.q)
     return solution.q
 
@@ -274,9 +282,7 @@ def joint_lines(problem: PlanningProblem) -> ReferenceBranch:
     Raises:
         Infeasible: Status unreachable: start or goal have no configuration.
     """
-    start = end_configuration(problem, problem.start, 0)
-    given = problem.given_goal
-    goal = None if given is None else end_configuration(problem, given, -1)
+    start, goal = end_configurations(problem)
     count = problem.tube.segment_count
     corners = [start]
     for k in range(1, count + (goal is None)):
@@ -420,13 +426,11 @@ class KnownBranches:
 
     def _free_ends(self) -> FloatArray:
         problem = self._problem
-        ends = [end_configuration(problem, problem.start, 0)]
-        is_given = isinstance(problem.start, np.ndarray)
-        require_free(problem, "start", ends[0], is_given=is_given)
-        if problem.given_goal is not None:  # an open one may move
-            ends.append(end_configuration(problem, problem.given_goal, -1))
-            is_given = isinstance(problem.given_goal, np.ndarray)
-            require_free(problem, "goal", ends[1], is_given=is_given)
+        ends = []
+        for name, point, end in zip(("start", "goal"), (0, -1), problem.endpoints, strict=True):
+            if not end.is_open:  # an open one may move
+                ends.append(end_configuration(problem, end, point))
+                require_free(problem, name, ends[-1], is_given=end.joints is not None)
         return np.array(ends)
 
 
@@ -445,13 +449,14 @@ def configured_ends(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[st
         Infeasible: Status unreachable: a pose has none.
     """
     notes = []
-    if isinstance(problem.start, ToolPose):
-        found = pose_configurations(problem, problem.start, 0)
+    start, goal_pose = (end.pose for end in problem.endpoints)
+    if start is not None:
+        found = pose_configurations(problem, start, 0)
         notes += _choice(problem, "start", found, found[0], "")
         problem = replace(problem, start=found[0])
-    if isinstance(problem.goal, ToolPose):
-        found = pose_configurations(problem, problem.goal, -1)
-        goal = _continuing(problem, problem.goal, found)
+    if goal_pose is not None:
+        found = pose_configurations(problem, goal_pose, -1)
+        goal = _continuing(problem, goal_pose, found)
         why = "" if goal is None else "it continues the branch from the start and is "
         taken = found[0] if goal is None else goal
         notes += _choice(problem, "goal", found, taken, why)

@@ -188,9 +188,9 @@ def approachable_range(problem: PlanningProblem) -> tuple[FloatArray, FloatArray
     upper, lower = np.split(limit.edge(_WORTH_USING), 2)
     joints = limit.joints[: len(upper)]
     bounds[:, joints] = np.where(lower < upper, [lower, upper], bounds[:, joints])
-    for end in (problem.start, problem.goal):
-        if isinstance(end, np.ndarray):
-            bounds = np.array([np.minimum(bounds[0], end), np.maximum(bounds[1], end)])
+    for end in problem.endpoints:
+        if (q := end.joints) is not None:
+            bounds = np.array([np.minimum(bounds[0], q), np.maximum(bounds[1], q)])
     return bounds[0], bounds[1]
 
 
@@ -204,8 +204,7 @@ def require_approachable(problem: PlanningProblem, start: FloatArray, goal: Floa
         return
     limit = VelocityByPositionLimit(problem.robot.limits)
     for column in limit.out_of_reach(start, goal).tolist():
-        ends = (problem.start, problem.goal)
-        proved = all(isinstance(end, np.ndarray) for end in ends)
+        proved = all(end.joints is not None for end in problem.endpoints)
         raise limit.refused(problem.robot, goal, column).replaced(proved=proved)
 
 

@@ -17,7 +17,6 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.optimizer.phased_spline import KnotGrid
 from tubeplanner.optimizer.segment_chains import sharpest_bend, smoothed_turns
-from tubeplanner.task.endpoints import GoalRegion
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- A narrower tube inside a tube, about a smoother path, for paths that bend within their
@@ -125,11 +124,11 @@ def _bending(points: FloatArray, is_free: BoolArray) -> sparse.csr_matrix:
 def _ends(problem: PlanningProblem) -> FloatArray:
     """Return where the tool starts and ends, shape (2, 3) [m]: at the points, if by a seed."""
     ends = problem.tube.points[[0, -1]].copy()
-    for row, given in enumerate((problem.start, problem.goal)):
-        if isinstance(given, np.ndarray):
-            ends[row] = problem.robot.tool_position(given[None])[0]
-        elif isinstance(given, GoalRegion):
-            ends[row] = given.position
+    for row, end in enumerate(problem.endpoints):
+        if end.joints is not None:
+            ends[row] = problem.robot.tool_position(end.joints[None])[0]
+        elif end.region is not None:
+            ends[row] = end.region.position
     return ends
 
 

@@ -332,7 +332,7 @@ class LinkConstraints:
     def _set_spare(self, spline: PhasedSpline, pairs: IntArray) -> None:
         """Set what is aimed at beyond what is required: a little, where start and goal have it."""
         pairs = pairs[np.isnan(self._spare[pairs])]
-        ends = spline.control_points[[0] if self._problem.given_goal is None else [0, -1]]
+        ends = spline.control_points[[0] if self._problem.endpoints[1].is_open else [0, -1]]
         rotation, position = self._problem.robot.body_poses(ends)
         found = [
             self._checker.distances(*pose, self._pairs[pairs])

@@ -215,16 +215,17 @@ class RefinedMotion:
         """
         q = self.spline.bspline()(self.spline.switching_times)
         wanted = q.copy()
-        wanted[0] = end_configuration(changed, changed.start, 0)
+        start, goal = changed.endpoints
+        wanted[0] = end_configuration(changed, start, 0)
         points = [chain.stop for chain in self.spline.grid.chains]
         for k, point in enumerate(points, start=1):
             is_last = k == len(points)
             moved = changed.tube.points[point] - self.problem.tube.points[point]
             tool = changed.robot.tool_position(q[k : k + 1])[0]
-            if is_last and changed.given_goal is not None:
-                wanted[k] = end_configuration(changed, changed.given_goal, -1)
-            elif is_last and changed.open_goal is not None:
-                wanted[k] = _reached(changed, point, changed.open_goal.nearest(tool), q[k])
+            if is_last and goal.region is not None:
+                wanted[k] = _reached(changed, point, goal.region.nearest(tool), q[k])
+            elif is_last:
+                wanted[k] = end_configuration(changed, goal, -1)
             elif moved.any():
                 wanted[k] = _reached(changed, point, tool + moved, q[k])
         control_points = self.spline.control_points + self._blend(wanted - q)

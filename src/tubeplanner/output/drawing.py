@@ -12,7 +12,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.geometry.convex_shapes import ConvexShape, convex_hull
 from tubeplanner.geometry.tube.regions import BoxRegions
 from tubeplanner.geometry.tube.tube import Tube
-from tubeplanner.task.endpoints import GoalRegion
+from tubeplanner.task.endpoints import Endpoint
 
 # ---- Colours that colour-blind readers tell apart, the same in figures and in the viewer.
 
@@ -303,11 +303,12 @@ def _axes(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
 _POINTS = 400
 
 
-def goal_ball(goal: object) -> list[Surface]:
+def goal_ball(end: Endpoint) -> list[Surface]:
     """Return the ball of a goal, base frame; none where it has no extent."""
-    if not isinstance(goal, GoalRegion) or goal.tolerance == 0:
+    ball = end.region
+    if ball is None or ball.tolerance == 0:
         return []
-    return [hull_surface(goal.position + goal.tolerance * directions(_POINTS))]
+    return [hull_surface(ball.position + ball.tolerance * directions(_POINTS))]
 
 
 # ---- From where to look: a direction in which the tool's path is spread out and not hidden.

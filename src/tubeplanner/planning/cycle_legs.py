@@ -30,9 +30,8 @@ from tubeplanner.planning.refined_plan import continued_plan
 from tubeplanner.planning.result import PlanResult, refused_result, stopped_result
 from tubeplanner.planning.strategy import shortest_plan
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.endpoints import GoalRegion, ToolPose
-from tubeplanner.task.problem import PlanningProblem, Seed
-from tubeplanner.task.steps import Goal
+from tubeplanner.task.endpoints import Goal, GoalRegion
+from tubeplanner.task.problem import PlanningProblem
 
 # ---- Other configurations in which a move could end, where the next has no answer from its own.
 
@@ -171,16 +170,14 @@ def first_configuration(cycle: Cycle) -> FloatArray:
     Raises:
         BlockedLeg: The first leg's start, or the last one's goal, is not reached.
     """
-    if isinstance(cycle.start, np.ndarray):
-        return cycle.start
+    if cycle.endpoint.joints is not None:
+        return cycle.endpoint.joints
     last = len(cycle.legs) - 1
-    leg, point = 0, 0
-    given: FloatArray | Seed | ToolPose = cycle.start
-    goal = cycle.legs[last].joined.goal
-    if cycle.closed and goal is not None and not isinstance(goal, GoalRegion):
-        leg, given, point = last, goal, -1
+    leg, end, point = 0, cycle.endpoint, 0
+    if cycle.closed and not cycle.legs[last].joined.ends_openly:
+        leg, end, point = last, cycle.legs[last].joined.endpoint, -1
     try:
-        return end_configuration(cycle.problem_from_anywhere(leg), given, point)
+        return end_configuration(cycle.problem_from_anywhere(leg), end, point)
     except Infeasible as reason:
         raise BlockedLeg(leg, refused_result(reason, "")) from None
 
@@ -233,7 +230,7 @@ def planned_leg(
 
 def _begins_as_given(cycle: Cycle, k: int) -> bool:
     """Return whether leg k begins in a configuration that was not chosen."""
-    return k == 0 and isinstance(cycle.start, np.ndarray)
+    return k == 0 and cycle.endpoint.joints is not None
 
 
 def _unproved(result: PlanResult) -> PlanResult:
@@ -268,7 +265,7 @@ def shared_plan(
     """
     last = len(greedy) - 1
     is_open = [leg.joined.ends_openly for leg in cycle.legs]
-    is_open[last] &= not cycle.closed or isinstance(cycle.start, Seed)
+    is_open[last] &= not cycle.closed or cycle.endpoint.kind == "seed"
     goals = _goals(cycle, greedy, is_open)
     motions = [_opened(*each) for each in zip(greedy, goals, strict=True)]
     known = [motion for motion in motions if motion is not None]
@@ -307,8 +304,8 @@ def _goals(cycle: Cycle, greedy: Sequence[LegPlan], is_open: Sequence[bool]) -> 
     ]
     if cycle.closed and is_open[-1]:
         # A ball would leave more room than the start has, where the first tube begins.
-        begin, goal = cycle.legs[0].joined.tube.points[0], goals[-1]
-        turn = goal.rotation_tolerance if isinstance(goal, GoalRegion) else None
+        begin, region = cycle.legs[0].joined.tube.points[0], cycle.legs[-1].joined.endpoint.region
+        turn = None if region is None else region.rotation_tolerance
         goals[-1] = GoalRegion(begin, rotation_tolerance=turn)
     return goals
 

@@ -12,7 +12,6 @@ from tubeplanner.limits.joint_efforts import require_held
 from tubeplanner.limits.rates import require_approachable
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.task.endpoints import ToolPose
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- How far an arm can reach at most: the sum of the lengths between its joints.
@@ -105,13 +104,11 @@ def required_points(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
     points, allowed = tube.points.copy(), np.append(0.0, largest_distances(tube))
     if tube.visit != "ordered":  # only the goal must be visited
         allowed[1:-1] = np.inf
-    goal = problem.open_goal
-    if goal is not None:
-        points[-1], allowed[-1] = goal.position, goal.tolerance
-    for row, end in ((0, problem.start), (-1, problem.given_goal)):
-        if isinstance(end, ToolPose):
-            points[row], allowed[row] = end.position, 0.0
-        elif isinstance(end, np.ndarray):
+    for row, end in zip((0, -1), problem.endpoints, strict=True):
+        if end.position is not None:
+            points[row] = end.position
+            allowed[row] = 0.0 if end.region is None else end.region.tolerance
+        elif end.joints is not None:
             allowed[row] = np.inf
     return points, allowed
 
@@ -168,8 +165,8 @@ def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
         TimeLimitReached: Before that was known.
     """
     ends = branches.require_ends()
-    for q, given in zip(ends, (problem.start, problem.given_goal), strict=False):
-        require_held(problem, q, is_given=isinstance(given, np.ndarray))
+    for q, end in zip(ends, problem.endpoints, strict=False):
+        require_held(problem, q, is_given=end.joints is not None)
     if len(ends) > 1:
         require_approachable(problem, *ends)
     _require_reach(problem, ends[0])

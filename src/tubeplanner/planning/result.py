@@ -21,7 +21,6 @@ from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, St
 from tubeplanner.planning.notes import contact_notes, path_minimum
 from tubeplanner.planning.tightening import Survival
 from tubeplanner.robot.notes import robot_notes
-from tubeplanner.task.endpoints import GoalRegion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -238,11 +237,11 @@ def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, 
 def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
     """Return the message about a certified trajectory."""
     message = f"certified trajectory of {trajectory.duration:.4f} s"
-    if problem.given_goal is None:
+    if (region := problem.open_goal) is not None:
         last = trajectory.position(trajectory.duration)
         q = ", ".join(f"{value:.4f}" for value in last)
-        if isinstance(problem.goal, GoalRegion) and problem.goal.tolerance > 0:
-            away = problem.goal.distance(problem.robot.tool_position(last[None])[0])
+        if region.tolerance > 0:
+            away = region.distance(problem.robot.tool_position(last[None])[0])
             message += f"; the tool ends {1000 * away:.3g} mm from the goal's position"
         message += f"; the goal was left open and became [{q}]"
     return message + _passed_by(problem, trajectory)

@@ -73,7 +73,7 @@ def robust_plan(
 def _ends(problem: PlanningProblem, plan: PlanResult) -> FloatArray:
     """Return the configurations that all motions begin in and, if it is given, end in."""
     assert plan.trajectory is not None and plan.duration is not None
-    times = [0.0] if problem.given_goal is None else [0.0, plan.duration]
+    times = [0.0] if problem.endpoints[1].is_open else [0.0, plan.duration]
     return plan.trajectory.position(np.array(times))
 
 

@@ -36,7 +36,6 @@ from tubeplanner.planning.waypoint_plans import (
     stopping_plan,
     suh_bishop_plan,
 )
-from tubeplanner.task.endpoints import ToolPose
 from tubeplanner.task.problem import PlanningProblem
 
 _CONTINUED = "planned from the last motion, not afresh"
@@ -167,7 +166,7 @@ def _configured(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[str, .
 
 def _of_poses(problem: PlanningProblem, result: PlanResult) -> PlanResult:
     """Return a result; what is proved of a configuration that was chosen is not of its pose."""
-    has_poses = any(isinstance(end, ToolPose) for end in (problem.start, problem.goal))
+    has_poses = any(end.pose is not None for end in problem.endpoints)
     if not (result.proved and has_poses):
         return result
     return replace(result, proved=False, starts_tried=1)

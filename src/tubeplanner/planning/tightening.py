@@ -11,7 +11,6 @@ from tubeplanner.execution.error_contributions import Blame
 from tubeplanner.execution.run_verdict import RunVerdict
 from tubeplanner.geometry.tube.tube import Tube, narrowed_tube
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.task.endpoints import GoalRegion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances, in_contact
 from tubeplanner.text import short_repr
@@ -97,8 +96,9 @@ def allowed_tightening(problem: PlanningProblem, asked: Tightening, ends: FloatA
     for end, segment in enumerate((0, -1)[: len(ends)]):
         radius[segment] = min(radius[segment], inside[end, segment] - _ROUNDING)
         rotation[segment] = min(rotation[segment], straight[end, segment] - _ROUNDING)
-    if isinstance(problem.goal, GoalRegion):  # its position is to stay inside too
-        inside = tube.margin(problem.goal.position[None])
+    goal = problem.endpoints[1]
+    if goal.kind == "position" and goal.region is not None:  # its position is to stay inside too
+        inside = tube.margin(goal.region.position[None])
         radius[-1] = min(radius[-1], inside[0, -1] - _ROUNDING)
     room = np.array([ends - limits.lower_position, limits.upper_position - ends]).min(axis=1)
     spare = _spare_distance(problem, ends) - _ROUNDING

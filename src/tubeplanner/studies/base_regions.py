@@ -17,7 +17,8 @@ from tubeplanner.orientation import rpy_of_matrix
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.studies.problem_spec import PosedProblem
-from tubeplanner.task.problem import PlanningProblem, Seed
+from tubeplanner.task.endpoints import Endpoint
+from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import check_problem_fields, require_problem
 from tubeplanner.task.problem_reader import end_of, robot_of
 
@@ -312,15 +313,15 @@ def leading_seeds(problem: PlanningProblem, ends: Sequence[str]) -> dict[str, li
     """
     found = {}
     for end in ends:
-        own = getattr(problem, end)
-        assert isinstance(own, Seed)
-        if next(_free(problem, end, [own.joints]), None) is not None:
+        own = problem.endpoints[_point(end)].seed
+        assert own is not None
+        if next(_free(problem, end, [own]), None) is not None:
             continue
         segment = ends_segment(problem, _point(end))[1]
         spread = spread_seeds(problem.joint_lower[segment], problem.joint_upper[segment])
         others = list(_free(problem, end, spread))
         if others:
-            away = [float(np.linalg.norm(q - own.joints)) for q in others]
+            away = [float(np.linalg.norm(q - own)) for q in others]
             found[end] = np.round(others[int(np.argmin(away))], _DIGITS).tolist()
     return found
 
@@ -331,7 +332,7 @@ def _free(
     """Yield the configurations (n,), free of collision, that seeds lead to."""
     for seed in seeds:
         try:
-            q = end_configuration(problem, Seed(seed), _point(end))
+            q = end_configuration(problem, Endpoint("seed", seed=seed), _point(end))
         except Infeasible:
             continue
         if is_free(problem, end, q):

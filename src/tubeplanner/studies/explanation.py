@@ -34,8 +34,8 @@ from tubeplanner.studies.geometry_changes import cell_changes, tube_changes
 from tubeplanner.studies.joint_changes import end_changes, limit_changes
 from tubeplanner.studies.problem_spec import PosedProblem
 from tubeplanner.studies.remedies import Remedy, RemedySearch, Room, RoomSearch, worsening_changes
-from tubeplanner.task.endpoints import configuration_of
-from tubeplanner.task.problem import PlanningProblem, Seed
+from tubeplanner.task.endpoints import Seed, configuration_of
+from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_reader import solids_of
 from tubeplanner.text import short_repr
 

@@ -13,11 +13,11 @@ from tubeplanner.geometry.collision_checker import CollisionChecker
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, left, taken
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.demands import Names
-from tubeplanner.task.endpoints import ToolPose
+from tubeplanner.task.endpoints import Endpoint, Goal, Seed, ToolPose, endpoint_of
 from tubeplanner.task.legs import Leg, Rest, RestStep, legs_of
-from tubeplanner.task.problem import PlanningProblem, Seed, given_members, require_parts
+from tubeplanner.task.problem import PlanningProblem, given_members, require_parts
 from tubeplanner.task.required_distances import usual_contacts
-from tubeplanner.task.steps import Attach, Detach, Goal, Step, require_consistent
+from tubeplanner.task.steps import Attach, Detach, Step, require_consistent
 
 # ---- The cell around the arm, as steps of a cycle change it.
 
@@ -154,6 +154,11 @@ class Cycle:
             f"<Cycle {self.name}: {moves} moves of {robot.name} to {robot.tool_frame} in "
             f"{len(self.legs)} legs, {'closed' if self.closed else 'open'}>"
         )
+
+    @cached_property
+    def endpoint(self) -> Endpoint:
+        """The start."""
+        return endpoint_of(self.start, self.legs[0].joined.tube.points[0])
 
     @staticmethod
     def require(cycle: object) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -207,6 +207,69 @@ def _position(given: Any) -> FloatArray:
     if not are_numbers(given, 3):
         raise ProblemError(f"goal.position is {shown(given)}; give [x, y, z], finite numbers [m]")
     return read_only(np.array(given, dtype=float))
+
+
+# ---- A start or goal, whichever way it is stated.
+
+
+@dataclass(frozen=True, eq=False)
+class Seed:
+    """A start for the inverse kinematics of a reference point.
+
+    Attributes:
+        joints: Shape (n,), group order [rad or m].
+    """
+
+    joints: FloatArray
+
+
+# The values that problems and moves accept as their goal; a start is no region and not None.
+Goal: TypeAlias = FloatArray | Seed | ToolPose | GoalRegion | None
+
+
+@dataclass(frozen=True, eq=False)
+class Endpoint:
+    """A start or goal: a configuration, a tool pose, or a region whose configuration is open.
+
+    Exactly one of `joints`, `pose` and `region` is set, or none of them if a seed alone leads to
+    the configuration at the reference point.
+
+    Attributes:
+        kind: The statement's kind: joints, seed, pose, position, or open.
+        joints: The configuration (n,) [rad or m].
+        seed: The start of inverse kinematics (n,) [rad or m], of a seed or a pose.
+        pose: The tool's pose, base frame.
+        region: The ball that the tool ends in; of an open goal the last reference point.
+    """
+
+    kind: str
+    joints: FloatArray | None = None
+    seed: FloatArray | None = None
+    pose: ToolPose | None = None
+    region: GoalRegion | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """True if the plan chooses the configuration within a region."""
+        return self.region is not None
+
+    @property
+    def position(self) -> FloatArray | None:
+        """The tool's position (3,) [m] of a pose or region; None of joints and seeds."""
+        return getattr(self.pose or self.region, "position", None)
+
+
+def endpoint_of(value: Goal, point: FloatArray) -> Endpoint:
+    """Return the endpoint of a start or goal whose reference point (3,) [m] is given."""
+    if isinstance(value, Seed):
+        return Endpoint("seed", seed=value.joints)
+    if isinstance(value, ToolPose):
+        return Endpoint("pose", pose=value, seed=value.seed)
+    if isinstance(value, GoalRegion):
+        return Endpoint("position", region=value)
+    if value is None:
+        return Endpoint("open", region=GoalRegion(point))
+    return Endpoint("joints", joints=value)
 
 
 # ---- What a problem's start and goal must keep: position limits, joint ranges, and their segments.

@@ -13,11 +13,11 @@ from tubeplanner.robot.info import RobotInfo, robot_info
 from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_states
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import CycleFields, check_cycle_fields, load_cycle
-from tubeplanner.task.endpoints import GoalRegion, ToolPose
+from tubeplanner.task.endpoints import Endpoint
 from tubeplanner.task.field_changes import changed_problem, read_problem_fields
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.task.legs import Leg, step_text
-from tubeplanner.task.problem import PlanningProblem, Seed, end_kind
+from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import RobotFields
 from tubeplanner.task.problem_reader import load_problem, robot_arguments
 
@@ -104,8 +104,8 @@ def _problem_task(problem: PlanningProblem) -> dict[str, Any]:
     tube, payload = problem.tube, problem.robot.payload
     return {
         "name": problem.name,
-        "start": _end(problem, problem.start),
-        "goal": None if problem.goal is None else _end(problem, problem.goal),
+        "start": _end(problem, problem.endpoints[0]),
+        "goal": None if problem.goal is None else _end(problem, problem.endpoints[1]),
         "points": tube.points.tolist(),
         "segments": [_segment(problem, k) for k in range(tube.segment_count)],
         "obstacles": [str(obstacle) for obstacle in problem.obstacles],
@@ -121,16 +121,16 @@ def _problem_task(problem: PlanningProblem) -> dict[str, Any]:
     }
 
 
-def _end(problem: PlanningProblem, end: Any) -> dict[str, Any]:
-    """Return how an end is given, its joints or seed, and where the tool is, if they are known."""
-    joints, tool = None, None
-    if isinstance(end, Seed):
-        joints = end.joints.tolist()
-    elif isinstance(end, GoalRegion | ToolPose):
-        tool = end.position.tolist()
-    else:
-        joints, tool = end.tolist(), problem.robot.tool_position(end).tolist()
-    return {"kind": end_kind(end), "joints": joints, "tool": tool}
+def _end(problem: PlanningProblem, end: Endpoint) -> dict[str, Any]:
+    """Return the kind of an end, its joints or seed, and the tool's position, if known."""
+    joints, tool = end.joints if end.pose is not None else end.seed, end.position
+    if end.joints is not None:
+        joints, tool = end.joints, problem.robot.tool_position(end.joints)
+    return {
+        "kind": end.kind,
+        "joints": None if joints is None else joints.tolist(),
+        "tool": None if tool is None else tool.tolist(),
+    }
 
 
 def _segment(problem: PlanningProblem, k: int) -> dict[str, Any]:
@@ -208,7 +208,7 @@ def _cycle_task(cycle: Cycle) -> dict[str, Any]:
     """Return start, moves and rests, and solids of a cycle as JSON values."""
     return {
         "name": cycle.name,
-        "start": end_kind(cycle.start),
+        "start": cycle.endpoint.kind,
         "closed": cycle.closed,
         "period": cycle.period,
         "obstacles": [str(obstacle) for obstacle in cycle.obstacles],
@@ -228,7 +228,7 @@ def _leg(cycle: Cycle, k: int, leg: Leg) -> dict[str, Any]:
                 "name": move.name,
                 "points": move.tube.points.tolist(),
                 "length": float(np.linalg.norm(np.diff(move.tube.points, axis=0), axis=1).sum()),
-                "goal": None if move.goal is None else end_kind(move.goal),
+                "goal": None if move.goal is None else move.endpoint.kind,
             }
             for move in leg.moves
         ],

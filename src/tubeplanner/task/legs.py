@@ -12,7 +12,6 @@ from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.outcome import Place
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
-from tubeplanner.task.endpoints import GoalRegion
 from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
 
 # ---- What the beginning of a move asks of the one before, where that one's end is left open.
@@ -26,11 +25,9 @@ def ending_for(move: Move, after: Move) -> Move:
     Where both tubes have an orientation there and these differ, it stays as it is.
     """
     turned, bounds = after.tube.orientations, after.tube.rotation_tolerance
-    if not move.ends_openly or turned is None or bounds is None or after.tube.rotation is None:
+    tube, goal = move.tube, move.endpoint.region
+    if goal is None or turned is None or bounds is None or after.tube.rotation is None:
         return move
-    tube, goal = move.tube, move.goal
-    if not isinstance(goal, GoalRegion):
-        goal = GoalRegion(tube.points[-1])
     if tube.orientations is None:
         free = ((np.inf, np.inf, np.inf),) * tube.segment_count
         everywhere = np.tile(turned[:1], (len(tube.points), 1))
@@ -69,7 +66,8 @@ def joined_moves(moves: Sequence[Move]) -> Move:
 
 def _require_joinable(first: Move, second: Move) -> None:
     here = f"move '{second.name}': pass_through"
-    if not first.ends_openly or getattr(first.goal, "tolerance", 0.0) > 0:
+    region = first.endpoint.region
+    if region is None or region.tolerance > 0:
         raise ProblemError(
             f"{here}: the move before it has a goal, where the arm would stop; leave its goal out"
         )

@@ -27,7 +27,15 @@ from tubeplanner.task.demands import (
     require_checked,
     require_period,
 )
-from tubeplanner.task.endpoints import EndChecks, GoalRegion, ToolPose, configuration_of
+from tubeplanner.task.endpoints import (
+    EndChecks,
+    Endpoint,
+    GoalRegion,
+    Seed,
+    ToolPose,
+    configuration_of,
+    endpoint_of,
+)
 
 # ---- The parts of which problems and cycles are made in Python, once they are what they must be.
 
@@ -97,23 +105,6 @@ def _is_pair(member: Any) -> bool:
 
 
 # ---- A planning problem: robot, tube, start, goal, obstacles; built in Python or read from a file.
-
-
-@dataclass(frozen=True, eq=False)
-class Seed:
-    """A start for the inverse kinematics of a reference point.
-
-    Attributes:
-        joints: Shape (n,), group order [rad or m].
-    """
-
-    joints: FloatArray
-
-
-def end_kind(end: object) -> str:
-    """Return how a start or goal is given: joints, seed, pose, position, or open."""
-    kinds = {Seed: "seed", ToolPose: "pose", GoalRegion: "position", type(None): "open"}
-    return kinds.get(type(end), "joints")
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,24 +178,28 @@ class PlanningProblem:
 
     def __repr__(self) -> str:
         robot, solids = self.robot, len(self.obstacles)
-        kinds = [end_kind(end) for end in (self.start, self.goal)]
+        kinds = [end.kind for end in self.endpoints]
         return (
             f"<PlanningProblem {self.name}: {robot.joint_count} joints of {robot.name} to "
             f"{robot.tool_frame}, {self.tube.segment_count} segments, {solids} "
             f"obstacle{'s' * (solids != 1)}, start by {kinds[0]}, goal {kinds[1]}>"
         )
 
+    @cached_property
+    def endpoints(self) -> tuple[Endpoint, Endpoint]:
+        """The start and the goal."""
+        points = self.tube.points
+        return endpoint_of(self.start, points[0]), endpoint_of(self.goal, points[-1])
+
     @property
     def given_goal(self) -> FloatArray | Seed | ToolPose | None:
         """The goal's configuration, its seed or its pose; None if it is open."""
-        return None if isinstance(self.goal, GoalRegion) else self.goal
+        return None if self.endpoints[1].is_open else self.goal  # type: ignore[return-value]
 
-    @cached_property
+    @property
     def open_goal(self) -> GoalRegion | None:
-        """Where the tool ends if the goal's configuration is open; None if it is given."""
-        if self.goal is None:
-            return GoalRegion(self.tube.points[-1])
-        return self.goal if isinstance(self.goal, GoalRegion) else None
+        """The region of a goal whose configuration is open; None of others."""
+        return self.endpoints[1].region
 
     @cached_property
     def rotation(self) -> RotationalTube | None:

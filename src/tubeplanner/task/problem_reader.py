@@ -19,7 +19,7 @@ from tubeplanner.robot.overrides import LimitOverrides
 from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset
 from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_state
 from tubeplanner.task.demands import Objective, Robustness
-from tubeplanner.task.endpoints import GoalRegion, ToolPose, configuration_of
+from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration_of
 from tubeplanner.task.field_changes import checked_layers, read_problem_fields
 from tubeplanner.task.fields import (
     PoseFields,
@@ -30,7 +30,7 @@ from tubeplanner.task.fields import (
     segment_clearances,
 )
 from tubeplanner.task.includes import ProblemLayers
-from tubeplanner.task.problem import PlanningProblem, Seed
+from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import (
     AttachedFields,
     EndpointFields,

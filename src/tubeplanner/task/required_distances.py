@@ -134,7 +134,7 @@ def _near_ends(
 ) -> list[NearEnd]:
     """Return what contacts require; of a goal that is open, that its solids do not overlap."""
     last = problem.tube.segment_count - 1
-    given = {START: (0, start, True), GOAL: (last, goal, problem.given_goal is not None)}
+    given = {START: (0, start, True), GOAL: (last, goal, not problem.endpoints[1].is_open)}
     found = []
     for contact in problem.contacts:
         pair = problem.collision.between(*contact.links)
@@ -181,12 +181,12 @@ def usual_contacts(
         end: In which configuration it ends, shape (n,); None: as its goal says, if that does.
     """
     found = []
-    goal = problem.given_goal if end is None else end
+    start, goal = (endpoint.joints for endpoint in problem.endpoints)
     for side, names in ((START, begins_with), (GOAL, ends_with)):
-        q = problem.start if side == START else goal
+        q = start if side == START else goal if end is None else end
         known = {frozenset(each.links) for each in problem.contacts if side in each.ends}
         for name in names:
-            pairs = _near(problem, name, q if isinstance(q, np.ndarray) else None)
+            pairs = _near(problem, name, q)
             fresh = [pair for pair in pairs if frozenset(pair) not in known]
             found += [Contact(pair, WITHIN, (side,)) for pair in fresh]
     return tuple(found)

@@ -8,7 +8,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import in_figures, is_number
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle
@@ -17,15 +16,13 @@ from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.demands import Contact, Names, Objective, is_multiple, pair_distances
-from tubeplanner.task.endpoints import GoalRegion, ToolPose
-from tubeplanner.task.problem import Seed, given_members, require_parts
+from tubeplanner.task.endpoints import Endpoint, Goal, endpoint_of
+from tubeplanner.task.problem import given_members, require_parts
 from tubeplanner.text import require_name, short_repr
 
 # ---- The steps of a cycle: moves, and what happens at rest between them.
 
 _LONGEST_DWELL = 1e5  # [s]
-
-Goal: TypeAlias = FloatArray | Seed | ToolPose | GoalRegion | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +66,14 @@ class Move:
         object.__setattr__(self, "pair_clearances", pair_distances(self.pair_clearances))
 
     @property
+    def endpoint(self) -> Endpoint:
+        """The goal."""
+        return endpoint_of(self.goal, self.tube.points[-1])
+
+    @property
     def ends_openly(self) -> bool:
         """Whether only the tool's position is given where it ends."""
-        return self.goal is None or isinstance(self.goal, GoalRegion)
+        return self.endpoint.is_open
 
 
 @dataclass(frozen=True)
@@ -213,14 +215,11 @@ def _require_one_arm(before: Move, move: Move) -> None:
 
 def _require_meeting(before: Move, move: Move) -> None:
     """Raise unless a move's tube begins where the tool is, as far as that is known."""
-    goal = before.goal
-    tool, slack = before.tube.points[-1], 0.0
-    if isinstance(goal, GoalRegion):
-        tool, slack = goal.position, goal.tolerance
-    elif isinstance(goal, ToolPose):
-        tool = goal.position
-    elif isinstance(goal, np.ndarray):
-        tool = before.robot.tool_position(goal[None])[0]
+    end = before.endpoint
+    tool = before.tube.points[-1] if end.position is None else end.position
+    if end.joints is not None:
+        tool = before.robot.tool_position(end.joints[None])[0]
+    slack = 0.0 if end.region is None else end.region.tolerance
     away = -float(move.tube.margin(tool[None])[0, 0])
     if away > slack + MARGIN_TOLERANCE:
         raise ProblemError(

@@ -66,10 +66,10 @@ def _notes_on_origin(problem: PlanningProblem, file: TrajectoryFile) -> list[str
 
 def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) -> str | None:
     """Return a guess why a trajectory does not start where it should; None if there is none."""
-    if not isinstance(problem.start, np.ndarray):
+    if (start := problem.endpoints[0].joints) is None:
         return None
     names, revolute = problem.robot.joint_names, problem.robot.revolute
-    start, q = problem.start, trajectory.reordered(names).position(0.0)
+    q = trajectory.reordered(names).position(0.0)
     if np.allclose(q, start, atol=_NEAR):
         return None
     radians = np.where(revolute, np.radians(q), q)

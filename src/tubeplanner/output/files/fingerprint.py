@@ -21,8 +21,8 @@ from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.motors import JointMotors
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.endpoints import GoalRegion, ToolPose
-from tubeplanner.task.problem import PlanningProblem, Seed
+from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose
+from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Event
 
 # ---- Hashes of robots and problems: are two files about the same thing?

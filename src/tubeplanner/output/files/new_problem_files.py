@@ -126,8 +126,9 @@ def _tube_lines(starter: StarterProblem) -> list[str]:
 
 def _end_lines(starter: StarterProblem) -> list[str]:
     names, trajectory = starter.problem.robot.joint_names, starter.result.trajectory
-    assert isinstance(starter.problem.start, np.ndarray) and trajectory is not None
-    start = dict(zip(names, starter.problem.start.tolist(), strict=True))
+    q = starter.problem.endpoints[0].joints
+    assert q is not None and trajectory is not None
+    start = dict(zip(names, q.tolist(), strict=True))
     last = trajectory.position(trajectory.duration).round(4).tolist()
     return [
         "start:",

@@ -300,7 +300,7 @@ class _Drawing:
             color = rgb(segment_color(k))
             yield Item(Layer.TUBE, i, tube_name(k), surface, color, _TUBE_OPACITY)
             yield reference_item(i, f"move_{k}", move.tube.points, self.thickness)
-            for ball in goal_ball(move.goal):
+            for ball in goal_ball(move.endpoint):
                 color = rgb(REFERENCE_COLOR)
                 yield Item(Layer.REFERENCE, i, f"goal_{k}", ball, color, 0.35)
 
@@ -313,7 +313,7 @@ def cycle_panel_data(scene: CycleScene) -> dict[str, Any]:
     cycle, moves = scene.cycle, _moves(scene)
     handed_over = dict.fromkeys(step.name for step in cycle.steps if isinstance(step, Attach))
     standing = [each.name for each in cycle.obstacles if each.name not in handed_over]
-    balls = any(goal_ball(move.goal) for move in moves)
+    balls = any(goal_ball(move.endpoint) for move in moves)
     words = {
         Layer.CARRIED: listed("Carried", [*(each.name for each in cycle.attached), *handed_over]),
         Layer.TUBE: "Tubes of the moves (radius): the tool must stay inside",

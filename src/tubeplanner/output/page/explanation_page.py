@@ -52,7 +52,7 @@ def _nearest(problem: PlanningProblem, target: FloatArray) -> FloatArray:
     """Return the configuration (n,) within limits that brings the tool nearest to a point (3,)."""
     limits = problem.robot.limits
     try:
-        seed = end_configuration(problem, problem.start, 0)
+        seed = end_configuration(problem, problem.endpoints[0], 0)
     except Infeasible:
         seed = limits.clip(np.zeros(problem.robot.joint_count))
     bounds = limits.lower_position, limits.upper_position

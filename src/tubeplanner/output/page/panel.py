@@ -349,7 +349,7 @@ def _layer_data(layer: Layer, scene: ProblemScene) -> dict[str, Any]:
     words = {
         Layer.CARRIED: listed("Carried", [solid.name for solid in problem.attached]),
         Layer.TUBE: "Tube: the tool must stay inside",
-        Layer.REFERENCE: "Reference path" + ", goal's ball" * len(goal_ball(problem.goal)),
+        Layer.REFERENCE: "Reference path" + ", goal's ball" * len(goal_ball(problem.endpoints[1])),
         Layer.OBSTACLES: listed("Obstacles", [obstacle.name for obstacle in problem.obstacles]),
     }
     return layer_data(layer, scene, words, {Layer.TUBE: _segment_entries(problem)})

@@ -493,7 +493,7 @@ def _surroundings(
         for k, surface in enumerate(tube)
     ]
     items.append(reference_item(trajectory, "path", problem.tube.points, thickness))
-    for ball in goal_ball(problem.goal):
+    for ball in goal_ball(problem.endpoints[1]):
         items.append(Item(Layer.REFERENCE, trajectory, "goal", ball, rgb(REFERENCE_COLOR), 0.35))
     return items + obstacle_items(trajectory, problem.obstacles)
 

@@ -16,7 +16,7 @@ from tubeplanner.output.curves import Stretch
 from tubeplanner.output.drawing import Surface, best_direction, floor_grid, outline
 from tubeplanner.output.execution_curves import ExecutedPaths
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.task.problem import PlanningProblem, Seed
+from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # ---- Where the things of a scene stand, and from where they are seen.
@@ -216,10 +216,9 @@ def poses_along(
 def poses_at_rest(problem: PlanningProblem, notes: list[str]) -> ShownTrajectory:
     """Return the arm at its start; near it, with a note, if seed or pose do not lead there."""
     try:
-        q = end_configuration(problem, problem.start, 0)
+        q = end_configuration(problem, problem.endpoints[0], 0)
     except Infeasible as error:
-        limits, given = problem.robot.limits, problem.start
-        seed = given.joints if isinstance(given, Seed) else getattr(given, "seed", None)
+        limits, seed = problem.robot.limits, problem.endpoints[0].seed
         where = "near zero" if seed is None else "at the seed"
         notes.append(f"the arm is drawn {where}: {error}")
         q = limits.clip(np.zeros(problem.robot.joint_count)) if seed is None else seed

@@ -39,7 +39,8 @@ from tubeplanner.studies.tubes.measurement_result import (
     TubeMeasurement,
 )
 from tubeplanner.studies.tubes.segment_search import KeptSegments, SegmentSearch, SetPreferences
-from tubeplanner.task.problem import PlanningProblem, Seed
+from tubeplanner.task.endpoints import Seed
+from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 
 # ---- How wide a tube may be: radii and joint ranges inside which no part of the robot collides.

@@ -37,7 +37,7 @@ from tubeplanner.studies.tubes.planned_tube import (
     plan_under,
 )
 from tubeplanner.studies.tubes.tool_corners import ToolCorners, tool_corners
-from tubeplanner.task.problem import PlanningProblem, Seed
+from tubeplanner.task.problem import PlanningProblem
 
 # ---- Configurations in which the trajectory may end: the given one, or those of a tool position.
 
@@ -61,9 +61,9 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
         Infeasible: None is free (status tube_blocked), or the tool does not reach the goal
             (status unreachable).
     """
-    if isinstance(problem.goal, np.ndarray):
-        require_free(problem, "goal", problem.goal)
-        return problem.goal[None]
+    if (q := problem.endpoints[1].joints) is not None:
+        require_free(problem, "goal", q)
+        return q[None]
     free, blocked = [], None
     for q in _reaching(problem, start, seed):
         try:
@@ -82,10 +82,10 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
     Raises:
         Infeasible: Status unreachable.
     """
-    limits, region = problem.robot.limits, problem.open_goal
-    target = problem.tube.points[-1] if region is None else region.position
-    if isinstance(problem.goal, Seed):
-        seeds = problem.goal.joints[None]
+    limits, goal = problem.robot.limits, problem.endpoints[1]
+    target = problem.tube.points[-1] if goal.region is None else goal.region.position
+    if goal.seed is not None:
+        seeds = goal.seed[None]
     else:
         low = np.maximum(limits.lower_position, start - _AROUND)
         high = np.minimum(limits.upper_position, start + _AROUND)
@@ -288,15 +288,15 @@ def find_route(
     PlanningProblem.require(problem)
     options = given_options(options, RouteOptions)
     require_callback(progress)
-    if isinstance(problem.start, Seed):
+    if problem.endpoints[0].kind == "seed":
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
     require_ompl()
     try:
         problem, chosen = configured_ends(problem)
     except Infeasible as reason:
         return answer_of(reason)
-    start = problem.start
-    assert isinstance(start, np.ndarray)
+    start = problem.endpoints[0].joints
+    assert start is not None
     finder = _RouteFinder(problem, options, progress, chosen)
     try:
         _, stopped_by = until_stopped(lambda: finder.search(start))

@@ -125,7 +125,7 @@ def shown_configuration(arm: RobotModel, problem: PlanningProblem | None) -> Flo
     """
     if problem is not None:
         try:
-            return end_configuration(problem, problem.start, 0)
+            return end_configuration(problem, problem.endpoints[0], 0)
         except Infeasible:
             pass
     best: FloatArray = typical_configurations(arm)[0]
