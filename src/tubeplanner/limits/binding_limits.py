@@ -14,20 +14,18 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- How far apart pairs of solids must be along a trajectory, as the judge asks it.
-
 
 def required_of_pairs(
     problem: PlanningProblem, trajectory: JointTrajectory, time: FloatArray
 ) -> FloatArray:
-    """Return the distances that the pairs of `problem.collision` must keep, shape (K, P) [m].
+    """Return the distances that the judge requires of the pairs of `problem.collision`, (K, P) [m].
 
-    Of pairs that may be in contact then, -inf: they are allowed to touch.
+    Pairs that may be in contact at a time have -inf then.
 
     Args:
         problem: The planning problem.
         trajectory: Of the problem's joints, in their order.
-        time: Of K samples, increasing, shape (K,) [s]; after the end what holds there.
+        time: Of K samples, increasing, shape (K,) [s]; after the end, the values at the end hold.
     """
     problem = problem.joined
     ends = trajectory.position(np.array([0.0, trajectory.duration]))
@@ -36,19 +34,19 @@ def required_of_pairs(
         return np.tile(required.by_segment, (len(time), 1))
     segment = judged_segments(problem, trajectory, time)
     tool = problem.robot.tool_position(trajectory.position(np.minimum(time, trajectory.duration)))
-    asked = required.at(segment, tool)
+    distance = required.at(segment, tool)
     for near in required.near_ends:
-        asked[np.ix_(near.holds(segment, tool), near.pair)] = -np.inf
-    return asked
+        distance[np.ix_(near.holds(segment, tool), near.pair)] = -np.inf
+    return distance
 
 
-# ---- Which two solids are closest along a trajectory, beyond what they must be apart.
+# ---- The closest pair of solids along a trajectory, beyond the required distances.
 #
 # Pairs are measured in the order of quick bounds, all times at once, until no other pair may be
-# closer. Of shapes that overlap by many centimetres, measured distances are too low by up to as
+# closer. Measured distances of shapes that overlap by many centimetres are too low by up to as
 # much.
 
-# As the certificate calls them.
+# The certificate's names for these kinds.
 OBSTACLES = "obstacles"
 SELF_COLLISION = "self_collision"
 
@@ -62,11 +60,10 @@ class ClosestPairs:
     Attributes:
         kind: "obstacles" or "self_collision".
         time: Shape (K,) [s].
-        distance: Between the two, shape (K,) [m]; negative where they overlap.
-        margin: How much more than required that is, shape (K,) [m].
+        distance: Of the pair, shape (K,) [m]; negative where the solids overlap.
+        margin: Distance beyond the required one, shape (K,) [m].
         names: A link, and the obstacle or the other link.
-        points: Where the two are closest, on their surfaces and in the base frame, shape (K, 2, 3)
-            [m].
+        points: The closest points on both surfaces, in the base frame, shape (K, 2, 3) [m].
     """
 
     kind: str
@@ -82,7 +79,8 @@ def closest_pairs(
 ) -> list[ClosestPairs]:
     """Return the pairs with the least margins: of links and obstacles, and of links alone.
 
-    Of what is not checked, nothing. Pairs that may be in contact at a time are left out then.
+    A kind without checked pairs has no entry. Pairs that may be in contact at a time are left out
+    then.
 
     Args:
         problem: The planning problem.
@@ -95,39 +93,24 @@ def closest_pairs(
     trajectory = trajectory.reordered(problem.robot.joint_names)
     poses = problem.robot.body_poses(trajectory.position(time))
     required = required_of_pairs(problem, trajectory, time)
-    count = len(checker.obstacle_pairs)
-    kinds = {OBSTACLES: slice(count), SELF_COLLISION: slice(count, None)}
-    return [
-        _closest(checker, time, poses, (kind, checker.pairs[own], required[:, own]))
-        for kind, own in kinds.items()
-        if len(checker.pairs[own])
-    ]
-
-
-def _closest(
-    checker: CollisionChecker,
-    time: FloatArray,
-    poses: tuple[FloatArray, FloatArray],
-    asked: tuple[str, IntArray, FloatArray],
-) -> ClosestPairs:
-    """Return the closest of pairs of a kind (P, 2), of which so much is required, (K, P) [m]."""
-    kind, pairs, required = asked
-    column = _closest_columns(checker, poses, pairs, required)
-    pair, least = pairs[column], required[np.arange(len(time)), column]
-    found = checker.closest_points(*poses, pair)
-    # The points are those of cores: surfaces are as far beyond them as the shapes are rounded.
-    radii = np.array([shape.shape.radius for shape in checker.shapes])[pair, None]
-    first = found.first + radii[:, 0] * found.direction
-    second = found.second - radii[:, 1] * found.direction
-    owners = [(checker.shapes[i].owner, checker.shapes[j].owner) for i, j in pair.tolist()]
-    return ClosestPairs(
-        kind,
-        time,
-        np.where(least == -np.inf, np.inf, found.distance),
-        found.distance - least,
-        tuple(owners),
-        np.stack([first, second], axis=1),
-    )
+    radii = np.array([shape.shape.radius for shape in checker.shapes])
+    count, result = len(checker.obstacle_pairs), []
+    for kind, columns in ((OBSTACLES, slice(count)), (SELF_COLLISION, slice(count, None))):
+        pairs = checker.pairs[columns]
+        if len(pairs) == 0:
+            continue
+        column = _closest_columns(checker, poses, pairs, required[:, columns])
+        pair, least = pairs[column], required[:, columns][np.arange(len(time)), column]
+        closest = checker.closest_points(*poses, pair)
+        # The points are those of cores: surfaces are as far beyond them as the shapes are rounded.
+        first = closest.first + radii[pair[:, :1]] * closest.direction
+        second = closest.second - radii[pair[:, 1:]] * closest.direction
+        names = [(checker.shapes[i].owner, checker.shapes[j].owner) for i, j in pair.tolist()]
+        distance = np.where(least == -np.inf, np.inf, closest.distance)
+        points = np.stack([first, second], axis=1)
+        margin = closest.distance - least
+        result.append(ClosestPairs(kind, time, distance, margin, tuple(names), points))
+    return result
 
 
 def _closest_columns(
@@ -136,13 +119,13 @@ def _closest_columns(
     pairs: IntArray,
     required: FloatArray,
 ) -> IntArray:
-    """Return which of some pairs has the least margin in each of K configurations, shape (K,)."""
+    """Return the column of the pair with the least margin in each of K configurations: (K,)."""
     every = np.arange(len(required))
     rotation, position = poses
 
     def margins(row: IntArray, column: IntArray) -> FloatArray:
-        found = checker.closest_points(rotation[row], position[row], pairs[column])
-        return found.distance - required[row, column]
+        closest = checker.closest_points(rotation[row], position[row], pairs[column])
+        return closest.distance - required[row, column]
 
     bound = checker.sphere_distances(*poses, pairs) - required
     best = bound.argmin(axis=1)
@@ -163,27 +146,27 @@ def _closest_columns(
     return best
 
 
-# ---- Which limit binds when: why a trajectory is not faster there, or takes no other way.
+# ---- Binding limits by time: why a trajectory is not faster there, or takes no other way.
 
 TOOL, LINKS = "tool", "links"
 NONE = -1
-# From this share on a limit binds; of a joint's range nearer to its end: two turns are long.
+# From this share on a limit binds; a joint's range does nearer to its end: two turns are long.
 _BINDS = 0.98
 _BINDS_IN_RANGE = 0.998
-# Solids this much farther apart than they must be use nothing of that limit [m], so that they are
-# in each other's way where a millimetre is left.
+# Solids this much farther apart than required use nothing of that limit [m], so that they are in
+# each other's way where a millimetre is left.
 _FAR = 0.05
 _OF_THE_SHAPE = (POSITION, TUBE, ROTATION)
 
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch of time in which one limit binds.
+    """An interval of time in which one limit binds.
 
     Attributes:
         kind: Of the limit.
-        begin: When it begins to [s].
-        end: When it ends [s].
+        begin: [s].
+        end: [s].
     """
 
     kind: str
@@ -193,14 +176,13 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class BindingRow:
-    """Which limit of a joint, of the tool or of the links binds, at N samples.
+    """The binding limits of a joint, of the tool or of the links, at N samples.
 
     Attributes:
         name: Of the joint, "tool" or "links".
         time: Shape (N,) [s].
-        kinds: The kinds of limits that it has.
-        which: Index of the kind that binds, of several that of which most is used; -1: none,
-            shape (N,).
+        kinds: The kinds of its limits.
+        which: Index of the kind that binds, of several the most used; -1: none, shape (N,).
     """
 
     name: str
@@ -210,7 +192,7 @@ class BindingRow:
 
     @property
     def spans(self) -> list[Span]:
-        """The stretches in which a limit binds, each half way to the samples beside it."""
+        """The intervals in which a limit binds; each ends half way to the next sample."""
         changes = np.flatnonzero(np.diff(self.which)) + 1
         middles = (self.time[changes - 1] + self.time[changes]) / 2
         ends = [float(self.time[0]), *middles.tolist(), float(self.time[-1])]
@@ -225,13 +207,13 @@ class BindingRow:
 def binding_rows(
     joint_names: Sequence[str], uses: LimitUses, closest: Sequence[ClosestPairs]
 ) -> list[BindingRow]:
-    """Return which limits bind: a row per joint, one of the tool, and one of the links.
+    """Return the binding limits: a row per joint, a row of the tool, and a row of the links.
 
-    Points of links whose speed is limited count as links. No row of what has no limit.
+    Points of links whose speed is limited count as links. A row without limits is left out.
 
     Args:
         joint_names: The joints, in their order.
-        uses: How much of its limits a trajectory uses, at N samples.
+        uses: The use of each limit along a trajectory, at N samples.
         closest: Its closest pairs at the times of these samples.
     """
     rows: dict[str, list[LimitUse]] = {name: [] for name in (*joint_names, TOOL, LINKS)}
@@ -239,22 +221,29 @@ def binding_rows(
         is_tool = use.name == TOOL
         owner = TOOL if is_tool else LINKS if use.joint is None else joint_names[use.joint]
         rows[owner].append(use)
-    time = uses.samples.time
-    return [_row(name, time, own) for name, own in rows.items() if own]
+    result = []
+    for name, own in rows.items():
+        if not own:
+            continue
+        binding = np.array([_excess(use) >= 0 for use in own])
+        which = np.where(binding, np.array([use.share for use in own]), -np.inf).argmax(axis=0)
+        which = np.where(binding.any(axis=0), which, NONE)
+        result.append(BindingRow(name, uses.samples.time, tuple(use.kind for use in own), which))
+    return result
 
 
 def clearance_use(closest: ClosestPairs) -> LimitUse:
-    """Return how much of a required distance is used: 1 where it is just kept, 0 from 5 cm on."""
+    """Return the use of a required distance: 1 where it is just kept, 0 from 5 cm on."""
     share = np.maximum(1 - closest.margin / _FAR, 0.0)
     return LimitUse(closest.kind, LINKS, share)
 
 
 def bound_share(uses: LimitUses, of: Iterable[LimitUse] | None = None) -> float:
-    """Return in which share of the time some limit binds, from 0 to 1.
+    """Return the fraction of the time in which some limit binds, from 0 to 1.
 
     Args:
-        uses: How much of its limits a trajectory uses.
-        of: Which of them count; None: all on the speed, without those of position, tube and
+        uses: The use of each limit along a trajectory.
+        of: The limits that count; None: all on the speed, without those of position, tube and
             rotation, which shape the way.
     """
     if of is None:
@@ -268,13 +257,5 @@ def bound_share(uses: LimitUses, of: Iterable[LimitUse] | None = None) -> float:
 
 
 def _excess(use: LimitUse) -> FloatArray:
-    """Return how far beyond the share from which on it binds a limit is used, shape (N,)."""
+    """Return the use of a limit beyond the share from which on it binds, shape (N,)."""
     return use.share - (_BINDS_IN_RANGE if use.kind == POSITION else _BINDS)
-
-
-def _row(name: str, time: FloatArray, uses: Sequence[LimitUse]) -> BindingRow:
-    share = np.array([use.share for use in uses])
-    binding = np.array([_excess(use) >= 0 for use in uses])
-    which = np.where(binding, share, -np.inf).argmax(axis=0)
-    which = np.where(binding.any(axis=0), which, NONE)
-    return BindingRow(name, time, tuple(use.kind for use in uses), which)

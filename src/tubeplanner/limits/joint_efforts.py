@@ -14,8 +14,6 @@ from tubeplanner.robot.model import effort_rate_derivatives
 from tubeplanner.robot.motors import JointMotors
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- Why a motor is too weak for an arm at rest, or moved slowly.
-
 
 def effort_refusal(
     at: PathSamples,
@@ -27,14 +25,14 @@ def effort_refusal(
     mass: float | None = None,
     proved: bool = False,
 ) -> Infeasible:
-    """Return that a joint cannot hold what it carries, or move it, however slowly.
+    """Return the refusal that a joint can neither hold nor slowly move its load.
 
     Args:
         at: The path.
-        sample: Where on it.
-        joint: Which joint.
+        sample: Index of the sample on it.
+        joint: Index of the joint.
         needed: Size of its effort at rest or at low speed [N m or N].
-        limit: The most that its motor has there, in that direction [N m or N].
+        limit: The effort limit of its motor there, in that direction [N m or N].
         mass: The heaviest payload that all joints hold there [kg]; None: not known.
         proved: As of `Infeasible`.
     """
@@ -54,14 +52,14 @@ def effort_refusal(
     )
 
 
-# ---- The joints' efforts in limits that are the same both ways.
+# ---- Efforts of joints with one effort limit for both directions.
 
 
 class JointEffort:
     """A `SpeedLimit` on the efforts of some joints.
 
     Attributes:
-        joints: Those that are limited, I of them.
+        joints: The I limited joints.
         limit: Their limits, shape (I,) [N m or N].
     """
 
@@ -70,12 +68,12 @@ class JointEffort:
     signs = (1.0, -1.0)
 
     def __init__(self, limit: FloatArray, *, with_coulomb_friction: bool = False) -> None:
-        """Take the finite ones of n joints' limits, (n,) [N m or N].
+        """Take the finite limits of n joints.
 
         Args:
-            limit: The limits.
-            with_coulomb_friction: Whether it counts, by the directions of motion. Its jumps have no
-                derivatives: for what is summed up over a motion.
+            limit: Shape (n,) [N m or N].
+            with_coulomb_friction: Whether Coulomb friction counts, by the directions of motion. Its
+                jumps have no derivatives: for sums over a motion.
         """
         self._with_coulomb_friction = with_coulomb_friction
         self.joints = np.flatnonzero(np.isfinite(limit))
@@ -83,7 +81,7 @@ class JointEffort:
         self.keys = tuple(LimitKey(self.kind, joint=j) for j in self.joints.tolist())
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the efforts as shares of their limits."""
+        """Return the efforts as fractions of their limits."""
         motors, own = at.problem.robot.motors, self.joints
         terms = {0: at.gravity[:, own], 2: (at.effort - at.gravity)[:, own]}
         if motors.has_viscous_friction:
@@ -94,7 +92,7 @@ class JointEffort:
         return SpeedPolynomial({power: term / self.limit for power, term in terms.items()})
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return how the shares change with the path."""
+        """Return the derivatives of the fractions by the path."""
         blocks = enumerate(at.effort_derivatives(speed))
         return {k: by[:, self.joints] * (speed**k / self.limit[:, None]) for k, by in blocks}
 
@@ -103,16 +101,16 @@ class JointEffort:
         return np.arange(len(self.joints))[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
-        """Return which joint gravity is too strong for."""
-        held = abs(at.gravity[:, self.joints])
-        sample, column = np.unravel_index(int((held - self.limit).argmax()), held.shape)
-        needed, limit = float(held[sample, column]), float(self.limit[column])
+        """Return the refusal of the joint that gravity exceeds most."""
+        effort = abs(at.gravity[:, self.joints])
+        sample, column = np.unravel_index(int((effort - self.limit).argmax()), effort.shape)
+        needed, limit = float(effort[sample, column]), float(self.limit[column])
         return effort_refusal(at, int(sample), int(self.joints[column]), needed, limit)
 
 
-# ---- Efforts as sides bound them: of each joint forwards and then backwards, with its friction.
+# ---- Efforts by side: of each joint forwards and then backwards, with its friction.
 #
-# Upwards bounded is the most that a joint may need, downwards the least: where friction is
+# The upper side bounds the most that a joint may need, the lower side the least: where friction is
 # uncertain, or its direction about to change, these differ.
 
 
@@ -120,7 +118,7 @@ class SidedEffort:
     """The efforts of some joints on both sides, 2 I quantities [N m or N].
 
     Attributes:
-        joints: Whose they are, twice, shape (2 I,).
+        joints: The joints, twice, shape (2 I,).
         way: 1 forwards, -1 backwards, shape (2 I,).
     """
 
@@ -130,7 +128,7 @@ class SidedEffort:
         self.way = np.repeat([1.0, -1.0], len(joints))
 
     def terms(self, at: PathSamples) -> dict[int, FloatArray]:
-        """Return them at any speed, by its powers: friction of the worse kind that it may have."""
+        """Return the terms of the efforts by powers of the speed, with the worse friction."""
         still, moving = at.gravity + at.viscous_effort, at.effort
         unsure = at.problem.robot.motors.friction_uncertainty * abs(at.viscous_effort)
         dry = self._dry(at, 0)
@@ -141,7 +139,7 @@ class SidedEffort:
         }
 
     def by_path(self, at: PathSamples, speed: float) -> dict[int, FloatArray]:
-        """Return how they change with the path at a speed, (N, 2 I, n) each."""
+        """Return the derivatives of the efforts by the path at a speed, (N, 2 I, n) each."""
         motors = at.problem.robot.motors
         blocks = enumerate(at.effort_derivatives(speed))
         change = {k: by[:, self.joints] * (speed**k * self.way[:, None]) for k, by in blocks}
@@ -151,22 +149,22 @@ class SidedEffort:
         change[1][:, every, self.joints] += by_rate
         return change
 
-    def _dry(self, at: PathSamples, what: int) -> FloatArray:
-        """Return Coulomb friction (0) or how it changes with dq/dx (1), shape (N, 2 I)."""
+    def _dry(self, at: PathSamples, order: int) -> FloatArray:
+        """Return Coulomb friction (0) or its derivative by dq/dx (1), shape (N, 2 I)."""
         half = len(self.joints) // 2
-        sides = [at.coulomb_friction.side(way)[what][:, self.joints[:half]] for way in (1.0, -1.0)]
+        sides = [at.coulomb_friction.side(way)[order][:, self.joints[:half]] for way in (1.0, -1.0)]
         return np.concatenate(sides, axis=1)
 
 
-# ---- Effort limits of joints with Coulomb friction, or with other limits each way or by position.
+# ---- Effort limits of joints with Coulomb friction, or with limits by direction or position.
 
 
 class EffortLimit:
     """A `SpeedLimit` on the efforts of some joints, forwards and then backwards: 2 I quantities.
 
     Attributes:
-        joints: Those that are limited, twice, shape (2 I,).
-        limit: What they are shares of: the most each way anywhere, shape (2 I,) [N m or N].
+        joints: The limited joints, twice, shape (2 I,).
+        limit: Nominal limits: the largest in each direction anywhere, shape (2 I,) [N m or N].
     """
 
     kind = "effort"
@@ -190,7 +188,7 @@ class EffortLimit:
         self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the efforts, and what limits lack, as shares of the most."""
+        """Return the efforts, and the shortfall of limits, as fractions of the nominal limits."""
         allowed = np.ones((len(at), len(self.joints)))
         for column, way, each in self._ranges:
             allowed[:, column] = each.allowed(at.position[:, each.joint], way) / self.limit[column]
@@ -199,7 +197,7 @@ class EffortLimit:
         return SpeedPolynomial(terms, allowed)
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return how the shares change with the path."""
+        """Return the derivatives of the fractions by the path."""
         change = {k: by / self.limit[:, None] for k, by in self._effort.by_path(at, speed).items()}
         for column, way, each in self._ranges:
             slope = each.slope(at.position[:, each.joint], way)
@@ -211,7 +209,7 @@ class EffortLimit:
         return np.tile(np.arange(len(self.keys)), 2)[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
-        """Return which joint gravity and friction are too strong for."""
+        """Return the refusal of the joint that gravity and friction exceed most."""
         used = self.used(at)
         sample, column = np.unravel_index(int(used.terms[0].argmax()), used.shape)
         allowed = 1.0 if used.allowed is None else float(used.allowed[sample, column])
@@ -221,17 +219,14 @@ class EffortLimit:
         )
 
 
-# ---- Torque-speed lines: what effort motors have left at speed.
-
-
 class MotorCurve:
-    """A `SpeedLimit` on the efforts of some joints at their velocities: 2 I quantities.
+    """A `SpeedLimit` on the torque-speed lines of some joints: 2 I quantities.
 
     An effort tau at the velocity v uses tau / S + v / v0 forwards, S the saturation effort and v0
     the no-load velocity, and minus that backwards. A key stands for both, raised together.
 
     Attributes:
-        joints: Those that have such a line, twice, shape (2 I,).
+        joints: The joints with such a line, twice, shape (2 I,).
     """
 
     kind = "motor_curve"
@@ -248,13 +243,13 @@ class MotorCurve:
         self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return what efforts and velocities use together."""
+        """Return the fractions of the lines that efforts and velocities use together."""
         terms = {k: term / self._stall for k, term in self._effort.terms(at).items()}
         terms[1] = terms[1] + self._way * at.by_path[1][:, self.joints] / self._no_load
         return SpeedPolynomial(terms)
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return how that changes with the path."""
+        """Return the derivatives of the fractions by the path."""
         change = {k: by / self._stall[:, None] for k, by in self._effort.by_path(at, speed).items()}
         every = np.arange(len(self.joints))
         change[1][:, every, self.joints] += self._way * speed / self._no_load
@@ -265,25 +260,22 @@ class MotorCurve:
         return np.tile(np.arange(len(self.keys)), 2)[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
-        """Return which motor stalls under gravity and friction."""
-        held = self.used(at).terms[0]
-        sample, column = np.unravel_index(int(held.argmax()), held.shape)
+        """Return the refusal of the motor that stalls under gravity and friction."""
+        fraction = self.used(at).terms[0]
+        sample, column = np.unravel_index(int(fraction.argmax()), fraction.shape)
         stall = float(self._stall[column])
-        needed = float(held[sample, column]) * stall
+        needed = float(fraction[sample, column]) * stall
         return effort_refusal(at, int(sample), int(self.joints[column]), needed, stall)
 
 
-# ---- Limits on how fast the joints' efforts change: inside pieces, where the motion is smooth.
-
-
 class EffortRate:
-    """A `SpeedLimit` on the rates of some joints' efforts.
+    """A `SpeedLimit` on the rates of some joints' efforts, inside pieces: they are smooth there.
 
-    Those of gravity grow with s, those of viscous friction with s^2, the rest with s^3. Coulomb
-    friction, which jumps, does not count.
+    Rates of gravity grow with s, of viscous friction with s^2, the rest with s^3. Coulomb friction,
+    which jumps, does not count.
 
     Attributes:
-        joints: Those that are limited, I of them.
+        joints: The I limited joints.
         limit: Their limits, shape (I,) [N m/s or N/s].
     """
 
@@ -292,13 +284,13 @@ class EffortRate:
     signs = (1.0, -1.0)
 
     def __init__(self, limit: FloatArray) -> None:
-        """Take the finite ones of n joints' limits, (n,) [N m/s or N/s]."""
+        """Take the finite limits of n joints, (n,) [N m/s or N/s]."""
         self.joints = np.flatnonzero(np.isfinite(limit))
         self.limit = limit[self.joints]
         self.keys = tuple(LimitKey(self.kind, joint=j) for j in self.joints.tolist())
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the rates as shares of their limits."""
+        """Return the rates as fractions of their limits."""
         rate, gravity = at.effort_rate[:, self.joints], at.gravity_rate[:, self.joints]
         motors = at.problem.robot.motors
         if not motors.has_viscous_friction:
@@ -308,7 +300,7 @@ class EffortRate:
         return SpeedPolynomial({power: term / self.limit for power, term in terms.items()})
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return how the shares change with the path."""
+        """Return the derivatives of the fractions by the path."""
         state = (at.position, at.rate(1, speed), at.rate(2, speed), at.rate(3, speed))
         blocks = enumerate(effort_rate_derivatives(at.problem.robot, *state))
         return {k: by[:, self.joints] * (speed**k / self.limit[:, None]) for k, by in blocks}
@@ -318,29 +310,29 @@ class EffortRate:
         return np.arange(len(self.joints))[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
-        """Return that there is none: a path can be run as slowly as one likes."""
+        """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
         return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())
 
 
-# ---- Whether the motors can hold an arm, and let it leave: at rest, gravity and friction count.
+# ---- Holding efforts: at rest, gravity and friction count.
 
 _HALVINGS = 40  # of the payload's mass
 
 
 def require_held(problem: PlanningProblem, q: FloatArray, *, is_given: bool = False) -> None:
-    """Check that every joint can be moved slowly in one direction or the other, or is held at all.
+    """Check that every joint can move slowly in some direction, or is held at all.
 
     Args:
         problem: The planning problem.
         q: A configuration, shape (n,).
-        is_given: Whether every trajectory has it: there is none for certain then, and the message
-            says which payload would be held.
+        is_given: Whether every trajectory has this configuration: then no trajectory exists for
+            certain, and the message names the payload that would be held.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
     gravity = problem.robot.gravity_effort(q[None])
-    directions = _both_directions(problem, q, gravity)
+    directions = _creep_efforts(problem, q, gravity)
     beyond = _beyond(directions)
     joint = int(beyond.min(axis=0).argmax())
     if (beyond[:, joint] <= 0).any():
@@ -355,51 +347,47 @@ def require_held(problem: PlanningProblem, q: FloatArray, *, is_given: bool = Fa
 
 
 def _held_mass(problem: PlanningProblem, q: FloatArray, gravity: FloatArray) -> float | None:
-    """Return the heaviest payload that all joints hold [kg], None if there is none.
+    """Return the heaviest payload that all joints hold [kg]; None if the empty arm is not held.
 
-    Efforts (1, n) against gravity are affine in its mass.
+    Efforts (1, n) against gravity are affine in the payload's mass.
     """
     payload = problem.robot.payload
     if payload is None:
         return None
     empty = problem.robot.with_payload(None).gravity_effort(q[None])
 
-    def is_held(share: float) -> bool:
-        held = _both_directions(problem, q, empty + share * (gravity - empty))
-        return bool((_beyond(held).min(axis=0) <= 0).all())
+    def is_held(fraction: float) -> bool:
+        directions = _creep_efforts(problem, q, empty + fraction * (gravity - empty))
+        return bool((_beyond(directions).min(axis=0) <= 0).all())
 
     if not is_held(0.0):
         return None
-    held, not_held = 0.0, 1.0
+    low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
-        middle = (held + not_held) / 2
-        held, not_held = (middle, not_held) if is_held(middle) else (held, middle)
-    return float(held * payload.mass)
+        middle = (low + high) / 2
+        low, high = (middle, high) if is_held(middle) else (low, middle)
+    return float(low * payload.mass)
 
 
 _Efforts: TypeAlias = tuple[FloatArray, FloatArray]
 
 
-def _both_directions(
-    problem: PlanningProblem, q: FloatArray, gravity: FloatArray
-) -> list[_Efforts]:
-    return [_needed_and_allowed(problem, q, gravity, direction) for direction in (1.0, -1.0)]
+def _creep_efforts(problem: PlanningProblem, q: FloatArray, gravity: FloatArray) -> list[_Efforts]:
+    """Return needed and available efforts when all joints creep upwards, and downwards.
+
+    Each (2, n): forwards and backwards.
+    """
+    robot = problem.robot
+    sides = [robot.limits.effort_at(q[None], sign) for sign in (1.0, -1.0)]
+    allowed = np.minimum(np.concatenate(sides), robot.motors.saturation_effort)
+    result = []
+    for direction in (1.0, -1.0):
+        friction = directed_friction(robot.motors, np.full_like(gravity, direction))
+        needed = np.concatenate([gravity + friction.most, -gravity - friction.least])
+        result.append((needed, allowed))
+    return result
 
 
 def _beyond(directions: Sequence[_Efforts]) -> FloatArray:
-    """Return by how much each joint needs more than it has in each direction, (2, n)."""
+    """Return the shortfall of each joint's effort in each direction, (2, n)."""
     return np.array([(needed - allowed).max(axis=0) for needed, allowed in directions])
-
-
-def _needed_and_allowed(
-    problem: PlanningProblem, q: FloatArray, gravity: FloatArray, direction: float
-) -> _Efforts:
-    """Return what joints need forwards and backwards when they creep in a direction, (2, n).
-
-    And what motors have.
-    """
-    robot, stall = problem.robot, problem.robot.motors.saturation_effort
-    friction = directed_friction(robot.motors, np.full_like(gravity, direction))
-    sides = [robot.limits.effort_at(q[None], way) for way in (1.0, -1.0)]
-    needed = np.concatenate([gravity + friction.most, -gravity - friction.least])
-    return needed, np.minimum(np.concatenate(sides), stall)

@@ -9,13 +9,11 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.trajectory.parts import STILL_SHARE, directed_stretches
 
-# ---- What the motors of an arm give along a trajectory, friction included.
-
 
 def motor_effort(
     robot: RobotModel, trajectory: JointTrajectory, samples: TrajectorySamples
 ) -> FloatArray:
-    """Return the efforts of the motors, shape (N, n) [N m or N].
+    """Return the efforts of the motors, friction included, shape (N, n) [N m or N].
 
     Args:
         robot: The arm.
@@ -29,9 +27,10 @@ def motor_effort(
 def coulomb_effort(
     robot: RobotModel, trajectory: JointTrajectory, samples: TrajectorySamples
 ) -> FloatArray:
-    """Return what Coulomb friction takes of that, likewise.
+    """Return the efforts of the motors against Coulomb friction, shape (N, n) [N m or N].
 
-    Where a joint reverses, for the direction that it takes; at the goal, for that of its approach.
+    Arguments as of `motor_effort`. Where a joint reverses, friction is of the direction that it
+    takes; at the goal, of its approach.
     """
     velocity = samples.velocity
     if not robot.motors.has_coulomb_friction:
@@ -44,13 +43,11 @@ def coulomb_effort(
     return robot.motors.coulomb_effort(np.where(moves, velocity, beside))
 
 
-# ---- What a motion takes from its motors, in any duration: heat, and mechanical work.
-
 _SAMPLES_PER_PIECE = 41
 
 
 class EffortCosts:
-    """The costs of one motion, from 41 samples of each of its polynomial pieces."""
+    """Heat and mechanical work of one motion in any duration, from 41 samples per piece."""
 
     def __init__(self, robot: RobotModel, trajectory: JointTrajectory) -> None:
         """Take the motion of an arm's joints, in their order."""
@@ -62,7 +59,7 @@ class EffortCosts:
 
         Args:
             weights: Of the squared efforts, shape (n,).
-            duration: In which the motion is run [s]; None: its own.
+            duration: Of the motion [s]; None: its own.
 
         Returns:
             In the weights' unit, times (N m)^2 s or N^2 s.
@@ -71,12 +68,12 @@ class EffortCosts:
         return self._integral(self._effort(slower) ** 2 @ weights) * slower
 
     def work(self, duration: float | None = None) -> float:
-        """Return the integral of the joints' power where it is positive, summed over them [J].
+        """Return the integral of the joints' positive power, summed over the joints [J].
 
-        Braking gives nothing back.
+        Braking recovers no energy.
 
         Args:
-            duration: In which the motion is run [s]; None: its own.
+            duration: Of the motion [s]; None: its own.
         """
         power = self._effort(self._slower(duration)) * self._samples.velocity
         return self._integral(np.maximum(power, 0.0).sum(axis=1))
@@ -85,8 +82,8 @@ class EffortCosts:
         return 1.0 if duration is None else duration / self._trajectory.duration
 
     def _effort(self, slower: float) -> FloatArray:
-        held, viscous, moved = self._efforts
-        return held + viscous / slower + moved / slower**2
+        static, viscous, inertial = self._efforts
+        return static + viscous / slower + inertial / slower**2
 
     @cached_property
     def _efforts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -95,14 +92,12 @@ class EffortCosts:
         gravity = robot.gravity_effort(at.position)
         viscous = robot.motors.viscous_friction * at.velocity
         smooth = robot.inverse_dynamics(at.position, at.velocity, at.acceleration)
-        held = gravity + coulomb_effort(robot, self._trajectory, at)
-        return held, viscous, smooth - viscous - gravity
+        static = gravity + coulomb_effort(robot, self._trajectory, at)
+        return static, viscous, smooth - viscous - gravity
 
     def _integral(self, values: FloatArray) -> float:
         return float(np.trapezoid(values, self._samples.time))
 
-
-# ---- How much the motors' efforts swing during a motion.
 
 _VARIATION_SAMPLES = 20
 
@@ -110,11 +105,11 @@ _VARIATION_SAMPLES = 20
 def effort_variation(
     robot: RobotModel, trajectory: JointTrajectory, beside: JointTrajectory | None = None
 ) -> FloatArray:
-    """Return the total variation of each joint's effort: how far it moves up and down in all.
+    """Return the total variation of each joint's effort, the sum of its ups and downs, shape (n,).
 
-    Coulomb friction is left out: no motion spares the joints its jumps where they reverse. From 20
-    samples per polynomial piece. What an effort needs for a start and an end counts too, but not
-    the hold before and after.
+    From 20 samples per polynomial piece. Coulomb friction is left out: no motion spares the joints
+    its jumps where they reverse. The efforts of start and end count, but not the hold before and
+    after.
 
     Args:
         robot: The arm.
@@ -122,8 +117,8 @@ def effort_variation(
         beside: The motion that it is compared with; None: itself.
 
     Returns:
-        In limits; of joints without a limit on the effort, in their largest efforts of the motion
-        that it is compared with, shape (n,).
+        In effort limits; of joints without an effort limit, in their largest efforts of the motion
+        compared with.
     """
     effort = _efforts(robot, trajectory)
     most = abs(effort if beside is None else _efforts(robot, beside)).max(axis=0)

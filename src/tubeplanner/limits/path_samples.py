@@ -1,9 +1,4 @@
-"""PathSamples: derivatives and efforts along a path; Coulomb friction; the protocol SpeedLimit.
-
-It jumps where a joint reverses. Both one-sided limits count there, so that on its way to a reversal
-the friction of the other direction must already be allowed for. Optimisers need to see that coming:
-for them, it is blended in over a range of low velocities.
-"""
+"""PathSamples: derivatives and efforts along a path; Coulomb friction; the protocol SpeedLimit."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -20,10 +15,14 @@ from tubeplanner.robot.motors import JointMotors
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.parts import STILL_SHARE
 
-# ---- Coulomb friction at samples of a path: what counts where efforts must not be more, or less.
+# ---- Coulomb friction at samples of a path.
+#
+# Friction jumps where a joint reverses. Both one-sided limits count there, so that on its way to a
+# reversal the friction of the other direction must already be allowed for. Optimisers need to see
+# that coming: for them, it is blended in over a range of low velocities.
 
-# So much of the range before a reversal has the other direction's friction whole: what is between
-# samples there is covered.
+# The fraction of the range before a reversal with the whole friction of the other direction, which
+# covers the path between samples.
 _EARLY = 0.1
 
 
@@ -32,10 +31,10 @@ class CoulombFriction:
     """Coulomb friction of n joints at N samples, each (N, n) [N m or N].
 
     Attributes:
-        most: The most that it may be.
-        least: The least.
-        most_by_rate: How `most` changes with the path's velocity dq/dx.
-        least_by_rate: Likewise.
+        most: Upper bound.
+        least: Lower bound.
+        most_by_rate: Derivative of `most` by the path's velocity dq/dx.
+        least_by_rate: Derivative of `least`, likewise.
     """
 
     most: FloatArray
@@ -44,7 +43,7 @@ class CoulombFriction:
     least_by_rate: FloatArray
 
     def side(self, way: float) -> tuple[FloatArray, FloatArray]:
-        """Return what counts where efforts are bounded from above (1) or below, and its change."""
+        """Return the upper (1) or lower (-1) bound and its derivative by dq/dx."""
         upper = (self.most, self.most_by_rate)
         return upper if way > 0 else (self.least, self.least_by_rate)
 
@@ -54,7 +53,7 @@ def directed_friction(motors: JointMotors, direction: FloatArray) -> CoulombFric
 
     Args:
         motors: Of the joints.
-        direction: Whose sign is the joints' direction, shape (N, n); 0: they stand still.
+        direction: Its sign is the joints' direction, shape (N, n); 0: at rest.
     """
     effort = motors.coulomb_effort(direction)
     unsure = motors.friction_uncertainty * abs(effort)
@@ -65,14 +64,15 @@ def directed_friction(motors: JointMotors, direction: FloatArray) -> CoulombFric
 def blended_friction(
     motors: JointMotors, rate: FloatArray, end_direction: FloatArray, share: float
 ) -> CoulombFriction:
-    """Return friction that bounds that of a whole path from both sides, and has derivatives.
+    """Return differentiable bounds on the friction of a whole path from both sides.
 
     Args:
         motors: Of the joints.
         rate: Velocities dq/dx of the path at samples all over it, shape (N, n).
-        end_direction: Whose sign is the direction in which a joint leaves the start or approaches
-            the goal, at samples near these; nan at others, shape (N, n).
-        share: Of a joint's largest velocity, below which the friction of both directions counts.
+        end_direction: Its sign is the direction in which a joint leaves the start or approaches the
+            goal, at samples near these; nan at others, shape (N, n).
+        share: Fraction of a joint's largest velocity below which the friction of both directions
+            counts.
     """
     largest = abs(rate).max(axis=0)
     moves = largest > STILL_SHARE * largest.max()
@@ -88,27 +88,24 @@ def blended_friction(
         rise * slope * ((ahead < 1) & (ahead > 0)),
         fall * slope * ((behind < 1) & (behind > 0)),
     )
-    known = ~np.isnan(end_direction) | ~moves
+    is_exact = ~np.isnan(end_direction) | ~moves
     exact = directed_friction(motors, np.where(moves, np.nan_to_num(end_direction), 0.0))
     names = CoulombFriction.__dataclass_fields__
     return CoulombFriction(
-        *(np.where(known, getattr(exact, name), getattr(blended, name)) for name in names)
+        *(np.where(is_exact, getattr(exact, name), getattr(blended, name)) for name in names)
     )
-
-
-# ---- An arm's path at samples, and what limits need to know of it, computed once.
 
 
 @dataclass(frozen=True, eq=False)
 class PathSamples:
-    """A path q(x) at N samples.
+    """A path q(x) at N samples, and the quantities that limits need of it, each computed once.
 
     Run in x per second, its derivatives by x are velocity, acceleration and jerk.
 
     Attributes:
         problem: The planning problem, its segments joined.
         by_path: Positions and their derivatives by x, up to the second or third: (orders, N, n).
-        segments: Returns the tube segment of each sample, shape (N,); None: they are not known.
+        segments: Returns the tube segment of each sample, shape (N,); None: not known.
         friction: Returns the Coulomb friction at the samples; None: by the signs of velocities.
     """
 
@@ -152,7 +149,7 @@ class PathSamples:
 
     @cached_property
     def viscous_effort(self) -> FloatArray:
-        """What viscous friction takes of them, shape (N, n) [N m or N]."""
+        """Efforts at a speed of 1 against viscous friction, shape (N, n) [N m or N]."""
         return self.problem.robot.motors.viscous_friction * self.by_path[1]
 
     @cached_property
@@ -164,9 +161,9 @@ class PathSamples:
 
     @cached_property
     def direction(self) -> FloatArray:
-        """By its sign the direction in which joints move, 0 where they stand still, shape (N, n).
+        """Velocities dq/dx whose sign is the joints' direction, 0 at rest, shape (N, n).
 
-        What rounding makes of a velocity of zero has none.
+        A velocity of zero but for rounding has no direction.
         """
         rate = self.by_path[1]
         moves = abs(rate) > STILL_SHARE * abs(rate).max(initial=0.0)
@@ -174,26 +171,26 @@ class PathSamples:
 
     @cached_property
     def effort_rate(self) -> FloatArray:
-        """How fast the efforts change at a speed of 1, shape (N, n) [N m/s or N/s]."""
+        """Rates of change of the efforts at a speed of 1, shape (N, n) [N m/s or N/s]."""
         return effort_rate(self.problem.robot, *self.by_path[:4])
 
     @cached_property
     def gravity_rate(self) -> FloatArray:
-        """How fast efforts against gravity do, likewise."""
+        """Rates of change of the efforts against gravity at a speed of 1, likewise."""
         return gravity_effort_rate(self.problem.robot, *self.by_path[:2])
 
     def effort_derivatives(self, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the efforts' derivatives by position, velocity and acceleration at a speed.
 
-        As `RobotModel.inverse_dynamics_derivatives`, (N, n, n) each; kept for one speed.
+        As `RobotModel.inverse_dynamics_derivatives`, (N, n, n) each; cached for one speed.
         """
-        if speed not in self._effort_derivatives:
-            state = (self.position, self.rate(1, speed), self.rate(2, speed))
-            self._effort_derivatives.clear()
-            self._effort_derivatives[speed] = self.problem.robot.inverse_dynamics_derivatives(
-                *state
+        cache = self._effort_derivatives
+        if speed not in cache:
+            cache.clear()
+            cache[speed] = self.problem.robot.inverse_dynamics_derivatives(
+                self.position, self.rate(1, speed), self.rate(2, speed)
             )
-        return self._effort_derivatives[speed]
+        return cache[speed]
 
     @cached_property
     def tool_pose(self) -> tuple[FloatArray, FloatArray]:
@@ -210,7 +207,10 @@ class PathSamples:
 
     @cached_property
     def point_rates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The same of the P points whose speed is limited: (P, N, 3) and twice (P, N, 3, n)."""
+        """Velocities of P speed-limited points (P, N, 3), their derivatives, twice (P, N, 3, n).
+
+        As `tool_rate`.
+        """
         return self.problem.robot.point_velocities(*self.by_path[:2])
 
     @cached_property
@@ -219,19 +219,19 @@ class PathSamples:
         return self.problem.robot.tool_jacobian(self.position)[1]
 
 
-# ---- What every limit on a trajectory's speed tells: phases, time scaling and plots know no other.
+# ---- The interface of all limits on a trajectory's speed: phases, time scaling and plots use it.
 
 
 @dataclass(frozen=True)
 class LimitKey:
-    """What a limit is called.
+    """The identity of a limit.
 
     Attributes:
         kind: Such as "effort", "velocity", "radius".
-        joint: Index of the joint that it limits; None if it is a segment's or the goal's.
-        segment: Index of the segment; None if it is a joint's or the goal's.
-        link: Name of the link whose point it limits; None: of none.
-        point: Index of that point among those that are limited.
+        joint: Index of the limited joint; None: a segment's or the goal's.
+        segment: Index of the segment; None: a joint's or the goal's.
+        link: Name of the link with the limited point; None: none.
+        point: Index among the limited points.
     """
 
     kind: str
@@ -244,13 +244,13 @@ class LimitKey:
 class SpeedLimit(Protocol):
     """A limit of I quantities that grow with the speed s = dx/dt at which a path q(x) is run.
 
-    Quantities are shares of nominal limits, and sign * quantity <= 1. Where a limit L depends on
-    the configuration, what is used is used / nominal + 1 - L / nominal: L may be 0.
+    Quantities are fractions of nominal limits, and sign * quantity <= 1. Where a limit L depends on
+    the configuration, the quantity is used / nominal + 1 - L / nominal: L may be 0.
     """
 
     @property
     def kind(self) -> str:
-        """What certificate, sensitivities and figures call it."""
+        """The kind's name in certificate, sensitivities and figures."""
         ...
 
     @property
@@ -260,12 +260,12 @@ class SpeedLimit(Protocol):
 
     @property
     def keys(self) -> tuple[LimitKey, ...]:
-        """What can be raised or lowered, each on its own."""
+        """The limits that can be raised or lowered, each on its own."""
         ...
 
     @property
     def signs(self) -> tuple[float, ...]:
-        """Of the sides that are bounded."""
+        """The bounded sides."""
         ...
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
@@ -273,13 +273,13 @@ class SpeedLimit(Protocol):
         ...
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return how the quantities change with q (0) and its derivatives by x, each (N, I, n)."""
+        """Return the derivatives by q (0) and its derivatives by x (1, ...), each (N, I, n)."""
         ...
 
     def key_of(self, at: PathSamples) -> IntArray:
-        """Return which of the keys each quantity belongs to, shape (N, I) or (1, I)."""
+        """Return the index of each quantity's key, shape (N, I) or (1, I)."""
         ...
 
     def refusal(self, at: PathSamples) -> Infeasible:
-        """Return why no speed is slow enough at some sample, where that is so."""
+        """Return the reason why no speed is slow enough at some sample."""
         ...
