@@ -12,7 +12,7 @@ from cases import one_joint, with_motors
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebpts1
 
-from tubeplanner import JointTrajectory, Payload, load_robot
+from tubeplanner import JointTrajectory, Payload, Tube, load_robot
 from tubeplanner.certificate.enclosed_quantities import (
     derivative,
     effort_terms,
@@ -26,6 +26,8 @@ from tubeplanner.certificate.enclosed_quantities import (
 )
 from tubeplanner.certificate.enclosure import Quantity, enclosed, enclosed_rate, joint_bounds
 from tubeplanner.robot.model import effort_rate
+
+TUBE = Tube([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 1.0)
 
 
 @pytest.fixture(scope="module", params=["two_link", "ur5", "ur10", "panda", "slide", "followers"])
@@ -132,8 +134,8 @@ def test_what_is_said_of_a_uniform_turn_is_exact(bar):
     bound = tool_majorant(robot, bounds_of(trajectory)).position[1:9, 0]
     np.testing.assert_allclose(bound, LEVER * powers(width * speed)[1:], rtol=1e-12)
     error = 2 / 4**8 * powers(width * speed)[8]
-    tool = enclosed_tool(robot, trajectory, 1.0)
-    pose = enclosed_pose(robot, trajectory, 1.0, 1.0)
+    tool = enclosed_tool(robot, TUBE, trajectory, 1.0)
+    pose = enclosed_pose(robot, TUBE, trajectory, 1.0, 1.0)
     np.testing.assert_allclose(tool.error, [[LEVER * error] * 3], rtol=1e-12)
     np.testing.assert_allclose(pose.tool.error, [[LEVER * error] * 3], rtol=1e-12)
     np.testing.assert_allclose(pose.rotation.error, [[error] * 9], rtol=1e-12)
@@ -146,7 +148,7 @@ def test_what_is_said_of_a_uniform_turn_is_exact(bar):
 def test_spin_that_grows_is_bounded_by_its_growth(bar):
     """Angle c t^2: the tool's axis spins up by 2 c."""
     trajectory = JointTrajectory(["move"], [0, 0.5], [[[1.5]], [[0.0]], [[0.0]]])
-    pose = enclosed_pose(bar(), trajectory, 1.0, 1.0)
+    pose = enclosed_pose(bar(), TUBE, trajectory, 1.0, 1.0)
     np.testing.assert_allclose(pose.spin_rate, 3.0)
     np.testing.assert_allclose(pose.spin, 1.5)
 
@@ -370,9 +372,9 @@ def test_tool_velocity_and_efforts_are_what_they_are_said_to_be(arm, degree):
 def test_few_intervals_are_enough(stored):
     problem, trajectory = stored("ur5/over_the_wall", "branch-and-bound")
     robot = problem.robot
-    assert len(enclosed_tool(robot, trajectory, 1e-7).width) < 40
+    assert len(enclosed_tool(robot, TUBE, trajectory, 1e-7).width) < 40
     assert len(enclosed_efforts(robot, trajectory, 1e-7 * robot.limits.effort).width) < 80
-    assert len(enclosed_tool(robot, trajectory, 1e-3).width) < 12
+    assert len(enclosed_tool(robot, TUBE, trajectory, 1e-3).width) < 12
 
 
 def test_halving_ends_after_so_many_intervals(two_link, monkeypatch):

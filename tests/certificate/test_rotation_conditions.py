@@ -78,7 +78,8 @@ def test_a_goal_that_bounds_nothing_is_not_judged(stored):
 
 
 def pose_of(robot, trajectory):
-    return enclosed_pose(robot, trajectory, 1e-8, 1e-9)
+    tube = Tube([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 1.0)
+    return enclosed_pose(robot, tube, trajectory, 1e-8, 1e-9)
 
 
 def least_margin(robot, tube, trajectory, visits=None):

@@ -71,7 +71,7 @@ def test_other_switching_times_pass_a_point_only_if_they_keep_the_rest():
 
 def test_they_are_those_of_tube_joints_and_rotation(stored):
     problem, trajectory = stored("ur5/level_tray")
-    pose = enclosed_pose(problem.robot, trajectory, 1e-8, 1e-9)
+    pose = enclosed_pose(problem.robot, problem.tube, trajectory, 1e-8, 1e-9)
     margins = segment_margins(problem, trajectory, pose.tool, pose.rotation, ())
     times = np.random.default_rng(0).uniform(0, trajectory.duration, 200)
     q = trajectory.position(times)
@@ -92,7 +92,7 @@ def test_they_are_those_of_tube_joints_and_rotation(stored):
 
 def test_a_further_condition_is_asked_where_it_applies(stored):
     problem, trajectory = stored("two_link/around_a_post")
-    tool = enclosed_tool(problem.robot, trajectory, 1e-7)
+    tool = enclosed_tool(problem.robot, problem.tube, trajectory, 1e-7)
     further = (lambda *_: None, lambda *known: known)
     margins = segment_margins(problem, trajectory, tool, None, further)
     assert len(margins) == 3

@@ -116,7 +116,7 @@ def test_the_tool_is_shifted_in_its_own_frame_and_with_the_base(robot):
     q = np.linspace(-1, 1, 3 * robot.joint_count).reshape(3, -1)
     rotation, position = robot.tool_pose(q)
     along, base = np.array([0.0, 0.0, 0.1]), np.array([0.2, 0.0, -0.3])
-    turned, tool = replace(exact, tool=along, base=base).tool_pose(robot, q)
+    turned, tool = replace(exact, tool=along, base=base).displaced(rotation, position)
     np.testing.assert_array_equal(turned, rotation)
     np.testing.assert_allclose(tool, position + base + 0.1 * rotation[:, :, 2], atol=1e-12)
 

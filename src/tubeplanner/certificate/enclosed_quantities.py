@@ -23,6 +23,7 @@ from tubeplanner.certificate.enclosure import (
     joint_bounds,
     total,
 )
+from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -210,35 +211,46 @@ class EnclosedPose:
     spin_rate: FloatArray
 
 
-def enclosed_tool(robot: RobotModel, trajectory: JointTrajectory, tolerance: float) -> Enclosure:
+def enclosed_tool(
+    robot: RobotModel, tube: Tube, trajectory: JointTrajectory, tolerance: float
+) -> Enclosure:
     """Return the tool centre point's position, c = 3 [m].
 
     Args:
         robot: The arm.
+        tube: The tube in whose frame the tool counts.
         trajectory: In the robot's joint order.
         tolerance: How large the error may be [m]: its norm, the same for all components.
     """
 
+    def position(q: FloatArray) -> FloatArray:
+        return tube.tool_pose(robot, q)[1]
+
     def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
         return np.stack([tool_majorant(robot, joints).position] * 3, axis=2)
 
-    return enclosed(trajectory, Quantity(0, robot.tool_position, majorant), np.full(3, tolerance))
+    return enclosed(trajectory, Quantity(0, position, majorant), np.full(3, tolerance))
 
 
 def enclosed_pose(
-    robot: RobotModel, trajectory: JointTrajectory, tolerance: float, rotation_tolerance: float
+    robot: RobotModel,
+    tube: Tube,
+    trajectory: JointTrajectory,
+    tolerance: float,
+    rotation_tolerance: float,
 ) -> EnclosedPose:
     """Return position and orientation of the tool centre point.
 
     Args:
         robot: The arm.
+        tube: The tube in whose frame the tool counts.
         trajectory: In the robot's joint order.
         tolerance: How large the position's error may be [m].
         rotation_tolerance: How large the error of a column of the rotation matrix may be.
     """
 
     def values(q: FloatArray) -> FloatArray:
-        rotation, position = robot.tool_pose(q)
+        rotation, position = tube.tool_pose(robot, q)
         return np.hstack([position, rotation.reshape(-1, 9)])
 
     def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:

@@ -163,14 +163,15 @@ class JudgedMotion:
         """The tool's path and orientation, if the tube bounds the orientation."""
         if self.tube.rotation is None:
             return None
-        return enclosed_pose(self.robot, self.trajectory, _POSE_ENCLOSURE, _ROTATION_ENCLOSURE)
+        tolerances = _POSE_ENCLOSURE, _ROTATION_ENCLOSURE
+        return enclosed_pose(self.robot, self.tube, self.trajectory, *tolerances)
 
     @cached_property
     def tool(self) -> Enclosure:
         """The path of the tool centre point, c = 3 [m]."""
         if self.pose is not None:
             return self.pose.tool
-        return enclosed_tool(self.robot, self.trajectory, _TOOL_ENCLOSURE)
+        return enclosed_tool(self.robot, self.tube, self.trajectory, _TOOL_ENCLOSURE)
 
     @property
     def rotation(self) -> Enclosure | None:

@@ -267,7 +267,7 @@ def _judge_at_goal(motion: JudgedMotion) -> JudgedCondition:
     goal, duration = motion.problem.open_goal, motion.trajectory.duration
     if goal is None or not goal.bounds_rotation or motion.problem.rotation is None:
         return not_required("rad", "the goal bounds no rotation")
-    rotation, tool = motion.robot.tool_pose(motion.trajectory.position(duration)[None])
+    rotation, tool = motion.tube.tool_pose(motion.robot, motion.trajectory.position(duration)[None])
     margin = motion.problem.rotation.margin(rotation, tool, motion.tube.segment_count)[0]
     return JudgedCondition(float(margin), "rad", Place(time=duration), "at the goal")
 

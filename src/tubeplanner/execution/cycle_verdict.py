@@ -1,4 +1,4 @@
-"""Verdict over a cycle's runs: legs, hand-over errors."""
+"""Verdict over a cycle's runs: executed legs, hand-over errors."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -19,96 +19,19 @@ from tubeplanner.text import short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.parts import ATTACH, DETACH, Mark, part_of
 
-# ---- What was executed of a cycle, leg by leg, each with the cell as it is planned to be then.
-
-
-@dataclass(frozen=True, eq=False)
-class ExecutedLeg:
-    """What was executed of one leg, and while the arm rests beside it with the same in its hand.
-
-    Attributes:
-        leg: Which one.
-        begin: When that begins [s].
-        problem: What it keeps.
-        trajectory: What was to be executed, from time zero.
-        execution: What was, in times of the trajectory.
-    """
-
-    leg: Leg
-    begin: float
-    problem: PlanningProblem
-    trajectory: JointTrajectory
-    execution: Execution
-
-    __repr__ = short_repr
-
-
-def executed_legs(motion: CycleMotion, execution: Execution) -> list[ExecutedLeg]:
-    """Return what was executed of every leg.
-
-    A leg counts from when the tool last takes or lets something go before it until it first does
-    so after it; where nothing changes hands, from its beginning to that of the next. What was taken
-    or let go is where the planned motion has it.
-
-    Args:
-        motion: The planned motion.
-        execution: Of its trajectory.
-
-    Raises:
-        ProblemError: A leg begins or ends where its problem has no place.
-    """
-    time, found = execution.time, []
-    problems = motion.cycle.problems(motion.seams)
-    for leg, problem, span in zip(motion.cycle.legs, problems, _spans(motion), strict=True):
-        begin, end = span
-        part = part_of(motion.trajectory, begin, min(end, motion.trajectory.duration))
-        while_it = slice(first_instant(time, begin), last_instant(time, end) + 1)
-        made = _between(execution, while_it, begin)
-        found.append(ExecutedLeg(leg, begin, problem, part, made))
-    return found
-
-
-def _spans(motion: CycleMotion) -> list[tuple[float, float]]:
-    """Return from when until when each leg counts [s]; inf: to the end of what is executed."""
-    handed_over = [mark.time for mark in motion.marks if mark.kind in (ATTACH, DETACH)]
-    legs = motion.leg_times
-    ends = [0.0, *(end for _, end in legs)]
-    begins = [*(begin for begin, _ in legs), np.inf]
-    rests = [
-        [time for time in handed_over if end <= time <= begin]
-        for end, begin in zip(ends, begins, strict=True)
-    ]
-    seams = [
-        (min(at, default=begin), max(at, default=begin))
-        for at, begin in zip(rests, begins, strict=True)
-    ]
-    return [(last, first) for (_, last), (first, _) in pairwise(seams)]
-
-
-def _between(execution: Execution, while_it: slice, begin: float) -> Execution:
-    """Return what was executed in some instants, in times from a beginning [s]."""
-    return replace(
-        execution,
-        time=execution.time[while_it] - begin,
-        position=execution.position[:, while_it],
-        velocity=execution.velocity[:, while_it],
-        effort=execution.effort[:, while_it],
-        is_saturated=execution.is_saturated[:, while_it],
-    )
-
-
-# ---- Where the tool is when it takes something or lets it go.
+# Quantities of a run whose largest value is the worst.
+_LARGEST = ("tube", "rotation", "points", "tracking", "tool_tracking", "position", "velocity")
 
 
 @dataclass(frozen=True, eq=False)
 class HandoverErrors:
-    """How far R tools are from where they should be when something changes hands.
+    """The pose errors and speeds of R tools at an attach or detach.
 
     Attributes:
-        mark: What, and when.
-        distance: Of the tool centre points, errors of tool and base included, shape (R,) [m].
-        angle: By which they are turned, shape (R,) [rad].
-        speed: Of the tool centre points, which should be at rest, shape (R,) [m/s].
+        mark: The attach or detach, with its time.
+        distance: Errors of the tool centre points, of tool and base included, shape (R,) [m].
+        angle: Rotation errors of the tools, shape (R,) [rad].
+        speed: Speeds of the tool centre points, planned at rest, shape (R,) [m/s].
     """
 
     mark: Mark
@@ -120,61 +43,25 @@ class HandoverErrors:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the mark, and the worst and the median of each quantity, as JSON values."""
-        found = {name: getattr(self, name) for name in ("distance", "angle", "speed")}
+        quantities = {name: getattr(self, name) for name in ("distance", "angle", "speed")}
         return self.mark.as_dict() | {
             name: {
                 "worst": float(values.max()),
                 "run": int(values.argmax()),
                 "median": float(np.median(values)),
             }
-            for name, values in found.items()
+            for name, values in quantities.items()
         }
-
-
-def handover_errors(motion: CycleMotion, execution: Execution) -> Iterator[HandoverErrors]:
-    """Yield where the tools are when something changes hands, at the last control period before.
-
-    Args:
-        motion: The planned motion.
-        execution: Of its trajectory.
-    """
-    robot = motion.cycle.robot
-    for mark in motion.marks:
-        if mark.kind not in (ATTACH, DETACH):
-            continue
-        k = last_instant(execution.time, mark.time)
-        turned, aim = robot.tool_pose(motion.trajectory.position(mark.time)[None])
-        q, v = execution.position[:, k], execution.velocity[:, k]
-        poses = [
-            plant.tool_pose(robot, one[None])
-            for plant, one in zip(execution.plants, q, strict=True)
-        ]
-        away = np.array([position[0] - aim[0] for _, position in poses])
-        angle = np.array([_angle(turned[0].T @ rotation[0]) for rotation, _ in poses])
-        speed = np.linalg.norm(robot.tool_velocity(q, v)[0], axis=1)
-        yield HandoverErrors(mark, np.linalg.norm(away, axis=1), angle, speed)
-
-
-def _angle(rotation: FloatArray) -> float:
-    """Return the angle of a rotation (3, 3) [rad]."""
-    axis = rotation - rotation.T
-    sine = np.linalg.norm(axis) / np.sqrt(8)
-    return float(np.arctan2(sine, (np.trace(rotation) - 1) / 2))
-
-
-# ---- What becomes of a cycle's promises when it is executed: seen in n runs, not proved.
-
-_LARGEST = ("tube", "rotation", "points", "tracking", "tool_tracking", "position", "velocity")
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedCycle:
-    """The executed motions of a cycle, at every control period.
+    """The verdict over the runs of a cycle at its control instants; nothing is proved between.
 
     Attributes:
-        legs: Every run of each leg, by the names of its moves; times and places in the cycle.
-        runs: Every run of the whole.
-        handovers: Where the tools are when something changes hands.
+        legs: Runs of each leg, by the names of its moves; times and places in the cycle.
+        runs: Runs of the whole cycle.
+        handovers: Errors at each attach and detach.
     """
 
     legs: dict[tuple[str, ...], list[JudgedRun]]
@@ -189,73 +76,155 @@ def judged_cycle(
 ) -> JudgedCycle:
     """Judge the executed motions of a cycle.
 
-    Every leg is judged as the motion of its planning problem, as `executed_legs` cuts it out. Of
-    the whole, a run has the worst of all its legs; motors count from first to last.
+    Every leg is judged as the motion of its planning problem, as `executed_legs` cuts it out. A
+    run of the cycle has the worst of all its legs; saturation counts at all instants.
 
     Args:
-        motion: What was to be executed.
-        execution: What was.
+        motion: The planned motion.
+        execution: The execution of its trajectory.
         checkpoint: Called before every run of every leg; may raise to end the work.
 
     Raises:
-        ProblemError: A leg begins or ends where its problem has no place.
+        ProblemError: A leg begins or ends where its problem does not allow it.
     """
-    legs = {
-        tuple(move.name for move in each.leg.moves): _judged(each, checkpoint)
-        for each in executed_legs(motion, execution)
-    }
+    legs: dict[tuple[str, ...], list[JudgedRun]] = {}
+    for leg in executed_legs(motion, execution):
+        judged = judged_runs(leg.problem, leg.trajectory, leg.execution, checkpoint)
+        legs[tuple(move.name for move in leg.leg.moves)] = [_in_cycle(run, leg) for run in judged]
     saturated = execution.is_saturated.any(axis=2).mean(axis=1)
     runs = [
-        replace(_whole(run), saturated=float(share))
-        for run, share in zip(zip(*legs.values(), strict=True), saturated, strict=True)
+        replace(_whole(run), saturated=float(fraction))
+        for run, fraction in zip(zip(*legs.values(), strict=True), saturated, strict=True)
     ]
     return JudgedCycle(legs, runs, list(handover_errors(motion, execution)))
 
 
-def _judged(leg: ExecutedLeg, checkpoint: Callable[[], None]) -> list[JudgedRun]:
-    """Return the runs of a leg, their times and places those of the cycle."""
-    runs = judged_runs(leg.problem, leg.trajectory, leg.execution, checkpoint)
-    return [_in_cycle(run, leg) for run in runs]
-
-
-def _in_cycle(run: JudgedRun, leg: ExecutedLeg) -> JudgedRun:
-    placed: dict[str, Any] = {
-        name: replace(found, place=leg.leg.in_cycle(found.place, leg.begin))
-        for name, found in vars(run).items()
-        if isinstance(found, Extreme)
+def _in_cycle(run: JudgedRun, leg: "ExecutedLeg") -> JudgedRun:
+    extremes: dict[str, Any] = {
+        name: replace(extreme, place=leg.leg.in_cycle(extreme.place, leg.begin))
+        for name, extreme in vars(run).items()
+        if isinstance(extreme, Extreme)
     }
-    return replace(run, **placed)
+    return replace(run, **extremes)
 
 
 def _whole(legs: Sequence[JudgedRun]) -> JudgedRun:
-    """Return a run of the whole: of every quantity the worst of all legs."""
-    worst: dict[str, Any] = {name: _most(legs, name) for name in _LARGEST}
-    # The distance that is least beside what its own move asks.
-    near = [leg for leg in legs if leg.obstacles is not None]
-    nearest = min(near, key=_spare, default=legs[0])
+    """Return a run of the cycle: the worst of all legs for each quantity."""
+    worst: dict[str, Any] = {}
+    for name in _LARGEST:
+        extremes = [extreme for leg in legs if (extreme := getattr(leg, name)) is not None]
+        worst[name] = max(extremes, key=lambda extreme: extreme.value, default=None)
+    # Each leg has a clearance of its own: the nearest is the least distance beyond its clearance.
+    slack = [leg.obstacles.value - leg.clearance if leg.obstacles else np.inf for leg in legs]
+    nearest = legs[int(np.argmin(slack))]
     folded = [leg.self_collision for leg in legs if leg.self_collision is not None]
     return replace(
         legs[0],
         **worst,
         obstacles=nearest.obstacles,
         clearance=nearest.clearance,
-        self_collision=min(folded, key=lambda found: found.value, default=None),
+        self_collision=min(folded, key=lambda extreme: extreme.value, default=None),
         tube_by_segment=np.concatenate([leg.tube_by_segment for leg in legs]),
         rotation_by_segment=np.concatenate([leg.rotation_by_segment for leg in legs]),
         position_by_joint=np.max([leg.position_by_joint for leg in legs], axis=0),
     )
 
 
-def _most(legs: Sequence[JudgedRun], name: str) -> Extreme | None:
-    """Return the largest of a quantity of all legs; None where none is asked it."""
-    found = [getattr(leg, name) for leg in legs]
-    return max(
-        (extreme for extreme in found if extreme is not None),
-        key=lambda extreme: extreme.value,
-        default=None,
-    )
+@dataclass(frozen=True, eq=False)
+class ExecutedLeg:
+    """The execution of one leg and of the rests beside it under the same load.
+
+    Attributes:
+        leg: The leg.
+        begin: Time in the cycle at which the section begins [s].
+        problem: The leg's planning problem, with the cell as planned for that time.
+        trajectory: The planned section, from time zero.
+        execution: The executed section, in times of `trajectory`.
+    """
+
+    leg: Leg
+    begin: float
+    problem: PlanningProblem
+    trajectory: JointTrajectory
+    execution: Execution
+
+    __repr__ = short_repr
 
 
-def _spare(leg: JudgedRun) -> float:
-    assert leg.obstacles is not None
-    return leg.obstacles.value - leg.clearance
+def executed_legs(motion: CycleMotion, execution: Execution) -> list[ExecutedLeg]:
+    """Return the executed legs in the cycle's order.
+
+    A leg counts from the last attach or detach before it to the first after it; where the load
+    does not change, from its beginning to that of the next leg. Attached and detached objects are
+    where the planned motion has them.
+
+    Args:
+        motion: The planned motion.
+        execution: The execution of its trajectory.
+
+    Raises:
+        ProblemError: A leg begins or ends where its problem does not allow it.
+    """
+    time, result = execution.time, []
+    problems = motion.cycle.problems(motion.seams)
+    for leg, problem, span in zip(motion.cycle.legs, problems, _spans(motion), strict=True):
+        begin, end = span
+        part = part_of(motion.trajectory, begin, min(end, motion.trajectory.duration))
+        instants = slice(first_instant(time, begin), last_instant(time, end) + 1)
+        section = replace(
+            execution,
+            time=time[instants] - begin,
+            position=execution.position[:, instants],
+            velocity=execution.velocity[:, instants],
+            effort=execution.effort[:, instants],
+            is_saturated=execution.is_saturated[:, instants],
+        )
+        result.append(ExecutedLeg(leg, begin, problem, part, section))
+    return result
+
+
+def _spans(motion: CycleMotion) -> list[tuple[float, float]]:
+    """Return begin and end of each leg's section [s]; an end of inf is that of the execution."""
+    handed_over = [mark.time for mark in motion.marks if mark.kind in (ATTACH, DETACH)]
+    ends = [0.0, *(end for _, end in motion.leg_times)]
+    begins = [*(begin for begin, _ in motion.leg_times), np.inf]
+    rests = [
+        [time for time in handed_over if end <= time <= begin]
+        for end, begin in zip(ends, begins, strict=True)
+    ]
+    seams = [
+        (min(at, default=begin), max(at, default=begin))
+        for at, begin in zip(rests, begins, strict=True)
+    ]
+    return [(last, first) for (_, last), (first, _) in pairwise(seams)]
+
+
+def handover_errors(motion: CycleMotion, execution: Execution) -> Iterator[HandoverErrors]:
+    """Yield the errors at each attach and detach, at the last control instant before.
+
+    Args:
+        motion: The planned motion.
+        execution: The execution of its trajectory.
+    """
+    robot = motion.cycle.robot
+    for mark in motion.marks:
+        if mark.kind not in (ATTACH, DETACH):
+            continue
+        k = last_instant(execution.time, mark.time)
+        orientation, aim = robot.tool_pose(motion.trajectory.position(mark.time)[None])
+        q, v = execution.position[:, k], execution.velocity[:, k]
+        poses = [
+            plant.displaced(*robot.tool_pose(row[None]))
+            for plant, row in zip(execution.plants, q, strict=True)
+        ]
+        offset = np.array([position[0] - aim[0] for _, position in poses])
+        angle = np.array([_angle(orientation[0].T @ rotation[0]) for rotation, _ in poses])
+        speed = np.linalg.norm(robot.tool_velocity(q, v)[0], axis=1)
+        yield HandoverErrors(mark, np.linalg.norm(offset, axis=1), angle, speed)
+
+
+def _angle(rotation: FloatArray) -> float:
+    """Return the angle of a rotation (3, 3) [rad]."""
+    axis = rotation - rotation.T
+    sine = np.linalg.norm(axis) / np.sqrt(8)
+    return float(np.arctan2(sine, (np.trace(rotation) - 1) / 2))

@@ -42,14 +42,10 @@ class Plant:
 
     __repr__ = short_repr
 
-    def tool_pose(self, robot: RobotModel, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return orientations (K, 3, 3) and positions (K, 3) [m] of its tool, shifts included.
-
-        Args:
-            robot: The model.
-            q: Positions of the joints, shape (K, n).
-        """
-        rotation, position = robot.tool_pose(q)
+    def displaced(
+        self, rotation: FloatArray, position: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return tool poses (K, 3, 3), (K, 3) [m] of the model, displaced as on this plant."""
         return rotation, position + rotation @ self.tool + self.base
 
 

@@ -125,7 +125,7 @@ def _judged(
     """Judge a run of a plan, its joints (K, n) and its tool (K, 3)."""
     planned, aim = plan
     time, q, plant = execution.time, execution.position[run], execution.plants[run]
-    rotation, tool = plant.tool_pose(problem.robot, q)
+    rotation, tool = plant.displaced(*problem.tube.tool_pose(problem.robot, q, time))
     excursions = tube_excursions(problem, time, q, rotation, tool)
     obstacles, self_collision = least_clearances(problem, time, q, plant.base, more)
     away = np.linalg.norm(tool - aim, axis=1)

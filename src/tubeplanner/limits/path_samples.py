@@ -195,7 +195,7 @@ class PathSamples:
     @cached_property
     def tool_pose(self) -> tuple[FloatArray, FloatArray]:
         """Rotation (N, 3, 3) and position (N, 3) [m] of the tool centre point."""
-        return self.problem.robot.tool_pose(self.position)
+        return self.problem.tube.tool_pose(self.problem.robot, self.position)
 
     @cached_property
     def tool_rate(self) -> tuple[FloatArray, FloatArray, FloatArray]:

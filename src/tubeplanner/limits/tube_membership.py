@@ -19,18 +19,18 @@ _MAX_STEP = 0.25  # of the reference path, from one sample to the next
 
 
 def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
-    """Return how well configurations (N, n) keep each segment's conditions.
+    """Return the margins of configurations (N, n) in each segment's conditions.
 
     Returns:
         Shape (N, m): the least of the tool's distance from the capsule's wall [m], of its
         rotation's from the bound [rad] and of the joints' distances from the ends of their ranges
         [rad or m]; negative outside.
     """
-    rotation, position = problem.robot.tool_pose(q)
+    rotation, position = problem.tube.tool_pose(problem.robot, q)
     tool = problem.tube.margin(position)
     if problem.tube.rotation is not None:
         tool = np.minimum(tool, problem.tube.rotation_margin(rotation, position))
-    # Most segments ask the same of the joints: hundreds of them have a few bounds.
+    # Most segments share the joints' bounds: hundreds of segments have a few distinct bounds.
     lower, upper, bounds_of = problem.distinct_joint_bounds
     joint_margin = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
     return np.minimum(tool, joint_margin[:, bounds_of])
@@ -39,14 +39,24 @@ def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
 def current_segments(
     problem: PlanningProblem, trajectory: JointTrajectory, samples: TrajectorySamples
 ) -> IntArray:
-    """Return the segments in which samples of a trajectory count, shape (N,).
+    """Return the segments that count at samples of a trajectory, shape (N,).
 
     The switching times are the judge's. The samples could not tell: between two of them the tool
     may pass whole segments.
     """
     joined = problem.joined
     segment = judged_segments(problem, trajectory, samples.time)
-    return segment if joined is problem else _nearest_parts(problem, joined.tube, samples, segment)
+    if joined is problem:
+        return segment
+    # Of the parts of a joined segment, the problem's own segments, the nearest to the tool counts.
+    ends = np.searchsorted(problem.tube.numbers, joined.tube.numbers)
+    distance = problem.tube.distance(
+        problem.tube.tool_pose(problem.robot, samples.position, samples.time)[1]
+    )
+    part = np.arange(problem.tube.segment_count)
+    is_other = (part < ends[segment, None]) | (part >= ends[segment + 1, None])
+    nearest: IntArray = np.where(is_other, np.inf, distance).argmin(axis=1)
+    return nearest
 
 
 def judged_segments(
@@ -60,28 +70,13 @@ def judged_segments(
 
 
 def nearest_segments(problem: PlanningProblem, tool: FloatArray) -> IntArray:
-    """Return in which capsule tools (N, 3) are the deepest, whatever the order, shape (N,)."""
+    """Return the capsules in which tools (N, 3) are the deepest, whatever the order, shape (N,)."""
     nearest: IntArray = problem.tube.margin(tool).argmax(axis=1)
     return nearest
 
 
-def _nearest_parts(
-    problem: PlanningProblem, joined: Tube, samples: TrajectorySamples, segment: IntArray
-) -> IntArray:
-    """Return which of the parts of joined segments (N,) the tools of N samples are nearest.
-
-    The parts are the problem's own segments.
-    """
-    ends = np.searchsorted(problem.tube.numbers, joined.numbers)
-    distance = problem.tube.distance(problem.robot.tool_position(samples.position))
-    part = np.arange(problem.tube.segment_count)
-    is_other = (part < ends[segment, None]) | (part >= ends[segment + 1, None])
-    nearest: IntArray = np.where(is_other, np.inf, distance).argmin(axis=1)
-    return nearest
-
-
 def tube_use(problem: PlanningProblem, tool: FloatArray, segment: IntArray) -> FloatArray:
-    """Return the distances of tools (N, 3) from their segments (N,) as shares of the radius: (N,).
+    """Return the distances of tools (N, 3) from segments (N,) as fractions of the radius, shape (N,).
 
     0 on the segment, 1 on the capsule's wall.
     """
@@ -89,7 +84,7 @@ def tube_use(problem: PlanningProblem, tool: FloatArray, segment: IntArray) -> F
 
 
 def passable_segments(tube: Tube) -> BoolArray:
-    """Return which segments a tool may pass whole between two samples: bool, shape (m,).
+    """Return True for segments that a tool may pass whole between two samples: bool, shape (m,).
 
     Between the switching times at its ends it travels at least the segment's length less twice the
     radius, or the larger half side of a box; samples are far less than a quarter of the reference
@@ -104,46 +99,33 @@ def segments_reached(
 ) -> BoolArray:
     """Return the segments in which a trajectory may be at each of S samples.
 
-    Samples miss a switching time between them, so that one counts as possible wherever neighbouring
-    samples lie in neighbouring segments, or have passable ones between them.
+    Samples miss a switching time between them: a switch counts as possible wherever neighbouring
+    samples lie in neighbouring segments, or have passable segments between them.
 
     Args:
         inside: Whether each sample of N trajectories is inside each segment: bool, shape (N, S, m).
-        segments: In which segments each trajectory may begin: bool, shape (N, m).
-        passable: Which segments may be passed between two samples: bool, shape (m,).
+        segments: The segments in which each trajectory may begin: bool, shape (N, m).
+        passable: The segments that may be passed between two samples: bool, shape (m,).
         ordered: Whether segments are visited in order.
 
     Returns:
-        Bool, shape (N, S, m); all False from the first sample on that is in no segment that can be
-        reached.
+        Bool, shape (N, S, m); all False from the first sample on that is in no reachable segment.
     """
     reached = inside.copy()
     if not ordered:
         reached &= np.logical_and.accumulate(np.any(inside, axis=2), axis=1)[:, :, None]
         return reached
     for s in range(inside.shape[1]):
-        reached[:, s] = _following(segments, inside[:, s], passable)
-        segments = reached[:, s]
+        # Segments that may have been reached before this sample, and left again.
+        passed = _carried(segments, np.broadcast_to(passable, segments.shape))
+        entered = inside[:, s] & segments
+        entered[:, 1:] |= inside[:, s, 1:] & passed[:, :-1]
+        segments = reached[:, s] = _carried(entered, inside[:, s])
     return reached
 
 
-def _following(segments: BoolArray, now: BoolArray, passable: BoolArray) -> BoolArray:
-    """Return the segments (N, m) that may follow some, of those the next sample is in.
-
-    Args:
-        segments: In which the sample before may be: bool, shape (N, m).
-        now: In which the next sample is: bool, shape (N, m).
-        passable: Which segments may be passed between two samples: bool, shape (m,).
-    """
-    # That may have been reached before the next sample, and left.
-    left = _carried(segments, np.broadcast_to(passable, segments.shape))
-    entered = now & segments
-    entered[:, 1:] |= now[:, 1:] & left[:, :-1]
-    return _carried(entered, now)
-
-
 def _carried(begun: BoolArray, open_: BoolArray) -> BoolArray:
-    """Return where something is that begins in some columns and goes on through open ones.
+    """Return True for columns from a beginning on, as long as columns are open.
 
     The recursion `carried[k] = begun[k] | (open_[k] & carried[k-1])` along the rows of (N, m): the
     last beginning is not before the last column that is not open.
@@ -161,12 +143,12 @@ def first_departure(
     """Return the first polynomial piece in which a trajectory leaves the tube; None if none does.
 
     Margins are taken at 65 samples per piece; valleys between samples are estimated by parabolas.
-    It misses what happens at switching times between samples: too lenient, never too strict.
+    Too lenient, never too strict: events at switching times between samples are missed.
 
     Args:
         problem: The planning problem.
         trajectory: Of the problem's joints.
-        tolerance: How far below zero margins may lie [m or rad].
+        tolerance: Accepted violation of the margins [m or rad].
     """
     q = trajectory.per_piece(_SAMPLES_PER_PIECE).position
     inside = (_with_valleys(membership_margin(problem, q)) >= -tolerance)[None]
@@ -181,7 +163,7 @@ def first_departure(
 
 
 def may_pass_points(problem: PlanningProblem, trajectory: JointTrajectory) -> bool:
-    """Return whether a trajectory may pass every compulsory point, at any time.
+    """Return True if a trajectory may pass every compulsory point, at any time.
 
     Judged at 65 samples per piece, nearer by the steps beside them: too lenient, never too strict.
 
@@ -192,7 +174,8 @@ def may_pass_points(problem: PlanningProblem, trajectory: JointTrajectory) -> bo
     tube = problem.tube
     if len(tube.compulsory_points) == 0:
         return True
-    tool = problem.robot.tool_position(trajectory.per_piece(_SAMPLES_PER_PIECE).position)
+    samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
+    _, tool = tube.tool_pose(problem.robot, samples.position, samples.time)
     step = np.linalg.norm(np.diff(tool, axis=0), axis=1)
     reach = np.maximum(np.append(step, 0.0), np.append(0.0, step))
     radius = passing_radius(tube.effective_radius)
@@ -214,21 +197,17 @@ def worst_membership(problem: PlanningProblem, trajectory: JointTrajectory) -> f
     lowered = _with_valleys(margin)
     if problem.tube.visit == "any" or problem.tube.segment_count == 1:
         return float(lowered.max(axis=1).min())
-    after, time = _changes(samples.time, margin)
-    between = membership_margin(problem, trajectory.position(time))
-    margin = np.insert(lowered, after, between, axis=0)
-    ends = [0, *best_switching_samples(margin), len(margin) - 1]
-    visits = zip(ends, ends[1:], margin.T, strict=False)
-    return min(float(inside[begin : end + 1].min()) for begin, end, inside in visits)
-
-
-def _changes(time: FloatArray, margin: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return where neighbouring segments fit equally well: the sample after each, and the time."""
-    nearer = np.diff(margin, axis=1)
+    # Times between samples at which neighbouring segments fit equally well.
+    nearer, time = np.diff(margin, axis=1), samples.time
     before = np.flatnonzero((nearer[:-1] * nearer[1:] < 0).any(axis=1))
     column = (nearer[before] * nearer[before + 1]).argmin(axis=1)
     begin, end = nearer[before, column], nearer[before + 1, column]
-    return before + 1, time[before] + (time[before + 1] - time[before]) * begin / (begin - end)
+    change = time[before] + (time[before + 1] - time[before]) * begin / (begin - end)
+    between = membership_margin(problem, trajectory.position(change))
+    margin = np.insert(lowered, before + 1, between, axis=0)
+    ends = [0, *best_switching_samples(margin), len(margin) - 1]
+    visits = zip(ends, ends[1:], margin.T, strict=False)
+    return min(float(inside[begin : end + 1].min()) for begin, end, inside in visits)
 
 
 def _with_valleys(values: FloatArray) -> FloatArray:

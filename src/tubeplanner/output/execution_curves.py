@@ -69,9 +69,9 @@ def tool_runs(
     robot, time = problem.robot, execution.time
     planned = _planned(problem, trajectory, time)
     poses = [
-        robot.tool_pose(planned),
+        problem.tube.tool_pose(robot, planned, time),
         *(
-            plant.tool_pose(robot, q)
+            plant.displaced(*problem.tube.tool_pose(robot, q, time))
             for plant, q in zip(execution.plants, execution.position, strict=True)
         ),
     ]

@@ -314,7 +314,7 @@ class EndChecks:
         """Raise unless a configuration (n,) keeps what its segment asks of joints and tool."""
         number = self.tube.segment_number(segment)
         lower, upper = self.lower[segment], self.upper[segment]
-        rotation, tool = self.robot.tool_pose(q[None])
+        rotation, tool = self.tube.tool_pose(self.robot, q[None])
         for name, value, low, high in zip(self.robot.joint_names, q, lower, upper, strict=True):
             if not low - MARGIN_TOLERANCE <= value <= high + MARGIN_TOLERANCE:
                 raise ContradictionError(

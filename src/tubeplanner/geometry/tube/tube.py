@@ -43,6 +43,7 @@ from tubeplanner.geometry.tube.segment_values import (
     sign_maps,
 )
 from tubeplanner.orientation import rotation_matrix, rotation_vector
+from tubeplanner.robot.model import RobotModel
 
 # ---- The tube: the tool's positions and orientations, and the arm's configuration. Pure geometry.
 
@@ -327,6 +328,21 @@ class Tube:
         rows = max(_BLOCK // len(start), 1)
         blocks = [p[first : first + rows] for first in range(0, max(len(p), 1), rows)]
         return np.concatenate([_distances(block, start, axis) for block in blocks])
+
+    def tool_pose(
+        self, robot: RobotModel, q: FloatArray, time: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return rotation (N, 3, 3) and position (N, 3) [m] of the tool in the tube's frame.
+
+        Planner, judge and simulation compare this pose with the tube. The tube rests, so that its
+        frame is the base's at every time.
+
+        Args:
+            robot: The arm.
+            q: Configurations, shape (N, n).
+            time: Their times, shape (N,) [s]; None on a path whose times are not known yet.
+        """
+        return robot.tool_pose(q)
 
     def margin(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
         """Return how far inside some regions (of m, all) points (N, 3) lie, shape (N, m) [m]."""
