@@ -97,7 +97,7 @@ class JointEffort:
         return {k: by[:, self.joints] * (speed**k / self.limit[:, None]) for k, by in blocks}
 
     def key_of(self, at: PathSamples) -> IntArray:
-        """Return one key per joint."""
+        """Return the index of each joint's key, shape (1, I)."""
         return np.arange(len(self.joints))[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
@@ -205,7 +205,7 @@ class EffortLimit:
         return change
 
     def key_of(self, at: PathSamples) -> IntArray:
-        """Return one key per joint."""
+        """Return the index of each quantity's key, shape (1, 2 I)."""
         return np.tile(np.arange(len(self.keys)), 2)[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
@@ -256,7 +256,7 @@ class MotorCurve:
         return change
 
     def key_of(self, at: PathSamples) -> IntArray:
-        """Return one key per joint."""
+        """Return the index of each quantity's key, shape (1, 2 I)."""
         return np.tile(np.arange(len(self.keys)), 2)[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
@@ -306,7 +306,7 @@ class EffortRate:
         return {k: by[:, self.joints] * (speed**k / self.limit[:, None]) for k, by in blocks}
 
     def key_of(self, at: PathSamples) -> IntArray:
-        """Return one key per joint."""
+        """Return the index of each joint's key, shape (1, I)."""
         return np.arange(len(self.joints))[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:

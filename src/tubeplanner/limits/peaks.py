@@ -38,7 +38,10 @@ def refined_maximum(
         At least the largest sample.
     """
     best, when = float(value.max()), float(time[value.argmax()])
-    peaks = _peaks(value, best - band)
+    padded = np.concatenate([[-np.inf], value, [-np.inf]])
+    is_peak = (value >= padded[:-2]) & (value >= padded[2:]) & (value >= best - band)
+    peaks = np.flatnonzero(is_peak)
+    peaks = peaks[np.argsort(-value[peaks], kind="stable")][:_MAX_PEAKS]  # highest first
     # The nearest other times, not the nearest samples: at a breakpoint two samples share a time.
     low = time[np.maximum(np.searchsorted(time, time[peaks], "left") - 1, 0)]
     high = time[np.minimum(np.searchsorted(time, time[peaks], "right"), len(time) - 1)]
@@ -51,9 +54,9 @@ def refined_maximum_of_pieces(
     """Return the largest value of a function that is smooth in pieces and may jump between them.
 
     Args:
-        function: From pieces (N,) and shares of them, from 0 to 1, (N,), to values (N,).
-        value: The function at equidistant shares of each piece, both ends included, three or more:
-            shape (pieces, shares).
+        function: From pieces (N,) and fractions of them, from 0 to 1, (N,), to values (N,).
+        value: The function at three or more equidistant fractions of each piece, both ends
+            included: shape (pieces, fractions).
         band: As for `refined_maximum`; all such peaks are refined.
 
     Returns:
@@ -77,34 +80,34 @@ def _zoomed(
     function: Callable[[IntArray, FloatArray], FloatArray],
     low: FloatArray,
     high: FloatArray,
-    known: tuple[float, float],
+    start: tuple[float, float],
     *,
     ends_are_smooth: bool = False,
 ) -> tuple[float, float]:
-    """Return the largest value of a function around K peaks, and its place.
+    """Return the largest value of a function around K peaks, and its argument.
 
     Args:
-        function: From numbers of peaks (N,) and places (N,) to values (N,).
-        low: Where to begin to look for each peak, shape (K,).
-        high: And where to end.
-        known: The largest value so far, and its place.
-        ends_are_smooth: Whether a peak at an end of such a stretch rises no more than a concave
+        function: From indices of peaks (N,) and arguments (N,) to values (N,).
+        low: Begin of the interval of each peak, shape (K,).
+        high: End of the interval of each peak, shape (K,).
+        start: The largest value so far, and its argument.
+        ends_are_smooth: Whether a peak at an end of an interval rises no more than a concave
             function does, from its neighbours.
     """
-    (best, when), peak = known, np.arange(len(low))
+    (best, when), peak = start, np.arange(len(low))
     for _ in range(_ZOOMS):
         grid = low[:, None] + np.linspace(0, 1, _POINTS) * (high - low)[:, None]
-        found = function(np.repeat(peak, _POINTS), grid.ravel()).reshape(grid.shape)
-        rows, top = np.arange(len(grid)), found.argmax(axis=1)
+        values = function(np.repeat(peak, _POINTS), grid.ravel()).reshape(grid.shape)
+        rows, top = np.arange(len(grid)), values.argmax(axis=1)
         before, after = np.maximum(top - 1, 0), np.minimum(top + 1, _POINTS - 1)
-        value = found[rows, top]
+        value = values[rows, top]
         highest = int(value.argmax())
         if value[highest] > best:
             best, when = float(value[highest]), float(grid[highest, top[highest]])
         # A concave peak rises above its sample by no more than it falls to the lower neighbour.
-        rise = value - np.minimum(found[rows, before], found[rows, after])
-        at_end = (before == top) | (after == top)  # one neighbour is not known
-        rise[at_end] = _rise_at_end(found[at_end]) if ends_are_smooth else np.inf
+        rise = value - np.minimum(values[rows, before], values[rows, after])
+        at_end = (before == top) | (after == top)  # one neighbour is not start
+        rise[at_end] = _rise_at_end(values[at_end]) if ends_are_smooth else np.inf
         rows = rows[value + rise >= best]
         if len(rows) == 0:
             break
@@ -113,27 +116,19 @@ def _zoomed(
     return best, when
 
 
-def _rise_at_end(found: FloatArray) -> FloatArray:
-    """Return how far concave functions that are highest at an end may rise beside it, (K,).
+def _rise_at_end(values: FloatArray) -> FloatArray:
+    """Return bounds on the rise of concave functions beside an end where they are highest, (K,).
 
     From there to the next sample they stay below the line through the next two.
     """
-    falling = np.where((found[:, 0] >= found[:, -1])[:, None], found, found[:, ::-1])
+    falling = np.where((values[:, 0] >= values[:, -1])[:, None], values, values[:, ::-1])
     return np.maximum(2 * falling[:, 1] - falling[:, 2] - falling[:, 0], 0.0)
 
 
-def _peaks(value: FloatArray, floor: float) -> np.ndarray:
-    """Return the samples that are no lower than their neighbours and the floor, highest first."""
-    padded = np.concatenate([[-np.inf], value, [-np.inf]])
-    is_peak = (value >= padded[:-2]) & (value >= padded[2:]) & (value >= floor)
-    peaks = np.flatnonzero(is_peak)
-    return peaks[np.argsort(-value[peaks], kind="stable")][:_MAX_PEAKS]
-
-
-# ---- What a machine feels first of a trajectory: its largest accelerations and its tool's speed.
+# ---- The largest accelerations and tool speed of a trajectory.
 
 _SAMPLES, _LEAST_PER_PIECE = 1000, 12  # before the highest are refined
-_BAND = 0.02  # of the highest: samples that near to it are refined as well
+_BAND = 0.02  # of the highest: peaks of samples this far below it are refined as well
 _WHOLE = 100.0  # numbers from here on are shown without decimals
 
 
@@ -144,8 +139,8 @@ class Peak:
     Attributes:
         value: In `unit`.
         unit: Of the value.
-        time: When [s].
-        joint: Whose it is; None: the tool centre point's.
+        time: Of the peak [s].
+        joint: Its joint; None: the tool centre point's.
     """
 
     value: float
@@ -155,8 +150,8 @@ class Peak:
 
     def __str__(self) -> str:
         owner = "" if self.joint is None else f"{self.joint}, "
-        shown = f"{self.value:.3g}" if self.value < _WHOLE else f"{self.value:,.0f}"
-        return f"{shown} {self.unit} ({owner}t = {self.time:.4f} s)"
+        figure = f"{self.value:.3g}" if self.value < _WHOLE else f"{self.value:,.0f}"
+        return f"{figure} {self.unit} ({owner}t = {self.time:.4f} s)"
 
 
 @dataclass(frozen=True)
@@ -164,7 +159,7 @@ class TrajectoryPeaks:
     """The largest values over a trajectory.
 
     Attributes:
-        peak_acceleration: The largest of any joint.
+        peak_acceleration: The largest acceleration of any joint.
         tool_speed: Of the tool centre point.
         tool_acceleration: Likewise.
     """
@@ -183,8 +178,8 @@ class TrajectoryPeaks:
 def trajectory_peaks(robot: RobotModel, trajectory: JointTrajectory) -> TrajectoryPeaks:
     """Return the peaks of a trajectory.
 
-    Joint acceleration is the polynomials' maximum; the tool's are the highest of at least 1,000
-    samples, both sides of breakpoints, refined between them.
+    Joint acceleration is the polynomials' maximum, for all t; the tool's peaks are the highest of
+    at least 1,000 samples, both sides of breakpoints, refined between them.
 
     Args:
         robot: The arm.
@@ -210,25 +205,12 @@ def trajectory_peaks(robot: RobotModel, trajectory: JointTrajectory) -> Trajecto
         )
         return Peak(value, unit, when)
 
-    return TrajectoryPeaks(
-        _peak_acceleration(robot, trajectory), tool_peak(0, "m/s"), tool_peak(1, "m/s^2")
-    )
-
-
-def peaks_as_dict(peaks: TrajectoryPeaks | None) -> dict[str, Any]:
-    """Return the fields as JSON values, null if there is no trajectory."""
-    if peaks is None:
-        return dict.fromkeys(field.name for field in fields(TrajectoryPeaks))
-    return asdict(peaks)
-
-
-def _peak_acceleration(robot: RobotModel, trajectory: JointTrajectory) -> Peak:
-    """Return the largest acceleration of any joint, for all t."""
-    found = peak_magnitudes(trajectory.derivative_coefficients(2), trajectory.widths)
-    joint = int(found.value.argmax())
-    time = float(trajectory.breakpoints[found.piece[joint]] + found.local_time[joint])
+    peaks = peak_magnitudes(trajectory.derivative_coefficients(2), trajectory.widths)
+    joint = int(peaks.value.argmax())
+    time = float(trajectory.breakpoints[peaks.piece[joint]] + peaks.local_time[joint])
     unit = "rad/s^2" if robot.revolute[joint] else "m/s^2"
-    return Peak(float(found.value[joint]), unit, time, robot.joint_names[joint])
+    acceleration = Peak(float(peaks.value[joint]), unit, time, robot.joint_names[joint])
+    return TrajectoryPeaks(acceleration, tool_peak(0, "m/s"), tool_peak(1, "m/s^2"))
 
 
 def _tool_rates(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
@@ -237,3 +219,10 @@ def _tool_rates(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
     acceleration = np.einsum("nij,nj->ni", by_q, samples.velocity)
     acceleration += np.einsum("nij,nj->ni", by_v, samples.acceleration)
     return np.linalg.norm([velocity, acceleration], axis=2)
+
+
+def peaks_as_dict(peaks: TrajectoryPeaks | None) -> dict[str, Any]:
+    """Return the peaks as JSON values, null if there is no trajectory."""
+    if peaks is None:
+        return dict.fromkeys(field.name for field in fields(TrajectoryPeaks))
+    return asdict(peaks)

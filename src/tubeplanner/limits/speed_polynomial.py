@@ -10,8 +10,6 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.native.library import Doubles, native_function
 
-# ---- Up to which speeds polynomials stay within bounds, compiled.
-
 _POWERS = range(4)
 _speeds = native_function(
     "largest_speeds", c_int64, *(Doubles for _ in _POWERS), c_int64, Doubles, Doubles
@@ -19,31 +17,30 @@ _speeds = native_function(
 
 
 def largest_speeds(terms: Mapping[int, FloatArray], signs: tuple[float, ...]) -> FloatArray | None:
-    """Return up to which speeds sign * (sum of terms[k] s^k) <= 1 for all signs.
+    """Return the largest speeds s with sign * (sum of terms[k] s^k) <= 1 for all signs, compiled.
 
     Args:
         terms: By the power k, from 0 to 3, all of one shape; some power above 0 is there.
         signs: Of the sides.
 
     Returns:
-        Of that shape; 0 where no speed is slow enough, inf where any is. None if the library is
-        left out.
+        Of that shape; 0 where no speed is slow enough, inf where any is. None without the native
+        library.
     """
     if _speeds is None:
         return None
-    found = np.empty(next(iter(terms.values())).shape)
-    given = {k: np.ascontiguousarray(term) for k, term in terms.items()}
-    _speeds(found.size, *(given.get(k) for k in _POWERS), len(signs), np.array(signs), found)
-    return found
+    speed = np.empty(next(iter(terms.values())).shape)
+    arrays = {k: np.ascontiguousarray(term) for k, term in terms.items()}
+    _speeds(speed.size, *(arrays.get(k) for k in _POWERS), len(signs), np.array(signs), speed)
+    return speed
 
 
-# ---- What a limit allows, as a polynomial in the speed at which a path is run.
+# ---- A limited quantity as a polynomial in the speed at which a path is run.
 #
 # A path q(x) run at the speed s = dx/dt has s times the velocity dq/dx, s^2 times the acceleration,
 # and s^3 times the jerk (Hollerbach, "Dynamic scaling of manipulator trajectories", 1984; Suh &
-# Bishop 1988, property 2). What limits are asked for is a sum of such terms: gravity and Coulomb
-# friction with s^0, velocity, viscous friction and tool speed with s, inertia with s^2, jerk with
-# s^3.
+# Bishop 1988, property 2). A limited quantity is a sum of such terms: gravity and Coulomb friction
+# with s^0, velocity, viscous friction and tool speed with s, inertia with s^2, jerk with s^3.
 
 _DEGREE = 3
 _MAX_STEPS = 60
@@ -56,8 +53,8 @@ class SpeedPolynomial:
 
     Attributes:
         terms: By the power k, from 0 to 3, each (N, I).
-        allowed: The limits as shares of nominal ones, (N, I), where they are less; what they lack
-            is in terms[0]. None: they are the nominal ones.
+        allowed: The limits as fractions of nominal limits, (N, I), where they are less; terms[0]
+            contains their shortfall. None: the nominal limits.
     """
 
     terms: Mapping[int, FloatArray]
@@ -83,17 +80,17 @@ class SpeedPolynomial:
         return value
 
     def largest_speed(self, signs: tuple[float, ...]) -> FloatArray:
-        """Return up to which speed sign * quantity <= 1 for all signs, shape (N, I)."""
-        found = largest_speeds(self.terms, signs)
-        if found is not None:
-            return found
+        """Return the largest speed with sign * quantity <= 1 for all signs, shape (N, I)."""
+        speed = largest_speeds(self.terms, signs)
+        if speed is not None:
+            return speed
         return np.minimum.reduce([self._one_sided(sign) for sign in signs])
 
     def _one_sided(self, sign: float) -> FloatArray:
         powers = [k for k in self.terms if k > 0]
-        held = sign * self.terms[0] if 0 in self.terms else np.zeros(())
+        static = sign * self.terms[0] if 0 in self.terms else np.zeros(())
         if len(powers) == 1:
-            return _root(powers[0], 1 - held, sign * self.terms[powers[0]])
+            return _root(powers[0], 1 - static, sign * self.terms[powers[0]])
         c = np.zeros((_DEGREE + 1, *self.terms[powers[0]].shape))
         for k, term in self.terms.items():
             c[k] = sign * term
@@ -102,26 +99,26 @@ class SpeedPolynomial:
 
 
 def _root(power: int, available: FloatArray, use: FloatArray) -> FloatArray:
-    """Return the largest s with use * s^power <= available, 0 where there is nothing available."""
+    """Return the largest s with use * s^power <= available, 0 where nothing is available."""
     available = np.broadcast_to(available, use.shape)
-    found = np.full(use.shape, np.inf)
-    np.divide(available, use, out=found, where=(use > 0) & (available > 0))
-    found[(available < 0) | ((available == 0) & (use > 0))] = 0.0
-    return found if power == 1 else np.power(found, 1 / power)
+    root = np.full(use.shape, np.inf)
+    np.divide(available, use, out=root, where=(use > 0) & (available > 0))
+    root[(available < 0) | ((available == 0) & (use > 0))] = 0.0
+    return root if power == 1 else np.power(root, 1 / power)
 
 
 def largest_speed(c: FloatArray) -> FloatArray:
-    """Return up to which s >= 0 cubics c0 + c1 s + c2 s^2 + c3 s^3 stay at or below zero.
+    """Return the largest s >= 0 up to which cubics c0 + c1 s + c2 s^2 + c3 s^3 are at most zero.
 
     That is their first crossing: no smaller s is above. A closed form gives the root (Press et al.,
-    "Numerical Recipes", 2007, section 5.6), and safeguarded steps by Newton's method what rounding
-    took from it.
+    "Numerical Recipes", 2007, section 5.6); safeguarded steps by Newton's method restore the digits
+    lost by rounding.
 
     Args:
         c: Coefficients, shape (4, ...).
 
     Returns:
-        Shape (...); 0 where c0 > 0 or s rises above zero at once, inf where it never does.
+        Shape (...); 0 where c0 > 0 or the cubic rises above zero at once, inf where it never does.
     """
     shape, c = c.shape[1:], c.reshape(_DEGREE + 1, -1)
     with np.errstate(all="ignore"):
@@ -129,13 +126,13 @@ def largest_speed(c: FloatArray) -> FloatArray:
         c = c * scale ** np.arange(_DEGREE + 1)[:, None]
         c = c / np.maximum(abs(c).max(axis=0), np.finfo(float).tiny)
         low, high, crosses = _bracket(c)
-        found = np.full(len(crosses), np.inf)
+        result = np.full(len(crosses), np.inf)
         # Where nothing crosses zero, Newton's method would look for it in vain.
         rising, low, high = c[:, crosses], low[crosses], high[crosses]
         root = _polished(rising, _nearest(rising, _closed_form(rising), low, high), low, high)
-        found[crosses] = root * scale[crosses]
-    found[c[0] > 0] = 0.0
-    return found.reshape(shape)
+        result[crosses] = root * scale[crosses]
+    result[c[0] > 0] = 0.0
+    return result.reshape(shape)
 
 
 def _scale(c: FloatArray) -> FloatArray:
@@ -159,7 +156,7 @@ def _degree(c: FloatArray) -> IntArray:
 
 
 def _bracket(c: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return between which places the first crossing is, monotone between, and if there is one."""
+    """Return intervals of the first crossings, in which cubics are monotone, and their existence."""
     turns = _quadratic(c[1], 2 * c[2], 3 * c[3])  # one of them infinite where c3 is zero
     early, late = (np.where((e > 0) & (e < np.inf), e, np.nan) for e in turns)
     first, last = np.fmin(early, late), np.fmax(early, late)
@@ -175,7 +172,7 @@ def _bracket(c: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
 def _nearest(
     c: FloatArray, roots: tuple[FloatArray, ...], low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """Return the root that is in an interval, or what is nearest to one there."""
+    """Return the root that is in an interval, or the nearest point of the interval to a root."""
     inside = np.array([low, high, *(np.clip(np.nan_to_num(root), low, high) for root in roots)])
     misses = np.array([abs(_value(c, place)) for place in inside])
     return np.take_along_axis(inside, misses.argmin(axis=0)[None], axis=0)[0]
@@ -184,22 +181,23 @@ def _nearest(
 def _polished(c: FloatArray, root: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Return roots to rounding, each in an interval in which its cubic rises through zero.
 
-    By Newton's steps, by halves where these leave the interval. One is enough but for roots that
-    nearly coincide.
+    By Newton's steps, by halves where these leave the interval. A single step suffices except for
+    roots that nearly coincide.
     """
     root, low, high = root.copy(), low.copy(), high.copy()
-    left = np.arange(len(root))
+    active = np.arange(len(root))
     for _ in range(_MAX_STEPS):
-        value = _value(c[:, left], root[left])
-        rough = abs(value) > _ROUNDING * _value(abs(c[:, left]), root[left])
-        left, value = left[rough], value[rough]
-        if len(left) == 0:
+        value = _value(c[:, active], root[active])
+        rough = abs(value) > _ROUNDING * _value(abs(c[:, active]), root[active])
+        active, value = active[rough], value[rough]
+        if len(active) == 0:
             break
         above = value > 0
-        high[left[above]], low[left[~above]] = root[left[above]], root[left[~above]]
-        step = root[left] - value / _slope(c[:, left], root[left])
-        begin, end = low[left], high[left]
-        root[left] = np.where((step > begin) & (step < end), step, (begin + end) / 2)
+        high[active[above]], low[active[~above]] = root[active[above]], root[active[~above]]
+        a, s = c[:, active], root[active]
+        step = s - value / ((3 * a[3] * s + 2 * a[2]) * s + a[1])
+        begin, end = low[active], high[active]
+        root[active] = np.where((step > begin) & (step < end), step, (begin + end) / 2)
     return root
 
 
@@ -221,7 +219,7 @@ def _closed_form(c: FloatArray) -> tuple[FloatArray, ...]:
 
 
 def _quadratic(c0: FloatArray, c1: FloatArray, c2: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the roots of quadratics, those of lines where they are that; nan where none is real.
+    """Return the roots of quadratics, or of lines without a square term; nan where none is real.
 
     (Press et al., section 5.6, without cancellation.)
     """
@@ -232,8 +230,3 @@ def _quadratic(c0: FloatArray, c1: FloatArray, c2: FloatArray) -> tuple[FloatArr
 def _value(c: FloatArray, s: FloatArray) -> FloatArray:
     value: FloatArray = ((c[3] * s + c[2]) * s + c[1]) * s + c[0]
     return value
-
-
-def _slope(c: FloatArray, s: FloatArray) -> FloatArray:
-    slope: FloatArray = (3 * c[3] * s + 2 * c[2]) * s + c[1]
-    return slope

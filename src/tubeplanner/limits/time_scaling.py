@@ -23,7 +23,7 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectoryS
 from tubeplanner.trajectory.parts import CommonStretches, common_stretches
 from tubeplanner.trajectory.polynomials import bernstein_coefficients, peak_magnitudes
 
-# Where pieces are many, each has the fewer.
+# Samples: with many pieces, fewer of each.
 _FEWEST_PER_PIECE, _MOST_PER_PIECE, _ENOUGH_IN_ALL = 12, 24, 1000
 # Valleys of the factor this near the smallest sample (relative) are refined.
 _VALLEY_SHARE = 0.02
@@ -41,7 +41,7 @@ def scaling_factor(
     *,
     segment: IntArray | None = None,
 ) -> FloatArray:
-    """Return how many times faster the limits allow a trajectory to run at each sample: b(t).
+    """Return the factor b(t) by which the limits allow a trajectory to run faster at each sample.
 
     Args:
         problem: The planning problem.
@@ -49,7 +49,7 @@ def scaling_factor(
         v: Velocities, shape (N, n) [rad/s or m/s].
         a: Accelerations, shape (N, n) [rad/s^2 or m/s^2].
         jerk: Shape (N, n) [rad/s^3 or m/s^3]; None: limits that depend on it do not count.
-        segment: The tube segment of each sample, shape (N,); None: the one the tool is nearest to.
+        segment: The tube segment of each sample, shape (N,); None: the nearest to the tool.
 
     Returns:
         Shape (N,); inf where nothing limits, 0 where gravity alone needs a motor's whole effort.
@@ -61,10 +61,10 @@ def scaling_factor(
         OptionError: A segment does not exist.
     """
     PlanningProblem.require(problem)
-    known = _given_samples(problem, (q, v, a) if jerk is None else (q, v, a, jerk))
+    state = _checked_state(problem, (q, v, a) if jerk is None else (q, v, a, jerk))
     if segment is not None:
-        segment = _given_segments(problem, segment, len(known[0]))
-    return largest_speeds(_samples(problem, known, segment), speed_limits(problem))
+        segment = _checked_segments(problem, segment, len(state[0]))
+    return largest_speeds(_samples(problem, state, segment), speed_limits(problem))
 
 
 def minimum_duration(
@@ -76,16 +76,16 @@ def minimum_duration(
 ) -> float:
     """Return the shortest duration [s] of a trajectory's shape under all limits on its speed.
 
-    Velocity, acceleration and jerk are exact for all t; others are the highest of their peaks,
-    found from 12 to 24 samples per polynomial piece and refined around the highest ones. What
-    depends on jerk is looked at in every piece by itself: it may jump at breakpoints.
+    Velocity, acceleration and jerk are exact for all t; others are the highest of their peaks at 12
+    to 24 samples per polynomial piece, refined around the highest samples. Quantities that depend
+    on jerk are examined piece by piece: jerk may jump at breakpoints.
 
     Args:
         problem: The planning problem.
         trajectory: The shape.
         with_jerk: Whether limits that depend on jerk count; False where the acceleration jumps.
-        segments: The tube segment of each polynomial piece, shape (pieces,); None: wherever the
-            tool is, the nearest.
+        segments: The tube segment of each polynomial piece, shape (pieces,); None: the nearest to
+            the tool.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
@@ -93,10 +93,12 @@ def minimum_duration(
     limits = speed_limits(problem)
     limits = tuple(limit for limit in limits if with_jerk or limit.order < _JERK)
     rates, others = rates_and_others(limits)
-    jumping = others if problem.robot.motors.has_coulomb_friction else _with_jerk(others)
+    # Limits that depend on jerk jump at breakpoints; with Coulomb friction, all others jump too.
+    has_friction = problem.robot.motors.has_coulomb_friction
+    jumping = tuple(limit for limit in others if has_friction or limit.order >= _JERK)
     smooth = tuple(limit for limit in others if limit not in jumping)
     factor = min(
-        _rate_factor(rates, trajectory, _exact_peaks),
+        _rate_factor(rates, trajectory, exact=True),
         _least(problem, smooth, trajectory, segments),
         _least_of_stretches(problem, jumping, trajectory, segments),
     )
@@ -117,12 +119,15 @@ def estimated_durations(problem: PlanningProblem, shapes: Sequence[JointTrajecto
         Infeasible: Status gravity_exceeds_effort.
     """
     rates, others = rates_and_others(speed_limits(problem))
-    orders = max((limit.order for limit in others), default=0) + 1
-    parts = [_known_per_piece(shape, _FEWEST_PER_PIECE, orders) for shape in shapes]
+    needs_jerk = any(limit.order >= _JERK for limit in others)
+    parts: list[tuple[FloatArray, ...]] = []
+    for shape in shapes:
+        state = _state(shape.per_piece(_FEWEST_PER_PIECE))
+        parts.append((*state, shape.jerk_per_piece(_FEWEST_PER_PIECE)) if needs_jerk else state)
     first = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
-    known = tuple(np.concatenate(rows) for rows in zip(*parts, strict=True))
-    sampled = np.minimum.reduceat(_held_factor(problem, others, known, None), first)
-    polynomial = [_rate_factor(rates, shape, _hull_peaks) for shape in shapes]
+    states = tuple(np.concatenate(rows) for rows in zip(*parts, strict=True))
+    sampled = np.minimum.reduceat(_held_factor(problem, others, states, None), first)
+    polynomial = [_rate_factor(rates, shape, exact=False) for shape in shapes]
     duration = np.array([shape.duration for shape in shapes])
     return duration / np.minimum(polynomial, sampled)
 
@@ -143,30 +148,58 @@ def scaled_to_limits(
     return trajectory.scaled(duration / trajectory.duration)
 
 
-def _rate_factor(
-    rates: list[JointRate],
-    trajectory: JointTrajectory,
-    peaks: Callable[[FloatArray, FloatArray], FloatArray],
-) -> float:
-    """Return the largest b that limits of velocity, acceleration and jerk allow."""
-    factor = np.inf
+def _checked_state(problem: PlanningProblem, rows: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+    """Return samples of positions and their derivatives, as many of each, (N, n).
+
+    Raises:
+        TrajectoryError: An array has no numbers, another shape, or is not finite.
+    """
+    state, joints = [], problem.robot.joint_count
+    for name, values in zip(("q", "v", "a", "jerk"), rows, strict=False):
+        try:
+            state.append(read_only(values))
+        except (TypeError, ValueError):
+            raise TrajectoryError(f"{name} is {shown(values)}; give an array (N, n)") from None
+        shape = state[-1].shape
+        if len(shape) != 2 or shape[1] != joints or shape != state[0].shape or not shape[0]:
+            raise TrajectoryError(
+                f"{name} has the shape {shape}; give (N, {joints}), as many samples of each"
+            )
+        if not np.isfinite(state[-1]).all():
+            raise TrajectoryError(f"{name} has values that are not finite")
+    return tuple(state)
+
+
+def _checked_segments(problem: PlanningProblem, segment: IntArray, count: int) -> IntArray:
+    """Return the segment of each of N samples, (N,).
+
+    Raises:
+        OptionError: The count is wrong, or a segment does not exist.
+    """
+    last = problem.tube.segment_count - 1
+    row = given_row("segment", segment, f"{count} whole numbers from 0 to {last}")
+    if len(row) != count or not all(isinstance(k, int) and 0 <= k <= last for k in row):
+        raise OptionError(f"segment is {shown(row)}; give {count} whole numbers from 0 to {last}")
+    return np.array(row, dtype=np.int64)
+
+
+def _rate_factor(rates: list[JointRate], trajectory: JointTrajectory, *, exact: bool) -> float:
+    """Return the largest b that limits of velocity, acceleration and jerk allow.
+
+    From the exact peaks of the polynomials, or from upper bounds by Bernstein coefficients.
+    """
+    factor, widths = np.inf, trajectory.widths
     for limit in rates:
         coefficients = trajectory.derivative_coefficients(limit.order)[:, :, limit.joints]
-        used = float((peaks(coefficients, trajectory.widths) / limit.limit).max())
+        if exact:
+            peaks = peak_magnitudes(coefficients, widths).value
+        else:
+            hull = bernstein_coefficients(coefficients, np.zeros_like(widths), widths)
+            peaks = abs(hull).max(axis=(0, 1))
+        used = float((peaks / limit.limit).max())
         if used > 0:
             factor = min(factor, (1 / used) ** (1 / limit.order))
     return factor
-
-
-def _exact_peaks(coefficients: FloatArray, widths: FloatArray) -> FloatArray:
-    """Return the largest magnitudes of piecewise polynomials, shape (n,)."""
-    return peak_magnitudes(coefficients, widths).value
-
-
-def _hull_peaks(coefficients: FloatArray, widths: FloatArray) -> FloatArray:
-    """Return upper bounds on the largest magnitudes, from Bernstein coefficients."""
-    hull = bernstein_coefficients(coefficients, np.zeros_like(widths), widths)
-    return abs(hull).max(axis=(0, 1))
 
 
 def _least(
@@ -180,7 +213,7 @@ def _least(
     count = min(max(enough, _FEWEST_PER_PIECE), _MOST_PER_PIECE)
     samples = trajectory.per_piece(count)
     own = None if segments is None else np.repeat(segments, count)
-    factor = _held_factor(problem, limits, _known(samples), own)
+    factor = _held_factor(problem, limits, _state(samples), own)
     least = float(factor.min())
     if not np.isfinite(least):
         return least
@@ -188,7 +221,7 @@ def _least(
     def negative(time: FloatArray) -> FloatArray:
         piece = np.searchsorted(trajectory.breakpoints[1:-1], time, side="right")
         own = None if segments is None else segments[piece]
-        return -_held_factor(problem, limits, _known(trajectory.at(time)), own)
+        return -_held_factor(problem, limits, _state(trajectory.at(time)), own)
 
     highest, _ = refined_maximum(negative, samples.time, -factor, band=_VALLEY_SHARE * least)
     return -highest
@@ -202,21 +235,26 @@ def _least_of_stretches(
 ) -> float:
     """Return the smallest factor inside stretches of pieces, its valleys refined between samples.
 
-    Where pieces begin, or joints reverse, it may jump.
+    The factor may jump where pieces begin, or joints reverse.
     """
     if not limits:
         return np.inf
     motors = problem.robot.motors
-    stretches = common_stretches(trajectory) if motors.has_coulomb_friction else _whole(trajectory)
+    if motors.has_coulomb_friction:
+        stretches = common_stretches(trajectory)
+    else:  # whole pieces: directions do not matter
+        pieces = len(trajectory.widths)
+        none = np.zeros((pieces, len(trajectory.joint_names)))
+        stretches = CommonStretches(np.arange(pieces), np.zeros(pieces), np.ones(pieces), none)
 
     def negative(stretch: IntArray, share: FloatArray) -> FloatArray:
         piece, begin = stretches.piece[stretch], stretches.start[stretch]
         place = begin + share * (stretches.end[stretch] - begin)
         local = place * trajectory.widths[piece]
-        known = tuple(trajectory.within(piece, local, order) for order in range(_JERK + 1))
+        state = tuple(trajectory.within(piece, local, order) for order in range(_JERK + 1))
         own = None if segments is None else segments[piece]
         friction = partial(directed_friction, motors, stretches.direction[stretch])
-        return -_held_factor(problem, limits, known, own, friction)
+        return -_held_factor(problem, limits, state, own, friction)
 
     count, share = len(stretches.piece), np.linspace(0, 1, _FEWEST_PER_PIECE)
     value = negative(np.repeat(np.arange(count), len(share)), np.tile(share, count))
@@ -224,95 +262,44 @@ def _least_of_stretches(
     return -refined_maximum_of_pieces(negative, value.reshape(count, -1), band=band)
 
 
-def _whole(trajectory: JointTrajectory) -> CommonStretches:
-    """Return pieces as stretches, for limits that do not depend on directions."""
-    pieces = len(trajectory.widths)
-    none = np.zeros((pieces, len(trajectory.joint_names)))
-    return CommonStretches(np.arange(pieces), np.zeros(pieces), np.ones(pieces), none)
-
-
-def _with_jerk(limits: tuple[SpeedLimit, ...]) -> tuple[SpeedLimit, ...]:
-    """Return the limits that jump where the jerk does."""
-    return tuple(limit for limit in limits if limit.order >= _JERK)
-
-
-def _known_per_piece(
-    trajectory: JointTrajectory, count: int, orders: int
-) -> tuple[FloatArray, ...]:
-    """Return positions and derivatives at samples of every piece, three orders or four."""
-    known = _known(trajectory.per_piece(count))
-    return known if orders <= _JERK else (*known, trajectory.jerk_per_piece(count))
-
-
-def _known(samples: TrajectorySamples) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _state(samples: TrajectorySamples) -> tuple[FloatArray, FloatArray, FloatArray]:
     return samples.position, samples.velocity, samples.acceleration
 
 
 def _held_factor(
     problem: PlanningProblem,
     limits: tuple[SpeedLimit, ...],
-    known: tuple[FloatArray, ...],
+    state: tuple[FloatArray, ...],
     segment: IntArray | None,
     friction: Callable[[], CoulombFriction] | None = None,
 ) -> FloatArray:
-    """Return the smallest factor of each sample, (N,), each of which the motors can hold."""
-    at = _samples(problem, known, segment, friction)
-    found = np.full(len(at), np.inf)
+    """Return the smallest factor of each sample, (N,).
+
+    Raises:
+        Infeasible: No speed is slow enough for a limit at some sample.
+    """
+    at = _samples(problem, state, segment, friction)
+    result = np.full(len(at), np.inf)
     for limit in limits:
         factor = largest_speeds(at, (limit,))
         if (factor == 0).any():
             raise limit.refusal(at)
-        found = np.minimum(found, factor)
-    return found
-
-
-def _given_samples(problem: PlanningProblem, given: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
-    """Return samples of positions and their derivatives, as many of each, (N, n).
-
-    Raises:
-        TrajectoryError: They are none.
-    """
-    known, joints = [], problem.robot.joint_count
-    for name, values in zip(("q", "v", "a", "jerk"), given, strict=False):
-        try:
-            known.append(read_only(values))
-        except (TypeError, ValueError):
-            raise TrajectoryError(f"{name} is {shown(values)}; give an array (N, n)") from None
-        shape = known[-1].shape
-        if len(shape) != 2 or shape[1] != joints or shape != known[0].shape or not shape[0]:
-            raise TrajectoryError(
-                f"{name} has the shape {shape}; give (N, {joints}), as many samples of each"
-            )
-        if not np.isfinite(known[-1]).all():
-            raise TrajectoryError(f"{name} has values that are not finite")
-    return tuple(known)
-
-
-def _given_segments(problem: PlanningProblem, given: IntArray, count: int) -> IntArray:
-    """Return the segment of each of N samples, (N,).
-
-    Raises:
-        OptionError: They are none.
-    """
-    last = problem.tube.segment_count - 1
-    row = given_row("segment", given, f"{count} whole numbers from 0 to {last}")
-    if len(row) != count or not all(isinstance(k, int) and 0 <= k <= last for k in row):
-        raise OptionError(f"segment is {shown(row)}; give {count} whole numbers from 0 to {last}")
-    return np.array(row, dtype=np.int64)
+        result = np.minimum(result, factor)
+    return result
 
 
 def _samples(
     problem: PlanningProblem,
-    known: tuple[FloatArray, ...],
+    state: tuple[FloatArray, ...],
     segment: IntArray | None,
     friction: Callable[[], CoulombFriction] | None = None,
 ) -> PathSamples:
-    """Return samples of a trajectory, in the given segments or else those nearest to the tool."""
+    """Return samples of a trajectory, in known segments or else the nearest to the tool."""
 
     def segments() -> IntArray:
         if segment is not None:
             return segment
         return nearest_segments(problem, at.tool_pose[1])
 
-    at = PathSamples(problem, np.stack(known), segments, friction)
+    at = PathSamples(problem, np.stack(state), segments, friction)
     return at
