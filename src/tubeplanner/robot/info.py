@@ -43,11 +43,11 @@ from tubeplanner.robot.urdf import (
 )
 from tubeplanner.robot.urdf_elements import read_child, read_numbers
 
-# ---- The links of a robot that a tool may be fixed to, and the likeliest of them.
+# ---- The links that a tool may be fixed to, and the likeliest of them.
 
 
 def leaf_links(description: UrdfDescription) -> tuple[str, ...]:
-    """Return the links from which no other hangs, in the order of the file."""
+    """Return the links that carry no other link, in the order of the file."""
     parents = {joint.parent for joint in description.joints.values()}
     return tuple(link for link in description.links if link not in parents)
 
@@ -55,9 +55,9 @@ def leaf_links(description: UrdfDescription) -> tuple[str, ...]:
 def likely_tool_frame(description: UrdfDescription) -> str:
     """Return the link where the longest chain of movable joints ends, above its fingers.
 
-    Fingers are what hangs from a link where the chain parts, if it has fewer joints than the chain
-    up to there. What hangs rigidly from the end is preferred, the last of the longest row; of equal
-    ones a link that is a frame alone, without collision geometry or inertia.
+    Fingers are the branches of a link where the chain parts, if they have fewer joints than the
+    chain up to there. Of the links fixed to the end, the last of the longest row is returned; of
+    rows of equal length, a link that is only a frame: no collision geometry, no inertia.
 
     Raises:
         RobotError: No joint can move.
@@ -67,14 +67,18 @@ def likely_tool_frame(description: UrdfDescription) -> str:
     if not description.chain(longest):
         raise RobotError(f"{description.path}: no joint can move; there is nothing to plan")
     end = _above_fingers(description, longest)
-    ways = dict(_rigid_ways(description, end, 0))
-    deepest = max(ways.values())
-    found = [link for link, depth in ways.items() if depth == deepest]
-    return next((link for link in found if _is_frame(description, link)), found[0])
+    depths = dict(_fixed_links(description, end, 0))
+    max_depth = max(depths.values())
+    deepest = [link for link, depth in depths.items() if depth == max_depth]
+    for link in deepest:
+        element = description.link_element(link)
+        if element.find("collision") is None and element.find("inertial") is None:
+            return link
+    return deepest[0]
 
 
 def _above_fingers(description: UrdfDescription, tip: str) -> str:
-    """Return the highest link on the way to a tip at which fingers part; the tip if none do."""
+    """Return the link nearest the root, on the chain to a tip, where fingers part; else the tip."""
     by_child = {joint.child: joint for joint in description.joints.values()}
     below, link, end = 0, tip, tip
     total = len(description.chain(tip))
@@ -93,41 +97,35 @@ def _children(description: UrdfDescription, link: str) -> list[str]:
 
 
 def _moves(description: UrdfDescription, joint: str) -> bool:
-    """Return whether a joint or one below it can move."""
+    """Return True if a joint can move, or any joint below."""
     own = description.joints[joint]
     below = _children(description, own.child)
     return own.type in MOVABLE_TYPES or any(_moves(description, name) for name in below)
 
 
-def _rigid_ways(description: UrdfDescription, link: str, depth: int) -> Iterator[tuple[str, int]]:
-    """Yield a link and all that hang rigidly from it, each with how many joints below it."""
+def _fixed_links(description: UrdfDescription, link: str, depth: int) -> Iterator[tuple[str, int]]:
+    """Yield a link and the links fixed to it, each with its number of joints below the link."""
     yield link, depth
     for name in _children(description, link):
         joint = description.joints[name]
         if joint.type not in MOVABLE_TYPES:
-            yield from _rigid_ways(description, joint.child, depth + 1)
+            yield from _fixed_links(description, joint.child, depth + 1)
 
 
-def _is_frame(description: UrdfDescription, link: str) -> bool:
-    """Return whether a link has neither geometry that collides nor mass."""
-    element = description.link_element(link)
-    return element.find("collision") is None and element.find("inertial") is None
-
-
-# ---- What a URDF says of the links: mass, and what their geometry is made of.
+# ---- The links of a URDF: mass and kinds of geometry.
 
 
 @dataclass(frozen=True)
 class LinkInfo:
-    """One link.
+    """A link of a URDF.
 
     Attributes:
         name: Its name.
-        parent: The joint that it hangs from; None for the root.
+        parent: The joint that moves or fixes it; None for the root.
         mass: [kg]; None without <inertial>.
-        collision: How many <collision> of each kind, such as "mesh" or "box"; empty: never checked.
-        visual: How many <visual> of each kind.
-        is_leaf: Whether no other link hangs from it.
+        collision: Number of <collision> by kind, such as "mesh" or "box"; empty: never checked.
+        visual: Number of <visual> by kind.
+        is_leaf: True if it carries no other link.
     """
 
     name: str
@@ -139,46 +137,40 @@ class LinkInfo:
 
 
 def link_infos(description: UrdfDescription) -> tuple[LinkInfo, ...]:
-    """Return what a URDF says of its links, in the order of the file."""
+    """Return the links of a URDF, in the order of the file."""
     leaves = leaf_links(description)
     parents = {joint.child: joint.name for joint in description.joints.values()}
-    found = []
+    infos = []
     for name in description.links:
         element = description.link_element(name)
+        where, mass = f"{description.path}: link '{name}'", None
+        if (inertial := element.find("inertial")) is not None:
+            child = read_child(f"{where}: <inertial>", inertial, "mass")
+            mass = float(read_numbers(where, child, "value", 1)[0])
         kinds = _kinds(element, "collision"), _kinds(element, "visual")
-        mass = _mass(f"{description.path}: link '{name}'", element)
-        found.append(LinkInfo(name, parents.get(name), mass, *kinds, name in leaves))
-    return tuple(found)
+        infos.append(LinkInfo(name, parents.get(name), mass, *kinds, name in leaves))
+    return tuple(infos)
 
 
 def _kinds(link: Element, tag: str) -> dict[str, int]:
-    shapes = [shape.tag for one in link.findall(tag) for shape in one.findall("geometry/*")]
-    return dict(Counter(shapes))
+    return dict(Counter(shape.tag for shape in link.findall(f"{tag}/geometry/*")))
 
 
-def _mass(where: str, link: Element) -> float | None:
-    inertial = link.find("inertial")
-    if inertial is None:
-        return None
-    mass = read_child(f"{where}: <inertial>", inertial, "mass")
-    return float(read_numbers(where, mass, "value", 1)[0])
-
-
-# ---- What is known of the joints of an arm, limit by limit, and where each number comes from.
+# ---- The joints of an arm: each limit with its source.
 #
-# It never fails because a limit is missing: stand-ins below all that is given take its place, and
-# are shown as what they are, nothing.
+# A missing limit is no error here: a stand-in below all layers takes its place, and is reported as
+# no limit.
 
 NOWHERE, URDF = "none", "URDF"
 LIMITS = ("position", "velocity", "effort", "acceleration", "jerk", "effort_rate")
 _REQUIRED = ("velocity", "effort")
 _STAND_IN_RANGE = {"prismatic": (-1.0, 1.0), "revolute": (-np.pi, np.pi)}
-_STAND_IN_RATE = 1e9  # bounds the speed of a joint of which nothing else does
+_STAND_IN_RATE = 1e9  # an acceleration: `resolve_limits` refuses a joint of unbounded speed
 
 
 @dataclass(frozen=True)
 class SourcedValue:
-    """A number and where it comes from.
+    """A number and its source.
 
     Attributes:
         value: A number, or (lower, upper); None: there is none, or it is infinite.
@@ -191,13 +183,13 @@ class SourcedValue:
 
     @property
     def is_missing(self) -> bool:
-        """Whether nothing gives it."""
+        """True if there is no source."""
         return self.source == NOWHERE
 
 
 @dataclass(frozen=True)
 class JointInfo:
-    """One planned joint.
+    """A planned joint.
 
     Attributes:
         name: Its name.
@@ -205,7 +197,7 @@ class JointInfo:
         parent: The link that carries it.
         child: The link that it moves.
         limits: By quantity, those of `LIMITS`.
-        motor: By quantity, what is given of the motor.
+        motor: By quantity, the values of the motor that have a source.
     """
 
     name: str
@@ -219,7 +211,7 @@ class JointInfo:
 def joint_infos(
     description: UrdfDescription, group: Sequence[str], layers: Sequence[LimitLayer]
 ) -> tuple[tuple[JointInfo, ...], JointLimits]:
-    """Return what is known of planned joints in chain order, and their limits with stand-ins.
+    """Return the planned joints in chain order, and their limits with stand-ins.
 
     Args:
         description: The robot.
@@ -227,51 +219,42 @@ def joint_infos(
         layers: Limits and motors, the later ones above.
 
     Raises:
-        RobotError: What is given is wrong, such as a joint that there is not.
+        RobotError: A layer is wrong, for example names an unknown joint.
     """
-    standing = [_stand_ins(description, group), *layers]
-    limits = resolve_limits(description, group, standing)
-    merged = merged_limits(description, group, followers_of(description, group), standing)
+    all_layers = [_stand_ins(description, group), *layers]
+    limits = resolve_limits(description, group, all_layers)
+    merged = merged_limits(description, group, followers_of(description, group), all_layers)
     motors = _motors(description, group, layers)
     infos = []
     for name in chain_order(description, group):
         joint, column = description.joints[name], list(group).index(name)
-        known = {
-            quantity: _sourced(
-                description, joint, quantity, _value(limits, quantity, column), merged
-            )
-            for quantity in LIMITS
+        values: dict[str, tuple[float, float] | float] = {
+            "position": (float(limits.lower_position[column]), float(limits.upper_position[column]))
         }
-        infos.append(JointInfo(name, joint.type, joint.parent, joint.child, known, motors[name]))
+        values |= {quantity: float(getattr(limits, quantity)[column]) for quantity in LIMITS[1:]}
+        sourced = {
+            quantity: _sourced(description, joint, quantity, value, merged)
+            for quantity, value in values.items()
+        }
+        infos.append(JointInfo(name, joint.type, joint.parent, joint.child, sourced, motors[name]))
     return tuple(infos), limits
 
 
 def _stand_ins(description: UrdfDescription, group: Sequence[str]) -> LimitLayer:
-    """Return limits for what a URDF lacks, to be put below all others."""
+    """Return limits for the gaps of a URDF, to be put below all layers."""
     joints = [description.joints[name] for name in group]
-    lacking = {
-        quantity: {j.name: np.inf for j in joints if not _is_usable(getattr(j, quantity))}
+    endless = {
+        quantity: {j.name: np.inf for j in joints if not 0 < (getattr(j, quantity) or 0.0) < np.inf}
         for quantity in _REQUIRED
     }
-    ranges = {joint.name: _STAND_IN_RANGE[joint.type] for joint in joints if not _has_range(joint)}
+    ranges = {}
+    for joint in joints:
+        is_endless = not np.isfinite([joint.lower, joint.upper]).all()
+        if not joint.lower < joint.upper or (joint.type == "prismatic" and is_endless):
+            ranges[joint.name] = _STAND_IN_RANGE[joint.type]
     rates = dict.fromkeys(group, _STAND_IN_RATE)
-    overrides = LimitOverrides(lacking["effort"], lacking["velocity"], ranges, rates)
+    overrides = LimitOverrides(endless["effort"], endless["velocity"], ranges, rates)
     return LimitLayer("stand-in ", overrides, source=NOWHERE)
-
-
-def _is_usable(value: float | None) -> bool:
-    return value is not None and 0 < value < np.inf
-
-
-def _has_range(joint: UrdfJoint) -> bool:
-    endless = not np.isfinite([joint.lower, joint.upper]).all()
-    return joint.lower < joint.upper and not (joint.type == "prismatic" and endless)
-
-
-def _value(limits: JointLimits, quantity: str, column: int) -> tuple[float, float] | float:
-    if quantity == "position":
-        return float(limits.lower_position[column]), float(limits.upper_position[column])
-    return float(getattr(limits, quantity)[column])
 
 
 def _sourced(
@@ -281,7 +264,7 @@ def _sourced(
     value: tuple[float, float] | float,
     merged: MergedLimits,
 ) -> SourcedValue:
-    """Return a limit that holds with the source of it."""
+    """Return the limit of a joint with its source."""
     default = URDF if quantity in ("position", *_REQUIRED) else NOWHERE
     source = merged.sources[quantity].get(joint.name, default)
     factor = merged.scale.get(quantity, 1.0)
@@ -299,7 +282,7 @@ def _sourced(
 
 
 def _is_tighter(value: tuple[float, float] | float, own: Any, factor: float) -> bool:
-    """Return whether a limit that holds is tighter than the joint's own."""
+    """Return True if the limit of a joint is tighter than its own value, by a follower."""
     if own is None:
         return bool(np.isfinite(value).all())
     if isinstance(value, tuple):
@@ -310,20 +293,19 @@ def _is_tighter(value: tuple[float, float] | float, own: Any, factor: float) -> 
 def _motors(
     description: UrdfDescription, group: Sequence[str], layers: Sequence[LimitLayer]
 ) -> dict[str, dict[str, SourcedValue]]:
-    """Return what is given of the motors, by joint and quantity."""
+    """Return the values of motors that have a source, by joint and quantity."""
     motors = resolve_motors(description, group, layers)
     merged = merged_motors(description, group, followers_of(description, group), layers)
-    found: dict[str, dict[str, SourcedValue]] = {name: {} for name in group}
+    values: dict[str, dict[str, SourcedValue]] = {name: {} for name in group}
     for column, name in enumerate(group):
-        for quantity, given in merged.sources.items():
+        for quantity, sources in merged.sources.items():
             value = _motor_value(motors, quantity, column)
-            if name in given:
-                found[name][quantity] = SourcedValue(
-                    value if np.isfinite(value).all() else None, given[name]
-                )
+            if name in sources:
+                finite = value if np.isfinite(value).all() else None
+                values[name][quantity] = SourcedValue(finite, sources[name])
             elif quantity not in CURVE and np.any(value):
-                found[name][quantity] = SourcedValue(value, URDF)
-    return found
+                values[name][quantity] = SourcedValue(value, URDF)
+    return values
 
 
 def _motor_value(motors: JointMotors, quantity: str, column: int) -> tuple[float, float] | float:
@@ -334,22 +316,22 @@ def _motor_value(motors: JointMotors, quantity: str, column: int) -> tuple[float
     return backwards if backwards == forwards else (backwards, forwards)
 
 
-# ---- What is in a robot, and what it still lacks before an arm of it can be planned.
+# ---- A robot, and the values that it lacks for planning.
 
 _UNITS = {"velocity": "rad/s or m/s", "effort": "N m or N"}
 
 
 @dataclass(frozen=True)
 class OtherJoint:
-    """A joint that is not planned; of a mobile base, the one that carries it.
+    """A joint that is not planned; the joint of a mobile base is among them.
 
     Attributes:
         name: Its name.
         type: As in the URDF.
         follows: The planned joint that it follows; None: it is locked.
-        position: Where it is locked, or where its leader's zero puts it [rad or m].
-        multiplier: How fast it follows; None where it is locked.
-        master: The joint that the URDF says it mimics, if any.
+        position: The locked position, or the position at its leader's zero [rad or m].
+        multiplier: Its velocity over its leader's; None: it is locked.
+        master: The joint that it mimics in the URDF, if any.
     """
 
     name: str
@@ -362,19 +344,19 @@ class OtherJoint:
 
 @dataclass(frozen=True)
 class RobotInfo:
-    """What is in a robot.
+    """The contents and gaps of a robot.
 
     Attributes:
         path: Its URDF.
         name: Its name.
         tool_frame: The link that carries the tool.
-        tool_frame_is_given: Whether it was named, rather than found by `likely_tool_frame`.
+        tool_frame_is_given: False if `likely_tool_frame` selected it.
         joints: The planned joints in chain order.
         other_joints: Joints that can move and are not planned.
         links: All links.
-        missing: What must be given before it is planned, and how.
-        notes: What in files of limits was not used.
-        arm: Its kinematics and masses, whatever limits are missing: efforts have none.
+        missing: Values that planning needs and the robot lacks, each with its remedy.
+        notes: Parts of limit files that were not used.
+        arm: Its kinematics and masses; efforts are unlimited, so that no mass need be there.
     """
 
     path: Path
@@ -395,11 +377,11 @@ class RobotInfo:
 
     @property
     def leaf_links(self) -> tuple[str, ...]:
-        """The links from which no other hangs: the likely tool frames."""
+        """The links that carry no other link: the likely tool frames."""
         return tuple(link.name for link in self.links if link.is_leaf)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all of it as JSON values."""
+        """Return all fields as JSON values."""
         values = {
             name: getattr(self, name)
             for name in ("name", "tool_frame", "tool_frame_is_given", "mass", "missing", "notes")
@@ -429,12 +411,12 @@ def robot_info(
     xacro_args: Mapping[str, object] | None = None,
     directory: str | Path = ".",
 ) -> RobotInfo:
-    """Return what is in a robot, whatever limits and masses are missing.
+    """Return the contents and gaps of a robot; missing limits and masses are no errors.
 
-    Args as for `load_robot`; without a tool frame the likely one is taken.
+    Args as for `load_robot`; without a tool frame, `likely_tool_frame` selects one.
 
     Raises:
-        RobotError: The URDF is malformed, no joint can move, or what is given does not fit it.
+        RobotError: The URDF is malformed, no joint can move, or an argument does not fit the robot.
     """
     directory = given_path("directory", directory)
     folders = package_folders(package_dirs, directory)
@@ -445,13 +427,15 @@ def robot_info(
     if motors is not None:
         layers = [*layers, LimitLayer("robot.", LimitOverrides(), motors=motors)]
     infos, resolved = joint_infos(description, group, layers)
+    endless = np.full(len(resolved.effort), np.inf)
     locked = dict(locked_joints or {})
     arm = RobotModel(
         description,
         tuple(group),
         frame,
         tool_offset or ToolOffset(),
-        _without_efforts(resolved),
+        # Without effort limits the arm needs no masses.
+        replace(resolved, effort=endless, effort_rate=endless, effort_ranges=()),
         folders,
         locked,
         tuple(gravity),
@@ -477,66 +461,57 @@ def robot_info(
     )
 
 
-def _without_efforts(limits: JointLimits) -> JointLimits:
-    """Return limits that ask no efforts, and so no masses."""
-    endless = np.full(len(limits.effort), np.inf)
-    return replace(limits, effort=endless, effort_rate=endless, effort_ranges=())
-
-
 def _other_joints(
     description: UrdfDescription, group: Sequence[str], locked: Mapping[str, float]
 ) -> tuple[OtherJoint, ...]:
     followers = followers_of(description, group)
-    found = []
+    others = []
     for name in description.movable():
         joint = description.joints[name]
         master = None if joint.mimic is None else joint.mimic.master
         if name in followers:
             rule = followers[name]
-            where = (rule.master, rule.offset, rule.multiplier)
-            found.append(OtherJoint(name, joint.type, *where, master))
+            follows = (rule.master, rule.offset, rule.multiplier)
+            others.append(OtherJoint(name, joint.type, *follows, master))
         elif name not in group:
             value = locked_value(description, name, group, locked)
-            found.append(OtherJoint(name, joint.type, None, value, None, master))
-    found += [
+            others.append(OtherJoint(name, joint.type, None, value, None, master))
+    others += [
         OtherJoint(joint.name, joint.type, None, 0.0, None, None)
         for joint in description.joints.values()
         if joint.type in STANDING_TYPES
     ]
-    return tuple(found)
+    return tuple(others)
 
 
 def _missing_limits(description: UrdfDescription, joints: Sequence[JointInfo]) -> list[str]:
-    """Return what limits are to be given, of which joints, and where."""
-    found = []
+    """Return a sentence for each quantity without a limit: joints, field of the problem, unit."""
+    sentences = []
     for quantity, unit in _UNITS.items():
-        named = [
-            f"{joint.name} ({_in_urdf(getattr(description.joints[joint.name], quantity))})"
-            for joint in joints
-            if joint.limits[quantity].is_missing
-        ]
+        named = []
+        for joint in joints:
+            if joint.limits[quantity].is_missing:
+                value = getattr(description.joints[joint.name], quantity)
+                stated = "none" if value is None else f"{value:g}"
+                named.append(f"{joint.name} (the URDF has {stated})")
         if named:
-            found.append(
+            sentences.append(
                 f"{quantity} limit of {', '.join(named)}: give the maker's in "
                 f"robot.limits.{quantity} [{unit}], or .inf if there is none"
             )
     ranges = [joint.name for joint in joints if joint.limits["position"].is_missing]
     if ranges:
-        found.append(
+        sentences.append(
             f"position limits of {', '.join(ranges)}: give [lower, upper] in "
             "robot.limits.position [rad or m]"
         )
-    return found
-
-
-def _in_urdf(value: float | None) -> str:
-    return "the URDF has none" if value is None else f"the URDF has {value:g}"
+    return sentences
 
 
 def _missing_masses(arm: RobotModel, joints: Sequence[JointInfo]) -> list[str]:
     efforts = [joint.limits["effort"] for joint in joints]
     if all(effort.value is None and not effort.is_missing for effort in efforts):
-        return []  # on purpose, no joint has an effort limit
+        return []  # the problem says that no joint has an effort limit
     of_joint = arm.body_joints
     without = [
         arm.joint_names[int(of_joint[body])]
@@ -554,14 +529,14 @@ def _missing_masses(arm: RobotModel, joints: Sequence[JointInfo]) -> list[str]:
 def _missing_geometry(
     description: UrdfDescription, links: Sequence[LinkInfo], folders: tuple[Path, ...]
 ) -> list[str]:
-    """Return what collision geometry is missing: all of it, or meshes that are not found."""
+    """Return a sentence if there is no collision geometry, or if meshes are not found."""
     if not any(link.collision for link in links):
         return ["collision geometry: no link has any, so nothing is checked; give <collision>"]
-    lost: list[str] = []
+    errors: list[str] = []
     for link in links:
         for mesh in description.link_element(link.name).findall("collision/geometry/mesh"):
             try:
                 find_mesh(str(mesh.get("filename")), description.path, folders)
             except RobotError as error:
-                lost.append(str(error))
-    return [f"{len(lost)} collision meshes: {lost[0]}"] if lost else []
+                errors.append(str(error))
+    return [f"{len(errors)} collision meshes: {errors[0]}"] if errors else []

@@ -1,7 +1,7 @@
 """Poses, Jacobians, velocities of bodies, frames and tool at N configurations, native or NumPy.
 
-A table of joints (M, 41) says how each moves the body after it: what carries the body (0 is the
-base, joint k moves body k + 1), which of n joints it is or follows, whether it turns, its
+A joint table (M, 41) has a row for each joint k, which moves body k + 1: the parent body (0 is the
+base), the index among the n planned joints of the joint or its leader, 1 if the joint turns, its
 multiplier and offset, the body's origin in the parent, the joint's axis in the body and in the
 parent, and the three matrices of its rotation (Rodrigues).
 """
@@ -19,7 +19,7 @@ from tubeplanner.native.library import LIBRARY, Doubles, Integers, native_functi
 from tubeplanner.robot.pinocchio_model import Scratch
 from tubeplanner.robot.urdf import Mimic, UrdfDescription
 
-# ---- Poses and Jacobians of bodies that hang from each other, compiled.
+# ---- Poses and Jacobians of bodies in a chain, compiled.
 
 _TABLE = (Doubles, c_int64)
 _POSES = native_function(
@@ -48,7 +48,7 @@ def native_body_poses(table: FloatArray, q: FloatArray) -> tuple[FloatArray, Flo
 def native_last_poses(table: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the rotation (N, 3, 3) and origin (N, 3) [m] of the last body at positions (N, n).
 
-    Every body must carry the next.
+    Each body must carry the next.
     """
     rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
     _set_last_poses(table, q, rotation, position, None)
@@ -72,13 +72,13 @@ def native_point_jacobians(
     body: IntArray,
     point: FloatArray,
 ) -> FloatArray:
-    """Return how points move with n joints, shape (N, 3, n).
+    """Return the Jacobians of points, shape (N, 3, n) [m/rad or 1].
 
     Args:
-        table: The joints.
-        joint_count: Their number n.
+        table: The joint table.
+        joint_count: Number n of planned joints.
         poses: From `native_body_poses`.
-        body: Which carries each point, shape (N,).
+        body: The body that carries each point, shape (N,).
         point: In the base frame, shape (N, 3) [m].
     """
     assert _POINT_JACOBIANS is not None
@@ -104,32 +104,22 @@ def _set_last_poses(
         raise MemoryError
 
 
-# ---- Vector products of many vectors.
-
-
-def cross_product(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the vector product along the last axis; a third of the time of NumPy's."""
-    x, y, z = np.moveaxis(first, -1, 0)
-    u, v, w = np.moveaxis(second, -1, 0)
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
-
-
-# ---- The joints of a robot's model: the n that are planned, and those that follow one of them.
+# ---- The joints of a robot's model: n planned joints and their followers.
 #
-# A follower is at `multiplier * q + offset`; what it takes goes to its master: `tau_master +=
+# A follower is at `multiplier * q + offset`, and its effort acts on its master: `tau_master +=
 # multiplier * tau_follower`, by the principle of virtual work.
 
 
 @dataclass(frozen=True, eq=False)
 class ModelJoints:
-    """M joints, in the order of the model; joint k moves body k + 1 and all that hangs from it.
+    """M joints, in the order of the model; joint k moves body k + 1 and all bodies beyond.
 
     Attributes:
-        planned: Which planned joint each is or follows, as group index, shape (M,).
-        multiplier: How fast it follows, shape (M,); 1 for a planned joint.
-        offset: Where it is when the planned joint is at 0, shape (M,) [rad or m].
-        turns: Whether it turns (rather than slides), shape (M,).
-        own: Which of the M joints each planned joint is, shape (n,).
+        planned: Group index of the joint itself or of its leader, shape (M,).
+        multiplier: Velocity over the leader's, shape (M,); 1 for a planned joint.
+        offset: Position at the leader's zero, shape (M,) [rad or m].
+        turns: True if a joint turns, False if it slides, shape (M,).
+        own: Index of each planned joint among the M, shape (n,).
     """
 
     planned: IntArray
@@ -139,7 +129,7 @@ class ModelJoints:
     own: IntArray
 
     def positions(self, q: FloatArray) -> FloatArray:
-        """Return the positions of all joints, shape (N, M), from those of the group (N, n)."""
+        """Return the positions of all joints, (N, M), from the group's (N, n)."""
         values = q if self._in_order else q[:, self.planned]
         if self._has_followers:
             values = values * self.multiplier + self.offset
@@ -153,7 +143,7 @@ class ModelJoints:
         return np.ascontiguousarray(values, dtype=np.float64)
 
     def collected(self, columns: FloatArray) -> FloatArray:
-        """Return what all joints do or take together (..., M) by planned joint, (..., n)."""
+        """Return sums of columns (..., M) by planned joint, times multipliers, (..., n)."""
         return self._sums(columns, self.multiplier)
 
     def collected_bounds(self, columns: FloatArray) -> FloatArray:
@@ -161,13 +151,13 @@ class ModelJoints:
         return self._sums(columns, abs(self.multiplier))
 
     def of_own(self, values: FloatArray) -> FloatArray:
-        """Return values (n,) of the planned joints among those of all joints, (M,); others 0."""
-        among = np.zeros(len(self.planned))
-        among[self.own] = values
-        return among
+        """Return values (M,) of all joints from values (n,) of planned joints; followers have 0."""
+        all_values = np.zeros(len(self.planned))
+        all_values[self.own] = values
+        return all_values
 
     def travel(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
-        """Return how far from zero the joints get within limits (n,), shape (M,) [rad or m]."""
+        """Return the largest distance from zero within limits (n,), by joint, (M,) [rad or m]."""
         ends = self.positions(np.stack([lower, upper]))
         return abs(ends).max(axis=0)
 
@@ -177,7 +167,7 @@ class ModelJoints:
 
     @cached_property
     def _in_order(self) -> bool:
-        """Whether the M joints are the planned ones, in the same order."""
+        """True if the M joints are the planned joints, in the same order."""
         return np.array_equal(self.planned, np.arange(len(self.own)))
 
     def _sums(self, columns: FloatArray, multiplier: FloatArray) -> FloatArray:
@@ -199,9 +189,9 @@ def model_joints(
 
     Args:
         description: The robot.
-        names: Their names, in the order of the model.
-        group: Those that are planned.
-        followers: The rules of the others, by name.
+        names: The names of the joints, in the order of the model.
+        group: The planned joints.
+        followers: The rules of all other joints, by name.
     """
     rules = [followers.get(name, Mimic(name, 1.0, 0.0)) for name in names]
     return ModelJoints(
@@ -213,19 +203,19 @@ def model_joints(
     )
 
 
-# ---- Where the bodies of an arm are, in many configurations at once.
+# ---- Poses, Jacobians and velocities of bodies and frames.
 
 
 @dataclass(frozen=True, eq=False)
 class BodyChain:
-    """Bodies that hang from each other; body 0 stands still, joint k moves body k + 1.
+    """The kinematic tree of an arm's bodies; body 0 is fixed, joint k moves body k + 1.
 
     Attributes:
-        parents: Which body carries each, shape (bodies,).
+        parents: Index of the body that carries each body, shape (bodies,).
         rotation: Of each body in its parent, its joint at zero, shape (bodies, 3, 3).
         position: Of its origin there, shape (bodies, 3) [m].
         axes: Of the joints, in the frames of the bodies that they move, shape (M, 3).
-        turns: Whether a joint turns (rather than slides), shape (M,).
+        turns: True if a joint turns, False if it slides, shape (M,).
     """
 
     parents: IntArray
@@ -238,9 +228,9 @@ class BodyChain:
     def of(
         parents: IntArray, placements: Sequence[FloatArray], axes: FloatArray, turns: BoolArray
     ) -> "BodyChain":
-        """Return bodies whose poses in their parents, joints at zero, are transforms (4, 4)."""
-        placed = np.array(placements)
-        return BodyChain(parents, placed[:, :3, :3].copy(), placed[:, :3, 3].copy(), axes, turns)
+        """Return the chain of bodies of known poses (4, 4) in their parents, joints at zero."""
+        poses = np.array(placements)
+        return BodyChain(parents, poses[:, :3, :3].copy(), poses[:, :3, 3].copy(), axes, turns)
 
     def poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] at positions (N, M)."""
@@ -249,28 +239,28 @@ class BodyChain:
         shape = (len(q), len(self.parents))
         rotation, position = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
         rotation[:, 0], position[:, 0] = np.eye(3), 0.0
-        turned, moved = self._in_parents(q)
+        local_rotation, local_position = self._in_parents(q)
         for body, parent in enumerate(self.parents.tolist()):
             if body > 0:
                 carrier = rotation[:, parent]
-                np.matmul(carrier, turned[:, body - 1], out=rotation[:, body])
-                shift = carrier @ moved[:, body - 1, :, None]
+                np.matmul(carrier, local_rotation[:, body - 1], out=rotation[:, body])
+                shift = carrier @ local_position[:, body - 1, :, None]
                 np.add(position[:, parent], shift[:, :, 0], out=position[:, body])
         return rotation, position
 
     def line(self, bodies: IntArray, rotation: FloatArray, position: FloatArray) -> "BodyChain":
-        """Return the chain of some bodies, each of which carries the next, and of a fixed frame.
+        """Return the chain of a row of bodies, each carrying the next, and of a frame at its end.
 
         Args:
-            bodies: Their indices, from the base on, shape (k,).
-            rotation: Of the frame in the last of them, shape (3, 3).
-            position: Likewise, shape (3,) [m].
+            bodies: Indices of the bodies, from the base on, shape (k,).
+            rotation: Of the frame in the last body, shape (3, 3).
+            position: Of the frame in the last body, shape (3,) [m].
         """
-        kept = np.append(0, bodies)
+        row = np.append(0, bodies)
         return BodyChain(
-            parents=np.append(0, np.arange(len(kept))),
-            rotation=np.concatenate([self.rotation[kept], [rotation]]),
-            position=np.concatenate([self.position[kept], [position]]),
+            parents=np.append(0, np.arange(len(row))),
+            rotation=np.concatenate([self.rotation[row], [rotation]]),
+            position=np.concatenate([self.position[row], [position]]),
             axes=np.concatenate([self.axes[bodies - 1], np.zeros((1, 3))]),
             turns=np.append(self.turns[bodies - 1], True),
         )
@@ -278,18 +268,18 @@ class BodyChain:
     def joint_table(
         self, planned: IntArray, multiplier: FloatArray, offset: FloatArray
     ) -> FloatArray:
-        """Return the joints as `native.kinematics` takes them, shape (M, 41).
+        """Return the joint table of the native functions, shape (M, 41).
 
         Args:
-            planned: Which of n joints each is or follows, shape (M,).
-            multiplier: How fast it follows, shape (M,).
-            offset: Where it is when that joint is at 0, shape (M,) [rad or m].
+            planned: Index of the planned joint, or of the leader, shape (M,).
+            multiplier: Velocity over the planned joint's, shape (M,).
+            offset: Position at the planned joint's zero, shape (M,) [rad or m].
         """
         across, twice, along = self._by_joint
         numbers = [self.parents[1:], planned, self.turns, multiplier, offset]
         vectors = [self.position[1:], self.axes, along]
-        turned = [matrix.reshape(-1, 9) for matrix in (self.rotation[1:], across, twice)]
-        return np.column_stack([*numbers, *vectors, *turned]).astype(np.float64)
+        matrices = [matrix.reshape(-1, 9) for matrix in (self.rotation[1:], across, twice)]
+        return np.column_stack([*numbers, *vectors, *matrices]).astype(np.float64)
 
     @cached_property
     def _own_table(self) -> FloatArray:
@@ -300,20 +290,18 @@ class BodyChain:
         """Return rotations (N, M, 3, 3) and origins (N, M, 3) of bodies in their parents."""
         across, twice, along = self._by_joint
         angle, travel = np.where(self.turns, q, 0.0), np.where(self.turns, 0.0, q)
-        sine, rest = np.sin(angle)[..., None, None], 1 - np.cos(angle)[..., None, None]
-        turned = self.rotation[1:] + sine * across + rest * twice  # Rodrigues
-        return turned, self.position[1:] + travel[..., None] * along
+        sine, versine = np.sin(angle)[..., None, None], 1 - np.cos(angle)[..., None, None]
+        # Rodrigues: R = R0 (I + sin(q) K + (1 - cos(q)) K^2), K the axis's cross-product matrix.
+        rotation = self.rotation[1:] + sine * across + versine * twice
+        return rotation, self.position[1:] + travel[..., None] * along
 
     @cached_property
     def _by_joint(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """By which a body's rotation changes with sine and 1 - cosine, and its origin by travel."""
+        """R0 K, R0 K^2 of Rodrigues' formula, each (M, 3, 3), and axes in the parents (M, 3)."""
         across = np.cross(self.axes[:, None], np.eye(3)).swapaxes(1, 2)
-        placed = self.rotation[1:]
-        along = np.einsum("mij,mj->mi", placed, self.axes)
-        return placed @ across, placed @ across @ across, along
-
-
-# ---- The pose of a frame that moves with an arm, and its Jacobian.
+        rotation = self.rotation[1:]
+        along = np.einsum("mij,mj->mi", rotation, self.axes)
+        return rotation @ across, rotation @ across @ across, along
 
 
 def frame_jacobian(
@@ -324,7 +312,7 @@ def frame_jacobian(
     Args:
         model: The arm.
         data: Of the model; written to.
-        joints: Those of the model.
+        joints: The joints of the model.
         frame: Index of the frame in the model.
         q: Configurations, shape (N, n).
 
@@ -344,9 +332,6 @@ def frame_jacobian(
     return rotation, position, joints.collected(jacobian)
 
 
-# ---- The velocities of frames that move with an arm, and how they change with its joints.
-
-
 def frame_velocities(
     model: pin.Model,
     data: pin.Data,
@@ -360,7 +345,7 @@ def frame_velocities(
     Args:
         model: The arm.
         data: Of the model; written to.
-        joints: Those of the model.
+        joints: The joints of the model.
         frames: Indices of the frames in the model.
         q: Configurations, shape (N, n).
         v: Velocities, shape (N, n).
@@ -381,27 +366,27 @@ def frame_velocities(
             rotation[f, i] = pin.updateFramePlacement(model, data, frame).rotation
     change, linear = rotation @ by_q[..., :3, :], rotation @ by_v[..., :3, :]
     velocity = np.einsum("fnij,nj->fni", linear, rates)
-    turned = np.cross((rotation @ by_v[..., 3:, :]).swapaxes(2, 3), velocity[:, :, None])
-    change += turned.swapaxes(2, 3)
+    by_rotation = np.cross((rotation @ by_v[..., 3:, :]).swapaxes(2, 3), velocity[:, :, None])
+    change += by_rotation.swapaxes(2, 3)
     return velocity, joints.collected(change), joints.collected(linear)
 
 
 # ---- The tool centre point of an arm and its Jacobian, in many configurations.
 
-# From so many configurations on, arrays are quicker than Pinocchio called for each of them.
+# From this number of configurations on, arrays are quicker than a Pinocchio call for each.
 _MANY = 64
 
 
 @dataclass(frozen=True, eq=False)
 class ToolChain:
-    """What moves the tool centre point.
+    """The bodies and joints that move the tool centre point.
 
     Attributes:
         model: The arm.
         scratch: Of the model; written to.
-        joints: Those of the model.
+        joints: The joints of the model.
         chain: Its bodies.
-        carries: Whether joints move bodies, shape (bodies, M).
+        carries: True if joint k moves a body, shape (bodies, M).
         frame: Index of the tool centre point among the model's frames.
     """
 
@@ -437,7 +422,7 @@ class ToolChain:
 
     @cached_property
     def joint_table(self) -> FloatArray:
-        """The joints that move it, as `native.kinematics` takes them; a fixed one is the last."""
+        """Joint table of the joints that move the tool, and of a last joint that is fixed."""
         tool, joints = self.model.frames[self.frame], self.joints
         moving = np.flatnonzero(self.carries[tool.parentJoint])
         line = self.chain.line(moving + 1, tool.placement.rotation, tool.placement.translation)
@@ -447,18 +432,25 @@ class ToolChain:
     def _of_bodies(
         self, rotation: FloatArray, position: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return `poses` from those of the bodies."""
+        """Return tool rotations (N, 3, 3) and positions (N, 3) [m] from poses of the bodies."""
         tool = self.model.frames[self.frame]
-        turned = rotation[:, tool.parentJoint]
-        placed = turned @ tool.placement.translation + position[:, tool.parentJoint]
-        return turned @ tool.placement.rotation, placed
+        carrier = rotation[:, tool.parentJoint]
+        point = carrier @ tool.placement.translation + position[:, tool.parentJoint]
+        return carrier @ tool.placement.rotation, point
 
     def _jacobians_of_many(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         rotation, position = self.chain.poses(self.joints.positions(q))
-        turned, tool = self._of_bodies(rotation, position)
+        tool_rotation, tool = self._of_bodies(rotation, position)
         carried = self.carries[self.model.frames[self.frame].parentJoint]
         axis = (rotation[:, 1:] @ self.chain.axes[:, :, None])[..., 0] * carried[:, None]
         turns = self.joints.turns[:, None]
         linear = np.where(turns, cross_product(axis, tool[:, None] - position[:, 1:]), axis)
         columns = np.concatenate([linear, np.where(turns, axis, 0.0)], axis=2)
-        return turned, tool, self.joints.collected(columns.swapaxes(1, 2))
+        return tool_rotation, tool, self.joints.collected(columns.swapaxes(1, 2))
+
+
+def cross_product(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the vector product along the last axis; a third of the time of NumPy's."""
+    x, y, z = np.moveaxis(first, -1, 0)
+    u, v, w = np.moveaxis(second, -1, 0)
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)

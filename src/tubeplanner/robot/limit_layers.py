@@ -1,4 +1,7 @@
-"""Layers of limits and motors from several sources; the last value holds, its source is kept."""
+"""Layers of limits and motors from several sources; the last value holds, its source is kept.
+
+Later layers in a sequence are above: their values replace values of earlier layers.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +20,7 @@ from tubeplanner.robot.overrides import (
 from tubeplanner.robot.urdf import Mimic, UrdfDescription
 from tubeplanner.text import short_repr
 
-# What joints bound that follow others.
+# Quantities whose limits of a follower bound its master.
 _FOLLOWED = ("velocity", "position", "acceleration", "jerk")
 
 
@@ -26,13 +29,13 @@ class LimitLayer:
     """Limits and motors from a file.
 
     Attributes:
-        called: What messages write before "limits" and "motors", such as "preset fr3: ".
+        called: Label in messages before "limits" and "motors", such as "preset fr3: ".
         limits: The limits.
-        joint_count: Number of joints of the arms that they are for; None: any.
-        skips_others: Whether joints that are not planned may be among them, which are left out.
-        notes: What in the file was not used.
+        joint_count: Number of joints of the arms that the layer is for; None: any.
+        skips_others: True if limits of joints that are not planned are allowed, and ignored.
+        notes: Parts of the file that were not used.
         motors: The motors.
-        source: What `info` calls it, such as "preset fr3".
+        source: Label in `info`, such as "preset fr3".
     """
 
     called: str
@@ -48,15 +51,15 @@ class LimitLayer:
 
 @dataclass(frozen=True)
 class MergedLimits:
-    """What layers give together.
+    """The limits of all layers.
 
     Attributes:
-        by_joint: Limits by quantity and joint name; quantities are those of `PER_JOINT`.
-        sources: Of each of these, the layer that gave it.
+        by_joint: Limits by quantity (of `PER_JOINT`) and joint name.
+        sources: The source of each limit, by quantity and joint name.
         scale: Commissioning factors by quantity.
         tool_speed: Of the tool centre point [m/s], inf where there is no limit.
         point_speed: Limits on the speed of points of the arm.
-        notes: What was not used.
+        notes: Parts of files that were not used.
     """
 
     by_joint: Mapping[str, Mapping[str, Any]]
@@ -69,13 +72,13 @@ class MergedLimits:
 
 @dataclass(frozen=True)
 class MergedMotors:
-    """What layers give together.
+    """The motors of all layers.
 
     Attributes:
-        by_joint: Values by quantity and joint name; quantities are those of `MOTOR_QUANTITIES`.
-        sources: Of each of these, the layer that gave it.
-        friction_from_urdf: Whether the URDF's friction is taken where none is given.
-        friction_uncertainty: By which share friction may be more or less than that.
+        by_joint: Values by quantity (of `MOTOR_QUANTITIES`) and joint name.
+        sources: The source of each value, by quantity and joint name.
+        friction_from_urdf: True if the URDF's friction holds where no layer has any.
+        friction_uncertainty: Fraction by which friction may be more or less.
     """
 
     by_joint: Mapping[str, Mapping[str, Any]]
@@ -89,17 +92,17 @@ GivenLimits: TypeAlias = _Layer | Sequence[_Layer]
 
 
 def layers_of(given: GivenLimits) -> list[LimitLayer]:
-    """Return limits as layers, the later ones above.
+    """Return limits as a list of layers.
 
     Raises:
-        RobotError: They are something else.
+        RobotError: An entry is neither LimitOverrides nor a LimitLayer.
     """
-    several: Sequence[Any] = given if isinstance(given, list | tuple) else [given]
+    entries: Sequence[Any] = given if isinstance(given, list | tuple) else [given]
     layers = []
-    for one in several:
-        if not isinstance(one, LimitOverrides | LimitLayer):
-            raise RobotError(f"limits are {shown(one)}; give LimitOverrides or a LimitLayer")
-        layers.append(one if isinstance(one, LimitLayer) else LimitLayer("robot.", one))
+    for entry in entries:
+        if not isinstance(entry, LimitOverrides | LimitLayer):
+            raise RobotError(f"limits are {shown(entry)}; give LimitOverrides or a LimitLayer")
+        layers.append(entry if isinstance(entry, LimitLayer) else LimitLayer("robot.", entry))
     return layers
 
 
@@ -109,17 +112,17 @@ def merged_limits(
     followers: Mapping[str, Mimic],
     layers: Sequence[LimitLayer],
 ) -> MergedLimits:
-    """Return what layers give together.
+    """Merge the limits of layers.
 
     Args:
         description: The robot.
         joint_names: Its planning group.
-        followers: The joints that follow one of these.
-        layers: The later ones above.
+        followers: The followers of the group's joints, by name.
+        layers: The layers.
 
     Raises:
         RobotError: A layer is for another number of joints, has another number of values, or names
-            a joint or a link that there is not.
+            an unknown joint or link.
     """
     chain = chain_order(description, joint_names)
     by_joint: dict[str, dict[str, Any]] = {quantity: {} for quantity in PER_JOINT}
@@ -128,11 +131,11 @@ def merged_limits(
         _require_fitting(description, layer, chain)
         _require_some(layer, [*joint_names, *followers])
         for quantity, merged in by_joint.items():
-            known = [*joint_names, *(followers if quantity in _FOLLOWED else ())]
             where = f"{layer.called}limits.{quantity}"
             values = layer.limits.by_name(quantity, chain, where)
             if not layer.skips_others:
-                _require_known(where, values, known)
+                extra = followers if quantity in _FOLLOWED else ()
+                _require_known(where, values, [*joint_names, *extra])
             merged |= values
             sources[quantity] |= dict.fromkeys(values, layer.source)
     above = [layer.limits for layer in layers][::-1]
@@ -154,11 +157,11 @@ def merged_motors(
     followers: Mapping[str, Mimic],
     layers: Sequence[LimitLayer],
 ) -> MergedMotors:
-    """Return what layers give together; arguments as for `merged_limits`.
+    """Merge the motors of layers; arguments as for `merged_limits`.
 
     Raises:
-        RobotError: A layer has another number of values than there are joints, or names a joint
-            that there is not, or that has no motor because it follows another.
+        RobotError: A layer has another number of values than there are joints, or names an unknown
+            joint, or a follower, which has no motor.
     """
     chain = chain_order(description, joint_names)
     by_joint: dict[str, dict[str, Any]] = {quantity: {} for quantity in MOTOR_QUANTITIES}
@@ -167,34 +170,36 @@ def merged_motors(
         for quantity, merged in by_joint.items():
             where = f"{layer.called}motors.{quantity}"
             values = layer.motors.by_name(quantity, chain, where)
-            _require_motors(where, values, followers)
+            for name in values:
+                if name in followers:
+                    master = followers[name].master
+                    raise RobotError(
+                        f"{where}: joint '{name}' follows '{master}' and has no motor of its own; "
+                        f"give what '{master}' feels of it, or leave it out"
+                    )
             _require_known(where, values, joint_names)
             merged |= values
             sources[quantity] |= dict.fromkeys(values, layer.source)
-    motors = [layer.motors for layer in layers][::-1]
-    taken = [one.friction_from_urdf for one in motors if one.friction_from_urdf is not None]
-    shares = [one.friction_uncertainty for one in motors if one.friction_uncertainty is not None]
-    uncertainty = float(shares[0]) if shares else 0.0
-    return MergedMotors(by_joint, sources, any(taken[:1]), uncertainty)
+    above = [layer.motors for layer in layers][::-1]
+    from_urdf = [m.friction_from_urdf for m in above if m.friction_from_urdf is not None]
+    fractions = [m.friction_uncertainty for m in above if m.friction_uncertainty is not None]
+    uncertainty = float(fractions[0]) if fractions else 0.0
+    return MergedMotors(by_joint, sources, any(from_urdf[:1]), uncertainty)
 
 
 def merged_scale(layers: Sequence[LimitLayer]) -> dict[str, float]:
-    """Return the commissioning factors that layers give together, by quantity."""
+    """Return the commissioning factors of layers, by quantity."""
     return {name: factor for layer in layers for name, factor in layer.limits.scale.items()}
 
 
 def chain_order(description: UrdfDescription, joint_names: Sequence[str]) -> list[str]:
-    """Return joints in the order of the chain from the root."""
-    return sorted(joint_names, key=lambda name: _depth(description, name))
-
-
-def _depth(description: UrdfDescription, joint: str) -> int:
-    """Return how many movable joints are on the chain from the root to a joint, itself included."""
-    return len(description.chain(description.joints[joint].child))
+    """Return joints in chain order: by the number of movable joints from the root to each."""
+    joints = description.joints
+    return sorted(joint_names, key=lambda name: len(description.chain(joints[name].child)))
 
 
 def _require_fitting(description: UrdfDescription, layer: LimitLayer, chain: Sequence[str]) -> None:
-    """Raise RobotError if a layer is for other arms, or names links that there are not."""
+    """Raise RobotError if a layer is for another number of joints, or names an unknown link."""
     if layer.joint_count not in (None, len(chain)):
         raise RobotError(
             f"{layer.called}limits and motors are for {layer.joint_count} joints; the planning "
@@ -207,7 +212,7 @@ def _require_fitting(description: UrdfDescription, layer: LimitLayer, chain: Seq
 
 
 def _require_some(layer: LimitLayer, known: Sequence[str]) -> None:
-    """Raise RobotError if a layer that may name other joints names no other than these."""
+    """Raise RobotError if a layer names only joints outside the planning group."""
     maps = [getattr(layer.limits, quantity) for quantity in PER_JOINT] if layer.skips_others else []
     named = {name for given in maps if isinstance(given, Mapping) for name in given}
     if named and named.isdisjoint(known):
@@ -221,13 +226,3 @@ def _require_known(where: str, values: Mapping[str, Any], known: Sequence[str]) 
     for name in values:
         if name not in known:
             raise RobotError(f"{where}: {unknown_name('joint', name, known)}")
-
-
-def _require_motors(where: str, values: Mapping[str, Any], followers: Mapping[str, Mimic]) -> None:
-    for name in values:
-        if name in followers:
-            master = followers[name].master
-            raise RobotError(
-                f"{where}: joint '{name}' follows '{master}' and has no motor of its own; give "
-                f"what '{master}' feels of it, or leave it out"
-            )

@@ -1,4 +1,4 @@
-"""Load_robot: a RobotModel from a URDF and a problem's settings."""
+"""`load_robot`: a RobotModel from a URDF and a problem's settings."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -41,21 +41,21 @@ def load_robot(
     Args:
         urdf: A path, `package://PACKAGE/...`, or `example:NAME`.
         tool_frame: Any link; with the tool offset it gives the point that must stay in the tube.
-        joints: Planning group, in the order wanted; default: the movable joints from the root to
-            the tool frame, in chain order, or the joints that these mimic.
-        locked_joints: Values of joints outside the group, by name [rad or m]; default 0, moved
-            into the limits. A mimic joint follows its master, locked or planned.
+        joints: Planning group, in group order; default: the movable joints from the root to the
+            tool frame, in chain order, a joint that mimics another replaced by its leader.
+        locked_joints: Values of joints outside the group, by name [rad or m]; default 0, clipped
+            to the limits. A mimic joint follows its master, locked or planned.
         tool_offset: Tool centre point in the tool frame; default: its origin.
-        base: Where the root link stands in the cell, whose frame is then the base frame; default:
-            the base frame is the root link's.
+        base: Pose of the root link in the cell, whose frame is then the base frame; default: the
+            base frame is the root link's.
         gravity: In the base frame [m/s^2].
         payload: Carried mass; default: none.
-        limits: What replaces the URDF's limits, or several such, as `read_preset` gives them, of
-            which the later ones hold; default: nothing.
-        motors: Motors of the joints, above those of presets among the limits; default: nothing.
+        limits: Limits that replace the URDF's, or several layers, as `read_preset` returns them;
+            later layers replace earlier ones; default: none.
+        motors: Motors of the joints, above the motors of `limits`; default: none.
         package_dirs: Further folders that hold the packages of `package://` names.
         xacro_args: Values of the arguments of a URDF that ends in .xacro, by name.
-        directory: Where relative paths start.
+        directory: Base of relative paths.
 
     Raises:
         RobotError: The description cannot be planned with; the message says why.
@@ -63,15 +63,21 @@ def load_robot(
     if not are_numbers(gravity, 3):
         row = list(gravity) if isinstance(gravity, tuple | np.ndarray) else gravity
         raise RobotError(f"robot.gravity {shown(row)} must be three finite numbers [m/s^2]")
-    for name, given in (("tool_offset", tool_offset), ("payload", payload), ("base", base)):
-        _require_kind(name, given)
+    for name, part in (("tool_offset", tool_offset), ("payload", payload), ("base", base)):
+        kind = _KINDS[name]
+        if part is not None and not isinstance(part, kind):
+            raise RobotError(f"robot.{name} is {shown(part)}; give a {kind.__name__}")
     _require_map("locked_joints", locked_joints)
     _require_map("xacro_args", xacro_args)
     directory = given_path("directory", directory)
     folders = package_folders(package_dirs, directory)
     description = read_urdf(find_description(urdf, directory, folders), xacro_args, folders)
     group = planning_group(description, tool_frame, joints)
-    layers = [*layers_of(() if limits is None else limits), *_layer_of(motors)]
+    layers = layers_of(() if limits is None else limits)
+    if motors is not None:
+        if not isinstance(motors, MotorOverrides):
+            raise RobotError(f"motors are {shown(motors)}; give MotorOverrides")
+        layers.append(LimitLayer("robot.", LimitOverrides(), motors=motors))
     return RobotModel(
         description,
         tuple(group),
@@ -88,34 +94,19 @@ def load_robot(
 
 
 def package_folders(given: Sequence[str | Path], directory: Path) -> tuple[Path, ...]:
-    """Return folders that hold packages, whose relative paths start in a directory.
+    """Return package folders as paths, relative ones joined to a directory.
 
     Raises:
-        OptionError: They are no list of paths.
+        OptionError: The folders are no list of paths.
     """
     rows = given_row("robot.package_dirs", given, "folders")
     return tuple(directory / given_path("robot.package_dirs", folder) for folder in rows)
 
 
-def _require_kind(name: str, given: object) -> None:
-    """Raise RobotError unless a part of a robot is of its kind or left out."""
-    kind = _KINDS[name]
-    if given is not None and not isinstance(given, kind):
-        raise RobotError(f"robot.{name} is {shown(given)}; give a {kind.__name__}")
-
-
-def _require_map(name: str, given: object) -> None:
-    """Raise RobotError unless something is a map by name or left out."""
-    if given is not None and not isinstance(given, Mapping):
-        raise RobotError(f"robot.{name} is {shown(given)}; give a map by name")
-    for key in given or {}:
+def _require_map(name: str, value: object) -> None:
+    """Raise RobotError unless a value is None or a map by name."""
+    if value is not None and not isinstance(value, Mapping):
+        raise RobotError(f"robot.{name} is {shown(value)}; give a map by name")
+    for key in value or {}:
         if not isinstance(key, str):
             raise RobotError(f"robot.{name}: the key {shown(key)} is no name; give text")
-
-
-def _layer_of(motors: MotorOverrides | None) -> list[LimitLayer]:
-    if motors is None:
-        return []
-    if not isinstance(motors, MotorOverrides):
-        raise RobotError(f"motors are {shown(motors)}; give MotorOverrides")
-    return [LimitLayer("robot.", LimitOverrides(), motors=motors)]

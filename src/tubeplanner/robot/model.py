@@ -39,57 +39,59 @@ from tubeplanner.robot.pinocchio_model import (
 )
 from tubeplanner.robot.urdf import UrdfDescription, followers_of, joint_id
 
-# ---- Configurations, one or many: methods that take (N, n) and, without the leading axis, (n,).
+# ---- Configurations, one or many: methods that take (N, n), and (n,) too.
 
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
 def one_or_many(axis: int = 0) -> Callable[[_Method], _Method]:
-    """Return a decorator of a method of an arm that takes configurations (N, n), and their rates.
+    """Decorate a method of an arm that takes configurations (N, n), and rates, to take (n,) too.
 
-    With (n,) the method then returns its arrays without the axis of the samples. What has another
-    shape raises RobotError.
+    Arrays returned for (n,) lack the axis of the samples. Another shape raises RobotError.
 
     Args:
-        axis: Which axis of the arrays that the method returns is that of the samples.
+        axis: Index of the axis of the samples in the arrays that the method returns.
     """
 
     def decorated(method: _Method) -> _Method:
         signature = inspect.signature(method)
 
         @wraps(method)
-        def taking(self: Any, *given: FloatArray, **named: FloatArray) -> Any:
+        def wrapper(self: Any, *arguments: FloatArray, **named: FloatArray) -> Any:
             if named:
-                given = signature.bind(self, *given, **named).args[1:]
-            # Inner loops call this with arrays of many samples: they cost no more than this test.
-            if _are_many(given, self.joint_count):
-                return method(self, *given)
-            arrays = [np.asarray(values, dtype=np.float64) for values in given]
+                arguments = signature.bind(self, *arguments, **named).args[1:]
+            # Inner loops pass arrays of many samples: for them this test is the only cost.
+            if _are_many(arguments, self.joint_count):
+                return method(self, *arguments)
+            arrays = [np.asarray(values, dtype=np.float64) for values in arguments]
             names = list(signature.parameters)[1:]
             _require_shapes(names, arrays, self.joint_count)
             if arrays[0].ndim == 2:
                 return method(self, *arrays)
-            return _first(method(self, *(values[None] for values in arrays)), axis)
+            result = method(self, *(values[None] for values in arrays))
+            if isinstance(result, tuple):
+                return tuple(values.squeeze(axis) for values in result)
+            return result.squeeze(axis)
 
-        return cast(_Method, taking)
+        return cast(_Method, wrapper)
 
     return decorated
 
 
-def _are_many(given: tuple[FloatArray, ...], joint_count: int) -> bool:
-    """Return whether all are arrays of one shape (N, n)."""
-    if not given or type(given[0]) is not np.ndarray:
+def _are_many(arguments: tuple[FloatArray, ...], joint_count: int) -> bool:
+    """Return True if all arguments are arrays of the same shape (N, n)."""
+    if not arguments or type(arguments[0]) is not np.ndarray:
         return False
-    shape = given[0].shape
+    shape = arguments[0].shape
     return (
         len(shape) == 2
         and shape[1] == joint_count
-        and all(type(values) is np.ndarray and values.shape == shape for values in given[1:])
+        and all(type(values) is np.ndarray and values.shape == shape for values in arguments[1:])
     )
 
 
 def _require_shapes(names: list[str], arrays: list[FloatArray], joint_count: int) -> None:
-    """Raise RobotError unless arrays have one shape, (n,) or (N, n)."""
+    """Raise RobotError unless all arrays have the same shape, (n,) or (N, n)."""
     shape = arrays[0].shape if arrays else ()
     if shape != (joint_count,) and (len(shape) != 2 or shape[1] != joint_count):
         raise RobotError(
@@ -103,28 +105,21 @@ def _require_shapes(names: list[str], arrays: list[FloatArray], joint_count: int
             )
 
 
-def _first(result: FloatArray | tuple[FloatArray, ...], axis: int) -> Any:
-    """Return an array or several without an axis of length 1."""
-    if isinstance(result, tuple):
-        return tuple(values.squeeze(axis) for values in result)
-    return result.squeeze(axis)
-
-
 # ---- A robot arm for N samples at once: kinematics, dynamics, limits.
 #
 # The base frame, in which every position, rotation and Jacobian is expressed, is the cell's; it is
-# the frame of the URDF's root link unless a base says where that stands. A configuration is a plain
-# vector of n joint values in group order; continuous joints are not wrapped.
+# the frame of the URDF's root link unless a base gives that link another pose. A configuration is a
+# plain vector of n joint values in group order; continuous joints are not wrapped.
 
 
 class RobotModel:
     """An arm of n joints and its bodies; made by `load_robot`.
 
-    What takes configurations (N, n) takes one (n,) too, and returns its arrays without N.
+    Methods that take configurations (N, n) take (n,) too, and then return arrays without N.
 
-    A body is everything that moves as one: body 0 is fixed to the base, body j > 0 is what hangs
-    rigidly from one of the n joints, or from one of their followers (joints that mimic them); these
-    are M in all. Several threads may use one model; it pickles by content, with the URDF's text.
+    A body is a set of links that move as one: body 0 is fixed to the base, body j > 0 is moved by
+    one of the n joints or of their followers (joints that mimic them), M joints in all. Several
+    threads may use one model; it pickles by content, with the URDF's text.
 
     Attributes:
         name: The robot's name.
@@ -133,10 +128,10 @@ class RobotModel:
         joint_names: The n joints, in group order.
         tool_frame: Name of the tool frame.
         gravity: Shape (3,), base frame [m/s^2].
-        payload: What it carries, if anything.
+        payload: The carried mass, if any.
         limits: Limits of the joints.
         motors: Motors of the joints.
-        base: Where the root link stands; None: its frame is the base frame.
+        base: Pose of the root link; None: its frame is the base frame.
         link_body: Body of every link of the URDF, by name.
         link_placement: Pose of every link in its body's frame, by name, shape (4, 4).
     """
@@ -192,7 +187,7 @@ class RobotModel:
 
     @staticmethod
     def require(robot: object) -> None:
-        """Raise RobotError unless something is a robot."""
+        """Raise RobotError unless an object is a RobotModel."""
         if not isinstance(robot, RobotModel):
             raise RobotError(
                 f"the robot is {shown(robot)}; give a RobotModel, as load_robot returns"
@@ -206,7 +201,11 @@ class RobotModel:
         return f"<RobotModel {self.name}: {self.joint_count} joints to {frame} ({joints})>"
 
     def with_limits(self, limits: JointLimits, motors: JointMotors) -> "RobotModel":
-        """Return this arm with other limits, of positions no wider, and motors of like rotors."""
+        """Return this arm with other limits and motors.
+
+        Position limits must be no wider, or a cached `lever_arm` is no bound any more; rotor
+        inertias must be the same, as the dynamics hold them.
+        """
         limited = RobotModel.__new__(RobotModel)
         vars(limited).update(vars(self), limits=limits, motors=motors)
         return limited
@@ -216,19 +215,20 @@ class RobotModel:
         return RobotModel(**self._given() | {"payload": payload})
 
     def in_root_frame(self) -> "RobotModel":
-        """Return this arm in the frame of its root link: itself if that is the base frame."""
+        """Return this arm with the frame of its root link as base frame; itself if without base."""
         if self.base is None:
             return self
         gravity = self.gravity @ self.base.placement[:3, :3]
         return RobotModel(**self._given() | {"base": None, "gravity": gravity})
 
     def _given(self) -> dict[str, Any]:
-        """Return the arguments of which this arm is made."""
-        kept = ("urdf", "joint_names", "tool_frame", "limits", "package_dirs", "gravity", "payload")
-        return {name: getattr(self, name) for name in (*kept, "motors", "base")} | self._others
+        """Return the arguments of the constructor."""
+        names = ("urdf", "joint_names", "tool_frame", "limits", "package_dirs", "gravity")
+        more = ("payload", "motors", "base")
+        return {name: getattr(self, name) for name in (*names, *more)} | self._others
 
     def moves_as(self, other: "RobotModel") -> bool:
-        """Return whether another model is this arm, with whatever limits."""
+        """Return True if another model is this arm, limits and motors apart."""
         return self._model is other._model
 
     @property
@@ -260,7 +260,7 @@ class RobotModel:
 
     @one_or_many()
     def tool_pose_jacobian(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return rotation (N, 3, 3), position (N, 3) [m] and Jacobian (N, 6, n) of that point."""
+        """Return rotation (N, 3, 3), position (N, 3) [m] and Jacobian (N, 6, n) of the tool."""
         return self._tool.jacobians(q)
 
     @one_or_many()
@@ -297,12 +297,12 @@ class RobotModel:
     def point_jacobian(
         self, rotation: FloatArray, position: FloatArray, body: IntArray, point: FloatArray
     ) -> FloatArray:
-        """Return how points that move with bodies move with the joints.
+        """Return the Jacobians of points that move with bodies.
 
         Args:
             rotation: From `body_poses`, shape (N, bodies, 3, 3).
-            position: Likewise, shape (N, bodies, 3) [m].
-            body: Which body carries each point, shape (N,).
+            position: From `body_poses`, shape (N, bodies, 3) [m].
+            body: Index of the body that carries each point, shape (N,).
             point: In the base frame, shape (N, 3) [m].
 
         Returns:
@@ -312,10 +312,10 @@ class RobotModel:
             table, poses = self._joint_table, (rotation, position)
             return native_point_jacobians(table, self.joint_count, poses, body, point)
         axis = np.einsum("njab,jb->nja", rotation[:, 1:], self.chain.axes)
-        turned = cross_product(axis, point[:, None] - position[:, 1:])
-        columns = np.where(self.body_turns[1:, None], turned, axis)
-        moved: FloatArray = columns * self.carries[body][:, :, None]
-        return self._joints.collected(moved.transpose(0, 2, 1))
+        by_turning = cross_product(axis, point[:, None] - position[:, 1:])
+        columns: FloatArray = np.where(self.body_turns[1:, None], by_turning, axis)
+        columns = columns * self.carries[body][:, :, None]
+        return self._joints.collected(columns.transpose(0, 2, 1))
 
     @one_or_many()
     def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
@@ -327,12 +327,12 @@ class RobotModel:
             a: Accelerations, shape (N, n).
 
         Returns:
-            Shape (N, n). With the inertia of rotors and viscous friction; Coulomb friction, which
-            jumps, is `JointMotors.coulomb_effort`.
+            Shape (N, n). The inertia of rotors and viscous friction are included; Coulomb friction,
+            which jumps, is not: see `JointMotors.coulomb_effort`.
         """
         joints = self._joints
         columns = [joints.positions(q).T, joints.rates(v).T, joints.rates(a).T]
-        # One thread: two were measured up to 50 times slower on a machine with a busy core.
+        # A single thread: two were measured up to 50 times slower on a machine with a busy core.
         tau = pin.rneaInParallel(1, self._scratch.pool, *columns)
         # A single row or column comes back one-dimensional.
         tau = np.reshape(tau, (self._model.nv, len(q)))
@@ -341,7 +341,7 @@ class RobotModel:
 
     @one_or_many()
     def gravity_effort(self, q: FloatArray) -> FloatArray:
-        """Return the joint efforts (N, n) [N m or N] that hold the arm still against gravity."""
+        """Return the joint efforts (N, n) [N m or N] that hold the arm at rest against gravity."""
         zero = np.zeros_like(q)
         return self.inverse_dynamics(q, zero, zero) if self.gravity.any() else zero
 
@@ -360,46 +360,46 @@ class RobotModel:
 
     @cached_property
     def carries(self) -> BoolArray:
-        """Whether what joins body k + 1 to what carries it moves a body, shape (bodies, M)."""
+        """True if model joint k, which moves body k + 1, moves a body, shape (bodies, M)."""
         return carried_bodies(self._model)
 
     @cached_property
     def joint_moves_body(self) -> BoolArray:
-        """Whether a joint moves a body, itself or by a follower, shape (bodies, n)."""
+        """True if a planned joint or its follower moves a body, shape (bodies, n)."""
         counts: BoolArray = self._joints.collected_bounds(self.carries.astype(float)) > 0
         return counts
 
     @cached_property
     def revolute(self) -> BoolArray:
-        """Whether a joint turns (rather than slides), shape (n,)."""
+        """True if a joint turns, False if it slides, shape (n,)."""
         return self._joints.turns[self._joints.own]
 
     def approach_rates(
         self, bodies: tuple[IntArray, IntArray], reach: tuple[FloatArray, FloatArray]
     ) -> FloatArray:
-        """Return how fast joints can change distances between points of two bodies.
+        """Return bounds on the rates of distances between points of two bodies, by joint.
 
         Args:
-            bodies: Of P pairs, the first and the second, each (P,).
-            reach: How far their points are from the bodies' origins, each (P,) [m].
+            bodies: First and second bodies of P pairs, each (P,).
+            reach: Distances of the points from the bodies' origins, each (P,) [m].
 
         Returns:
-            Shape (P, n) [m per rad or m]. What moves both bodies as one does not count.
+            Shape (P, n) [m per rad or m]. Joints that move both bodies as one do not count.
         """
         first, second = (self.carries[body] for body in bodies)
         rates = [
-            np.where(self._joints.turns, self.lever_arm[body] + away[:, None], 1.0)
-            for body, away in zip(bodies, reach, strict=True)
+            np.where(self._joints.turns, self.lever_arm[body] + radius[:, None], 1.0)
+            for body, radius in zip(bodies, reach, strict=True)
         ]
         relative = np.where(first, rates[0], rates[1])
         return self._joints.collected_bounds(np.where(first != second, relative, 0.0))
 
     @cached_property
     def lever_arm(self) -> FloatArray:
-        """Upper bound on the distance from a joint's or follower's axis to a body's origin [m].
+        """Upper bound on the distance from a model joint's axis to a body's origin [m].
 
-        Shape (bodies, M), 0 where it does not move the body; the sum of the distances between
-        consecutive joint origins, and of the whole travel of sliding joints between.
+        Shape (bodies, M), 0 where the joint does not move the body; the sum of the distances
+        between consecutive joint origins, and of the whole travel of sliding joints between.
         """
         joints, limits = self._joints, self.limits
         travel = joints.travel(limits.lower_position, limits.upper_position)
@@ -417,13 +417,13 @@ class RobotModel:
 
     @cached_property
     def body_rules(self) -> tuple[FloatArray, FloatArray]:
-        """By which multiplier and offset bodies follow their joints, each (bodies,); 1 and 0."""
+        """Multiplier and offset of each body's joint, each (bodies,); 1 and 0 unless it follows."""
         joints = self._joints
         return np.append(1.0, joints.multiplier), np.append(0.0, joints.offset)
 
     @cached_property
     def body_turns(self) -> BoolArray:
-        """Whether each body turns about its parent (rather than slides), shape (bodies,)."""
+        """True if a body turns about its parent, False if it slides, shape (bodies,)."""
         return np.append(False, self._joints.turns)
 
     @cached_property
@@ -433,24 +433,24 @@ class RobotModel:
 
     @cached_property
     def inertias(self) -> tuple[BodyInertia, ...]:
-        """Mass properties of all bodies, the base's left at zero."""
+        """Mass properties of all bodies, the base's zero."""
         return body_inertias(self._model)
 
     @cached_property
     def tool_reach(self) -> float:
-        """Distance of the tool centre point from the origin of the body that carries it [m]."""
+        """Distance of the tool centre point from its body's origin [m]."""
         return float(np.linalg.norm(self._model.frames[self._tool_id].placement.translation))
 
     @cached_property
     def chain(self) -> BodyChain:
-        """How the bodies hang from each other."""
+        """The kinematic tree of the bodies."""
         placements = [each.homogeneous for each in self._model.jointPlacements]
         axes = joint_axes(self._model)
         return BodyChain.of(self.body_parents, placements, axes, self._joints.turns)
 
     @property
     def tool_joints(self) -> FloatArray:
-        """The joints that move the tool, as `native.kinematics` takes them."""
+        """Joint table (k, 41) of the joints that move the tool, a fixed last joint included."""
         return self._tool.joint_table
 
     @cached_property
@@ -464,13 +464,14 @@ class RobotModel:
         return self.chain.joint_table(joints.planned, joints.multiplier, joints.offset)
 
 
-# ---- How fast an arm's joint efforts change along a motion, and how that follows from the motion.
+# ---- The rate of joint efforts along a motion, and its derivatives.
 #
 # The efforts are a function tau(q, v, a), so that d tau / dt is by_q v + by_v a + by_a jerk with
 # its derivatives by_q, by_v and by_a (Carpentier & Mansard, "Analytical derivatives of rigid body
 # dynamics algorithms", 2018).
 
-# Of the times in which the motion changes by one radian or metre: the differences are good to 1e-8.
+# Fraction of the time in which the motion changes by one radian or metre: the differences are good
+# to 1e-8.
 _STEP = 1e-4
 
 
@@ -493,7 +494,7 @@ def effort_rate(
 
 
 def gravity_effort_rate(robot: RobotModel, q: FloatArray, v: FloatArray) -> FloatArray:
-    """Return how fast the efforts against gravity change, shape (N, n) [N m/s or N/s], exact.
+    """Return the rate of the efforts against gravity, shape (N, n) [N m/s or N/s], exact.
 
     Args:
         robot: The arm.
@@ -513,9 +514,9 @@ def effort_rate_derivatives(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the derivatives of d tau / dt by q, v, a and jerk, each (N, effort joint, n).
 
-    Those of tau change by the time derivative of by_q, and so on: it is taken by differences along
-    the motion, which cost two evaluations whatever the number of joints. What a derivative by v or
-    a adds, the derivative by q or v itself, is their mean.
+    The time derivatives of by_q, by_v and by_a are central differences along the motion, which cost
+    two evaluations for any number of joints. The derivatives by v, a and jerk add by_q, by_v and
+    by_a themselves, as means of both evaluations.
 
     Args:
         robot: The arm.
@@ -524,7 +525,9 @@ def effort_rate_derivatives(
         a: Accelerations, shape (N, n).
         jerk: Shape (N, n).
     """
-    step = _steps(v, a, jerk)
+    pace = [abs(rate).max(axis=1) ** (1 / k) for k, rate in enumerate((v, a, jerk), start=1)]
+    fastest = np.sum(pace, axis=0)[:, None]  # [1/s]
+    step = np.divide(_STEP, fastest, out=np.full_like(fastest, _STEP), where=fastest > 0)  # [s]
     changes = [step * rate for rate in (v, a, jerk)]
     state = list(zip((q, v, a), changes, strict=True))
     after = robot.inverse_dynamics_derivatives(*(now + change for now, change in state))
@@ -533,10 +536,3 @@ def effort_rate_derivatives(
     mean = [(late + early) / 2 for late, early in pairs]
     change = [(late - early) / (2 * step[:, :, None]) for late, early in pairs]
     return change[0], change[1] + mean[0], change[2] + mean[1], mean[2]
-
-
-def _steps(v: FloatArray, a: FloatArray, jerk: FloatArray) -> FloatArray:
-    """Return for how long to follow motions, shape (N, 1) [s]."""
-    pace = [abs(rate).max(axis=1) ** (1 / k) for k, rate in enumerate((v, a, jerk), start=1)]
-    fastest = np.sum(pace, axis=0)[:, None]
-    return np.divide(_STEP, fastest, out=np.full_like(fastest, _STEP), where=fastest > 0)
