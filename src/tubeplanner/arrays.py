@@ -18,20 +18,19 @@ def read_only(values: object) -> FloatArray:
         TypeError: The values are not real numbers: complex, truth values, text, or masked.
         ValueError: They have no shape, or are too large.
     """
-    given = np.asanyarray(values)
-    if given.dtype.kind not in "iuf":
-        numbers = given.dtype.kind == "O" and all(_is_number(value) for value in given.flat)
+    source = np.asanyarray(values)
+    if source.dtype.kind not in "iuf":
+        numbers = source.dtype.kind == "O" and all(
+            isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+            for value in source.flat
+        )
         if not numbers:
-            raise TypeError(f"real numbers are needed, not {given.dtype}")
-    if isinstance(given, np.ma.MaskedArray):
+            raise TypeError(f"real numbers are needed, not {source.dtype}")
+    if isinstance(source, np.ma.MaskedArray):
         raise TypeError("a masked array has no value where it is masked; fill it")
     try:
-        array = np.array(given, dtype=np.float64)
+        array = np.array(source, dtype=np.float64)
     except OverflowError:
         raise ValueError("a whole number is too large") from None
     array.setflags(write=False)
     return array
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool | np.bool_)

@@ -17,21 +17,21 @@ NUMBER = (float, np.floating, *WHOLE_NUMBER)
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value is a real number; truth values are none."""
+    """Return True if a value is a real number; truth values are not."""
     return isinstance(value, NUMBER) and not isinstance(value, bool)
 
 
 def are_numbers(values: object, count: int) -> bool:
-    """Return whether something is a row of so many finite real numbers."""
+    """Return True if a list, tuple or array holds `count` finite real numbers in one row."""
     is_array = isinstance(values, np.ndarray) and values.ndim == 1
     if not (is_array or isinstance(values, list | tuple)):
         return False
     row: Any = values
-    return len(row) == count and all(is_number(one) and is_finite(one) for one in row)
+    return len(row) == count and all(is_number(x) and is_finite(x) for x in row)
 
 
 def is_finite(value: Any) -> bool:
-    """Return whether a number is one that a float can be: whole numbers may be larger."""
+    """Return True if a number is a finite float; larger whole numbers are not."""
     try:
         return math.isfinite(value)
     except OverflowError:
@@ -39,7 +39,7 @@ def is_finite(value: Any) -> bool:
 
 
 def in_figures(value: Any) -> str:
-    """Return a number in six digits, and anything else as messages show it."""
+    """Return a number with six significant digits, any other value as `shown`."""
     return f"{value:g}" if is_number(value) and is_finite(value) else shown(value)
 
 
@@ -47,13 +47,13 @@ def require_count(options: object, least: int, *names: str, most: int | None = N
     """Raise unless options are whole numbers within bounds.
 
     Args:
-        options: What has the options as attributes.
-        least: The lower bound, which is allowed.
-        *names: The attributes.
-        most: The upper bound, which is allowed; None: there is none.
+        options: Object whose attributes are checked.
+        least: Smallest allowed value.
+        *names: Names of the attributes.
+        most: Largest allowed value; None: no upper bound.
 
     Raises:
-        OptionError: One is not.
+        OptionError: An option is no whole number, or out of bounds.
     """
     bounds = f">= {least}" + ("" if most is None else f" and <= {most}")
     for name in names:
@@ -67,17 +67,17 @@ def require_count(options: object, least: int, *names: str, most: int | None = N
 def require_between(
     options: object, above: float, below: float | None, *names: str, unit: str = ""
 ) -> None:
-    """Raise unless options are numbers within bounds that are not allowed themselves.
+    """Raise unless options are numbers strictly within bounds.
 
     Args:
-        options: What has the options as attributes.
-        above: The lower bound.
-        below: The upper bound; None: infinity is allowed.
-        *names: The attributes.
-        unit: Of all of them.
+        options: Object whose attributes are checked.
+        above: Lower bound, excluded.
+        below: Upper bound, excluded; None: infinity is allowed.
+        *names: Names of the attributes.
+        unit: Unit of all options.
 
     Raises:
-        OptionError: One is not.
+        OptionError: An option is no number, or out of bounds.
     """
     upper = {None: "", inf: " and finite"}.get(below, f" and < {below}")
     bounds = f"> {above}{upper}"
@@ -98,21 +98,21 @@ def require_kind(options: object, name: str, kind: type) -> None:
         raise OptionError(f"{name} is {shown(value)}; it must be {kind.__name__}")
 
 
-# ---- Arguments of public functions: what is of another kind is refused, with what to give instead.
+# ---- Arguments of public functions: an error says what to give instead of another kind.
 
 _Kind = TypeVar("_Kind")
 
 
 def given_options(given: object, kind: type[_Kind], called: str = "options are") -> _Kind:
-    """Return options, those that a class has by default if none are given.
+    """Return options, or the default ones of their class.
 
     Args:
-        given: They, or None.
-        kind: Their class.
-        called: What messages begin with.
+        given: The options; None: the default ones.
+        kind: Class of the options.
+        called: Begin of the message.
 
     Raises:
-        OptionError: They are of another kind.
+        OptionError: The options are of another kind.
     """
     if given is None:
         return kind()
@@ -122,26 +122,25 @@ def given_options(given: object, kind: type[_Kind], called: str = "options are")
 
 
 def given_row(name: str, given: object, of: str) -> list[Any]:
-    """Return a list, a tuple or an array as a list.
+    """Return a list, tuple, range or array as a list.
 
     Args:
-        name: What messages call it.
-        given: It.
-        of: Of what, in words.
+        name: Name of the argument in the message.
+        given: The list, tuple, range or array.
+        of: Noun for the members.
 
     Raises:
-        OptionError: It is none.
+        OptionError: The argument is of another kind.
     """
-    is_row = isinstance(given, list | tuple | range)
     if isinstance(given, np.ndarray) and given.ndim > 0:
         return list(given.tolist())
-    if not is_row:
+    if not isinstance(given, list | tuple | range):
         raise OptionError(f"{name} is {shown(given)}; give a list of {of}")
-    return list(given)  # type: ignore[call-overload]  # a list, tuple or range
+    return list(given)
 
 
 def require_executor(executor: object) -> None:
-    """Raise OptionError unless an executor is None or one."""
+    """Raise OptionError unless an executor is None or has a method `submit`."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise OptionError(
             f"executor is {shown(executor)}; give one of concurrent.futures, such as "
@@ -150,10 +149,10 @@ def require_executor(executor: object) -> None:
 
 
 def given_path(name: str, given: object) -> Path:
-    """Return a path; messages call it by a name.
+    """Return an argument as a path.
 
     Raises:
-        OptionError: It is neither text nor a path.
+        OptionError: The argument is neither text nor a path.
     """
     if not isinstance(given, str | os.PathLike):
         raise OptionError(f"{name} is {shown(given)}; give a path")

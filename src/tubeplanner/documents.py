@@ -18,8 +18,7 @@ from tubeplanner.errors import shown
 MAX_NESTING = 100
 _TOO_DEEP = f"lists and maps are nested more than {MAX_NESTING} deep"
 _HOLDERS = (dict, list, tuple)
-# How many values aliases and merges may stand for, all together.
-MAX_ALIASED = 100_000
+MAX_ALIASED = 100_000  # values that all aliases and merges may stand for together
 
 _TAG = "tag:yaml.org,2002:"
 _TEXT_TAGS = ("!", _TAG + "str")
@@ -40,7 +39,7 @@ _Event: TypeAlias = Any
 
 
 class DocumentError(ValueError):
-    """A file cannot be read, or is malformed; whoever reads it says which file it is."""
+    """A file cannot be read, or is malformed; the caller adds the name of the file."""
 
 
 def read_bytes(path: Path, most: int) -> bytes:
@@ -48,10 +47,10 @@ def read_bytes(path: Path, most: int) -> bytes:
 
     Args:
         path: The file.
-        most: How large it may be [bytes].
+        most: Largest allowed size [bytes].
 
     Raises:
-        DocumentError: It cannot be read, is no regular file, or is larger.
+        DocumentError: The file cannot be read, is no regular file, or is larger.
     """
     require_regular(path, most)
     try:
@@ -83,10 +82,10 @@ def read_text(path: Path, most: int) -> str:
 
 
 def parse_json(text: str) -> object:
-    """Return what a JSON text holds.
+    """Return the value of a JSON text.
 
     Raises:
-        DocumentError: It is malformed, nested deeper than `MAX_NESTING`, or gives a key twice.
+        DocumentError: The text is malformed, nested deeper than `MAX_NESTING`, or has a key twice.
     """
     try:
         value = json.loads(text, object_pairs_hook=_unique_keys)
@@ -103,37 +102,34 @@ def parse_json(text: str) -> object:
 def require_shallow(value: object) -> None:
     """Raise DocumentError if lists and maps are nested deeper than `MAX_NESTING`, or in a circle.
 
-    Deeper ones cannot be copied, compared or shown.
+    Deeper values cannot be copied, compared or shown.
     """
-    level = [value]
+    level: list[Any] = [value] if isinstance(value, _HOLDERS) else []
     for _ in range(MAX_NESTING):
-        inner = (each for held in level for each in _parts(held))
-        level = list({id(each): each for each in inner if isinstance(each, _HOLDERS)}.values())
+        inner = (x for holder in level for x in _members(holder) if isinstance(x, _HOLDERS))
+        level = list({id(x): x for x in inner}.values())
     if level:
         raise DocumentError(_TOO_DEEP)
 
 
-def _parts(value: Any) -> Iterable[object]:
-    if isinstance(value, dict):
-        return value.values()
-    return value if isinstance(value, _HOLDERS) else ()
+def _members(holder: Any) -> Iterable[object]:
+    return holder.values() if isinstance(holder, dict) else holder
 
 
 def parse_yaml(text: str, *, first_of_many: bool = False) -> object:
-    """Return what a YAML text holds: dictionaries, lists, text, numbers, truth values, None.
+    """Return the value of a YAML text: dictionaries, lists, text, numbers, truth values, None.
 
-    An alias gives the same object again. `<<` merges maps, what is written out holds before what is
-    merged.
+    An alias gives the same object again. `<<` merges maps; written keys hold before merged ones.
 
     Args:
         text: The YAML text.
-        first_of_many: Whether documents may follow the first, which are left out.
+        first_of_many: Documents after the first are allowed, and ignored.
 
     Raises:
-        DocumentError: It is malformed, nested deeper than `MAX_NESTING`, or its aliases stand for
-            more than `MAX_ALIASED` values. The message names line and column.
+        DocumentError: The text is malformed, nested deeper than `MAX_NESTING`, or its aliases stand
+            for more than `MAX_ALIASED` values. The message names line and column.
     """
-    import yaml  # takes longer to import than all else that a check by JSON needs
+    import yaml  # slower to import than everything else that a check by JSON needs
 
     parser = yaml.CSafeLoader(text)
     try:
@@ -147,15 +143,15 @@ def parse_yaml(text: str, *, first_of_many: bool = False) -> object:
 
 
 class _Builder:
-    """Makes values of a parser's events as they come."""
+    """Builder of values from a parser's events, in their order."""
 
     def __init__(self, parser: Any) -> None:
         self._next: Callable[[], _Event] = parser.get_event
-        self._count = 0  # of values, those behind aliases included
+        self._count = 0  # of values, with the values of aliases
         self._aliased = 0
-        # By anchor: its value, and how many values that are; None while it is being made.
+        # By anchor: the value, and the count of values in it; None while it is being built.
         self._anchors: dict[str, tuple[object, int] | None] = {}
-        self._keys: dict[str, str] = {}  # the same key of many maps is kept once
+        self._keys: dict[str, str] = {}  # one object for the same key of many maps
 
     def document(self, first_of_many: bool) -> object:
         """Return the value of the first document."""
@@ -169,7 +165,7 @@ class _Builder:
         return value
 
     def _value(self, event: _Event, depth: int) -> object:
-        """Return the value that an event begins, of which `depth - 1` others are around."""
+        """Return the value that begins with an event, inside `depth - 1` lists and maps."""
         kind = _kind(event)
         if kind == "Alias":
             return self._alias(event)
@@ -190,19 +186,16 @@ class _Builder:
         return value
 
     def _alias(self, event: _Event) -> object:
-        found = self._anchors.get(event.anchor)
-        if found is None:
-            known = event.anchor in self._anchors
-            why = "holds itself" if known else "is not known"
-            raise _fault(event, f"the alias {shown(event.anchor)} {why}")
-        value, count = found
+        anchored = self._anchors.get(event.anchor)
+        if anchored is None:
+            reason = "holds itself" if event.anchor in self._anchors else "is not known"
+            raise _fault(event, f"the alias {shown(event.anchor)} {reason}")
+        value, count = anchored
         self._count += count
         self._aliased += count
         if self._aliased > MAX_ALIASED:
-            raise _fault(
-                event,
-                f"aliases and merges stand for more than {MAX_ALIASED} values; write them out",
-            )
+            reason = f"aliases and merges stand for more than {MAX_ALIASED} values; write them out"
+            raise _fault(event, reason)
         return value
 
     def _list(self, depth: int) -> list[object]:
@@ -230,15 +223,14 @@ class _Builder:
         return {**merged, **own} if merged else own
 
     def _merge(self, merged: dict[object, object], depth: int) -> None:
-        """Add the maps that follow a `<<`; the first that has a key holds."""
+        """Add the maps after a `<<`; the first map that has a key holds."""
         event = self._next()
         value = self._value(event, depth + 1)
-        maps = value if isinstance(value, list) else [value]
-        for each in maps:
+        for each in value if isinstance(value, list) else [value]:
             if not isinstance(each, dict):
                 raise _fault(event, "<< takes a map or a list of maps")
-            for key, held in each.items():
-                merged.setdefault(key, held)
+            for key, member in each.items():
+                merged.setdefault(key, member)
 
 
 def _scalar(event: _Event) -> object:
@@ -265,24 +257,24 @@ def _unknown_tag(event: _Event) -> DocumentError:
 
 
 def _fault(event: _Event, reason: str) -> DocumentError:
-    return DocumentError(_place(event.start_mark) + reason)
+    return DocumentError(_location(event.start_mark) + reason)
 
 
-def _place(mark: Any) -> str:
+def _location(mark: Any) -> str:
     return f"line {mark.line + 1}, column {mark.column + 1}: "
 
 
 def _malformed(error: Any, text: str) -> str:
-    """Return what libyaml says is wrong; what is missing at the end is missing in the last line."""
+    """Return libyaml's message with its location: for an end too early, the last line."""
     reason, mark, lines = str(error.problem or error.context), error.problem_mark, text.splitlines()
     if mark is None:
         return reason
     if "maximum nesting" in reason:  # libyaml's own bound, 1,000 since 6.0.4 of PyYAML
-        return _place(mark) + _TOO_DEEP
+        return _location(mark) + _TOO_DEEP
     if mark.line >= len(lines):
         return f"line {max(len(lines), 1)}, at its end: {reason}"
     is_tab = lines[mark.line][mark.column : mark.column + 1] == "\t"
-    return _place(mark) + reason + (" (a tab); use spaces" if is_tab else "")
+    return _location(mark) + reason + (" (a tab); use spaces" if is_tab else "")
 
 
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

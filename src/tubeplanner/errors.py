@@ -19,18 +19,14 @@ class TubePlannerError(Exception):
     """Base of everything this package raises on purpose."""
 
     def __init__(self, message: str) -> None:
-        """Keep what is wrong, on one line that a terminal shows as it is.
-
-        Args:
-            message: May hold names and paths with characters that a terminal would obey.
-        """
+        """Keep a message on one line; control characters in its names and paths become codes."""
         super().__init__(on_one_line(message))
 
     def within(self, source: str) -> Self:
-        """Return the same whose message begins with where it comes from."""
-        told = copy.copy(self)
-        told.args = (on_one_line(f"{source}: {self}"),)
-        return told
+        """Return a copy whose message begins with its source."""
+        result = copy.copy(self)
+        result.args = (on_one_line(f"{source}: {self}"),)
+        return result
 
 
 class RobotError(TubePlannerError):
@@ -54,9 +50,9 @@ class OutputError(TubePlannerError):
 
 
 def shown(value: object, most: int = MAX_SHOWN) -> str:
-    """Return a value as messages show it: on one line, printable, cut after some characters."""
+    """Return the text of a value for a message: one printable line, cut after `most` characters."""
     if isinstance(value, str | bytes | list | tuple):
-        value = value[: most + 1]  # a long one's whole representation would take its time
+        value = value[: most + 1]  # the representation of a long row takes long
     try:
         text = repr(value)
     except ValueError:  # Python writes no whole number of more than 4300 digits
@@ -66,19 +62,19 @@ def shown(value: object, most: int = MAX_SHOWN) -> str:
 
 
 def on_one_line(text: str) -> str:
-    """Return a text on one line, with characters that a terminal would obey as their codes."""
+    """Return a text on one line, with the codes of characters that a terminal would obey."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
-    """Return a message for a name that does not exist, listing those that do.
+    """Return a message for a name that does not exist, with the names that exist.
 
     Args:
-        kind: What the name stands for, such as "joint".
-        name: The name that was not found.
-        known: Every name that would have been accepted.
+        kind: Noun for the name, such as "joint".
+        name: The unknown name.
+        known: Every valid name.
     """
     names = list(known)
     word = name[: 2 * MAX_SHOWN] if isinstance(name, str) else shown(name)
@@ -87,9 +83,9 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
     return f"unknown {kind} {shown(name)}{hint}; there is: {', '.join(names) or 'none'}"
 
 
-# ---- Libraries that only some commands need: what to say where one is not installed.
+# ---- Libraries that only some commands need.
 
-# By the name of the extra that brings it, as pyproject.toml has it.
+# By the name of the extra in pyproject.toml.
 REQUIREMENTS = {
     "dask": "distributed>=2024.1",
     "route": "ompl>=2.0",
@@ -99,15 +95,15 @@ REQUIREMENTS = {
 
 
 def not_installed(extra: str, what: str, library: str) -> str:
-    """Return a sentence on a library that is missing, with the command that installs it.
+    """Return a message for a missing library, with the command that installs the library.
 
-    In a checkout it is the extra that is installed, editable: without `-e` pip would replace the
-    checkout by a copy. Elsewhere it is the library: this package is in no registry.
+    In a checkout the command installs the extra, editable: without `-e` pip would replace the
+    checkout by a copy. Elsewhere it installs the library: this package is in no registry.
 
     Args:
-        extra: The extra that brings the library, a key of `REQUIREMENTS`.
-        what: What takes the library.
-        library: What users call it.
+        extra: Extra that brings the library, a key of `REQUIREMENTS`.
+        what: Feature that needs the library.
+        library: Name of the library in the message.
     """
     checkout = Path(__file__).resolve().parents[2]
     if (checkout / "pyproject.toml").is_file():

@@ -4,9 +4,10 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
 
-# ---- Rotation matrices from how people write orientations: quaternions, and roll, pitch, yaw.
+# ---- Rotation matrices from quaternions and from roll, pitch and yaw.
 
-_UPRIGHT = 1e-9  # how long the shadow of x is on the plane of x and y, at most
+# Longest projection of the rotated x on the plane of x and y at which x counts as vertical.
+_UPRIGHT = 1e-9
 
 
 def matrix_of_quaternion(quaternion: FloatArray) -> FloatArray:
@@ -22,18 +23,18 @@ def matrix_of_quaternion(quaternion: FloatArray) -> FloatArray:
 
 
 def matrix_of_rpy(roll: float, pitch: float, yaw: float) -> FloatArray:
-    """Return the rotation matrix (3, 3) of turns about fixed x, then y, then z [rad]."""
-    x = _turn(roll, 1, 2)
-    y = _turn(pitch, 2, 0)
-    z = _turn(yaw, 0, 1)
+    """Return the rotation matrix (3, 3) of rotations about fixed x, then y, then z [rad]."""
+    x = _plane_rotation(roll, 1, 2)
+    y = _plane_rotation(pitch, 2, 0)
+    z = _plane_rotation(yaw, 0, 1)
     matrix: FloatArray = z @ y @ x
     return matrix
 
 
 def rpy_of_matrix(matrix: FloatArray) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw [rad] of a rotation matrix (3, 3), as `matrix_of_rpy` takes them.
+    """Return roll, pitch and yaw [rad] of a rotation matrix (3, 3), as in `matrix_of_rpy`.
 
-    Where the pitch is a quarter turn, so that roll and yaw turn about one axis, the roll is 0.
+    The roll is 0 where the pitch is a quarter turn: roll and yaw then have one axis.
     """
     flat = np.hypot(matrix[0, 0], matrix[1, 0])
     pitch = np.arctan2(-matrix[2, 0], flat)
@@ -43,8 +44,8 @@ def rpy_of_matrix(matrix: FloatArray) -> tuple[float, float, float]:
     return float(roll), float(pitch), float(np.arctan2(matrix[1, 0], matrix[0, 0]))
 
 
-def _turn(angle: float, first: int, second: int) -> FloatArray:
-    """Return the rotation that turns one axis towards another."""
+def _plane_rotation(angle: float, first: int, second: int) -> FloatArray:
+    """Return the rotation of one axis towards another."""
     matrix = np.eye(3)
     matrix[first, first] = matrix[second, second] = np.cos(angle)
     matrix[second, first] = np.sin(angle)
@@ -52,20 +53,20 @@ def _turn(angle: float, first: int, second: int) -> FloatArray:
     return matrix
 
 
-# ---- Rotation vectors: the logarithm and exponential of rotation matrices, and how fast they turn.
+# ---- Rotation vectors: logarithm and exponential of rotation matrices, and their rates.
 #
 # A rotation vector v has the rotation's axis as direction and its angle [rad] as length. All
 # functions take arrays with any leading shape (...). Formulas after Sola, Deray & Atchuthan, "A
 # micro Lie theory for state estimation in robotics" (2018), appendix B.
 
 _SMALL = 1e-2  # [rad]: below it, series are used where closed forms lose digits
-# An error of the entries of a rotation matrix, in every column at most e, turns its rotation vector
-# by at most this many e, times what `turning_gain` gives: see `rotation_vector`.
+# An error of at most e in every column of a rotation matrix changes its rotation vector by at most
+# this times e times `turning_gain`: see `rotation_vector`.
 MATRIX_ERROR_GAIN = 5.0
 
 
 def _shepperd_rows() -> FloatArray:
-    """Return how 4 q q^T, less 1 on its diagonal, follows from a matrix: (9, 16)."""
+    """Return the linear map from a rotation matrix to 4 q q^T, less 1 on its diagonal: (9, 16)."""
     rows = np.zeros((3, 3, 4, 4))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         rows[i, i, i, i] = rows[i, i, 3, 3] = 1.0
@@ -77,7 +78,7 @@ def _shepperd_rows() -> FloatArray:
 
 
 def _skew_entries() -> FloatArray:
-    """Return how the entries of [v] follow from v: (3, 9)."""
+    """Return the linear map from v to the entries of [v]: (3, 9)."""
     entries = np.zeros((3, 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         entries[i, k, j], entries[i, j, k] = 1.0, -1.0
@@ -96,11 +97,11 @@ def skew(v: FloatArray) -> FloatArray:
 def rotation_vector(matrix: FloatArray) -> FloatArray:
     """Return the rotation vectors of rotation matrices: (..., 3, 3) gives (..., 3), length <= pi.
 
-    By the row of 4 q q^T, q being the unit quaternion, that has the largest diagonal element
-    (Shepperd, "Quaternion from rotation matrix", 1978), which is sound at every angle. That element
-    is at least 1: where every entry of the matrix is off by at most e, so are the row's by 3 e on
-    the diagonal and 2 e beside it, its direction by (9 + 3 4)^(1/2) e / 2 and the rotation by twice
-    as much. At an angle of pi, where v and -v are the same rotation, either is returned.
+    From the row of 4 q q^T, q being the unit quaternion, that has the largest diagonal element
+    (Shepperd, "Quaternion from rotation matrix", 1978), sound at every angle. That element is at
+    least 1: where every entry of the matrix is off by at most e, the row's are by 3 e on the
+    diagonal and 2 e beside it, its direction by (9 + 3 4)^(1/2) e / 2 and the rotation by twice as
+    much. At an angle of pi, where v and -v are the same rotation, either is returned.
     """
     m = np.asarray(matrix)
     rows = (m.reshape(*m.shape[:-2], 9) @ _SHEPPERD_ROWS + _ONE_4).reshape(-1, 4, 4)
@@ -113,23 +114,23 @@ def rotation_vector(matrix: FloatArray) -> FloatArray:
 
 
 def nearest_branch(v: FloatArray, near: FloatArray, components: BoolArray) -> FloatArray:
-    """Return the rotation vectors of the same rotations that are nearest to others.
+    """Return rotation vectors [rad] of the same rotations, nearest to given ones, (..., 3).
 
-    A turn by a about an axis is one by 2 pi - a the other way round: that one is taken if it is
-    nearer and its angle at most 3/2 pi.
+    A rotation by a about an axis is a rotation by 2 pi - a about the opposite axis. The latter is
+    returned if it is nearer and its angle at most 3/2 pi.
 
     Args:
         v: Rotation vectors of at most pi, shape (..., 3).
-        near: Others, shape (..., 3).
-        components: Which components count: bool, shape (3,).
+        near: Rotation vectors to be near to, shape (..., 3).
+        components: Components that count: bool, shape (3,).
     """
     angle = np.linalg.norm(v, axis=-1, keepdims=True)
     if (angle <= np.pi / 2).all():
         return v
     other = v * (1 - 2 * np.pi / np.maximum(angle, np.pi / 2))
     far, further = ((abs(x - near) * components).sum(axis=-1) for x in (v, other))
-    taken = (angle[..., 0] > np.pi / 2) & (further < far)
-    return np.where(taken[..., None], other, v)
+    is_nearer = (angle[..., 0] > np.pi / 2) & (further < far)
+    return np.where(is_nearer[..., None], other, v)
 
 
 def rotation_matrix(v: FloatArray) -> FloatArray:
@@ -142,7 +143,7 @@ def rotation_matrix(v: FloatArray) -> FloatArray:
 
 
 def inverse_right_jacobian(v: FloatArray) -> FloatArray:
-    """Return J with dv/dt = J w for a rotation exp([v]) that turns with w in its own frame.
+    """Return J with dv/dt = J w, w being the angular velocity of exp([v]) in its own frame.
 
     Args:
         v: Rotation vectors, shape (..., 3), length at most pi.
@@ -164,7 +165,7 @@ def turning_gain(angle: FloatArray) -> FloatArray:
 
 
 def turning_gain_rate(angle: FloatArray) -> FloatArray:
-    """Return how fast `inverse_right_jacobian` can change, per |dv|, at angles below 2 pi [rad].
+    """Return a bound on the change of `inverse_right_jacobian` per |dv|, angles below 2 pi [rad].
 
     From its three terms: 1/2 + |c'| a^2 + 2 c a, increasing in a.
     """

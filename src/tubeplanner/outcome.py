@@ -13,15 +13,15 @@ from tubeplanner.errors import OptionError, ProblemError, shown
 if TYPE_CHECKING:
     from tubeplanner.arrays import FloatArray
 
-# ---- How planning ends: the status, and the place where something is wrong.
+# ---- The status, and the location of a failure.
 
-# How far below zero the margins of a certificate may lie, and a given start or goal outside its
+# Margins of a certificate may lie below zero by this much, and a given start or goal outside its
 # bounds [m, rad or relative].
 MARGIN_TOLERANCE = 1e-6
 
 
 class PlanStatus(StrEnum):
-    """How `plan` ended; the values are those of the command line's JSON."""
+    """End of `plan`; the command line's JSON has the same values."""
 
     SUCCESS = "success"
     GRAVITY_EXCEEDS_EFFORT = "gravity_exceeds_effort"
@@ -37,15 +37,15 @@ class PlanStatus(StrEnum):
 
 @dataclass(frozen=True)
 class Place:
-    """Where something holds or fails; fields that do not apply are None.
+    """Location of a condition or a failure; fields that do not apply are None.
 
     Attributes:
-        time: [s].
-        joint: Joint name.
+        time: Since the start of the trajectory [s].
+        joint: Name of the joint.
         segment: Index of the tube's segment, from 0.
         links: Names of the links.
         obstacle: Name of the obstacle.
-        position: Of the tool, base frame [m].
+        position: Of the tool centre point, base frame [m].
         point: Index of the tube's reference point, from 0.
         point_speed: Index of the limit on a point's speed, from 0; `links` names the point's link.
         move: Name of the move of a cycle; the segment is its own.
@@ -62,7 +62,7 @@ class Place:
     move: str | None = None
 
     def at(self, tool: Iterable[float]) -> "Place":
-        """Return the place with the tool at a point (3,) [m], base frame."""
+        """Return the location with the tool centre point at a position (3,) [m], base frame."""
         x, y, z = (float(value) for value in tool)
         return replace(self, position=(x, y, z))
 
@@ -94,12 +94,12 @@ class Place:
 
 
 class ContradictionError(ProblemError):
-    """A problem that cannot be posed, for a reason at a place.
+    """Contradiction in a problem, with its location.
 
     Attributes:
-        place: Where.
-        proved: Whether it is proved that there is no motion; None: it is bad input alone.
-        configuration: Of the arm at the place, shape (n,) [rad or m]; None: there is none.
+        place: Location of the contradiction.
+        proved: True if it is proved that there is no motion; None: bad input alone.
+        configuration: Of the arm at the location, shape (n,) [rad or m]; None: there is none.
     """
 
     def __init__(
@@ -120,14 +120,14 @@ _ATTRIBUTES = ("place", "proved", "starts", "configuration")
 
 
 class Infeasible(Exception):
-    """There is no answer, for a reason and at a place; `plan` turns it into its result.
+    """A planning problem without a result, with reason and location; `plan` returns it as a result.
 
     Attributes:
-        status: Which kind of reason.
-        place: Where.
-        proved: Whether there is none for certain; else none was found.
-        starts: From how many configurations or branches it was looked for, if that is not proved.
-        configuration: Of the arm at the place, shape (n,) [rad or m]; None: not known.
+        status: Kind of the reason.
+        place: Location of the failure.
+        proved: True if it is proved that there is no trajectory; else none was found.
+        starts: Number of configurations or branches the search began from, if nothing is proved.
+        configuration: Of the arm at the location, shape (n,) [rad or m]; None: not known.
     """
 
     def __init__(
@@ -148,30 +148,30 @@ class Infeasible(Exception):
         self.configuration = configuration
 
     def replaced(self, **changes: Any) -> "Infeasible":
-        """Return the same reason with other attributes."""
+        """Return a copy with changed attributes; status and message stay."""
         values: dict[str, Any] = {name: getattr(self, name) for name in _ATTRIBUTES} | changes
         return Infeasible(self.status, str(self), **values)
 
 
-# ---- Progress callbacks, and how planning ends early: the time limit and Ctrl-C.
+# ---- Progress, and the early end of planning: time limit and Ctrl-C.
 
 StoppedBy: TypeAlias = Literal["time_limit", "interrupt"]
 _Answer = TypeVar("_Answer")
 
 
 class TimeLimitReached(Exception):
-    """Planning's time limit has passed; says nothing about whether there is an answer."""
+    """The time limit of planning has passed; a result may exist all the same."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far planning has come.
+    """Progress of planning.
 
     Attributes:
-        stage: The current stage.
+        stage: Name of the current stage.
         nodes: Nodes of the search so far; None outside the search.
-        lower_bound: No trajectory of the search's family is faster [s]; None where not known.
-        best_duration: Duration of the best trajectory so far [s]; None if there is none.
+        lower_bound: Of the durations of the search's family [s]; None where not known.
+        best_duration: Of the best trajectory so far [s]; None if there is none.
     """
 
     stage: str
@@ -194,13 +194,18 @@ ProgressCallback: TypeAlias = Callable[[Progress], None]
 
 
 class PlanningClock:
-    """Wall time since planning began; announces progress and knows the time limit.
-
-    Raises:
-        OptionError: On construction, if the callback is none.
-    """
+    """Wall time since planning began, its limit, and the callback for progress."""
 
     def __init__(self, time_limit: float | None, callback: ProgressCallback | None) -> None:
+        """Start the clock.
+
+        Args:
+            time_limit: Wall time [s]; None: no limit.
+            callback: Is called with every `Progress`; None: nothing is called.
+
+        Raises:
+            OptionError: The callback cannot be called.
+        """
         require_callback(callback)
         self._begin = time.perf_counter()
         self._limit = math.inf if time_limit is None else time_limit
@@ -214,7 +219,7 @@ class PlanningClock:
         return time.perf_counter() - self._begin
 
     def announce(self, progress: Progress) -> None:
-        """Tell how far planning has come; the callback may raise KeyboardInterrupt."""
+        """Call the callback with the progress; it may raise KeyboardInterrupt."""
         self._stage = progress.stage
         if self._callback is not None:
             stage = ", ".join([*self._parts, progress.stage])
@@ -222,7 +227,7 @@ class PlanningClock:
 
     @contextmanager
     def within(self, part: str) -> Iterator[None]:
-        """Announce what happens inside as stages of a part of the whole, such as "route 1 of 3"."""
+        """Announce the stages inside with the name of a part before them: "route 1 of 3, ..."."""
         self._parts.append(part)
         try:
             yield
@@ -230,41 +235,37 @@ class PlanningClock:
             self._parts.pop()
 
     def enter(self, stage: str) -> None:
-        """Announce a stage that makes no sense after the time limit.
+        """Announce a stage, then check the time limit.
 
         Raises:
-            TimeLimitReached: It has passed.
+            TimeLimitReached: The time limit has passed.
         """
         self.announce(Progress(stage))
         self.check()
 
     def check(self) -> None:
-        """Raise if the time limit has passed.
-
-        Raises:
-            TimeLimitReached: It has.
-        """
+        """Raise TimeLimitReached if the time limit has passed."""
         if self.remaining <= 0:
             raise TimeLimitReached
 
     @property
     def past_limit(self) -> str:
-        """What the time limit's passing cut short, in words."""
+        """Message that the time limit passed, with the stage that it ended."""
         return f"the time limit of {self._limit:g} s passed before the end of: {self._stage}"
 
     @property
     def remaining(self) -> float:
-        """Wall time left before the limit [s]."""
+        """Wall time until the limit [s]; negative after it."""
         return self._limit - self.elapsed
 
     @property
     def used(self) -> float:
-        """The share of the time limit that has passed; 0 where there is none."""
+        """Fraction of the time limit that has passed; 0 without a limit."""
         return self.elapsed / self._limit
 
 
 def until_stopped(work: Callable[[], _Answer]) -> tuple[_Answer | None, StoppedBy | None]:
-    """Return what work returns, or None and what stopped it: the time limit or Ctrl-C."""
+    """Return the result of work and None, or None and the reason of its end: limit or Ctrl-C."""
     try:
         return work(), None
     except TimeLimitReached:
@@ -274,7 +275,7 @@ def until_stopped(work: Callable[[], _Answer]) -> tuple[_Answer | None, StoppedB
 
 
 def require_callback(progress: object) -> None:
-    """Raise OptionError unless progress is reported to nobody, or to what can be called."""
+    """Raise OptionError unless a progress callback is None or can be called."""
     if progress is not None and not callable(progress):
         raise OptionError(
             f"progress is {shown(progress)}; give a function, which is called with every stage"

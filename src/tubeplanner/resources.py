@@ -16,12 +16,12 @@ EXAMPLE_PREFIX = "example:"
 _PACKAGE_PREFIX = "package://"
 _PRESETS = "presets"  # the bundled folder that holds limits and motors alone
 PRESET_ENDINGS = (".yaml", ".yml", ".json")
-# How a bundled cycle or study says what it is; every other file is a problem.
+# The line by which a bundled file is a cycle or study; every other file is a problem.
 _FORMAT = re.compile(r"^format: *tubeplanner/(cycle|study)\b", re.M)
 
 # The robots of example-robot-data, below its folder `robots`, by the names of its former loaders
-# package. The distribution has data only, so the table is kept here. It covers releases 5.0 and
-# 6.0; not every robot is in both.
+# package. The distribution has data only, hence this table. It covers releases 5.0 and 6.0; not
+# every robot is in both.
 _EXAMPLE_ROBOT_DATA = {
     "a1": "a1_description/urdf/a1.urdf",
     "alex_nub_hands": "alex_description/urdf/alex_nub_hands.urdf",
@@ -105,7 +105,7 @@ def bundled_folder() -> Path:
 
 
 def bundled_robots() -> dict[str, Path]:
-    """Return the URDF of every robot that has one in the bundled folder, by name."""
+    """Return the bundled URDFs, by name of the robot."""
     return {path.stem: path for path in sorted(bundled_folder().glob("*/*.urdf"))}
 
 
@@ -124,13 +124,30 @@ def bundled_studies() -> dict[str, Path]:
     return _bundled_of("study")
 
 
+def _bundled_of(kind: str) -> dict[str, Path]:
+    files = {}
+    for name, path in _bundled_files().items():
+        match = _FORMAT.search(path.read_text("utf-8"))
+        if kind == ("problem" if match is None else match[1]):
+            files[name] = path
+    return files
+
+
+def _bundled_files() -> dict[str, Path]:
+    """Return every bundled problem, cycle and study file by its name."""
+    paths = sorted(bundled_folder().glob("*/*.yaml"))
+    return {
+        f"{path.parent.name}/{path.stem}": path for path in paths if path.parent.name != _PRESETS
+    }
+
+
 def bundled_presets() -> dict[str, Path]:
     """Return every bundled preset by its name."""
     return {path.stem: path for path in sorted((bundled_folder() / _PRESETS).glob("*.yaml"))}
 
 
 def example_robot_names() -> list[str]:
-    """Return every name that `example:NAME` finds a URDF for on this machine."""
+    """Return every NAME for which `example:NAME` has a URDF on this machine."""
     installed = {name for name in _EXAMPLE_ROBOT_DATA if _example_robot_path(name).is_file()}
     return sorted({*bundled_robots(), *installed})
 
@@ -168,7 +185,7 @@ def find_preset(name: str | Path, directory: Path) -> Path:
         directory: Where relative paths start.
 
     Raises:
-        RobotError: There is no such preset.
+        RobotError: The preset does not exist.
     """
     presets = bundled_presets()
     if str(name) in presets:
@@ -186,7 +203,7 @@ def find_limits_file(name: str, directory: Path, package_dirs: tuple[Path, ...] 
     """Return the path of a file of joint limits: a path, or `package://PACKAGE/...`.
 
     Raises:
-        RobotError: There is no such file.
+        RobotError: The file does not exist.
     """
     if name.startswith(_PACKAGE_PREFIX):
         return _find_in_packages(name, (*package_dirs, *_environment_roots()))
@@ -208,7 +225,7 @@ def find_description(
         package_dirs: Further folders that hold packages.
 
     Raises:
-        RobotError: There is no such file or no such name.
+        RobotError: The file or the name does not exist.
     """
     text = str(name)
     if text.startswith(EXAMPLE_PREFIX):
@@ -246,41 +263,24 @@ def find_package(package: str, file: Path, package_dirs: tuple[Path, ...] = ()) 
     """Return the folder of a package that a robot's file names.
 
     Args:
-        package: Its name.
-        file: The file that names it; the folders above are searched too.
+        package: Name of the package.
+        file: The file that names the package; the folders above are searched too.
         package_dirs: Further folders that hold packages.
 
     Raises:
-        RobotError: No folder has it; every folder that was tried is listed.
+        RobotError: No folder has the package; every folder that was tried is listed.
     """
     roots = (*package_dirs, *file.resolve().parents, *_environment_roots())
     folders = [root if root.name == package else root / package for root in roots]
-    found = [folder for folder in folders if folder.is_dir()]
-    declared = [folder for folder in found if (folder / "package.xml").is_file()]
-    for folder in (*declared, *found):
+    existing = [folder for folder in folders if folder.is_dir()]
+    declared = [folder for folder in existing if (folder / "package.xml").is_file()]
+    for folder in (*declared, *existing):
         return folder.resolve()
     raise RobotError(_not_found(f"package '{package}'", package, roots))
 
 
-def _bundled_files() -> dict[str, Path]:
-    """Return every bundled problem, cycle and study file by its name."""
-    paths = sorted(bundled_folder().glob("*/*.yaml"))
-    return {
-        f"{path.parent.name}/{path.stem}": path for path in paths if path.parent.name != _PRESETS
-    }
-
-
-def _bundled_of(kind: str) -> dict[str, Path]:
-    return {name: path for name, path in _bundled_files().items() if _kind(path) == kind}
-
-
-def _kind(path: Path) -> str:
-    found = _FORMAT.search(path.read_text("utf-8"))
-    return "problem" if found is None else found[1]
-
-
 def _exists(path: Path) -> bool:
-    """Return whether a path exists; one that is too long for the system does not."""
+    """Return True if a path exists; a path that is too long for the system does not."""
     try:
         return path.exists()
     except OSError:
@@ -296,7 +296,7 @@ def _example_robot_data_share() -> Path:
         raise RobotError(
             "example-robot-data is not installed: pip install example-robot-data"
         ) from None
-    # Its list of files as text: `distribution.files` would make a path of each of the thousand.
+    # The list of files as text: `distribution.files` would make a path of every file.
     for line in (distribution.read_text("RECORD") or "").splitlines():
         file = line.split(",")[0]
         if file.endswith("example-robot-data/package.xml"):
@@ -326,7 +326,7 @@ def _example_robot_path(name: str) -> Path:
 
 
 def _environment_roots() -> list[Path]:
-    """Return the folders that hold packages: example-robot-data's, then those of a ROS setup."""
+    """Return the folders that hold packages: of example-robot-data, then of a ROS setup."""
     roots = [Path(entry) for entry in _environment_paths("ROS_PACKAGE_PATH")]
     roots += [Path(entry) / "share" for entry in _environment_paths("AMENT_PREFIX_PATH")]
     try:

@@ -21,17 +21,17 @@ MAX_NAME_LENGTH = 200  # [characters]
 def require_name(what: str, name: object, error: type[TubePlannerError]) -> str:
     """Return a name that messages, files and figures can hold.
 
-    Control characters and marks that turn the direction of writing are refused: in a terminal they
-    would make other text of what follows.
+    Control characters and marks that turn the direction of writing are refused: a terminal would
+    show other text after them.
 
     Args:
-        what: What messages call it, such as "joint_names[0]".
+        what: Field of the name in the message, such as "joint_names[0]".
         name: The name.
-        error: What is raised.
+        error: Class of the error.
 
     Raises:
-        TubePlannerError: Of the kind asked for: it is no text, empty, too long, or holds a
-            character that cannot be shown.
+        TubePlannerError: Of that class: the name is no text, empty, too long, or holds a character
+            that cannot be shown.
     """
     if not isinstance(name, str) or not name:
         raise error(f"{what} is {shown(name)}; a name must be text that is not empty")
@@ -49,52 +49,50 @@ def require_name(what: str, name: object, error: type[TubePlannerError]) -> str:
     return name
 
 
-# ---- What a dataclass prints: its fields on one line, large ones by what and how many they are.
+# ---- Dataclasses on one line; large fields by kind and size.
 
-_MOST_NUMBERS = 8  # of an array that is printed in full
-_MOST_CHARACTERS = 60  # of a value
+_MAX_NUMBERS = 8  # of an array that is printed in full
+_MAX_CHARACTERS = 60  # of a value
 
 
 def short_repr(instance: Any) -> str:
     """Return the representation of a dataclass; fields that are None, empty or hidden are left out.
 
-    To be its method: `__repr__ = short_repr`.
+    For use as a method: `__repr__ = short_repr`.
     """
-    named = {f.name: getattr(instance, f.name, None) for f in fields(instance) if _is_shown(f)}
-    given = [f"{name}={_brief(value)}" for name, value in named.items() if not _is_empty(value)]
-    return f"{type(instance).__name__}({', '.join(given)})"
-
-
-def _is_shown(field: Any) -> bool:
-    return bool(field.repr) and not field.name.startswith("_")
-
-
-def _is_empty(value: object) -> bool:
-    return value is None or (isinstance(value, str | tuple | list | Mapping) and not value)
+    parts = []
+    for field in fields(instance):
+        if not field.repr or field.name.startswith("_"):
+            continue
+        value = getattr(instance, field.name, None)
+        is_empty = isinstance(value, str | tuple | list | Mapping) and not value
+        if value is not None and not is_empty:
+            parts.append(f"{field.name}={_brief(value)}")
+    return f"{type(instance).__name__}({', '.join(parts)})"
 
 
 def _brief(value: object) -> str:
     """Return a value on one line: arrays by shape, many or long members by kind and count."""
     if isinstance(value, np.ndarray):
-        if value.size > _MOST_NUMBERS:
+        if value.size > _MAX_NUMBERS:
             return f"<array {value.shape}>"
         return np.array2string(value, precision=4, separator=", ").replace("\n", "")
     if isinstance(value, Enum):
         return str(value.value)
-    if isinstance(value, Mapping) and len(str(value)) > _MOST_CHARACTERS:
+    if isinstance(value, Mapping) and len(str(value)) > _MAX_CHARACTERS:
         return f"<{len(value)} by name>"
-    if isinstance(value, tuple | list) and len(str(value)) > _MOST_CHARACTERS:
+    if isinstance(value, tuple | list) and len(str(value)) > _MAX_CHARACTERS:
         kinds = dict.fromkeys(type(member).__name__ for member in value)
         return f"<{len(value)} {' or '.join(kinds)}>"
-    text = shown(value, _MOST_CHARACTERS)
+    text = shown(value, _MAX_CHARACTERS)
     return f"<{type(value).__name__}>" if is_dataclass(value) and text.endswith("...") else text
 
 
-# ---- Values of fields as tables and JSON have them.
+# ---- Values of fields for tables and JSON.
 
 
 def json_value(value: Any) -> Any:
-    """Return a value of YAML as JSON has it: infinity and NaN become their words."""
+    """Return a YAML value as a JSON value: infinity and NaN as YAML's words, arrays as lists."""
     if isinstance(value, dict):
         return {str(key): json_value(part) for key, part in value.items()}
     if isinstance(value, list | tuple | np.ndarray):
@@ -105,9 +103,9 @@ def json_value(value: Any) -> Any:
 
 
 def value_text(value: Any) -> str:
-    """Return a field's value as a table has it: lists and maps as JSON."""
-    written = json_value(value)
-    return written if isinstance(written, str) else json.dumps(written)
+    """Return the text of a field's value for a table; lists and maps as JSON."""
+    plain = json_value(value)
+    return plain if isinstance(plain, str) else json.dumps(plain)
 
 
 # ---- Cells of tables that spreadsheets would run: text that begins as a formula does.
@@ -116,7 +114,7 @@ FORMULA_BEGINS = ("=", "+", "-", "@")
 
 
 def without_formulas(table: str) -> str:
-    """Return CSV whose cells are numbers or text: an apostrophe is put before what is a formula.
+    """Return CSV with an apostrophe before every cell that a spreadsheet would take for a formula.
 
     Args:
         table: CSV with lines that end in a newline alone.

@@ -9,62 +9,59 @@ import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from errno import EBUSY, EDQUOT, EFBIG, ENOSPC
 from pathlib import Path
 from types import TracebackType
 
 from tubeplanner.errors import OutputError
 
-# ---- Ctrl-C and SIGTERM, kept waiting while something is done that has no half.
-
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """Let SIGINT and SIGTERM wait until the end, where they are raised again.
+    """Hold SIGINT and SIGTERM until the end, where they are raised again.
 
     Outside the main thread nothing is held: Python raises no KeyboardInterrupt there.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    came: list[int] = []
+    pending: list[int] = []
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         for number in before:
-            signal.signal(number, lambda which, _: came.append(which))
+            signal.signal(number, lambda number, _: pending.append(number))
         yield
     finally:
-        # SIGINT last: the moment it is let through, nothing is left to be put back.
+        # SIGINT last: once restored, it may raise at once, and no other handler is then missing.
         for number, handler in reversed(before.items()):
-            # None: whoever embeds Python handles it, and Python cannot hand it back.
+            # None: the program that embeds Python set the handler; Python cannot restore it.
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
-        for which in came:
-            signal.raise_signal(which)
+        for held in pending:
+            signal.raise_signal(held)
 
 
-# ---- New content of a file, beside it until it is put in its place.
+# ---- New content of a file, staged beside the file.
 #
-# A process that is killed leaves at most `.NAME.tmp` beside the file NAME; whoever next writes NAME
-# removes it. A lock tells what was left from what another process is about to put in its place.
+# A process that is killed leaves at most `.NAME.tmp` beside the file NAME; the next writer of NAME
+# removes it. A lock tells the file of a killed process from that of another live one.
 
-_LONGEST_NAME = 255  # [bytes], of a file in its folder
+_MAX_NAME_LENGTH = 255  # [bytes], of a file in its folder
 _PATIENCE, _PAUSE = 5.0, 0.01  # with another process that writes the same file [s]
 
 
 class StagedFile:
-    """A file `.NAME.tmp` that takes the place of the file NAME, or is removed.
+    """A file `.NAME.tmp` that replaces the file NAME, or is removed.
 
-    To be used in a `with` statement, where Ctrl-C does not come: within `signals_held`.
+    For use in a `with` statement inside `signals_held`, where Ctrl-C does not come.
     """
 
     def __init__(self, target: Path) -> None:
-        """Make it, empty, and readable for its owner alone.
+        """Make the staged file, empty, and readable for its owner alone.
 
         Args:
-            target: The file whose place it takes; no link.
+            target: The file to replace; no link.
 
         Raises:
-            OSError: It cannot be made, or another process is writing the same file, and goes on.
+            OSError: The file cannot be made, or another process writes it for longer than 5 s.
         """
         self._target, self._path = target, temporary_path(target)
         self._descriptor: int | None = _new_file(self._path)
@@ -78,16 +75,16 @@ class StagedFile:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Remove it, unless it was put in its place."""
+        """Remove the staged file unless it has replaced its target."""
         if self._descriptor is not None:
             self._path.unlink(missing_ok=True)
             self._close()
 
     def write(self, data: bytes, mode: int | None = None) -> None:
-        """Write its content, and set its mode if one is given.
+        """Write the content, and set the mode unless it is None.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The content cannot be written.
         """
         assert self._descriptor is not None
         rest = memoryview(data)
@@ -97,16 +94,16 @@ class StagedFile:
             os.fchmod(self._descriptor, mode)
 
     def sync(self) -> None:
-        """Wait until it is on the disk.
+        """Wait until the content is on the disk.
 
         Raises:
-            OSError: It does not get there, as where a disk tells only now that it is full.
+            OSError: The disk fails; some disks report only here that they are full.
         """
         assert self._descriptor is not None
         os.fsync(self._descriptor)
 
     def put(self) -> None:
-        """Put it in its place.
+        """Replace the target.
 
         Raises:
             OSError: The system refuses.
@@ -121,15 +118,15 @@ class StagedFile:
 
 
 def temporary_path(target: Path) -> Path:
-    """Return where the new content of a file is written."""
+    """Return the path of the staged file of a target."""
     name = f".{target.name}.tmp"
-    if len(os.fsencode(name)) > _LONGEST_NAME:
+    if len(os.fsencode(name)) > _MAX_NAME_LENGTH:
         name = f".{hashlib.sha256(os.fsencode(target.name)).hexdigest()}.tmp"
     return target.with_name(name)
 
 
 def _new_file(path: Path) -> int:
-    """Return the descriptor of a new file that is locked; what was left under its name goes."""
+    """Return the descriptor of a new, locked file; the file of a killed process is removed."""
     end = time.monotonic() + _PATIENCE
     while True:
         try:
@@ -137,14 +134,14 @@ def _new_file(path: Path) -> int:
         except FileExistsError:
             _remove_left(path, end)
             continue
-        # Whoever met it before it was locked may have removed it.
+        # Another process may have removed the file before it was locked.
         if _locked(descriptor) and _is_at(path, descriptor):
             return descriptor
         os.close(descriptor)
 
 
 def _remove_left(path: Path, end: float) -> None:
-    """Remove what a killed process left; wait a while for one that lives."""
+    """Remove the file of a killed process; for that of a live one, pause, and raise after `end`."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     except FileNotFoundError:
@@ -162,7 +159,7 @@ def _remove_left(path: Path, end: float) -> None:
 
 
 def _locked(descriptor: int) -> bool:
-    """Return whether a file could be locked; file systems without locks are taken at their word."""
+    """Return True if a file could be locked, or its file system has no locks."""
     with suppress(OSError):
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -172,41 +169,43 @@ def _locked(descriptor: int) -> bool:
 
 
 def _is_at(path: Path, descriptor: int) -> bool:
-    """Return whether an open file is what a path leads to."""
+    """Return True if a path leads to an open file."""
     try:
         return os.path.samestat(os.lstat(path), os.fstat(descriptor))
     except FileNotFoundError:
         return False
 
 
-# ---- Output files, replaced whole or not at all: all of a run's files, or none of them.
+# ---- Output files: all files of a run are replaced, or none.
 
-_ROOM = "; make room, or name a file on another disk"
+_REMEDY_FOR_FULL_DISK = "; make room, or name a file on another disk"
 _REMEDIES = {
-    ENOSPC: _ROOM,
-    EDQUOT: _ROOM,
-    EFBIG: "; raise the limit of file sizes (`ulimit -f`)",
-    EBUSY: "; wait for it, or name another file",
+    errno.ENOSPC: _REMEDY_FOR_FULL_DISK,
+    errno.EDQUOT: _REMEDY_FOR_FULL_DISK,
+    errno.EFBIG: "; raise the limit of file sizes (`ulimit -f`)",
+    errno.EBUSY: "; wait for it, or name another file",
 }
 
 
 def require_writable(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
-    """Raise unless files could be written, before work is spent on their contents.
+    """Raise unless files can be written, before work is spent on their contents.
 
     Args:
-        outputs: Where files are to go.
+        outputs: Paths of the files.
         inputs: Files that must not be overwritten.
 
     Raises:
         OutputError: A folder does not exist or cannot be written to, a path is no regular file,
             two outputs are the same file, or an output is an input.
     """
-    taken = {_target(path, "input"): path for path in inputs}
+    targets = {_target(path, "input"): path for path in inputs}
     for path in outputs:
         target = _target(path)
-        if target in taken:
-            raise OutputError(f"output {path} is the same file as {taken[target]}; choose another")
-        taken[target] = path
+        if target in targets:
+            raise OutputError(
+                f"output {path} is the same file as {targets[target]}; choose another"
+            )
+        targets[target] = path
         try:
             is_special = target.exists() and not target.is_file()
         except OSError as error:
@@ -225,23 +224,23 @@ def require_writable(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> No
 def write_files(contents: Mapping[Path, bytes], folder: Path | None = None) -> None:
     """Replace files by new contents; a link's target is replaced, not the link.
 
-    Everything is written beside its target first, so that a full disk leaves all as it was. Ctrl-C
-    and SIGTERM wait until the files are there.
+    All files are staged beside their targets first, so that a full disk changes nothing. Ctrl-C and
+    SIGTERM wait until the files are replaced.
 
     Args:
-        contents: What belongs into the files.
-        folder: Is made first, unless it is there, in one that is; None: every folder is there.
+        contents: New content of each file.
+        folder: Is made first unless it exists, in an existing one; None: no folder is made.
 
     Raises:
         OutputError: A file could not be written. Nothing was changed, unless the system refused to
-            rename a file that it had let be written.
+            rename a staged file.
     """
     with signals_held(), ExitStack() as undo:
         if folder is not None:
             _make_folder(folder, undo)
         require_writable(list(contents))
         staged: dict[Path, StagedFile] = {}
-        # Always in one order, so that no two processes wait for each other.
+        # In one order for all processes, so that no two wait for each other.
         for path in sorted(contents, key=_target):
             with _named(path):
                 staged[path] = file = undo.enter_context(StagedFile(_target(path)))
@@ -250,11 +249,11 @@ def write_files(contents: Mapping[Path, bytes], folder: Path | None = None) -> N
         for path, file in staged.items():
             with _named(path):
                 file.put()
-        undo.pop_all()  # nothing is to be undone
+        undo.pop_all()  # nothing to undo
 
 
 def _make_folder(folder: Path, undo: ExitStack) -> None:
-    """Make a folder unless it is there; undone, it is removed if nothing was put into it."""
+    """Make a folder unless it exists; undoing removes it while it is empty."""
 
     def remove() -> None:
         with suppress(OSError):
@@ -273,7 +272,7 @@ def _make_folder(folder: Path, undo: ExitStack) -> None:
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Turn what the system refuses into an error that names the output and a remedy."""
+    """Turn an OSError into an OutputError that names the output and a remedy."""
     try:
         yield
     except OSError as error:
@@ -287,8 +286,12 @@ def _remedy(error: OSError) -> str:
 
 
 def _mode(target: Path) -> int:
-    """Return the mode that a file has, or would have."""
-    return target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask()
+    """Return the mode of a file: its own, or that of a new file."""
+    if target.exists():
+        return target.stat().st_mode & 0o777
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
 
 
 def _target(path: Path, kind: str = "output") -> Path:
@@ -296,9 +299,3 @@ def _target(path: Path, kind: str = "output") -> Path:
         return path.resolve()
     except (OSError, RuntimeError, ValueError) as error:
         raise OutputError(f"{kind} {path} cannot be resolved: {error}") from error
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -17,15 +17,12 @@ from tubeplanner.trajectory.polynomials import BSpline, PiecewisePolynomial
 if TYPE_CHECKING:
     from tubeplanner.task.problem import PlanningProblem
 
-# ---- Joint trajectories: piecewise polynomials in time.
-
-# What makes sense for an arm, far from where rounding or time to compute would become a question.
+# Bounds that every arm respects, far below those of rounding and of computing time.
 MAX_DEGREE, MAX_PIECES, MAX_JOINTS = 20, 100_000, 1000
 MIN_DURATION, MAX_DURATION = 1e-9, 1e6  # [s]
-# Candidates of a search may swing far before they are turned down.
+# Candidates of a search may swing far before they are rejected.
 _MAX_POSITION = 1e6  # [rad or m]
-# No joint moves as fast as this per microsecond: bounds on the derivatives, [1/s], [1/s^2], ...
-_MAX_RATE = 1e6
+_MAX_RATE = 1e6  # [1/s]; the bound of the derivative of order k is `_MAX_POSITION * _MAX_RATE**k`
 _UNITS = ("rad or m", "rad/s or m/s", "rad/s^2 or m/s^2", "rad/s^3 or m/s^3")
 _DERIVATIVES = ("position", "velocity", "acceleration", "jerk")
 _MAX_SAMPLES = 1_000_000
@@ -49,12 +46,10 @@ class TrajectorySamples:
 
 
 class JointTrajectory:
-    """Positions of n joints over time, as polynomials between breakpoints.
-
-    None of its attributes can be changed.
+    """Positions of n joints over time, as polynomials between breakpoints; immutable.
 
     Attributes:
-        joint_names: The n joints.
+        joint_names: Names of the n joints.
         breakpoints: Shape (pieces+1,) [s], from 0 to the duration, increasing.
         coefficients: Shape (degree+1, pieces, n), as `scipy.interpolate.PPoly`: highest power
             first, local time `t - breakpoints[i]`.
@@ -68,7 +63,7 @@ class JointTrajectory:
     def __init__(
         self, joint_names: Sequence[str], breakpoints: object, coefficients: object
     ) -> None:
-        """Check and keep the polynomials.
+        """Check the polynomials and copy them, read-only.
 
         Raises:
             TrajectoryError: Shapes do not fit, a name is given twice or cannot be shown, a number
@@ -94,15 +89,13 @@ class JointTrajectory:
                     f"breakpoints and coefficients must be arrays of numbers ({field}: {error})"
                 ) from None
         self._require_consistent()
-        self._require_sensible()
         position = PiecewisePolynomial(self.coefficients, self.breakpoints)
-        derivatives = tuple(position.derivative(order) for order in range(4))
-        self._keep("_derivatives", derivatives)
+        self._keep("_derivatives", tuple(position.derivative(order) for order in range(4)))
         self._require_bounded()
 
     @staticmethod
     def require(trajectory: object) -> None:
-        """Raise TrajectoryError unless something is a trajectory."""
+        """Raise TrajectoryError unless a value is a JointTrajectory."""
         if not isinstance(trajectory, JointTrajectory):
             raise TrajectoryError(
                 f"the trajectory is {shown(trajectory)}; give a JointTrajectory, as plan returns"
@@ -110,8 +103,8 @@ class JointTrajectory:
 
     def __repr__(self) -> str:
         names, (rows, pieces, _) = ", ".join(self.joint_names), self.coefficients.shape
-        made_of = f"{pieces} pieces of degree {rows - 1}"
-        return f"<JointTrajectory of {self.duration:.4f} s: {made_of}, joints {names}>"
+        structure = f"{pieces} pieces of degree {rows - 1}"
+        return f"<JointTrajectory of {self.duration:.4f} s: {structure}, joints {names}>"
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(
@@ -132,14 +125,14 @@ class JointTrajectory:
         return np.diff(self.breakpoints)
 
     def position(self, t: object) -> FloatArray:
-        """Return joint positions at times of any shape (...,): shape (..., n) [rad or m].
+        """Return joint positions at times [s] of shape (...,): shape (..., n) [rad or m].
 
-        Times before the start or after the end [s] give the first or last configuration.
+        Times before the start or after the end give the first or last configuration.
         """
         return self._derivatives[0](self._clip(t))
 
     def velocity(self, t: object) -> FloatArray:
-        """Return joint velocities at times of any shape (...,): shape (..., n) [rad/s or m/s]."""
+        """Return joint velocities at times (...,): shape (..., n) [rad/s or m/s]."""
         return self._derivatives[1](self._clip(t))
 
     def acceleration(self, t: object) -> FloatArray:
@@ -149,21 +142,21 @@ class JointTrajectory:
     def jerk(self, t: object) -> FloatArray:
         """Return joint jerks at times (...,): shape (..., n) [rad/s^3 or m/s^3].
 
-        Where it jumps, at a breakpoint, that of the piece after it.
+        At a breakpoint, the jerk of the piece after it.
         """
         return self._derivatives[3](self._clip(t))
 
     def derivative_coefficients(self, order: int) -> FloatArray:
-        """Return the coefficients of the derivative of an order from 0 to 3 (jerk).
+        """Return the coefficients of a derivative of order 0 to 3 (jerk), highest power first.
 
         Shape (degree+1-order, pieces, n), at least one row.
         """
         return self._derivatives[order].coefficients
 
     def reach(self, order: int = 0) -> FloatArray:
-        """Return how large a derivative of an order from 0 to 3 may get, shape (pieces, n).
+        """Return an upper bound on a derivative's magnitude, order 0 to 3, shape (pieces, n).
 
-        An upper bound on its magnitude, from the magnitudes of the coefficients.
+        From the magnitudes of the coefficients; for all times of a piece.
         """
         rows, width = self.derivative_coefficients(order), self.widths[:, None]
         bound = np.zeros(rows.shape[1:])
@@ -176,10 +169,10 @@ class JointTrajectory:
     def sample(self, rate: float = 500.0) -> TrajectorySamples:
         """Return samples at a rate [Hz], the last one at the duration.
 
-        A regular sample closer than half a period to the end is dropped.
+        A regular sample closer than half a period to the end is left out.
 
         Raises:
-            TrajectoryError: The rate is no positive number, or makes more than 1e6 samples.
+            TrajectoryError: The rate is no positive finite number, or makes more than 1e6 samples.
         """
         if not is_number(rate):
             raise TrajectoryError(f"rate is {shown(rate)}; it must be a number > 0 [Hz]")
@@ -203,24 +196,23 @@ class JointTrajectory:
         )
 
     def per_piece(self, count: int) -> TrajectorySamples:
-        """Return `count` samples of every piece, both its ends included, evaluated on that piece.
+        """Return `count` samples of every piece, with both its ends.
 
-        At a breakpoint the two neighbouring pieces give two samples at the same time, which differ
-        where a derivative jumps.
+        At a breakpoint each of the two pieces has a sample of its own; the two differ where a
+        derivative jumps.
         """
         local = np.linspace(0.0, 1.0, count)[:, None] * self.widths
         values = []
         for order in range(3):
-            coefficients = self.derivative_coefficients(order)
             value = np.zeros((count, len(self.widths), len(self.joint_names)))
-            for row in coefficients:
+            for row in self.derivative_coefficients(order):
                 value = value * local[:, :, None] + row
             values.append(value.transpose(1, 0, 2).reshape(-1, len(self.joint_names)))
         time = (self.breakpoints[:-1] + local).T.ravel()
         return TrajectorySamples(time, *values)
 
     def jerk_per_piece(self, count: int) -> FloatArray:
-        """Return the jerk at the samples of `per_piece`, shape (N, n)."""
+        """Return the jerk at the samples of `per_piece`, shape (N, n) [rad/s^3 or m/s^3]."""
         pieces = len(self.widths)
         local = np.linspace(0.0, 1.0, count) * self.widths[:, None]
         return self.within(np.repeat(np.arange(pieces), count), local.ravel(), 3)
@@ -228,11 +220,11 @@ class JointTrajectory:
     def within(self, piece: IntArray, local: FloatArray, order: int) -> FloatArray:
         """Return a derivative of an order from 0 to 3 on given pieces, shape (N, n).
 
-        At a breakpoint the piece decides: what jumps there has a value on either side.
+        The piece decides between the two values at a breakpoint where the derivative jumps.
 
         Args:
             piece: Indices of pieces, shape (N,).
-            local: Times since their beginning, shape (N,) [s].
+            local: Times since the start of the piece, shape (N,) [s].
             order: 0: position; 1: velocity; 2: acceleration; 3: jerk.
         """
         value = np.zeros((len(piece), len(self.joint_names)))
@@ -248,13 +240,13 @@ class JointTrajectory:
         return JointTrajectory(self.joint_names, self.breakpoints * factor, coefficients)
 
     def between(self, begin: float, end: float) -> "JointTrajectory":
-        """Return the part between two times [s], its own time starting at zero.
+        """Return the part between two times [s], with a time that starts at zero.
 
-        A part shorter than a nanosecond is widened to one.
+        A part shorter than a nanosecond is widened to a nanosecond.
         """
         width = max(end - begin, 1e-9)
         begin = min(begin, self.duration - width)
-        # Chosen after the subtraction: rounding must not make a breakpoint meet the end.
+        # Compared after the subtraction: rounding must not make a breakpoint meet the end.
         local = self.breakpoints - begin
         inner = (local > 0) & (local < width)
         starts = np.concatenate([[begin], self.breakpoints[inner]])
@@ -268,7 +260,7 @@ class JointTrajectory:
         """Return the trajectory with its joints in another order.
 
         Raises:
-            TrajectoryError: The names are not the same set.
+            TrajectoryError: The names are not those of the trajectory.
         """
         if sorted(joint_names) != sorted(self.joint_names):
             raise TrajectoryError(
@@ -279,18 +271,15 @@ class JointTrajectory:
         return JointTrajectory(joint_names, self.breakpoints, self.coefficients[:, :, columns])
 
     def save(
-        self,
-        path: str | Path,
-        problem: "PlanningProblem | None" = None,
-        rate: float | None = None,
+        self, path: str | Path, problem: "PlanningProblem | None" = None, rate: float | None = None
     ) -> tuple[str, ...]:
         """Write the trajectory to a file, replaced whole or not at all.
 
         Args:
-            path: Its suffix chooses the format. `.json`: the trajectory itself. `.csv`: samples.
-                `.yaml` or `.yml`: samples as trajectory_msgs/JointTrajectory (ROS). All of them
-                are what `read_trajectory` reads.
-            problem: What the trajectory was made for. The JSON then has hashes of problem and
+            path: The suffix decides the format. `.json`: the trajectory itself. `.csv`: samples.
+                `.yaml` or `.yml`: samples as trajectory_msgs/JointTrajectory (ROS).
+                `read_trajectory` reads all of them.
+            problem: The planning problem of the trajectory. The JSON then has hashes of problem and
                 robot, the CSV has efforts, and samples are such that the limits hold when they
                 are joined, where the rate allows it; joints are in the problem's order. None:
                 none of these, and samples are the trajectory's own.
@@ -298,15 +287,15 @@ class JointTrajectory:
                 it has none.
 
         Returns:
-            Notes on how the samples differ from the trajectory, or on what joining them breaks;
-            empty if there is nothing to say.
+            Notes on differences between samples and trajectory, and on limits that the joined
+            samples break; empty if there are none.
 
         Raises:
             OutputError: The suffix is another one, or the file could not be written.
             OptionError: The rate is not positive and finite.
             TrajectoryError: The problem has other joints, or the rate makes too many samples.
         """
-        # The one import from above, so that a trajectory writes itself: see `ignore_imports`.
+        # The only import of a higher folder, so that a trajectory writes itself: `ignore_imports`.
         from tubeplanner.output.files.trajectory_writer import write_trajectory
 
         return write_trajectory(path, self, problem, rate)
@@ -315,6 +304,7 @@ class JointTrajectory:
         return np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)
 
     def _require_consistent(self) -> None:
+        """Raise unless shapes fit, numbers are finite, and counts and duration within bounds."""
         b, c = self.breakpoints, self.coefficients
         if b.ndim != 1 or len(b) < 2 or b[0] != 0.0 or not (np.diff(b) > 0).all():
             raise TrajectoryError("breakpoints must be at least two times that increase from 0")
@@ -326,10 +316,7 @@ class JointTrajectory:
             )
         if not np.isfinite(b).all() or not np.isfinite(c).all():
             raise TrajectoryError("breakpoints and coefficients must be finite numbers")
-
-    def _require_sensible(self) -> None:
-        """Raise unless there are as many joints, pieces, degrees and seconds as make sense."""
-        rows, pieces, joints = self.coefficients.shape
+        rows, pieces, joints = c.shape
         for what, count, most, remedy in (
             ("degree", rows - 1, MAX_DEGREE, "divide the pieces"),
             ("number of pieces", pieces, MAX_PIECES, "join some, or cut the trajectory into parts"),
@@ -346,7 +333,7 @@ class JointTrajectory:
     def _require_bounded(self) -> None:
         """Raise unless positions, velocities, accelerations and jerks are within bounds."""
         for order, what in enumerate(_DERIVATIVES):
-            most = _MAX_POSITION if order == 0 else _MAX_RATE * _MAX_RATE**order
+            most = _MAX_POSITION * _MAX_RATE**order
             reach = self.reach(order)
             if (reach <= most).all():
                 continue
@@ -358,7 +345,7 @@ class JointTrajectory:
 
 
 def concatenate(parts: Sequence[JointTrajectory]) -> JointTrajectory:
-    """Return trajectories of the same joints and degree, one after the other."""
+    """Return trajectories of the same joints and degree as one trajectory, in their order."""
     starts = np.cumsum([0.0, *(part.duration for part in parts)])
     breakpoints = [np.zeros(1)]
     breakpoints += [
@@ -369,14 +356,14 @@ def concatenate(parts: Sequence[JointTrajectory]) -> JointTrajectory:
 
 
 def from_spline(joint_names: Sequence[str], spline: BSpline) -> JointTrajectory:
-    """Return a B-spline with control points of shape (K, n), clamped and starting at time 0."""
+    """Return the trajectory of a B-spline, clamped, from time 0, control points (K, n)."""
     return from_splines(
         joint_names, BSpline(spline.knots, spline.control_points[:, None], spline.degree)
     )[0]
 
 
 def from_splines(joint_names: Sequence[str], splines: BSpline) -> list[JointTrajectory]:
-    """Return the S B-splines with control points of shape (K, S, n), as `from_spline`."""
+    """Return the trajectories of S B-splines with control points (K, S, n), as `from_spline`."""
     breakpoints = np.unique(splines.knots)
     powers = range(splines.degree, -1, -1)
     coefficients = np.array(
@@ -388,27 +375,25 @@ def from_splines(joint_names: Sequence[str], splines: BSpline) -> list[JointTraj
     ]
 
 
-# ---- Trajectories averaged over neighbouring intervals of time.
-
-_DEGREE = 3
+_DEGREE = 3  # of `averaged`
 
 
 def averaged(trajectory: JointTrajectory, intervals: int, duration: float) -> JointTrajectory:
     """Return a C2 cubic spline on equal intervals whose control points lie on a trajectory.
 
-    Schoenberg's operator (de Boor, "A Practical Guide to Splines", chapter XI): what never falls
-    never falls averaged. The first three control points are the start and the last three the goal,
-    so that it begins and ends at rest and without acceleration.
+    Schoenberg's operator (de Boor, "A Practical Guide to Splines", chapter XI): the average of a
+    monotone position is monotone. The first three control points are the start and the last three
+    the goal, so that the spline begins and ends with no velocity and no acceleration.
 
     Args:
-        trajectory: At any speed.
-        intervals: How many, at least 3.
+        trajectory: Trajectory of any speed.
+        intervals: Number of intervals, at least 3.
         duration: Of the spline [s].
     """
     knots = np.linspace(0.0, 1.0, intervals + 1)
     knots = np.concatenate([np.zeros(_DEGREE), knots, np.ones(_DEGREE)])
-    means = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / _DEGREE  # where control points belong
+    means = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / _DEGREE  # Greville abscissae
     first, last = means[2], means[-3]
-    share = np.clip((means - first) / (last - first), 0.0, 1.0)
-    control_points = trajectory.position(share * trajectory.duration)
+    fraction = np.clip((means - first) / (last - first), 0.0, 1.0)
+    control_points = trajectory.position(fraction * trajectory.duration)
     return from_spline(trajectory.joint_names, BSpline(knots * duration, control_points, _DEGREE))

@@ -15,20 +15,20 @@ from tubeplanner.errors import TrajectoryError, shown
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import bernstein_coefficients
 
-# ---- What happens during a trajectory, and when.
+# ---- Marks of events.
 
 MOVE, EVENT, ATTACH, DETACH = KINDS = ("move", "event", "attach", "detach")
 
 
 @dataclass(frozen=True)
 class Mark:
-    """Something that happens at an instant.
+    """Mark of an event during a trajectory.
 
     Attributes:
-        time: When [s].
-        kind: "move": a move begins; "event"; "attach" or "detach" of something.
-        name: Of the move, the event or what is taken or let go.
-        setting: What an event sets, as a file has it; None for nothing.
+        time: Since the start of the trajectory [s].
+        kind: "move": a move begins; "event"; "attach" or "detach" of an object.
+        name: Name of the move, the event or the object.
+        setting: Value that an event sets, as in a file; None for nothing.
     """
 
     time: float
@@ -37,7 +37,7 @@ class Mark:
     setting: Any = None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the mark as a trajectory file has it."""
+        """Return the mark as a map of a trajectory file."""
         setting = {} if self.setting is None else {"set": self.setting}
         return {"time": self.time, self.kind: self.name, **setting}
 
@@ -47,13 +47,13 @@ class Mark:
 
 
 def marks_of(fields: Any) -> tuple[Mark, ...]:
-    """Return the marks that a trajectory file has.
+    """Return the marks of a trajectory file.
 
     Args:
-        fields: What it has under `marks`.
+        fields: Value of `marks` in the file.
 
     Raises:
-        TrajectoryError: They are no list of maps with a time and one of move, event, attach,
+        TrajectoryError: The value is no list of maps with a time and one of move, event, attach,
             detach, in the order of time.
     """
     if not isinstance(fields, list):
@@ -66,8 +66,8 @@ def marks_of(fields: Any) -> tuple[Mark, ...]:
 
 
 def _mark(k: int, fields: Any) -> Mark:
-    given = [kind for kind in KINDS if kind in fields] if isinstance(fields, dict) else []
-    if len(given) != 1 or not isinstance(fields[given[0]], str):
+    kinds = [kind for kind in KINDS if kind in fields] if isinstance(fields, dict) else []
+    if len(kinds) != 1 or not isinstance(fields[kinds[0]], str):
         raise TrajectoryError(
             f"marks[{k}] is {shown(fields)}; it must be a map with a time and one name of "
             f"{', '.join(KINDS)}"
@@ -75,17 +75,17 @@ def _mark(k: int, fields: Any) -> Mark:
     time = fields.get("time")
     if not is_number(time) or not time >= 0:
         raise TrajectoryError(f"marks[{k}].time is {shown(time)}; it must be a time [s]")
-    return Mark(float(time), given[0], fields[given[0]], fields.get("set"))
+    return Mark(float(time), kinds[0], fields[kinds[0]], fields.get("set"))
 
 
-# ---- Trajectories cut into parts, and joined of parts.
+# ---- Parts of trajectories, cut and joined.
 
 
 def part_of(trajectory: JointTrajectory, begin: float, end: float) -> JointTrajectory:
-    """Return what a trajectory does between two times [s], as a trajectory that begins at zero.
+    """Return the part of a trajectory between two times [s], with a time that begins at zero.
 
     Raises:
-        TrajectoryError: They are not in order, or lie outside of it.
+        TrajectoryError: The times are not in order, or outside of the trajectory.
     """
     if not 0 <= begin < end <= trajectory.duration:
         raise TrajectoryError(
@@ -95,7 +95,7 @@ def part_of(trajectory: JointTrajectory, begin: float, end: float) -> JointTraje
     first = max(int(np.searchsorted(times, begin, side="right")) - 1, 0)
     stop = max(int(np.searchsorted(times, end, side="left")), first + 1)
     pieces = coefficients[:, first:stop].copy()
-    pieces[:, 0] = _from_later(pieces[:, 0], begin - times[first])
+    pieces[:, 0] = _with_later_origin(pieces[:, 0], begin - times[first])
     inner = times[first + 1 : stop]
     return JointTrajectory(
         trajectory.joint_names, np.concatenate([[0.0], inner - begin, [end - begin]]), pieces
@@ -103,9 +103,9 @@ def part_of(trajectory: JointTrajectory, begin: float, end: float) -> JointTraje
 
 
 def joined(joint_names: Sequence[str], parts: Sequence[JointTrajectory]) -> JointTrajectory:
-    """Return trajectories one after the other as one, each of the same joints in their order.
+    """Return one trajectory of parts in their order, all of the same joints in the same order.
 
-    Each begins exactly where the one before ends in time; nothing makes positions meet.
+    Each part begins at the time at which its predecessor ends; positions need not meet.
     """
     degree = max(len(part.coefficients) for part in parts)
     pieces, times = [], [np.zeros(1)]
@@ -118,37 +118,37 @@ def joined(joint_names: Sequence[str], parts: Sequence[JointTrajectory]) -> Join
 
 
 def resting(joint_names: Sequence[str], q: FloatArray, duration: float) -> JointTrajectory:
-    """Return the trajectory that stays in a configuration (n,) for a duration [s]."""
+    """Return the trajectory that rests in a configuration (n,) for a duration [s]."""
     return JointTrajectory(joint_names, [0.0, duration], q[None, None])
 
 
-def _from_later(polynomial: FloatArray, by: float) -> FloatArray:
+def _with_later_origin(polynomial: FloatArray, delay: float) -> FloatArray:
     """Return a polynomial (degree+1, n), highest power first, of a time that begins later [s]."""
-    if by == 0:
+    if delay == 0:
         return polynomial
     degree = len(polynomial) - 1
     shifted = np.zeros_like(polynomial)
     for power in range(degree + 1):
         for lower in range(power + 1):
-            term = comb(power, lower) * by ** (power - lower) * polynomial[degree - power]
+            term = comb(power, lower) * delay ** (power - lower) * polynomial[degree - power]
             shifted[degree - lower] += term
     return shifted
 
 
-# ---- Where piecewise polynomials change their sign.
+# ---- Sign changes of piecewise polynomials.
 
-# Nearer to an end of a piece, as a share of it, a change of sign is at that end: the next piece has
-# its own.
+# A change of sign within this fraction of a piece from its end is at the end: intervals end there
+# in any case.
 _END = 1e-12
 
 
 class SignChanges(NamedTuple):
-    """Instants at which polynomials may change their sign, K of them, in no order.
+    """Instants of K possible changes of sign, in no order.
 
     Attributes:
-        column: Which polynomial does, shape (K,).
-        piece: In which piece, shape (K,).
-        share: How far inside it, between 0 and 1, shape (K,).
+        column: Index of the polynomial, shape (K,).
+        piece: Index of the piece, shape (K,).
+        share: Fraction of the piece before the instant, between 0 and 1, shape (K,).
     """
 
     column: IntArray
@@ -157,7 +157,9 @@ class SignChanges(NamedTuple):
 
 
 def sign_changes(coefficients: FloatArray, widths: FloatArray) -> SignChanges:
-    """Return all of n piecewise polynomials inside their pieces, none for sure where they touch 0.
+    """Return the sign changes of n piecewise polynomials inside their pieces.
+
+    A polynomial that only touches 0 may be missing.
 
     Args:
         coefficients: Shape (degree+1, pieces, n), highest power first.
@@ -166,43 +168,39 @@ def sign_changes(coefficients: FloatArray, widths: FloatArray) -> SignChanges:
     hull = bernstein_coefficients(coefficients, np.zeros(len(widths)), widths)
     both = (hull.min(axis=0) < 0) & (hull.max(axis=0) > 0)
     powers = np.arange(len(coefficients) - 1, -1, -1)
-    found = [
-        (column, piece, root)
-        for piece, column in np.argwhere(both).tolist()
-        for root in _roots_inside(coefficients[:, piece, column] * widths[piece] ** powers)
-    ]
-    columns, pieces, roots = zip(*found, strict=True) if found else ((), (), ())
+    columns, pieces, shares = [], [], []
+    for piece, column in np.argwhere(both).tolist():
+        roots = np.roots(coefficients[:, piece, column] * widths[piece] ** powers)
+        real = roots.real[roots.imag == 0]
+        inside = real[(real > _END) & (real < 1 - _END)].tolist()
+        columns += [column] * len(inside)
+        pieces += [piece] * len(inside)
+        shares += inside
     return SignChanges(
-        np.array(columns, dtype=np.int64), np.array(pieces, dtype=np.int64), np.array(roots)
+        np.array(columns, dtype=np.int64), np.array(pieces, dtype=np.int64), np.array(shares)
     )
 
 
-def _roots_inside(coefficients: FloatArray) -> list[float]:
-    """Return where a polynomial, highest power first, may change its sign between 0 and 1."""
-    roots = np.roots(coefficients)
-    real = roots.real[roots.imag == 0]
-    return real[(real > _END) & (real < 1 - _END)].tolist()
+# ---- Intervals without reversal: Coulomb friction has one direction in each.
 
-
-# ---- Stretches of a trajectory in which a joint moves one way: what Coulomb friction depends on.
-
-# A joint that stays below this share of the largest velocity of any joint, in rad/s and m/s alike,
-# stands still: friction has no direction there. So is what rounding makes of a velocity of zero.
+# A joint whose velocity stays below this fraction of the largest velocity of any joint, rad/s and
+# m/s compared as numbers, is at rest: friction has no direction there. Rounding of a velocity of
+# zero is below it too.
 STILL_SHARE = 1e-6
-_LOOKS = np.array([0.25, 0.5, 0.75])
+_SAMPLES = np.array([0.25, 0.5, 0.75])  # of an interval, as fractions
 _JUST_BELOW_ONE = 1 - 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class DirectedStretches:
-    """Stretches of the joints' motions, S of them, by joint and then in time.
+    """S intervals in which a joint does not reverse, sorted by joint and then in time.
 
     Attributes:
-        joint: Whose it is, shape (S,).
-        piece: The polynomial piece that it is in, shape (S,).
-        start: Where it starts in that piece, from 0 to 1, shape (S,).
-        end: Where it ends, likewise.
-        direction: 1 forwards, -1 backwards, 0 where the joint stands still, shape (S,).
+        joint: Index of the joint, shape (S,).
+        piece: Index of the polynomial piece that holds the interval, shape (S,).
+        start: Start as a fraction of the piece, from 0 to 1, shape (S,).
+        end: End as a fraction of the piece, shape (S,).
+        direction: 1 forwards, -1 backwards, 0 where the joint is at rest, shape (S,).
     """
 
     joint: IntArray
@@ -212,20 +210,21 @@ class DirectedStretches:
     direction: FloatArray
 
     def at(self, piece: IntArray, share: FloatArray) -> FloatArray:
-        """Return the directions of all joints in pieces (N,) at shares of them (N,): (N, n).
+        """Return the directions of all joints in pieces (N,) at fractions (N,): (N, n).
 
-        At the end of a stretch inside a piece, that of the next one; at a piece's end, its own.
+        Inside a piece, an interval's end has the direction of the next interval; the end of the
+        piece has that of the piece's last interval.
         """
-        place = piece + np.clip(share, 0.0, _JUST_BELOW_ONE)
-        found = [
-            direction[np.searchsorted(start, place, side="right") - 1]
+        position = piece + np.clip(share, 0.0, _JUST_BELOW_ONE)
+        directions = [
+            direction[np.searchsorted(start, position, side="right") - 1]
             for start, direction in self._by_joint
         ]
-        return np.stack(found, axis=1)
+        return np.stack(directions, axis=1)
 
     @cached_property
     def _by_joint(self) -> list[tuple[FloatArray, FloatArray]]:
-        """Starts, counted in pieces, and directions, of every joint."""
+        """Starts, counted in pieces, and directions of the intervals of every joint."""
         start, ends = self.piece + self.start, np.flatnonzero(np.diff(self.joint)) + 1
         parts = (np.split(start, ends), np.split(self.direction, ends))
         return list(zip(*parts, strict=True))
@@ -233,12 +232,12 @@ class DirectedStretches:
 
 @dataclass(frozen=True, eq=False)
 class CommonStretches:
-    """Stretches of a trajectory in which no joint reverses, S of them, in time.
+    """S intervals of a trajectory in which no joint reverses, in time.
 
     Attributes:
-        piece: The polynomial piece that it is in, shape (S,).
-        start: Where it starts in that piece, from 0 to 1, shape (S,).
-        end: Where it ends, likewise.
+        piece: Index of the polynomial piece that holds the interval, shape (S,).
+        start: Start as a fraction of the piece, from 0 to 1, shape (S,).
+        end: End as a fraction of the piece, shape (S,).
         direction: Of every joint, shape (S, n).
     """
 
@@ -249,7 +248,7 @@ class CommonStretches:
 
 
 def common_stretches(trajectory: JointTrajectory) -> CommonStretches:
-    """Return the stretches of a trajectory that end where pieces do and where a joint reverses."""
+    """Return the intervals between ends of pieces and reversals of any joint."""
     stretches = directed_stretches(trajectory)
     begin = np.unique(np.stack([stretches.piece, stretches.start], axis=1), axis=0)
     piece, start = begin[:, 0].astype(np.int64), begin[:, 1]
@@ -259,28 +258,25 @@ def common_stretches(trajectory: JointTrajectory) -> CommonStretches:
 
 
 def directed_stretches(trajectory: JointTrajectory) -> DirectedStretches:
-    """Return the stretches into which every joint's motion falls, each within one piece.
-
-    They end where pieces do and where the joint's velocity changes its sign.
-    """
+    """Return the intervals of every joint between ends of pieces and changes of velocity's sign."""
     velocity = trajectory.derivative_coefficients(1)
     pieces, n = velocity.shape[1:]
     hull = bernstein_coefficients(velocity, np.zeros(pieces), trajectory.widths)
     still = STILL_SHARE * float(abs(hull).max())
-    turned = sign_changes(velocity, trajectory.widths)
-    joint = np.append(np.repeat(np.arange(n), pieces), turned.column)
-    piece = np.append(np.tile(np.arange(pieces), n), turned.piece)
-    start = np.append(np.zeros(n * pieces), turned.share)
+    reversals = sign_changes(velocity, trajectory.widths)
+    joint = np.append(np.repeat(np.arange(n), pieces), reversals.column)
+    piece = np.append(np.tile(np.arange(pieces), n), reversals.piece)
+    start = np.append(np.zeros(n * pieces), reversals.share)
     order = np.lexsort((start, piece, joint))
     joint, piece, start = joint[order], piece[order], start[order]
     is_last = np.append((np.diff(piece) != 0) | (np.diff(joint) != 0), True)
     end = np.where(is_last, 1.0, np.roll(start, -1))
-    looks = start[:, None] + (end - start)[:, None] * _LOOKS
-    looks *= trajectory.widths[piece][:, None]
-    value = np.zeros_like(looks)
+    times = start[:, None] + (end - start)[:, None] * _SAMPLES
+    times *= trajectory.widths[piece][:, None]
+    value = np.zeros_like(times)
     for row in velocity[:, piece, joint]:
-        value = value * looks + row[:, None]
-    # One look may be at an instant at which the joint stops and goes on.
+        value = value * times + row[:, None]
+    # More than one sample: the joint may stop at an instant and go on.
     fastest = value[np.arange(len(value)), abs(value).argmax(axis=1)]
     direction = np.where(abs(fastest) > still, np.sign(fastest), 0.0)
     return DirectedStretches(joint, piece, start, end, direction)

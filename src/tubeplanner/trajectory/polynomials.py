@@ -14,7 +14,7 @@ from tubeplanner.arrays import FloatArray, IntArray, read_only
 
 @dataclass(frozen=True, eq=False)
 class PiecewisePolynomial:
-    """Polynomials between breakpoints; the first and the last one go on beyond them.
+    """Polynomials between breakpoints; the first and the last polynomial go on beyond the ends.
 
     Attributes:
         coefficients: Shape (degree+1, pieces, n), highest power first, local time
@@ -28,7 +28,7 @@ class PiecewisePolynomial:
     def __call__(self, t: FloatArray) -> FloatArray:
         """Return the values at times of any shape (...,): shape (..., n).
 
-        At a breakpoint, that of the piece after it.
+        At a breakpoint, the value of the piece after it.
         """
         last = len(self.breakpoints) - 2
         piece = np.clip(np.searchsorted(self.breakpoints, t, side="right") - 1, 0, last)
@@ -39,7 +39,7 @@ class PiecewisePolynomial:
         return value
 
     def derivative(self, order: int) -> "PiecewisePolynomial":
-        """Return the derivative of an order; of at least one row of coefficients."""
+        """Return the derivative of an order, with at least one row of coefficients."""
         coefficients = self.coefficients
         for _ in range(order):
             powers = np.arange(len(coefficients) - 1, 0, -1.0)
@@ -53,18 +53,17 @@ class PiecewisePolynomial:
 # Coefficients are laid out as in `scipy.interpolate.PPoly`: shape (degree+1, pieces, n), highest
 # power first, local time from 0 to the width of the piece.
 
-# Halvings after which a piece is not cut further: its width is then 1e-12 of the original.
-_MAX_HALVINGS = 40
+_MAX_HALVINGS = 40  # of a piece: its parts then have 1e-12 of its width
 _RESOLUTION = 1e-10  # relative to the largest value
 
 
 @dataclass(frozen=True, eq=False)
 class Extrema:
-    """Largest values of n polynomials over all their pieces, and where.
+    """Largest values of n polynomials over all their pieces, with their times.
 
     Attributes:
         value: Shape (n,); a value that is attained, at most 1e-10 (relative) below the maximum.
-        piece: Piece that attains it: int, shape (n,).
+        piece: Piece that attains the value: int, shape (n,).
         local_time: Time from the start of that piece [s], shape (n,).
     """
 
@@ -95,7 +94,7 @@ def bernstein_coefficients(
 
 
 def restricted(coefficients: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
-    """Return polynomials on intervals, as polynomials of a time that runs from 0 to 1 over each.
+    """Return polynomials restricted to intervals, with a time from 0 to 1 over each interval.
 
     Args:
         coefficients: Shape (degree+1, P, n), highest power first.
@@ -109,7 +108,7 @@ def restricted(coefficients: FloatArray, start: FloatArray, width: FloatArray) -
 
 
 def halves(start: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return starts and widths of both halves of intervals (P,), one after the other: (2P,)."""
+    """Return starts and widths of the halves of intervals (P,), halves side by side: (2P,)."""
     width = np.repeat(width / 2, 2)
     start = np.repeat(start, 2)
     start[1::2] += width[1::2]
@@ -158,14 +157,14 @@ def peak_magnitudes(coefficients: FloatArray, widths: FloatArray) -> Extrema:
     both = maxima(np.concatenate([coefficients, -coefficients], axis=2), widths)
     n = coefficients.shape[2]
     sign = both.value.reshape(2, n).argmax(axis=0)
-    chosen = n * sign + np.arange(n)
-    return Extrema(both.value[chosen], both.piece[chosen], both.local_time[chosen])
+    larger = n * sign + np.arange(n)
+    return Extrema(both.value[larger], both.piece[larger], both.local_time[larger])
 
 
 def _taylor_coefficients(
     coefficients: FloatArray, start: FloatArray, width: FloatArray
 ) -> FloatArray:
-    """Return those about the starts of intervals, in widths of these, lowest power first."""
+    """Return Taylor coefficients about interval starts, per interval width, lowest power first."""
     degree = len(coefficients) - 1
     ascending = np.asarray(coefficients, dtype=np.float64)[::-1]
     if not start.any():
@@ -182,16 +181,18 @@ def _taylor_coefficients(
 
 @cache
 def _binomials(degree: int) -> FloatArray:
-    """Return the numbers C(i, j) for i and j from 0 to a degree, (k+1, k+1)."""
+    """Return the binomials C(i, j) for i and j from 0 to a degree k: shape (k+1, k+1)."""
     numbers = range(degree + 1)
     return read_only([[comb(i, j) for j in numbers] for i in numbers])
 
 
 @cache
 def _power_to_bernstein(degree: int) -> FloatArray:
-    """Return the matrix from powers of u on [0, 1] to Bernstein coefficients, (k+1, k+1)."""
+    """Return the matrix from powers of u on [0, 1] to Bernstein coefficients, (k+1, k+1).
+
+    Lower triangular, as C(i, j) is.
+    """
     binomials = _binomials(degree)
-    # 0 above the diagonal, as C(i, j) is.
     return read_only(binomials / binomials[-1])
 
 
@@ -200,7 +201,7 @@ def _power_to_bernstein(degree: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class BSpline:
-    """A B-spline; called with times x of shape (N,), it gives values of shape (N, ...).
+    """B-spline; a call with times x of shape (N,) returns values of shape (N, ...).
 
     Attributes:
         knots: Clamped knot vector, shape (K+degree+1,).
@@ -215,7 +216,7 @@ class BSpline:
     def __call__(self, x: FloatArray, order: int = 0) -> FloatArray:
         """Return a derivative of an order up to the degree; 0: the values.
 
-        Where it jumps, at a knot, that of the interval after it.
+        At a knot, the derivative of the interval after it.
         """
         if order > 0:
             return self.derivative()(x, order - 1)
@@ -236,29 +237,29 @@ class BSpline:
 
 
 def knot_intervals(knots: FloatArray, degree: int, x: FloatArray) -> IntArray:
-    """Return the index of the knot that begins the interval of each x, shape (N,)."""
+    """Return the index of the knot at the beginning of the interval of each x, shape (N,)."""
     span = np.searchsorted(knots, x, side="right") - 1
     return np.clip(span, degree, len(knots) - degree - 2)
 
 
 def basis_functions(knots: FloatArray, degree: int, span: IntArray, x: FloatArray) -> FloatArray:
-    """Return the basis functions that count at each x, and their derivatives.
+    """Return the basis functions that are not zero at each x, and their derivatives.
+
+    By the recursions of Cox and de Boor (Piegl & Tiller, "The NURBS Book", 1997, equations 2.5 and
+    2.9): a derivative at one degree comes from the derivative of the order before at the degree
+    below. Knots and x may be complex, in the order of their real parts.
 
     Args:
         knots: Clamped knot vector.
         degree: Of the spline.
-        span: For each x, the knot that begins the interval that counts, shape (N,).
+        span: Index of the knot at the beginning of the interval of each x, shape (N,).
         x: Shape (N,).
 
     Returns:
         By order, x and control point, from span - degree on, shape (degree+1, N, degree+1).
-
-    By the recursions of Cox and de Boor (Piegl & Tiller, "The NURBS Book", 1997, equations 2.5 and
-    2.9): the order-th derivative at one degree comes from the order before at the degree below.
-    Knots and x may be complex, in the order of their real parts.
     """
     dtype = np.result_type(knots, x, float)
-    known = np.ones((1, len(x), 1), dtype=dtype)
+    functions = np.ones((1, len(x), 1), dtype=dtype)
     for k in range(1, degree + 1):
         offsets = np.arange(k + 2) - k
         t = knots[span[:, None] + offsets]  # t[:, r] begins function r of this degree
@@ -266,15 +267,15 @@ def basis_functions(knots: FloatArray, degree: int, span: IntArray, x: FloatArra
         with np.errstate(divide="ignore", invalid="ignore"):
             inverse = np.where(t_end.real > t.real, 1 / (t_end - t), 0.0)
         new = np.zeros((k + 1, len(x), k + 1), dtype=dtype)
-        padded = np.zeros((len(known), len(x), k + 2), dtype=dtype)
-        padded[:, :, 1:-1] = known * inverse[:, 1:-1]
+        padded = np.zeros((len(functions), len(x), k + 2), dtype=dtype)
+        padded[:, :, 1:-1] = functions * inverse[:, 1:-1]
         left, right = padded[:, :, :-1], padded[:, :, 1:]
         rising = x[:, None] - t[:, :-1]
         falling = knots[span[:, None] + offsets[1:] + k] - x[:, None]
         new[0] = rising * left[0] + falling * right[0]
         new[1:] = k * (left - right)
-        known = new
-    return known
+        functions = new
+    return functions
 
 
 # ---- B-splines fitted to configurations, at rest at both ends.
@@ -290,7 +291,7 @@ def fitted_control_points(
     ends: tuple[FloatArray, FloatArray],
     draw: float = 0.0,
 ) -> FloatArray:
-    """Return the control points of the least-squares spline that rests at its ends, (K, n).
+    """Return the control points (K, n) of the least-squares spline at rest at both ends.
 
     Args:
         knots: Clamped, shape (K+degree+1,) [s].
@@ -298,8 +299,8 @@ def fitted_control_points(
         times: Shape (N,) [s].
         path: Configurations at these times, shape (N, n).
         ends: Start and goal, each (n,): the first and the last three control points.
-        draw: Weight by which control points are drawn to the joint line from start to goal, for
-            those that the times leave open; 0 if there are none.
+        draw: Weight of the squared distance of control points to the joint line from start to
+            goal, for control points that no time determines; 0 if there are none.
     """
     count = len(knots) - degree - 1
     span = knot_intervals(knots, degree, times)
@@ -309,37 +310,35 @@ def fitted_control_points(
     line = ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0])
     points = np.zeros_like(line)
     points[:REST_POINTS], points[-REST_POINTS:] = ends
-    # Normal equations, gathered from the few weights that count at each time: well conditioned.
-    squared, wanted = draw * np.eye(count), draw * line
-    np.add.at(squared, (near[:, :, None], near[:, None]), weights[:, :, None] * weights[:, None])
-    rest = path - np.einsum("nk,nkj->nj", weights, points[near])
-    np.add.at(wanted, near, weights[:, :, None] * rest[:, None])
-    points[inner] = np.linalg.solve(squared[inner, inner], wanted[inner])
+    # Normal equations, well conditioned; at each time only degree + 1 weights are not zero.
+    normal_matrix, right_side = draw * np.eye(count), draw * line
+    pairs = (near[:, :, None], near[:, None])
+    np.add.at(normal_matrix, pairs, weights[:, :, None] * weights[:, None])
+    residual = path - np.einsum("nk,nkj->nj", weights, points[near])
+    np.add.at(right_side, near, weights[:, :, None] * residual[:, None])
+    points[inner] = np.linalg.solve(normal_matrix[inner, inner], right_side[inner])
     return points
 
 
 def times_between(breakpoints: FloatArray, count: int) -> FloatArray:
-    """Return `count` times in each of P intervals between breakpoints (P+1,), none on its ends."""
+    """Return `count` inner times of each of P intervals between breakpoints (P+1,): (P count,)."""
     local = (np.arange(count) + 0.5) / count
     times: FloatArray = breakpoints[:-1, None] + local * np.diff(breakpoints)[:, None]
     return times.ravel()
 
 
-# ---- Polynomials between samples that meet what is known of them: lines, cubics or quintics.
-#
-# (Hermite interpolation; Biagiotti & Melchiorri, "Trajectory Planning for Automatic Machines and
-# Robots", 2008, sections 2.1.1, 2.1.3 and 2.1.5.) Each begins with what is known of its first
-# sample; the rest is taken from what that leaves to be made up until the next one. These are small
-# numbers: samples a millisecond apart meet to rounding, where differences of Bernstein coefficients
-# would leave jumps of the acceleration of 1e-7 rad/s^2.
-
-
 def hermite_pieces(time: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
-    """Return the coefficients of one polynomial between every two samples.
+    """Return the coefficients of the line, cubic or quintic between every two samples.
+
+    Hermite interpolation (Biagiotti & Melchiorri, "Trajectory Planning for Automatic Machines and
+    Robots", 2008, sections 2.1.1, 2.1.3 and 2.1.5). The lower half of the coefficients follow
+    from the first sample, the upper half from the gaps between these and the next sample. Gaps are
+    small numbers: pieces a millisecond long meet to rounding, where differences of Bernstein
+    coefficients would leave jumps of the acceleration of 1e-7 rad/s^2.
 
     Args:
         time: Of the samples, shape (N,), increasing [s].
-        known: Positions and, if given, velocities and accelerations there, each (N, n).
+        known: Positions and, if given, velocities and accelerations of the samples, each (N, n).
 
     Returns:
         Shape (2 * len(known), N-1, n), highest power of the time in the piece first.
@@ -349,19 +348,19 @@ def hermite_pieces(time: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
     if len(known) == 1:
         return np.stack([(last[0] - first[0]) / h, first[0]])
     if len(known) == 2:
-        left = last[0] - (first[0] + first[1] * h)
-        left_rate = (last[1] - first[1]) * h
+        gap = last[0] - (first[0] + first[1] * h)
+        velocity_gap = (last[1] - first[1]) * h
         return np.stack(
-            [(left_rate - 2 * left) / h**3, (3 * left - left_rate) / h**2, first[1], first[0]]
+            [(velocity_gap - 2 * gap) / h**3, (3 * gap - velocity_gap) / h**2, first[1], first[0]]
         )
-    left = last[0] - (first[0] + (first[1] + first[2] * h / 2) * h)
-    left_rate = (last[1] - (first[1] + first[2] * h)) * h
-    left_bend = (last[2] - first[2]) * h**2
+    gap = last[0] - (first[0] + (first[1] + first[2] * h / 2) * h)
+    velocity_gap = (last[1] - (first[1] + first[2] * h)) * h
+    acceleration_gap = (last[2] - first[2]) * h**2
     return np.stack(
         [
-            (12 * left - 6 * left_rate + left_bend) / (2 * h**5),
-            (-30 * left + 14 * left_rate - 2 * left_bend) / (2 * h**4),
-            (20 * left - 8 * left_rate + left_bend) / (2 * h**3),
+            (12 * gap - 6 * velocity_gap + acceleration_gap) / (2 * h**5),
+            (-30 * gap + 14 * velocity_gap - 2 * acceleration_gap) / (2 * h**4),
+            (20 * gap - 8 * velocity_gap + acceleration_gap) / (2 * h**3),
             first[2] / 2,
             first[1],
             first[0],

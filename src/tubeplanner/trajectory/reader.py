@@ -1,7 +1,7 @@
-"""Trajectory files: our JSON, foreign CSV and ROS messages.
+"""Trajectory files: our JSON, and CSV and ROS messages of any origin.
 
-Our own files have `time` and `JOINT.position`. Recorders write other names; `joint_columns` knows
-those of PlotJuggler and of rosbag exports for the joints of a robot.
+Our JSON holds the polynomials themselves. The others hold samples, which are joined by polynomials;
+`TrajectoryFile.interpolation` states how.
 """
 
 import csv
@@ -24,153 +24,14 @@ from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajector
 from tubeplanner.trajectory.parts import Mark, marks_of
 from tubeplanner.trajectory.polynomials import hermite_pieces
 
-# ---- Which columns of a CSV file are times, positions, velocities and accelerations of joints.
-
 QUANTITIES = ("position", "velocity", "acceleration")
-_TIME = "time"
-_TIMES = ("time", "t", "timestamp")
-_TIME_MARKS = "#_ "  # before a time's name: "#time", PlotJuggler's "__time"
-_COLUMNS_SHOWN = 20
-
-
-@dataclass(frozen=True)
-class JointColumns:
-    """The columns of a file that are read.
-
-    Attributes:
-        time: The column of times.
-        joints: The n joints.
-        tables: By quantity, the columns of all joints, in their order.
-        ignored: Columns that are not read, efforts of these joints left out.
-    """
-
-    time: str
-    joints: list[str]
-    tables: dict[str, list[str]]
-    ignored: tuple[str, ...]
-
-
-def joint_columns(header: Sequence[str], joint_names: Collection[str] = ()) -> JointColumns:
-    """Return which columns of a file are read.
-
-    Args:
-        header: The names of all columns.
-        joint_names: Joints that may have columns of other names than JOINT.position: their own name
-            (a position), and JOINT/position, JOINT_position, position_JOINT and the like behind any
-            path such as /joint_states/; without them `JOINT.position` alone is known.
-
-    Raises:
-        TrajectoryError: There is no time, there are no positions, two columns are the same
-            quantity, or some joints lack what others have.
-    """
-    for name, count in Counter(header).items():
-        if count > 1:
-            raise TrajectoryError(f"the column {shown(name)} is there {count} times")
-    own = [name.removesuffix(".position") for name in header if name.endswith(".position")]
-    found = _found(header, dict.fromkeys([*own, *joint_names]))
-    joints = [joint for joint, quantity in found if quantity == QUANTITIES[0]]
-    time = _time(header, {*found.values()})
-    if time is None or not joints:
-        raise TrajectoryError(_missing(header, joint_names))
-    for joint in joints:
-        require_name("the joint of a column", joint, TrajectoryError)
-    tables = {
-        quantity: [found[joint, quantity] for joint in joints]
-        for quantity in _quantities(joints, found)
-    }
-    read = {time, *(name for names in tables.values() for name in names)}
-    read |= {name for joint in joints for name in _names(joint, "effort")}
-    return JointColumns(time, joints, tables, tuple(name for name in header if name not in read))
-
-
-def _found(header: Sequence[str], joints: Iterable[str]) -> dict[tuple[str, str], str]:
-    """Return the column of each joint's quantities, in the order of the header."""
-    meant = {
-        name: (joint, quantity)
-        for joint in joints
-        for quantity in QUANTITIES
-        for name in _names(joint, quantity)
-    }
-    found: dict[tuple[str, str], str] = {}
-    for column in header:
-        key = _meaning(column, meant)
-        if key is None:
-            continue
-        if key in found:
-            joint, quantity = key
-            raise TrajectoryError(
-                f"the columns {shown(found[key])} and {shown(column)} are both the {quantity} of "
-                f"'{joint}'; leave out one of them"
-            )
-        found[key] = column
-    return found
-
-
-def _meaning(column: str, meant: dict[str, tuple[str, str]]) -> tuple[str, str] | None:
-    """Return what a column is, whatever path stands before its name."""
-    if column in meant:
-        return meant[column]
-    parts = column.split("/")
-    tails = ("/".join(parts[k:]) for k in range(1, len(parts)))
-    # A joint's bare name is taken for its position only where nothing stands before it.
-    return next((meant[tail] for tail in tails if tail in meant and tail != meant[tail][0]), None)
-
-
-def _names(joint: str, quantity: str) -> list[str]:
-    """Return the names of columns that are one quantity of a joint."""
-    bare = [joint] if quantity == QUANTITIES[0] else []
-    both = [f"{joint}{mark}{quantity}" for mark in "./_"]
-    return [*bare, *both, f"{quantity}_{joint}", f"{quantity}/{joint}"]
-
-
-def _time(header: Sequence[str], taken: Collection[str]) -> str | None:
-    """Return the column of times, if there is one."""
-    times = [
-        name for name in header if name not in taken and name.lstrip(_TIME_MARKS).lower() in _TIMES
-    ]
-    if _TIME in times or len(times) < 2:
-        return _TIME if _TIME in times else next(iter(times), None)
-    raise TrajectoryError(
-        f"the columns {' and '.join(map(shown, times))} may all be times; leave out all but one, "
-        f"or call it {_TIME}"
-    )
-
-
-def _quantities(joints: Sequence[str], found: Collection[tuple[str, str]]) -> list[str]:
-    """Return the quantities that all joints have, those that some have being an error."""
-    quantities = []
-    for quantity in QUANTITIES:
-        missing = [joint for joint in joints if (joint, quantity) not in found]
-        if len(missing) == len(joints):
-            break
-        if missing:
-            raise TrajectoryError(
-                f"{quantity} is missing for {', '.join(missing)}; give it for all joints or none"
-            )
-        quantities.append(quantity)
-    return quantities
-
-
-def _missing(header: Sequence[str], joint_names: Collection[str]) -> str:
-    plain = f" (or columns named as the joints: {', '.join(joint_names)})" if joint_names else ""
-    return (
-        f"needs the columns time and JOINT.position{plain}; its columns are "
-        f"{', '.join(map(shown, header[:_COLUMNS_SHOWN])) or 'none'}"
-    )
-
-
-# ---- Trajectory files read back: our JSON, and CSV and ROS messages made anywhere.
-#
-# Our JSON holds the polynomials themselves. The others hold samples, which are joined by
-# polynomials; `interpolation` states how.
-
 TRAJECTORY_FORMAT = "tubeplanner/trajectory"
 TRAJECTORY_VERSION = 1
 _DURATION_TOLERANCE = 1e-9  # [s]
 _MAX_BYTES = 200_000_000
 _MAX_POSITION = 1e4  # [rad or m]
 _MAX_SAMPLES = 100_000
-_MAX_NUMBER = 1e18  # what is larger is no reading of any joint or clock, and overflows when joined
+_MAX_NUMBER = 1e18  # larger numbers are no reading of a joint or clock, and overflow when joined
 _ROS_FIELDS = dict(zip(QUANTITIES, ("positions", "velocities", "accelerations"), strict=True))
 _SECONDS = (("sec", "nanosec"), ("secs", "nsecs"))
 # Velocities that differ from the slope of the positions by more than this factor have another unit.
@@ -179,12 +40,12 @@ _MAX_UNIT_RATIO = 10.0
 
 @dataclass(frozen=True)
 class GivenSamples:
-    """What the samples of a file say, before they are joined.
+    """Content of the samples of a file, before they are joined.
 
     Attributes:
-        first_time: Of the first one [s]; trajectories begin at zero all the same.
-        quantities: Which of position, velocity and acceleration there are.
-        has_effort: Whether a ROS message has efforts, which are not read.
+        first_time: Of the first sample [s]; trajectories begin at zero all the same.
+        quantities: The quantities of the file: position, velocity, acceleration.
+        has_effort: True if a ROS message has efforts, which are not read.
     """
 
     first_time: float
@@ -194,17 +55,17 @@ class GivenSamples:
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryFile:
-    """A trajectory and where it comes from.
+    """A trajectory with its origin.
 
     Attributes:
         trajectory: The trajectory.
-        interpolation: How samples were joined; None if the file holds polynomials.
-        problem_hash: Of the problem it was made for; None if the file does not say.
-        robot_hash: Of the robot it was made for; likewise.
-        samples: What its samples say; None if the file holds polynomials.
+        interpolation: Polynomials between the samples; None if the file holds polynomials.
+        problem_hash: Of the problem of the trajectory; None if the file has none.
+        robot_hash: Of the robot of the trajectory; None if the file has none.
+        samples: Content of the samples; None if the file holds polynomials.
         ignored: Columns of a CSV file that are not read.
-        part_hashes: Of the parts of the problem it was made for; empty if the file does not say.
-        marks: What happens during it, in the order of time; empty but for the motion of a cycle.
+        part_hashes: Of the parts of the problem; empty if the file has none.
+        marks: Events, in the order of time; empty but for the motion of a cycle.
     """
 
     trajectory: JointTrajectory
@@ -229,20 +90,19 @@ def read_trajectory(path: str | Path) -> JointTrajectory:
 def read_trajectory_file(path: str | Path, joint_names: Collection[str] = ()) -> TrajectoryFile:
     """Read a trajectory file: `.json` (ours), `.csv`, or `.yaml` / `.yml` (ROS).
 
-    CSV has a header: `time` and, for every joint, `JOINT.position` and, if at hand for all of them,
-    `JOINT.velocity` and `JOINT.acceleration`; further columns are ignored. ROS is a
-    trajectory_msgs/JointTrajectory, or a goal that has one as `trajectory`.
+    CSV has a header: `time` and, for every joint, `JOINT.position` and optionally `JOINT.velocity`
+    and `JOINT.acceleration`, each for all joints or none; further columns are ignored. ROS is a
+    trajectory_msgs/JointTrajectory, or a goal with such a message as `trajectory`.
 
     Args:
         path: The file.
-        joint_names: Joints whose columns in CSV may have other names too, as `joint_columns` says.
+        joint_names: Joints whose CSV columns may have other names too: see `joint_columns`.
 
     Raises:
-        TrajectoryError: It cannot be read, is no trajectory file, or contradicts itself.
+        TrajectoryError: The file cannot be read, is no trajectory file, or contradicts itself.
     """
     path = Path(path)
-    readers: dict[str, Callable[[str], TrajectoryFile]]
-    readers = {
+    readers: dict[str, Callable[[str], TrajectoryFile]] = {
         ".json": _read_json,
         ".csv": partial(_read_csv, joint_names=joint_names),
         ".yaml": _read_ros,
@@ -262,7 +122,7 @@ def read_trajectory_file(path: str | Path, joint_names: Collection[str] = ()) ->
 
 
 def _require_positions_of_arms(trajectory: JointTrajectory) -> None:
-    """Raise if a joint may travel so far that judging it would take minutes."""
+    """Raise if a joint may travel so far that the certificate would take minutes."""
     reach = trajectory.reach()
     if (reach <= _MAX_POSITION).all():
         return
@@ -290,35 +150,31 @@ def _read_json(text: str) -> TrajectoryFile:
         _joint_names(fields), breakpoints, _numbers(fields, "coefficients")
     )
     if "duration" in fields:
-        _require_duration(_numbers(fields, "duration"), trajectory.duration)
+        duration = _numbers(fields, "duration")
+        if duration.size != 1:
+            raise TrajectoryError("duration must be one number")
+        if not abs(duration.item() - trajectory.duration) <= _DURATION_TOLERANCE:
+            raise TrajectoryError(
+                f"duration {duration.item()} s contradicts the last breakpoint, "
+                f"{trajectory.duration} s"
+            )
+    marks = marks_of(fields.get("marks", []))
+    if marks and marks[-1].time > trajectory.duration + _DURATION_TOLERANCE:
+        raise TrajectoryError(
+            f"marks[{len(marks) - 1}].time is {marks[-1].time:g} s, after the end at "
+            f"{trajectory.duration:g} s"
+        )
     hashes = (fields.get(key) for key in ("problem_hash", "robot_hash"))
     problem_hash, robot_hash = (str(value) if value is not None else None for value in hashes)
-    file = TrajectoryFile(trajectory, None, problem_hash, robot_hash)
-    marks = _marks(fields.get("marks", []), trajectory.duration)
-    return replace(file, part_hashes=_texts(fields.get("part_hashes")), marks=marks)
-
-
-def _marks(given: object, duration: float) -> tuple[Mark, ...]:
-    marks = marks_of(given)
-    if marks and marks[-1].time > duration + _DURATION_TOLERANCE:
-        raise TrajectoryError(
-            f"marks[{len(marks) - 1}].time is {marks[-1].time:g} s, after the end at {duration:g} s"
-        )
-    return marks
-
-
-def _texts(given: object) -> dict[str, str]:
-    pairs = given.items() if isinstance(given, dict) else ()
-    return {str(name): str(value) for name, value in pairs}
-
-
-def _require_duration(given: FloatArray, duration: float) -> None:
-    if given.size != 1:
-        raise TrajectoryError("duration must be one number")
-    if not abs(given.item() - duration) <= _DURATION_TOLERANCE:
-        raise TrajectoryError(
-            f"duration {given.item()} s contradicts the last breakpoint, {duration} s"
-        )
+    part_hashes = fields.get("part_hashes")
+    pairs = part_hashes.items() if isinstance(part_hashes, dict) else ()
+    return TrajectoryFile(
+        trajectory,
+        problem_hash=problem_hash,
+        robot_hash=robot_hash,
+        part_hashes={str(name): str(value) for name, value in pairs},
+        marks=marks,
+    )
 
 
 def _joint_names(fields: dict[str, Any]) -> list[str]:
@@ -329,7 +185,7 @@ def _joint_names(fields: dict[str, Any]) -> list[str]:
 
 
 def _numbers(fields: dict[str, Any], key: str) -> FloatArray:
-    """Return a field as an array of numbers; texts, truth values and gaps are no numbers."""
+    """Return a field as an array of numbers; text, truth values and None are no numbers."""
     try:
         array = np.array(fields.get(key))
     except ValueError:
@@ -340,29 +196,30 @@ def _numbers(fields: dict[str, Any], key: str) -> FloatArray:
 
 
 def _read_csv(text: str, joint_names: Collection[str]) -> TrajectoryFile:
-    # Rows are taken one by one, and their columns as plain numbers: text takes ten times as much.
+    # Row by row, and columns as plain numbers: text takes ten times as much memory.
     rows = (row for row in csv.reader(io.StringIO(text, newline="")) if row)
     try:
         header = [name.strip() for name in next(rows, [])]
-        named = joint_columns(header, joint_names)
-        wanted = [named.time, *(name for names in named.tables.values() for name in names)]
-        columns = _csv_columns(rows, header, wanted)
+        columns = joint_columns(header, joint_names)
+        names = [columns.time, *(name for table in columns.tables.values() for name in table)]
+        time, *values = _csv_columns(rows, header, names)
     except csv.Error as error:
         raise TrajectoryError(f"is no CSV ({error})") from None
-    time, *values = columns
-    n = len(named.joints)
-    known = {what: np.array(values[n * k : n * k + n]).T for k, what in enumerate(named.tables)}
-    file = _from_samples(named.joints, time, known)
-    samples = GivenSamples(float(time[0]), tuple(known))
-    return replace(file, samples=samples, ignored=named.ignored)
+    n = len(columns.joints)
+    tables = {
+        quantity: np.array(values[n * k : n * k + n]).T for k, quantity in enumerate(columns.tables)
+    }
+    file = _from_samples(columns.joints, time, tables)
+    samples = GivenSamples(float(time[0]), tuple(tables))
+    return replace(file, samples=samples, ignored=columns.ignored)
 
 
 def _csv_columns(
-    rows: Iterator[list[str]], header: list[str], wanted: list[str]
+    rows: Iterator[list[str]], header: list[str], names: list[str]
 ) -> list[FloatArray]:
-    """Return columns by their names, each (N,)."""
-    places = {name: index for index, name in enumerate(header)}
-    columns = [(places[name], name, array("d")) for name in wanted]
+    """Return the columns of given names, each (N,)."""
+    index_of = {name: index for index, name in enumerate(header)}
+    columns = [(index_of[name], name, array("d")) for name in names]
     for number, row in enumerate(rows, start=2):
         if len(row) != len(header):
             raise TrajectoryError(f"row {number} has {len(row)} values for {len(header)} columns")
@@ -380,12 +237,12 @@ def _too_many_samples() -> TrajectoryError:
 
 
 def _number(value: Any, where: str, *places: object) -> float:
-    """Return a finite number; `where` says which one, its braces filled with the places."""
+    """Return a finite number; messages name it by `where`, its braces filled with `places`."""
     try:
         number = float(value)
     except (TypeError, ValueError):
         raise TrajectoryError(f"{where.format(*places)} is {shown(value)}, no number") from None
-    except OverflowError:  # a whole number
+    except OverflowError:  # a whole number too large for a float
         number = np.inf
     if not abs(number) <= _MAX_NUMBER:
         raise TrajectoryError(
@@ -411,12 +268,12 @@ def _read_ros(text: str) -> TrajectoryFile:
     names = _joint_names(message)
     tables: dict[str, FloatArray] = {}
     for quantity, key in _ROS_FIELDS.items():
-        given = [bool(point.get(key)) for point in points]
-        if not any(given):
+        has_key = [bool(point.get(key)) for point in points]
+        if not any(has_key):
             break
-        if not all(given):
+        if not all(has_key):
             raise TrajectoryError(
-                f"point {given.index(False)} has no {key}; give them in all points or none"
+                f"point {has_key.index(False)} has no {key}; give them in all points or none"
             )
         tables[quantity] = np.array([_ros_row(names, i, p, key) for i, p in enumerate(points)])
     time = np.array([_ros_time(i, point) for i, point in enumerate(points)])
@@ -439,15 +296,15 @@ def _ros_time(index: int, point: dict[str, Any]) -> float:
     for seconds, nanoseconds in _SECONDS:
         if isinstance(stamp, dict) and seconds in stamp:
             where = "point {}: time_from_start"
-            rest = _number(stamp.get(nanoseconds, 0), where, index)
-            return _number(stamp[seconds], where, index) + 1e-9 * rest
+            remainder = _number(stamp.get(nanoseconds, 0), where, index)
+            return _number(stamp[seconds], where, index) + 1e-9 * remainder
     raise TrajectoryError(f"point {index}: time_from_start is {shown(stamp)}; sec and nanosec")
 
 
 def _from_samples(
     joints: list[str], time: FloatArray, tables: dict[str, FloatArray]
 ) -> TrajectoryFile:
-    """Return samples joined by polynomials of the degree that their columns determine."""
+    """Return samples joined by polynomials of a degree that depends on the quantities."""
     if len(time) < 2 or "position" not in tables:
         raise TrajectoryError("at least two samples with positions are needed")
     time = time - time[0]
@@ -457,25 +314,25 @@ def _from_samples(
             f"sample in front of it; it must come {MIN_DURATION:g} s after it or later"
         )
     _require_same_units(time, tables)
-    if "velocity" not in tables:
-        from scipy.interpolate import CubicSpline
-
-        curve = CubicSpline(time, tables["position"], bc_type="clamped")
-        how = "a cubic spline through the positions, at rest at both ends"
-    else:
+    if "velocity" in tables:
         degree = "quintics" if "acceleration" in tables else "cubics"
-        how = f"{degree} that meet every sample's {', '.join(tables)}"
-        return TrajectoryFile(joined_samples(joints, time, tuple(tables.values())), how)
-    return TrajectoryFile(JointTrajectory(joints, curve.x, curve.c), how)
+        interpolation = f"{degree} that meet every sample's {', '.join(tables)}"
+        trajectory = joined_samples(joints, time, tuple(tables.values()))
+        return TrajectoryFile(trajectory, interpolation)
+    from scipy.interpolate import CubicSpline
+
+    curve = CubicSpline(time, tables["position"], bc_type="clamped")
+    interpolation = "a cubic spline through the positions, at rest at both ends"
+    return TrajectoryFile(JointTrajectory(joints, curve.x, curve.c), interpolation)
 
 
 def joined_samples(
     joint_names: Sequence[str], time: FloatArray, known: Sequence[FloatArray]
 ) -> JointTrajectory:
-    """Return the polynomials, one between every two samples, that meet all that is known of them.
+    """Return the trajectory with one polynomial between every two samples, as `hermite_pieces`.
 
     Args:
-        joint_names: The n joints.
+        joint_names: Names of the n joints.
         time: Shape (N,), increasing from 0 [s].
         known: Positions and their derivatives at the samples, each (N, n).
     """
@@ -483,17 +340,159 @@ def joined_samples(
 
 
 def _require_same_units(time: FloatArray, tables: dict[str, FloatArray]) -> None:
-    """Compare velocities with the slopes of the positions: detects degrees and milliseconds."""
+    """Raise if a derivative has another unit than the slopes: degrees, milliseconds."""
     for quantity, derivative in (("position", "velocity"), ("velocity", "acceleration")):
         if derivative not in tables or len(time) < 3:
             continue
         slope = np.gradient(tables[quantity], time, axis=0)
-        given, expected = (float(np.linalg.norm(x)) for x in (tables[derivative], slope))
-        if expected == 0 or given == 0:
+        size, expected = (float(np.linalg.norm(x)) for x in (tables[derivative], slope))
+        if expected == 0 or size == 0:
             continue
-        ratio = given / expected
+        ratio = size / expected
         if not 1 / _MAX_UNIT_RATIO < ratio < _MAX_UNIT_RATIO:
             raise TrajectoryError(
                 f"the {derivative} is {ratio:.4g} times the slope of the {quantity} over time; are "
                 "all in radians (a factor of 57.3 tells degrees) and seconds (1000: milliseconds)?"
             )
+
+
+# ---- Columns of a CSV file: times, positions, velocities and accelerations of joints.
+#
+# Our own files have `time` and `JOINT.position`. Recorders write other names; `joint_columns` knows
+# the names of PlotJuggler and of rosbag exports for the joints of a robot.
+
+_TIME = "time"
+_TIMES = ("time", "t", "timestamp")
+_TIME_MARKS = "#_ "  # before a time's name: "#time", PlotJuggler's "__time"
+_MAX_COLUMNS_SHOWN = 20
+
+
+@dataclass(frozen=True)
+class JointColumns:
+    """Columns of a file that are read.
+
+    Attributes:
+        time: The column of times.
+        joints: Names of the n joints.
+        tables: Per quantity, the columns of all joints, in their order.
+        ignored: Columns that are not read, without the efforts of these joints.
+    """
+
+    time: str
+    joints: list[str]
+    tables: dict[str, list[str]]
+    ignored: tuple[str, ...]
+
+
+def joint_columns(header: Sequence[str], joint_names: Collection[str] = ()) -> JointColumns:
+    """Return the columns of a file that are read.
+
+    Args:
+        header: The names of all columns.
+        joint_names: Joints whose columns may have other names than JOINT.position: the joint's name
+            (a position), or JOINT/position, JOINT_position, position_JOINT or position/JOINT, after
+            any path such as /joint_states/. Others are found by a column `JOINT.position`.
+
+    Raises:
+        TrajectoryError: There is no time, there are no positions, two columns are the same
+            quantity, or a quantity is missing for some joints.
+    """
+    for name, count in Counter(header).items():
+        if count > 1:
+            raise TrajectoryError(f"the column {shown(name)} is there {count} times")
+    own = [name.removesuffix(".position") for name in header if name.endswith(".position")]
+    columns = _columns_by_quantity(header, dict.fromkeys([*own, *joint_names]))
+    joints = [joint for joint, quantity in columns if quantity == QUANTITIES[0]]
+    time = _time_column(header, {*columns.values()})
+    if time is None or not joints:
+        plain = (
+            f" (or columns named as the joints: {', '.join(joint_names)})" if joint_names else ""
+        )
+        raise TrajectoryError(
+            f"needs the columns time and JOINT.position{plain}; its columns are "
+            f"{', '.join(map(shown, header[:_MAX_COLUMNS_SHOWN])) or 'none'}"
+        )
+    for joint in joints:
+        require_name("the joint of a column", joint, TrajectoryError)
+    tables = {
+        quantity: [columns[joint, quantity] for joint in joints]
+        for quantity in _complete_quantities(joints, columns)
+    }
+    used = {time, *(name for names in tables.values() for name in names)}
+    used |= {name for joint in joints for name in _names(joint, "effort")}
+    return JointColumns(time, joints, tables, tuple(name for name in header if name not in used))
+
+
+def _columns_by_quantity(
+    header: Sequence[str], joints: Iterable[str]
+) -> dict[tuple[str, str], str]:
+    """Return columns by joint and quantity, in the order of the header."""
+    meanings = {
+        name: (joint, quantity)
+        for joint in joints
+        for quantity in QUANTITIES
+        for name in _names(joint, quantity)
+    }
+    columns: dict[tuple[str, str], str] = {}
+    for column in header:
+        key = _meaning(column, meanings)
+        if key is None:
+            continue
+        if key in columns:
+            joint, quantity = key
+            raise TrajectoryError(
+                f"the columns {shown(columns[key])} and {shown(column)} are both the {quantity} of "
+                f"'{joint}'; leave out one of them"
+            )
+        columns[key] = column
+    return columns
+
+
+def _meaning(column: str, meanings: dict[str, tuple[str, str]]) -> tuple[str, str] | None:
+    """Return joint and quantity of a column, after any path; None: the column has none."""
+    if column in meanings:
+        return meanings[column]
+    parts = column.split("/")
+    for k in range(1, len(parts)):
+        meaning = meanings.get(tail := "/".join(parts[k:]))
+        # A joint's bare name is a position only without a path.
+        if meaning is not None and tail != meaning[0]:
+            return meaning
+    return None
+
+
+def _names(joint: str, quantity: str) -> list[str]:
+    """Return the possible names of the column for a quantity of a joint."""
+    bare = [joint] if quantity == QUANTITIES[0] else []
+    both = [f"{joint}{mark}{quantity}" for mark in "./_"]
+    return [*bare, *both, f"{quantity}_{joint}", f"{quantity}/{joint}"]
+
+
+def _time_column(header: Sequence[str], others: Collection[str]) -> str | None:
+    """Return the column of times, not one of the others; None: there is none."""
+    times = [
+        name for name in header if name not in others and name.lstrip(_TIME_MARKS).lower() in _TIMES
+    ]
+    if _TIME in times:
+        return _TIME
+    if len(times) < 2:
+        return times[0] if times else None
+    raise TrajectoryError(
+        f"the columns {' and '.join(map(shown, times))} may all be times; leave out all but one, "
+        f"or call it {_TIME}"
+    )
+
+
+def _complete_quantities(joints: Sequence[str], keys: Collection[tuple[str, str]]) -> list[str]:
+    """Return the quantities that all joints have; raise if only some joints have a quantity."""
+    quantities = []
+    for quantity in QUANTITIES:
+        missing = [joint for joint in joints if (joint, quantity) not in keys]
+        if len(missing) == len(joints):
+            break
+        if missing:
+            raise TrajectoryError(
+                f"{quantity} is missing for {', '.join(missing)}; give it for all joints or none"
+            )
+        quantities.append(quantity)
+    return quantities
