@@ -352,7 +352,7 @@ def test_tool_velocity_and_efforts_are_what_they_are_said_to_be(arm, degree):
 
     trajectory = random_trajectory(arm, degree, degree)
     tolerance = 1e-7 * arm.limits.effort
-    tool = enclosed_tool(arm, trajectory, 1e-7)
+    tool = enclosed_tool(arm, TUBE, trajectory, 1e-7)
     speed = enclosed(trajectory, Quantity(1, velocity, majorant), np.full(3, 1e-6))
     efforts = enclosed_efforts(arm, trajectory, tolerance)
     assert tool.error.max() <= 1e-7
@@ -379,7 +379,7 @@ def test_few_intervals_are_enough(stored):
 
 def test_halving_ends_after_so_many_intervals(two_link, monkeypatch):
     monkeypatch.setattr("tubeplanner.certificate.enclosure._MAX_INTERVALS", 40)
-    enclosure = enclosed_tool(two_link, random_trajectory(two_link, 0), 1e-25)
+    enclosure = enclosed_tool(two_link, TUBE, random_trajectory(two_link, 0), 1e-25)
     assert 20 <= len(enclosure.width) < 80
     assert enclosure.error.max() > 1e-25
 

@@ -33,7 +33,8 @@ POST = ("two_link/around_a_post", "branch-and-bound")
 def wavy(robot, seed):
     """Return a trajectory that wanders about, and its enclosed tool."""
     trajectory = wandering(robot, seed)
-    return trajectory, enclosed_tool(robot, trajectory, 1e-7)
+    tube = Tube([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 1.0)
+    return trajectory, enclosed_tool(robot, tube, trajectory, 1e-7)
 
 
 def whole(trajectory):
@@ -144,7 +145,7 @@ def test_a_wide_margin_is_settled_at_once(two_link):
 
 def visited(problem, trajectory, accuracy=1e-7):
     """Return the enclosed tool and the visits of a trajectory."""
-    tool = enclosed_tool(problem.robot, trajectory, accuracy)
+    tool = enclosed_tool(problem.robot, problem.tube, trajectory, accuracy)
     return tool, tube_visits(problem, trajectory, tool)
 
 
@@ -287,7 +288,7 @@ def test_only_instants_in_the_two_segments_beside_a_point_count(two_link):
     low, tip, far = places(two_link, LOW, TIP, 1.2)
     trajectory = stroke(two_link, LOW, 1.2)
     problem = PlanningProblem(two_link, Tube([low, tip, low, far], 0.01), SEED)
-    tool = enclosed_tool(two_link, trajectory, 1e-9)
+    tool = enclosed_tool(two_link, problem.tube, trajectory, 1e-9)
     visits = [Visit(0, 0.0, 0.01), Visit(1, 0.01, 0.02), Visit(2, 0.02, 1.0)]
     first, second = passages(problem, trajectory, tool, visits)
     begin, nearest = places(two_link, *trajectory.position([0.01, 0.02])[:, 0])
