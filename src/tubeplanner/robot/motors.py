@@ -13,9 +13,9 @@ from tubeplanner.robot.overrides import CURVE
 from tubeplanner.robot.urdf import UrdfDescription, UrdfJoint, followers_of
 from tubeplanner.text import short_repr
 
-# ---- The friction that a URDF states: <dynamics damping friction>.
+# ---- The friction of a URDF: <dynamics damping friction>.
 
-# What the file calls them, as `unused_values` does, and the field of `robot.motors` that serves.
+# Fields of `robot.motors` by the URDF's names of the values, as in `unused_values`.
 URDF_FRICTION = {
     "dynamics damping": "viscous_friction",
     "dynamics friction": "coulomb_friction",
@@ -25,7 +25,7 @@ URDF_FRICTION = {
 def urdf_friction(
     description: UrdfDescription, joint_names: Sequence[str]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the friction of joints and of what follows them, as felt at these joints.
+    """Return the friction of joints and of their followers, as felt at the joints.
 
     Args:
         description: The robot.
@@ -35,7 +35,7 @@ def urdf_friction(
         Viscous friction [N m s/rad or N s/m] and Coulomb friction [N m or N], shape (n,) each.
 
     Raises:
-        RobotError: The file states what is no number, infinite or negative.
+        RobotError: A value of the file is no number, infinite or negative.
     """
     ratios = [(name, column, 1.0) for column, name in enumerate(joint_names)]
     ratios += [
@@ -46,36 +46,36 @@ def urdf_friction(
     for name, column, ratio in ratios:
         joint = description.joints[name]
         # A follower turns `ratio` times as fast, and its friction has that lever on its master.
-        viscous[column] += ratio**2 * _stated(description, joint, "dynamics damping")
-        coulomb[column] += ratio * _stated(description, joint, "dynamics friction")
+        viscous[column] += ratio**2 * _friction_value(description, joint, "dynamics damping")
+        coulomb[column] += ratio * _friction_value(description, joint, "dynamics friction")
     return viscous, coulomb
 
 
-def _stated(description: UrdfDescription, joint: UrdfJoint, what: str) -> float:
-    text = joint.unused.get(what, "0")
+def _friction_value(description: UrdfDescription, joint: UrdfJoint, key: str) -> float:
+    text = joint.unused.get(key, "0")
     try:
         value = float(text)
     except ValueError:
         value = np.nan
     if not 0 <= value < np.inf:
         raise RobotError(
-            f"{description.path}: joint '{joint.name}' has <{what}> {text}; it must be a number "
+            f"{description.path}: joint '{joint.name}' has <{key}> {text}; it must be a number "
             f">= 0: mend it, or leave robot.motors.friction_from_urdf out and give "
-            f"robot.motors.{URDF_FRICTION[what]}"
+            f"robot.motors.{URDF_FRICTION[key]}"
         )
     return value
 
 
-# ---- What the motors of the joints add to the rigid arm: rotors, friction, less effort at speed.
+# ---- Motors, beside the rigid arm: rotor inertia, friction, less effort at speed.
 
 
 @dataclass(frozen=True, eq=False)
 class JointMotors:
     """The motors of n joints, in group order, as felt at the joints.
 
-    The effort that a motor gives is what the rigid arm needs, armature times acceleration, viscous
+    The effort of a motor is the sum of the rigid arm's effort, armature times acceleration, viscous
     friction times velocity, and Coulomb friction against the direction of motion. At a velocity v
-    it has no more than saturation_effort (1 - v / no_load_velocity) forwards, and backwards
+    it is at most saturation_effort (1 - v / no_load_velocity) forwards, and backwards
     saturation_effort (1 + v / no_load_velocity).
 
     Attributes:
@@ -83,12 +83,13 @@ class JointMotors:
         viscous_friction: Shape (n,) [N m s/rad or N s/m].
         backwards_friction: Coulomb friction where the velocity is negative, >= 0, shape (n,)
             [N m or N].
-        forwards_friction: Likewise where it is positive.
-        saturation_effort: Effort at which the motor stalls, shape (n,) [N m or N]; inf where no
-            torque-speed line is known.
-        no_load_velocity: Velocity at which that line has no effort left, shape (n,) [rad/s or m/s];
-            inf likewise.
-        friction_uncertainty: By which share friction may be more or less than that.
+        forwards_friction: Coulomb friction where the velocity is positive, >= 0, shape (n,)
+            [N m or N].
+        saturation_effort: Effort at which the motor stalls, shape (n,) [N m or N]; inf without a
+            torque-speed line.
+        no_load_velocity: Velocity at which that line is zero, shape (n,) [rad/s or m/s]; inf
+            without a torque-speed line.
+        friction_uncertainty: Fraction by which friction may be more or less.
     """
 
     armature: FloatArray
@@ -108,40 +109,40 @@ class JointMotors:
 
     @classmethod
     def ideal(cls, count: int) -> "JointMotors":
-        """Return motors without inertia and friction, which have their effort at any speed."""
+        """Return motors without inertia and friction, of the same effort at any speed."""
         none, endless = np.zeros(count), np.full(count, np.inf)
         return cls(none, none, none, none, endless, endless)
 
     @property
     def has_coulomb_friction(self) -> bool:
-        """Whether any joint has some."""
+        """True if any joint has Coulomb friction."""
         return bool(self.backwards_friction.any() or self.forwards_friction.any())
 
     @property
     def has_viscous_friction(self) -> bool:
-        """Whether any joint has some."""
+        """True if any joint has viscous friction."""
         return bool(self.viscous_friction.any())
 
     @property
     def has_friction(self) -> bool:
-        """Whether any joint has some, of either kind."""
+        """True if any joint has friction of either kind."""
         return self.has_coulomb_friction or self.has_viscous_friction
 
     @property
     def has_curve(self) -> BoolArray:
-        """Which joints have a torque-speed line, shape (n,)."""
+        """True if a joint has a torque-speed line, shape (n,)."""
         return np.isfinite(self.saturation_effort)
 
     @property
     def has_less_at_speed(self) -> bool:
-        """Whether viscous friction or a torque-speed line takes effort from a joint that turns."""
+        """True if viscous friction or a torque-speed line takes effort from any moving joint."""
         return self.has_viscous_friction or bool(self.has_curve.any())
 
     def coulomb_effort(self, direction: FloatArray) -> FloatArray:
         """Return the efforts against Coulomb friction, shape (N, n) [N m or N].
 
         Args:
-            direction: Whose sign tells which way joints move, (N, n); 0: they stand still.
+            direction: Its sign is the direction of motion, shape (N, n); 0: at rest.
         """
         forwards = np.where(direction > 0, self.forwards_friction, 0.0)
         return np.where(direction < 0, -self.backwards_friction, forwards)
@@ -150,34 +151,34 @@ class JointMotors:
 def resolve_motors(
     description: UrdfDescription, joint_names: Sequence[str], limits: GivenLimits
 ) -> JointMotors:
-    """Return the motors of the joints of a planning group, ideal where nothing is given.
+    """Return the motors of the joints of a planning group, ideal without values.
 
     Args:
         description: The robot.
         joint_names: Its planning group.
-        limits: Limits and motors, the later ones above; their factor on the effort scales the
+        limits: Layers of limits and motors, later ones above; their factor on the effort scales the
             stall effort too.
 
     Raises:
-        RobotError: A joint has one end of a torque-speed line without the other, is unknown or has
-            no motor, there is not one value per joint, or the URDF's friction is taken and absurd.
+        RobotError: A joint has a single end of a torque-speed line, is unknown or has no motor,
+            there is not one value per joint, or the URDF's friction is requested and invalid.
     """
     layers = layers_of(limits)
     followers = followers_of(description, joint_names)
     merged = merged_motors(description, joint_names, followers, layers)
-    below = np.zeros((2, len(joint_names)))  # viscous and Coulomb friction where none is given
+    default_friction = np.zeros((2, len(joint_names)))  # viscous, Coulomb
     if merged.friction_from_urdf:
-        below[:] = urdf_friction(description, joint_names)
-    names, given = list(joint_names), merged.by_joint
-    backwards, forwards = _replaced(
-        np.array([below[1], below[1]]), names, given["coulomb_friction"]
-    )
+        default_friction[:] = urdf_friction(description, joint_names)
+    viscous, coulomb = default_friction
+    names, values = list(joint_names), merged.by_joint
+    both_ways = np.array([coulomb, coulomb])
+    backwards, forwards = _replaced(both_ways, names, values["coulomb_friction"])
     no_line = np.full(len(names), np.inf)
-    stall, no_load = (_replaced(no_line, names, given[end]) for end in CURVE)
+    stall, no_load = (_replaced(no_line, names, values[end]) for end in CURVE)
     _require_whole_lines(names, stall, no_load)
     return JointMotors(
-        _replaced(np.zeros(len(names)), names, given["armature"]),
-        _replaced(below[0], names, given["viscous_friction"]),
+        _replaced(np.zeros(len(names)), names, values["armature"]),
+        _replaced(viscous, names, values["viscous_friction"]),
         backwards,
         forwards,
         stall * merged_scale(layers).get("effort", 1.0),
@@ -187,23 +188,23 @@ def resolve_motors(
 
 
 def _replaced(
-    values: FloatArray, joint_names: Sequence[str], given: Mapping[str, Any]
+    defaults: FloatArray, joint_names: Sequence[str], values: Mapping[str, Any]
 ) -> FloatArray:
-    """Return values (..., n) of joints, those of some replaced by what is given of them."""
-    replaced = values.copy()
+    """Return defaults (..., n) of joints, replaced by values by name."""
+    result = defaults.copy()
     for column, name in enumerate(joint_names):
-        if name in given:
-            replaced[..., column] = given[name]
-    return replaced
+        if name in values:
+            result[..., column] = values[name]
+    return result
 
 
 def _require_whole_lines(
     joint_names: Sequence[str], stall: FloatArray, no_load: FloatArray
 ) -> None:
     for name, *ends in zip(joint_names, stall, no_load, strict=True):
-        known = np.isfinite(ends)
-        if known.any() and not known.all():
-            has, lacks = np.array(CURVE)[np.argsort(~known)]
+        is_finite = np.isfinite(ends)
+        if is_finite.any() and not is_finite.all():
+            has, lacks = np.array(CURVE)[np.argsort(~is_finite)]
             raise RobotError(
                 f"robot.motors: joint '{name}' has {has} {min(ends):g} and no {lacks}; a "
                 f"torque-speed line needs both: give robot.motors.{lacks}, or .inf as {has}"

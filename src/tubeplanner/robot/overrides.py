@@ -1,4 +1,4 @@
-"""LimitOverrides, MotorOverrides of a problem: per joint, by direction or position, of points."""
+"""LimitOverrides, MotorOverrides: limits and motors of a problem, by joint."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,188 +11,20 @@ from tubeplanner.checks import are_numbers, in_figures, is_number
 from tubeplanner.errors import RobotError, shown, unknown_name
 from tubeplanner.text import short_repr
 
-# ---- Values of joints as they are given: one for all, a list in chain order, or a map by name.
+# ---- Limits of a problem, which replace and scale the URDF's.
 
+SCALABLE = ("effort", "velocity", "acceleration")
+# A single number serves for all joints.
+_NUMBERS = (*SCALABLE, "jerk", "effort_rate")
+PER_JOINT = (*_NUMBERS, "position", "velocity_by_position")
 
-def require_per_joint(where: str, given: Any, *, takes_number: bool = True) -> None:
-    """Raise unless values are given in one of these ways.
+NumberPerJoint: TypeAlias = float | Sequence[float] | Mapping[str, float]
+Range: TypeAlias = tuple[float, float]
+Effort: TypeAlias = float | tuple[float, float] | Mapping[str, Sequence[float]]
+EffortPerJoint: TypeAlias = float | Sequence[float] | Mapping[str, Effort]
+Law: TypeAlias = Mapping[str, float | None] | None
 
-    Args:
-        where: What messages call them.
-        given: What must be a list, a map, or one number.
-        takes_number: Whether one number may serve for all joints.
-
-    Raises:
-        RobotError: They are given otherwise.
-    """
-    is_list = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim > 0)
-    if isinstance(given, Mapping) or is_list or (takes_number and is_number(given)):
-        return
-    if not takes_number:
-        raise RobotError(
-            f"{where} is {shown(given)}; it must be a map by name, or a list with one for each "
-            "joint"
-        )
-    raise RobotError(
-        f"{where} is {shown(given)}; it must be one number for all joints, a list with one for "
-        "each, or a map by name, such as {'elbow_joint': 1.5}"
-    )
-
-
-def entries_of(where: str, given: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the values, each after what messages call it."""
-    if isinstance(given, Mapping):
-        yield from ((f"{where}: joint {shown(name)} at", value) for name, value in given.items())
-    elif is_number(given):
-        yield f"{where} is", given
-    else:
-        yield from ((f"{where}[{k}] is", value) for k, value in enumerate(given))
-
-
-def values_by_name(
-    where: str, given: Any, chain: Sequence[str], *, takes_number: bool = True
-) -> Mapping[str, Any]:
-    """Return values by joint name.
-
-    Args:
-        where: What messages call them.
-        given: The values, as `require_per_joint` has them.
-        chain: The joints of the planning group, in chain order.
-        takes_number: Whether one number may serve for all joints.
-
-    Raises:
-        RobotError: A list has another number of values than there are joints.
-    """
-    if isinstance(given, Mapping):
-        return given
-    if is_number(given):
-        return dict.fromkeys(chain, given)
-    if len(given) != len(chain):
-        alone = "one for all joints, " if takes_number else ""
-        raise RobotError(
-            f"{where} has {len(given)} values for {len(chain)} joints; give "
-            f"{alone}a map by name, or a list in the order of the chain: {', '.join(chain)}"
-        )
-    return dict(zip(chain, given, strict=True))
-
-
-# ---- Effort limits that differ by direction, or with the joint's position.
-
-_KEYS = ("position", "effort")
-_LEAST, _MOST = 1e-6, 1e9  # efforts that make sense [N m or N]
-
-
-@dataclass(frozen=True, eq=False)
-class EffortRange:
-    """What the motor of one joint has each way: linear between positions, constant beyond them.
-
-    Attributes:
-        joint: Index of the joint in the group.
-        position: Increasing, shape (K,) [rad or m].
-        backwards: The most against the joint's direction at these positions, > 0, shape (K,)
-            [N m or N].
-        forwards: The most along it, likewise.
-    """
-
-    joint: int
-    position: FloatArray
-    backwards: FloatArray
-    forwards: FloatArray
-
-    def __post_init__(self) -> None:
-        for name in ("position", "backwards", "forwards"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
-    @property
-    def most(self) -> float:
-        """The most at any position and in any direction [N m or N]."""
-        return float(max(self.backwards.max(), self.forwards.max()))
-
-    @property
-    def is_constant(self) -> bool:
-        """Whether it is the same everywhere and both ways."""
-        return bool((self.backwards == self.most).all() and (self.forwards == self.most).all())
-
-    def scaled(self, factor: float) -> "EffortRange":
-        """Return a share of it."""
-        return EffortRange(
-            self.joint, self.position, factor * self.backwards, factor * self.forwards
-        )
-
-    def side(self, way: float) -> FloatArray:
-        """Return the most along (1) or against (-1) the joint's direction, shape (K,)."""
-        return self.forwards if way > 0 else self.backwards
-
-    def allowed(self, q: FloatArray, way: float) -> FloatArray:
-        """Return that at positions of the joint, shape (N,)."""
-        return np.interp(q, self.position, self.side(way))
-
-    def slope(self, q: FloatArray, way: float) -> FloatArray:
-        """Return how that changes with the position, shape (N,); at a corner, as it does beyond."""
-        slopes = np.diff(self.side(way)) / np.diff(self.position)
-        between = np.concatenate([[0.0], slopes, [0.0]])
-        return between[np.searchsorted(self.position, q, side="right")]
-
-
-def effort_range(joint: int, given: Any) -> EffortRange:
-    """Return the limit of one joint that differs by direction, or with its position.
-
-    Args:
-        joint: Index of the joint in the group.
-        given: As `require_effort_range` has it.
-    """
-    if isinstance(given, Mapping):
-        return EffortRange(joint, given["position"], given["effort"], given["effort"])
-    backwards, forwards = given
-    return EffortRange(joint, np.zeros(1), np.array([backwards]), np.array([forwards]))
-
-
-def require_effort_range(where: str, given: Any) -> None:
-    """Raise unless a limit is [backwards, forwards], or a map with positions and efforts there.
-
-    Args:
-        where: What messages call it.
-        given: The limit.
-
-    Raises:
-        RobotError: It is neither, a magnitude is out of its bounds, or positions do not increase.
-    """
-    if not isinstance(given, Mapping):
-        if not _is_list(given) or len(given) != 2:
-            raise RobotError(
-                f"{where} {shown(given)}; give a number from {_LEAST:g} to {_MOST:g}, [backwards, "
-                "forwards], or a map with position and effort"
-            )
-        return _require_magnitudes(where, given)
-    for key in given:
-        if key not in _KEYS:
-            raise RobotError(f"{where} {shown(given)}: {unknown_name('key', key, _KEYS)}")
-    position, effort = given.get("position", ()), given.get("effort", ())
-    if not _is_list(position) or not _is_list(effort) or not 0 < len(position) == len(effort):
-        raise RobotError(
-            f"{where} {shown(given)}; give as many numbers in position as in effort, at least one"
-        )
-    if not all(is_number(q) and np.isfinite(q) for q in position) or any(np.diff(position) <= 0):
-        raise RobotError(f"{where} position {shown(position)}; give finite numbers that increase")
-    return _require_magnitudes(f"{where} effort", effort)
-
-
-def _is_list(given: Any) -> bool:
-    return isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim == 1)
-
-
-def _require_magnitudes(where: str, given: Any) -> None:
-    for value in given:
-        if not is_number(value) or not _LEAST <= value <= _MOST:
-            raise RobotError(
-                f"{where} {shown(given)} has {in_figures(value)}; give magnitudes from {_LEAST:g} "
-                f"to {_MOST:g}"
-            )
-
-
-# ---- Limits on the speed of points of the arm.
-
-_SLOWEST, _FASTEST = 1e-6, 1e9  # [m/s]
+_MIN, _MAX = 1e-6, 1e9  # limits, speeds and motor values that make sense, in SI units
 
 
 @dataclass(frozen=True)
@@ -202,10 +34,10 @@ class PointSpeed:
     Attributes:
         link: Any link of the URDF.
         position: The point in the link's frame [m].
-        speed: The most, in any direction, in the base frame [m/s].
+        speed: The largest in any direction, in the base frame [m/s].
 
     Raises:
-        RobotError: The position is none, or the speed is not from 1e-6 to 1e9 m/s.
+        RobotError: The position is not three numbers, or the speed is not from 1e-6 to 1e9 m/s.
     """
 
     link: str
@@ -217,41 +49,25 @@ class PointSpeed:
         position = self.position
         if not are_numbers(position, 3):
             raise RobotError(f"{where}: position is {shown(position)}; give [x, y, z] in m")
-        if not is_number(self.speed) or not _SLOWEST <= self.speed <= _FASTEST:
+        if not is_number(self.speed) or not _MIN <= self.speed <= _MAX:
             raise RobotError(
-                f"{where}: speed is {in_figures(self.speed)}; give a number from {_SLOWEST:g} to "
-                f"{_FASTEST:g} m/s"
+                f"{where}: speed is {in_figures(self.speed)}; give a number from {_MIN:g} to "
+                f"{_MAX:g} m/s"
             )
         object.__setattr__(self, "position", tuple(float(value) for value in position))
 
 
-# ---- Limits that a problem gives, which replace and scale those of the URDF.
-
-SCALABLE = ("effort", "velocity", "acceleration")
-# One number each; a number alone serves for all joints.
-_NUMBERS = (*SCALABLE, "jerk", "effort_rate")
-PER_JOINT = (*_NUMBERS, "position", "velocity_by_position")
-
-NumberPerJoint: TypeAlias = float | Sequence[float] | Mapping[str, float]
-Range: TypeAlias = tuple[float, float]
-Effort: TypeAlias = float | tuple[float, float] | Mapping[str, Sequence[float]]
-EffortPerJoint: TypeAlias = float | Sequence[float] | Mapping[str, Effort]
-Law: TypeAlias = Mapping[str, float | None] | None
-
-_MIN_LIMIT, _MAX_LIMIT = 1e-6, 1e9  # limits that make sense, in SI units
-
-
 @dataclass(frozen=True)
 class LimitOverrides:
-    """Limits that a problem gives: maps by joint name, or lists, one per joint in chain order.
+    """Limits of a problem: maps by joint name, or lists with a value per joint in chain order.
 
-    Of effort, velocity, acceleration, jerk and effort rate one number serves for all joints.
+    A single number of effort, velocity, acceleration, jerk or effort rate serves for all joints.
 
     Attributes:
-        effort: Replaces the URDF's effort limit [N m or N]; inf on purpose is allowed. In a map a
-            value may be [backwards, forwards], two magnitudes by the sign of the effort, or a map
-            with increasing positions and efforts there: linear between them, constant beyond.
-        velocity: Replaces the URDF's velocity limit [rad/s or m/s]; inf on purpose is allowed.
+        effort: Replaces the URDF's effort limit [N m or N]; inf: none. In a map a value may be
+            [backwards, forwards], two magnitudes by the sign of the effort, or a map with
+            increasing positions and efforts there: linear between them, constant beyond.
+        velocity: Replaces the URDF's velocity limit [rad/s or m/s]; inf: none.
         position: Replaces the URDF's (lower, upper) position limits [rad or m].
         acceleration: Acceleration limit [rad/s^2 or m/s^2]; a URDF has none.
         jerk: Jerk limit [rad/s^3 or m/s^3]; a URDF has none.
@@ -278,14 +94,19 @@ class LimitOverrides:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        _require_speed(self.tool_speed)
+        speed = self.tool_speed
+        if speed is not None and not (is_number(speed) and speed >= _MIN):
+            raise RobotError(
+                f"robot.limits.tool_speed is {shown(speed)}; give a number from {_MIN:g} m/s"
+            )
         for quantity in PER_JOINT:
-            where, given = f"robot.limits.{quantity}", getattr(self, quantity)
-            require_per_joint(where, given, takes_number=quantity in _NUMBERS)
+            where, values = f"robot.limits.{quantity}", getattr(self, quantity)
+            require_per_joint(where, values, takes_number=quantity in _NUMBERS)
         for quantity in _NUMBERS:
             for where, value in entries_of(f"robot.limits.{quantity}", getattr(self, quantity)):
-                if quantity == "effort" and isinstance(self.effort, Mapping):
-                    _require_effort(where, value)
+                takes_range = quantity == "effort" and isinstance(self.effort, Mapping)
+                if takes_range and not is_number(value):
+                    require_effort_range(where, value)
                 else:
                     _require_limit(where, value)
         for where, range_ in entries_of("robot.limits.position", self.position):
@@ -305,29 +126,21 @@ class LimitOverrides:
         """Return the limits of one quantity by joint name.
 
         Args:
-            quantity: One of `PER_JOINT`.
+            quantity: An entry of `PER_JOINT`.
             chain: The joints of the planning group, in chain order.
-            where: What messages call the quantity.
+            where: Label of the quantity in messages.
 
         Raises:
             RobotError: A list has another number of values than there are joints.
         """
-        alone = quantity in _NUMBERS
-        return values_by_name(where, getattr(self, quantity), chain, takes_number=alone)
-
-
-def _require_effort(where: str, value: Any) -> None:
-    if is_number(value):
-        _require_limit(where, value)
-    else:
-        require_effort_range(where, value)
+        takes_number = quantity in _NUMBERS
+        return values_by_name(where, getattr(self, quantity), chain, takes_number=takes_number)
 
 
 def _require_limit(where: str, value: Any) -> None:
-    in_range = is_number(value) and (_MIN_LIMIT <= value <= _MAX_LIMIT or value == np.inf)
-    if not in_range:
+    if not is_number(value) or not (_MIN <= value <= _MAX or value == np.inf):
         raise RobotError(
-            f"{where} {in_figures(value)}; give a number from {_MIN_LIMIT:g} to {_MAX_LIMIT:g}, "
+            f"{where} {in_figures(value)}; give a number from {_MIN:g} to {_MAX:g}, "
             "or .inf for none"
         )
 
@@ -347,16 +160,9 @@ def _require_scale(scale: Any) -> None:
             )
 
 
-def _require_speed(value: Any) -> None:
-    if value is not None and not (is_number(value) and value >= _MIN_LIMIT):
-        raise RobotError(
-            f"robot.limits.tool_speed is {shown(value)}; give a number from {_MIN_LIMIT:g} m/s"
-        )
+# ---- Motors of a problem: rotor inertia, friction, torque-speed lines.
 
-
-# ---- Motors that a problem gives: rotor inertia, friction, torque-speed lines.
-
-# One value each; a number alone serves for all joints.
+# A single number serves for all joints.
 MOTOR_QUANTITIES = (
     "armature",
     "viscous_friction",
@@ -369,24 +175,22 @@ CURVE = ("saturation_effort", "no_load_velocity")  # the ends of a torque-speed 
 Friction: TypeAlias = float | tuple[float, float]
 FrictionPerJoint: TypeAlias = float | Sequence[Friction] | Mapping[str, Friction]
 
-_MIN, _MAX = 1e-6, 1e9  # numbers that make sense, in SI units
-
 
 @dataclass(frozen=True)
 class MotorOverrides:
-    """Motors that a problem gives: one number for all joints, lists in chain order, or by name.
+    """Motors of a problem: a number for all joints, a list in chain order, or a map by name.
 
     Attributes:
         armature: Inertia of the rotors as felt at the joints [kg m^2 or kg].
-        viscous_friction: Friction that grows with the velocity [N m s/rad or N s/m].
-        coulomb_friction: Friction that does not [N m or N]; in a list or a map a value may be
-            [backwards, forwards], by the direction of motion.
+        viscous_friction: Friction in proportion to the velocity [N m s/rad or N s/m].
+        coulomb_friction: Friction independent of the velocity [N m or N]; in a list or a map a
+            value may be [backwards, forwards], by the direction of motion.
         saturation_effort: Stall effort of a torque-speed line [N m or N]; inf: no line.
         no_load_velocity: Velocity at which that line reaches zero [rad/s or m/s]; inf: no line.
-        friction_from_urdf: Whether the URDF's friction is taken where none is given; None: not
-            said.
-        friction_uncertainty: By which share friction may be more or less, in [0, 1); None: not
-            said.
+        friction_from_urdf: True if the URDF's friction holds where there is no other; None: left to
+            lower layers.
+        friction_uncertainty: Fraction by which friction may be more or less, in [0, 1); None: left
+            to lower layers.
     """
 
     armature: NumberPerJoint = field(default_factory=dict)
@@ -401,29 +205,29 @@ class MotorOverrides:
 
     def __post_init__(self) -> None:
         for quantity in MOTOR_QUANTITIES:
-            where, given = f"robot.motors.{quantity}", getattr(self, quantity)
-            require_per_joint(where, given)
-            for entry, value in entries_of(where, given):
+            where, values = f"robot.motors.{quantity}", getattr(self, quantity)
+            require_per_joint(where, values)
+            for entry, value in entries_of(where, values):
                 _REQUIRED[quantity](entry, value)
         if not isinstance(self.friction_from_urdf, bool | None):
             raise RobotError(
                 f"robot.motors.friction_from_urdf is {shown(self.friction_from_urdf)}; it must be "
                 "true or false"
             )
-        share = self.friction_uncertainty
-        if share is not None and not (is_number(share) and 0 <= share < 1):
+        fraction = self.friction_uncertainty
+        if fraction is not None and not (is_number(fraction) and 0 <= fraction < 1):
             raise RobotError(
-                f"robot.motors.friction_uncertainty is {in_figures(share)}; give a share from 0, "
-                "below 1"
+                f"robot.motors.friction_uncertainty is {in_figures(fraction)}; give a share from "
+                "0, below 1"
             )
 
     def by_name(self, quantity: str, chain: Sequence[str], where: str) -> Mapping[str, Any]:
         """Return the values of one quantity by joint name.
 
         Args:
-            quantity: One of `MOTOR_QUANTITIES`.
+            quantity: An entry of `MOTOR_QUANTITIES`.
             chain: The joints of the planning group, in chain order.
-            where: What messages call the quantity.
+            where: Label of the quantity in messages.
 
         Raises:
             RobotError: A list has another number of values than there are joints.
@@ -438,7 +242,7 @@ def _require_amount(where: str, value: Any) -> None:
 
 def _require_friction(where: str, value: Any) -> None:
     is_pair = isinstance(value, list | tuple | np.ndarray) and len(value) == 2
-    if not _is_amount(value) and not (is_pair and all(_is_amount(one) for one in value)):
+    if not _is_amount(value) and not (is_pair and all(map(_is_amount, value))):
         raise RobotError(
             f"{where} {in_figures(value)}; give a number from 0 to {_MAX:g}, or [backwards, "
             "forwards] of such"
@@ -463,3 +267,182 @@ _REQUIRED = {
     "coulomb_friction": _require_friction,
     **dict.fromkeys(CURVE, _require_end_of_curve),
 }
+
+
+# ---- Effort limits that differ by direction, or with the joint's position.
+
+_KEYS = ("position", "effort")
+
+
+@dataclass(frozen=True, eq=False)
+class EffortRange:
+    """Effort limits of a joint in both directions: linear between positions, constant beyond.
+
+    Attributes:
+        joint: Index of the joint in the group.
+        position: Increasing, shape (K,) [rad or m].
+        backwards: Limit against the joint's direction at these positions, > 0, shape (K,)
+            [N m or N].
+        forwards: Limit along the joint's direction, > 0, shape (K,) [N m or N].
+    """
+
+    joint: int
+    position: FloatArray
+    backwards: FloatArray
+    forwards: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("position", "backwards", "forwards"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def most(self) -> float:
+        """Largest limit at any position and in either direction [N m or N]."""
+        return float(max(self.backwards.max(), self.forwards.max()))
+
+    @property
+    def is_constant(self) -> bool:
+        """True if the limit is the same at every position and in both directions."""
+        return bool((self.backwards == self.most).all() and (self.forwards == self.most).all())
+
+    def scaled(self, factor: float) -> "EffortRange":
+        """Return the limits times a factor."""
+        return EffortRange(
+            self.joint, self.position, factor * self.backwards, factor * self.forwards
+        )
+
+    def side(self, way: float) -> FloatArray:
+        """Return the limits along (1) or against (-1) the joint's direction, shape (K,)."""
+        return self.forwards if way > 0 else self.backwards
+
+    def allowed(self, q: FloatArray, way: float) -> FloatArray:
+        """Return the limits in a direction (1 or -1) at positions of the joint, shape (N,)."""
+        return np.interp(q, self.position, self.side(way))
+
+    def slope(self, q: FloatArray, way: float) -> FloatArray:
+        """Return the derivatives of `allowed`, shape (N,); at a corner, the right derivative."""
+        slopes = np.diff(self.side(way)) / np.diff(self.position)
+        between = np.concatenate([[0.0], slopes, [0.0]])
+        return between[np.searchsorted(self.position, q, side="right")]
+
+
+def effort_range(joint: int, given: Any) -> EffortRange:
+    """Return the effort limits of a joint.
+
+    Args:
+        joint: Index of the joint in the group.
+        given: [backwards, forwards], or a map, as `require_effort_range` accepts them.
+    """
+    if isinstance(given, Mapping):
+        return EffortRange(joint, given["position"], given["effort"], given["effort"])
+    backwards, forwards = given
+    return EffortRange(joint, np.zeros(1), np.array([backwards]), np.array([forwards]))
+
+
+def require_effort_range(where: str, given: Any) -> None:
+    """Raise unless a limit is [backwards, forwards], or a map with positions and efforts there.
+
+    Args:
+        where: Label in messages.
+        given: The limit.
+
+    Raises:
+        RobotError: The limit is neither, a magnitude is out of its bounds, or positions do not
+            increase.
+    """
+    if not isinstance(given, Mapping):
+        if not _is_list(given) or len(given) != 2:
+            raise RobotError(
+                f"{where} {shown(given)}; give a number from {_MIN:g} to {_MAX:g}, [backwards, "
+                "forwards], or a map with position and effort"
+            )
+        return _require_magnitudes(where, given)
+    for key in given:
+        if key not in _KEYS:
+            raise RobotError(f"{where} {shown(given)}: {unknown_name('key', key, _KEYS)}")
+    position, effort = given.get("position", ()), given.get("effort", ())
+    if not _is_list(position) or not _is_list(effort) or not 0 < len(position) == len(effort):
+        raise RobotError(
+            f"{where} {shown(given)}; give as many numbers in position as in effort, at least one"
+        )
+    if not all(is_number(q) and np.isfinite(q) for q in position) or any(np.diff(position) <= 0):
+        raise RobotError(f"{where} position {shown(position)}; give finite numbers that increase")
+    return _require_magnitudes(f"{where} effort", effort)
+
+
+def _is_list(given: Any) -> bool:
+    return isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim == 1)
+
+
+def _require_magnitudes(where: str, given: Any) -> None:
+    for value in given:
+        if not is_number(value) or not _MIN <= value <= _MAX:
+            raise RobotError(
+                f"{where} {shown(given)} has {in_figures(value)}; give magnitudes from {_MIN:g} "
+                f"to {_MAX:g}"
+            )
+
+
+# ---- Values of joints: a number for all, a list in chain order, or a map by name.
+
+
+def require_per_joint(where: str, given: Any, *, takes_number: bool = True) -> None:
+    """Raise unless values are a list, a map, or a number for all joints.
+
+    Args:
+        where: Label in messages.
+        given: The values.
+        takes_number: True if a number may serve for all joints.
+
+    Raises:
+        RobotError: The values have another type.
+    """
+    is_list = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim > 0)
+    if isinstance(given, Mapping) or is_list or (takes_number and is_number(given)):
+        return
+    if not takes_number:
+        raise RobotError(
+            f"{where} is {shown(given)}; it must be a map by name, or a list with one for each "
+            "joint"
+        )
+    raise RobotError(
+        f"{where} is {shown(given)}; it must be one number for all joints, a list with one for "
+        "each, or a map by name, such as {'elbow_joint': 1.5}"
+    )
+
+
+def entries_of(where: str, given: Any) -> Iterator[tuple[str, Any]]:
+    """Yield pairs of a label in messages and a value."""
+    if isinstance(given, Mapping):
+        yield from ((f"{where}: joint {shown(name)} at", value) for name, value in given.items())
+    elif is_number(given):
+        yield f"{where} is", given
+    else:
+        yield from ((f"{where}[{k}] is", value) for k, value in enumerate(given))
+
+
+def values_by_name(
+    where: str, given: Any, chain: Sequence[str], *, takes_number: bool = True
+) -> Mapping[str, Any]:
+    """Return values by joint name.
+
+    Args:
+        where: Label in messages.
+        given: The values, as `require_per_joint` accepts them.
+        chain: The joints of the planning group, in chain order.
+        takes_number: True if a number may serve for all joints.
+
+    Raises:
+        RobotError: A list has another number of values than there are joints.
+    """
+    if isinstance(given, Mapping):
+        return given
+    if is_number(given):
+        return dict.fromkeys(chain, given)
+    if len(given) != len(chain):
+        alone = "one for all joints, " if takes_number else ""
+        raise RobotError(
+            f"{where} has {len(given)} values for {len(chain)} joints; give "
+            f"{alone}a map by name, or a list in the order of the chain: {', '.join(chain)}"
+        )
+    return dict(zip(chain, given, strict=True))
