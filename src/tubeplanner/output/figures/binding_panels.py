@@ -1,4 +1,4 @@
-"""Panels of binding limits per joint, and of clearances."""
+"""Panels of binding limits, one row per joint, and of clearances over time."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -7,22 +7,21 @@ import numpy as np
 
 from tubeplanner.limits.binding_limits import OBSTACLES, SELF_COLLISION, Span
 from tubeplanner.output.curves import BindingStrip, LimitedMotion
-from tubeplanner.output.drawing import BINDING_STYLES, LINE_COLORS, OTHER_BINDING, BindingStyle
+from tubeplanner.output.drawing import BINDING_STYLES, LINE_COLORS, OTHER_BINDING
 from tubeplanner.output.figures.panels import LIMIT, line_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# ---- The panel "what binds when": a row per joint, of the tool and of the links, over time.
 
 _NEARLY_ALL = 99.0  # [%]: from here on decimals are shown
 _HEIGHT = 0.78  # of a row
-_LETTER = 0.0062  # of the panel: what a letter of a name in a bar is wide
-_LINE_FROM, _LINE_TO = -0.036, -0.005  # where a joint's line is beside its row, of the panel
+_LETTER = 0.0062  # width of a letter of a name in a bar, of the panel
+_LINE_FROM, _LINE_TO = -0.036, -0.005  # ends of a joint's line beside its row, of the panel
 
 
 def draw_strip(axis: "Axes", strip: BindingStrip) -> None:
-    """Draw a strip; beside each joint's name, the line that other panels draw it with."""
+    """Draw a strip of binding limits; beside each joint's name, its line style of other panels."""
     for row, spans in enumerate(strip.rows.values()):
         axis.axhspan(row - _HEIGHT / 2, row + _HEIGHT / 2, color="#F4F4F4", linewidth=0, zorder=0)
         for span in spans:
@@ -38,44 +37,26 @@ def draw_strip(axis: "Axes", strip: BindingStrip) -> None:
 
 
 def _draw_span(axis: "Axes", span: Span, row: int, duration: float) -> None:
-    style, width = _style(span.kind), span.end - span.begin
-    axis.barh(
-        row,
-        width,
-        _HEIGHT,
-        span.begin,
-        color=style.color,
-        hatch=style.hatch,
-        edgecolor="white",
-        linewidth=0.4,
-        zorder=2,
-    )
-    name = _words(span.kind)
+    style, width = BINDING_STYLES.get(span.kind, OTHER_BINDING), span.end - span.begin
+    look: dict[str, Any] = {"color": style.color, "hatch": style.hatch, "edgecolor": "white"}
+    axis.barh(row, width, _HEIGHT, span.begin, linewidth=0.4, zorder=2, **look)
+    name = span.kind.replace("_", " ")
     if width / duration > _LETTER * (len(name) + 1):
         box = {"facecolor": style.color, "edgecolor": "none", "pad": 0.6}
         middle = span.begin + width / 2
-        axis.text(
-            middle,
-            row,
-            name,
-            ha="center",
-            va="center",
-            fontsize=6.5,
-            color=style.text,
-            bbox=box,
-            zorder=3,
-        )
+        text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5, "zorder": 3}
+        axis.text(middle, row, name, color=style.text, bbox=box, **text)
 
 
 def _draw_legend(axis: "Axes", strip: BindingStrip) -> None:
-    """Name the kinds that bind, above the panel, with their share of the time."""
+    """Name the kinds that bind, with their percentage of the time, above the panel."""
     from matplotlib.patches import Patch
 
     handles = []
     for kind, share in sorted(strip.shares.items(), key=lambda pair: -pair[1]):
-        style = _style(kind)
+        style = BINDING_STYLES.get(kind, OTHER_BINDING)
         look: dict[str, Any] = {"facecolor": style.color, "edgecolor": "white", "linewidth": 0.4}
-        label = f"{_words(kind)} {percent(share)}"
+        label = f"{kind.replace('_', ' ')} {percent(share)}"
         handles.append(Patch(hatch=style.hatch, label=label, **look))
     above = 2.0 if len(handles) else 1.0
     axis.legend(
@@ -93,36 +74,22 @@ def _draw_legend(axis: "Axes", strip: BindingStrip) -> None:
         "What binds when (98 % of a limit or more): "
         f"some limit on the speed {percent(strip.speed_share)} of the time"
     )
-    axis.annotate(
-        title,
-        (0.0, 1.0),
-        (0, 34),
-        xycoords="axes fraction",
-        textcoords="offset points",
-        fontsize=9.5,
-    )
+    place: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
+    axis.annotate(title, (0.0, 1.0), (0, 34), fontsize=9.5, **place)
 
 
 def percent(share: float) -> str:
-    """Return a share in percent, never rounded to all or nothing."""
+    """Return a fraction in percent, rounded to 0 or 100 % only if exactly that."""
     if share in (0.0, 1.0):
         return f"{100 * share:.0f} %"
-    shown = min(max(100 * share, 0.1), 99.9)
-    return f"{shown:.2g} %" if shown < _NEARLY_ALL else f"{shown:.3g} %"
+    bounded = min(max(100 * share, 0.1), 99.9)
+    return f"{bounded:.2g} %" if bounded < _NEARLY_ALL else f"{bounded:.3g} %"
 
 
-def _words(kind: str) -> str:
-    return kind.replace("_", " ")
-
-
-def _style(kind: str) -> BindingStyle:
-    return BINDING_STYLES.get(kind, OTHER_BINDING)
-
-
-# ---- The panel of clearances: how near links come to obstacles and to each other, over time.
+# ---- The panel of clearances: distances of links to obstacles and to each other over time.
 
 _MILLI = 1000.0
-_TOP = 1.5  # of the largest distance: names stand above the curves
+_TOP = 1.5  # of the largest distance: leaves room for names above the curves
 _STYLES: dict[str, tuple[str, Any]] = {
     OBSTACLES: (LINE_COLORS[1], "-"),
     SELF_COLLISION: (LINE_COLORS[0], (0, (5, 2))),
@@ -131,19 +98,19 @@ _WORDS = {OBSTACLES: "nearest obstacle", SELF_COLLISION: "nearest links"}
 
 
 def draw_clearance(axis: "Axes", motions: Sequence[LimitedMotion]) -> None:
-    """Draw the least distances in motions one after the other, and what is required, dashed.
+    """Draw the least distances in successive motions, and the required distances, dashed.
 
-    A point marks where a pair is nearest beyond what is required of it; the legend names the pair.
+    A point marks the pair with the least margin to its required distance; the legend names it.
     """
     for kind, (color, dashes) in _STYLES.items():
         own = [(each.begin, pairs) for each in motions for pairs in each.closest]
         own = [(begin, pairs) for begin, pairs in own if pairs.kind == kind]
         for begin, pairs in own:
-            is_known = np.isfinite(pairs.distance)
-            shown = np.where(is_known, _MILLI * pairs.distance, np.nan)
-            required = _MILLI * np.where(is_known, pairs.distance - pairs.margin, np.nan)
+            is_finite = np.isfinite(pairs.distance)
+            distances = np.where(is_finite, _MILLI * pairs.distance, np.nan)
+            required = _MILLI * np.where(is_finite, pairs.distance - pairs.margin, np.nan)
             look: dict[str, Any] = {"color": color, "linestyle": dashes, "linewidth": 1.6}
-            axis.plot(begin + pairs.time, shown, **look)
+            axis.plot(begin + pairs.time, distances, **look)
             axis.plot(begin + pairs.time, required, **{**LIMIT, "color": color})
         margins = [float(pairs.margin.min()) for _, pairs in own]
         if margins and np.isfinite(min(margins)):

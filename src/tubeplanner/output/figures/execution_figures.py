@@ -1,4 +1,4 @@
-"""Plot_execution, plot_cycle_execution: executed paths in section, tolerance left over time."""
+"""Figures of executed trajectories and cycles: tool paths in section, margins over time."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -43,41 +43,215 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
 
-# ---- The tool's executed paths in the planes in which a tube extends the farthest, and close up.
+_TITLE_WIDTH = 140  # [characters]
+_CYCLE_TITLE_WIDTH = 110
+_LETTER = 0.0055  # width of a letter of a name, of the panel
+
+
+def plot_execution(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    execution: Execution,
+    judged: Sequence[JudgedRun],
+    path: str | Path | None = None,
+) -> "Figure":
+    """Draw an executed trajectory: the tool in the tube, and margins over time.
+
+    Left the tool's paths in one or two planes and close up, in another colour where they leave
+    the tube. Right, over time, of the plan and of all runs: the tool's margin inside the tube; its
+    margin inside the rotation tolerance, if there is one; the distance of links from obstacles, if
+    there are any; the tool's distance from the plan; the percentage of runs with each motor at its
+    limit.
+
+    Args:
+        problem: The planning problem.
+        trajectory: The planned trajectory.
+        execution: Its simulated runs.
+        judged: Verdicts of `judged_runs` on them.
+        path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
+
+    Returns:
+        The figure.
+
+    Raises:
+        OptionError: The file has another ending.
+        OutputError: The file could not be written.
+    """
+    trajectory = trajectory.reordered(problem.robot.joint_names)
+    tools = tool_runs(problem, trajectory, execution)
+    draws = _over_time(problem, trajectory, execution, tools)
+    whole = new_figure(14.0, max(2.4 + 1.75 * len(draws), 9.0))
+    verdict = fill(str(run_verdict(judged)), _TITLE_WIDTH)
+    title = f"{problem.name}: {trajectory.duration:.4f} s, executed\n{verdict}"
+    whole.suptitle(title, fontsize=13)
+    left, right = whole.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.25))[0]
+    draw_planes(left, problem, tools)
+    heights = [1.7, *([1.0] * (len(draws) - 1))]
+    axes = right.subplots(len(draws), 1, sharex=True, height_ratios=heights)
+    curves = trajectory_curves(problem, trajectory)
+    for axis, draw in zip(axes, draws, strict=True):
+        draw(axis)
+        mark_segments(axis, curves, labels=axis is axes[0], until=float(execution.time[-1]))
+        axis.set_xlabel("time [s]" if axis is axes[-1] else "")
+    # The panel of the tube marks the run and the instant that the planes mark.
+    when, end = tools.tube.time[tools.worst[1]], tools.tube.time[-1]
+    axes[0].scatter(when, 1000 * tools.tube.runs[tools.worst], **RING)
+    look = {"transform": axes[0].get_xaxis_transform(), "ha": "center", "fontsize": 7}
+    axes[0].text((trajectory.duration + end) / 2, 1.01, "held", **look)
+    handles, labels = axes[0].get_legend_handles_labels()
+    right.legend(handles, labels, fontsize=8, ncols=4, loc="outside upper center", frameon=False)
+    return saved(whole, path)
+
+
+def _over_time(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    execution: Execution,
+    tools: ToolRuns,
+) -> list[Callable[["Axes"], None]]:
+    """Return the functions that draw the panels over time, from top to bottom."""
+    draws: list[Callable[[Axes], None]]
+    draws = [partial(draw_margin, band=tools.tube, label="inside the tube [mm]")]
+    if tools.rotation is not None:
+        label = "inside the rotation\ntolerance [mrad]"
+        draws.append(partial(draw_margin, band=tools.rotation, label=label))
+    distance = obstacle_band(problem, trajectory, execution)
+    if distance is not None:
+        label, least = "distance from\nobstacles [mm]", problem.clearance
+        draws.append(partial(draw_margin, band=distance, label=label, least=least))
+    away = np.linalg.norm(tools.runs - tools.plan, axis=2)
+    tracking = Band(execution.time, np.zeros(len(execution.time)), away)
+    draws.append(partial(draw_band, band=tracking, label="tool from\nthe plan [mm]"))
+    look = partial(draw_saturation, robot=problem.robot, time=execution.time)
+    draws.append(partial(look, is_saturated=execution.is_saturated))
+    return draws
+
+
+def plot_cycle_execution(
+    motion: CycleMotion,
+    execution: Execution,
+    judged: JudgedCycle,
+    path: str | Path | None = None,
+) -> "Figure":
+    """Draw an executed cycle: margins over time.
+
+    Of the plan and of all runs: the tool's margin inside the tube of its move; its margin inside
+    the rotation tolerance, if there is one; the distance of links from obstacles beyond the
+    required clearance, if there are any; the tool's distance from the plan; the percentage of runs
+    with each motor at its limit. Lines and names mark the steps at rest.
+
+    Args:
+        motion: The planned motion.
+        execution: Its simulated runs.
+        judged: Verdict of `judged_cycle` on them.
+        path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
+
+    Returns:
+        The figure.
+
+    Raises:
+        OptionError: The file has another ending.
+        OutputError: The file could not be written.
+    """
+    draws = _cycle_over_time(motion, execution)
+    whole = new_figure(14.0, 2.0 + 1.9 * len(draws))
+    verdict = fill(str(run_verdict(judged.runs)), _CYCLE_TITLE_WIDTH)
+    duration = motion.trajectory.duration
+    whole.suptitle(f"{motion.cycle.name}: {duration:.4f} s, executed\n{verdict}", fontsize=13)
+    axes = whole.subplots(len(draws), 1, sharex=True, squeeze=False)[:, 0]
+    timeline, end = cycle_timeline(motion), float(execution.time[-1])
+    for axis, draw in zip(axes, draws, strict=True):
+        draw(axis)
+        mark_moves(axis, timeline, end, names=axis is axes[0], letter=_LETTER)
+        axis.set_xlabel("time [s]" if axis is axes[-1] else "")
+    name_steps(axes[-2], timeline, end)  # where curves are low at rest: the tool from the plan
+    handles, labels = axes[0].get_legend_handles_labels()
+    whole.legend(handles, labels, fontsize=8, ncols=4, loc="outside lower center", frameon=False)
+    return saved(whole, path)
+
+
+def _cycle_over_time(motion: CycleMotion, execution: Execution) -> list[Callable[["Axes"], None]]:
+    """Return the functions that draw the panels over time, from top to bottom."""
+    legs = executed_legs(motion, execution)
+    tools = [tool_runs(leg.problem, leg.trajectory, leg.execution) for leg in legs]
+    draws: list[Callable[[Axes], None]] = []
+    margins: dict[str, list[Band | None]] = {
+        "inside the tube [mm]": [tool.tube for tool in tools],
+        "inside the rotation\ntolerance [mrad]": [tool.rotation for tool in tools],
+        "farther from obstacles\nthan asked [mm]": [_beyond_clearance(leg) for leg in legs],
+    }
+    for label, bands in margins.items():
+        if any(band is not None for band in bands):
+            joined = _joined(legs, bands)
+            draws.append(partial(draw_margin, band=joined, label=label))
+    away = [np.linalg.norm(tool.runs - tool.plan, axis=2) for tool in tools]
+    times = [leg.execution.time for leg in legs]
+    tracking = [Band(time, 0 * time, runs) for time, runs in zip(times, away, strict=True)]
+    draws.append(partial(draw_band, band=_joined(legs, tracking), label="tool from\nthe plan [mm]"))
+    look = partial(draw_saturation, robot=motion.cycle.robot, time=execution.time)
+    return [*draws, partial(look, is_saturated=execution.is_saturated)]
+
+
+def _beyond_clearance(leg: ExecutedLeg) -> Band | None:
+    """Return the distance of links from obstacles beyond a leg's clearance [m]."""
+    band = obstacle_band(leg.problem, leg.trajectory, leg.execution)
+    clearance = leg.problem.clearance
+    if band is None:
+        return None
+    return Band(band.time, band.plan - clearance, band.runs - clearance)
+
+
+def _joined(legs: Sequence[ExecutedLeg], bands: Sequence[Band | None]) -> Band:
+    """Return the bands of all legs, joined in times of the cycle with gaps between legs."""
+    runs = len(legs[0].execution.plants)
+    parts = [(leg.begin, band) for leg, band in zip(legs, bands, strict=True) if band is not None]
+    return Band(
+        np.concatenate([begin + np.append(band.time, band.time[-1]) for begin, band in parts]),
+        np.concatenate([np.append(band.plan, np.nan) for _, band in parts]),
+        np.hstack([np.column_stack([band.runs, np.full(runs, np.nan)]) for _, band in parts]),
+    )
+
+
+# ---- The tool's paths in the planes in which a tube extends the farthest, and the close-up.
 
 _STEPS = 300  # lines of a path
 _FLAT = 1e-6  # [m]: a tool that moves less is not shown in that direction
 _TINT = 0.3  # of a segment's colour; the rest is white
-_ROOM = 0.04  # about what is shown, of its largest extent
-_ASTRAY = 0.3  # beyond the tube, of its extent: what goes farther is not shown
-# Half the height of the close-up, in excursions; at least, in radii; at most, of what is shown.
+_ROOM = 0.04  # around the drawing, of its largest extent
+_ASTRAY = 0.3  # beyond the tube, of its extent: runs that go farther are cut off
+# Half the height of the close-up, in excursions; at least, in radii; at most, of the whole panel.
 _CLOSE, _LEAST_CLOSE, _MOST_CLOSE = 2.0, 0.4, 0.25
 _LEAST_HEIGHT, _CLOSE_HEIGHT = 0.15, 0.6  # of a row, of its width
 _SIDES = 96  # of a round silhouette
 _NAMES, _UP = "xyz", 2
-# About the place that is farthest out.
+# Marks the place farthest out of the tube.
 RING: dict[str, Any] = {"facecolor": "none", "edgecolor": "#000000", "s": 90, "zorder": 5}
 
 Plane = tuple[int, int]  # the coordinates to the right and up
 
 
 def draw_planes(figure: "FigureBase", problem: PlanningProblem, tools: ToolRuns) -> None:
-    """Draw the tool's paths in the two planes through the tube's longest direction, and close up.
+    """Draw the tool's paths in the two planes through the tube's longest direction, and a close-up.
 
-    z points up, and else that direction to the right. An arm that moves in a plane has only that.
-    The close-up is where the tool is farthest out, in the plane that shows it best.
+    z points up, otherwise the longest direction points to the right. An arm that moves in a plane
+    has that plane only. The close-up is where the tool is farthest out, in the plane that shows it
+    best.
     """
-    planes = _planes(problem.tube, tools)
-    low, high = _frame(problem.tube, tools)
+    tube = problem.tube
+    first, second, third = np.argsort(-np.ptp(tube.points, axis=0), kind="stable").tolist()
+    others = [second, third] if np.ptp(tools.plan[:, third]) > _FLAT else [second]
+    planes: list[Plane] = [(other, _UP) if first == _UP else (first, other) for other in others]
+    low, high = _frame(tube, tools)
     *axes, close = _axes(figure, planes, high - low)
     paths = executed_paths(tools, _STEPS)
     for axis, plane in zip(axes, planes, strict=True):
         _draw_plane(axis, problem, tools, paths, plane)
         _show(axis, plane, low, high)
         axis.set_aspect("equal")
-    best = _telling(tools, planes)
+    away = tools.runs[tools.worst] - _nearest_planned(tools)
+    best = max(planes, key=lambda plane: float(np.linalg.norm(away[list(plane)])))
     _draw_plane(close, problem, tools, paths, best)
-    _draw_close(close, axes[planes.index(best)], problem.tube, tools, best)
+    _draw_close(close, axes[planes.index(best)], tube, tools, best)
     handles, labels = close.get_legend_handles_labels()
     look: dict[str, Any] = {"loc": "outside upper center", "ncols": 4, "frameon": False}
     legend = figure.legend(handles, labels, fontsize=8, **look)
@@ -85,14 +259,8 @@ def draw_planes(figure: "FigureBase", problem: PlanningProblem, tools: ToolRuns)
         line.set(linewidth=2.0, alpha=1.0)
 
 
-def _planes(tube: Tube, tools: ToolRuns) -> list[Plane]:
-    first, second, third = np.argsort(-np.ptp(tube.points, axis=0), kind="stable").tolist()
-    others = [second, third] if np.ptp(tools.plan[:, third]) > _FLAT else [second]
-    return [(other, _UP) if first == _UP else (first, other) for other in others]
-
-
 def _axes(figure: "FigureBase", planes: list[Plane], size: FloatArray) -> list["Axes"]:
-    """Return axes for planes, below each other or, if these are high, beside; and one below."""
+    """Return axes for the planes, stacked or, if high, side by side; then axes below for the close-up."""
     shape = [max(size[up] / size[across], _LEAST_HEIGHT) for across, up in planes]
     if planes[0][1] == _UP and max(shape) > 1:
         grid = figure.add_gridspec(2, len(planes), height_ratios=(1.2, _CLOSE_HEIGHT))
@@ -104,7 +272,7 @@ def _axes(figure: "FigureBase", planes: list[Plane], size: FloatArray) -> list["
 
 
 def _frame(tube: Tube, tools: ToolRuns) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of what is shown: the tube, and the runs where they do not go astray."""
+    """Return the lower and upper corner of the drawing: the tube, and runs that are not astray."""
     reach = tube.reach.max()
     low, high = tube.points.min(axis=0) - reach, tube.points.max(axis=0) + reach
     far = _ASTRAY * (high - low)
@@ -115,14 +283,8 @@ def _frame(tube: Tube, tools: ToolRuns) -> tuple[FloatArray, FloatArray]:
     return low - room, high + room
 
 
-def _telling(tools: ToolRuns, planes: list[Plane]) -> Plane:
-    """Return the plane that best shows how the tool leaves the plan where it is farthest out."""
-    away = tools.runs[tools.worst] - _nearest_planned(tools)
-    return max(planes, key=lambda plane: float(np.linalg.norm(away[list(plane)])))
-
-
 def _nearest_planned(tools: ToolRuns) -> FloatArray:
-    """Return the place of the plan (3,) [m] nearest to where the tool is farthest out."""
+    """Return the point of the plan (3,) [m] nearest to the tool where that is farthest out."""
     distance = np.linalg.norm(tools.plan - tools.runs[tools.worst], axis=1)
     nearest: FloatArray = tools.plan[distance.argmin()]
     return nearest
@@ -138,7 +300,7 @@ def _show(axis: "Axes", plane: Plane, low: FloatArray, high: FloatArray) -> None
 
 
 def _draw_close(axis: "Axes", whole: "Axes", tube: Tube, tools: ToolRuns, plane: Plane) -> None:
-    """Show what is near the place that is farthest out, and frame it in the whole."""
+    """Show the surroundings of the place farthest out, and frame this area in the whole panel."""
     tool, margin = tools.runs[tools.worst], float(tools.tube.runs[tools.worst])
     middle = (tool + _nearest_planned(tools)) / 2
     half = max(_CLOSE * abs(margin), _LEAST_CLOSE * float(tube.effective_radius.min()))
@@ -185,7 +347,7 @@ def _draw_plane(
 
 
 def _draw_tube(axis: "Axes", tube: Tube, plane: Plane) -> None:
-    """Draw the silhouettes of segments, small ones on large ones, an edge about all of them."""
+    """Draw the silhouettes of segments, small on large, with a common edge around all."""
     step = segments_per_group(tube.segment_count)
     outlines = [
         _outline(np.stack(region_grid(tube, k, sides=_SIDES), axis=-1).reshape(-1, 3)[:, plane])
@@ -206,45 +368,45 @@ def _outline(points: FloatArray) -> FloatArray:
     return points[ConvexHull(points).vertices]
 
 
-# ---- The panels of an execution's figure: a quantity of the plan and of all runs over time.
+# ---- The panels: a quantity of the plan and of all runs over time.
 
 _PLAN: dict[str, Any] = {"color": "#000000", "linewidth": 1.3}
 _BANDS = (((0.0, 1.0), 0.28, "all runs"), ((0.25, 0.75), 0.5, "half of the runs"))
 _MILLI = 1e3
 _LEAST_ROOM = 0.1  # [mm or mrad]
-_COLUMNS = 250  # in which saturation is shown
+_COLUMNS = 250  # of the saturation panel
 
 
 def draw_margin(axis: "Axes", band: Band, label: str, least: float = 0.0) -> None:
-    """Draw what is left of a tolerance, in another colour where runs have nothing left.
+    """Draw the margin to a tolerance, in another colour where a run exceeds the tolerance.
 
-    Where much is left the panel ends.
+    The panel ends where the margin is large.
 
     Args:
-        axis: Where.
+        axis: Of the panel.
         band: In m or rad.
         label: Of the axis, in mm or mrad.
-        least: What is asked, in m or rad.
+        least: Required margin, in m or rad.
     """
     draw_band(axis, band, label, least)
     bound = _MILLI * least
     axis.axhline(bound, **{**LIMIT, "linewidth": 1.4}, label="limit")
     values = _MILLI * np.vstack([band.runs, band.plan]) - bound
     low, top = float(np.nanmin(values)), float(np.nanmax(values))
-    nearest = float(np.nanmin(values[-1]))  # of the plan, which is always seen there
+    nearest = float(np.nanmin(values[-1]))  # of the plan: its nearest point is always in sight
     room = min(top, max(-3 * low, 2 * nearest, 0.25 * top))
     room = max(room, 0.1 * abs(low), _LEAST_ROOM)
     axis.set_ylim(bound + min(1.25 * low, -0.12 * room), bound + 1.1 * room)
 
 
 def draw_band(axis: "Axes", band: Band, label: str, least: float = -np.inf) -> None:
-    """Draw the plan as a line, all runs and half of them as bands.
+    """Draw the plan as a line, all runs and half of the runs as bands.
 
     Args:
-        axis: Where.
+        axis: Of the panel.
         band: In m or rad.
         label: Of the axis, in mm or mrad.
-        least: In m or rad; what is below it has another colour.
+        least: In m or rad; values below have another colour.
     """
     bound = _MILLI * least
     for shares, alpha, name in _BANDS:
@@ -261,21 +423,21 @@ def draw_band(axis: "Axes", band: Band, label: str, least: float = -np.inf) -> N
 
 
 def _quantiles(runs: FloatArray, shares: tuple[float, ...]) -> FloatArray:
-    """Return quantiles of R runs (R, K), NaN left out, shape (len(shares), K); NaN of nothing."""
-    found = np.full((len(shares), runs.shape[1]), np.nan)
-    known = ~np.isnan(runs).all(axis=0)
-    found[:, known] = np.nanquantile(runs[:, known], shares, axis=0)
-    return found
+    """Return quantiles of R runs (R, K), NaN left out, shape (len(shares), K); NaN if all are."""
+    result = np.full((len(shares), runs.shape[1]), np.nan)
+    has_values = ~np.isnan(runs).all(axis=0)
+    result[:, has_values] = np.nanquantile(runs[:, has_values], shares, axis=0)
+    return result
 
 
 def draw_saturation(
     axis: "Axes", robot: RobotModel, time: FloatArray, is_saturated: BoolArray
 ) -> None:
-    """Draw in what share of R runs each motor is at its limit, one row a joint.
+    """Draw the percentage of R runs with a motor at its limit, a row per joint.
 
     Args:
-        axis: Where.
-        robot: Whose motors.
+        axis: Of the panel.
+        robot: Names the rows.
         time: Shape (K,) [s].
         is_saturated: Shape (R, K, n).
     """
@@ -292,184 +454,3 @@ def draw_saturation(
     axis.invert_yaxis()
     bar = axis.figure.colorbar(image, ax=axis, pad=0.01, aspect=12)
     bar.set_label("at the limit\n[% of runs]", fontsize=8)
-
-
-# ---- The figure of an execution: the tool's paths in the tube, and what is left of tolerances.
-
-_TITLE_WIDTH = 140  # [characters]
-
-
-def plot_execution(
-    problem: PlanningProblem,
-    trajectory: JointTrajectory,
-    execution: Execution,
-    judged: Sequence[JudgedRun],
-    path: str | Path | None = None,
-) -> "Figure":
-    """Draw how arms executed a trajectory: the tool in the tube, and what is left over time.
-
-    Left the tool's paths in one or two planes and close up, in another colour where they leave
-    the tube. Right, over time, of
-    the plan and of all runs: how far inside the tube the tool is; how far inside the rotation
-    tolerance, if there is one; how far links are from obstacles, if there are some; how far the
-    tool is from the plan; and in what share of the runs each motor is at its limit.
-
-    Args:
-        problem: The planning problem.
-        trajectory: What was to be executed.
-        execution: What was.
-        judged: What `judged_runs` says of that.
-        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
-
-    Returns:
-        The figure.
-
-    Raises:
-        OptionError: The file has another ending.
-        OutputError: The file could not be written.
-    """
-    trajectory = trajectory.reordered(problem.robot.joint_names)
-    tools = tool_runs(problem, trajectory, execution)
-    draws = _over_time(problem, trajectory, execution, tools)
-    whole = new_figure(14.0, max(2.4 + 1.75 * len(draws), 9.0))
-    whole.suptitle(_title(problem, trajectory.duration, judged), fontsize=13)
-    left, right = whole.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.25))[0]
-    draw_planes(left, problem, tools)
-    heights = [1.7, *([1.0] * (len(draws) - 1))]
-    axes = right.subplots(len(draws), 1, sharex=True, height_ratios=heights)
-    curves = trajectory_curves(problem, trajectory)
-    for axis, draw in zip(axes, draws, strict=True):
-        draw(axis)
-        mark_segments(axis, curves, labels=axis is axes[0], until=float(execution.time[-1]))
-        axis.set_xlabel("time [s]" if axis is axes[-1] else "")
-    _mark_worst(axes[0], tools, trajectory.duration)
-    handles, labels = axes[0].get_legend_handles_labels()
-    right.legend(handles, labels, fontsize=8, ncols=4, loc="outside upper center", frameon=False)
-    return saved(whole, path)
-
-
-def _mark_worst(axis: "Axes", tools: ToolRuns, duration: float) -> None:
-    """Mark the run and the instant that the planes mark, and where the goal is held."""
-    when = tools.tube.time[tools.worst[1]]
-    axis.scatter(when, 1000 * tools.tube.runs[tools.worst], **RING)
-    end = (duration + tools.tube.time[-1]) / 2
-    axis.text(end, 1.01, "held", transform=axis.get_xaxis_transform(), ha="center", fontsize=7)
-
-
-def _title(problem: PlanningProblem, duration: float, judged: Sequence[JudgedRun]) -> str:
-    """Return what was planned, and what was seen."""
-    verdict = fill(str(run_verdict(judged)), _TITLE_WIDTH)
-    return f"{problem.name}: {duration:.4f} s, executed\n{verdict}"
-
-
-def _over_time(
-    problem: PlanningProblem,
-    trajectory: JointTrajectory,
-    execution: Execution,
-    tools: ToolRuns,
-) -> list[Callable[["Axes"], None]]:
-    """Return what draws the panels over time, from top to bottom."""
-    draws: list[Callable[[Axes], None]]
-    draws = [partial(draw_margin, band=tools.tube, label="inside the tube [mm]")]
-    if tools.rotation is not None:
-        label = "inside the rotation\ntolerance [mrad]"
-        draws.append(partial(draw_margin, band=tools.rotation, label=label))
-    distance = obstacle_band(problem, trajectory, execution)
-    if distance is not None:
-        label, least = "distance from\nobstacles [mm]", problem.clearance
-        draws.append(partial(draw_margin, band=distance, label=label, least=least))
-    away = np.linalg.norm(tools.runs - tools.plan, axis=2)
-    tracking = Band(execution.time, np.zeros(len(execution.time)), away)
-    draws.append(partial(draw_band, band=tracking, label="tool from\nthe plan [mm]"))
-    look = partial(draw_saturation, robot=problem.robot, time=execution.time)
-    draws.append(partial(look, is_saturated=execution.is_saturated))
-    return draws
-
-
-# ---- The figure of an executed cycle: what is left of tolerances over time, from move to move.
-
-_CYCLE_TITLE_WIDTH = 110  # [characters]
-_LETTER = 0.0055  # of the panel: what a letter of a name is wide
-
-
-def plot_cycle_execution(
-    motion: CycleMotion,
-    execution: Execution,
-    judged: JudgedCycle,
-    path: str | Path | None = None,
-) -> "Figure":
-    """Draw how arms executed a cycle: what is left of tolerances over time.
-
-    Of the plan and of all runs: how far inside the tube of its move the tool is; how far inside the
-    rotation tolerance, if there is one; how much farther from obstacles links are than they must
-    be, if there are some; how far the tool is from the plan; and in what share of the runs each
-    motor is at its limit. Lines and names mark what happens at rest.
-
-    Args:
-        motion: What was to be executed.
-        execution: What was.
-        judged: What `judged_cycle` says of that.
-        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
-
-    Returns:
-        The figure.
-
-    Raises:
-        OptionError: The file has another ending.
-        OutputError: The file could not be written.
-    """
-    draws = _cycle_over_time(motion, execution)
-    whole = new_figure(14.0, 2.0 + 1.9 * len(draws))
-    verdict = fill(str(run_verdict(judged.runs)), _CYCLE_TITLE_WIDTH)
-    duration = motion.trajectory.duration
-    whole.suptitle(f"{motion.cycle.name}: {duration:.4f} s, executed\n{verdict}", fontsize=13)
-    axes = whole.subplots(len(draws), 1, sharex=True, squeeze=False)[:, 0]
-    timeline, end = cycle_timeline(motion), float(execution.time[-1])
-    for axis, draw in zip(axes, draws, strict=True):
-        draw(axis)
-        mark_moves(axis, timeline, end, names=axis is axes[0], letter=_LETTER)
-        axis.set_xlabel("time [s]" if axis is axes[-1] else "")
-    name_steps(axes[-2], timeline, end)  # where curves are low at rest: the tool from the plan
-    handles, labels = axes[0].get_legend_handles_labels()
-    whole.legend(handles, labels, fontsize=8, ncols=4, loc="outside lower center", frameon=False)
-    return saved(whole, path)
-
-
-def _cycle_over_time(motion: CycleMotion, execution: Execution) -> list[Callable[["Axes"], None]]:
-    """Return what draws the panels over time, from top to bottom."""
-    legs = executed_legs(motion, execution)
-    tools = [tool_runs(leg.problem, leg.trajectory, leg.execution) for leg in legs]
-    draws: list[Callable[[Axes], None]] = []
-    margins: dict[str, list[Band | None]] = {
-        "inside the tube [mm]": [tool.tube for tool in tools],
-        "inside the rotation\ntolerance [mrad]": [tool.rotation for tool in tools],
-        "farther from obstacles\nthan asked [mm]": [_beyond_clearance(leg) for leg in legs],
-    }
-    for label, bands in margins.items():
-        if any(band is not None for band in bands):
-            joined = _joined(legs, bands)
-            draws.append(partial(draw_margin, band=joined, label=label))
-    away = [np.linalg.norm(tool.runs - tool.plan, axis=2) for tool in tools]
-    times = [leg.execution.time for leg in legs]
-    tracking = [Band(time, 0 * time, runs) for time, runs in zip(times, away, strict=True)]
-    draws.append(partial(draw_band, band=_joined(legs, tracking), label="tool from\nthe plan [mm]"))
-    look = partial(draw_saturation, robot=motion.cycle.robot, time=execution.time)
-    return [*draws, partial(look, is_saturated=execution.is_saturated)]
-
-
-def _beyond_clearance(leg: ExecutedLeg) -> Band | None:
-    """Return how much farther from obstacles links are than a leg asks [m]."""
-    band = obstacle_band(leg.problem, leg.trajectory, leg.execution)
-    asked = leg.problem.clearance
-    return None if band is None else Band(band.time, band.plan - asked, band.runs - asked)
-
-
-def _joined(legs: Sequence[ExecutedLeg], bands: Sequence[Band | None]) -> Band:
-    """Return bands of all legs as one in times of the cycle, with gaps between them."""
-    runs = len(legs[0].execution.plants)
-    known = [(leg.begin, band) for leg, band in zip(legs, bands, strict=True) if band is not None]
-    return Band(
-        np.concatenate([begin + np.append(band.time, band.time[-1]) for begin, band in known]),
-        np.concatenate([np.append(band.plan, np.nan) for _, band in known]),
-        np.hstack([np.column_stack([band.runs, np.full(runs, np.nan)]) for _, band in known]),
-    )

@@ -1,4 +1,7 @@
-"""Figures without a window: creation, files, grid of panels."""
+"""Figures without a window: creation, files, grid of panels.
+
+Matplotlib is imported when a figure is made.
+"""
 
 import io
 from dataclasses import dataclass
@@ -12,19 +15,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-# ---- Figures without a window, and their files. matplotlib is imported when a figure is made.
-
 _DPI = 110
-_DPI_OF_PICTURES = 150  # of what vector files hold as pixels
-# By ending: what is said of the file beside the figure, without the date, so that equal figures
-# are equal files.
+_DPI_OF_PICTURES = 150  # of pictures in vector files
+# Metadata of a file by its ending, without the date, so that equal figures are equal files.
 _METADATA: dict[str, dict[str, Any]] = {
     ".png": {},
     ".pdf": {"CreationDate": None},
     ".svg": {"Date": None},
 }
 FIGURE_ENDINGS = tuple(_METADATA)
-# Text stays text, so that it is found, copied and edited; a PDF brings its fonts along.
+# Text stays text, so that it can be found, copied and edited; a PDF embeds its fonts.
 _VECTOR_STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,
     "svg.fonttype": "none",
@@ -43,7 +43,7 @@ def new_figure(width: float, height: float) -> "Figure":
 
 
 def saved(figure: "Figure", path: str | Path | None) -> "Figure":
-    """Return a figure, written to a file if one is named: PNG, PDF or SVG, by its ending.
+    """Write a figure to a file, if named, as PNG, PDF or SVG by its ending; return the figure.
 
     Raises:
         OptionError: The name ends otherwise.
@@ -75,26 +75,26 @@ def figure_file(figure: "Figure", path: Path) -> bytes:
 
 
 def require_figure(path: Path | None, option: str = "figure") -> None:
-    """Check that the name of a figure's file, if there is one, has an ending that can be written.
+    """Check that the name of a figure's file, if any, has an ending that can be written.
 
     Args:
-        path: The file.
-        option: What the message says it was given as.
+        path: The file; None: nothing to check.
+        option: Name of the option in the message.
 
     Raises:
-        OptionError: It has not.
+        OptionError: The name has another ending.
     """
     if path is not None and path.suffix.lower() not in FIGURE_ENDINGS:
         *others, last = FIGURE_ENDINGS
-        known = f"{', '.join(others)} or {last}"
-        raise OptionError(f"{option} {path}: name a file that ends in {known}")
+        endings = f"{', '.join(others)} or {last}"
+        raise OptionError(f"{option} {path}: name a file that ends in {endings}")
 
 
-# ---- Where the panels of a motion's figure are, so that they fill its page.
+# ---- The grid of panels of a motion's figure.
 
 _WIDTH = 12.5  # all of these [inches]
 _ABOVE_STRIP, _STRIP_ROW, _PANEL, _MOTORS = 1.0, 0.21, 1.95, 2.7
-_LEAST_SPACE = 2  # rows of panels that the panel in space takes
+_LEAST_SPACE = 2  # rows of panels that the panel in space takes at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +103,10 @@ class FigureGrid:
 
     Attributes:
         figure: The figure.
-        strip: What binds when, over the whole width.
-        panels: Curves over time, those of the left column first.
+        strip: Binding limits, over the whole width.
+        panels: Curves over time, the left column first.
         space: The panel in space, at the top of the right column.
-        motors: For motors, below all; None: there are none.
+        motors: For motors, at the bottom; None: none.
     """
 
     figure: "Figure"
@@ -116,7 +116,7 @@ class FigureGrid:
     motors: "SubFigure | None"
 
     def name_time(self) -> None:
-        """Name the axis of time below the last panel of each column alone, and save the room."""
+        """Name the axis of time below the last panel of each column alone, to save space."""
         for axis in (self.strip, *self.panels):
             spec = axis.get_subplotspec()
             is_last = axis is not self.strip and spec is not None and spec.is_last_row()
@@ -124,12 +124,12 @@ class FigureGrid:
 
 
 def figure_grid(strip_rows: int, panels: int, *, has_motors: bool) -> FigureGrid:
-    """Return an empty figure.
+    """Return a figure with empty panels.
 
     Args:
         strip_rows: Rows of the strip.
-        panels: How many curves over time there are.
-        has_motors: Whether there is room for motors.
+        panels: Number of curves over time.
+        has_motors: True for a part for motors.
     """
     rows = -(-(panels + _LEAST_SPACE) // 2)
     heights = [_ABOVE_STRIP + _STRIP_ROW * strip_rows, _PANEL * rows]
@@ -139,7 +139,7 @@ def figure_grid(strip_rows: int, panels: int, *, has_motors: bool) -> FigureGrid
     strip = parts[0].add_subplot()
     grid = parts[1].add_gridspec(rows, 2, width_ratios=(1.1, 1))
     beside = panels - rows
-    places = [(row, 0) for row in range(rows)] + [(row, 1) for row in range(rows - beside, rows)]
-    axes = [parts[1].add_subplot(grid[place]) for place in places]
+    cells = [(row, 0) for row in range(rows)] + [(row, 1) for row in range(rows - beside, rows)]
+    axes = [parts[1].add_subplot(grid[cell]) for cell in cells]
     space = parts[1].add_subplot(grid[: rows - beside, 1])
     return FigureGrid(figure, strip, axes, space, parts[2] if has_motors else None)

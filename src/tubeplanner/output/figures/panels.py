@@ -1,4 +1,4 @@
-"""Panels over time with limits and segments; effort over velocity."""
+"""Panels over time with limits and segments; panels of efforts over velocities."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -16,25 +16,43 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
-# ---- The panels of a trajectory's figure: a quantity over time, its limits, the tube's segments.
+# ---- Panels over time: a quantity, its limits, the tube's segments.
 
 # Dashes tell lines apart in grey print.
 _DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)), (0, (1, 1)))
 LIMIT: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": (0, (4, 3))}
 _MAIN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.6}
-_MAX_FACTOR = 3.0  # more than so many times faster is drawn as that
-_LONG_LABEL, _SHORT_LABEL = 0.2, 0.1  # shares of the panel that a label needs
+_MAX_FACTOR = 3.0  # larger factors are drawn as this
+_LONG_LABEL, _SHORT_LABEL = 0.2, 0.1  # least visits that have such a label, of the panel
 _MARGIN = 0.08
+
+DrawPanel: TypeAlias = "Callable[[Axes, TrajectoryCurves], None]"
+
+
+def time_panels(runs: Sequence[TrajectoryCurves]) -> list[DrawPanel]:
+    """Return the functions that draw the panels of motions of an arm.
+
+    Accelerations, jerks, effort rates and speeds of points have a panel if they are limited.
+    """
+    limits = runs[0].problem.robot.limits
+    panels: list[DrawPanel] = [draw_positions, draw_velocities]
+    panels += [draw_accelerations] if np.isfinite(limits.acceleration).any() else []
+    panels += [draw_jerks] if np.isfinite(limits.jerk).any() else []
+    panels.append(draw_efforts)
+    panels += [draw_effort_rates] if np.isfinite(limits.effort_rate).any() else []
+    panels.append(draw_speed)
+    panels += [draw_points] if limits.point_speed else []
+    return [*panels, draw_tube_use]
 
 
 def line_style(number: int) -> dict[str, Any]:
-    """Return colour and dashes of the line of a joint or of a case."""
+    """Return colour and dashes of the line of a joint or of a case, by its number."""
     dashes = _DASHES[number % len(_DASHES)]
     return {"color": LINE_COLORS[number % len(LINE_COLORS)], "linewidth": 1.5, "linestyle": dashes}
 
 
 def draw_positions(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw positions and, in each joint's colour, those of their bounds that are near."""
+    """Draw positions and, in each joint's colour, the bounds in sight."""
     problem, samples = curves.problem, curves.samples
     for j, name in enumerate(problem.robot.joint_names):
         axis.plot(samples.time, samples.position[:, j], label=_once(axis, name), **line_style(j))
@@ -51,34 +69,46 @@ def draw_positions(axis: "Axes", curves: TrajectoryCurves) -> None:
 
 
 def draw_velocities(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw velocities against their limits; in each joint's colour, those that fall below them."""
-    robot = curves.problem.robot
-    unit = _unit(curves.problem, "rad/s", "m/s")
-    _draw_shares(axis, curves, curves.samples.velocity, robot.limits.velocity, "velocity", unit)
-    _draw_velocity_by_position(axis, curves)
+    """Draw velocities against their limits; in each joint's colour, lower limits by position."""
+    limits, samples = curves.problem.robot.limits, curves.samples
+    own = limits.velocity
+    _draw_shares(axis, curves, samples.velocity, own, "velocity", ("rad/s", "m/s"))
+    unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
+    most = np.where(np.isfinite(own), own, 1.2 * abs(samples.velocity).max())
+    law = VelocityByPositionLimit(limits)
+    towards_ends = law.allowed(samples.position).T
+    for joint, sign, allowed in zip(law.joints, law.way, towards_ends, strict=True):
+        less = np.where(allowed < most[joint], sign * allowed / unit[joint], np.nan)
+        axis.plot(samples.time, less, **{**LIMIT, "color": LINE_COLORS[joint % len(LINE_COLORS)]})
 
 
 def draw_efforts(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw efforts against their limits; in each joint's colour, those that fall below them."""
-    robot = curves.problem.robot
-    unit = _unit(curves.problem, "N m", "N")
-    _draw_shares(axis, curves, curves.effort, robot.limits.effort, "effort", unit)
-    _draw_effort_ranges(axis, curves)
+    """Draw efforts against limits; in each joint's colour, lower limits by sign or position."""
+    limits, samples = curves.problem.robot.limits, curves.samples
+    own = limits.effort
+    _draw_shares(axis, curves, curves.effort, own, "effort", ("N m", "N"))
+    unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
+    for each in limits.effort_ranges:
+        color = LINE_COLORS[each.joint % len(LINE_COLORS)]
+        for sign in (1.0, -1.0):
+            allowed = each.allowed(samples.position[:, each.joint], sign)
+            less = np.where(allowed < own[each.joint], sign * allowed / unit[each.joint], np.nan)
+            axis.plot(samples.time, less, **{**LIMIT, "color": color})
 
 
 def draw_accelerations(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw accelerations against their limits, of joints that have one."""
+    """Draw accelerations against their limits, of joints with a limit."""
     limit = curves.problem.robot.limits.acceleration
     _draw_limited(axis, curves, curves.samples.acceleration, limit, "acceleration")
 
 
 def draw_jerks(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw jerks against their limits, of joints that have one."""
+    """Draw jerks against their limits, of joints with a limit."""
     _draw_limited(axis, curves, curves.jerk, curves.problem.robot.limits.jerk, "jerk")
 
 
 def draw_effort_rates(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw how fast efforts change against their limits, of joints that have one."""
+    """Draw effort rates against their limits, of joints with a limit."""
     if curves.effort_rate is None:
         return
     limit = curves.problem.robot.limits.effort_rate
@@ -86,17 +116,17 @@ def draw_effort_rates(axis: "Axes", curves: TrajectoryCurves) -> None:
 
 
 def draw_factor(axis: "Axes", curves: TrajectoryCurves, label: str, number: int) -> None:
-    """Draw how many times faster the arm could move, over the share of the duration.
+    """Draw the factor by which the arm could move faster, over the fraction of the duration.
 
     Args:
-        axis: Where; several trajectories may share it.
+        axis: Of the panel; several trajectories may share it.
         curves: The trajectory.
         label: In a legend.
         number: Of the line, for colour and dashes.
     """
     time = curves.samples.time
-    shown = np.minimum(curves.factor, _MAX_FACTOR)
-    axis.plot(time / time[-1], shown, label=label, **line_style(number))
+    factor = np.minimum(curves.factor, _MAX_FACTOR)
+    axis.plot(time / time[-1], factor, label=label, **line_style(number))
     axis.axhline(1.0, **LIMIT)
     axis.set_xlim(0.0, 1.0)
     axis.set_ylim(0.9, None)
@@ -106,18 +136,18 @@ def draw_factor(axis: "Axes", curves: TrajectoryCurves, label: str, number: int)
 
 
 def draw_speed(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw the speed of the tool, and its limit where there is one."""
+    """Draw the speed of the tool, and its limit where there is a limit."""
     axis.plot(curves.samples.time, curves.speed, **_MAIN)
     limit = curves.speed_limit
-    shown = limit[np.isfinite(limit) & (limit < 2 * curves.speed.max())]
-    axis.plot(curves.samples.time, np.where(np.isin(limit, shown), limit, np.nan), **LIMIT)
+    near = limit[np.isfinite(limit) & (limit < 2 * curves.speed.max())]
+    axis.plot(curves.samples.time, np.where(np.isin(limit, near), limit, np.nan), **LIMIT)
     # At rest there is no speed that would set the scale.
-    axis.set_ylim(0.0, 1.1 * max(curves.speed.max(), shown.max(initial=0.0)) or 1e-3)
+    axis.set_ylim(0.0, 1.1 * max(curves.speed.max(), near.max(initial=0.0)) or 1e-3)
     axis.set_ylabel("tool speed [m/s]")
 
 
 def draw_points(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw the speeds of points of the arm against their limits."""
+    """Draw the speeds of points of the arm as percent of their limits."""
     limited = curves.problem.robot.limits.point_speed
     for k, (point, share) in enumerate(zip(limited, curves.points.T, strict=True)):
         label = _once(axis, f"{k}: {point.link}")
@@ -129,15 +159,14 @@ def draw_points(axis: "Axes", curves: TrajectoryCurves) -> None:
 
 
 def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw the distance to the tool's segment as a share of its radius or box; rotation too."""
+    """Draw distance to the segment and rotation error as percent of their tolerances."""
     has_boxes = curves.problem.tube.cross_section is not None
     label = "distance / radius or half side" if has_boxes else "distance / radius"
     axis.plot(curves.samples.time, 100 * curves.tube_use, label=_once(axis, label), **_MAIN)
     if curves.rotation_use is not None:
-        style = line_style(3)
-        turned = 100 * curves.rotation_use
+        used = 100 * curves.rotation_use
         label = _once(axis, "turned / rotation tolerance")
-        axis.plot(curves.samples.time, turned, label=label, **style)
+        axis.plot(curves.samples.time, used, label=label, **line_style(3))
     axis.axhline(100.0, **LIMIT)
     axis.set_ylim(0.0, 130.0)
     axis.set_ylabel("tolerance used [%]")
@@ -147,13 +176,13 @@ def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
 def mark_segments(
     axis: "Axes", curves: TrajectoryCurves, *, labels: bool = False, until: float | None = None
 ) -> None:
-    """Shade a panel over time by the segments that the tool is in, and name them if asked.
+    """Shade a panel over time by the segments that the tool is in; name segments on request.
 
     Args:
         axis: The panel.
         curves: The trajectory.
-        labels: Whether segments are named.
-        until: When the panel ends [s]; None: with the trajectory.
+        labels: True to name segments.
+        until: End of the panel [s]; None: that of the trajectory.
     """
     visits, last = curves.visits, until or float(curves.samples.time[-1])
     for group, begin, end in visits:
@@ -170,7 +199,7 @@ def mark_segments(
 
 
 def _label(curves: TrajectoryCurves, group: int, share: float) -> str:
-    """Return what a visit of a group is called that takes a share of the panel."""
+    """Return the label of a visit to a group of segments that takes a fraction of the panel."""
     tube, step = curves.problem.tube, curves.segments_per_group
     first, last = group * step, min((group + 1) * step, tube.segment_count) - 1
     number = str(first) if first == last else f"{first}-{last}"
@@ -188,106 +217,62 @@ def _draw_shares(
     values: FloatArray,
     limit: FloatArray,
     quantity: str,
-    unit: str,
+    units: tuple[str, str],
 ) -> None:
-    """Draw values as percent of their limits, or in their unit where a joint has no limit."""
+    """Draw values as percent of their limits, or in their unit if any joint has no limit.
+
+    Units are those of revolute and of prismatic joints.
+    """
     limited = bool(np.isfinite(limit).all())
-    shown = 100 * values / limit if limited else values
+    scaled = 100 * values / limit if limited else values
     for j in range(values.shape[1]):
-        axis.plot(curves.samples.time, shown[:, j], **line_style(j))
+        axis.plot(curves.samples.time, scaled[:, j], **line_style(j))
     if limited:
-        for bound in (-100, 100):
-            axis.axhline(bound, **LIMIT)
-        axis.set_ylim(-112, 112)
-        axis.set_ylabel(f"{quantity} [% of limit]")
+        _frame_percent(axis, quantity)
         return
-    axis.set_ylabel(f"{quantity} [{unit}]")
+    axis.set_ylabel(f"{quantity} [{_unit(curves.problem, *units)}]")
     axis.set_title(f"not every joint has a {quantity} limit", fontsize=8, loc="right")
 
 
 def _draw_limited(
     axis: "Axes", curves: TrajectoryCurves, values: FloatArray, limit: FloatArray, quantity: str
 ) -> None:
-    """Draw values as percent of their limits, of joints that have one, and name the others."""
+    """Draw values as percent of their limits, of joints with a limit, and name the others."""
     for j in np.flatnonzero(np.isfinite(limit)).tolist():
         axis.plot(curves.samples.time, 100 * values[:, j] / limit[j], **line_style(j))
-    for bound in (-100, 100):
-        axis.axhline(bound, **LIMIT)
-    axis.set_ylim(-112, 112)
-    axis.set_ylabel(f"{quantity} [% of limit]")
+    _frame_percent(axis, quantity)
     names = curves.problem.robot.joint_names
     free = [names[j] for j in np.flatnonzero(~np.isfinite(limit))]
     if free:
         axis.set_title(f"no limit: {', '.join(free)}", fontsize=8, loc="right")
 
 
-def _draw_effort_ranges(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw the efforts that joints have by direction or position, where they are less."""
-    limits, samples = curves.problem.robot.limits, curves.samples
-    own = limits.effort
-    unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
-    for each in limits.effort_ranges:
-        color = LINE_COLORS[each.joint % len(LINE_COLORS)]
-        for way in (1.0, -1.0):
-            allowed = each.allowed(samples.position[:, each.joint], way)
-            less = np.where(allowed < own[each.joint], way * allowed / unit[each.joint], np.nan)
-            axis.plot(samples.time, less, **{**LIMIT, "color": color})
-
-
-def _draw_velocity_by_position(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw the velocities that joints are allowed towards their ends, where they are less."""
-    limits, samples = curves.problem.robot.limits, curves.samples
-    own = limits.velocity
-    unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
-    most = np.where(np.isfinite(own), own, 1.2 * abs(samples.velocity).max())
-    law = VelocityByPositionLimit(limits)
-    towards_ends = law.allowed(samples.position).T
-    for joint, way, allowed in zip(law.joints, law.way, towards_ends, strict=True):
-        shown = np.where(allowed < most[joint], way * allowed / unit[joint], np.nan)
-        color = LINE_COLORS[joint % len(LINE_COLORS)]
-        axis.plot(samples.time, shown, **{**LIMIT, "color": color})
+def _frame_percent(axis: "Axes", quantity: str) -> None:
+    for bound in (-100, 100):
+        axis.axhline(bound, **LIMIT)
+    axis.set_ylim(-112, 112)
+    axis.set_ylabel(f"{quantity} [% of limit]")
 
 
 def _once(axis: "Axes", label: str) -> str:
-    """Return a label, or one that no legend shows where a line has it: panels may be drawn on."""
+    """Return a label, hidden from legends if a line of the panel has the same label."""
     return "_" if label in (line.get_label() for line in axis.lines) else label
 
 
-def _unit(problem: PlanningProblem, turning: str, sliding: str) -> str:
-    return turning if problem.robot.revolute.all() else f"{turning}, {sliding}"
+def _unit(problem: PlanningProblem, revolute: str, prismatic: str) -> str:
+    return revolute if problem.robot.revolute.all() else f"{revolute}, {prismatic}"
 
 
-# ---- Which panels over time a motion's figure has.
-
-DrawPanel: TypeAlias = "Callable[[Axes, TrajectoryCurves], None]"
-
-
-def time_panels(runs: Sequence[TrajectoryCurves]) -> list[DrawPanel]:
-    """Return what draws the panels of motions of one arm.
-
-    Accelerations, jerks, effort rates and points' speeds have one where they are limited.
-    """
-    limits = runs[0].problem.robot.limits
-    found: list[DrawPanel] = [draw_positions, draw_velocities]
-    found += [draw_accelerations] if np.isfinite(limits.acceleration).any() else []
-    found += [draw_jerks] if np.isfinite(limits.jerk).any() else []
-    found.append(draw_efforts)
-    found += [draw_effort_rates] if np.isfinite(limits.effort_rate).any() else []
-    found.append(draw_speed)
-    found += [draw_points] if limits.point_speed else []
-    return [*found, draw_tube_use]
-
-
-# ---- Panels of motors: the efforts of a joint over its velocities, inside what its motor has.
+# ---- Panels of motors: the efforts of a joint over its velocities, inside its motor's limits.
 
 _MOTION: dict[str, Any] = {"color": LINE_COLORS[1], "linewidth": 1.4}
 _SHADE: dict[str, Any] = {"color": LINE_COLORS[0], "alpha": 0.08, "linewidth": 0}
 _LOOKS = 201  # velocities at which a motor's limits are drawn
-_MOTOR_MARGIN = 1.12  # how far beyond limits, or motions where there are none, the panel shows
+_MOTOR_MARGIN = 1.12  # of limits, or of motions where there are none: end of the panel
 
 
 def motor_joints(robot: RobotModel) -> IntArray:
-    """Return the joints whose motors a panel has something to say of: friction, or a line."""
+    """Return the joints whose motors have friction or a torque-speed line."""
     motors = robot.motors
     friction = motors.viscous_friction + motors.backwards_friction + motors.forwards_friction
     return np.flatnonzero((friction > 0) | motors.has_curve)
@@ -296,27 +281,33 @@ def motor_joints(robot: RobotModel) -> IntArray:
 def draw_motors(
     figure: "FigureBase", curves: TrajectoryCurves, joints: IntArray, columns: int | None = None
 ) -> None:
-    """Draw the motors of some joints beside each other, in so many columns; None: in one row."""
+    """Draw the motors of some joints side by side, in a number of columns; None: in a single row."""
     columns = columns or len(joints)
     grid = figure.add_gridspec(-(-len(joints) // columns), columns)
-    axes = [figure.add_subplot(grid[divmod(place, columns)]) for place in range(len(joints))]
-    for place, (axis, joint) in enumerate(zip(axes, joints.tolist(), strict=True)):
+    axes = [figure.add_subplot(grid[divmod(number, columns)]) for number in range(len(joints))]
+    for number, (axis, joint) in enumerate(zip(axes, joints.tolist(), strict=True)):
         draw_motor(axis, curves, joint)
-        if place % columns:
+        if number % columns:
             axis.set_ylabel("")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3, fontsize=8, frameon=False)
 
 
 def draw_motor(axis: "Axes", curves: TrajectoryCurves, joint: int) -> None:
-    """Draw a joint's efforts over its velocities, what friction takes, and the motor's limits.
+    """Draw a joint's efforts over its velocities, the friction, and the motor's limits.
 
-    Where its limits depend on the position, the most and the least that it has anywhere.
+    Limits that depend on the position are drawn at their greatest and at their least.
     """
     robot = curves.problem.robot
     velocity, effort = curves.samples.velocity[:, joint], curves.effort[:, joint]
     shown = _shown_velocities(robot, joint, velocity)
-    _draw_limits(axis, robot, joint, shown)
+    fastest = robot.limits.velocity[joint]
+    for forwards, backwards in _motor_limits(robot, joint, shown):
+        axis.fill_between(shown, -backwards, forwards, where=abs(shown) <= fastest, **_SHADE)
+        for bound in (forwards, -backwards):
+            axis.plot(shown, bound, **LIMIT)
+    for bound in (-fastest, fastest):
+        axis.axvline(bound, **LIMIT)
     coulomb = robot.motors.coulomb_effort(np.tile(shown[:, None], robot.joint_count))[:, joint]
     friction = robot.motors.viscous_friction[joint] * shown + coulomb
     axis.plot(shown, friction, color=REFERENCE_COLOR, linewidth=1.0, label="friction alone")
@@ -332,32 +323,20 @@ def draw_motor(axis: "Axes", curves: TrajectoryCurves, joint: int) -> None:
     axis.grid(alpha=0.25)
 
 
-def _draw_limits(axis: "Axes", robot: RobotModel, joint: int, velocity: FloatArray) -> None:
-    """Shade what a motor has at velocities (N,), and draw its limits as lines."""
-    most = robot.limits.velocity[joint]
-    for forwards, backwards in _limits(robot, joint, velocity):
-        within = abs(velocity) <= most
-        axis.fill_between(velocity, -backwards, forwards, where=within, **_SHADE)
-        for bound in (forwards, -backwards):
-            axis.plot(velocity, bound, **LIMIT)
-    for bound in (-most, most):
-        axis.axvline(bound, **LIMIT)
-
-
 def _shown_velocities(robot: RobotModel, joint: int, velocity: FloatArray) -> FloatArray:
-    """Return velocities, increasing, over all that a joint may have, or else has."""
+    """Return increasing velocities up to a joint's limits, or beyond its motion without limits."""
     most = robot.limits.velocity[joint]
     end = _MOTOR_MARGIN * float(most if np.isfinite(most) else max(abs(velocity).max(), 1e-3))
-    # Friction jumps at zero: one look on either side.
+    # Friction jumps at zero: one sample on either side.
     positive = np.linspace(0, end, _LOOKS // 2 + 1)
     positive[0] = 1e-9 * end
     return np.concatenate([-positive[::-1], positive])
 
 
-def _limits(robot: RobotModel, joint: int, velocity: FloatArray) -> list[FloatArray]:
-    """Return what a motor has forwards and backwards at velocities (N,), (2, N) each.
+def _motor_limits(robot: RobotModel, joint: int, velocity: FloatArray) -> list[FloatArray]:
+    """Return a motor's efforts forwards and backwards at velocities (N,), (2, N) each.
 
-    The most, and the least if that is another.
+    The greatest over all positions, then the least if that differs.
     """
     own = robot.limits.effort[joint]
     sides = [
@@ -369,14 +348,9 @@ def _limits(robot: RobotModel, joint: int, velocity: FloatArray) -> list[FloatAr
     if sides:
         ((forwards, backwards),) = sides
         pairs = [(forwards.max(), backwards.max()), (forwards.min(), backwards.min())]
-    left = _left_by_the_line(robot, joint, velocity)
-    found = [np.minimum(np.array(pair)[:, None], left) for pair in dict.fromkeys(pairs)]
-    return [reserve for reserve in found if np.isfinite(reserve).all()]
-
-
-def _left_by_the_line(robot: RobotModel, joint: int, velocity: FloatArray) -> FloatArray:
-    """Return what a torque-speed line leaves forwards and backwards, (2, N); inf without one."""
-    if not robot.motors.has_curve[joint]:
-        return np.full((2, len(velocity)), np.inf)
-    stall, no_load = robot.motors.saturation_effort[joint], robot.motors.no_load_velocity[joint]
-    return np.array([stall * (1 - way * velocity / no_load) for way in (1.0, -1.0)])
+    line = np.full((2, len(velocity)), np.inf)
+    if robot.motors.has_curve[joint]:
+        stall, no_load = robot.motors.saturation_effort[joint], robot.motors.no_load_velocity[joint]
+        line = np.array([stall * (1 - sign * velocity / no_load) for sign in (1.0, -1.0)])
+    limits = [np.minimum(np.array(pair)[:, None], line) for pair in dict.fromkeys(pairs)]
+    return [limit for limit in limits if np.isfinite(limit).all()]

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
+_TUBE: dict[str, Any] = {"facecolor": LINE_COLORS[5], "alpha": 0.25, "linewidth": 0}
 METHOD_TITLES = {SUH_BISHOP: "as published", REFINEMENT: "default method"}
 _FIGURE_THREE = (5, 0.03)  # example and tolerance [m]
 _SCHEMES = {
@@ -39,7 +39,7 @@ _SCHEMES = {
 
 
 def schemes_figure(reproduction: Reproduction) -> "Figure":
-    """Draw figure 3: the paths of the earlier schemes against freer ones, in the tube."""
+    """Draw figure 3: the paths of the earlier schemes and of our methods, in the tube."""
     example, radius = _FIGURE_THREE
     cell = reproduction.cell(example, radius)
     figure = new_figure(7.5, 7.5)
@@ -89,22 +89,26 @@ def line_figure(reproduction: Reproduction, table: PrintedLine, name: str) -> "F
     """Draw figure 8 or 9: tool paths, b(t) and torques for several tolerances.
 
     Args:
-        reproduction: All that was planned.
-        table: Whose line it is, and the tolerances to be shown.
+        reproduction: All plans.
+        table: The line, and the tolerances to draw.
         name: Of the figure.
     """
     figure = new_figure(17.0, 8.6)
     figure.suptitle(f"{name}: example {table.example}'s line at several tolerances")
     axes = figure.subplots(2, 4, width_ratios=(1.1, 1, 1, 1))
-    shown = [radius for radius in (*table.shown, NO_TUBE) if radius in table.durations]
+    radii = [radius for radius in (*table.shown, NO_TUBE) if radius in table.durations]
     for row, (method, title) in zip(axes, METHOD_TITLES.items(), strict=True):
         widest = reproduction.cell(table.example, table.shown[-1])
         _draw_tube(row[0], widest.problem.tube)
-        for number, radius in enumerate(shown):
+        for number, radius in enumerate(radii):
             curves = _curves(reproduction.cell(table.example, radius), method)
             if curves is not None:
-                _draw_trajectory(row, curves, _label(radius, curves), number)
-        _finish_row(row, title)
+                tolerance = "no tube" if radius == NO_TUBE else f"{1000 * radius:.0f} mm"
+                label = f"{tolerance}: {curves.samples.time[-1]:.2f} s"
+                _draw_trajectory(row, curves, label, number)
+        row[0].set_title(f"{title} (x and y to different scales)", fontsize=10)
+        _finish_plane(row[0])
+        row[1].legend(fontsize=8, loc="upper center")
     return figure
 
 
@@ -123,12 +127,6 @@ def _draw_trajectory(
         axis.grid(alpha=0.25)
 
 
-def _finish_row(row: Sequence["Axes"], title: str) -> None:
-    row[0].set_title(f"{title} (x and y to different scales)", fontsize=10)
-    _finish_plane(row[0])
-    row[1].legend(fontsize=8, loc="upper center")
-
-
 def _finish_plane(axis: "Axes") -> None:
     axis.set(xlabel="x [m]", ylabel="y [m]")
     axis.grid(alpha=0.25)
@@ -139,27 +137,16 @@ def _draw_tube(axis: "Axes", tube: Tube) -> None:
     from matplotlib.patches import FancyBboxPatch
     from matplotlib.transforms import Affine2D
 
-    for begin, end, radius in zip(
-        tube.points[:-1, :2], tube.points[1:, :2], tube.effective_radius, strict=True
-    ):
+    ends = zip(tube.points[:-1, :2], tube.points[1:, :2], tube.effective_radius, strict=True)
+    for begin, end, radius in ends:
         line = end - begin
         length = float(np.linalg.norm(line))
-        turned = Affine2D().rotate(np.arctan2(line[1], line[0])).translate(*begin)
-        style = f"round,pad=0,rounding_size={radius}"
-        corner = (-radius, -radius)
-        capsule = FancyBboxPatch(
-            corner,
-            length + 2 * radius,
-            2 * radius,
-            style,
-            transform=turned + axis.transData,
-            **_TUBE,
-        )
+        rotation = Affine2D().rotate(np.arctan2(line[1], line[0])).translate(*begin)
+        look = {"transform": rotation + axis.transData, **_TUBE}
+        corner, style = (-radius, -radius), f"round,pad=0,rounding_size={radius}"
+        capsule = FancyBboxPatch(corner, length + 2 * radius, 2 * radius, style, **look)
         axis.add_patch(capsule)
     axis.plot(*tube.points[:, :2].T, color=REFERENCE_COLOR, linewidth=1, linestyle="--")
-
-
-_TUBE: dict[str, Any] = {"facecolor": LINE_COLORS[5], "alpha": 0.25, "linewidth": 0}
 
 
 def _curves(cell: ReproducedCell, method: str) -> TrajectoryCurves | None:
@@ -167,12 +154,7 @@ def _curves(cell: ReproducedCell, method: str) -> TrajectoryCurves | None:
     return None if trajectory is None else trajectory_curves(cell.problem, trajectory)
 
 
-def _label(radius: float, curves: TrajectoryCurves) -> str:
-    name = "no tube" if radius == NO_TUBE else f"{1000 * radius:.0f} mm"
-    return f"{name}: {curves.samples.time[-1]:.2f} s"
-
-
-# By file name: caption, and how it is drawn.
+# By file name: caption and drawing function.
 FIGURES: dict[str, tuple[str, Callable[[Reproduction], "Figure"]]] = {
     "figure_3": ("Figure 3: the tool's paths by the earlier schemes, and freer", schemes_figure),
     "figure_7": ("Figure 7: the speed of the tool", speeds_figure),

@@ -1,4 +1,4 @@
-"""Plot_placement: durations over base positions, seen from above."""
+"""Map of durations over base positions, seen from above."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,26 +25,26 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
 _BASE_MARK = StatusMark(OBSTACLE_COLOR, "s", "oo")
 _WIDTH, _LEAST_HEIGHT, _MOST_HEIGHT = 8.0, 4.5, 10.0  # of the figure [inches]
-_MARGIN = 0.1  # around all that is shown, as a share of its size
-_NARROW = 0.15  # of the size: the least sides of a cell that has none
-_ARROW = 0.13  # length of arrows, as a share of the size
+_MARGIN = 0.1  # around the map, as a fraction of its size
+_NARROW = 0.15  # of the size: sides of a cell without spacing
+_ARROW = 0.13  # length of arrows, as a fraction of the size
 _GIVEN, _BEST, _PATH = "#000000", WARNING_COLOR, "#CC79A7"
 
 
 def plot_placement(result: Placement, path: str | Path | None = None) -> "Figure":
-    """Draw the shortest durations over the region, or why there is none, and the cell from above.
+    """Draw the cell from above, with the shortest durations over the region of base positions.
 
-    A cell is the grid's place in its middle, at the best of the angles and heights. Of a cell
-    without a motion the reason is that of the angle or height at which planning came farthest.
+    A rectangle has the grid's position in its middle, at the best of the angles and heights. Where
+    there is no motion, its reason is that of the angle or height at which planning came farthest.
 
     Args:
-        result: What `place` found.
-        path: Where to save the figure as PNG; None: nowhere.
+        result: Result of `place`.
+        path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
 
     Raises:
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     low, high = _extent(result)
@@ -55,8 +55,16 @@ def plot_placement(result: Placement, path: str | Path | None = None) -> "Figure
     size = float((high - low).max())
     _draw_cells(figure, axis, result, _NARROW * size)
     _draw_obstacles(axis, result, low, high)
-    _draw_tool_path(axis, result)
-    _draw_search(axis, result)
+    points = result.problem.tube.points[:, :2]
+    line: dict[str, Any] = {"color": _PATH, "linewidth": 2.2, "zorder": 4}
+    axis.plot(*points.T, label="reference path of the tool", **line)
+    axis.plot(*points[0], "o", markersize=6, **line)
+    grid = set(result.grid.stands)
+    dots = np.array([row.stand[:2] for row in result.rows if row.stand not in grid])
+    if len(dots):
+        edge: dict[str, Any] = {"markeredgecolor": "#333333", "markeredgewidth": 0.4}
+        look = {"color": "#FFFFFF", "markersize": 2.6, "zorder": 5, **edge}
+        axis.plot(*dots.T, "o", label="pattern search", **look)
     _draw_stand(axis, result.given.stand, _ARROW * size, _GIVEN, _label("as given", result.given))
     if result.best is not None:
         _draw_stand(axis, result.best.stand, _ARROW * size, _BEST, _label("best", result))
@@ -71,28 +79,28 @@ def _label(name: str, answer: Any) -> str:
 
 
 def _extent(result: Placement) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of what is shown, (2,) each [m]: region, path and robot, no floor."""
+    """Return the corners of the map, (2,) each [m]: region, path and robot, without the floor."""
     region, stands = result.region, [result.given.stand]
     stands += [] if result.best is None else [result.best.stand]
     points = [region.low[:2], region.high[:2], *(stand[:2] for stand in stands)]
-    shown = np.vstack([np.array(points), result.problem.tube.points[:, :2]])
-    low, high = shown.min(axis=0), shown.max(axis=0)
+    corners = np.vstack([np.array(points), result.problem.tube.points[:, :2]])
+    low, high = corners.min(axis=0), corners.max(axis=0)
     margin = _MARGIN * max(float((high - low).max()), 1e-3)
     return low - margin, high + margin
 
 
 def _draw_cells(figure: "Figure", axis: "Axes", result: Placement, narrow: float) -> None:
-    """Draw the cells of the grid: filled where there is a motion, hatched where there is none."""
+    """Draw the rectangles of the grid: filled with a motion, hatched without."""
     from matplotlib.collections import PatchCollection
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.patches import Rectangle
 
-    grid, known = result.grid, {row.stand: row for row in result.rows}
+    grid, rows_by_stand = result.grid, {row.stand: row for row in result.rows}
     width, depth = (side or narrow for side in grid.spacing[:2])
     columns: dict[tuple[float, float], list[PlacementRow]] = {}
     for stand in grid.stands:
-        if stand in known:
-            columns.setdefault((stand.x, stand.y), []).append(known[stand])
+        if stand in rows_by_stand:
+            columns.setdefault((stand.x, stand.y), []).append(rows_by_stand[stand])
 
     def cell(row: PlacementRow, **style: Any) -> Rectangle:
         corner = (row.stand.x - width / 2, row.stand.y - depth / 2)
@@ -108,36 +116,24 @@ def _draw_cells(figure: "Figure", axis: "Axes", result: Placement, narrow: float
         figure.colorbar(cells, ax=axis, label="duration, quality fast [s]", shrink=0.8)
     others = [row for row in best if not row.is_feasible]
     for status, rows in grouped(others, lambda row: row.status):
-        mark = _mark(status)
-        name = f"no motion: {_words(status)} ({len(rows)})"
+        is_base = status == BASE_IN_OBSTACLE
+        mark = _BASE_MARK if is_base else status_mark(PlanStatus(status))
+        words = "base in obstacle" if is_base else status_words(PlanStatus(status))
+        look: dict[str, Any] = {"facecolor": "#F4F4F4", "edgecolor": mark.color, "linewidth": 0.0}
         for number, row in enumerate(rows):
-            style: dict[str, Any] = {
-                "facecolor": "#F4F4F4",
-                "edgecolor": mark.color,
-                "linewidth": 0.0,
-            }
-            label = {"label": name} if number == 0 else {}
-            axis.add_patch(cell(row, hatch=mark.hatch, zorder=1, **style, **label))
+            label = {"label": f"no motion: {words} ({len(rows)})"} if number == 0 else {}
+            axis.add_patch(cell(row, hatch=mark.hatch, zorder=1, **look, **label))
 
 
 def _merit(row: PlacementRow) -> tuple[int, float]:
-    """Return what is larger for rows that say more: how far planning came, and how short."""
+    """Return a key, larger for rows whose planning came farther, then for shorter plans."""
     return KINDS.index(row.status), -(row.duration or 0.0)
 
 
-def _mark(status: str) -> StatusMark:
-    return _BASE_MARK if status == BASE_IN_OBSTACLE else status_mark(PlanStatus(status))
-
-
-def _words(status: str) -> str:
-    is_base = status == BASE_IN_OBSTACLE
-    return "base in obstacle" if is_base else status_words(PlanStatus(status))
-
-
 def _draw_obstacles(axis: "Axes", result: Placement, low: FloatArray, high: FloatArray) -> None:
-    """Draw the outlines of the obstacles from above; what the robot stands on is dashed.
+    """Draw the outlines of the obstacles from above, dashed for obstacles under the robot.
 
-    Names stand at the upper left corner of what is seen between the corners of the map.
+    Names are at the upper left corner of the part inside the map.
     """
     for on, words in ((False, "obstacle"), (True, "what it stands on")):
         label = words
@@ -151,14 +147,11 @@ def _draw_obstacles(axis: "Axes", result: Placement, low: FloatArray, high: Floa
             outline = np.vstack([_outline(shape) for shape in obstacle.shapes])
             seen = np.clip(outline, low, high)
             if (np.ptp(seen, axis=0) > 0).all():
-                _name(axis, obstacle.name, float(seen[:, 0].min()), float(seen[:, 1].max()))
-
-
-def _name(axis: "Axes", name: str, x: float, y: float) -> None:
-    """Write the name of an obstacle into its upper left corner."""
-    style: dict[str, Any] = {"fontsize": 8, "ha": "left", "va": "top", "clip_on": True}
-    around = {"boxstyle": "square,pad=0.1", "color": "white", "alpha": 0.7, "linewidth": 0}
-    axis.annotate(name, (x, y), (3, -3), textcoords="offset points", zorder=6, bbox=around, **style)
+                corner = float(seen[:, 0].min()), float(seen[:, 1].max())
+                box = {"boxstyle": "square,pad=0.1", "color": "white", "alpha": 0.7, "linewidth": 0}
+                text: dict[str, Any] = {"fontsize": 8, "ha": "left", "va": "top", "clip_on": True}
+                text |= {"textcoords": "offset points", "zorder": 6}
+                axis.annotate(obstacle.name, corner, (3, -3), bbox=box, **text)
 
 
 def _outline(shape: ConvexShape) -> FloatArray:
@@ -168,36 +161,10 @@ def _outline(shape: ConvexShape) -> FloatArray:
     return np.vstack([corners, corners[:1]])
 
 
-def _draw_tool_path(axis: "Axes", result: Placement) -> None:
-    """Draw the reference path of the tool from above."""
-    points = result.problem.tube.points[:, :2]
-    line: dict[str, Any] = {"color": _PATH, "linewidth": 2.2, "zorder": 4}
-    axis.plot(*points.T, label="reference path of the tool", **line)
-    axis.plot(*points[0], "o", markersize=6, **line)
-
-
-def _draw_search(axis: "Axes", result: Placement) -> None:
-    """Draw the places that the pattern search tried as dots."""
-    grid = set(result.grid.stands)
-    dots = np.array([row.stand[:2] for row in result.rows if row.stand not in grid])
-    if len(dots):
-        style: dict[str, Any] = {
-            "color": "#FFFFFF",
-            "markeredgecolor": "#333333",
-            "markeredgewidth": 0.4,
-        }
-        axis.plot(*dots.T, "o", markersize=2.6, label="pattern search", zorder=5, **style)
-
-
 def _draw_stand(axis: "Axes", stand: Stand, length: float, color: str, label: str) -> None:
-    """Draw where a robot stands, and its yaw as an arrow."""
+    """Draw the base position of a robot, and its yaw as an arrow."""
     ahead = stand.x + length * np.cos(stand.yaw), stand.y + length * np.sin(stand.yaw)
     arrow = {"arrowstyle": "-|>", "color": color, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     axis.annotate("", ahead, (stand.x, stand.y), arrowprops=arrow, zorder=7)
-    style: dict[str, Any] = {
-        "color": color,
-        "markeredgecolor": "white",
-        "markersize": 8,
-        "zorder": 8,
-    }
-    axis.plot(stand.x, stand.y, "o", label=label, **style)
+    look: dict[str, Any] = {"color": color, "markeredgecolor": "white", "markersize": 8}
+    axis.plot(stand.x, stand.y, "o", label=label, zorder=8, **look)

@@ -9,14 +9,12 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.output.drawing import Surface
 
-# ---- A view of space from far away: where points are on the page, and how near they are.
-
 _UPRIGHT = 0.999  # of a direction's height: from above, x points right and y up
 
 
 @dataclass(frozen=True, eq=False)
 class SpaceView:
-    """A view along a direction, lines that are parallel in space parallel on the page.
+    """A view along a direction, in parallel projection.
 
     Attributes:
         direction: From the scene towards the viewer, unit vector (3,).
@@ -26,7 +24,7 @@ class SpaceView:
 
     @property
     def is_from_above(self) -> bool:
-        """Whether the page is the plane of x and y."""
+        """True if the page is the plane of x and y."""
         return bool(self.direction[2] > _UPRIGHT)
 
     @property
@@ -39,25 +37,24 @@ class SpaceView:
         return np.array([right, np.cross(self.direction, right)])
 
     def on_page(self, points: FloatArray) -> FloatArray:
-        """Return where points (..., 3) are on the page, shape (..., 2) [m]."""
-        placed: FloatArray = points @ self.axes.T
-        return placed
+        """Return the positions of points (..., 3) on the page, shape (..., 2) [m]."""
+        page: FloatArray = points @ self.axes.T
+        return page
 
     def nearness(self, points: FloatArray) -> FloatArray:
-        """Return how near to the viewer points (..., 3) are, shape (...) [m]."""
+        """Return the coordinates of points (..., 3) towards the viewer, shape (...) [m]."""
         near: FloatArray = points @ self.direction
         return near
 
 
-# ---- Solids rendered to a picture, pixel by pixel, so that what is in front is seen in front.
+# ---- Solids rendered to a picture, pixel by pixel, so that nearer solids hide farther ones.
 #
-# Of solids that nothing is seen through, every pixel shows the nearest. Of translucent ones it
-# shows the sides towards the viewer, over what is behind them: each is as dark as it is
-# translucent.
+# Of opaque solids every pixel shows the nearest. Of translucent solids it shows the sides towards
+# the viewer, each laid over the pixel by its alpha.
 
 _PIXELS = 1100  # of the longer side
 _LIGHT = np.array([0.35, -0.25, 0.9]) / np.linalg.norm([0.35, -0.25, 0.9])
-_SHADE = 0.45  # how much darker what turns away from the light is
+_SHADE = 0.45  # darkening of faces parallel to the light
 _SHARP = 0.9  # cosine of the angle between faces from which on they meet in an edge
 _EDGE_WIDTH, _EDGE_LIFT = 2.4, 5.0  # of edges, and how much nearer than their faces [pixels]
 _EDGE_SHADE, _EDGE_ALPHA = 0.55, 0.75
@@ -66,20 +63,19 @@ _TIE = 1e-3  # [pixels]
 _DIGITS = 9  # of a corner's coordinates [m]
 _AT_ONCE = 2_000_000  # pixels of triangles, so that memory suffices
 
-
-# Pixels that triangles are in: indices (P,), how near they are there (P,), and colours (P, 4).
+# Pixels of triangles: indices (P,), nearness (P,), and colours (P, 4).
 _Fragments: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class RenderedSolid:
-    """A surface and how it is seen.
+    """A surface and its look.
 
     Attributes:
         surface: Base frame.
         color: Red, green, blue from 0 to 1, shape (3,).
-        alpha: 1 if nothing is seen through it; below that, faces must be outward.
-        has_edges: Whether its edges are drawn.
+        alpha: 1 if opaque; below that, faces must be outward.
+        has_edges: True to draw its edges.
     """
 
     surface: Surface
@@ -94,8 +90,8 @@ class Picture:
 
     Attributes:
         pixels: Red, green, blue and alpha from 0 to 1, from the bottom up, shape (H, W, 4).
-        low: Where its lower left corner is on the page, shape (2,) [m].
-        high: Where the opposite one is, shape (2,) [m].
+        low: Lower left corner on the page, shape (2,) [m].
+        high: Upper right corner on the page, shape (2,) [m].
     """
 
     pixels: FloatArray
@@ -105,10 +101,10 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class _Triangles:
-    """Triangles in pixels: corners (F, 3, 3), the third coordinate towards the viewer, and colours.
+    """Triangles in pixels.
 
     Attributes:
-        corners: Shape (F, 3, 3).
+        corners: The third coordinate towards the viewer, shape (F, 3, 3).
         colors: Red, green, blue and alpha, shape (F, 4).
     """
 
@@ -133,24 +129,24 @@ def rendered(solids: Sequence[RenderedSolid], view: SpaceView) -> Picture:
     pixels = np.zeros((width * height, 4))
     for number, part in enumerate(opaque):
         for place, near, color in _fragments(part, width, height):
-            # Of faces in one plane the last is seen, not now this one and now that.
+            # Of faces in one plane the last wins throughout, instead of a mixture by rounding.
             near = near + _TIE * number
             np.maximum.at(nearest, place, near)
             is_seen = near >= nearest[place]
             pixels[place[is_seen]] = color[is_seen]
-    kept = []
+    visible = []
     for part in through:
         place, near, color = _nearest(_fragments(part, width, height))
         is_seen = near > nearest[place]
-        kept.append((place[is_seen], near[is_seen], color[is_seen]))
-    if kept:
-        place, near, color = (np.concatenate(rows) for rows in zip(*kept, strict=True))
+        visible.append((place[is_seen], near[is_seen], color[is_seen]))
+    if visible:
+        place, near, color = (np.concatenate(rows) for rows in zip(*visible, strict=True))
         _lay_over(pixels, place, near, color)
     return Picture(pixels.reshape(height, width, 4), low, low + pixel * np.array([width, height]))
 
 
 def _faces(solid: RenderedSolid, view: SpaceView, low: FloatArray, pixel: float) -> _Triangles:
-    """Return the faces of a solid as they are lit, of a translucent one those that are seen."""
+    """Return the lit faces of a solid; of a translucent solid the faces towards the viewer."""
     corners = solid.surface.vertices[solid.surface.faces]
     normal = _normals(corners)
     if solid.alpha < 1:
@@ -162,8 +158,8 @@ def _faces(solid: RenderedSolid, view: SpaceView, low: FloatArray, pixel: float)
 
 
 def _edges(solid: RenderedSolid, view: SpaceView, low: FloatArray, pixel: float) -> _Triangles:
-    """Return the sharp edges of a solid that are seen, as thin triangles."""
-    # What is cut has a corner per triangle where it should have one in all.
+    """Return the visible sharp edges of a solid, as thin triangles."""
+    # A cut surface has a corner per triangle instead of one corner in common.
     points, own = np.unique(solid.surface.vertices.round(_DIGITS), axis=0, return_inverse=True)
     faces = own.reshape(-1)[solid.surface.faces]
     normal = _normals(points[faces])
@@ -196,25 +192,25 @@ def _strips(ends: FloatArray) -> FloatArray:
 
 
 def _in_pixels(points: FloatArray, view: SpaceView, low: FloatArray, pixel: float) -> FloatArray:
-    """Return where points (..., 3) are in the picture, and how near, in pixels, (..., 3)."""
+    """Return positions in the picture and nearness of points (..., 3), shape (..., 3) [pixels]."""
     page, near = (view.on_page(points) - low) / pixel, view.nearness(points) / pixel
-    placed: FloatArray = np.concatenate([page, near[..., None]], axis=-1)
-    return placed
+    result: FloatArray = np.concatenate([page, near[..., None]], axis=-1)
+    return result
 
 
 def _fragments(triangles: _Triangles, width: int, height: int) -> list[_Fragments]:
-    """Return the pixels in which triangles are: indices, how near, and colours, part by part."""
+    """Return the pixels inside triangles: indices, nearness and colours, part by part."""
     corners = triangles.corners
     if len(corners) == 0:
         return []
-    # Pixels' centres are at whole numbers and a half.
+    # Pixel centres are at half-integers.
     first = np.ceil(corners[:, :, :2].min(axis=1) - 0.5).astype(int)
     last = np.floor(corners[:, :, :2].max(axis=1) - 0.5).astype(int)
     first, last = np.maximum(first, 0), np.minimum(last, [width - 1, height - 1])
     size = np.maximum(last - first + 1, 0)
     count = size.prod(axis=1)
     part, planes = np.cumsum(count) // _AT_ONCE, _planes(corners)
-    found = []
+    fragments = []
     for rows in np.split(np.arange(len(corners)), np.flatnonzero(np.diff(part)) + 1):
         owner = np.repeat(rows, count[rows])
         begin = np.cumsum(count[rows]) - count[rows]
@@ -225,12 +221,12 @@ def _fragments(triangles: _Triangles, width: int, height: int) -> list[_Fragment
         value = slopes[:, :, 0] * x[:, None] + slopes[:, :, 1] * y[:, None] + slopes[:, :, 2]
         inside = (value[:, :2] >= 0).all(axis=1) & (value[:, 0] + value[:, 1] <= 1)
         place = (y * width + x)[inside]
-        found.append((place, value[inside, 2], triangles.colors[owner[inside]]))
-    return found
+        fragments.append((place, value[inside, 2], triangles.colors[owner[inside]]))
+    return fragments
 
 
 def _nearest(fragments: Sequence[_Fragments]) -> _Fragments:
-    """Return the nearest fragment of every pixel: where triangles meet it is in both."""
+    """Return the nearest fragment of every pixel: pixels where triangles meet are in both."""
     place = np.concatenate([np.zeros(0, dtype=np.int64), *(each[0] for each in fragments)])
     near = np.concatenate([np.zeros(0), *(each[1] for each in fragments)])
     color = np.vstack([np.zeros((0, 4)), *(each[2] for each in fragments)])
@@ -240,10 +236,10 @@ def _nearest(fragments: Sequence[_Fragments]) -> _Fragments:
 
 
 def _planes(corners: FloatArray) -> FloatArray:
-    """Return what is linear over triangles (F, 3, 3), by x, by y and at the first pixel's centre.
+    """Return linear functions over triangles (F, 3, 3): slopes by x and by y, and offset.
 
-    Two of the barycentric coordinates, and how near they are: shape (F, 3, 3). Of triangles that
-    are seen edge on a coordinate is -1.
+    Two barycentric coordinates, then the nearness: shape (F, 3, 3). The offset is the value at the
+    centre of the first pixel. Triangles seen edge on have the constant -1 throughout.
     """
     a, b, c = corners.transpose(1, 0, 2)
     u, v = b - a, c - a
@@ -275,7 +271,7 @@ def _lay_over(pixels: FloatArray, place: IntArray, near: FloatArray, color: Floa
 
 
 def _normals(corners: FloatArray) -> FloatArray:
-    """Return the unit normals of triangles (F, 3, 3), shape (F, 3); zero of what has no area."""
+    """Return the unit normals of triangles (F, 3, 3), shape (F, 3); zero without area."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     return normal / np.maximum(length, np.finfo(float).tiny)

@@ -1,4 +1,4 @@
-"""Plot_robot: one configuration with named frames."""
+"""Picture of an arm in one configuration, with named frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,21 +16,20 @@ from tubeplanner.robot.model import RobotModel
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
 _MAX_FACES = 12_000
-_AXIS_LENGTH = 0.09  # of the drawn frames, share of the picture's size
-_SAME_PLACE = 0.01  # frames nearer than this share have one label
+_AXIS_LENGTH = 0.09  # of the drawn frames, fraction of the picture's size
+_SAME_PLACE = 0.01  # frames nearer than this fraction have one label
 _AXIS_COLORS = (LINE_COLORS[1], LINE_COLORS[2], LINE_COLORS[0])  # x, y, z
 _ARM_ALPHA, _REST_ALPHA = 0.35, 0.1
-_ZOOM = 0.93  # leaves room for the axes' labels
+_ZOOM = 0.93  # leaves space for the axes' labels
 _MAX_LABEL = 44  # [characters]
-_TOP, _BOTTOM = 0.93, 0.12  # of the columns of labels, share of the figure's height
+_TOP, _BOTTOM = 0.93, 0.12  # of the columns of labels, fraction of the figure's height
 _LEFT, _RIGHT = 0.02, 0.98
 
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """A place of one or several frames: names, rotation (3, 3), and origin (3,) [m]."""
+    """Frames at one place: names, rotation (3, 3), and origin (3,) [m]."""
 
     label: str
     rotation: FloatArray
@@ -43,7 +42,7 @@ def plot_robot(robot: RobotModel, q: FloatArray, path: str | Path | None = None)
     Args:
         robot: The arm.
         q: Configuration, shape (n,) [rad or m].
-        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
+        path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
 
     Returns:
         The figure.
@@ -59,12 +58,13 @@ def plot_robot(robot: RobotModel, q: FloatArray, path: str | Path | None = None)
     figure.suptitle(f"{robot.name}: {robot.joint_count} joints to {robot.tool_frame}", fontsize=13)
     axis = figure.add_axes((0.14, 0.05, 0.72, 0.89), projection="3d")
     points = [_draw_links(axis, robot, rotation, position)]
-    poses = [_pose(robot, link, rotation, position) for link in _chain_links(robot)]
+    links = _chain_links(robot)
+    poses = [_pose(robot, link, rotation, position) for link in links]
     origins = np.array([pose[:3, 3] for pose in poses])
     points.append(origins)
     low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
     size = float((high - low).max())
-    frames = _frames(_chain_links(robot), poses, _SAME_PLACE * size)
+    frames = _frames(links, poses, _SAME_PLACE * size)
     axis.plot(*origins.T, color=REFERENCE_COLOR, linewidth=1.2)
     for frame in frames:
         for column, color in enumerate(_AXIS_COLORS):
@@ -73,15 +73,15 @@ def plot_robot(robot: RobotModel, q: FloatArray, path: str | Path | None = None)
     _frame_picture(axis, low, high, best_direction(origins, ()))
     figure.canvas.draw()  # places the projection
     _name_frames(figure, axis, frames)
-    for place, (name, color) in enumerate(zip("xyz", _AXIS_COLORS, strict=True)):
-        figure.text(_LEFT + 0.02 * place, 0.02, name, color=color, fontsize=11)
+    for number, (name, color) in enumerate(zip("xyz", _AXIS_COLORS, strict=True)):
+        figure.text(_LEFT + 0.02 * number, 0.02, name, color=color, fontsize=11)
     return saved(figure, path)
 
 
 def _draw_links(
     axis: Any, robot: RobotModel, rotation: FloatArray, position: FloatArray
 ) -> FloatArray:
-    """Draw all links, those that the joints move darker; return the points drawn (N, 3)."""
+    """Draw all links, darker on moving bodies; return the vertices (N, 3) [m]."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     parts, _ = link_parts(robot, _MAX_FACES)
@@ -90,17 +90,16 @@ def _draw_links(
         vertices = part.surface.vertices @ rotation[part.body].T + position[part.body]
         drawn.append(vertices)
         alpha = _ARM_ALPHA if robot.joint_moves_body[part.body].any() else _REST_ALPHA
-        triangles = vertices[part.surface.faces]
-        axis.add_collection3d(
-            Poly3DCollection(triangles, facecolors=[(*part.color, alpha)], shade=True)
-        )
+        faces = vertices[part.surface.faces]
+        look: dict[str, Any] = {"facecolors": [(*part.color, alpha)], "shade": True}
+        axis.add_collection3d(Poly3DCollection(faces, **look))
     return np.vstack(drawn)
 
 
 def _chain_links(robot: RobotModel) -> list[str]:
-    """Return the links on the way from the root to the tool frame that a joint moves, and its root.
+    """Return the links from the root to the tool frame that have a frame of their own.
 
-    Of those that move as one the first is kept, and the tool frame.
+    Of links that move as one the first is kept, and the tool frame.
     """
     by_child = {joint.child: joint for joint in robot.urdf.joints.values()}
     links = [robot.tool_frame]
@@ -121,7 +120,7 @@ def _pose(robot: RobotModel, link: str, rotation: FloatArray, position: FloatArr
 
 
 def _frames(links: Sequence[str], poses: Sequence[FloatArray], same: float) -> list[_Frame]:
-    """Return frames, those with origins nearer than a distance [m] under one label."""
+    """Return frames, with a common label for origins nearer than a distance [m]."""
     groups: list[tuple[list[str], FloatArray]] = []
     for link, pose in zip(links, poses, strict=True):
         near = [g for g in groups if np.linalg.norm(g[1][:3, 3] - pose[:3, 3]) < same]
@@ -129,17 +128,17 @@ def _frames(links: Sequence[str], poses: Sequence[FloatArray], same: float) -> l
             near[0][0].append(link)
         else:
             groups.append(([link], pose))
-    return [
-        _Frame(_shortened(", ".join(names)), pose[:3, :3], pose[:3, 3]) for names, pose in groups
-    ]
-
-
-def _shortened(label: str) -> str:
-    return label if len(label) <= _MAX_LABEL else label[: _MAX_LABEL - 3] + "..."
+    frames = []
+    for names, pose in groups:
+        label = ", ".join(names)
+        if len(label) > _MAX_LABEL:
+            label = label[: _MAX_LABEL - 3] + "..."
+        frames.append(_Frame(label, pose[:3, :3], pose[:3, 3]))
+    return frames
 
 
 def _frame_picture(axis: Any, low: FloatArray, high: FloatArray, direction: FloatArray) -> None:
-    """Show all that is drawn, in equal scale, from a direction."""
+    """Show a box in equal scale, from a direction."""
     from matplotlib.ticker import MaxNLocator
 
     side = np.maximum(high - low, 0.15 * (high - low).max())
@@ -156,14 +155,14 @@ def _frame_picture(axis: Any, low: FloatArray, high: FloatArray, direction: Floa
 
 
 def _name_frames(figure: "Figure", axis: Any, frames: Sequence[_Frame]) -> None:
-    """Write names into two columns beside the picture, each with a line to its frame."""
+    """Write names into two columns beside the picture, with a line from each name to its frame."""
     from mpl_toolkits.mplot3d.proj3d import proj_transform
 
     def place(frame: _Frame) -> FloatArray:
         x, y, _ = proj_transform(*frame.origin, axis.get_proj())
         pixels = axis.transData.transform((x, y))
-        shown: FloatArray = figure.transFigure.inverted().transform(pixels)
-        return shown
+        point: FloatArray = figure.transFigure.inverted().transform(pixels)
+        return point
 
     placed = sorted(((place(frame), frame) for frame in frames), key=lambda pair: pair[0][0])
     half = len(placed) // 2
@@ -187,7 +186,7 @@ def _name_frames(figure: "Figure", axis: Any, frames: Sequence[_Frame]) -> None:
 
 
 def _spread_out(heights: Sequence[float]) -> list[float]:
-    """Return falling heights near those given, far enough apart to be read."""
+    """Return heights near falling heights, but far enough apart for labels."""
     gap = min(0.045, (_TOP - _BOTTOM) / max(1, len(heights)))
     spread: list[float] = []
     for height in heights:
@@ -195,6 +194,6 @@ def _spread_out(heights: Sequence[float]) -> list[float]:
         spread.append(min(height, below))
     lift = max(0.0, _BOTTOM - spread[-1]) if spread else 0.0
     for k in range(len(spread) - 1, -1, -1):
-        wanted = spread[k] + lift if k == len(spread) - 1 else spread[k + 1] + gap
-        spread[k] = max(spread[k], wanted) if lift else spread[k]
+        target = spread[k] + lift if k == len(spread) - 1 else spread[k + 1] + gap
+        spread[k] = max(spread[k], target) if lift else spread[k]
     return spread

@@ -35,9 +35,244 @@ from tubeplanner.robot.model import RobotModel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# ---- What surrounds the panel in space: a floor with a grid, and the coordinates along its sides.
+_TOOL_COLOR = "#D55E00"
+_PANEL_AROUND = 0.25  # of the size of arm and tube: how far around them obstacles are drawn
+_FLAT = 0.25  # of an arm's size: planar arms are not higher
+_FROM_ABOVE = np.array([0.0, 0.0, 1.0])
 
-_AROUND = 0.04  # of the size: how far beyond the box a view from above goes
+
+@dataclass(frozen=True, eq=False)
+class SpaceContent:
+    """Content of the panel.
+
+    Attributes:
+        robot: The arm.
+        q: Configurations in which it is drawn, shape (N, n).
+        carried: Parts that it carries in each.
+        strong: Index of the configuration that is drawn in full colour.
+        path: Of the tool, shape (M, 3) [m].
+        tubes: Tubes, and the colour of each; None: the colours of its segments.
+        obstacles: All obstacles.
+        handed_over: Names of obstacles that the arm takes.
+    """
+
+    robot: RobotModel
+    q: FloatArray
+    carried: Sequence[Sequence[AttachedSolid]]
+    strong: int
+    path: FloatArray
+    tubes: Sequence[tuple[Tube, str | None]]
+    obstacles: Sequence[Obstacle]
+    handed_over: Collection[str] = ()
+
+
+def draw_space(axis: "Axes", content: SpaceContent) -> None:
+    """Draw the content from a direction that shows the path well; planar motions from above."""
+    arm = arm_solids(content.robot, content.q, content.carried, content.strong)
+    tubes: list[RenderedSolid] = []
+    for tube, color in content.tubes:
+        colors = None if color is None else [color] * len(tube_solids(tube))
+        tubes += tube_solids(tube, colors)
+    low, high = _extent([*arm, *tubes])
+    around = _PANEL_AROUND * float((high - low).max())
+    view = SpaceView(_direction(content, arm, low, high))
+    # Nothing is drawn below the floor under the arm.
+    below = np.array([around, around, 0.02 * around])
+    standing = obstacle_solids(content.obstacles, content.handed_over, low - below, high + around)
+    solids = [*arm, *tubes, *standing]
+    picture = rendered(solids, view)
+    (left, bottom), (right, top) = picture.low, picture.high
+    # Filtered after colours are mapped, so that pixels do not mix with empty ones.
+    look: dict[str, Any] = {"interpolation": "antialiased", "interpolation_stage": "rgba"}
+    extent = (left, right, bottom, top)
+    axis.imshow(picture.pixels, origin="lower", extent=extent, zorder=2, **look)
+    draw_frame(axis, view, *_extent(solids))
+    _draw_lines(axis, view, content)
+    _draw_legend(axis, content, solids)
+
+
+def _extent(solids: Sequence[RenderedSolid]) -> tuple[FloatArray, FloatArray]:
+    """Return opposite corners of a box about solids, each (3,) [m]."""
+    points = np.vstack([solid.surface.vertices for solid in solids if len(solid.surface.vertices)])
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _direction(
+    content: SpaceContent, arm: Sequence[RenderedSolid], low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Return the direction from the scene to the viewer, unit vector (3,)."""
+    heights = np.concatenate([tube.points[:, 2] for tube, _ in content.tubes])
+    size = high - low
+    if np.ptp(heights) < 1e-9 and size[2] < _FLAT * size.max():
+        return _FROM_ABOVE
+    points = np.vstack([content.path, *(tube.points for tube, _ in content.tubes)])
+    shapes = [shape for obstacle in content.obstacles for shape in obstacle.shapes]
+    hulls = [convex_hull(coarse_hull_points(solid.surface.vertices)) for solid in arm]
+    return best_direction(points, shapes, [hulls])
+
+
+def _draw_lines(axis: "Axes", view: SpaceView, content: SpaceContent) -> None:
+    """Draw the path of the tool, with its ends marked, and the lines of the tubes."""
+    for tube, color in content.tubes:
+        style: dict[str, Any] = {"color": color or REFERENCE_COLOR, "linewidth": 1.0}
+        axis.plot(*view.on_page(tube.points).T, linestyle="--", zorder=3, **style)
+    page = view.on_page(content.path)
+    axis.plot(*page.T, color="white", linewidth=4.0, alpha=0.8, zorder=3)
+    axis.plot(*page.T, color=_TOOL_COLOR, linewidth=2.2, zorder=4, label="path of the tool")
+    ends: dict[str, Any] = {"color": _TOOL_COLOR, "zorder": 5, "markersize": 7}
+    axis.plot(*page[0], "o", markerfacecolor="white", markeredgewidth=1.8, label="start", **ends)
+    axis.plot(*page[-1], "o", markeredgecolor="white", label="goal", **ends)
+
+
+def _draw_legend(axis: "Axes", content: SpaceContent, solids: Sequence[RenderedSolid]) -> None:
+    """Name the content, below the panel."""
+    from matplotlib.patches import Patch
+
+    handles, _ = axis.get_legend_handles_labels()
+    names = {
+        ARM_COLOR: f"arm, strong {'at the goal' if content.strong else 'at the start'}",
+        GRIPPER_COLOR: "gripper",
+        CARRIED_COLOR: "carried",
+        OBSTACLE_COLOR: "obstacles",
+    }
+    drawn = {tuple(solid.color) for solid in solids}
+    if any(content.carried):
+        drawn.add(tuple(rgb(CARRIED_COLOR)))
+    handles += [
+        Patch(color=color, label=name)
+        for color, name in names.items()
+        if tuple(rgb(color)) in drawn
+    ]
+    below = -0.16 if axis.axison else 0.0  # the numbers of its axes
+    look: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, below), "ncols": 4}
+    axis.legend(handles=handles, fontsize=8, frameon=False, **look)
+
+
+# ---- The solids of the panel in space: arm, gripper, carried parts, obstacles, tubes.
+
+_MAX_FACES = 9000  # of all arms that are drawn
+_OBSTACLE_ALPHA, _TUBE_ALPHA = 0.38, 0.24
+_PALE = 0.62  # of white in the colours of a pale arm
+_BESIDE = 0.3  # of the longest side of a box: obstacles this near are drawn
+_FIRST_LINK = 1e-9  # a link this near to its body's frame is the one that the joint carries
+
+
+def arm_solids(
+    robot: RobotModel, q: FloatArray, carried: Sequence[Sequence[AttachedSolid]], strong: int
+) -> list[RenderedSolid]:
+    """Return the arm in several configurations, a single configuration in full colour.
+
+    Args:
+        robot: The arm.
+        q: The configurations, shape (N, n).
+        carried: Parts that it carries in each.
+        strong: Index of the configuration that is not pale; static links are there once, with it.
+    """
+    parts, _ = link_parts(robot, _MAX_FACES // len(q))
+    links = [
+        (part.body, part.surface, GRIPPER_COLOR if _is_gripper(robot, part.link) else ARM_COLOR)
+        for part in parts
+    ]
+    rotation, position = robot.body_poses(q)
+    solids = []
+    for k in [*(k for k in range(len(q)) if k != strong), strong]:
+        pale = 0.0 if k == strong else _PALE
+        parts_carried = [
+            (body, surface, CARRIED_COLOR)
+            for body, _, surface in carried_surfaces(robot, carried[k])
+        ]
+        for body, surface, color in [*links, *parts_carried]:
+            if body == 0 and k != strong:
+                continue
+            placement = np.eye(4)
+            placement[:3, :3], placement[:3, 3] = rotation[k, body], position[k, body]
+            mixed = (1 - pale) * rgb(color) + pale
+            solids.append(RenderedSolid(surface.moved(placement), mixed))
+    return solids
+
+
+def obstacle_solids(
+    obstacles: Iterable[Obstacle], handed_over: Collection[str], low: FloatArray, high: FloatArray
+) -> list[RenderedSolid]:
+    """Return the obstacles in or beside a box; parts that are handed over in their own colour.
+
+    Obstacles larger than the box are cut, at its sides or at the end of the outermost other.
+
+    Args:
+        obstacles: All obstacles.
+        handed_over: Names of obstacles that the arm takes.
+        low: Least corner of the box, shape (3,) [m].
+        high: Opposite corner of the box, shape (3,) [m].
+    """
+    surfaces = [(each.name, joined(map(shape_surface, each.shapes))) for each in obstacles]
+    size = float((high - low).max())
+    beside = _BESIDE * size
+    near = [
+        (name, surface)
+        for name, surface in surfaces
+        if (surface.vertices.min(axis=0) < high + beside).all()
+        and (surface.vertices.max(axis=0) > low - beside).all()
+    ]
+    for _, surface in near:
+        if np.ptp(surface.vertices, axis=0).max() <= size:
+            low = np.minimum(low, surface.vertices.min(axis=0))
+            high = np.maximum(high, surface.vertices.max(axis=0))
+    solids = []
+    for name, surface in near:
+        is_part = name in handed_over
+        color = rgb(CARRIED_COLOR if is_part else OBSTACLE_COLOR)
+        alpha = 1.0 if is_part else _OBSTACLE_ALPHA
+        part = _within(surface, low, high)
+        if len(part.faces):
+            solids.append(RenderedSolid(part, color, alpha, has_edges=True))
+    return solids
+
+
+def tube_solids(tube: Tube, colors: Sequence[str] | None = None) -> list[RenderedSolid]:
+    """Return the skin of a tube, by groups of segments as in other panels.
+
+    Args:
+        tube: The tube.
+        colors: Of the groups; None: the colours of segments in turn.
+    """
+    step = segments_per_group(tube.segment_count)
+    groups = range(0, tube.segment_count, step)
+    if colors is None:
+        colors = [segment_color(k) for k in range(len(groups))]
+    if step == 1:
+        surfaces = tube_surfaces(tube)
+    else:
+        # Hundreds of translucent capsules in one another would be an opaque lump.
+        ends = [(first, min(first + step, tube.segment_count)) for first in groups]
+        surfaces = [
+            pipe(tube.points[a : b + 1], float(tube.effective_radius[a:b].min()))[0]
+            for a, b in ends
+        ]
+    return [
+        RenderedSolid(surface, rgb(color), _TUBE_ALPHA)
+        for surface, color in zip(surfaces, colors, strict=True)
+    ]
+
+
+def _is_gripper(robot: RobotModel, link: str) -> bool:
+    """Return True if a link is fixed to the link that the last joint before the tool moves."""
+    on_tool = robot.link_body[link] == robot.link_body[robot.tool_frame]
+    return on_tool and abs(robot.link_placement[link] - np.eye(4)).max() > _FIRST_LINK
+
+
+def _within(surface: Surface, low: FloatArray, high: FloatArray) -> Surface:
+    """Return the part of a surface that is in a box."""
+    for k in range(3):
+        for sign, end in ((1.0, low[k]), (-1.0, high[k])):
+            inside = sign * (surface.vertices[:, k] - end)
+            if (inside < 0).any():
+                surface = clipped(surface, inside)
+    return joined([surface])
+
+
+# ---- The surroundings of the panel in space: a floor with a grid, and coordinates along its sides.
+
+_AROUND = 0.04  # margin about the box in a view from above, of its size
 _LINES = 6  # of the grid along the longest side, at most
 _GRID: dict[str, Any] = {"color": "#D5D5D5", "linewidth": 0.7, "zorder": 1}
 _AXIS: dict[str, Any] = {"color": "#777777", "linewidth": 1.0, "zorder": 1}
@@ -50,9 +285,9 @@ def draw_frame(axis: "Axes", view: SpaceView, low: FloatArray, high: FloatArray)
 
     Args:
         axis: The panel, its coordinates those of the page.
-        view: From where it is seen.
+        view: Direction of sight.
         low: Least corner of the box, shape (3,) [m].
-        high: The opposite one.
+        high: Opposite corner of the box, shape (3,) [m].
     """
     axis.set_aspect("equal")
     if view.is_from_above:
@@ -79,21 +314,15 @@ def draw_frame(axis: "Axes", view: SpaceView, low: FloatArray, high: FloatArray)
         ends = np.array([near, near])
         ends[:, k], ends[:, 2] = (low[k], high[k]), low[2]
         _draw_scale(axis, view, ends, k, stops[k])
-    # The upright scale stands where nothing is before it: at the left end of the floor.
+    # The upright scale is at the left end of the floor, where nothing hides it.
     sides = np.array([[near[0], far[1]], [far[0], near[1]]])
     left = sides[view.on_page(np.column_stack([sides, low[[2, 2]]]))[:, 0].argmin()]
     ends = np.array([[*left, low[2]], [*left, high[2]]])
     _draw_scale(axis, view, ends, _UP, stops[_UP])
 
 
-def _draw_scale(
-    axis: "Axes",
-    view: SpaceView,
-    ends: FloatArray,
-    k: int,
-    stops: FloatArray,
-) -> None:
-    """Draw one scale from end to end (2, 3), with numbers at some places and its name."""
+def _draw_scale(axis: "Axes", view: SpaceView, ends: FloatArray, k: int, stops: FloatArray) -> None:
+    """Draw a scale from end to end (2, 3), with numbers at the stops and its name."""
     axis.plot(*view.on_page(ends).T, **_AXIS)
     places = np.tile(ends[0], (len(stops), 1))
     places[:, k] = stops
@@ -112,7 +341,7 @@ def _draw_scale(
 def _outwards(
     view: SpaceView, k: int, ends: FloatArray
 ) -> tuple[tuple[float, float], dict[str, Any]]:
-    """Return by how much numbers of a scale are beside it [points], and how they are aligned."""
+    """Return the offset of a scale's numbers [points], and their alignment."""
     if k == _UP:
         return (-6.0, 0.0), {"ha": "right", "va": "center"}
     along = np.diff(view.on_page(ends), axis=0)[0]
@@ -125,246 +354,3 @@ def _step(size: float) -> float:
     rough = size / _LINES
     power = 10.0 ** np.floor(np.log10(rough))
     return float(power * next(digit for digit in (1, 2, 5, 10) if digit * power >= rough))
-
-
-# ---- The solids of the panel in space: arm, gripper and carried parts, what stands still, tubes.
-
-_MAX_FACES = 9000  # of all arms that are drawn
-_OBSTACLE_ALPHA, _TUBE_ALPHA = 0.38, 0.24
-_PALE = 0.62  # how much of a pale arm is white
-_BESIDE = 0.3  # of the longest side of a box: what is as near to it belongs to the picture
-_FIRST_LINK = 1e-9  # how far a link is from its body's frame that the joint itself carries
-
-
-def arm_solids(
-    robot: RobotModel, q: FloatArray, carried: Sequence[Sequence[AttachedSolid]], strong: int
-) -> list[RenderedSolid]:
-    """Return the arm in some configurations, all but one of them pale.
-
-    Args:
-        robot: The arm.
-        q: The configurations, shape (N, n).
-        carried: What it carries in each.
-        strong: Which of them is not pale; what does not move is there once, with that.
-    """
-    parts, _ = link_parts(robot, _MAX_FACES // len(q))
-    links = [
-        (part.body, part.surface, GRIPPER_COLOR if _is_gripper(robot, part.link) else ARM_COLOR)
-        for part in parts
-    ]
-    rotation, position = robot.body_poses(q)
-    found = []
-    for k in [*(k for k in range(len(q)) if k != strong), strong]:
-        pale = 0.0 if k == strong else _PALE
-        held = [
-            (body, surface, CARRIED_COLOR)
-            for body, _, surface in carried_surfaces(robot, carried[k])
-        ]
-        for body, surface, color in [*links, *held]:
-            if body == 0 and k != strong:
-                continue
-            placement = np.eye(4)
-            placement[:3, :3], placement[:3, 3] = rotation[k, body], position[k, body]
-            shown = (1 - pale) * rgb(color) + pale
-            found.append(RenderedSolid(surface.moved(placement), shown))
-    return found
-
-
-def obstacle_solids(
-    obstacles: Iterable[Obstacle], handed_over: Collection[str], low: FloatArray, high: FloatArray
-) -> list[RenderedSolid]:
-    """Return what stands still in a box or beside it; what is handed over in its own colour.
-
-    What is larger than the box is cut, at its sides or where the last of the others ends.
-
-    Args:
-        obstacles: What stands still.
-        handed_over: Names of those that the arm takes.
-        low: Least corner of the box, shape (3,) [m].
-        high: The opposite one.
-    """
-    surfaces = [(each.name, joined(map(shape_surface, each.shapes))) for each in obstacles]
-    size = float((high - low).max())
-    beside = _BESIDE * size
-    near = [
-        (name, surface)
-        for name, surface in surfaces
-        if (surface.vertices.min(axis=0) < high + beside).all()
-        and (surface.vertices.max(axis=0) > low - beside).all()
-    ]
-    for _, surface in near:
-        if np.ptp(surface.vertices, axis=0).max() <= size:
-            low = np.minimum(low, surface.vertices.min(axis=0))
-            high = np.maximum(high, surface.vertices.max(axis=0))
-    found = []
-    for name, surface in near:
-        is_part = name in handed_over
-        color = rgb(CARRIED_COLOR if is_part else OBSTACLE_COLOR)
-        alpha = 1.0 if is_part else _OBSTACLE_ALPHA
-        shown = _within(surface, low, high)
-        if len(shown.faces):
-            found.append(RenderedSolid(shown, color, alpha, has_edges=True))
-    return found
-
-
-def tube_solids(tube: Tube, colors: Sequence[str] | None = None) -> list[RenderedSolid]:
-    """Return the skin of a tube, by groups of segments as they are marked in other panels.
-
-    Args:
-        tube: The tube.
-        colors: Of the groups; None: as segments have them, one after the other.
-    """
-    step = segments_per_group(tube.segment_count)
-    groups = range(0, tube.segment_count, step)
-    if colors is None:
-        colors = [segment_color(k) for k in range(len(groups))]
-    if step == 1:
-        surfaces = tube_surfaces(tube)
-    else:
-        # Hundreds of translucent capsules in one another would be an opaque lump.
-        ends = [(first, min(first + step, tube.segment_count)) for first in groups]
-        surfaces = [
-            pipe(tube.points[a : b + 1], float(tube.effective_radius[a:b].min()))[0]
-            for a, b in ends
-        ]
-    return [
-        RenderedSolid(surface, rgb(color), _TUBE_ALPHA)
-        for surface, color in zip(surfaces, colors, strict=True)
-    ]
-
-
-def _is_gripper(robot: RobotModel, link: str) -> bool:
-    """Return whether a link is fixed to the one that the last joint before the tool moves."""
-    on_tool = robot.link_body[link] == robot.link_body[robot.tool_frame]
-    return on_tool and abs(robot.link_placement[link] - np.eye(4)).max() > _FIRST_LINK
-
-
-def _within(surface: Surface, low: FloatArray, high: FloatArray) -> Surface:
-    """Return the part of a surface that is in a box."""
-    for k in range(3):
-        for way, end in ((1.0, low[k]), (-1.0, high[k])):
-            inside = way * (surface.vertices[:, k] - end)
-            if (inside < 0).any():
-                surface = clipped(surface, inside)
-    return joined([surface])
-
-
-# ---- The panel in space: tubes, what stands still, the arm at some places, the path of the tool.
-
-_TOOL_COLOR = "#D55E00"
-_PANEL_AROUND = 0.25  # of the size of arm and tube: how far around them obstacles are drawn
-_FLAT = 0.25  # of an arm's size: what moves in a plane is not higher
-_FROM_ABOVE = np.array([0.0, 0.0, 1.0])
-
-
-@dataclass(frozen=True, eq=False)
-class SpaceContent:
-    """What the panel shows.
-
-    Attributes:
-        robot: The arm.
-        q: Configurations in which it is drawn, shape (N, n).
-        carried: What it carries in each.
-        strong: Which of them is drawn in full colour.
-        path: Of the tool, shape (M, 3) [m].
-        tubes: Tubes, and the colour of each; None: those of its segments.
-        obstacles: What stands still.
-        handed_over: Names of those that the arm takes.
-    """
-
-    robot: RobotModel
-    q: FloatArray
-    carried: Sequence[Sequence[AttachedSolid]]
-    strong: int
-    path: FloatArray
-    tubes: Sequence[tuple[Tube, str | None]]
-    obstacles: Sequence[Obstacle]
-    handed_over: Collection[str] = ()
-
-
-def draw_space(axis: "Axes", content: SpaceContent) -> None:
-    """Draw all of it, from where the path is seen well; what is flat from above."""
-    arm = arm_solids(content.robot, content.q, content.carried, content.strong)
-    tubes: list[RenderedSolid] = []
-    for tube, color in content.tubes:
-        colors = None if color is None else [color] * len(tube_solids(tube))
-        tubes += tube_solids(tube, colors)
-    low, high = _extent([*arm, *tubes])
-    around = _PANEL_AROUND * float((high - low).max())
-    view = SpaceView(_direction(content, arm, low, high))
-    # Nothing is drawn below the floor that the arm stands on.
-    below = np.array([around, around, 0.02 * around])
-    standing = obstacle_solids(content.obstacles, content.handed_over, low - below, high + around)
-    solids = [*arm, *tubes, *standing]
-    picture = rendered(solids, view)
-    (left, bottom), (right, top) = picture.low, picture.high
-    # Filtered after its colours are made: so no pixel is mixed with what is not there.
-    shown: dict[str, Any] = {"interpolation": "antialiased", "interpolation_stage": "rgba"}
-    extent = (left, right, bottom, top)
-    axis.imshow(picture.pixels, origin="lower", extent=extent, zorder=2, **shown)
-    draw_frame(axis, view, *_extent(solids))
-    _draw_lines(axis, view, content)
-    _draw_legend(axis, content, solids)
-
-
-def _extent(solids: Sequence[RenderedSolid]) -> tuple[FloatArray, FloatArray]:
-    """Return opposite corners of a box about solids, each (3,) [m]."""
-    points = np.vstack([solid.surface.vertices for solid in solids if len(solid.surface.vertices)])
-    return points.min(axis=0), points.max(axis=0)
-
-
-def _direction(
-    content: SpaceContent, arm: Sequence[RenderedSolid], low: FloatArray, high: FloatArray
-) -> FloatArray:
-    """Return from where to look, unit vector (3,)."""
-    heights = np.concatenate([tube.points[:, 2] for tube, _ in content.tubes])
-    size = high - low
-    if np.ptp(heights) < 1e-9 and size[2] < _FLAT * size.max():
-        return _FROM_ABOVE
-    points = np.vstack([content.path, *(tube.points for tube, _ in content.tubes)])
-    shapes = [shape for obstacle in content.obstacles for shape in obstacle.shapes]
-    hulls = [convex_hull(coarse_hull_points(solid.surface.vertices)) for solid in arm]
-    return best_direction(points, shapes, [hulls])
-
-
-def _draw_lines(axis: "Axes", view: SpaceView, content: SpaceContent) -> None:
-    """Draw the path of the tool, its ends marked, and the lines of the tubes."""
-    for tube, color in content.tubes:
-        style: dict[str, Any] = {"color": color or REFERENCE_COLOR, "linewidth": 1.0}
-        axis.plot(*view.on_page(tube.points).T, linestyle="--", zorder=3, **style)
-    page = view.on_page(content.path)
-    axis.plot(*page.T, color="white", linewidth=4.0, alpha=0.8, zorder=3)
-    axis.plot(*page.T, color=_TOOL_COLOR, linewidth=2.2, zorder=4, label="path of the tool")
-    ends: dict[str, Any] = {"color": _TOOL_COLOR, "zorder": 5, "markersize": 7}
-    axis.plot(*page[0], "o", markerfacecolor="white", markeredgewidth=1.8, label="start", **ends)
-    axis.plot(*page[-1], "o", markeredgecolor="white", label="goal", **ends)
-
-
-def _draw_legend(axis: "Axes", content: SpaceContent, solids: Sequence[RenderedSolid]) -> None:
-    """Name what is drawn, below the panel."""
-    from matplotlib.patches import Patch
-
-    handles, _ = axis.get_legend_handles_labels()
-    names = {
-        ARM_COLOR: f"arm, strong {'at the goal' if content.strong else 'at the start'}",
-        GRIPPER_COLOR: "gripper",
-        CARRIED_COLOR: "carried",
-        OBSTACLE_COLOR: "obstacles",
-    }
-    drawn = {tuple(solid.color) for solid in solids}
-    if any(content.carried):
-        drawn.add(tuple(rgb(CARRIED_COLOR)))
-    handles += [
-        Patch(color=color, label=name)
-        for color, name in names.items()
-        if tuple(rgb(color)) in drawn
-    ]
-    below = -0.16 if axis.axison else 0.0  # the numbers of its axes
-    axis.legend(
-        handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.5, below),
-        ncols=4,
-        fontsize=8,
-        frameon=False,
-    )

@@ -1,4 +1,4 @@
-"""Plot_study, plot_comparison: lines and maps over one or two fields; bars per method."""
+"""Figures of studies, lines and maps over fields, and of comparisons of methods."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,162 +32,24 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# ---- Durations over two fields: a map of a grid's cells, and points where values are scattered.
+# ---- The figure of a study.
 
-_MOST_WRITTEN = 150  # cells with their durations in them
-_MOST_TICKS = 12
-_MOST_UPRIGHT = 70  # [characters] of all labels together that are not turned
-_DARK = 0.5  # brightness below which white letters are easier to read
-
-
-def draw_map(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -> None:
-    """Draw a cell for every pair of values: its duration, or why there is none.
-
-    Args:
-        axis: Where.
-        rows: Of a grid.
-        across: The field along the horizontal axis.
-        up: The field along the vertical one.
-    """
-    columns, lines = _Ticks(rows, across), _Ticks(rows, up)
-    durations = np.full((len(lines.values), len(columns.values)), np.nan)
-    gaps: dict[PlanStatus, list[tuple[int, int]]] = {}
-    for row in rows:
-        cell = lines.place(row), columns.place(row)
-        if row.duration is None:
-            gaps.setdefault(row.status, []).append(cell)
-        else:
-            durations[cell] = row.duration
-    image = axis.imshow(durations, cmap=_shades(), origin="lower", aspect="auto")
-    if np.isfinite(durations).any():
-        _figure(axis).colorbar(image, ax=axis, label="duration [s]")
-    if durations.size <= _MOST_WRITTEN:
-        _write_durations(axis, durations, image)
-    for status, cells in gaps.items():
-        _hatch(axis, status, cells)
-    axis.set(xlabel=columns.scale.label, ylabel=lines.scale.label)
-    axis.set_xticks(*columns.labels, rotation=20 if columns.is_long else 0)
-    axis.set_yticks(*lines.labels)
-    _legend_above(axis)
-
-
-def draw_scatter(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -> None:
-    """Draw a point for every row: its duration as a colour, or a mark that says why there is none.
-
-    Arguments as of `draw_map`, but for any rows.
-    """
-    scales = [ValueScale.of(path, [row.values[path] for row in rows]) for path in (across, up)]
-    x, y = (scale.places for scale in scales)
-    durations = np.array([np.nan if row.duration is None else row.duration for row in rows])
-    planned = np.isfinite(durations)
-    scales[0].draw(axis, "x")
-    scales[1].draw(axis, "y")
-    if planned.any():
-        drawn = axis.scatter(
-            *(x[planned], y[planned]), c=durations[planned], cmap=_shades(), edgecolors="#444444"
-        )
-        _figure(axis).colorbar(drawn, ax=axis, label="duration [s]")
-    for status in dict.fromkeys(row.status for row in rows if row.duration is None):
-        of = np.array([row.status is status and row.duration is None for row in rows])
-        mark, label = status_mark(status), _label(status, int(of.sum()))
-        axis.plot(x[of], y[of], mark.marker, color=mark.color, label=label)
-    axis.grid(alpha=0.25)
-    _legend_above(axis)
-
-
-class _Ticks:
-    """The values along one side of a map: numbers from small to large, others as they come."""
-
-    def __init__(self, rows: Sequence[StudyRow], path: str) -> None:
-        self._path = path
-        by_text = {value_text(row.values[path]): row.values[path] for row in rows}
-        self.scale = ValueScale.of(path, list(by_text.values()))
-        order = np.argsort(self.scale.places, kind="stable")
-        self.values = [self.scale.values[k] for k in order]
-        self._places = {value_text(value): k for k, value in enumerate(self.values)}
-
-    def place(self, row: StudyRow) -> int:
-        """Return which of the values a row has."""
-        return self._places[value_text(row.values[self._path])]
-
-    @property
-    def labels(self) -> tuple[list[int], list[str]]:
-        """Where labels stand, and what they say: not more than fit."""
-        step = -(-len(self.values) // _MOST_TICKS)
-        shown = list(range(0, len(self.values), step))
-        return shown, [value_label(self.values[k]) for k in shown]
-
-    @property
-    def is_long(self) -> bool:
-        """Whether labels are too long to stand side by side."""
-        return sum(map(len, self.labels[1])) > _MOST_UPRIGHT
-
-
-def _write_durations(axis: "Axes", durations: FloatArray, image: Any) -> None:
-    for cell in np.argwhere(np.isfinite(durations)):
-        value = durations[tuple(cell)]
-        brightness = np.dot(image.to_rgba(value)[:3], (0.3, 0.6, 0.1))
-        color = "white" if brightness < _DARK else "black"
-        line, column = cell.tolist()
-        style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7, "color": color}
-        axis.text(column, line, f"{value:.3f}", **style)
-
-
-def _hatch(axis: "Axes", status: PlanStatus, cells: Sequence[tuple[int, int]]) -> None:
-    from matplotlib.patches import Rectangle
-
-    mark = status_mark(status)
-    for number, (line, column) in enumerate(cells):
-        label = _label(status, len(cells)) if number == 0 else None
-        style: dict[str, Any] = {"facecolor": "#F4F4F4", "edgecolor": mark.color, "linewidth": 0}
-        place = (column - 0.5, line - 0.5)
-        axis.add_patch(Rectangle(place, 1, 1, hatch=mark.hatch, label=label, **style))
-
-
-def _label(status: PlanStatus, count: int) -> str:
-    return f"no plan: {status_words(status)} ({count})"
-
-
-def _legend_above(axis: "Axes") -> None:
-    """Say what marks mean, where they hide nothing."""
-    handles, labels = axis.get_legend_handles_labels()
-    if handles:
-        axis.legend(
-            handles, labels, fontsize=8, ncols=2, loc="lower left", bbox_to_anchor=(0, 1.01)
-        )
-
-
-def _shades() -> Any:
-    """Return colours of durations: short ones light, as fast stretches are in other figures."""
-    from matplotlib.colors import LinearSegmentedColormap
-
-    return LinearSegmentedColormap.from_list("duration", SPEED_COLORS[::-1])
-
-
-def _figure(axis: "Axes") -> "Figure":
-    figure = axis.get_figure(root=True)
-    assert figure is not None
-    return figure
-
-
-# ---- The figure of a study: durations against what is varied.
-
-_COLUMNS = {4: 2}  # of panels, for so many fields; else three
+_COLUMNS = {4: 2}  # of panels, by the number of fields; else three
 
 
 def plot_study(result: StudyResult, path: str | Path | None = None) -> "Figure":
-    """Draw the durations of a study, and where there is no plan, why.
+    """Draw the durations of a study, and the reasons where there is no plan.
 
     One field: the duration against its values. Two fields of a grid: a map of its cells; of a Latin
     hypercube: points coloured by their duration. More: the durations of all points, once against
-    each field. Fields that have one value alone are left out.
+    each field. Fields with a single value are left out.
 
     Args:
-        result: What `run_study` found.
-        path: Where to save the figure as PNG; None: nowhere.
+        result: Result of `run_study`.
+        path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
 
     Raises:
-        OptionError: No point was done.
+        OptionError: No point was planned, or the file has another ending.
         OutputError: The file could not be written.
     """
     if not result.rows:
@@ -196,9 +58,12 @@ def plot_study(result: StudyResult, path: str | Path | None = None) -> "Figure":
     varied = [axis.path for axis in axes if isinstance(axis, Interval) or len(axis.values) > 1]
     varied = varied or [axes[0].path]
     figure = new_figure(*_size(len(varied)))
-    figure.suptitle(f"{result.study.name}: duration against {_listed(varied)}")
+    names = " and ".join(varied) if len(varied) < 3 else f"{len(varied)} fields"
+    figure.suptitle(f"{result.study.name}: duration against {names}")
     if len(varied) == 1:
-        _draw_line(figure.add_subplot(), result, varied[0])
+        scale = ValueScale.of(varied[0], [row.values[varied[0]] for row in result.rows])
+        with_shortest = is_of_objective(varied[0])
+        draw_durations(figure.add_subplot(), scale, result.rows, with_shortest=with_shortest)
     elif len(varied) == 2:
         draw = draw_map if result.study.latin is None else draw_scatter
         draw(figure.add_subplot(), result.rows, *varied)
@@ -208,7 +73,7 @@ def plot_study(result: StudyResult, path: str | Path | None = None) -> "Figure":
 
 
 def _size(count: int) -> tuple[float, float]:
-    """Return the width and height of a figure of so many fields [inches]."""
+    """Return the width and height of a figure of a number of fields [inches]."""
     if count < 3:
         return 8.0, 4.5 if count == 1 else 5.5
     lines, columns = _panels(count)
@@ -216,22 +81,13 @@ def _size(count: int) -> tuple[float, float]:
 
 
 def _panels(count: int) -> tuple[int, int]:
-    """Return in how many lines and columns panels stand."""
+    """Return the numbers of lines and columns of a number of panels."""
     columns = _COLUMNS.get(count, 3)
     return -(-count // columns), columns
 
 
-def _listed(paths: list[str]) -> str:
-    return " and ".join(paths) if len(paths) < 3 else f"{len(paths)} fields"
-
-
-def _draw_line(axis: "Axes", result: StudyResult, path: str) -> None:
-    scale = ValueScale.of(path, [row.values[path] for row in result.rows])
-    draw_durations(axis, scale, result.rows, with_shortest=is_of_objective(path))
-
-
 def _draw_each(figure: "Figure", result: StudyResult, paths: list[str]) -> None:
-    """Draw a panel for every field, all with the same durations."""
+    """Draw a panel for each field, all with the same durations."""
     panels = figure.subplots(*_panels(len(paths)), sharey=True, squeeze=False)
     for axis, path in zip(panels.flat, paths, strict=False):
         scale = ValueScale.of(path, [row.values[path] for row in result.rows])
@@ -252,27 +108,27 @@ def _draw_each(figure: "Figure", result: StudyResult, paths: list[str]) -> None:
         figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
 
 
-# ---- The figure of a comparison: a row per method with its duration, verdict and the tool's speed.
+# ---- The figure of a comparison: one row per method.
 
 _WIDTH, _ROW, _AROUND = 13.0, 0.56, 1.35  # all of these [inches]
 _EDGE, _TITLE = 0.08, 0.4  # free at the borders, and for the title; inches too
 _LETTERS, _LINES = 34, 2  # of a verdict
-# Solid and hatched, so that grey print tells them apart too.
+# Solid and hatched, to be told apart in grey print.
 _CERTIFIED: dict[str, Any] = {"facecolor": LINE_COLORS[0], "edgecolor": LINE_COLORS[0]}
 _FAILED: dict[str, Any] = {"facecolor": "white", "edgecolor": WARNING_COLOR, "hatch": "////"}
 _FASTEST_SPEED: dict[str, Any] = {"color": "#D4D4D4", "linewidth": 0}
 
 
 def plot_comparison(result: Comparison, path: str | Path | None = None) -> "Figure":
-    """Draw what several methods make of a problem, a row for each, the fastest first.
+    """Draw the motions of several methods for a problem, a row each, the fastest first.
 
     Bars are durations: solid if certified, hatched if not, with the conditions that fail named;
     without a motion the row says why. Beside each is the speed of its tool, over that of the
     fastest certified motion in grey.
 
     Args:
-        result: What `compare` found.
-        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
+        result: Result of `compare`.
+        path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
 
     Raises:
         OptionError: The file has another ending.
@@ -284,7 +140,7 @@ def plot_comparison(result: Comparison, path: str | Path | None = None) -> "Figu
     figure = new_figure(_WIDTH, height)
     title = f"{result.problem.name}: methods compared"
     figure.suptitle(title, y=1 - _EDGE / height, va="top", fontsize=13)
-    # Without space between the panels each is as high as its bar's row.
+    # Without space between them the panels are as high as the bars' rows.
     page = (_EDGE / _WIDTH, _EDGE / height, 1 - 2 * _EDGE / _WIDTH, 1 - (_EDGE + _TITLE) / height)
     figure.set_layout_engine("constrained", hspace=0.0, h_pad=0.0, w_pad=0.12, rect=page)
     grid = figure.add_gridspec(len(rows), 2, width_ratios=(1, 1.1))
@@ -300,7 +156,7 @@ def plot_comparison(result: Comparison, path: str | Path | None = None) -> "Figu
 def _draw_durations(
     axis: "Axes", rows: Sequence[ComparisonRow], fastest: ComparisonRow | None
 ) -> None:
-    """Draw bars, and beside them what is to be said of each."""
+    """Draw bars, with the verdicts beside the bars."""
     for number, row in enumerate(rows):
         if row.duration is not None:
             axis.barh(number, row.duration, 0.6, **(_CERTIFIED if row.certified else _FAILED))
@@ -317,14 +173,14 @@ def _draw_durations(
 
 
 def _verdict(row: ComparisonRow, *, is_fastest: bool) -> str:
-    """Return duration and verdict of a row, or why there is no motion, on few lines."""
+    """Return duration and verdict of a row, or the reason for no motion, on few lines."""
     if row.duration is None:
-        said = f"no motion: {row.message}"
+        verdict = f"no motion: {row.message}"
     elif row.certified:
-        said = f"{row.duration:.4f} s, certified{', the fastest' * is_fastest}"
+        verdict = f"{row.duration:.4f} s, certified{', the fastest' * is_fastest}"
     else:
-        said = f"{row.duration:.4f} s, fails: {', '.join(row.failures)}"
-    return fill(shorten(said, _LINES * (_LETTERS - 4), placeholder=" ..."), _LETTERS)
+        verdict = f"{row.duration:.4f} s, fails: {', '.join(row.failures)}"
+    return fill(shorten(verdict, _LINES * (_LETTERS - 4), placeholder=" ..."), _LETTERS)
 
 
 def _draw_speeds(
@@ -334,7 +190,14 @@ def _draw_speeds(
     fastest: ComparisonRow | None,
 ) -> None:
     """Draw the speed of the tool in a panel per row, all to the same scales."""
-    speeds = [_speed(result, row) for row in rows]
+    # Times [s] and speeds [m/s], (N,) each; None without a motion.
+    speeds: list[tuple[FloatArray, FloatArray] | None] = []
+    for row in rows:
+        if row.trajectory is None:
+            speeds.append(None)
+        else:
+            curves = trajectory_curves(result.problem, row.trajectory)
+            speeds.append((curves.samples.time, curves.speed))
     behind = None if fastest is None else speeds[rows.index(fastest)]
     for axis, row, speed in zip(axes, rows, speeds, strict=True):
         if behind is not None:
@@ -345,26 +208,150 @@ def _draw_speeds(
         axis.grid(alpha=0.25)
         axis.yaxis.tick_right()
         axis.tick_params(labelsize=8, labelbottom=axis is axes[-1], bottom=axis is axes[-1])
-    known = [speed for speed in speeds if speed is not None]
-    end = max((float(time[-1]) for time, _ in known), default=1.0)
-    top = max((float(speed.max()) for _, speed in known), default=1.0) or 1.0
+    drawn = [speed for speed in speeds if speed is not None]
+    end = max((float(time[-1]) for time, _ in drawn), default=1.0)
+    top = max((float(speed.max()) for _, speed in drawn), default=1.0) or 1.0
     axes[0].set_xlim(0.0, 1.02 * end)
     axes[0].set_ylim(0.0, 1.2 * top)
-    axes[0].set_yticks([_round_below(top)])
+    digit, power = f"{top:e}".split("e")
+    axes[0].set_yticks([float(f"{digit[0]}e{power}")])  # the one tick has one digit, rounded down
     grey = "" if fastest is None else f"; grey: {fastest.method}"
     axes[0].set_title(f"tool speed [m/s]{grey}", fontsize=9.5, loc="left")
     axes[-1].set_xlabel("time [s]")
 
 
-def _speed(result: Comparison, row: ComparisonRow) -> tuple[FloatArray, FloatArray] | None:
-    """Return times [s] and speeds of the tool [m/s], (N,) each; None without a motion."""
-    if row.trajectory is None:
-        return None
-    curves = trajectory_curves(result.problem, row.trajectory)
-    return curves.samples.time, curves.speed
+# ---- Durations over two fields: a map of a grid's cells, or scattered points.
+
+_MOST_WRITTEN = 150  # cells with their durations in them
+_MOST_TICKS = 12
+_MOST_UPRIGHT = 70  # [characters] of all upright labels together
+_DARK = 0.5  # brightness below which white letters are easier to read
 
 
-def _round_below(value: float) -> float:
-    """Return the largest number with one digit that is at most a positive value."""
-    digit, power = f"{value:e}".split("e")
-    return float(f"{digit[0]}e{power}")
+def draw_map(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -> None:
+    """Draw a cell for each pair of values: its duration, or the reason for none.
+
+    Args:
+        axis: Of the panel.
+        rows: Of a grid.
+        across: The field along the horizontal axis.
+        up: The field along the vertical axis.
+    """
+    columns, lines = _Ticks(rows, across), _Ticks(rows, up)
+    durations = np.full((len(lines.values), len(columns.values)), np.nan)
+    gaps: dict[PlanStatus, list[tuple[int, int]]] = {}
+    for row in rows:
+        cell = lines.number(row), columns.number(row)
+        if row.duration is None:
+            gaps.setdefault(row.status, []).append(cell)
+        else:
+            durations[cell] = row.duration
+    image = axis.imshow(durations, cmap=_shades(), origin="lower", aspect="auto")
+    if np.isfinite(durations).any():
+        _figure(axis).colorbar(image, ax=axis, label="duration [s]")
+    if durations.size <= _MOST_WRITTEN:
+        _write_durations(axis, durations, image)
+    for status, cells in gaps.items():
+        _hatch(axis, status, cells)
+    axis.set(xlabel=columns.scale.label, ylabel=lines.scale.label)
+    axis.set_xticks(*columns.labels, rotation=20 if columns.is_long else 0)
+    axis.set_yticks(*lines.labels)
+    _legend_above(axis)
+
+
+def draw_scatter(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -> None:
+    """Draw a point for each row: its duration as a colour, or a mark for the reason for none.
+
+    Arguments as of `draw_map`, but for any rows.
+    """
+    scales = [ValueScale.of(path, [row.values[path] for row in rows]) for path in (across, up)]
+    x, y = (scale.places for scale in scales)
+    durations = np.array([np.nan if row.duration is None else row.duration for row in rows])
+    is_planned = np.isfinite(durations)
+    scales[0].draw(axis, "x")
+    scales[1].draw(axis, "y")
+    if is_planned.any():
+        look = {"cmap": _shades(), "edgecolors": "#444444"}
+        drawn = axis.scatter(x[is_planned], y[is_planned], c=durations[is_planned], **look)
+        _figure(axis).colorbar(drawn, ax=axis, label="duration [s]")
+    for status in dict.fromkeys(row.status for row in rows if row.duration is None):
+        of = np.array([row.status is status and row.duration is None for row in rows])
+        mark, label = status_mark(status), _label(status, int(of.sum()))
+        axis.plot(x[of], y[of], mark.marker, color=mark.color, label=label)
+    axis.grid(alpha=0.25)
+    _legend_above(axis)
+
+
+class _Ticks:
+    """The values along one side of a map: numbers in increasing order, others in their own."""
+
+    def __init__(self, rows: Sequence[StudyRow], path: str) -> None:
+        self._path = path
+        by_text = {value_text(row.values[path]): row.values[path] for row in rows}
+        self.scale = ValueScale.of(path, list(by_text.values()))
+        order = np.argsort(self.scale.places, kind="stable")
+        self.values = [self.scale.values[k] for k in order]
+        self._numbers = {value_text(value): k for k, value in enumerate(self.values)}
+
+    def number(self, row: StudyRow) -> int:
+        """Return the index of a row's value."""
+        return self._numbers[value_text(row.values[self._path])]
+
+    @property
+    def labels(self) -> tuple[list[int], list[str]]:
+        """Positions and texts of labels, as many as fit."""
+        step = -(-len(self.values) // _MOST_TICKS)
+        numbers = list(range(0, len(self.values), step))
+        return numbers, [value_label(self.values[k]) for k in numbers]
+
+    @property
+    def is_long(self) -> bool:
+        """True if labels are too long to stand side by side."""
+        return sum(map(len, self.labels[1])) > _MOST_UPRIGHT
+
+
+def _write_durations(axis: "Axes", durations: FloatArray, image: Any) -> None:
+    for cell in np.argwhere(np.isfinite(durations)):
+        value = durations[tuple(cell)]
+        brightness = np.dot(image.to_rgba(value)[:3], (0.3, 0.6, 0.1))
+        color = "white" if brightness < _DARK else "black"
+        line, column = cell.tolist()
+        style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7, "color": color}
+        axis.text(column, line, f"{value:.3f}", **style)
+
+
+def _hatch(axis: "Axes", status: PlanStatus, cells: Sequence[tuple[int, int]]) -> None:
+    from matplotlib.patches import Rectangle
+
+    mark = status_mark(status)
+    for number, (line, column) in enumerate(cells):
+        label = _label(status, len(cells)) if number == 0 else None
+        style: dict[str, Any] = {"facecolor": "#F4F4F4", "edgecolor": mark.color, "linewidth": 0}
+        corner = (column - 0.5, line - 0.5)
+        axis.add_patch(Rectangle(corner, 1, 1, hatch=mark.hatch, label=label, **style))
+
+
+def _label(status: PlanStatus, count: int) -> str:
+    return f"no plan: {status_words(status)} ({count})"
+
+
+def _legend_above(axis: "Axes") -> None:
+    """Draw the legend of marks above the panel, where nothing is hidden."""
+    handles, labels = axis.get_legend_handles_labels()
+    if handles:
+        axis.legend(
+            handles, labels, fontsize=8, ncols=2, loc="lower left", bbox_to_anchor=(0, 1.01)
+        )
+
+
+def _shades() -> Any:
+    """Return the colours of durations: short durations light, as high speeds in other figures."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("duration", SPEED_COLORS[::-1])
+
+
+def _figure(axis: "Axes") -> "Figure":
+    figure = axis.get_figure(root=True)
+    assert figure is not None
+    return figure

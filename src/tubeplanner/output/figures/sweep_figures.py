@@ -1,4 +1,4 @@
-"""Plot_convergence, plot_sweep, plot_field_sweep: durations over one value; status marks."""
+"""Figures of durations over one value; marks of statuses without a plan."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# ---- How figures tell apart why there is no plan: the same colour, mark and hatching everywhere.
+# ---- Marks of statuses without a plan: the same colour, mark and hatching in all figures.
 
 _ORDER = (
     PlanStatus.TUBE_BLOCKED,
@@ -36,17 +36,17 @@ _ORDER = (
 )
 _MARKS = ("x", "v", "P", "s", "D", "^", "*", "X")
 _HATCHES = ("///", "\\\\\\", "xxx", "...", "+++", "ooo", "|||", "---")
-_COLORS = (*LINE_COLORS[1:], "#777777", "#7A1F1F")  # without that of plans
+_COLORS = (*LINE_COLORS[1:], "#777777", "#7A1F1F")  # without the colour of plans
 
 
 @dataclass(frozen=True)
 class StatusMark:
-    """How one status is drawn.
+    """Look of one status.
 
     Attributes:
         color: Of marks and hatching.
         marker: As matplotlib names it.
-        hatch: Likewise.
+        hatch: As matplotlib names it.
     """
 
     color: str
@@ -55,48 +55,43 @@ class StatusMark:
 
 
 def status_mark(status: PlanStatus) -> StatusMark:
-    """Return how a status without a plan is drawn."""
-    place = _ORDER.index(status)
-    return StatusMark(_COLORS[place], _MARKS[place], _HATCHES[place])
+    """Return the look of a status without a plan."""
+    number = _ORDER.index(status)
+    return StatusMark(_COLORS[number], _MARKS[number], _HATCHES[number])
 
 
 def status_words(status: PlanStatus) -> str:
-    """Return a status as figures write it."""
+    """Return the words of figures for a status."""
     return str(status).replace("_", " ")
 
 
 def draw_rug(axis: "Axes", gaps: Iterable[tuple[float, PlanStatus]]) -> None:
-    """Mark places without a plan at the lower edge of axes, by why there is none."""
+    """Mark values without a plan at the lower edge of axes, by their status."""
     places: dict[PlanStatus, list[float]] = {}
     for place, status in gaps:
         places.setdefault(status, []).append(place)
-    for status, found in places.items():
+    for status, values in places.items():
         mark = status_mark(status)
-        axis.plot(
-            found,
-            [0.03] * len(found),
-            mark.marker,
-            transform=axis.get_xaxis_transform(),
-            color=mark.color,
-            markersize=6,
-            label=f"no plan: {status_words(status)} ({len(found)})",
-        )
+        label = f"no plan: {status_words(status)} ({len(values)})"
+        transform = axis.get_xaxis_transform()
+        look: dict[str, Any] = {"color": mark.color, "markersize": 6, "transform": transform}
+        axis.plot(values, [0.03] * len(values), mark.marker, label=label, **look)
 
 
-# ---- Figures of several plans: how refinement converges, and the duration against the tolerance.
+# ---- Figures of several plans: convergence of refinement, and duration against tolerance.
 
-_TANGENT = 0.35  # half the length of a slope's line, as a share of the way to the next tolerance
+_TANGENT = 0.35  # half the length of a slope's line, as a fraction of the way to the next tolerance
 _WIDE = 10.0  # tolerances that differ by more than this factor are drawn on a logarithmic axis
 
 
 def plot_convergence(
     histories: Mapping[str, Sequence[Progress]], path: str | Path | None = None
 ) -> "Figure":
-    """Draw how the duration falls, step by step, towards the shortest one found.
+    """Draw the excess of the duration over the shortest duration [%], step by step.
 
     Args:
         histories: By name, the reports of `plan` to its `progress` callback, in order.
-        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
+        path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
 
     Raises:
         OptionError: The file has another ending.
@@ -122,8 +117,8 @@ def plot_sweep(result: SweepResult, path: str | Path | None = None) -> "Figure":
     """Draw the duration against the tolerance, with the slope that the sensitivities predict.
 
     Args:
-        result: What `sweep` found.
-        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
+        result: Result of `sweep`.
+        path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
 
     Raises:
         OptionError: The file has another ending.
@@ -136,14 +131,35 @@ def plot_sweep(result: SweepResult, path: str | Path | None = None) -> "Figure":
     return saved(figure, path)
 
 
+def plot_field_sweep(result: FieldSweep, path: str | Path | None = None) -> "Figure":
+    """Draw the duration against a field's values: numbers and factors to scale, others in a row.
+
+    Answers that were executed in simulation have the number of their failed runs above them.
+
+    Args:
+        result: Result of `sweep_field`.
+        path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
+
+    Raises:
+        OptionError: The file has another ending.
+        OutputError: The file could not be written.
+    """
+    figure = new_figure(8.0, 4.5)
+    figure.suptitle(f"{result.name}: duration against {result.path}", fontsize=13)
+    scale = ValueScale.of(result.path, [row.value for row in result.rows])
+    axis = figure.add_subplot()
+    draw_durations(axis, scale, result.rows, with_shortest=result.varies_objective)
+    return saved(figure, path)
+
+
 def draw_sweep(
     axis: "Axes", result: SweepResult, label: str | None = None, number: int = 0
 ) -> None:
-    """Draw a sweep into axes: points, slopes, and where there is no plan.
+    """Draw a sweep into axes: points, slopes, and values without a plan.
 
     Args:
-        axis: Where.
-        result: What `sweep` found.
+        axis: Of the panel.
+        result: Result of `sweep`.
         label: In the legend; None: "certified trajectory".
         number: Of the line, for colour and dashes.
     """
@@ -151,8 +167,8 @@ def draw_sweep(
     unit, name = (1000, "radius [mm]") if radius else (1, "scale of all radii [-]")
     values = unit * np.array([row.value for row in result.rows])
     planned = [(unit * row.value, row.duration) for row in result.rows if row.duration is not None]
-    style = {**line_style(number), "linewidth": 1.0}
-    axis.plot(*np.reshape(planned, (-1, 2)).T, "o", label=label or "certified trajectory", **style)
+    look = {**line_style(number), "linewidth": 1.0}
+    axis.plot(*np.reshape(planned, (-1, 2)).T, "o", label=label or "certified trajectory", **look)
     if values[-1] > _WIDE * values[0]:
         axis.set_xscale("log")
         axis.set_xticks(values, [f"{value:.3g}" for value in values], minor=False)
@@ -168,7 +184,7 @@ def draw_sweep(
 
 
 def draw_gap(axis: "Axes", value: float, reason: str) -> None:
-    """Mark a tolerance without a plan."""
+    """Mark a value without a plan, with the reason."""
     axis.axvline(value, color="#888888", linestyle=":", linewidth=1.2)
     where = axis.get_xaxis_transform()
     axis.text(value, 0.03, f" no plan: {reason}", transform=where, rotation=90, fontsize=7)
@@ -177,47 +193,46 @@ def draw_gap(axis: "Axes", value: float, reason: str) -> None:
 def _draw_slope(
     axis: "Axes", value: float, half: float, duration: float, elasticity: float
 ) -> None:
-    """Draw a tangent that is straight on linear and logarithmic axes."""
+    """Draw a tangent, straight on linear and on logarithmic axes."""
     ratio = np.array([1 - half, 1, 1 + half])
     gain = np.log(ratio) if axis.get_xscale() == "log" else ratio - 1
     label = "slope by the sensitivities"
-    known = {line.get_label() for line in axis.lines}
+    labels = {line.get_label() for line in axis.lines}
     axis.plot(
         value * ratio,
         duration * (1 + elasticity * gain),
         color="#000000",
         linewidth=2.4,
         alpha=0.55,
-        label=f"_{label}" if label in known else label,
+        label=f"_{label}" if label in labels else label,
         zorder=1,
     )
 
 
 def _half_tangent(values: np.ndarray, value: float) -> float:
-    """Return how far a slope is drawn to either side, as a share of the value."""
+    """Return the half length of a slope's line as a fraction of the value."""
     others = values[values != value]
     nearest = min(abs(others / value - 1)) if len(others) else 1.0
     return float(min(_TANGENT * nearest, 0.5))
 
 
-# ---- Where the values of a field stand on an axis: numbers and factors to scale, others in a row.
+# ---- Positions of a field's values on an axis: numbers and factors to scale, others in a row.
 
 _MAX_LABEL = 24  # [characters] of a value below the axis
-_MOST_UPRIGHT = 36  # [characters] of all labels of an axis together that are not turned
-_WIDE_RANGE = (
-    10.0  # the ratio of largest to smallest from which ratios may count more than differences
-)
+_MOST_UPRIGHT = 36  # [characters] of all upright labels of an axis together
+# Ratio of largest to smallest value from which on a logarithmic axis may be more even.
+_WIDE_RANGE = 10.0
 
 
 @dataclass(frozen=True, eq=False)
 class ValueScale:
-    """The values of a field, and their places.
+    """The values of a field, and their positions on an axis.
 
     Attributes:
         path: Of the field.
-        values: As they are given.
-        places: Of these values on the axis.
-        is_scaled: Whether the places are numbers or factors; else they count the values.
+        values: From the file or the caller.
+        places: Their positions on the axis.
+        is_scaled: True if positions are numbers or factors; else they count the values.
     """
 
     path: str
@@ -227,7 +242,7 @@ class ValueScale:
 
     @classmethod
     def of(cls, path: str, values: Sequence[Any]) -> "ValueScale":
-        """Return the places of values; the same values that are not to scale share theirs."""
+        """Return the scale of values; equal values that are not to scale share a position."""
         factors = [factor_of(value) for value in values]
         for numbers in (values, factors):
             if values and all(is_number(number) for number in numbers):
@@ -240,13 +255,13 @@ class ValueScale:
 
     @property
     def label(self) -> str:
-        """What the axis is called."""
+        """Name of the axis."""
         is_factor = self.is_scaled and factor_of(self.values[0]) is not None
         return f"factor on {self.path} [-]" if is_factor else self.path
 
     @property
     def is_logarithmic(self) -> bool:
-        """Whether the values lie more evenly by their ratios than by their differences."""
+        """True if the values lie more evenly by their ratios than by their differences."""
         if not self.is_scaled or len(self.places) < 3 or min(self.places) <= 0:
             return False
         least, middle, most = min(self.places), np.median(self.places), max(self.places)
@@ -254,7 +269,7 @@ class ValueScale:
         return bool(ratio and most >= _WIDE_RANGE * least)
 
     def draw(self, axis: "Axes", side: Literal["x", "y"] = "x") -> None:
-        """Give an axis its name, its scale and, where values stand in a row, their labels."""
+        """Name and scale an axis; label the values that stand in a row."""
         from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
         line = axis.xaxis if side == "x" else axis.yaxis
@@ -265,24 +280,24 @@ class ValueScale:
             line.set_major_formatter(FormatStrFormatter("%g"))
             line.set_minor_formatter(NullFormatter())
         if not self.is_scaled:
-            named = dict(zip(self.places.tolist(), map(value_label, self.values), strict=True))
-            line.set_ticks(list(named), labels=list(named.values()))
-            axis.set(**{f"{side}lim": (min(named) - 0.5, max(named) + 0.5)})
-            if side == "x" and sum(map(len, named.values())) > _MOST_UPRIGHT:
+            labels = dict(zip(self.places.tolist(), map(value_label, self.values), strict=True))
+            line.set_ticks(list(labels), labels=list(labels.values()))
+            axis.set(**{f"{side}lim": (min(labels) - 0.5, max(labels) + 0.5)})
+            if side == "x" and sum(map(len, labels.values())) > _MOST_UPRIGHT:
                 axis.tick_params("x", rotation=20)
 
 
 def value_label(value: Any) -> str:
-    """Return a value as it stands below an axis: of long ones the end, where names differ."""
+    """Return the label of a value below an axis: of long texts the end, where names differ."""
     if is_number(value):
         return f"{value:.4g}"
     text = value_text(value).removeprefix(EXAMPLE_PREFIX)
     return text if len(text) <= _MAX_LABEL else f"...{text[3 - _MAX_LABEL :]}"
 
 
-# ---- The duration against one field, for sweeps and studies: points, gaps, failed runs.
+# ---- The duration against one field, for sweeps and studies.
 
-_MOST_NAMED = 12  # gaps with their reason beside them; more of them as marks with a legend
+_MOST_NAMED = 12  # gaps with their reason beside them; more are drawn as marks with a legend
 _ABOVE: dict[str, Any] = {
     "xytext": (0, 9),
     "textcoords": "offset points",
@@ -293,11 +308,11 @@ _ABOVE: dict[str, Any] = {
 
 
 class DurationRow(Protocol):
-    """What a row must say of its plan."""
+    """A row that says how its plan ended."""
 
     @property
     def status(self) -> PlanStatus:
-        """How planning ended."""
+        """Status of planning."""
 
     @property
     def duration(self) -> float | None:
@@ -305,27 +320,27 @@ class DurationRow(Protocol):
 
     @property
     def shortest_duration(self) -> float | None:
-        """[s]; likewise."""
+        """[s]; None if there is no plan."""
 
     @property
     def runs(self) -> int | None:
-        """How many were simulated; None: none were."""
+        """Number of simulated runs; None: none were simulated."""
 
     @property
     def runs_failed(self) -> int | None:
-        """How many of them failed; likewise."""
+        """Number of failed runs; None: none were simulated."""
 
 
 def draw_durations(
     axis: "Axes", scale: ValueScale, rows: Sequence[DurationRow], *, with_shortest: bool
 ) -> None:
-    """Draw durations against a field's values; above those simulated, how many runs failed.
+    """Draw durations against a field's values, with the number of failed runs if simulated.
 
     Args:
-        axis: Where.
-        scale: Where the values of the rows stand.
+        axis: Of the panel.
+        scale: Positions of the rows' values.
         rows: One per value.
-        with_shortest: Whether to draw the shortest durations that were found as well.
+        with_shortest: True to draw the shortest durations that were found as well.
     """
     scale.draw(axis)
     lines = {"certified trajectory": [row.duration for row in rows]}
@@ -337,28 +352,24 @@ def draw_durations(
         order = order[np.isfinite(values[order])]
         style = {**line_style(number), "linewidth": 1.0 if scale.is_scaled else 0.0}
         axis.plot(scale.places[order], values[order], "o", label=label, **style)
-    _draw_gaps(axis, scale.places, rows)
+    gaps = [
+        (place, row.status)
+        for place, row in zip(scale.places.tolist(), rows, strict=True)
+        if row.duration is None
+    ]
+    if len(gaps) > _MOST_NAMED:
+        draw_rug(axis, gaps)
+    else:
+        for place, status in gaps:
+            draw_gap(axis, place, status_words(status))
     _mark_runs(axis, scale.places, rows)
     axis.set_ylabel("duration [s]")
     axis.grid(alpha=0.25)
     axis.legend(fontsize=8)
 
 
-def _draw_gaps(axis: "Axes", places: FloatArray, rows: Sequence[DurationRow]) -> None:
-    gaps = [
-        (place, row.status)
-        for place, row in zip(places.tolist(), rows, strict=True)
-        if row.duration is None
-    ]
-    if len(gaps) > _MOST_NAMED:
-        draw_rug(axis, gaps)
-        return
-    for place, status in gaps:
-        draw_gap(axis, place, status_words(status))
-
-
 def _mark_runs(axis: "Axes", places: FloatArray, rows: Sequence[DurationRow]) -> None:
-    """Write above answers how many of their runs failed, and mark those of which some did."""
+    """Write the number of failed runs above simulated answers, and mark answers with failures."""
     failed = []
     for row, place in zip(rows, places, strict=True):
         if row.duration is None or row.runs is None:
@@ -368,36 +379,7 @@ def _mark_runs(axis: "Axes", places: FloatArray, rows: Sequence[DurationRow]) ->
         if row.runs_failed:
             failed.append(at)
     if failed:
-        axis.plot(
-            *np.transpose(failed),
-            "X",
-            label="some of its runs failed",
-            color=WARNING_COLOR,
-            markersize=11,
-        )
+        look: dict[str, Any] = {"color": WARNING_COLOR, "markersize": 11}
+        axis.plot(*np.transpose(failed), "X", label="some of its runs failed", **look)
     if any(row.runs is not None for row in rows):
         axis.margins(0.1)
-
-
-# ---- The figure of a sweep over a field: the duration against its values.
-
-
-def plot_field_sweep(result: FieldSweep, path: str | Path | None = None) -> "Figure":
-    """Draw the duration against a field's values: numbers and factors to scale, others in a row.
-
-    Above answers that were executed in simulation stands how many of their runs failed.
-
-    Args:
-        result: What `sweep_field` found.
-        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
-
-    Raises:
-        OptionError: The file has another ending.
-        OutputError: The file could not be written.
-    """
-    figure = new_figure(8.0, 4.5)
-    figure.suptitle(f"{result.name}: duration against {result.path}", fontsize=13)
-    scale = ValueScale.of(result.path, [row.value for row in result.rows])
-    axis = figure.add_subplot()
-    draw_durations(axis, scale, result.rows, with_shortest=result.varies_objective)
-    return saved(figure, path)

@@ -1,6 +1,6 @@
-"""Plot_trajectory, plot_cycle."""
+"""Figures of the motion of a trajectory and of a cycle."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,26 +40,26 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# ---- The figure of a trajectory: what binds when, curves against their limits, the tool in space.
+_MAX_POSES, _SAME_PLACE = 3, 0.01  # poses of the arm; tools this near are at one place [m]
 
 
 def plot_trajectory(
     problem: PlanningProblem, trajectory: JointTrajectory, path: str | Path | None = None
 ) -> "Figure":
-    """Draw a trajectory: which limit binds when, and against limits and tube, segments marked.
+    """Draw a trajectory against limits and tube, with the limits that bind and segments marked.
 
-    First a strip with a row per joint, one of the tool and one of the links: where a limit is used
-    to 98 % it binds, and the motion is not faster there, or takes no other way. Below it positions,
-    velocities, efforts and, where limits of them exist, accelerations, jerks and effort rates; the
-    speed of the tool and of other points that are limited, and the share of the tube that the tool
-    uses; the clearance, where any is judged; the arm at start and goal, the tool's path in the
-    tube; efforts over velocities, inside what each motor has, of joints with friction or a
-    torque-speed line.
+    First a strip with a row per joint, one of the tool and one of the links: a limit that is used
+    to 98 % binds; the motion is not faster there, or takes no other way. Below it positions,
+    velocities, efforts and, where limited, accelerations, jerks and effort rates; the speed of the
+    tool and of other points with a limit, and the percentage of the tube that the tool uses; the
+    clearance, where any is judged; the arm at start and goal, and the tool's path in the tube;
+    efforts over velocities, inside each motor's limits, of joints with friction or a torque-speed
+    line.
 
     Args:
         problem: The planning problem.
         trajectory: Of the problem's joints, in any order.
-        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
+        path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
 
     Returns:
         The figure.
@@ -94,33 +94,111 @@ def plot_trajectory(
     return saved(grid.figure, path)
 
 
-# ---- Marks in the panels of a cycle's figures: its moves, and what happens at rest between them.
+def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None) -> "Figure":
+    """Draw the motion of a cycle against limits and tubes, with moves and rests marked.
+
+    Positions, velocities, efforts with the carried parts, and their rates if limited, with the
+    limits of each move; the speed of the tool, and the steps at rest; the tubes of all moves, and
+    the percentage of the tolerance that the tool uses.
+
+    Args:
+        cycle: The cycle.
+        motion: Its motion.
+        path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
+
+    Returns:
+        The figure.
+
+    Raises:
+        ProblemError: `cycle` is no Cycle.
+        OptionError: The file has another ending.
+        OutputError: The file could not be written.
+    """
+    Cycle.require(cycle)
+    runs, timeline = cycle_curves(cycle, motion), cycle_timeline(motion)
+    motions, duration = limited_motions(cycle, motion), motion.trajectory.duration
+    strip = binding_strip(motions, duration)
+    draws = time_panels(runs)
+    has_clearance = any(each.closest for each in motions)
+    grid = figure_grid(len(strip.rows), len(draws) + has_clearance, has_motors=False)
+    grid.figure.suptitle(f"{cycle.name}: {duration:.4f} s", fontsize=13)
+    draw_strip(grid.strip, strip)
+    for axis, draw in zip(grid.panels, draws, strict=False):
+        spans = []
+        for run in runs:
+            draw(axis, run)
+            spans.append(axis.get_ylim())
+        axis.set_ylim(min(low for low, _ in spans), max(high for _, high in spans))
+    if has_clearance:
+        draw_clearance(grid.panels[-1], motions)
+    for axis in (grid.strip, *grid.panels):
+        mark_moves(axis, timeline, duration, names=axis is grid.strip)
+    grid.name_time()
+    name_steps(grid.panels[draws.index(draw_speed)], timeline, duration)
+    _draw_space(grid.space, cycle, motion, runs, [each.problem for each in motions])
+    return saved(grid.figure, path)
+
+
+def _draw_space(
+    axis: "Axes",
+    cycle: Cycle,
+    motion: CycleMotion,
+    runs: Sequence[TrajectoryCurves],
+    problems: Sequence[PlanningProblem],
+) -> None:
+    """Draw tubes in the colours of their moves, the obstacles at first, the arm at junctions."""
+    moves = [move for leg in cycle.legs for move in leg.moves]
+    tubes = [(move.tube, segment_color(k)) for k, move in enumerate(moves)]
+    handed_over = {step.name for step in cycle.steps if isinstance(step, Attach)}
+    path = np.vstack([run.tool for run in runs])
+    seams = np.array(motion.seams)
+    drawn = _far_apart(cycle.robot, seams)
+    # At a junction the arm has the parts of the next leg; at the end, those of the last.
+    carried = [problems[min(k, len(problems) - 1)].attached for k in drawn]
+    content = SpaceContent(
+        cycle.robot, seams[drawn], carried, 0, path, tubes, cycle.obstacles, handed_over
+    )
+    draw_space(axis, content)
+
+
+def _far_apart(robot: RobotModel, q: FloatArray) -> list[int]:
+    """Return indices of a few configurations (N, n) with the tool far apart, the first first."""
+    tool, indices = robot.tool_position(q), [0]
+    while len(indices) < _MAX_POSES:
+        away = np.linalg.norm(tool[:, None] - tool[indices], axis=2).min(axis=1)
+        if away.max() < _SAME_PLACE:
+            break
+        indices.append(int(away.argmax()))
+    return indices
+
+
+# ---- Marks in the panels of a cycle's figures: its moves, and its steps at rest.
 
 _STOP_COLOR = "#888888"
-_LETTER = 0.009  # of the panel: what a letter of a name is wide
+_LETTER = 0.009  # width of a letter of a name, of the panel
 _FEWEST_LETTERS = 5
-_LINE = 0.02  # of the panel: what a line of text is high
+_LINE = 0.02  # height of a line of text, of the panel
 
 
 def mark_moves(
     axis: "Axes", timeline: Timeline, duration: float, *, names: bool, letter: float = _LETTER
 ) -> None:
-    """Shade a panel over time by moves, name them if asked, and mark what happens at rest.
+    """Shade a panel over time by moves, name moves on request, and mark stops and their steps.
 
     Args:
         axis: The panel.
-        timeline: What happens when.
-        duration: When the panel ends [s].
-        names: Whether moves are named.
-        letter: How wide a letter of a name is, as a share of the panel.
+        timeline: Moves and stops.
+        duration: End of the panel [s].
+        names: True to name moves.
+        letter: Width of a letter of a name, as a fraction of the panel.
     """
     for band in timeline.bands:
         axis.axvspan(band.begin, band.end, color=band.color, alpha=0.10, linewidth=0, zorder=0)
         if names:
-            place = axis.get_xaxis_transform()
+            transform = axis.get_xaxis_transform()
             middle, share = (band.begin + band.end) / 2, (band.end - band.begin) / duration
             name = shown_name(band.name, int(share / letter))
-            axis.text(middle, 1.01, name, transform=place, ha="center", fontsize=7)
+            axis.text(middle, 1.01, name, transform=transform, ha="center", fontsize=7)
     for stop in timeline.stops:
         axis.axvspan(stop.begin, stop.end, color=_STOP_COLOR, alpha=0.25, linewidth=0, zorder=0)
         for time, _ in stop.ticks:
@@ -131,7 +209,7 @@ def mark_moves(
 
 
 def name_steps(axis: "Axes", timeline: Timeline, duration: float) -> None:
-    """Name what happens at rest in a panel whose lines are at zero then."""
+    """Name the steps at rest in a panel whose lines are at zero there."""
     before = -duration
     for stop in timeline.stops:
         for time, ticks in groupby(stop.ticks, lambda tick: tick[0]):
@@ -151,101 +229,7 @@ def name_steps(axis: "Axes", timeline: Timeline, duration: float) -> None:
 
 
 def shown_name(name: str, letters: int) -> str:
-    """Return a name in at most so many letters: whole, cut, or nothing if little is left."""
+    """Return a name in at most a number of letters: whole, cut, or empty if little would remain."""
     if len(name) <= letters:
         return name
     return f"{name[: letters - 2]}..." if letters >= _FEWEST_LETTERS else ""
-
-
-# ---- The figure of a cycle: all joints against their limits, what happens when, use of the tubes.
-
-_MAX_POSES, _SAME_PLACE = 3, 0.01  # poses of the arm; tools this near are at one place [m]
-
-
-def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None) -> "Figure":
-    """Draw the motion of a cycle against limits and tubes, its moves and rests marked.
-
-    Positions, velocities, efforts with what is carried then, and their rates if a limit is asked,
-    with the limits of each move; the speed of the tool, and what happens at rest; the tubes of all
-    moves, and what share of the tolerance the tool uses.
-
-    Args:
-        cycle: The cycle.
-        motion: Its motion.
-        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
-
-    Returns:
-        The figure.
-
-    Raises:
-        ProblemError: The cycle is none.
-        OptionError: The file has another ending.
-        OutputError: The file could not be written.
-    """
-    Cycle.require(cycle)
-    runs, timeline = cycle_curves(cycle, motion), cycle_timeline(motion)
-    motions, duration = limited_motions(cycle, motion), motion.trajectory.duration
-    strip = binding_strip(motions, duration)
-    draws = time_panels(runs)
-    has_clearance = any(each.closest for each in motions)
-    grid = figure_grid(len(strip.rows), len(draws) + has_clearance, has_motors=False)
-    grid.figure.suptitle(f"{cycle.name}: {duration:.4f} s", fontsize=13)
-    draw_strip(grid.strip, strip)
-    for axis, draw in zip(grid.panels, draws, strict=False):
-        _draw_runs(axis, draw, runs)
-    if has_clearance:
-        draw_clearance(grid.panels[-1], motions)
-    for axis in (grid.strip, *grid.panels):
-        mark_moves(axis, timeline, duration, names=axis is grid.strip)
-    grid.name_time()
-    name_steps(grid.panels[draws.index(draw_speed)], timeline, duration)
-    _draw_space(grid.space, cycle, motion, runs, [each.problem for each in motions])
-    return saved(grid.figure, path)
-
-
-def _draw_runs(
-    axis: "Axes",
-    draw: Callable[["Axes", TrajectoryCurves], None],
-    runs: Sequence[TrajectoryCurves],
-) -> None:
-    """Draw curves one after the other, all in sight."""
-    seen = []
-    for run in runs:
-        draw(axis, run)
-        seen.append(axis.get_ylim())
-    axis.set_ylim(min(low for low, _ in seen), max(high for _, high in seen))
-
-
-def _draw_space(
-    axis: "Axes",
-    cycle: Cycle,
-    motion: CycleMotion,
-    runs: Sequence[TrajectoryCurves],
-    problems: Sequence[PlanningProblem],
-) -> None:
-    """Draw tubes in the colours of their moves, what stands there at first, the arm at seams."""
-    moves = [move for leg in cycle.legs for move in leg.moves]
-    tubes = [(move.tube, segment_color(k)) for k, move in enumerate(moves)]
-    handed_over = {step.name for step in cycle.steps if isinstance(step, Attach)}
-    path = np.vstack([run.tool for run in runs])
-    seams = np.array(motion.seams)
-    shown = _far_apart(cycle.robot, seams)
-    # At a seam the arm has what it carries afterwards; at the end, what it carried there.
-    carried = [problems[min(k, len(problems) - 1)].attached for k in shown]
-    draw_space(
-        axis,
-        SpaceContent(
-            cycle.robot, seams[shown], carried, 0, path, tubes, cycle.obstacles, handed_over
-        ),
-    )
-
-
-def _far_apart(robot: RobotModel, q: FloatArray) -> list[int]:
-    """Return which of configurations (N, n) are a few with the tool far apart, the first first."""
-    tool, chosen = robot.tool_position(q), [0]
-    while len(chosen) < _MAX_POSES:
-        away = np.linalg.norm(tool[:, None] - tool[chosen], axis=2).min(axis=1)
-        if away.max() < _SAME_PLACE:
-            break
-        chosen.append(int(away.argmax()))
-    return chosen
