@@ -1,8 +1,8 @@
 """BodyShapes: convex shapes on a robot's bodies and their distances, native or FCL.
 
-Natively where the answer proves itself: where a distance along a direction, a lower bound, is that
-of two points, an upper one, to 1e-9 m. Where it does not, of shapes that overlap or all but touch,
-FCL and Coal are asked, as they are for all pairs without the native library.
+Native distances count where they are proved: where a lower bound, the distance along a direction,
+and an upper bound, that of two points, agree to 1e-9 m. Pairs without proof, which overlap or all
+but touch, are measured by FCL and Coal, as are all pairs without the native library.
 """
 
 import threading
@@ -19,8 +19,6 @@ from tubeplanner.geometry.convex_shapes import BoundingBoxes, ConvexShape, bound
 from tubeplanner.geometry.distances import ClosestPoints, PlacedShapes
 from tubeplanner.robot.model import RobotModel
 
-# ---- Convex shapes on the bodies of a robot, and how far apart pairs of them are.
-
 
 @dataclass(frozen=True, eq=False)
 class BodyShape:
@@ -28,7 +26,7 @@ class BodyShape:
 
     Attributes:
         owner: Name of the link or obstacle.
-        body: Body of the robot that carries it; 0 stands still.
+        body: Index of the robot's body that carries it; 0 stands still.
         shape: In the body's frame.
     """
 
@@ -38,7 +36,7 @@ class BodyShape:
 
 
 class _PlacedShapes(threading.local):
-    """Shapes that are moved to where they are measured, for every thread its own."""
+    """Shapes that FCL moves to be measured; each thread has its own."""
 
     def __init__(self, shapes: Sequence[BodyShape]) -> None:
         self.shapes = PlacedShapes([body_shape.shape for body_shape in shapes])
@@ -47,7 +45,12 @@ class _PlacedShapes(threading.local):
 class BodyShapes:
     """Shapes on the bodies of a robot.
 
-    Several threads may use one; it pickles by content, without any file.
+    Several threads may use one object; it pickles by content, without any file.
+
+    In all methods, N configurations have `rotation`, shape (N, bodies, 3, 3), and `position`, shape
+    (N, bodies, 3) [m], of all bodies, as from `RobotModel.body_poses`; `pairs` are P pairs of
+    indices of `shapes`, shape (P, 2); `row` is the configuration of each pair, shape (P,), None:
+    each in its own.
 
     Attributes:
         robot: The arm.
@@ -61,7 +64,7 @@ class BodyShapes:
         self._placed = _PlacedShapes(self.shapes)
 
     def _add(self, shapes: Sequence[BodyShape]) -> None:
-        """Add shapes behind those that there are."""
+        """Append shapes."""
         if shapes:
             self.shapes += shapes
             for derived in ("_bodies", "_boxes", "_native", "_spheres"):
@@ -80,7 +83,7 @@ class BodyShapes:
         """Return lower bounds on the signed distances of pairs at one configuration [m].
 
         Args:
-            rotation: Of all bodies, shape (bodies, 3, 3), from `RobotModel.body_poses`.
+            rotation: Of all bodies, shape (bodies, 3, 3).
             position: Of all bodies, shape (bodies, 3) [m].
             pairs: Shape (P, 2).
 
@@ -96,7 +99,7 @@ class BodyShapes:
     def separations(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return `distances`, and the directions along which the shapes are that far apart.
+        """Return `distances`, and unit vectors along which the shapes are that far apart.
 
         Returns:
             Distances (P,) [m] and unit vectors (P, 3) from the first towards the second shape of
@@ -112,26 +115,19 @@ class BodyShapes:
         pairs: IntArray,
         row: IntArray | None = None,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return what `separations` does, in several configurations.
-
-        Args:
-            rotation: Shape (N, bodies, 3, 3).
-            position: Shape (N, bodies, 3) [m].
-            pairs: Shape (P, 2).
-            row: In which of the N configurations each pair is, shape (P,); None: each in its own.
-        """
+        """Return `separations` in several configurations."""
         row = _rows(pairs, row)
         if self._native is None:
-            measured = self._by_fcl(rotation, position, pairs, row)
-            return measured.distance, self._in_second(rotation, pairs, row, measured)
-        found = self._native.closest_points(rotation, position, row, pairs)
-        unproven = np.flatnonzero(~found.proven)
+            exact = self._by_fcl(rotation, position, pairs, row)
+            return exact.distance, self._in_second(rotation, pairs, row, exact)
+        result = self._native.closest_points(rotation, position, row, pairs)
+        unproven = np.flatnonzero(~result.proven)
         if len(unproven):
             others = pairs[unproven], row[unproven]
-            measured = self._by_fcl(rotation, position, *others)
-            found.distance[unproven] = measured.distance
-            found.direction[unproven] = self._in_second(rotation, *others, measured)
-        return found.distance, found.direction
+            exact = self._by_fcl(rotation, position, *others)
+            result.distance[unproven] = exact.distance
+            result.direction[unproven] = self._in_second(rotation, *others, exact)
+        return result.distance, result.direction
 
     def _in_second(
         self, rotation: FloatArray, pairs: IntArray, row: IntArray, closest: ClosestPoints
@@ -147,13 +143,7 @@ class BodyShapes:
         pairs: IntArray,
         row: IntArray | None = None,
     ) -> ClosestPoints:
-        """Return where pairs are closest, in several configurations.
-
-        Args:
-            rotation: Shape (N, bodies, 3, 3).
-            position: Shape (N, bodies, 3) [m].
-            pairs: Shape (P, 2).
-            row: In which of the N configurations each pair is, shape (P,); None: each in its own.
+        """Return the closest points of pairs in several configurations.
 
         Raises:
             ValueError: A pose is not finite.
@@ -161,9 +151,9 @@ class BodyShapes:
         row = _rows(pairs, row)
         if self._native is None:
             return self._by_fcl(rotation, position, pairs, row)
-        found = self._native.closest_points(rotation, position, row, pairs)
-        closest = ClosestPoints(found.distance, found.along, found.first, found.second)
-        unproven = np.flatnonzero(~found.proven)
+        native = self._native.closest_points(rotation, position, row, pairs)
+        closest = ClosestPoints(native.distance, native.along, native.first, native.second)
+        unproven = np.flatnonzero(~native.proven)
         if len(unproven):
             exact = self._by_fcl(rotation, position, pairs[unproven], row[unproven])
             for name, values in vars(exact).items():
@@ -185,24 +175,22 @@ class BodyShapes:
         matters: FloatArray,
         known: FloatArray,
     ) -> FloatArray | None:
-        """Return distances of all pairs in N configurations, natively, (N, P) [m].
+        """Return distances of all pairs in all configurations, (N, P) [m]; None if not native.
 
         Args:
             rotation: Shape (N, bodies, 3, 3), neighbours best one after the other.
             position: Shape (N, bodies, 3) [m].
             pairs: Shape (P, 2).
-            matters: Below which distances are exact, shape (N, P) [m]; else they are lower bounds.
-            known: Lower bounds that are known, shape (N, P) [m].
-
-        Without the native library, return None.
+            matters: Below which distances are exact, shape (N, P) [m]; others are lower bounds.
+            known: Known lower bounds, shape (N, P) [m].
         """
         if self._native is None:
             return None
-        found, unproven = self._native.near_distances(rotation, position, pairs, matters, known)
+        distance, unproven = self._native.near_distances(rotation, position, pairs, matters, known)
         row, pair = np.nonzero(unproven)
         if len(row):
-            found[row, pair] = self._by_fcl(rotation, position, pairs[pair], row).distance
-        return found
+            distance[row, pair] = self._by_fcl(rotation, position, pairs[pair], row).distance
+        return distance
 
     def least_room(
         self,
@@ -212,18 +200,18 @@ class BodyShapes:
         required: FloatArray,
         near: float,
     ) -> LeastRoom | None:
-        """Return which pair has the least distance beyond its required one in N configurations.
+        """Return the pair with the least slack beyond its required distance in each configuration.
 
         Args:
             rotation: Shape (N, bodies, 3, 3), neighbours best one after the other.
             position: Shape (N, bodies, 3) [m].
             pairs: Shape (P, 2).
             required: Shape (P,) [m]; -inf: a pair that does not count.
-            near: Pairs that have more do not matter [m].
+            near: Pairs that have more slack do not matter [m].
 
         Returns:
-            The pairs; one that overlaps or all but touches, of which `closest_points` tells how
-            deep, ends the search in its configuration. None: the native library is left out.
+            The pairs; a pair that overlaps or all but touches, whose depth `closest_points`
+            measures, ends the search in its configuration. None without the native library.
         """
         if self._native is None:
             return None
@@ -238,7 +226,7 @@ class BodyShapes:
             rotation: Shape (P, bodies, 3, 3).
             position: Shape (P, bodies, 3) [m].
             pairs: Shape (P, 2).
-            closest: What `closest_points` returns of these.
+            closest: Result of `closest_points` for these.
 
         Returns:
             By the joints, shape (P, n) [m/rad or 1].
@@ -246,12 +234,12 @@ class BodyShapes:
         gradient = np.zeros((len(pairs), self.robot.joint_count))
         for sign, column, point in ((-1, 0, closest.first), (1, 1, closest.second)):
             body = self._bodies[pairs[:, column]]
-            moved = self.robot.point_jacobian(rotation, position, body, point)
-            gradient += sign * np.einsum("pi,pij->pj", closest.direction, moved)
+            jacobian = self.robot.point_jacobian(rotation, position, body, point)
+            gradient += sign * np.einsum("pi,pij->pj", closest.direction, jacobian)
         return gradient
 
     def any_overlap(self, rotation: FloatArray, position: FloatArray, pairs: IntArray) -> bool:
-        """Return whether any of some pairs (P, 2) overlaps; arguments as of `distances`.
+        """Return True if any of some pairs (P, 2) overlaps; arguments as of `distances`.
 
         FCL alone decides, quicker than `distances`: an overlap of some millimetres may be missed.
         """
@@ -266,20 +254,11 @@ class BodyShapes:
         direction: FloatArray,
         row: IntArray | None = None,
     ) -> FloatArray:
-        """Return how far apart pairs are along given directions, in several configurations.
+        """Return the gaps of pairs along given directions, in several configurations, (P,) [m].
 
         A direction that separates a pair also separates it in neighbouring configurations, almost
-        as far: a quick lower bound on the distance.
-
-        Args:
-            rotation: Shape (N, bodies, 3, 3).
-            position: Shape (N, bodies, 3) [m].
-            pairs: Shape (P, 2).
-            direction: Unit vectors as from `separations`, shape (P, 3).
-            row: In which of the N configurations each pair is, shape (P,); None: each in its own.
-
-        Returns:
-            Shape (P,) [m].
+        as far: a quick lower bound on the distance. `direction` is of unit vectors as from
+        `separations`, shape (P, 3).
         """
         row = _rows(pairs, row)
         if self._native is not None:
@@ -301,27 +280,16 @@ class BodyShapes:
     def sphere_distances(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
     ) -> FloatArray:
-        """Return quick, loose lower bounds from bounding spheres, shape (N, P) [m].
-
-        Args:
-            rotation: Shape (N, bodies, 3, 3).
-            position: Shape (N, bodies, 3) [m].
-            pairs: Shape (P, 2).
-        """
+        """Return quick, loose lower bounds from bounding spheres, shape (N, P) [m]."""
         if self._native is not None:
             return self._native.sphere_gaps(rotation, position, pairs)
         return self.gaps_of_spheres(self.sphere_centers(rotation, position), pairs)
 
     def sphere_centers(self, rotation: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the centres of the bounding spheres of all S shapes, shape (N, S, 3) [m].
-
-        Args:
-            rotation: Shape (N, bodies, 3, 3).
-            position: Shape (N, bodies, 3) [m].
-        """
+        """Return the centres of the bounding spheres of all S shapes, shape (N, S, 3) [m]."""
         centers, _ = self._spheres
-        turned = np.einsum("nsij,sj->nsi", rotation[:, self._bodies], centers)
-        placed: FloatArray = turned + position[:, self._bodies]
+        rotated = np.einsum("nsij,sj->nsi", rotation[:, self._bodies], centers)
+        placed: FloatArray = rotated + position[:, self._bodies]
         return placed
 
     def gaps_of_spheres(self, centers: FloatArray, pairs: IntArray) -> FloatArray:
@@ -333,32 +301,23 @@ class BodyShapes:
     def box_distances(
         self, rotation: FloatArray, position: FloatArray, row: IntArray, pairs: IntArray
     ) -> FloatArray:
-        """Return lower bounds on distances [m]: each shape's sphere against the other one's box.
+        """Return lower bounds on distances, of each shape's sphere from the other's box, (P,) [m].
 
         Closer than `sphere_distances` where a shape is long or flat.
-
-        Args:
-            rotation: Shape (N, bodies, 3, 3).
-            position: Shape (N, bodies, 3) [m].
-            row: In which of the N configurations each pair is, shape (M,).
-            pairs: Shape (M, 2).
-
-        Returns:
-            Shape (M,).
         """
         if self._native is not None:
             return self._native.box_gaps(rotation, position, row, pairs)
         centers, radii = self._spheres
         bodies, bounds = self._bodies[pairs], []
-        turned, placed = rotation[row[:, None], bodies], position[row[:, None], bodies]
-        world = np.einsum("mkij,mkj->mki", turned, centers[pairs]) + placed
+        rotations, positions = rotation[row[:, None], bodies], position[row[:, None], bodies]
+        world = np.einsum("mkij,mkj->mki", rotations, centers[pairs]) + positions
         for ball, box in ((0, 1), (1, 0)):
-            away = np.einsum("mij,mi->mj", turned[:, box], world[:, ball] - placed[:, box])
+            away = np.einsum("mij,mi->mj", rotations[:, box], world[:, ball] - positions[:, box])
             bounds.append(self._boxes.distance(pairs[:, box], away) - radii[pairs[:, ball]])
         return np.maximum(*bounds)
 
     def motion_weights(self, pairs: IntArray) -> FloatArray:
-        """Return how fast joints can bring pairs together: shape (P, n) [m per rad or m].
+        """Return bounds on the speed at which joints approach pairs: (P, n) [m per rad or m].
 
         When the joints travel by `|dq|`, the distance of a pair changes by at most
         `weights @ |dq|`. A joint that moves both shapes of a pair as one does not count.
@@ -379,7 +338,7 @@ class BodyShapes:
 
     @cached_property
     def _native(self) -> NativeShapes | None:
-        """The same shapes for the native library; None: it is left out."""
+        """The same shapes for the native library; None without the library."""
         if not IS_NATIVE:
             return None
         radius = np.array([shape.shape.radius for shape in self.shapes])
@@ -394,14 +353,13 @@ class BodyShapes:
 
 
 def _rows(pairs: IntArray, row: IntArray | None) -> IntArray:
-    """Return in which configuration each pair is, shape (P,)."""
     return np.arange(len(pairs)) if row is None else row
 
 
 # ---- Distances of pairs of shapes in neighbouring configurations, exact where they matter.
 
-# Without the native library configurations are visited coarse to fine, with this stride first; one
-# near by then provides a direction that separates a pair.
+# Without the native library configurations are visited coarse to fine, with these strides: a
+# neighbour visited before provides a direction that separates a pair.
 _STRIDES = (64, 16, 4, 1)
 
 
@@ -410,7 +368,7 @@ def near_distances(
 ) -> FloatArray:
     """Return distances of all pairs in configurations that follow each other, shape (N, P) [m].
 
-    Those beyond what matters are lower bounds: known ones, from spheres, or along a direction that
+    Distances beyond `matters` are lower bounds: known ones, from spheres, or along a direction that
     separates the pair.
 
     Args:
@@ -418,26 +376,26 @@ def near_distances(
         q: Configurations, shape (N, n).
         pairs: Shape (P, 2).
         matters: Below which distances are exact, shape (N, P) [m].
-        known: Lower bounds that are known, shape (N, P) [m].
+        known: Known lower bounds, shape (N, P) [m].
     """
     poses = checker.robot.body_poses(q)
-    found = checker.near_distances(*poses, pairs, matters, known)
-    if found is not None:
-        return found
+    native = checker.near_distances(*poses, pairs, matters, known)
+    if native is not None:
+        return native
     distances = _Distances(checker, poses, pairs, matters, known)
     before = len(q)
     for stride in _STRIDES:
         samples = np.arange(0, len(q), stride)
         distances.measure(samples[(samples % before != 0) | (before == len(q))], before)
         before = stride
-    return distances.found
+    return distances.bound
 
 
 class _Distances:
-    """Distances of P pairs at N configurations along a spline, as exact as they are near.
+    """Distances of P pairs at N configurations along a spline, exact where pairs are near.
 
     Attributes:
-        found: Lower bounds, exact below what matters, (N, P) as both [m].
+        bound: Lower bounds, exact below what matters, shape (N, P) [m].
     """
 
     def __init__(
@@ -451,27 +409,27 @@ class _Distances:
         self._checker, self._pairs, self._matters = checker, pairs, matters
         self._rotation, self._position = poses
         spheres = checker.sphere_distances(self._rotation, self._position, pairs)
-        self.found = np.maximum(spheres, known)
-        self._near = self.found < matters
-        self._direction = np.zeros((*self.found.shape, 3))
-        self._is_known = np.zeros(self.found.shape, dtype=bool)
+        self.bound = np.maximum(spheres, known)
+        self._near = self.bound < matters
+        self._direction = np.zeros((*self.bound.shape, 3))
+        self._is_known = np.zeros(self.bound.shape, dtype=bool)
 
     def measure(self, samples: IntArray, stride: int) -> None:
-        """Visit some samples, after those that are multiples of a stride."""
+        """Visit samples, after the multiples of a coarser stride."""
         row, pair = np.nonzero(self._near[samples])
         row = samples[row]
         last = row - row % stride
-        known = np.flatnonzero(self._is_known[last, pair])
+        has_direction = np.flatnonzero(self._is_known[last, pair])
         self._direction[row, pair] = self._direction[last, pair]
         self._is_known[row, pair] = True
-        at = (row[known], pair[known])
-        bound = self._checker.separations_along(
+        at = (row[has_direction], pair[has_direction])
+        along = self._checker.separations_along(
             self._rotation, self._position, self._pairs[at[1]], self._direction[at], at[0]
         )
-        self.found[at] = np.maximum(self.found[at], bound)
-        close = self.found[row, pair] < self._matters[row, pair]
+        self.bound[at] = np.maximum(self.bound[at], along)
+        close = self.bound[row, pair] < self._matters[row, pair]
         for i in np.unique(row[close]):
             pairs = pair[close & (row == i)]
-            self.found[i, pairs], self._direction[i, pairs] = self._checker.separations(
+            self.bound[i, pairs], self._direction[i, pairs] = self._checker.separations(
                 self._rotation[i], self._position[i], self._pairs[pairs]
             )

@@ -1,8 +1,8 @@
 """Native distances of many pairs at many configurations: proved bounds, closest points.
 
-How far a pair is apart along a direction is a lower bound on its distance, the distance of two of
-its points an upper one. What is called proven has both within 1e-9 m of each other; of shapes
-that overlap or all but touch nothing is proven.
+The gap of a pair along a direction is a lower bound on its distance, the distance of two of its
+points an upper bound. Proven distances have both within 1e-9 m of each other; distances of shapes
+that overlap or all but touch are never proven.
 """
 
 import ctypes
@@ -13,7 +13,7 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.native.library import Bytes, Doubles, Integers, native_function
 
-_MULTIPLE = 4  # numbers that a processor takes at once: shapes' points are filled up to such
+_MULTIPLE = 4  # numbers that a processor takes at once: shapes' points are padded to multiples
 _SIZE, _ADDRESS = ctypes.c_int64, ctypes.c_void_p
 _POSES = (_ADDRESS, _SIZE, Doubles, Doubles)  # of shapes: bodies, rotations, origins
 _sphere_gaps = native_function(
@@ -43,12 +43,12 @@ class ShapeArrays(NamedTuple):
     Attributes:
         body: Shape (S,).
         vertices: Of each shape, (V, 3) [m].
-        radius: By which they are grown, (S,) [m].
+        radius: Growth of the shapes, (S,) [m].
         center: Of the bounding spheres, (S, 3) [m].
-        reach: Their radii, (S,) [m].
+        reach: Radii of the bounding spheres, (S,) [m].
         axes: Of the bounding boxes, as rows, (S, 3, 3).
-        middle: Their centres along these, (S, 3) [m].
-        half: Their half lengths, (S, 3) [m].
+        middle: Centres of the boxes along their axes, (S, 3) [m].
+        half: Half lengths of the boxes, (S, 3) [m].
     """
 
     body: IntArray
@@ -62,16 +62,16 @@ class ShapeArrays(NamedTuple):
 
 
 class FoundPoints(NamedTuple):
-    """Where P pairs are closest.
+    """The closest points of P pairs.
 
     Attributes:
         distance: Lower bounds on the signed distances, (P,) [m].
-        direction: Unit vectors from the first towards the second, in the frame of the second
-            one's body, along which the pairs are that far apart, (P, 3).
-        along: These in the base frame, (P, 3).
-        first: In the base frame, nearest points of the first shapes' cores, (P, 3) [m].
+        direction: Unit vectors from the first towards the second shape, in the frame of the second
+            shape's body, along which the pairs are that far apart, (P, 3).
+        along: The same vectors in the base frame, (P, 3).
+        first: Nearest points of the first shapes' cores in the base frame, (P, 3) [m].
         second: Likewise, of the second shapes' cores.
-        proven: Whether the distance is surely exact, (P,).
+        proven: True where the distance is surely exact, (P,).
     """
 
     distance: FloatArray
@@ -83,12 +83,12 @@ class FoundPoints(NamedTuple):
 
 
 class LeastRoom(NamedTuple):
-    """The pair with the least distance beyond its required one, in N configurations.
+    """The pair with the least slack beyond its required distance, in N configurations.
 
     Attributes:
-        room: What is left, (N,) [m]: exact if it is proven, `near` where no pair has less.
-        pair: Which pair, (N,); -1: none has less than `near`.
-        proven: Whether it is, (N,); if not, the pair overlaps or all but touches.
+        room: The slack, (N,) [m]: exact if proven, `near` where no pair has less.
+        pair: Index of the pair, (N,); -1: none has less than `near`.
+        proven: True where the slack is proven, (N,); else the pair overlaps or all but touches.
     """
 
     room: FloatArray
@@ -97,7 +97,7 @@ class LeastRoom(NamedTuple):
 
 
 class _Shapes(ctypes.Structure):
-    """What the native functions know of shapes, as `struct Shapes` in convex_pairs.h."""
+    """Shapes as the native functions take them, `struct Shapes` in convex_pairs.h."""
 
     _fields_ = [
         ("count", ctypes.c_int64),
@@ -110,20 +110,24 @@ class NativeShapes:
     """Shapes whose pairs are measured natively; only if `IS_NATIVE`.
 
     Rotations (N, bodies, 3, 3) and positions (N, bodies, 3) [m] are of all bodies in N
-    configurations; `row` tells in which of them each of P pairs (P, 2) is, shape (P,). Directions
-    are unit vectors in the frame of the second shape's body.
+    configurations; `row` is the configuration of each of P pairs (P, 2), shape (P,). Directions are
+    unit vectors in the frame of the second shape's body.
     """
 
     def __init__(self, shapes: ShapeArrays) -> None:
         """Take shapes."""
-        blocks = [_filled_up(vertices) for vertices in shapes.vertices]
+        blocks = []  # the vertices of each shape by coordinate, (3, V), padded by the first
+        for vertices in shapes.vertices:
+            padding = np.repeat(vertices[:1], -len(vertices) % _MULTIPLE, axis=0)
+            blocks.append(np.concatenate([vertices, padding]).T)
         sizes = np.array([block.shape[1] for block in blocks], dtype=np.int64)
         points = np.concatenate([block.ravel() for block in blocks]) if blocks else np.zeros(0)
-        kept = [shapes.body, 3 * (np.cumsum(sizes) - sizes), sizes]
+        integers = [shapes.body, 3 * (np.cumsum(sizes) - sizes), sizes]
         doubles = (points, shapes.radius, *shapes[3:])
-        self._kept = [np.ascontiguousarray(array, dtype=np.int64) for array in kept]
-        self._kept += [np.ascontiguousarray(array, dtype=np.float64) for array in doubles]
-        self._shapes = _Shapes(len(blocks), *(array.ctypes.data for array in self._kept))
+        # The native struct has only the addresses: these references keep the arrays alive.
+        self._arrays = [np.ascontiguousarray(array, dtype=np.int64) for array in integers]
+        self._arrays += [np.ascontiguousarray(array, dtype=np.float64) for array in doubles]
+        self._shapes = _Shapes(len(blocks), *(array.ctypes.data for array in self._arrays))
         self._address = ctypes.addressof(self._shapes)
         self._count = len(blocks)
 
@@ -158,16 +162,10 @@ class NativeShapes:
         direction: FloatArray,
         enough: FloatArray | None = None,
     ) -> FloatArray:
-        """Return how far apart pairs are along directions (P, 3), shape (P,) [m].
+        """Return the gaps of pairs along directions (P, 3), shape (P,) [m].
 
-        Args:
-            rotation: Shape (N, bodies, 3, 3).
-            position: Shape (N, bodies, 3) [m].
-            row: Shape (P,).
-            pairs: Shape (P, 2).
-            direction: Shape (P, 3).
-            enough: Shape (P,) [m]: pairs whose bounding spheres are that far apart are not looked
-                at any closer, and of the others the larger bound is returned.
+        Pairs whose bounding spheres are at least `enough`, shape (P,) [m], apart are not looked at
+        any closer; of the others the larger bound is returned.
         """
         gaps = np.empty(len(pairs))
         assert _gaps_along is not None
@@ -185,16 +183,16 @@ class NativeShapes:
         pairs: IntArray,
         direction: FloatArray | None = None,
     ) -> FoundPoints:
-        """Return where pairs are closest; directions (P, 3), or zeros, begin the search."""
+        """Return the closest points of pairs; directions (P, 3), or zeros, begin the search."""
         count = len(pairs)
-        found = np.zeros((count, 3)) if direction is None else np.array(direction, order="C")
+        local = np.zeros((count, 3)) if direction is None else np.array(direction, order="C")
         distance, vectors, proven = np.empty(count), np.empty((3, count, 3)), np.empty(count, bool)
         assert _closest_points is not None
         _closest_points(
             *self._poses(rotation, position), count, _integers(row), _integers(pairs),
-            found, distance, *vectors, proven,
+            local, distance, *vectors, proven,
         )  # fmt: skip
-        return FoundPoints(distance, found, vectors[0], vectors[1], vectors[2], proven)
+        return FoundPoints(distance, local, vectors[0], vectors[1], vectors[2], proven)
 
     def near_distances(
         self,
@@ -207,14 +205,14 @@ class NativeShapes:
         """Return distances of all pairs in all configurations, exact where they matter.
 
         Args:
-            rotation: Shape (N, bodies, 3, 3), neighbours best one after the other.
-            position: Shape (N, bodies, 3) [m].
+            rotation: Neighbours best one after the other.
+            position: Likewise.
             pairs: Shape (P, 2).
             matters: Below which distances are exact, shape (N, P) [m]; elsewhere lower bounds.
-            known: Lower bounds that are known, shape (N, P) [m].
+            known: Known lower bounds, shape (N, P) [m].
 
         Returns:
-            Distances (N, P) [m], and where one that matters is not proven, (N, P).
+            Distances (N, P) [m], and True where a distance that matters is not proven, (N, P).
         """
         bound, unproven = np.array(known, order="C"), np.empty(known.shape, dtype=bool)
         assert _near_distances is not None
@@ -233,17 +231,17 @@ class NativeShapes:
         required: FloatArray,
         near: float,
     ) -> LeastRoom:
-        """Return which pair has the least distance beyond its required one in each configuration.
+        """Return the pair with the least slack beyond its required distance in each configuration.
 
         Args:
-            rotation: Shape (N, bodies, 3, 3), neighbours best one after the other.
-            position: Shape (N, bodies, 3) [m].
+            rotation: Neighbours best one after the other.
+            position: Likewise.
             pairs: Shape (P, 2).
             required: Shape (P,) [m]; -inf: a pair that does not count.
-            near: Pairs that have more do not matter [m].
+            near: Pairs that have more slack do not matter [m].
 
         Returns:
-            The pairs; the first one of a configuration that is not proven ends the search there.
+            The pairs; the first pair of a configuration that is not proven ends the search there.
         """
         count = len(rotation)
         room, pair, unproven = np.empty(count), np.empty(count, np.int64), np.empty(count, bool)
@@ -267,9 +265,3 @@ class NativeShapes:
 
 def _integers(array: IntArray) -> IntArray:
     return np.ascontiguousarray(array, dtype=np.int64)
-
-
-def _filled_up(vertices: FloatArray) -> FloatArray:
-    """Return vertices by coordinate, shape (3, V), the first one repeated at the end."""
-    missing = -len(vertices) % _MULTIPLE
-    return np.concatenate([vertices, np.repeat(vertices[:1], missing, axis=0)]).T
