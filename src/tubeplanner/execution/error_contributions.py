@@ -14,8 +14,6 @@ from tubeplanner.task.demands import ERRORS, Robustness
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- Trajectories executed by arms that are drawn at random, and judged.
-
 
 def simulated_runs(
     problem: PlanningProblem,
@@ -24,13 +22,13 @@ def simulated_runs(
     draw: Draw,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> list[JudgedRun]:
-    """Return what becomes of a trajectory in each run.
+    """Return the judged runs of a trajectory, executed by arms drawn at random.
 
     Args:
         problem: The planning problem.
-        trajectory: Of its joints, in any order.
+        trajectory: The motion of its joints, in any order.
         errors: Sizes of the errors, and the controller.
-        draw: How many arms, and which.
+        draw: Number and seed of the arms.
         checkpoint: Called often; may raise to end the work.
 
     Raises:
@@ -44,23 +42,23 @@ def simulated_runs(
     return judged_runs(problem, trajectory, execution, checkpoint)
 
 
-# ---- How much more of its tolerances a plan would have to leave free for its executed runs.
+# ---- Shortfall: additional tolerance that a plan would have to leave free for its executed runs.
 
-# Few runs stand for more: the mean and so many standard deviations of them.
+# A few runs stand for many: their mean and this many standard deviations.
 _DEVIATIONS = 2.5
-_NOTHING = -1e3  # [m or rad]: how much is short where nothing is asked
+_NOTHING = -1e3  # [m or rad]: the shortfall where nothing is required
 
 
 @dataclass(frozen=True, eq=False)
 class Shortfall:
-    """What runs of a plan lack, and runs like them are expected to; below zero: have to spare.
+    """The shortfall of a plan's runs, or the expected one of more runs; negative: slack.
 
     Attributes:
-        radius: In each of the joined segments, shape (m,) [m].
-        rotation: Likewise [rad].
-        clearance: [m].
+        radius: Of each joined segment, shape (m,) [m].
+        rotation: Of each joined segment, shape (m,) [rad].
+        clearance: From obstacles [m].
         position: At the lower and upper position limits, shape (2, n) [rad or m].
-        self_collision: Between links [m]; nothing that is kept back helps there.
+        self_collision: Between links [m]; no backoff helps there.
     """
 
     radius: FloatArray
@@ -70,16 +68,16 @@ class Shortfall:
     self_collision: float
 
     def most(self, kind: str) -> float:
-        """Return the most that is short of one kind, such as "radius" [m or rad]."""
+        """Return the largest shortfall of one kind, such as "radius" [m or rad]."""
         return float(np.max(getattr(self, kind)))
 
 
 def shown_shortfall(problem: PlanningProblem, runs: Sequence[JudgedRun]) -> Shortfall:
-    """Return what some runs show to be short.
+    """Return the shortfall of a plan.
 
     Args:
         problem: The planning problem, of joined segments.
-        runs: At least one.
+        runs: The plan's judged runs; at least one.
     """
     tube = [run.tube_by_segment for run in runs]
     rotation = [run.rotation_by_segment for run in runs]
@@ -97,30 +95,30 @@ def shown_shortfall(problem: PlanningProblem, runs: Sequence[JudgedRun]) -> Shor
     )
 
 
-def _expected_most(values: Sequence[FloatArray] | Sequence[float]) -> FloatArray:
-    """Return the most of values of some runs, or what is expected of more if that is larger."""
-    given = np.array(values)
-    expected: FloatArray = given.mean(axis=0) + _DEVIATIONS * given.std(axis=0)
-    return np.maximum(given.max(axis=0), expected)
+def _expected_most(run_values: Sequence[FloatArray] | Sequence[float]) -> FloatArray:
+    """Return the largest value of the runs, or the expected largest of more runs if larger."""
+    values = np.array(run_values)
+    expected: FloatArray = values.mean(axis=0) + _DEVIATIONS * values.std(axis=0)
+    return np.maximum(values.max(axis=0), expected)
 
 
 def _with_points(
     problem: PlanningProblem, radius: FloatArray, runs: Sequence[JudgedRun]
 ) -> FloatArray:
-    """Return what radii lack, also beside compulsory points that are missed, (m,)."""
-    found = [run.points for run in runs if run.points is not None]
-    if not found:
+    """Return the radii's shortfall (m,), raised beside the worst compulsory point to its own."""
+    points = [run.points for run in runs if run.points is not None]
+    if not points:
         return radius
-    lacking = radius.copy()
-    most = float(_expected_most([extreme.value for extreme in found]))
-    worst = max(found, key=lambda extreme: extreme.value)
+    shortfall = radius.copy()
+    most = float(_expected_most([extreme.value for extreme in points]))
+    worst = max(points, key=lambda extreme: extreme.value)
     assert worst.place.point is not None
     k = int(np.searchsorted(problem.tube.numbers, worst.place.point))
-    lacking[k - 1 : k + 1] = np.maximum(lacking[k - 1 : k + 1], most)
-    return lacking
+    shortfall[k - 1 : k + 1] = np.maximum(shortfall[k - 1 : k + 1], most)
+    return shortfall
 
 
-# ---- Which error takes runs out of what they are to keep: one after the other is left out.
+# ---- Contribution of each error to the largest shortfall: one after the other is left out.
 
 _KINDS = ("radius", "rotation", "clearance", "position", "self_collision")
 _UNITS = {"rotation": "rad", "position": "rad or m"}
@@ -130,12 +128,12 @@ _MUCH_TRAVEL = 0.1  # [rad or m], of a joint beyond its position limits
 
 @dataclass(frozen=True)
 class BlamedError:
-    """What one error does.
+    """The contribution of one error.
 
     Attributes:
         error: Its name in the field robustness.
         size: Its size there.
-        short: What is short without it.
+        short: The shortfall without it, in the unit of `Blame`.
     """
 
     error: str
@@ -145,14 +143,14 @@ class BlamedError:
 
 @dataclass(frozen=True)
 class Blame:
-    """What errors do to a motion.
+    """The contributions of all errors to the largest shortfall of a motion.
 
     Attributes:
-        kind: Of what is short the most: a part of what may be kept back, or "self_collision".
-        unit: Of that.
-        short: How much of it is short, with all errors.
-        without_any: Without any error, under the same control.
-        errors: What each does, that which does the most first.
+        kind: The quantity that falls short: a field of `Shortfall`.
+        unit: Its unit.
+        short: The shortfall with all errors.
+        without_any: The shortfall without any error, under the same control.
+        errors: The contribution of each error, the largest first.
     """
 
     kind: str
@@ -166,17 +164,17 @@ class Blame:
         return asdict(self)
 
     def __str__(self) -> str:
-        many = f"{self._shown(self.short)} of {self.kind.replace('_', ' ')} short"
+        many = f"{self._in_milli(self.short)} of {self.kind.replace('_', ' ')} short"
         if self.without_any > 0:
-            alone = self._shown(self.without_any)
+            alone = self._in_milli(self.without_any)
             return f"{many}, and {alone} without any error: the controller cannot follow"
         most = self.errors[0]
         return (
-            f"{many}; {most.error} of {most.size:g} is to blame most: {self._shown(most.short)} "
+            f"{many}; {most.error} of {most.size:g} is to blame most: {self._in_milli(most.short)} "
             "without it"
         )
 
-    def _shown(self, short: float) -> str:
+    def _in_milli(self, short: float) -> str:
         return f"{1000 * short:.3g} m{self.unit}"
 
 
@@ -186,7 +184,7 @@ def blamed_errors(
     errors: Robustness,
     checkpoint: Callable[[], None],
 ) -> Blame:
-    """Return which errors do most to a motion.
+    """Return the contribution of each error to a motion's largest shortfall.
 
     Args:
         problem: The planning problem, of joined segments.
@@ -207,13 +205,8 @@ def blamed_errors(
         for name in present
     ]
     without_any = shortfall(_without(errors, *present)).most(kind)
-    return Blame(
-        kind,
-        _UNITS.get(kind, "m"),
-        with_all.most(kind),
-        without_any,
-        tuple(sorted(without, key=lambda error: error.short)),
-    )
+    without.sort(key=lambda error: error.short)
+    return Blame(kind, _UNITS.get(kind, "m"), with_all.most(kind), without_any, tuple(without))
 
 
 def _without(errors: Robustness, *names: str) -> Robustness:
@@ -221,11 +214,11 @@ def _without(errors: Robustness, *names: str) -> Robustness:
     return replace(errors, **none)
 
 
-def _relative(problem: PlanningProblem, found: Shortfall, kind: str) -> float:
-    """Return how much is short, in shares of the tolerance, of lengths of the smallest radius."""
+def _relative(problem: PlanningProblem, shortfall: Shortfall, kind: str) -> float:
+    """Return the shortfall of a kind over its tolerance; of lengths, over the smallest radius."""
     rotation = problem.tube.rotation
     if kind == "rotation" and rotation is not None:
-        return found.most(kind) / float(rotation.bounds.min())
+        return shortfall.most(kind) / float(rotation.bounds.min())
     if kind == "position":
-        return found.most(kind) / _MUCH_TRAVEL
-    return found.most(kind) / float(problem.tube.effective_radius.min())
+        return shortfall.most(kind) / _MUCH_TRAVEL
+    return shortfall.most(kind) / float(problem.tube.effective_radius.min())

@@ -1,9 +1,9 @@
 """The rigid arm in MuJoCo: bodies, joints, friction.
 
-MuJoCo's Coulomb friction is soft about a velocity of zero: a joint that should stick creeps, with
-the acceleration that it would have without friction times 1e-4, and friction is whole from that
-velocity on which it alone would take away in about one integration step. It is the same both ways;
-what differs is added as a constant effort, which is exact.
+MuJoCo's Coulomb friction is soft about a velocity of zero. A joint that should stick creeps with
+1e-4 of its acceleration without friction; friction is whole from the velocity that friction alone
+would take away in about one integration step. It is the same in both directions; the difference
+between the directions is added as a constant effort, which is exact.
 """
 
 import copy
@@ -17,22 +17,18 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.errors import OptionError, RobotError, not_installed
 from tubeplanner.execution.plants import Plant
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.robot.pinocchio_model import BodyInertia
 
 _FRICTION_IMPEDANCE = 0.9999  # the most that MuJoCo takes
 _FRICTION_STEPS = 2.0  # integration steps of its time constant: the least that MuJoCo takes
-# A placeholder for inertial frames: shortcuts for those that are the bodies' must not be compiled.
+# Placeholder of inertial frames: MuJoCo compiles shortcuts for those equal to the bodies' frames.
 _OBLIQUE = np.array([0.1, 0.2, 0.3]), np.array([0.8, 0.6, 0.0, 0.0])
 
 
 def require_mujoco(what: str = "executing trajectories") -> None:
-    """Raise unless MuJoCo is installed, before any work.
+    """Raise OptionError unless MuJoCo is installed.
 
     Args:
-        what: What takes it.
-
-    Raises:
-        OptionError: It is not installed.
+        what: The work that needs MuJoCo, for the message.
     """
     try:
         import mujoco
@@ -42,29 +38,36 @@ def require_mujoco(what: str = "executing trajectories") -> None:
 
 
 class MujocoArm:
-    """An arm in some state, which moves under efforts; made by `mujoco_arms`.
+    """An arm with a state, which moves under efforts; made by `mujoco_arms`.
 
     Attributes:
-        model: MuJoCo's.
-        degrees: Which of MuJoCo's degrees of freedom the joints are, shape (n,).
-        bias: By how much friction forwards is more than the mean of both ways, shape (n,)
-            [N m or N].
+        model: MuJoCo's model.
+        degrees: Indices of the joints among MuJoCo's degrees of freedom, shape (n,).
+        bias: Excess of friction forwards over the mean of both directions, shape (n,) [N m or N].
     """
 
     def __init__(self, model: Any, joints: Sequence[str], plant: Plant) -> None:
-        """Take a model of the arm's kinematics, the joints in group order, and what it is."""
+        """Give a copy of the arm's kinematic model the plant; joints are in group order."""
         import mujoco
 
         self._mujoco, self.model = mujoco, copy.copy(model)
         self.degrees = np.array([model.joint(name).dofadr[0] for name in joints])
-        self._set_bodies(plant.bodies)
+        for body, inertia in enumerate(plant.bodies[1:], start=1):
+            moments, axes = np.linalg.eigh(inertia.inertia)
+            axes[:, 0] *= np.linalg.det(axes)  # a rotation, no reflection
+            # By name: MuJoCo sorts bodies its own way.
+            index = self.model.body(_body_name(body)).id
+            self.model.body_mass[index] = inertia.mass
+            self.model.body_ipos[index] = inertia.com
+            self.model.body_inertia[index] = moments
+            mujoco.mju_mat2Quat(self.model.body_iquat[index], axes.ravel())
         backwards, forwards = plant.motors.backwards_friction, plant.motors.forwards_friction
         self.model.dof_armature[self.degrees] = plant.motors.armature
         self.model.dof_damping[self.degrees] = plant.motors.viscous_friction
         self.model.dof_frictionloss[self.degrees] = (forwards + backwards) / 2
         self.bias = (forwards - backwards) / 2
         self._data = mujoco.MjData(self.model)
-        # Of the constraints of friction: inverse inertias, at joints at zero.
+        # Sets the inverse inertias of the friction constraints, at joints at zero.
         mujoco.mj_setConst(self.model, self._data)
 
     @property
@@ -86,55 +89,43 @@ class MujocoArm:
         return state
 
     def place(self, q: FloatArray, v: FloatArray) -> None:
-        """Put it into a state, (n,) each."""
+        """Set the positions and velocities of the joints, (n,) each, at time zero."""
         self._mujoco.mj_resetData(self.model, self._data)
         self._data.qpos[self.degrees], self._data.qvel[self.degrees] = q, v
 
     def acceleration(self, effort: FloatArray) -> FloatArray:
-        """Return the accelerations (n,) that efforts of the motors (n,) give [rad/s^2 or m/s^2]."""
+        """Return the accelerations (n,) under efforts of the motors (n,) [rad/s^2 or m/s^2]."""
         self._data.qfrc_applied[self.degrees] = effort - self.bias
         self._mujoco.mj_forward(self.model, self._data)
         return np.array(self._data.qacc[self.degrees])
 
     def step(self, effort: FloatArray) -> None:
-        """Move on by one integration step (Runge-Kutta, fourth order), efforts (n,) constant."""
+        """Integrate one step (Runge-Kutta, fourth order) under constant efforts (n,)."""
         self._data.qfrc_applied[self.degrees] = effort - self.bias
         self._mujoco.mj_step(self.model, self._data)
 
-    def _set_bodies(self, bodies: Sequence[BodyInertia]) -> None:
-        for body, inertia in enumerate(bodies[1:], start=1):
-            moments, axes = np.linalg.eigh(inertia.inertia)
-            axes[:, 0] *= np.linalg.det(axes)  # a rotation, no reflection
-            # By name: MuJoCo sorts bodies its own way.
-            index = self.model.body(_body_name(body)).id
-            self.model.body_mass[index] = inertia.mass
-            self.model.body_ipos[index] = inertia.com
-            self.model.body_inertia[index] = moments
-            self._mujoco.mju_mat2Quat(self.model.body_iquat[index], axes.ravel())
-
 
 class ArmsTogether:
-    """R arms moved by one call, in as many threads as there are processors, as each alone would be.
+    """R arms of one robot, at least one, moved by one call in as many threads as processors.
 
-    Where joints rub, they differ from arms alone by rounding: MuJoCo's solver, which finds the
+    Each moves as it would alone; with friction, up to rounding: MuJoCo's solver, which finds the
     friction, then begins anew in every call.
     """
 
     def __init__(self, arms: Sequence[MujocoArm]) -> None:
-        """Take arms of one robot, at least one, where they are."""
         from mujoco import MjData, mjtState
         from mujoco.rollout import Rollout
 
         self._models = [arm.model for arm in arms]
         self._degrees, self._bias = arms[0].degrees, np.array([arm.bias for arm in arms])
         self._state = np.array([arm.state for arm in arms])
-        self._given = int(mjtState.mjSTATE_QFRC_APPLIED)
+        self._input = int(mjtState.mjSTATE_QFRC_APPLIED)
         threads = min(len(arms), os.cpu_count() or 1)
         self._work_space = [MjData(arms[0].model) for _ in range(threads)]
         self._pool = Rollout(nthread=threads if threads > 1 else 0)
 
     def become(self, arms: Sequence[MujocoArm]) -> None:
-        """Go on as other arms of the same kinematics, where these are and as fast."""
+        """Replace the arms by others of the same kinematics; positions and velocities stay."""
         self._models, self._bias = [arm.model for arm in arms], np.array([arm.bias for arm in arms])
 
     def close(self) -> None:
@@ -152,38 +143,38 @@ class ArmsTogether:
         return np.array(self._state[:, 1 + len(self._degrees) + self._degrees])
 
     def move(self, effort: FloatArray, runs: IntArray) -> None:
-        """Move on some arms, as `MujocoArm.step` does, by S steps with efforts (S, R, n)."""
+        """Integrate S steps of some arms as `MujocoArm.step` does, under efforts (S, R, n)."""
         if len(runs) == 0:
             return
         steps = len(effort)
-        given = np.empty((len(runs), steps, len(self._degrees)))
-        given[:, :, self._degrees] = (effort - self._bias)[:, runs].swapaxes(0, 1)
-        moved = np.empty((len(runs), steps, self._state.shape[1]))
+        applied = np.empty((len(runs), steps, len(self._degrees)))
+        applied[:, :, self._degrees] = (effort - self._bias)[:, runs].swapaxes(0, 1)
+        states = np.empty((len(runs), steps, self._state.shape[1]))
         self._pool.rollout(
             [self._models[run] for run in runs.tolist()],
             self._work_space,
             self._state[runs],
-            given,
-            control_spec=self._given,
+            applied,
+            control_spec=self._input,
             skip_checks=True,
             nstep=steps,
-            state=moved,
+            state=states,
             chunk_size=-(-len(runs) // len(self._work_space)),
         )
-        self._state[runs] = moved[:, -1]
+        self._state[runs] = states[:, -1]
 
 
 def mujoco_arms(robot: RobotModel, plants: Sequence[Plant], step: float) -> list[MujocoArm]:
-    """Return plants in MuJoCo.
+    """Return the arms of plants in MuJoCo.
 
     Args:
-        robot: The arm whose kinematics and gravity they have.
-        plants: What they are.
-        step: Of the integration [s].
+        robot: The model, for kinematics and gravity.
+        plants: The arms as they really are.
+        step: Integration step [s].
 
     Raises:
         OptionError: MuJoCo is not installed.
-        RobotError: A joint follows another one, which MuJoCo does not do exactly.
+        RobotError: A joint follows another joint.
     """
     require_mujoco()
     require_no_followers(robot)
@@ -192,7 +183,7 @@ def mujoco_arms(robot: RobotModel, plants: Sequence[Plant], step: float) -> list
 
 
 def require_no_followers(robot: RobotModel) -> None:
-    """Raise RobotError if a joint follows another one, which MuJoCo does not do exactly."""
+    """Raise RobotError if a joint follows another joint, which MuJoCo does not model exactly."""
     multiplier, _ = robot.body_rules
     names = [robot.joint_names[joint] for joint in robot.body_joints[1:]]
     for name in robot.joint_names:
@@ -212,11 +203,20 @@ def _kinematic_model(robot: RobotModel, step: float) -> Any:
     spec = mujoco.MjSpec()
     spec.modelname = "arm"
     spec.compiler.degree = False
-    _set_options(spec.option, robot.gravity, step)
+    disabled, option = mujoco.mjtDisableBit, spec.option
+    option.timestep, option.gravity = step, robot.gravity
+    option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    option.disableflags = (
+        disabled.mjDSBL_CONTACT | disabled.mjDSBL_LIMIT | disabled.mjDSBL_AUTORESET
+    )
+    option.tolerance = 1e-12  # of the solver, which finds the friction
     bodies, chain = [spec.worldbody], robot.chain
     for body in range(1, robot.body_count):
-        pose = {"pos": chain.position[body], "quat": _quaternion(chain.rotation[body])}
-        added = bodies[chain.parents[body]].add_body(name=_body_name(body), **pose)
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, chain.rotation[body].ravel())
+        added = bodies[chain.parents[body]].add_body(
+            name=_body_name(body), pos=chain.position[body], quat=quaternion
+        )
         added.mass, added.inertia, added.explicitinertial = 1.0, np.ones(3), True
         added.ipos, added.iquat = _OBLIQUE
         kind = "mjJNT_HINGE" if robot.body_turns[body] else "mjJNT_SLIDE"
@@ -229,26 +229,6 @@ def _kinematic_model(robot: RobotModel, step: float) -> Any:
         joint.solimp_friction[:2] = _FRICTION_IMPEDANCE
         bodies.append(added)
     return spec.compile()
-
-
-def _set_options(option: Any, gravity: FloatArray, step: float) -> None:
-    import mujoco
-
-    left_out = mujoco.mjtDisableBit
-    option.timestep, option.gravity = step, gravity
-    option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    option.disableflags = (
-        left_out.mjDSBL_CONTACT | left_out.mjDSBL_LIMIT | left_out.mjDSBL_AUTORESET
-    )
-    option.tolerance = 1e-12  # of the solver, which finds the friction
-
-
-def _quaternion(rotation: FloatArray) -> FloatArray:
-    import mujoco
-
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
-    return quaternion
 
 
 def _body_name(body: int) -> str:

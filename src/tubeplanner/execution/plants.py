@@ -13,22 +13,22 @@ from tubeplanner.robot.pinocchio_model import BodyInertia, Payload
 from tubeplanner.task.demands import Robustness
 from tubeplanner.text import short_repr
 
-# ---- The arm as it may really be: drawn at random about the model that is planned with.
+# ---- Plants: arms drawn at random about the planning model.
 
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """An arm that is executed; its kinematics are the robot's.
+    """An arm as it may really be; its kinematics are the robot's.
 
     Attributes:
         bodies: Mass properties of all bodies, payload included, the base's first.
-        motors: Of the joints, with the friction that there really is.
+        motors: Motors of the joints, with the real friction.
         lag: Time constant of the motors [s].
-        delay: From a measurement to the effort that follows from it [s].
+        delay: Time from a measurement to the effort that answers it [s].
         noise: Standard deviation of measured positions [rad or m].
         tool: Shift of the tool centre point in its own frame, shape (3,) [m].
         base: Shift of the robot in the base frame, shape (3,) [m].
-        noise_seed: What the noise is drawn from.
+        noise_seed: Seed of the noise.
     """
 
     bodies: tuple[BodyInertia, ...]
@@ -51,11 +51,11 @@ class Plant:
 
 @dataclass(frozen=True)
 class Draw:
-    """Which plants are drawn.
+    """The number and the seed of drawn plants.
 
     Attributes:
-        runs: How many.
-        seed: Run k of a seed is the same plant, however many there are.
+        runs: Number of plants.
+        seed: Seed; plant k of a seed is the same for any number of plants.
 
     Raises:
         OptionError: On construction, for numbers out of their bounds.
@@ -70,30 +70,29 @@ class Draw:
 
 
 def drawn_plants(robot: RobotModel, errors: Robustness, draw: Draw | None = None) -> list[Plant]:
-    """Return arms that differ from the model by errors of given sizes, drawn independently.
+    """Return arms that differ from the model by independently drawn errors.
 
     Args:
         robot: The model.
-        errors: Sizes and distributions of the errors. Links that move as one have one error.
-        draw: How many, and from which seed; default: 50, from seed 0.
+        errors: Sizes of the errors. Links that move as one have one error.
+        draw: Number and seed; default: 50, from seed 0.
     """
     draw = draw or Draw()
     generators = (np.random.default_rng([draw.seed, run]) for run in range(draw.runs))
-    return [_drawn(robot, errors, random) for random in generators]
-
-
-def _drawn(robot: RobotModel, errors: Robustness, random: np.random.Generator) -> Plant:
-    bodies = _drawn_bodies(robot, errors, random)
-    return Plant(
-        bodies=bodies,
-        motors=_drawn_motors(robot, errors, random),
-        lag=errors.lag,
-        delay=errors.delay,
-        noise=errors.noise,
-        tool=_in_ball(errors.tool, random),
-        base=_in_ball(errors.base, random),
-        noise_seed=int(random.integers(2**63)),
-    )
+    # The order of the fields is that of the draws: a run of a seed stays the same arm.
+    return [
+        Plant(
+            bodies=_drawn_bodies(robot, errors, random),
+            motors=_drawn_motors(robot, errors, random),
+            lag=errors.lag,
+            delay=errors.delay,
+            noise=errors.noise,
+            tool=_in_ball(errors.tool, random),
+            base=_in_ball(errors.base, random),
+            noise_seed=int(random.integers(2**63)),
+        )
+        for random in generators
+    ]
 
 
 def _drawn_bodies(
@@ -106,13 +105,13 @@ def _drawn_bodies(
         own = inertia.plus(payload.scaled(-1.0)) if body == carrier else inertia
         factor, by = 1 + random.uniform(-errors.mass, errors.mass), _in_ball(errors.com, random)
         drawn.append(own.scaled(factor).shifted(by))
-    share = 1 + random.uniform(-errors.payload, errors.payload)
-    drawn[carrier] = drawn[carrier].plus(payload.scaled(share))
+    factor = 1 + random.uniform(-errors.payload, errors.payload)
+    drawn[carrier] = drawn[carrier].plus(payload.scaled(factor))
     return tuple(drawn)
 
 
 def payload_body(robot: RobotModel, payload: Payload) -> BodyInertia:
-    """Return a payload in the frame of the body that carries it."""
+    """Return the mass properties of a payload in the frame of its carrier body."""
     own = BodyInertia(payload.mass, np.array(payload.com), payload.inertia_matrix())
     return own.placed(robot.link_placement[robot.tool_frame])
 
@@ -129,8 +128,8 @@ def _drawn_motors(
     drawn = {
         kind: factor * getattr(motors, kind) for kind, factor in zip(kinds, factors, strict=True)
     }
-    share = errors.unmodelled_friction * random.uniform(0.5, 1.0, robot.joint_count)
-    drawn["viscous_friction"] = drawn["viscous_friction"] + share * slope
+    fraction = errors.unmodelled_friction * random.uniform(0.5, 1.0, robot.joint_count)
+    drawn["viscous_friction"] = drawn["viscous_friction"] + fraction * slope
     return replace(motors, **drawn)
 
 
@@ -141,19 +140,19 @@ def _in_ball(radius: float, random: np.random.Generator) -> FloatArray:
     return read_only(distance * direction / np.linalg.norm(direction))
 
 
-# ---- Arms that are something else from some time on, since they carry something else.
+# ---- Stages: the arms while their load stays the same.
 
 _SAME_INSTANT = 1e-9  # [s], of rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What arms are from some time on, until the next stage.
+    """The arms and their model from a time on, until the next stage.
 
     Attributes:
-        begin: From when on [s].
-        robot: What the controller takes them for.
-        plants: What they are; of all stages equally many, with equal delays and noise.
+        begin: Begin of the stage [s].
+        robot: The controller's model.
+        plants: The arms; in all stages equally many, with equal delays and noise.
     """
 
     begin: float
@@ -164,10 +163,10 @@ class Stage:
 
 
 def first_instant(time: FloatArray, begin: float) -> int:
-    """Return the first of some instants, increasing [s], that is no earlier than a time [s]."""
+    """Return the index of the first of increasing instants [s] that is no earlier than `begin`."""
     return int(np.searchsorted(time, begin - _SAME_INSTANT))
 
 
 def last_instant(time: FloatArray, end: float) -> int:
-    """Return the last of some instants, increasing [s], that is no later than a time [s]."""
+    """Return the index of the last of increasing instants [s] that is no later than `end`."""
     return int(np.searchsorted(time, end + _SAME_INSTANT, side="right")) - 1

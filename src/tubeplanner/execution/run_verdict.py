@@ -20,33 +20,33 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- What becomes of a plan's promises when it is executed: seen in n runs, not proved.
+# ---- Judgement of each run: its largest excursions at samples; nothing is proved between.
 
-_FREE = 1e3  # [rad or m]: how far from position limits that there are none
-# What a run is to keep.
+_FREE = 1e3  # [rad or m]: the largest distance from position limits; they may be infinite
+# The promises of a plan that a run must keep.
 KEPT = ("tube", "rotation", "points", "position", "obstacles", "self_collision")
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedRun:
-    """One executed motion, at every control period.
+    """The largest excursions of one executed motion at its control instants; negative: inside.
 
     Attributes:
-        tube: Largest excursion of the tool beyond the tube [m]; below zero: inside by as much.
-        rotation: Likewise beyond the rotation tolerance [rad]; None where the tube has none.
-        points: Likewise of the compulsory point that is passed the farthest [m]; None: none.
+        tube: Excursion of the tool beyond the tube [m].
+        rotation: Excursion beyond the rotation tolerance [rad]; None where the tube has none.
+        points: Excursion at the compulsory point that is missed most [m]; None: no such point.
         tracking: Largest distance of a joint from the plan [rad or m].
         tool_tracking: Largest distance of the tool from the plan [m].
-        position: Largest excursion of a joint beyond its position limits [rad or m].
-        velocity: Largest velocity of a joint, as a share of its limit; None where none has one.
-        saturated: Share of the control periods in which a motor was asked for more than it has.
-        obstacles: Least distance of a link from an obstacle [m], less what its pair or segment asks
-            beyond `clearance`; None where none is judged.
-        self_collision: Least distance of links from each other [m], less what their pair asks;
-            None likewise.
-        clearance: Least distance from obstacles that the problem asks [m].
+        position: Excursion of a joint beyond its position limits [rad or m].
+        velocity: Largest velocity of a joint over its limit; None where all are unlimited.
+        saturated: Fraction of the control periods in which a requested effort was cut.
+        obstacles: Least distance of a link from an obstacle [m], less the distance that its pair
+            or segment requires beyond `clearance`; None where no such pair is judged.
+        self_collision: Least distance of links from each other [m], less the distance that their
+            pair requires; None where no such pair is judged.
+        clearance: Clearance from obstacles that the problem requires [m].
         tube_by_segment: As `tube`, for each of the joined segments, shape (m,) [m].
-        rotation_by_segment: As `rotation`, likewise [rad]; -1e3 where it is free.
+        rotation_by_segment: As `rotation`, shape (m,) [rad]; -1e3 where it is free.
         position_by_joint: Excursions below the lower and above the upper position limits, shape
             (2, n) [rad or m].
     """
@@ -70,22 +70,22 @@ class JudgedRun:
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """Names of `KEPT` that were not kept; none if the run survives.
+        """Names of `KEPT` that the run broke.
 
-        Velocity limits are not among it: nothing in the simulated arm depends on them.
+        Velocity limits are not in `KEPT`: nothing in the simulated arm depends on them.
         """
         nearest = {"obstacles": self.clearance, "self_collision": 0.0}
-        found: dict[str, Extreme | None] = {name: getattr(self, name) for name in KEPT}
+        extremes: dict[str, Extreme | None] = {name: getattr(self, name) for name in KEPT}
         beyond = {
             name: nearest[name] - extreme.value if name in nearest else extreme.value
-            for name, extreme in found.items()
+            for name, extreme in extremes.items()
             if extreme is not None
         }
         return tuple(name for name, excess in beyond.items() if excess > 0)
 
     @property
     def survives(self) -> bool:
-        """Whether it keeps tube, rotation tolerance, points, position limits and clearance."""
+        """True if the run keeps all of `KEPT`."""
         return not self.broken
 
 
@@ -101,18 +101,18 @@ def judged_runs(
 
     Args:
         problem: The planning problem.
-        trajectory: What was to be executed.
-        execution: What was.
+        trajectory: The planned motion.
+        execution: Its execution.
         checkpoint: Called before every run; may raise to end the work.
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)
     planned = trajectory.position(np.minimum(execution.time, trajectory.duration))
     aim = problem.robot.tool_position(planned)
-    more, judged = additional_distances(problem, trajectory, execution.time), []
+    more, result = additional_distances(problem, trajectory, execution.time), []
     for run in range(len(execution.plants)):
         checkpoint()
-        judged.append(_judged(problem, execution, run, (planned, aim), more))
-    return judged
+        result.append(_judged(problem, execution, run, (planned, aim), more))
+    return result
 
 
 def _judged(
@@ -128,18 +128,18 @@ def _judged(
     rotation, tool = plant.displaced(*problem.tube.tool_pose(problem.robot, q, time))
     excursions = tube_excursions(problem, time, q, rotation, tool)
     obstacles, self_collision = least_clearances(problem, time, q, plant.base, more)
-    away = np.linalg.norm(tool - aim, axis=1)
-    farthest = int(away.argmax())
-    limits, fast = problem.robot.limits, abs(execution.velocity[run])
+    distance = np.linalg.norm(tool - aim, axis=1)
+    farthest = int(distance.argmax())
+    limits, speed = problem.robot.limits, abs(execution.velocity[run])
     beyond = np.array([limits.lower_position - q, q - limits.upper_position]).clip(min=-_FREE)
     return JudgedRun(
         tube=excursions.tube,
         rotation=excursions.rotation,
         points=excursions.points,
         tracking=_largest(problem, time, abs(q - planned)),
-        tool_tracking=Extreme(float(away[farthest]), Place(time=float(time[farthest]))),
+        tool_tracking=Extreme(float(distance[farthest]), Place(time=float(time[farthest]))),
         position=_largest(problem, time, beyond.max(axis=0)),
-        velocity=_largest(problem, time, fast / limits.velocity)
+        velocity=_largest(problem, time, speed / limits.velocity)
         if np.isfinite(limits.velocity).any()
         else None,
         saturated=float(execution.is_saturated[run].any(axis=1).mean()),
@@ -153,15 +153,15 @@ def _judged(
 
 
 def _largest(problem: PlanningProblem, time: FloatArray, values: FloatArray) -> Extreme:
-    """Return the largest of values (K, n) of joints, when it is and whose."""
-    late, joint = np.unravel_index(int(values.argmax()), values.shape)
-    where = Place(time=float(time[late]), joint=problem.robot.joint_names[joint])
-    return Extreme(float(values[late, joint]), where)
+    """Return the largest of the joints' values (K, n), with its time and joint."""
+    sample, joint = np.unravel_index(int(values.argmax()), values.shape)
+    place = Place(time=float(time[sample]), joint=problem.robot.joint_names[joint])
+    return Extreme(float(values[sample, joint]), place)
 
 
-# ---- The worst and the usual of several executed runs.
+# ---- Worst and median of each quantity over the runs.
 
-# Quantities of a run, and whether the least of them is the worst.
+# Quantities of a run; True where the least value is the worst.
 _QUANTITIES = {
     "tube": False,
     "rotation": False,
@@ -180,9 +180,9 @@ class RunSummary:
     """One quantity over all runs.
 
     Attributes:
-        worst: The worst value, and when and where.
-        run: In which run, from 0.
-        median: Of all runs.
+        worst: The worst value, with its time and location.
+        run: Index of its run.
+        median: Median of all runs.
     """
 
     worst: Extreme
@@ -195,24 +195,20 @@ class RunSummary:
 
 
 def summaries(runs: Sequence[JudgedRun]) -> dict[str, RunSummary | None]:
-    """Return the worst and the median of every quantity of `JudgedRun`, by name.
-
-    None where it is not asked.
-    """
+    """Return the worst and the median of every quantity of `JudgedRun`; None: not required."""
     return {name: _summary(runs, name, least) for name, least in _QUANTITIES.items()}
 
 
 def _summary(runs: Sequence[JudgedRun], name: str, least: bool) -> RunSummary | None:
-    found: list[Extreme | None] = [getattr(run, name) for run in runs]
-    asked = [extreme for extreme in found if extreme is not None]
-    if not asked:
+    extremes = [extreme for run in runs if (extreme := getattr(run, name)) is not None]
+    if not extremes:
         return None
-    values = np.array([extreme.value for extreme in asked])
+    values = np.array([extreme.value for extreme in extremes])
     run = int(values.argmin() if least else values.argmax())
-    return RunSummary(asked[run], run, float(np.median(values)))
+    return RunSummary(extremes[run], run, float(np.median(values)))
 
 
-# ---- In how many executed runs something was not kept, and in what share of all it may be.
+# ---- Verdict: number of failed runs, and confidence bounds on the fraction of all that fail.
 
 CONFIDENCE = 0.95
 _WORDS = {
@@ -227,12 +223,12 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class RunVerdict:
-    """What was seen in some runs; nothing is proved of others.
+    """The counts of failed runs; nothing is proved of other runs.
 
     Attributes:
-        runs: How many there were.
-        failed: How many of them did not keep all of `KEPT`.
-        broken: How many did not keep each.
+        runs: Number of runs.
+        failed: Number of runs that broke any promise of `KEPT`.
+        broken: Number of runs that broke each promise.
     """
 
     runs: int
@@ -241,7 +237,7 @@ class RunVerdict:
 
     @property
     def share(self) -> tuple[float, float]:
-        """Between which shares of all such arms fail, with 95 % confidence.
+        """Bounds on the fraction of all such arms that fail, with 95 % confidence.
 
         (Clopper and Pearson, "The use of confidence or fiducial limits illustrated in the case of
         the binomial", Biometrika 26, 1934.)
@@ -265,16 +261,18 @@ class RunVerdict:
 
     def __str__(self) -> str:
         least, most = self.share
-        said = "; ".join(f"{count} {_WORDS[name]}" for name, count in self.broken.items() if count)
+        counts = "; ".join(
+            f"{count} {_WORDS[name]}" for name, count in self.broken.items() if count
+        )
         between = f"between {100 * least:.1f} and" if self.failed else "at most"
         return (
-            f"{self.failed} of {self.runs} runs failed{': ' * bool(said)}{said} ({between} "
+            f"{self.failed} of {self.runs} runs failed{': ' * bool(counts)}{counts} ({between} "
             f"{100 * most:.1f} % of all, with {100 * CONFIDENCE:g} % confidence)"
         )
 
 
 def run_verdict(runs: Sequence[JudgedRun]) -> RunVerdict:
-    """Return in how many runs something was not kept."""
+    """Return the counts of failed runs and of broken promises."""
     counts = Counter(name for run in runs for name in run.broken)
     failed = sum(not run.survives for run in runs)
     return RunVerdict(len(runs), failed, {name: counts[name] for name in KEPT})

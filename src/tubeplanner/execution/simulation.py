@@ -36,26 +36,26 @@ from tubeplanner.text import short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.parts import MOVE
 
-# ---- Trajectories executed by simulated arms under control.
+# ---- Execution of trajectories.
 
 AFTERWARDS = 0.2  # [s], for which the goal is held
 _STEPS = 4  # of the integration, in a control period
-_LEAST_PERIOD, _MAX_PERIOD = 1e-4, 0.1  # [s]
-_LOST = 1e3  # [rad/s or m/s]: an arm as fast as that is left where it is
+_MIN_PERIOD, _MAX_PERIOD = 1e-4, 0.1  # [s]
+_LOST = 1e3  # [rad/s or m/s]: an arm as fast as that is not moved any more
 
 
 @dataclass(frozen=True, eq=False)
 class Execution:
-    """What R arms did, at K instants one control period apart.
+    """The motion of R arms at K instants one control period apart.
 
     Attributes:
-        plants: What they are.
-        time: From 0 to the duration and 0.2 s more, shape (K,) [s].
-        position: Of the joints, shape (R, K, n) [rad or m].
-        velocity: Likewise [rad/s or m/s].
-        effort: That motors were asked for in the period that begins there, cut to what they have,
-            shape (R, K, n) [N m or N].
-        is_saturated: Where it was cut, shape (R, K, n).
+        plants: The arms.
+        time: Instants from 0 to the duration and 0.2 s more, shape (K,) [s].
+        position: Positions of the joints, shape (R, K, n) [rad or m].
+        velocity: Velocities of the joints, shape (R, K, n) [rad/s or m/s].
+        effort: Efforts requested for the period that begins at the instant, cut to the bounds of
+            the motors, shape (R, K, n) [N m or N].
+        is_saturated: True where the effort was cut, shape (R, K, n).
     """
 
     plants: Sequence[Plant]
@@ -76,22 +76,22 @@ def executed(
     control_period: float = 0.001,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> Execution:
-    """Return what arms do that a controller moves along a trajectory; the same every time.
+    """Return the motion of arms that a controller moves along a trajectory; deterministic.
 
-    They begin at rest where it begins. Measured velocities have the noise that differences of
-    noisy positions have. An arm that gets out of control is left where it is.
+    The arms begin at rest at its start. Measured velocities have the noise of differences of noisy
+    positions. An arm that gets out of control (1000 rad/s or m/s) is not moved any more.
 
     Args:
-        problem: Whose robot is the controller's model.
-        trajectory: Of the problem's joints, in any order.
+        problem: The planning problem; its robot is the controller's model.
+        trajectory: The planned motion of the problem's joints, in any order.
         plants: The arms; at least one.
         controller: "computed-torque", "feedforward-pd" or "pd".
-        control_period: [s].
+        control_period: Control period [s], 0.0001 to 0.1.
         checkpoint: Called in every control period; may raise to end the work.
 
     Raises:
         OptionError: MuJoCo is not installed, there is no plant, or the controller or the period is
-            none.
+            invalid.
         RobotError: Joints of the robot follow others.
         TrajectoryError: The trajectory moves other joints than the problem's.
     """
@@ -106,15 +106,15 @@ def executed_stages(
     control_period: float = 0.001,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> Execution:
-    """Return what `executed` does, of arms that become others on their way.
+    """Return the motion of arms that change from stage to stage, as `executed` does.
 
-    A stage begins with the control period in which its time lies; of stages that begin in one, the
-    last. Positions, velocities, and what is on its way to the motors stay.
+    A stage begins with the control period that contains its time; of stages in one period the last
+    counts. Positions, velocities and delayed efforts stay.
 
     Args:
-        stages: One after the other, the first from zero on; its plants are those of the execution.
+        stages: The stages in order, the first from zero on; its plants are those of the execution.
         trajectory: As for `executed`.
-        controller: As for `executed`; it knows what the stages' robots carry.
+        controller: As for `executed`; it knows the payloads of the stages' robots.
         control_period: As for `executed`.
         checkpoint: As for `executed`.
 
@@ -124,10 +124,10 @@ def executed_stages(
         TrajectoryError: As `executed`.
     """
     step = control_period / _STEPS if is_number(control_period) else np.nan
-    if not _LEAST_PERIOD <= step * _STEPS <= _MAX_PERIOD:
+    if not _MIN_PERIOD <= step * _STEPS <= _MAX_PERIOD:
         raise OptionError(
             f"control_period is {in_figures(control_period)} s; give a number from "
-            f"{_LEAST_PERIOD:g} to {_MAX_PERIOD:g} s"
+            f"{_MIN_PERIOD:g} to {_MAX_PERIOD:g} s"
         )
     if any(len(stage.plants) == 0 for stage in stages):
         raise OptionError("plants is empty; give at least one, as drawn_plants returns")
@@ -136,7 +136,7 @@ def executed_stages(
     periods = int(np.ceil((trajectory.duration + AFTERWARDS) / control_period))
     time = np.arange(periods + 1, dtype=np.float64) * float(control_period)
     lasting = _lasting(stages, time)
-    run = _begun(lasting[0][0], time, trajectory.position(time[:1]), step)
+    run = _Run(lasting[0][0], time, trajectory.position(time[:1]), step)
     with closing(run):
         for stage, first, stop in lasting:
             if first > 0:
@@ -147,69 +147,58 @@ def executed_stages(
 
 
 def _lasting(stages: Sequence[Stage], time: FloatArray) -> list[tuple[Stage, int, int]]:
-    """Return stages that last, each with its first control period and the one after its last."""
+    """Return the stages of at least one control period, each with its first and its end."""
     begins = [last_instant(time, stage.begin) for stage in stages]
     ends = [*begins[1:], len(time)]
-    found = zip(stages, begins, ends, strict=True)
-    return [(stage, first, stop) for stage, first, stop in found if first < stop]
-
-
-def _begun(stage: Stage, time: FloatArray, start: FloatArray, step: float) -> "_Run":
-    """Return a run at rest in a configuration (1, n), integration steps [s] being so long."""
-    arms = mujoco_arms(stage.robot, stage.plants, step)
-    for arm in arms:
-        arm.place(start[0], np.zeros(stage.robot.joint_count))
-    held = stage.robot.gravity_effort(start)[0]
-    drives = Drives(stage.robot, stage.plants, held, step)
-    return _Run(stage.plants, time, ArmsTogether(arms), drives, step)
+    spans = zip(stages, begins, ends, strict=True)
+    return [(stage, first, stop) for stage, first, stop in spans if first < stop]
 
 
 class _Run:
-    """What R arms do, from control period to control period.
+    """The motion of R arms, integrated from control period to control period.
 
     Attributes:
-        execution: All of it, once all periods are over.
+        execution: The motion, complete after the last period.
     """
 
-    def __init__(
-        self,
-        plants: Sequence[Plant],
-        time: FloatArray,
-        arms: ArmsTogether,
-        drives: Drives,
-        step: float,
-    ) -> None:
-        self._arms, self._drives, self._step = arms, drives, step
-        self._noise = _noise(plants, len(time) + 1, arms.position.shape[1])
+    def __init__(self, stage: Stage, time: FloatArray, start: FloatArray, step: float) -> None:
+        """Start at rest in a configuration (1, n) with an integration step [s]."""
+        arms = mujoco_arms(stage.robot, stage.plants, step)
+        for arm in arms:
+            arm.place(start[0], np.zeros(stage.robot.joint_count))
+        gravity = stage.robot.gravity_effort(start)[0]
+        self._drives = Drives(stage.robot, stage.plants, gravity, step)
+        self._arms, self._step = ArmsTogether(arms), step
+        self._noise = _noise(stage.plants, len(time) + 1, stage.robot.joint_count)
         shape = self._noise[:, 1:].shape
         position, velocity, effort = np.empty((3, *shape))
         is_saturated = np.zeros(shape, dtype=bool)
-        self.execution = Execution(plants, time, position, velocity, effort, is_saturated)
+        self.execution = Execution(stage.plants, time, position, velocity, effort, is_saturated)
 
     def close(self) -> None:
         """End the arms' threads."""
         self._arms.close()
 
     def become(self, stage: Stage) -> None:
-        """Go on with a stage."""
+        """Change to the arms and the model of a stage."""
         self._arms.become(mujoco_arms(stage.robot, stage.plants, self._step))
         self._drives.become(stage.robot)
 
     def through(
         self, periods: range, controller: TrackingController, checkpoint: Callable[[], None]
     ) -> None:
-        """Go through control periods, of which the controller knows the plan."""
-        made, noise, drives = self.execution, self._noise, self._drives
-        time = made.time
+        """Integrate control periods; the controller's plan begins with the first of them."""
+        result, noise, drives = self.execution, self._noise, self._drives
+        time = result.time
         for k in periods:
             checkpoint()
-            made.position[:, k] = q = self._arms.position
-            made.velocity[:, k] = v = self._arms.velocity
+            result.position[:, k] = q = self._arms.position
+            result.velocity[:, k] = v = self._arms.velocity
             jitter = (noise[:, k + 1] - noise[:, k]) / (time[1] - time[0])
-            asked = controller.effort(k - periods.start, q + noise[:, k + 1], v + jitter)
-            made.effort[:, k], made.is_saturated[:, k] = drives.bounded(asked, q, v)
-            given = np.array([drives.stepped(made.effort[:, k]) for _ in range(_STEPS)])
-            self._arms.move(given, np.flatnonzero((abs(v) < _LOST).all(axis=1)))
+            requested = controller.effort(k - periods.start, q + noise[:, k + 1], v + jitter)
+            result.effort[:, k], result.is_saturated[:, k] = drives.bounded(requested, q, v)
+            effort = np.array([drives.stepped(result.effort[:, k]) for _ in range(_STEPS)])
+            self._arms.move(effort, np.flatnonzero((abs(v) < _LOST).all(axis=1)))
 
 
 def _noise(plants: Sequence[Plant], instants: int, joints: int) -> FloatArray:
@@ -222,32 +211,59 @@ def _noise(plants: Sequence[Plant], instants: int, joints: int) -> FloatArray:
     return np.array(drawn)
 
 
-# ---- The arms that execute a cycle: drawn once, with what they carry from step to step.
+# ---- Execution of cycles: the arms are drawn once, their loads change from step to step.
+
+
+def executed_cycle(
+    motion: CycleMotion,
+    errors: Robustness,
+    draw: Draw | None = None,
+    checkpoint: Callable[[], None] = lambda: None,
+) -> Execution:
+    """Return the motion of arms that a controller moves through a cycle without a break.
+
+    Loads change at the beginning of the control period of the planned attach or detach. The
+    controller knows the nominal payloads, not their errors.
+
+    Args:
+        motion: The planned motion.
+        errors: Sizes of the errors, and the controller.
+        draw: Number and seed of the arms; None: 50, from seed 0.
+        checkpoint: Called in every control period; may raise to end the work.
+
+    Raises:
+        OptionError: MuJoCo is not installed.
+        RobotError: Joints of the robot follow others.
+    """
+    stages = cycle_stages(motion, errors, draw or Draw())
+    controlled = (errors.controller, errors.control_period)
+    return executed_stages(stages, motion.trajectory, *controlled, checkpoint)
 
 
 def cycle_stages(motion: CycleMotion, errors: Robustness, draw: Draw) -> list[Stage]:
-    """Return the stages of the execution of a cycle: a new one where the arm becomes another.
+    """Return the stages of a cycle's execution: a new one where the controller's model changes.
 
-    Every run is one arm all along. What it takes has an error of its own, the same whenever it is
-    taken again.
+    Every run is one arm all along. Every attached object has a mass error of its own in each run,
+    the same each time it is attached.
 
     Args:
         motion: The planned motion.
         errors: Sizes of the errors.
-        draw: How many arms, and which.
+        draw: Number and seed of the arms.
     """
     robot = _plain_arm(motion.cycle)
     plants = drawn_plants(robot, errors, draw)
-    shares = _payload_shares(motion.cycle, errors, draw)
+    factors = _payload_factors(motion.cycle, errors, draw)
     loaded: dict[frozenset[tuple[str, Payload]], list[Plant]] = {}
     stages: list[Stage] = []
     for arm in _arms(motion):
         load = frozenset(arm.payloads.items())
         if load not in loaded:
-            runs = range(draw.runs)
-            factors = [{name: share[run] for name, share in shares.items()} for run in runs]
             loaded[load] = [
-                _carrying(plants[run], robot, arm.payloads, factors[run]) for run in runs
+                _carrying(
+                    plant, robot, arm.payloads, {name: factors[name][run] for name in factors}
+                )
+                for run, plant in enumerate(plants)
             ]
         stage = Stage(arm.begin, arm.robot, loaded[load])
         if not stages or stages[-1].robot is not stage.robot:
@@ -257,12 +273,12 @@ def cycle_stages(motion: CycleMotion, errors: Robustness, draw: Draw) -> list[St
 
 @dataclass(frozen=True, eq=False)
 class _Arm:
-    """The arm that is planned with, from some time on.
+    """The arm of the plan from a time on.
 
     Attributes:
-        begin: From when on [s].
-        robot: With what it carries.
-        payloads: What steps have attached of it, by name.
+        begin: The time [s].
+        robot: The arm with its load.
+        payloads: The payloads that steps have attached, by name.
     """
 
     begin: float
@@ -271,7 +287,7 @@ class _Arm:
 
 
 def _arms(motion: CycleMotion) -> Iterator[_Arm]:
-    """Yield the arm as it is at every seam, before all that happens there and after each step."""
+    """Yield the arm at every seam, before its steps and after each of them."""
     payloads: Mapping[str, Payload] = {}
     times = iter([mark.time for mark in motion.marks if mark.kind != MOVE])
     for seam, begin in enumerate([0.0, *(end for _, end in motion.leg_times)]):
@@ -283,7 +299,7 @@ def _arms(motion: CycleMotion) -> Iterator[_Arm]:
 
 
 def _after(step: RestStep, payloads: Mapping[str, Payload]) -> Mapping[str, Payload]:
-    """Return what is carried after a step."""
+    """Return the attached payloads after a step."""
     if isinstance(step, Attach) and step.payload is not None:
         return {**payloads, step.name: step.payload}
     if isinstance(step, Detach):
@@ -294,7 +310,8 @@ def _after(step: RestStep, payloads: Mapping[str, Payload]) -> Mapping[str, Payl
 def _plain_arm(cycle: Cycle) -> RobotModel:
     """Return the arm without what steps attach, with the widest limits of all moves.
 
-    Friction that nobody gave is drawn in shares of limits: a slowed move is no other motor's.
+    Unmodelled friction is drawn relative to the limits; a move slowed by its limits has the same
+    motors.
     """
     robots = [move.robot for leg in cycle.legs for move in leg.moves]
     widest = {
@@ -304,54 +321,25 @@ def _plain_arm(cycle: Cycle) -> RobotModel:
     return robots[0].with_limits(replace(robots[0].limits, **widest), robots[0].motors)
 
 
-def _payload_shares(cycle: Cycle, errors: Robustness, draw: Draw) -> dict[str, list[float]]:
-    """Return how much of its mass everything that is taken has, in each run, by name."""
+def _payload_factors(cycle: Cycle, errors: Robustness, draw: Draw) -> dict[str, list[float]]:
+    """Return the real over the nominal mass of each attached object in each run, by name."""
     names = [step.name for step in cycle.steps if isinstance(step, Attach)]
     return {
         name: [
             1 + np.random.default_rng([draw.seed, run, number]).uniform(-1, 1) * errors.payload
             for run in range(draw.runs)
         ]
-        # From one on: zero at the end draws what draws the arm.
+        # From one on: a seed with zero appended draws the same numbers as the arm's seed.
         for number, name in enumerate(dict.fromkeys(names), start=1)
     }
 
 
 def _carrying(
-    plant: Plant, robot: RobotModel, payloads: Mapping[str, Payload], shares: Mapping[str, float]
+    plant: Plant, robot: RobotModel, payloads: Mapping[str, Payload], factors: Mapping[str, float]
 ) -> Plant:
-    """Return an arm that carries payloads, each times its share."""
+    """Return an arm that carries payloads, each scaled by its factor."""
     carrier, bodies = robot.link_body[robot.tool_frame], list(plant.bodies)
     for name, payload in payloads.items():
-        load = payload_body(robot, payload).scaled(shares[name])
+        load = payload_body(robot, payload).scaled(factors[name])
         bodies[carrier] = bodies[carrier].plus(load)
     return replace(plant, bodies=tuple(bodies))
-
-
-# ---- Whole cycles executed by arms that are drawn at random.
-
-
-def executed_cycle(
-    motion: CycleMotion,
-    errors: Robustness,
-    draw: Draw | None = None,
-    checkpoint: Callable[[], None] = lambda: None,
-) -> Execution:
-    """Return what arms do that a controller moves through a cycle without a break.
-
-    What the tool takes is in it, and what it lets go is gone, from the beginning of the control
-    period on in which that is planned; the controller knows of it, and not what it really weighs.
-
-    Args:
-        motion: The planned motion.
-        errors: Sizes of the errors, and the controller.
-        draw: How many arms, and which; None: 50, from seed 0.
-        checkpoint: Called in every control period; may raise to end the work.
-
-    Raises:
-        OptionError: MuJoCo is not installed.
-        RobotError: Joints of the robot follow others.
-    """
-    stages = cycle_stages(motion, errors, draw or Draw())
-    controlled = (errors.controller, errors.control_period)
-    return executed_stages(stages, motion.trajectory, *controlled, checkpoint)
