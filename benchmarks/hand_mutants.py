@@ -16,7 +16,7 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "payload_body": [(".placed(robot.link_placement[robot.tool_frame])", "")],
     "RobotModel.in_root_frame": [("[:3, :3]", "[:3, :3].T")],
     # Kinematics
-    "_stand_at": [("pose * frame.placement", "frame.placement * pose")],
+    "_move_root": [("pose * frame.placement", "frame.placement * pose")],
     "frame_jacobian": [("pin.LOCAL_WORLD_ALIGNED", "pin.LOCAL")],
     "frame_velocities": [("rotation @ by_q[..., :3, :]", "rotation @ by_q[..., 3:, :]")],
     "BodyChain._in_parents": [("sine * across", "angle[..., None, None] * across")],

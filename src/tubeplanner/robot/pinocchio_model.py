@@ -26,10 +26,13 @@ from tubeplanner.robot.urdf import (
     link_id,
 )
 
-# ---- Where a robot stands in its cell.
+_MAX_DISTANCE = 1e4  # [m], as of obstacles
+_MIN_NORM, _MAX_NORM = 1e-9, 1e9  # of a quaternion that has a direction
+_MAX_MASS = 1e6  # [kg]
+_MAX_INERTIA = 1e14  # [kg m^2]: the largest mass at ten kilometres
 
-_FARTHEST = 1e4  # [m], as of obstacles
-_SHORTEST, _LONGEST = 1e-9, 1e9  # of a quaternion that has a direction
+# Standard error belongs to the whole process: a single parser at a time redirects it.
+_STDERR_LOCK = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ class BasePose:
 
     Attributes:
         position: Of its origin [m].
-        rpy: Roll, pitch, yaw about fixed x, y, z, as in URDF [rad]; None: not turned.
+        rpy: Roll, pitch, yaw about fixed x, y, z, as in URDF [rad]; None: not rotated.
         quaternion: x, y, z, w of any length, instead of `rpy`.
     """
 
@@ -48,19 +51,21 @@ class BasePose:
 
     def __post_init__(self) -> None:
         is_point = are_numbers(self.position, 3)
-        if not is_point or not (np.abs(self.position) <= _FARTHEST).all():
+        if not is_point or not (np.abs(self.position) <= _MAX_DISTANCE).all():
             raise RobotError(
                 f"robot.base: position {shown(self.position)} must be three finite numbers within "
-                f"{_FARTHEST:g} m"
+                f"{_MAX_DISTANCE:g} m"
             )
         if self.rpy is not None and self.quaternion is not None:
             raise RobotError("robot.base takes rpy or quaternion, not both; remove one of them")
         if self.rpy is not None and not are_numbers(self.rpy, 3):
             raise RobotError(f"robot.base: rpy {shown(self.rpy)} must be three finite angles [rad]")
-        if self.quaternion is not None and not _has_direction(self.quaternion):
-            raise RobotError(
-                f"robot.base: quaternion {shown(self.quaternion)} has no direction; give x, y, z, w"
-            )
+        if self.quaternion is not None:
+            is_row = are_numbers(self.quaternion, 4)
+            norm = float(np.linalg.norm(self.quaternion)) if is_row else 0.0
+            if not _MIN_NORM < norm < _MAX_NORM:
+                given = f"quaternion {shown(self.quaternion)}"
+                raise RobotError(f"robot.base: {given} has no direction; give x, y, z, w")
 
     @cached_property
     def placement(self) -> FloatArray:
@@ -72,14 +77,6 @@ class BasePose:
         if self.quaternion is not None:
             placement[:3, :3] = matrix_of_quaternion(np.array(self.quaternion, dtype=float))
         return read_only(placement)
-
-
-def _has_direction(quaternion: tuple[float, ...]) -> bool:
-    length = float(np.linalg.norm(quaternion)) if are_numbers(quaternion, 4) else 0.0
-    return _SHORTEST < length < _LONGEST
-
-
-# ---- Mass properties of a rigid body.
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,11 +105,11 @@ class BodyInertia:
 
     @cached_property
     def moment(self) -> float:
-        """Largest principal moment about the centre of mass [kg m^2]."""
+        """Largest principal moment of inertia about the centre of mass [kg m^2]."""
         return float(np.linalg.eigvalsh(self.inertia).max())
 
     def scaled(self, factor: float) -> "BodyInertia":
-        """Return a body of the same shape that is denser by a factor."""
+        """Return the body with its density times a factor."""
         return BodyInertia(factor * self.mass, self.com, factor * self.inertia)
 
     def shifted(self, by: FloatArray) -> "BodyInertia":
@@ -122,11 +119,11 @@ class BodyInertia:
     def placed(self, placement: FloatArray) -> "BodyInertia":
         """Return the body's properties in another frame, in which its own has a pose (4, 4)."""
         rotation, origin = placement[:3, :3], placement[:3, 3]
-        turned = rotation @ self.inertia @ rotation.T
-        return BodyInertia(self.mass, origin + rotation @ self.com, turned)
+        inertia = rotation @ self.inertia @ rotation.T
+        return BodyInertia(self.mass, origin + rotation @ self.com, inertia)
 
     def plus(self, other: "BodyInertia") -> "BodyInertia":
-        """Return both bodies as one (parallel axis theorem); a negative mass takes one away."""
+        """Return the sum of two bodies (parallel axis theorem); a negative mass subtracts."""
         mass = self.mass + other.mass
         if mass == 0.0:
             return BodyInertia(0.0, self.com, self.inertia + other.inertia)
@@ -137,22 +134,6 @@ class BodyInertia:
             for away in [part.com - com]
         )
         return BodyInertia(mass, com, np.asarray(inertia))
-
-
-# ---- From a URDF to the Pinocchio model of what moves: other joints locked, payload attached.
-
-_HEAVIEST = 1e6  # [kg]
-_LARGEST_INERTIA = 1e14  # [kg m^2]: the heaviest at ten kilometres
-# The standard error is the process's: one reader at a time takes it.
-_STDERR_LOCK = threading.Lock()
-
-
-class Scratch(threading.local):
-    """What Pinocchio writes its results into, one for every thread."""
-
-    def __init__(self, model: pin.Model) -> None:
-        self.data = model.createData()
-        self.pool = pin.ModelPool(model, 1)
 
 
 @dataclass(frozen=True)
@@ -171,19 +152,20 @@ class Payload:
     inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if not is_number(self.mass) or not 0 <= self.mass <= _HEAVIEST:
+        if not is_number(self.mass) or not 0 <= self.mass <= _MAX_MASS:
             raise RobotError(
-                f"robot.payload: mass {in_figures(self.mass)} kg must be from 0 to {_HEAVIEST:g} kg"
+                f"robot.payload: mass {in_figures(self.mass)} kg must be from 0 to {_MAX_MASS:g} kg"
             )
         for name, count, word in (("com", 3, "three"), ("inertia", 6, "six")):
-            if not are_numbers(given := getattr(self, name), count):
-                what = f"robot.payload: {name} {shown(given)}"
-                raise RobotError(f"{what} must be {word} finite numbers")
-        if (largest := float(np.abs(self.inertia).max())) > _LARGEST_INERTIA:
-            most = f"at most {_LARGEST_INERTIA:g}"
-            raise RobotError(f"robot.payload: inertia {largest:g} kg m^2 must be {most}")
+            if not are_numbers(values := getattr(self, name), count):
+                field = f"robot.payload: {name} {shown(values)}"
+                raise RobotError(f"{field} must be {word} finite numbers")
+        if (largest := float(np.abs(self.inertia).max())) > _MAX_INERTIA:
+            raise RobotError(
+                f"robot.payload: inertia {largest:g} kg m^2 must be at most {_MAX_INERTIA:g}"
+            )
         least = np.linalg.eigvalsh(self.inertia_matrix()).min()
-        if least < -1e-12 * max(1.0, float(np.abs(self.inertia).max())):
+        if least < -1e-12 * max(1.0, largest):
             raise RobotError(f"robot.payload: inertia {self.inertia} is not positive semidefinite")
 
     def inertia_matrix(self) -> FloatArray:
@@ -192,11 +174,11 @@ class Payload:
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
     def plus(self, other: "Payload") -> "Payload":
-        """Return what both weigh together."""
-        both = self._body.plus(other._body)
-        x, y, z = both.com.tolist()
-        (xx, xy, xz), (_, yy, yz), (_, _, zz) = both.inertia.tolist()
-        return Payload(both.mass, (x, y, z), (xx, yy, zz, xy, xz, yz))
+        """Return the sum of two payloads."""
+        total = self._body.plus(other._body)
+        x, y, z = total.com.tolist()
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = total.inertia.tolist()
+        return Payload(total.mass, (x, y, z), (xx, yy, zz, xy, xz, yz))
 
     @property
     def _body(self) -> BodyInertia:
@@ -219,16 +201,20 @@ class ToolOffset:
         for name in ("position", "rpy"):
             values = getattr(self, name)
             if not are_numbers(values, 3):
-                given = f"{name} {shown(values)}"
-                raise RobotError(f"robot.tool_offset: {given} must be three finite numbers")
+                field = f"{name} {shown(values)}"
+                raise RobotError(f"robot.tool_offset: {field} must be three finite numbers")
+
+
+# ---- From a URDF to the Pinocchio model of the planning group: other joints locked, payload added.
 
 
 def planning_group(
     description: UrdfDescription, tool_frame: str, joints: Sequence[str] | None
 ) -> list[str]:
-    """Return the joints to plan for: the requested ones, or those that move the tool.
+    """Return the planning group: the requested joints, or all joints that move the tool frame.
 
-    These are the movable joints on its chain, in place of one that mimics another its master.
+    These are the movable joints on its chain; a joint that mimics another is replaced by its
+    leader.
 
     Raises:
         RobotError: A name does not exist or is doubled, a joint mimics another, or none of the
@@ -273,27 +259,27 @@ def build_model(
     needs_masses: bool,
     base: BasePose | None,
 ) -> pin.Model:
-    """Return the Pinocchio model of a planning group and the joints that follow it.
+    """Return the Pinocchio model of a planning group and its followers.
 
-    Followers are joints of their own there; all limits are placeholders.
+    A follower is a joint of its own there; all limits are placeholders.
 
     Args:
         description: The robot.
-        group: The joints to plan for.
+        group: The planning group.
         tool_frame: The link that carries the payload.
         locked_joints: Values of other joints, by name [rad or m].
         gravity: In the base frame [m/s^2].
         payload: Carried mass, if any.
-        needs_masses: Whether efforts count, so that every moving body must have a mass.
-        base: Where the root link stands; None: its frame is the base frame.
+        needs_masses: True if efforts are limited, so that every moving body must have a mass.
+        base: Pose of the root link; None: its frame is the base frame.
 
     Raises:
-        RobotError: Pinocchio rejects the robot, a locked joint is out of place, or a mass is
-            missing.
+        RobotError: Pinocchio rejects the robot, a locked joint is unknown or outside its limits, or
+            a mass is missing.
     """
     model = _reduced_model(description, group, locked_joints)
     if base is not None:
-        _stand_at(model, base)
+        _move_root(model, base)
     model.gravity = pin.Motion(np.array(gravity, dtype=float), np.zeros(3))
     if payload is not None:
         tool = model.frames[model.getFrameId(link_id(tool_frame), pin.FrameType.BODY)]
@@ -304,109 +290,10 @@ def build_model(
     return model
 
 
-def link_placements(
-    description: UrdfDescription, model: pin.Model
-) -> tuple[dict[str, int], dict[str, FloatArray]]:
-    """Return the body of every link, and its pose in that body's frame, shape (4, 4), by name."""
-    body, placement = {}, {}
-    for name in description.links:
-        frame = model.frames[model.getFrameId(link_id(name), pin.FrameType.BODY)]
-        body[name] = int(frame.parentJoint)
-        placement[name] = read_only(frame.placement.homogeneous)
-    return body, placement
-
-
-def body_inertias(model: pin.Model) -> tuple[BodyInertia, ...]:
-    """Return the mass properties of all bodies, the base's left at zero."""
-    moving = [BodyInertia(own.mass, own.lever, own.inertia) for own in list(model.inertias)[1:]]
-    return (BodyInertia(0.0, np.zeros(3), np.zeros((3, 3))), *moving)
-
-
-def carried_bodies(model: pin.Model) -> BoolArray:
-    """Return whether joints of the model move bodies, shape (bodies, M)."""
-    moves = np.zeros((model.njoints, model.njoints - 1), dtype=bool)
-    for body in range(1, model.njoints):
-        moves[body, [joint - 1 for joint in _supports(model, body)]] = True
-    return moves
-
-
-def effort_derivatives(
-    model: pin.Model, data: pin.Data, states: tuple[FloatArray, FloatArray, FloatArray]
-) -> FloatArray:
-    """Return how the efforts of M joints change with positions, velocities, accelerations.
-
-    Args:
-        model: The robot.
-        data: Of the model; written to.
-        states: Positions, velocities and accelerations, shape (N, M) each.
-
-    Returns:
-        Shape (3, N, effort joint, M).
-    """
-    count = model.nv
-    derivatives = np.empty((3, len(states[0]), count, count))
-    for q, v, a, *blocks in zip(*states, *derivatives, strict=True):
-        # The result is a set of views into data, overwritten by the next call: copied here.
-        for kept, found in zip(
-            blocks, pin.computeRNEADerivatives(model, data, q, v, a), strict=True
-        ):
-            kept[:] = found
-    return derivatives
-
-
-def joint_axes(model: pin.Model) -> FloatArray:
-    """Return the axes of the joints in the frames of the bodies they move, shape (M, 3)."""
-    data = model.createData()
-    pin.forwardKinematics(model, data, pin.neutral(model))
-    subspaces = [data.joints[joint].S.ravel() for joint in range(1, model.njoints)]
-    return np.array([s[3:] if s[3:].any() else s[:3] for s in subspaces])
-
-
-def lever_arms(model: pin.Model, travel: FloatArray) -> FloatArray:
-    """Return upper bounds on the distances from joints' axes to bodies' origins [m].
-
-    Args:
-        model: The robot.
-        travel: How far its M joints slide from zero, shape (M,) [m].
-
-    Returns:
-        Shape (bodies, M), 0 where a joint does not move the body.
-    """
-    lever = np.zeros((model.njoints, model.njoints - 1))
-    for body in range(1, model.njoints):
-        reach = 0.0
-        for joint in _supports(model, body):
-            reach += float(travel[joint - 1])
-            lever[body, joint - 1] = reach
-            reach += float(np.linalg.norm(model.jointPlacements[joint].translation))
-    return read_only(lever)
-
-
-def _supports(model: pin.Model, body: int) -> list[int]:
-    """Return the joints that move a body, from the body to the base."""
-    joints = []
-    while body > 0:
-        joints.append(body)
-        body = model.parents[body]
-    return joints
-
-
-def add_frame(model: pin.Model, name: str, link: str, offset: ToolOffset) -> int:
-    """Add a frame that moves with a link to a model; return its index."""
-    carrier = model.frames[model.getFrameId(link_id(link), pin.FrameType.BODY)]
-    placement = carrier.placement * pin.SE3(
-        pin.rpy.rpyToMatrix(*offset.rpy), np.array(offset.position, dtype=float)
-    )
-    frame = pin.Frame(
-        name, carrier.parentJoint, carrier.parentFrame, placement, pin.FrameType.OP_FRAME
-    )
-    return int(model.addFrame(frame))
-
-
 def _reduced_model(
     description: UrdfDescription, group: Sequence[str], locked: Mapping[str, float]
 ) -> pin.Model:
-    """Return the Pinocchio model of the group and its followers, all other joints locked."""
+    """Return the Pinocchio model of a group and its followers, all other joints locked."""
     full = _parse(description)
     followers = followers_of(description, group)
     outside = [n for n in description.movable() if n not in group and n not in followers]
@@ -427,33 +314,57 @@ def _reduced_model(
     return pin.buildReducedModel(full, ids, q)
 
 
-def _stand_at(model: pin.Model, base: BasePose) -> None:
-    """Move the root link of a model, and all that hangs from it, to a pose in the base frame."""
-    pose = pin.SE3(base.placement)
-    for joint in range(1, model.njoints):
-        if model.parents[joint] == 0:
-            model.jointPlacements[joint] = pose * model.jointPlacements[joint]
-    for frame in list(model.frames)[1:]:  # the first is the base frame itself
-        if frame.parentJoint == 0:
-            frame.placement = pose * frame.placement
+def _parse(description: UrdfDescription) -> pin.Model:
+    """Return the whole robot as a Pinocchio model; its C++ errors become RobotError."""
+    with _captured_c_stderr() as log:
+        try:
+            model = pin.buildModelFromXML(description.kinematic_xml())
+        except ValueError as error:
+            reason = " ".join(str(error).split())
+            raise RobotError(f"{description.path}: Pinocchio rejects it: {reason}") from error
+        finally:
+            log.seek(0)
+            output = " ".join(log.read().decode(errors="replace").split())
+    if "Error" in output:
+        raise RobotError(f"{description.path}: Pinocchio rejects it: {output}")
+    return model
+
+
+@contextmanager
+def _captured_c_stderr() -> Iterator[IO[bytes]]:
+    """Send the C standard error to a file: the URDF parser gives its reasons there only."""
+    with _STDERR_LOCK, tempfile.TemporaryFile() as log:
+        try:
+            original = os.dup(2)
+        except OSError:  # there is no standard error
+            yield log
+            return
+        os.dup2(log.fileno(), 2)
+        try:
+            yield log
+        finally:
+            os.dup2(original, 2)
+            os.close(original)
 
 
 def locked_value(
     description: UrdfDescription, name: str, group: Sequence[str], locked: Mapping[str, float]
 ) -> float:
-    """Return the value of a joint outside the group: given, zero, or what its master makes it.
+    """Return the value of a joint outside the group [rad or m].
+
+    It is the value in `locked`, else 0 clipped to the limits; of a mimic joint, the value that
+    follows from its leader, at 0 if the leader is planned.
 
     Raises:
-        RobotError: The given value is outside its limits or contradicts its master.
+        RobotError: The value in `locked` is outside its limits or contradicts the leader.
     """
     mimic = description.joints[name].mimic
     if mimic is None:
         return _free_value(description.joints[name], locked)
     rule = leader_of(description, name)
-    stands_at = (
-        0.0 if rule.master in group else _free_value(description.joints[rule.master], locked)
-    )
-    value = rule.multiplier * stands_at + rule.offset
+    leader = description.joints[rule.master]
+    leader_value = 0.0 if rule.master in group else _free_value(leader, locked)
+    value = rule.multiplier * leader_value + rule.offset
     if abs(locked.get(name, value) - value) > 1e-9:
         raise RobotError(
             f"robot.locked_joints: '{name}' at {locked[name]:g} contradicts the joint it mimics, "
@@ -478,37 +389,15 @@ def _free_value(joint: UrdfJoint, locked: Mapping[str, float]) -> float:
     return value
 
 
-def _parse(description: UrdfDescription) -> pin.Model:
-    """Return the whole robot as a Pinocchio model; its C++ errors become RobotError."""
-    with _captured_c_stderr() as log:
-        try:
-            model = pin.buildModelFromXML(description.kinematic_xml())
-        except ValueError as error:
-            reason = " ".join(str(error).split())
-            raise RobotError(f"{description.path}: Pinocchio rejects it: {reason}") from error
-        finally:
-            log.seek(0)
-            complaints = " ".join(log.read().decode(errors="replace").split())
-    if "Error" in complaints:
-        raise RobotError(f"{description.path}: Pinocchio rejects it: {complaints}")
-    return model
-
-
-@contextmanager
-def _captured_c_stderr() -> Iterator[IO[bytes]]:
-    """Send the C standard error to a file: the URDF parser gives its reasons there only."""
-    with _STDERR_LOCK, tempfile.TemporaryFile() as log:
-        try:
-            kept = os.dup(2)
-        except OSError:  # there is no standard error
-            yield log
-            return
-        os.dup2(log.fileno(), 2)
-        try:
-            yield log
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
+def _move_root(model: pin.Model, base: BasePose) -> None:
+    """Move the root link of a model, and all bodies with it, to a pose in the base frame."""
+    pose = pin.SE3(base.placement)
+    for joint in range(1, model.njoints):
+        if model.parents[joint] == 0:
+            model.jointPlacements[joint] = pose * model.jointPlacements[joint]
+    for frame in list(model.frames)[1:]:  # the first is the base frame itself
+        if frame.parentJoint == 0:
+            frame.placement = pose * frame.placement
 
 
 def _require_masses(description: UrdfDescription, model: pin.Model) -> None:
@@ -519,3 +408,112 @@ def _require_masses(description: UrdfDescription, model: pin.Model) -> None:
                 f"{description.path}: what joint '{name}' moves has mass "
                 f"{model.inertias[joint].mass:g} kg; efforts need the links' <inertial>"
             )
+
+
+# ---- A Pinocchio model: frames, bodies, efforts.
+
+
+class Scratch(threading.local):
+    """Buffers of Pinocchio's results, one set for each thread."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.data = model.createData()
+        self.pool = pin.ModelPool(model, 1)
+
+
+def add_frame(model: pin.Model, name: str, link: str, offset: ToolOffset) -> int:
+    """Add a frame that moves with a link to a model; return the frame's index."""
+    carrier = model.frames[model.getFrameId(link_id(link), pin.FrameType.BODY)]
+    placement = carrier.placement * pin.SE3(
+        pin.rpy.rpyToMatrix(*offset.rpy), np.array(offset.position, dtype=float)
+    )
+    frame = pin.Frame(
+        name, carrier.parentJoint, carrier.parentFrame, placement, pin.FrameType.OP_FRAME
+    )
+    return int(model.addFrame(frame))
+
+
+def link_placements(
+    description: UrdfDescription, model: pin.Model
+) -> tuple[dict[str, int], dict[str, FloatArray]]:
+    """Return the body of each link, and the link's pose (4, 4) in the body's frame, by name."""
+    body, placement = {}, {}
+    for name in description.links:
+        frame = model.frames[model.getFrameId(link_id(name), pin.FrameType.BODY)]
+        body[name] = int(frame.parentJoint)
+        placement[name] = read_only(frame.placement.homogeneous)
+    return body, placement
+
+
+def body_inertias(model: pin.Model) -> tuple[BodyInertia, ...]:
+    """Return the mass properties of all bodies, the base's zero."""
+    moving = [BodyInertia(own.mass, own.lever, own.inertia) for own in list(model.inertias)[1:]]
+    return (BodyInertia(0.0, np.zeros(3), np.zeros((3, 3))), *moving)
+
+
+def carried_bodies(model: pin.Model) -> BoolArray:
+    """Return a mask, True if a joint of the model moves a body, shape (bodies, M)."""
+    moves = np.zeros((model.njoints, model.njoints - 1), dtype=bool)
+    for body in range(1, model.njoints):
+        moves[body, [joint - 1 for joint in _supports(model, body)]] = True
+    return moves
+
+
+def effort_derivatives(
+    model: pin.Model, data: pin.Data, states: tuple[FloatArray, FloatArray, FloatArray]
+) -> FloatArray:
+    """Return the derivatives of the efforts of M joints by positions, velocities, accelerations.
+
+    Args:
+        model: The robot.
+        data: Of the model; written to.
+        states: Positions, velocities and accelerations, shape (N, M) each.
+
+    Returns:
+        Shape (3, N, effort joint, M).
+    """
+    count = model.nv
+    derivatives = np.empty((3, len(states[0]), count, count))
+    for q, v, a, *blocks in zip(*states, *derivatives, strict=True):
+        # The result is a set of views into data, overwritten by the next call: copied here.
+        views = pin.computeRNEADerivatives(model, data, q, v, a)
+        for block, view in zip(blocks, views, strict=True):
+            block[:] = view
+    return derivatives
+
+
+def joint_axes(model: pin.Model) -> FloatArray:
+    """Return the axes of the joints in the frames of the bodies they move, shape (M, 3)."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    subspaces = [data.joints[joint].S.ravel() for joint in range(1, model.njoints)]
+    return np.array([s[3:] if s[3:].any() else s[:3] for s in subspaces])
+
+
+def lever_arms(model: pin.Model, travel: FloatArray) -> FloatArray:
+    """Return upper bounds on the distances from joints' axes to bodies' origins [m].
+
+    Args:
+        model: The robot.
+        travel: Largest distance that each joint slides from zero, shape (M,) [m].
+
+    Returns:
+        Shape (bodies, M), 0 where a joint does not move the body.
+    """
+    lever = np.zeros((model.njoints, model.njoints - 1))
+    for body in range(1, model.njoints):
+        reach = 0.0
+        for joint in _supports(model, body):
+            reach += float(travel[joint - 1])
+            lever[body, joint - 1] = reach
+            reach += float(np.linalg.norm(model.jointPlacements[joint].translation))
+    return read_only(lever)
+
+
+def _supports(model: pin.Model, body: int) -> list[int]:
+    """Return the joints that move a body, from the body to the base."""
+    joints = []
+    while body > 0:
+        joints.append(body)
+        body = model.parents[body]
+    return joints
