@@ -1,4 +1,4 @@
-"""Curves of a motion per section: quantities, limit use, segments; time line of a cycle."""
+"""Curves of a motion: quantities, use of limits, segments; time line of a cycle."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,20 +34,20 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Move
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
-# ---- A part of a motion that is judged under one problem: all of it, or a leg of a cycle.
+# ---- A motion under one problem: the whole motion, or a leg of a cycle.
 
 _MAX_LABELS = 8
-_MAX_MARKED = 24  # segments one by one; more of them as groups, of which each has a label
+_MAX_MARKED = 24  # segments that are marked singly; more are marked in groups with a label each
 
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """A part of a motion under one problem.
+    """A section of a motion under one problem.
 
     Attributes:
         problem: The problem.
-        trajectory: Of its joints, in their order, from time zero.
-        begin: When it begins in the whole motion [s].
+        trajectory: Of the problem's joints, in their order, from time zero.
+        begin: In the whole motion [s].
     """
 
     problem: PlanningProblem
@@ -56,21 +56,21 @@ class Stretch:
 
     @cached_property
     def uses(self) -> LimitUses:
-        """How much of its limits it uses."""
+        """Use of its limits."""
         return limit_uses(self.problem, self.trajectory)
 
     @cached_property
     def closest(self) -> list[ClosestPairs]:
-        """Its closest pairs at the times of `uses`."""
+        """Closest pairs at the times of `uses`."""
         return closest_pairs(self.problem, self.trajectory, self.uses.samples.time)
 
     def inside(self, time: FloatArray) -> IntArray:
-        """Return which of the times (K,) [s] of the whole motion are in it."""
+        """Return the indices of the times (K,) [s] of the whole motion that are in the section."""
         late = time > self.begin + self.trajectory.duration * (1 + 1e-12)
         return np.flatnonzero((time >= self.begin) & ~late)
 
     def nearest(self, time: FloatArray) -> IntArray:
-        """Return the samples of `uses` nearest to times (K,) of its own [s]."""
+        """Return the samples of `uses` nearest to times (K,) from the section's begin [s]."""
         own = self.uses.samples.time
         later = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
         return later - (time - own[later - 1] < own[later] - time)
@@ -78,22 +78,23 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryCurves:
-    """What there is to draw of a trajectory, at N samples, both sides of every breakpoint.
+    """Curves of a trajectory at N samples, on both sides of every breakpoint.
 
     Attributes:
         problem: The planning problem.
         samples: Times, positions, velocities, accelerations.
         jerk: Shape (N, n) [rad/s^3 or m/s^3].
         effort: Shape (N, n) [N m or N].
-        effort_rate: Shape (N, n) [N m/s or N/s]; None where no joint's is limited.
+        effort_rate: Shape (N, n) [N m/s or N/s]; None if no joint has a limit on it.
         tool: Shape (N, 3) [m].
         speed: Of the tool, shape (N,) [m/s].
-        speed_limit: Its limit in that segment, shape (N,) [m/s]; inf where there is none.
-        points: Speeds of the points that limits name, as shares of these, shape (N, P).
+        speed_limit: Limit of the segment, shape (N,) [m/s]; inf without a limit.
+        points: Speeds of the points with a limit, as fractions of their limits, shape (N, P).
         segment: The tube segment of each sample, shape (N,).
-        tube_use: The tool's distance from the segment as a share of its radius, or of the nearest
-            half side of its box, shape (N,).
-        rotation_use: The same of the rotation tolerance; None where there is none.
+        tube_use: The tool's distance from the segment as a fraction of its radius, or of the
+            nearest half side of its box, shape (N,).
+        rotation_use: Rotation error as a fraction of the rotation tolerance, shape (N,); None
+            without a tolerance.
     """
 
     problem: PlanningProblem
@@ -111,9 +112,9 @@ class TrajectoryCurves:
 
     @property
     def visits(self) -> list[tuple[int, float, float]]:
-        """The visits of groups of segments in turn: group, begin and end [s].
+        """Visits of groups of segments in turn: group, begin and end [s].
 
-        A group is `segments_per_group` segments: of hundreds, nothing could be seen one by one.
+        A group is `segments_per_group` segments: hundreds of segments could not be told apart.
         """
         time, group = self.samples.time, self.segment // self.segments_per_group
         ends = [0, *(np.flatnonzero(np.diff(group)) + 1).tolist(), len(time) - 1]
@@ -121,34 +122,34 @@ class TrajectoryCurves:
 
     @cached_property
     def factor(self) -> FloatArray:
-        """How many times faster each sample could be run, jerk left out, shape (N,)."""
+        """Factor by which each sample could be run faster, jerk left out, shape (N,)."""
         at = self.samples
-        known = (at.position, at.velocity, at.acceleration)
-        return scaling_factor(self.problem, *known, segment=self.segment)
+        q, v, a = at.position, at.velocity, at.acceleration
+        return scaling_factor(self.problem, q, v, a, segment=self.segment)
 
     @property
     def segments_per_group(self) -> int:
-        """How many segments one after the other are marked as one."""
+        """Number of successive segments that are marked as a group."""
         return segments_per_group(self.problem.tube.segment_count)
 
 
 def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> TrajectoryCurves:
-    """Return what there is to draw of a trajectory of the problem's joints, in their order."""
+    """Return the curves of a trajectory of the problem's joints, in their order."""
     robot, tube = problem.robot, problem.tube
     count = samples_per_piece(trajectory)
     samples = trajectory.per_piece(count)
     q, v, a = samples.position, samples.velocity, samples.acceleration
     rotation, tool, jacobian = robot.tool_pose_jacobian(q)
     segment = current_segments(problem, trajectory, samples)
-    turned = None
+    rotation_use = None
     if tube.rotation is not None:
         error = tube.rotation.error(rotation, tool, segment)
         angle = np.linalg.norm(error, axis=1, keepdims=True)
-        turned = (np.hstack([abs(error), angle]) / tube.rotation.bounds[segment]).max(axis=1)
+        rotation_use = (np.hstack([abs(error), angle]) / tube.rotation.bounds[segment]).max(axis=1)
     rate, jerk = None, trajectory.jerk_per_piece(count)
     if np.isfinite(robot.limits.effort_rate).any():
         rate = effort_rate(robot, q, v, a, jerk)
-    known = PathSamples(problem, np.stack([q, v, a]))
+    path = PathSamples(problem, np.stack([q, v, a]))
     return TrajectoryCurves(
         problem,
         samples,
@@ -158,15 +159,15 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
         tool,
         np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
         ToolSpeed(problem).limit[segment],
-        PointSpeedLimit(robot.limits.point_speed).used(known).at(1.0),
+        PointSpeedLimit(robot.limits.point_speed).used(path).at(1.0),
         segment,
         tube_use(problem, tool, segment),
-        turned,
+        rotation_use,
     )
 
 
 def segments_per_group(count: int) -> int:
-    """Return how many of so many segments are marked as one: a round number, 1 of a few."""
+    """Return the number of segments that are marked as a group: a round number, 1 if few."""
     if count <= _MAX_MARKED:
         return 1
     steps = (digit * 10**power for power in range(9) for digit in (1, 2, 5))
@@ -174,25 +175,25 @@ def segments_per_group(count: int) -> int:
 
 
 def size_of(tube: Tube, k: int) -> str:
-    """Return what views call the effective size of a segment: its radius, or its box's sides."""
+    """Return the text of the effective size of a segment: its radius, or its box's sides."""
     if tube.cross_section is None or not tube.is_box[k]:
         return f"{1000 * tube.effective_radius[k]:.3g} mm"
     width, height = 1000 * (tube.cross_section[k, :2] - 2 * tube.tool_radius)
     return f"{width:.3g} x {height:.3g} mm"
 
 
-# ---- What binds when, of one motion or of several one after the other, as figures show it.
+# ---- Binding limits of successive motions.
 
 
 @dataclass(frozen=True, eq=False)
 class LimitedMotion:
-    """A motion, how much of its limits it uses, and what it comes near.
+    """A motion, its use of limits, and its closest pairs.
 
     Attributes:
         problem: The planning problem.
-        begin: When it begins [s].
-        uses: How much of its limits it uses, its own time from zero on.
-        closest: Its closest pairs at these samples.
+        begin: [s].
+        uses: Use of limits, in its own time from zero on.
+        closest: Closest pairs at the samples of `uses`.
     """
 
     problem: PlanningProblem
@@ -202,20 +203,20 @@ class LimitedMotion:
 
     @property
     def duration(self) -> float:
-        """How long it takes [s]."""
+        """Duration [s]."""
         return float(self.uses.samples.time[-1])
 
 
 @dataclass(frozen=True)
 class BindingStrip:
-    """What binds when.
+    """Binding limits over time.
 
     Attributes:
-        rows: By the names of joints, "tool" and "links": when which limit binds.
-        shares: By kind of limit, in which share of the time one binds anywhere; those that do.
-        speed_share: In which share of the time some limit on the speed does.
-        duration: Of all [s].
-        joint_count: How many of the rows are joints; they come first.
+        rows: Spans of binding limits, by the names of joints, "tool" and "links".
+        shares: By kind of limit, the fraction of the time in which it binds anywhere; if > 0.
+        speed_share: Fraction of the time in which any limit on the speed binds.
+        duration: Of all motions [s].
+        joint_count: Number of rows of joints; they come first.
     """
 
     rows: Mapping[str, Sequence[Span]]
@@ -228,19 +229,18 @@ class BindingStrip:
 def limited_motion(
     problem: PlanningProblem, trajectory: JointTrajectory, begin: float = 0.0
 ) -> LimitedMotion:
-    """Return what there is to say of a trajectory of a problem's joints, in any order."""
+    """Return the use of limits and the closest pairs of a trajectory, its joints in any order."""
     uses = limit_uses(problem, trajectory)
-    return LimitedMotion(
-        problem, begin, uses, closest_pairs(problem, trajectory, uses.samples.time)
-    )
+    closest = closest_pairs(problem, trajectory, uses.samples.time)
+    return LimitedMotion(problem, begin, uses, closest)
 
 
 def binding_strip(motions: Sequence[LimitedMotion], duration: float) -> BindingStrip:
-    """Return what binds when in motions one after the other; between them, nothing.
+    """Return the binding limits of successive motions; between motions, none.
 
     Args:
         motions: The motions, of the same joints.
-        duration: From the beginning of the first to the end of all [s].
+        duration: From the beginning of the first motion to the end [s].
     """
     names = motions[0].problem.robot.joint_names
     rows: dict[str, list[Span]] = {}
@@ -265,26 +265,27 @@ def binding_strip(motions: Sequence[LimitedMotion], duration: float) -> BindingS
     return BindingStrip(ordered, binding, speed_share, duration, joint_count)
 
 
-# ---- What there is to draw of the motion of a cycle: of every leg and of every rest, in turn.
+# ---- Curves of the motion of a cycle: of every leg and of every rest, in turn.
 
 
 def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
     """Return the curves of legs and rests in order, their times those of the whole motion.
 
-    Each has the arm as it is then, with what it carries.
+    The arm of each carries the parts of that leg or rest.
     """
-    legs = [
-        _later(trajectory_curves(stretch.problem, stretch.trajectory), stretch.begin)
-        for stretch in cycle_stretches(cycle, motion)
-    ]
-    found: list[TrajectoryCurves] = []
+    legs = []
+    for stretch in cycle_stretches(cycle, motion):
+        curves = trajectory_curves(stretch.problem, stretch.trajectory)
+        later = replace(curves.samples, time=curves.samples.time + stretch.begin)
+        legs.append(replace(curves, samples=later))
+    result: list[TrajectoryCurves] = []
     for k, leg in enumerate(legs):
-        found += [*_rest_curves(cycle, motion, k, leg, 0), leg]
-    return [*found, *_rest_curves(cycle, motion, len(legs), legs[-1], -1)]
+        result += [*_rest_curves(cycle, motion, k, leg, 0), leg]
+    return [*result, *_rest_curves(cycle, motion, len(legs), legs[-1], -1)]
 
 
 def limited_motions(cycle: Cycle, motion: CycleMotion) -> list[LimitedMotion]:
-    """Return what there is to say of the limits of all legs, in order."""
+    """Return the use of limits of all legs, in order."""
     return [
         limited_motion(stretch.problem, stretch.trajectory, stretch.begin)
         for stretch in cycle_stretches(cycle, motion)
@@ -300,9 +301,9 @@ def cycle_stretches(cycle: Cycle, motion: CycleMotion) -> tuple[Stretch, ...]:
 
 
 def _problem(cycle: Cycle, motion: CycleMotion, k: int) -> PlanningProblem:
-    """Return the problem of a leg as the judge has it, which tells what segment counts when.
+    """Return the problem of a leg as the judge has it, which decides the segment at each time.
 
-    What begins where its problem has no place fails, and is drawn all the same.
+    A leg that begins where its problem has no solution fails, but is drawn.
     """
     try:
         return cycle.problem(k, motion.seams[: k + 1])
@@ -310,22 +311,17 @@ def _problem(cycle: Cycle, motion: CycleMotion, k: int) -> PlanningProblem:
         return cycle.problem_from_anywhere(k)
 
 
-def _later(curves: TrajectoryCurves, begin: float) -> TrajectoryCurves:
-    """Return curves that begin at another time [s]."""
-    return replace(curves, samples=replace(curves.samples, time=curves.samples.time + begin))
-
-
 def _rest_curves(
     cycle: Cycle, motion: CycleMotion, seam: int, beside: TrajectoryCurves, sample: int
 ) -> Iterator[TrajectoryCurves]:
-    """Yield the curves of what takes time at a seam.
+    """Yield the curves of steps that take time at a junction.
 
     Args:
         cycle: The cycle.
         motion: Its motion.
-        seam: Which one.
-        beside: Of the leg after it, or before it.
-        sample: Which of its samples is at the seam.
+        seam: Index of the junction.
+        beside: Curves of the leg after the junction, or before it.
+        sample: Index of the sample at the junction.
     """
     rest, marks = cycle.rest_at(seam), motion.marks
     first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:seam])
@@ -340,21 +336,21 @@ def _rest_curves(
 def _held_curves(
     beside: TrajectoryCurves, sample: int, arm: RobotModel, span: tuple[float, float]
 ) -> TrajectoryCurves:
-    """Return what is at a sample, at rest for a span of time [s]: motors hold the arm."""
+    """Return the curves at a sample at rest for a span of time [s]: motors hold the arm."""
     rows = np.arange(len(beside.segment))[[sample, sample]]
-    given = beside.samples
-    still = np.zeros_like(given.velocity[rows])
+    samples = beside.samples
+    still = np.zeros_like(samples.velocity[rows])
     return replace(
         beside,
         samples=replace(
-            given,
+            samples,
             time=np.array(span),
-            position=given.position[rows],
+            position=samples.position[rows],
             velocity=still,
             acceleration=still,
         ),
         jerk=still,
-        effort=arm.gravity_effort(given.position[rows]),
+        effort=arm.gravity_effort(samples.position[rows]),
         effort_rate=None if beside.effort_rate is None else still,
         tool=beside.tool[rows],
         speed=np.zeros(2),
@@ -366,9 +362,9 @@ def _held_curves(
     )
 
 
-# ---- What happens when in the motion of a cycle, as bands and ticks of a time line.
+# ---- The time line of a cycle: moves as bands, steps at rest as ticks.
 
-# Nearer to an end of the line than this share of it, a name is not in the middle of its room.
+# Texts nearer than this fraction to an end of the line extend to that end.
 _EDGE = 0.1
 
 
@@ -380,7 +376,7 @@ class Band:
         name: Of the move.
         begin: [s].
         end: [s].
-        color: That of its tube.
+        color: Of its tube.
         tube: Name of its surface.
     """
 
@@ -397,8 +393,8 @@ class Stop:
 
     Attributes:
         begin: [s].
-        end: [s]; the same as begin if all that happens takes no time.
-        ticks: When each thing begins that happens [s], and what it is.
+        end: [s]; equal to begin if no step takes time.
+        ticks: Begin [s] and text of each step.
     """
 
     begin: float
@@ -407,29 +403,29 @@ class Stop:
 
     @property
     def text(self) -> str:
-        """All that happens, on one line."""
+        """Texts of all steps, on one line."""
         return ", ".join(text for _, text in self.ticks)
 
 
 @dataclass(frozen=True)
 class Timeline:
-    """What happens when.
+    """Moves and rests over time.
 
     Attributes:
         bands: Moves.
-        stops: Rests at which something happens.
+        stops: Rests with steps.
     """
 
     bands: tuple[Band, ...]
     stops: tuple[Stop, ...]
 
     def as_dict(self, duration: float) -> dict[str, Any]:
-        """Return the time line as JSON values, with the room that the text of each rest has.
+        """Return the time line as JSON values, with the space for the text of each rest.
 
         Args:
-            duration: That the whole width stands for [s].
+            duration: Of the whole line [s].
         """
-        rooms = _rooms([(stop.begin + stop.end) / 2 for stop in self.stops], duration)
+        rooms = _text_spaces([(stop.begin + stop.end) / 2 for stop in self.stops], duration)
         return {
             "bands": [vars(band) for band in self.bands],
             "rests": [
@@ -449,7 +445,7 @@ def cycle_timeline(motion: CycleMotion) -> Timeline:
 
 
 def tube_name(move: int) -> str:
-    """Return what the surface of a move's tube is called in the scene."""
+    """Return the name of the surface of a move's tube in the scene."""
     return f"move_{move}"
 
 
@@ -468,11 +464,11 @@ def _stops(motion: CycleMotion) -> list[Stop]:
     ]
 
 
-def _rooms(middles: Sequence[float], duration: float) -> list[dict[str, Any]]:
-    """Return the room of texts around times [s], so that none is drawn over another.
+def _text_spaces(middles: Sequence[float], duration: float) -> list[dict[str, Any]]:
+    """Return the spaces of texts around times [s], so that no text is drawn over another.
 
-    A room reaches at most half way to the next text, and as far on both sides; the first and the
-    last text, at an end of the line, have all that is left to that end.
+    A space reaches at most half way to the next text, and as far on both sides; the first and the
+    last text, if at an end of the line, have the whole space to that end.
     """
     borders = [0.0, *(sum(pair) / 2 for pair in pairwise(middles)), duration]
     rooms = []

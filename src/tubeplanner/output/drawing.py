@@ -14,16 +14,16 @@ from tubeplanner.geometry.tube.regions import BoxRegions
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.task.endpoints import Endpoint
 
-# ---- Colours that colour-blind readers tell apart, the same in figures and in the viewer.
+# ---- Colours for colour-blind readers, the same in figures and in the viewer.
 
 
 class BindingStyle(NamedTuple):
-    """How a stretch of time is drawn in which a kind of limit binds.
+    """Look of a span of time in which a kind of limit binds.
 
     Attributes:
         color: Of the bar.
-        hatch: Its pattern, so that it is told from others in grey print.
-        text: Colour of text on it.
+        hatch: Pattern of the bar, for grey print.
+        text: Colour of text on the bar.
     """
 
     color: str
@@ -40,7 +40,7 @@ ARM_COLOR, GRIPPER_COLOR = "#AEB8C2", "#6D7C8C"
 SWEPT_COLOR = "#7A6FAF"
 REFERENCE_COLOR = "#444444"
 EXECUTED_COLOR, WARNING_COLOR = "#0072B2", "#D55E00"
-# Of motors dark, of speeds lighter, of the way that is taken in greys; told apart by hatches too.
+# Motors dark, speeds lighter, position and path in yellow and greys; told apart by hatches too.
 BINDING_STYLES = {
     "effort": BindingStyle("#D55E00", "", "white"),
     "motor_curve": BindingStyle("#8C3A00", "....", "white"),
@@ -62,8 +62,8 @@ CLOSEST_COLOR = "#C1121F"
 BLOCKED_COLOR = "#C1121F"
 AXIS_COLORS = ("#D1242F", "#2DA44E", "#0969DA")  # x red, y green, z blue, as everywhere
 CONE_COLOR = "#E69F00"
-START_COLOR, END_COLOR = "#009E73", "#D55E00"  # of the arm there
-# From slow to fast: dark to light, so that it also reads without any colour (viridis).
+START_COLOR, END_COLOR = "#009E73", "#D55E00"  # of the arm at start and at end
+# From slow to fast, dark to light, so that grey print keeps the order (viridis).
 SPEED_COLORS = (
     *("#440154", "#472D7B", "#3B528B", "#2C728E", "#21918C"),
     *("#28AE80", "#5EC962", "#ADDC30", "#FDE725"),
@@ -81,7 +81,7 @@ def rgb(color: str) -> FloatArray:
 
 
 def speed_colors(share: FloatArray) -> FloatArray:
-    """Return colours of shares (N,) of the highest speed, from 0 to 1: shape (N, 3)."""
+    """Return colours of fractions (N,) of the highest speed, from 0 to 1: shape (N, 3)."""
     table = np.array([rgb(color) for color in SPEED_COLORS])
     stops = np.linspace(0.0, 1.0, len(table))
     return np.column_stack([np.interp(share, stops, table[:, i]) for i in range(3)])
@@ -89,10 +89,10 @@ def speed_colors(share: FloatArray) -> FloatArray:
 
 # ---- Surfaces for display: triangles of convex shapes, of the tube, of lines with a thickness.
 #
-# What is drawn here judges nothing: round things become polyhedra inside them.
+# Nothing is judged by these surfaces: round shapes become polyhedra inside them.
 
 _ROUND_POINTS = 320  # on a whole sphere
-_COARSE_POINTS = 48  # on a hull that is only a shadow of what it stands for
+_COARSE_POINTS = 48  # at most, of a coarse hull
 _PIPE_SIDES = 10
 _MAX_TUBE_SIDES, _MIN_TUBE_SIDES = 48, 16
 _CAP_RINGS, _STRAIGHT_RINGS = 13, 24
@@ -116,7 +116,7 @@ class Surface:
 
 
 def joined(surfaces: Iterable[Surface]) -> Surface:
-    """Return several surfaces as one."""
+    """Return several surfaces joined into one surface."""
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
     for surface in surfaces:
         vertices.append(surface.vertices)
@@ -126,7 +126,7 @@ def joined(surfaces: Iterable[Surface]) -> Surface:
 
 
 def shape_surface(shape: ConvexShape) -> Surface:
-    """Return the surface of a convex shape, its own growth included."""
+    """Return the surface of a convex shape, its radius included."""
     if shape.radius == 0:
         return Surface(shape.vertices, shape.faces)
     return hull_surface(shape_points(shape))
@@ -147,7 +147,7 @@ def hull_surface(points: FloatArray) -> Surface:
 
 
 def coarse_hull_points(points: FloatArray) -> FloatArray:
-    """Return the few of points (N, 3) that reach farthest in some direction."""
+    """Return the points of (N, 3) that are extreme in one of a few directions."""
     if len(points) <= _COARSE_POINTS:
         return points
     return points[np.unique((points @ directions(_COARSE_POINTS).T).argmax(axis=0))]
@@ -164,8 +164,8 @@ def directions(count: int) -> FloatArray:
 def tube_surfaces(tube: Tube) -> list[Surface]:
     """Return the outside of a tube, one part per segment.
 
-    Of every capsule only what lies outside all others is kept, so that the parts make one skin:
-    walls inside would show through a translucent one.
+    Of every capsule only the part outside all others is kept, so that the parts make one skin:
+    inner walls would show through a translucent skin.
     """
     sides = int(np.clip(240 // tube.segment_count, _MIN_TUBE_SIDES, _MAX_TUBE_SIDES))
     parts = []
@@ -175,7 +175,7 @@ def tube_surfaces(tube: Tube) -> list[Surface]:
         others = np.delete(np.arange(tube.segment_count), k)
         if len(others) == 0:
             return [capsule]
-        # Where two segments of one radius meet, both have the same sphere: the first keeps it.
+        # Where segments of equal radius meet, both have the same sphere: the first keeps it.
         tie = 1e-6 * radius * np.sign(others - k)
         outside = (tie - tube.margin(capsule.vertices)[:, others]).min(axis=1)
         parts.append(clipped(capsule, outside))
@@ -226,61 +226,57 @@ def grid_surface(grid: FloatArray) -> Surface:
 
 
 def clipped(surface: Surface, value: FloatArray) -> Surface:
-    """Return the part of a surface where a function, given at its vertices (V,), is >= 0."""
-    kept = value[surface.faces] >= 0
-    faces, vertices, count = [surface.faces[kept.all(axis=1)]], [surface.vertices], len(value)
+    """Return the part of a surface where a function with vertex values (V,) is >= 0."""
+    inside = value[surface.faces] >= 0
+    faces, vertices, count = [surface.faces[inside.all(axis=1)]], [surface.vertices], len(value)
     for corners in (1, 2):
-        cut = kept.sum(axis=1) == corners
-        lone = (kept[cut] == (corners == 1)).argmax(axis=1)  # the corner alone on its side
-        turned = (lone[:, None] + np.arange(3)) % 3
-        a, b, c = np.take_along_axis(surface.faces[cut], turned, axis=1).T
+        cut = inside.sum(axis=1) == corners
+        lone = (inside[cut] == (corners == 1)).argmax(axis=1)  # the corner alone on its side
+        rotation = (lone[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(surface.faces[cut], rotation, axis=1).T
         for end in (b, c):
-            share = value[a] / (value[a] - value[end])
+            fraction = value[a] / (value[a] - value[end])
             edge = surface.vertices[end] - surface.vertices[a]
-            vertices.append(surface.vertices[a] + share[:, None] * edge)
+            vertices.append(surface.vertices[a] + fraction[:, None] * edge)
         ab, ac = count + np.arange(len(a)), count + len(a) + np.arange(len(a))
         count += 2 * len(a)
         triangles = [(a, ab, ac)] if corners == 1 else [(ab, b, c), (ab, c, ac)]
         faces += [np.column_stack(triangle) for triangle in triangles]
-    return _without_unused(Surface(np.vstack(vertices), np.vstack(faces)))
-
-
-def _without_unused(surface: Surface) -> Surface:
-    used, faces = np.unique(surface.faces, return_inverse=True)
-    return Surface(surface.vertices[used], faces.reshape(-1, 3))
+    used, corners_used = np.unique(np.vstack(faces), return_inverse=True)
+    return Surface(np.vstack(vertices)[used], corners_used.reshape(-1, 3))
 
 
 def pipe(points: FloatArray, radius: float) -> tuple[Surface, IntArray]:
-    """Return a line through points (N, 3) with a thickness [m], since viewers draw lines thin.
+    """Return a line through points (N, 3) as a pipe of a radius [m], since viewers draw lines thin.
 
     Returns:
-        The surface and, of each of its vertices, the point that it belongs to. Points that do not
-        differ from the one before are left out; what has no length has no surface.
+        The surface and, of each of its vertices, the index of its point. Points equal to the
+        previous point are left out; a line without length has no surface.
     """
     moves = np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-3 * radius
-    kept = np.flatnonzero(np.concatenate([[True], moves]))
-    if len(kept) < 2:
-        return Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)), kept[:0]
-    line = points[kept]
+    rows = np.flatnonzero(np.concatenate([[True], moves]))
+    if len(rows) < 2:
+        return Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)), rows[:0]
+    line = points[rows]
     tangent = np.gradient(line, axis=0)
     turn = np.linspace(0, 2 * np.pi, _PIPE_SIDES + 1)[:, None]
     side = _axes(tangent[0])[1]
     rings = []
     for point, axis in zip(line, tangent, strict=True):
         z, fallback = _axes(axis)
-        side = side - (side @ z) * z  # carried along, so that the rings do not twist
+        side = side - (side @ z) * z  # carried along, so that the rings are not twisted
         norm = float(np.linalg.norm(side))
         side = side / norm if norm > 1e-6 else fallback
         rings.append(point + radius * (np.cos(turn) * side + np.sin(turn) * np.cross(z, side)))
     # The ends are closed by rings without width.
     ends = np.tile(line[[0, -1]][:, None], (1, _PIPE_SIDES + 1, 1))
     grid = np.concatenate([ends[:1], np.array(rings), ends[1:]])
-    owner = np.concatenate([kept[:1], kept, kept[-1:]])
+    owner = np.concatenate([rows[:1], rows, rows[-1:]])
     return grid_surface(grid[:, ::-1]), np.repeat(owner, _PIPE_SIDES + 1)
 
 
 def dashes(points: FloatArray, radius: float, period: float) -> Surface:
-    """Return a polyline through points (N, 3) as dashes of a thickness and period [m]."""
+    """Return a polyline through points (N, 3) as dashes of a radius and period [m]."""
     parts = []
     for start, end in pairwise(points):
         count = max(1, round(float(np.linalg.norm(end - start)) / period))
@@ -291,32 +287,30 @@ def dashes(points: FloatArray, radius: float, period: float) -> Surface:
 
 
 def _axes(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a vector's direction (upwards if it has none) and one across it, each (3,)."""
+    """Return a vector's direction (upwards if zero) and a perpendicular direction, each (3,)."""
     length = float(np.linalg.norm(axis))
     z = axis / length if length > 0 else np.array([0.0, 0.0, 1.0])
     x = np.cross(z, np.eye(3)[int(np.argmin(abs(z)))])
     return z, x / np.linalg.norm(x)
 
 
-# ---- The ball in which a goal asks the tool to end, as a surface.
-
-_POINTS = 400
+_POINTS = 400  # on the ball of a goal
 
 
 def goal_ball(end: Endpoint) -> list[Surface]:
-    """Return the ball of a goal, base frame; none where it has no extent."""
+    """Return the ball of a goal region, base frame; none without a tolerance."""
     ball = end.region
     if ball is None or ball.tolerance == 0:
         return []
     return [hull_surface(ball.position + ball.tolerance * directions(_POINTS))]
 
 
-# ---- From where to look: a direction in which the tool's path is spread out and not hidden.
+# ---- Directions of sight in which the tool's path is spread out and not hidden; the floor.
 
-_CELLS = 8  # at most, along the longer side of what the grid is under
-# Never along an axis of the base: walls and shelves seen edge on look like nothing.
+_CELLS = 8  # at most, along the longer side of the points above the grid
+# Never along an axis of the base: walls and shelves seen edge on are not recognised.
 _AZIMUTHS = np.radians([25.0, -25.0, 65.0, -65.0, 115.0, -115.0, 155.0, -155.0])
-# Views from higher up show less of what an arm does, unless it moves in a plane.
+# Elevation and weight: from higher up an arm's motion is seen less, unless it is planar.
 _ELEVATIONS = ((0.35, 1.0), (0.6, 0.95), (1.1, 0.92))
 _FLAT = 0.02  # of the longest side
 
@@ -327,9 +321,9 @@ def best_direction(
     """Return the unit vector (3,) from the path towards the viewer, never from below.
 
     Args:
-        path: Where the tool passes, shape (N, 3) [m].
+        path: Of the tool, shape (N, 3) [m].
         solids: Solids that may hide the path, in the base frame; they count as translucent.
-        arms: Hulls that hide the path at some times, one after the other; they count as opaque.
+        arms: Hulls that hide the path at successive times; they count as opaque.
     """
     standing = _hulls(solids)
     moving = [_hulls(arm) for arm in arms]
@@ -340,11 +334,11 @@ def best_direction(
             direction = np.array(
                 [flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]
             )
-            seen = 0.5 + 0.5 * _visible_share(path, direction, standing)
+            visible = 0.5 + 0.5 * _visible_fraction(path, direction, standing)
             if moving:
-                shares = [_visible_share(path, direction, hulls) for hulls in moving]
-                seen *= sum(shares) / len(shares)
-            scored.append((weight * seen * _spread(path, direction), direction))
+                fractions = [_visible_fraction(path, direction, hulls) for hulls in moving]
+                visible *= sum(fractions) / len(fractions)
+            scored.append((weight * visible * _spread(path, direction), direction))
     return max(scored, key=lambda pair: pair[0])[1]
 
 
@@ -353,15 +347,17 @@ def _hulls(shapes: Sequence[ConvexShape]) -> list[ConvexHull]:
 
 
 def _spread(path: FloatArray, direction: FloatArray) -> float:
-    """Return how far apart a path's points look: its extent along and, twice, across."""
+    """Return the extent of a path as seen: along its main direction plus twice across [m]."""
     offset = path - path.mean(axis=0)
     seen = offset - np.outer(offset @ direction, direction)
     major, minor = np.sqrt(abs(np.linalg.eigvalsh(seen.T @ seen))[:0:-1])
     return float(major + 2 * minor)
 
 
-def _visible_share(path: FloatArray, direction: FloatArray, hulls: Sequence[ConvexHull]) -> float:
-    """Return which share of a path is not behind a hull, seen from far away."""
+def _visible_fraction(
+    path: FloatArray, direction: FloatArray, hulls: Sequence[ConvexHull]
+) -> float:
+    """Return the fraction of a path's points not behind a hull, in parallel projection."""
     hidden = np.zeros(len(path), dtype=bool)
     for hull in hulls:
         normal, offset = hull.equations[:, :3], hull.equations[:, 3]
@@ -377,7 +373,7 @@ def _visible_share(path: FloatArray, direction: FloatArray, hulls: Sequence[Conv
 
 
 def outline(points: FloatArray) -> FloatArray:
-    """Return the few of points (N, 3) that a picture must hold for all to be in it."""
+    """Return the few of points (N, 3) that a picture must contain to contain all."""
     low, high = points.min(axis=0), points.max(axis=0)
     if (high - low).min() < _FLAT * (high - low).max():
         corners = np.meshgrid(*np.column_stack([low, high]))
@@ -386,7 +382,7 @@ def outline(points: FloatArray) -> FloatArray:
 
 
 def floor_grid(points: FloatArray) -> tuple[FloatArray, float]:
-    """Return a grid under points (N, 3), at height 0 or lower: its edges, and their length.
+    """Return a grid under points (N, 3), at height 0 or lower: edges and their length.
 
     Returns:
         Ends of edges, shape (E, 2, 3) [m], and the length 0.1, 0.5, 1, 5, ... [m].

@@ -7,7 +7,6 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.execution.cycle_verdict import executed_legs
 from tubeplanner.execution.excursions import (
-    TubeMargins,
     additional_distances,
     obstacle_distances,
     tube_margins,
@@ -17,10 +16,7 @@ from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- What there is to draw of an execution: the tool's paths, and quantities of all runs over
-# time.
-
-_DISTANCES = 200  # instants at which obstacles are measured
+_DISTANCES = 200  # instants at which obstacle distances are measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,14 +36,14 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class ToolRuns:
-    """Where the tool is in R runs, at K instants.
+    """Positions of the tool in R runs, at K instants.
 
     Attributes:
-        plan: Where it was to be, shape (K, 3) [m].
-        runs: Where it is, shape (R, K, 3) [m].
-        tube: How far inside the tube that is [m].
-        rotation: How far inside the rotation tolerance it is turned [rad], NaN where that is free;
-            None where it always is.
+        plan: Planned position, shape (K, 3) [m].
+        runs: Executed positions, shape (R, K, 3) [m].
+        tube: Margin inside the tube [m].
+        rotation: Margin inside the rotation tolerance [rad], NaN where rotation is free; None if
+            it is free throughout.
     """
 
     plan: FloatArray
@@ -57,7 +53,7 @@ class ToolRuns:
 
     @property
     def worst(self) -> tuple[int, int]:
-        """In which run the tool is farthest out, or least inside, and at which instant."""
+        """Run and instant of the least margin inside the tube."""
         run, instant = np.unravel_index(int(self.tube.runs.argmin()), self.tube.runs.shape)
         return int(run), int(instant)
 
@@ -65,7 +61,7 @@ class ToolRuns:
 def tool_runs(
     problem: PlanningProblem, trajectory: JointTrajectory, execution: Execution
 ) -> ToolRuns:
-    """Return where the tool is in all runs, in the frame of the cell."""
+    """Return the positions and margins of the tool in all runs, in the frame of the cell."""
     robot, time = problem.robot, execution.time
     planned = _planned(problem, trajectory, time)
     poses = [
@@ -76,18 +72,25 @@ def tool_runs(
         ),
     ]
     joints = [planned, *execution.position]
-    found = [tube_margins(problem, time, q, *pose) for q, pose in zip(joints, poses, strict=True)]
+    margins = [tube_margins(problem, time, q, *pose) for q, pose in zip(joints, poses, strict=True)]
     tool = np.array([position for _, position in poses])
-    tube = np.array([margins.tube for margins in found])
-    return ToolRuns(tool[0], tool[1:], Band(time, tube[0], tube[1:]), _turned(time, found))
+    tube = np.array([each.tube for each in margins])
+    bounded = [each.rotation for each in margins if each.rotation is not None]
+    rotation = None
+    if bounded:
+        rows = np.array(bounded)
+        rows[np.isinf(rows)] = np.nan  # not drawn
+        rotation = Band(time, rows[0], rows[1:])
+    return ToolRuns(tool[0], tool[1:], Band(time, tube[0], tube[1:]), rotation)
 
 
 def obstacle_band(
     problem: PlanningProblem, trajectory: JointTrajectory, execution: Execution
 ) -> Band | None:
-    """Return how far links are from obstacles [m], at fewer instants; None if none is judged.
+    """Return the distances of links from obstacles [m], at fewer instants; None if not judged.
 
-    Less what their pair or segment asks beyond `clearance`; NaN while all may be in contact.
+    Distances that pairs or segments require beyond `clearance` are subtracted; NaN while every
+    pair may be in contact.
     """
     if len(problem.collision.obstacle_pairs) == 0:
         return None
@@ -96,30 +99,20 @@ def obstacle_band(
     more = additional_distances(problem, trajectory.reordered(problem.robot.joint_names), time)
     joints = [_planned(problem, trajectory, time), *(q[::step] for q in execution.position)]
     bases = [np.zeros(3), *(plant.base for plant in execution.plants)]
-    found = np.array(
+    distance = np.array(
         [obstacle_distances(problem, q, base, more) for q, base in zip(joints, bases, strict=True)]
     )
-    found[np.isinf(found)] = np.nan  # not drawn
-    return Band(time, found[0], found[1:])
+    distance[np.isinf(distance)] = np.nan  # not drawn
+    return Band(time, distance[0], distance[1:])
 
 
 def _planned(problem: PlanningProblem, trajectory: JointTrajectory, time: FloatArray) -> FloatArray:
-    """Return where the joints were to be at times (K,), (K, n): at the goal after the end."""
+    """Return the planned positions at times (K,), (K, n): at the goal after the end."""
     ordered = trajectory.reordered(problem.robot.joint_names)
     return ordered.position(np.minimum(time, ordered.duration))
 
 
-def _turned(time: FloatArray, found: list[TubeMargins]) -> Band | None:
-    """Return the margins to the rotation tolerance of the plan, first, and of all runs."""
-    bounded = [margins.rotation for margins in found if margins.rotation is not None]
-    if not bounded:
-        return None
-    turned = np.array(bounded)
-    turned[np.isinf(turned)] = np.nan  # not drawn
-    return Band(time, turned[0], turned[1:])
-
-
-# ---- The tool's executed paths as short straight lines, those inside the tube and those outside.
+# ---- The tool's executed paths as short straight lines, inside and outside the tube.
 
 _MAX_PATHS = 200
 EXECUTED_STEPS = 240  # lines of an executed path
@@ -131,10 +124,10 @@ class ExecutedPaths:
     """The paths of some runs.
 
     Attributes:
-        inside: Lines all in the tube, shape (A, 2, 3) [m].
+        inside: Lines entirely in the tube, shape (A, 2, 3) [m].
         outside: The others, shape (B, 2, 3) [m].
-        shown: How many runs they are of.
-        total: How many runs there were.
+        shown: Number of runs that are drawn.
+        total: Number of runs.
     """
 
     inside: FloatArray
@@ -144,11 +137,11 @@ class ExecutedPaths:
 
 
 def executed_paths(tools: ToolRuns, steps: int) -> ExecutedPaths:
-    """Return the paths of the runs that go farthest out: of all, unless there are very many.
+    """Return the paths of the runs that go farthest out, of at most 200 runs.
 
     Args:
-        tools: Where the tool is.
-        steps: Of how many lines each path is made, at least, if there are as many samples.
+        tools: Positions of the tool.
+        steps: Least number of lines of each path, if there are as many samples.
     """
     order = np.argsort(tools.tube.runs.min(axis=1), kind="stable")[:_MAX_PATHS]
     count = tools.runs.shape[1] - 1
@@ -161,11 +154,8 @@ def executed_paths(tools: ToolRuns, steps: int) -> ExecutedPaths:
     return ExecutedPaths(lines[least >= 0], lines[least < 0], len(order), len(tools.runs))
 
 
-# ---- The tool's executed paths through a whole cycle.
-
-
 def cycle_executed_paths(motion: CycleMotion, execution: Execution) -> ExecutedPaths:
-    """Return the paths of the runs, outside where they leave the tube of the move that runs."""
+    """Return the paths of a cycle's runs, outside where a run leaves the tube of its move."""
     legs = executed_legs(motion, execution)
     tools = [tool_runs(leg.problem, leg.trajectory, leg.execution) for leg in legs]
     tubes = [tool.tube for tool in tools]

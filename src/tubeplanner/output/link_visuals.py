@@ -1,6 +1,6 @@
-"""Visual meshes of links, or their collision hulls.
+"""Visual meshes of links, or their collision geometry; hulls of links and carried solids.
 
-trimesh reads them; it is imported when first needed.
+trimesh reads meshes; it is imported when first needed.
 """
 
 from collections import defaultdict
@@ -23,13 +23,12 @@ from tubeplanner.robot.model import RobotModel
 if TYPE_CHECKING:
     import trimesh
 
-# ---- Meshes as they look: with their colours, few triangles, edges sharp.
+# ---- Visual meshes: with their colours, few triangles, edges sharp.
 
-# Faces that meet at less than this look like one smooth surface [rad].
+# Faces that meet at a smaller angle look like one smooth surface [rad].
 _CREASE = 0.6
-# Vertices nearer than this are the same [m]; coarser, by this factor, until few enough are left.
+# Vertices in one cell are merged [m]; cells grow by at least this factor until few are left.
 _MIN_CELL, _COARSER = 2e-4, 1.15
-
 _MAX_REASON = 200  # [characters]
 
 Color = tuple[float, float, float]
@@ -38,11 +37,11 @@ Color = tuple[float, float, float]
 def read_visual_mesh(
     path: Path, scale: float | Sequence[float] | None = None
 ) -> list[tuple[Color | None, Surface]]:
-    """Return a mesh file's parts with their colours; None where the file gives none.
+    """Return a mesh file's parts with their colours; None where the file has no colour.
 
     Args:
         path: STL, OBJ, DAE or another format that trimesh reads.
-        scale: One factor, or one per axis.
+        scale: A factor, or a factor per axis.
 
     Raises:
         RobotError: The file is no readable mesh.
@@ -50,13 +49,14 @@ def read_visual_mesh(
     import trimesh
 
     try:
-        with np.errstate(invalid="ignore", over="ignore"):  # of numbers that no picture shows
+        with np.errstate(invalid="ignore", over="ignore"):  # of values that no picture shows
             scene = trimesh.load_scene(str(path), resolver=files_beside(path))
-        parts = [
-            (_color(scene.geometry[name]), _placed(scene.geometry[name], placement))
-            for placement, name in (scene.graph[node] for node in scene.graph.nodes_geometry)
-            if isinstance(scene.geometry[name], trimesh.Trimesh)
-        ]
+        parts = []
+        for placement, name in (scene.graph[node] for node in scene.graph.nodes_geometry):
+            mesh = scene.geometry[name]
+            if isinstance(mesh, trimesh.Trimesh):
+                surface = Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+                parts.append((_color(mesh), surface.moved(placement)))
         unit = length_unit(path)
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries raise
         raise RobotError(
@@ -70,10 +70,6 @@ def read_visual_mesh(
     return [(color, surface.moved(np.diag([*factor, 1.0]))) for color, surface in parts]
 
 
-def _placed(mesh: "trimesh.Trimesh", placement: FloatArray) -> Surface:
-    return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces)).moved(placement)
-
-
 def _color(mesh: "trimesh.Trimesh") -> Color | None:
     if not mesh.visual.defined:
         return None
@@ -83,7 +79,7 @@ def _color(mesh: "trimesh.Trimesh") -> Color | None:
 
 
 def _encoded(color: Color | None) -> Color | None:
-    """Return a COLLADA colour, proportional to light, as screens take it (gamma 2.2)."""
+    """Return a COLLADA colour, proportional to light, encoded for screens (gamma 2.2)."""
     if color is None:
         return None
     red, green, blue = (value ** (1 / 2.2) for value in color)
@@ -91,13 +87,13 @@ def _encoded(color: Color | None) -> Color | None:
 
 
 def simplified(surfaces: Sequence[Surface], max_faces: int) -> list[Surface]:
-    """Return surfaces with so few triangles together, and vertices doubled at sharp edges.
+    """Return surfaces with few triangles in total, and vertices doubled at sharp edges.
 
-    Vertices in the same cell of a grid become one, in the smallest cells that suffice.
+    Vertices in the same cell of a grid become one vertex, in the smallest cells that suffice.
 
     Args:
-        surfaces: What belongs together.
-        max_faces: How many triangles may be left.
+        surfaces: Of one robot.
+        max_faces: Largest number of triangles in total.
     """
     cell = _MIN_CELL
     while True:
@@ -121,7 +117,7 @@ def _clustered(surface: Surface, cell: float) -> Surface:
 
 
 def _keys(rows: IntArray) -> IntArray:
-    """Return one number per row (N, 3) of non-negative integers, different for different rows."""
+    """Return a number per row (N, 3) of non-negative integers, different for different rows."""
     if len(rows) == 0:
         return np.zeros(0, dtype=np.int64)
     size = rows.max(axis=0) + 1
@@ -129,7 +125,7 @@ def _keys(rows: IntArray) -> IntArray:
 
 
 def creased(surface: Surface) -> Surface:
-    """Return a surface whose vertices are doubled at edges, so that these look sharp."""
+    """Return a surface with vertices doubled at sharp edges, so that shading shows the edges."""
     import trimesh
 
     if len(surface.faces) == 0:
@@ -138,29 +134,29 @@ def creased(surface: Surface) -> Surface:
     flat = mesh.face_adjacency[mesh.face_adjacency_angles < _CREASE]
     nodes = np.arange(len(surface.faces))
     parts = trimesh.graph.connected_components(flat, min_len=1, nodes=nodes)
-    return joined(_part(surface, np.asarray(part)) for part in parts)
+    pieces = []
+    for part in parts:
+        used, corners = np.unique(surface.faces[np.asarray(part)], return_inverse=True)
+        pieces.append(Surface(surface.vertices[used], corners.reshape(-1, 3)))
+    return joined(pieces)
 
 
-def _part(surface: Surface, faces: np.ndarray) -> Surface:
-    used, corners = np.unique(surface.faces[faces], return_inverse=True)
-    return Surface(surface.vertices[used], corners.reshape(-1, 3))
+# ---- Surfaces of a robot's links: visual geometry of the URDF, or collision geometry instead.
 
-
-# ---- What a robot's links look like: visual geometry of the URDF, or collision geometry instead.
-
-# Triangles of all arms of a page together: what makes a file that can be mailed.
+# Triangles of all arms of a page together, for a file small enough for mail.
 MAX_FACES = 60_000
 _PLAIN: Color = (0.72, 0.74, 0.77)
 
 
 @dataclass(frozen=True, eq=False)
 class LinkPart:
-    """What of a link has one colour.
+    """The part of a link in one colour.
 
     Attributes:
-        link: Its name.
-        body: The body that carries it.
+        link: Name of the link.
+        body: The body that carries the link.
         color: Red, green, blue from 0 to 1.
+        surface: In the frame of the body.
         surface: In the frame of the body.
     """
 
@@ -171,39 +167,41 @@ class LinkPart:
 
 
 def link_parts(robot: RobotModel, max_faces: int) -> tuple[list[LinkPart], list[str]]:
-    """Return the parts of all links, and what is to be said about them.
+    """Return the parts of all links, and notes about parts.
 
     A link whose visual geometry cannot be read is shown by its collision geometry, and so is a
     robot without any visual geometry.
 
     Args:
         robot: The arm.
-        max_faces: How many triangles they may have together.
+        max_faces: Largest number of triangles of all parts.
 
     Raises:
         RobotError: A geometry is of a kind no URDF has.
     """
     description = read_geometry(robot)
-    named = {material.name: material for material in description.materials}
-    found: dict[tuple[str, Color], list[Surface]] = defaultdict(list)
+    materials = {material.name: material for material in description.materials}
+    surfaces_by_part: dict[tuple[str, Color], list[Surface]] = defaultdict(list)
     notes, unseen = [], []
     for link in description.links:
         try:
-            pieces = [piece for visual in link.visuals for piece in _pieces(robot, visual, named)]
+            pieces = [each for visual in link.visuals for each in _pieces(robot, visual, materials)]
         except RobotError as error:
             notes.append(f"link '{link.name}' is drawn by its collision geometry: {error}")
             unseen.append(link.name)
             continue
         for color, surface in pieces:
-            found[link.name, color].append(surface.moved(robot.link_placement[link.name]))
-    if not found:
+            moved = surface.moved(robot.link_placement[link.name])
+            surfaces_by_part[link.name, color].append(moved)
+    if not surfaces_by_part:
         notes.append("the URDF has no visual geometry: collision geometry is drawn")
         unseen = [link.name for link in description.links]
     if unseen:
         shapes = link_shapes(robot)
         for name in unseen:
-            found[name, _PLAIN] += [shape_surface(shape) for shape in shapes.get(name, ())]
-    parts = {key: joined(surfaces) for key, surfaces in found.items() if surfaces}
+            solids = map(shape_surface, shapes.get(name, ()))
+            surfaces_by_part[name, _PLAIN] += solids
+    parts = {key: joined(surfaces) for key, surfaces in surfaces_by_part.items() if surfaces}
     surfaces = simplified(list(parts.values()), max_faces)
     return [
         LinkPart(link, robot.link_body[link], color, surface)
@@ -211,9 +209,11 @@ def link_parts(robot: RobotModel, max_faces: int) -> tuple[list[LinkPart], list[
     ], notes
 
 
-def _pieces(robot: RobotModel, visual: Any, named: dict[str, Any]) -> list[tuple[Color, Surface]]:
+def _pieces(
+    robot: RobotModel, visual: Any, materials: dict[str, Any]
+) -> list[tuple[Color, Surface]]:
     """Return colours and surfaces of one <visual>, in the frame of its link."""
-    color, element = _urdf_color(visual.material, named), element_of(visual)
+    color, element = _urdf_color(visual.material, materials), element_of(visual)
     if element is None:
         raise RobotError("a <visual> has no known geometry")
     simple = simple_shape(element)
@@ -225,23 +225,23 @@ def _pieces(robot: RobotModel, visual: Any, named: dict[str, Any]) -> list[tuple
     return [(own or color, surface.moved(element.placement)) for own, surface in pieces]
 
 
-def _urdf_color(material: Any, named: dict[str, Any]) -> Color:
-    """Return the colour of a <material>, which may only name one of the robot's."""
+def _urdf_color(material: Any, materials: dict[str, Any]) -> Color:
+    """Return the colour of a <material>, which may be a mere reference by name."""
     if material is not None and material.color is None:
-        material = named.get(material.name)
+        material = materials.get(material.name)
     if material is None or material.color is None:
         return _PLAIN
     red, green, blue = (float(value) for value in material.color.rgba[:3])
     return red, green, blue
 
 
-# ---- The solids of an arm as a view has them: hulls of its links and of what it carries.
+# ---- Solids of an arm for views: hulls of its links, surfaces of its carried solids.
 
 
 def arm_hulls(
     parts: list[LinkPart], carried: list[tuple[int, str, Surface]]
 ) -> list[tuple[int, FloatArray]]:
-    """Return bodies of links and carried solids, and points (V, 3) whose hulls nearly hold them."""
+    """Return bodies of links and carried solids, with points (V, 3) of their coarse hulls."""
     points: dict[str, list[FloatArray]] = {}
     bodies = {part.link: part.body for part in parts}
     for part in parts:
@@ -249,7 +249,7 @@ def arm_hulls(
     for body, name, surface in carried:
         bodies[name] = body
         points.setdefault(name, []).append(surface.vertices)
-    return [(bodies[name], coarse_hull_points(np.vstack(found))) for name, found in points.items()]
+    return [(bodies[name], coarse_hull_points(np.vstack(rows))) for name, rows in points.items()]
 
 
 def carried_surfaces(

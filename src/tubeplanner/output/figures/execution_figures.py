@@ -260,7 +260,7 @@ def draw_planes(figure: "FigureBase", problem: PlanningProblem, tools: ToolRuns)
 
 
 def _axes(figure: "FigureBase", planes: list[Plane], size: FloatArray) -> list["Axes"]:
-    """Return axes for the planes, stacked or, if high, side by side; then axes below for the close-up."""
+    """Return axes of the planes, stacked or, if high, side by side; below, of the close-up."""
     shape = [max(size[up] / size[across], _LEAST_HEIGHT) for across, up in planes]
     if planes[0][1] == _UP and max(shape) > 1:
         grid = figure.add_gridspec(2, len(planes), height_ratios=(1.2, _CLOSE_HEIGHT))

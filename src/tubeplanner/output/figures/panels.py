@@ -281,7 +281,7 @@ def motor_joints(robot: RobotModel) -> IntArray:
 def draw_motors(
     figure: "FigureBase", curves: TrajectoryCurves, joints: IntArray, columns: int | None = None
 ) -> None:
-    """Draw the motors of some joints side by side, in a number of columns; None: in a single row."""
+    """Draw the motors of some joints in a number of columns; None: in a single row."""
     columns = columns or len(joints)
     grid = figure.add_gridspec(-(-len(joints) // columns), columns)
     axes = [figure.add_subplot(grid[divmod(number, columns)]) for number in range(len(joints))]

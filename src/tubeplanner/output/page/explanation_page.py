@@ -1,4 +1,4 @@
-"""View_explanation: blocked arm, blocking solids, remedies."""
+"""Page of an explanation: blocked arm, blocking solids, remedies or slack."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,154 +21,20 @@ from tubeplanner.studies.explanation import Explanation, in_vain_text, setting_t
 from tubeplanner.studies.remedies import Remedy, Room
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- The arm where it is blocked: as planning met it, or as near as it comes.
-
-_THERE = 1e-3  # [m]
-_MOST_SEEDS = 20
-
-
-def blocked_arm(problem: PlanningProblem, found: Explanation) -> ShownTrajectory | None:
-    """Return the arm where a problem without an answer is blocked; None: that is not known.
-
-    Args:
-        problem: What is drawn of it.
-        found: What was found out about it.
-    """
-    robot, q = problem.robot, found.configuration
-    if q is not None:
-        return poses_standing(robot, "where it is blocked", q)
-    if found.place.position is None:
-        return None
-    target = np.array(found.place.position)
-    q = _nearest(problem, target)
-    away = float(np.linalg.norm(robot.tool_position(q[None])[0] - target))
-    near = (
-        "where it is blocked" if away <= _THERE else f"{1000 * away:.3g} mm from where it must be"
-    )
-    return poses_standing(robot, near, q)
-
-
-def _nearest(problem: PlanningProblem, target: FloatArray) -> FloatArray:
-    """Return the configuration (n,) within limits that brings the tool nearest to a point (3,)."""
-    limits = problem.robot.limits
-    try:
-        seed = end_configuration(problem, problem.endpoints[0], 0)
-    except Infeasible:
-        seed = limits.clip(np.zeros(problem.robot.joint_count))
-    bounds = limits.lower_position, limits.upper_position
-    seeds = [seed, *spread_seeds(*bounds)[:_MOST_SEEDS]]
-    found = (solve_position(problem.robot, target, each, *bounds) for each in seeds)
-    return min(found, key=lambda one: max(one.error, _THERE)).q
-
-
-def contact_point(
-    problem: PlanningProblem, place: Place, q: FloatArray | None
-) -> FloatArray | None:
-    """Return where two solids that a place names are nearest, (3,) [m]; None if it names none.
-
-    Args:
-        problem: The planning problem.
-        place: Where it is blocked.
-        q: The configuration there, shape (n,); None: not known.
-    """
-    named = [*(place.links or ()), *([place.obstacle] if place.obstacle else [])]
-    if q is None or len(named) != 2:
-        return None
-    checker = problem.collision
-    pairs = checker.pairs[checker.between(*named)]
-    if len(pairs) == 0:
-        return None
-    poses = problem.robot.body_poses(np.repeat(q[None], len(pairs), axis=0))
-    closest = checker.closest_points(*poses, pairs)
-    worst = int(closest.distance.argmin())
-    middle: FloatArray = (closest.first[worst] + closest.second[worst]) / 2
-    return middle
-
-
-# ---- What is in the way: links, solids and obstacles in another colour, and a mark where it is.
-
-_BALL_POINTS = 150
-# In radii of drawn lines.
-_CORE, _HALO, _LINE = 3.0, 9.0, 1.6
-_HALO_OPACITY = 0.35
-
-
-def with_blocked(
-    items: Sequence[Item],
-    problem: PlanningProblem,
-    place: Place,
-    contact: FloatArray | None,
-    thickness: float,
-) -> tuple[Item, ...]:
-    """Return the items of a scene, with what blocks coloured and marks of where.
-
-    Args:
-        items: Of the problem's scene.
-        problem: The problem.
-        place: Where it is blocked.
-        contact: Where solids that are in the way are nearest, (3,) [m]; None: not known.
-        thickness: Radius of drawn lines [m].
-    """
-    names = {*(place.links or ()), place.obstacle}
-    bodies = _bodies(problem, place)
-    color = rgb(BLOCKED_COLOR)
-    shown = [
-        replace(item, color=color) if _is_in_the_way(item, names, bodies) else item
-        for item in items
-    ]
-    center = _center(problem, place) if contact is None else contact
-    return (*shown, *_marks(problem, place, center, thickness))
-
-
-def _bodies(problem: PlanningProblem, place: Place) -> set[int]:
-    """Return the body that the place's joint moves, if it names one."""
-    names = problem.robot.joint_names
-    return {names.index(place.joint) + 1} if place.joint in names else set()
-
-
-def _is_in_the_way(item: Item, names: set[str | None], bodies: set[int]) -> bool:
-    if item.layer is Layer.ARM:
-        return item.body in bodies or item.name.rpartition("/")[0] in names
-    return item.layer in (Layer.CARRIED, Layer.OBSTACLES) and item.name in names
-
-
-def _marks(
-    problem: PlanningProblem, place: Place, center: FloatArray | None, thickness: float
-) -> list[Item]:
-    """Return a ball about a point (3,), and a line along the segment that is named."""
-    color, marks = rgb(BLOCKED_COLOR), []
-    if center is not None:
-        for name, size, opacity in (("core", _CORE, 1.0), ("halo", _HALO, _HALO_OPACITY)):
-            ball = hull_surface(center + size * thickness * directions(_BALL_POINTS))
-            marks.append(Item(Layer.BLOCKED, 0, name, ball, color, opacity))
-    if place.segment is not None:
-        ends = problem.tube.points[place.segment : place.segment + 2]
-        line, _ = pipe(ends, _LINE * thickness)
-        marks.append(Item(Layer.BLOCKED, 0, "segment", line, color))
-    return marks
-
-
-def _center(problem: PlanningProblem, place: Place) -> FloatArray | None:
-    """Return where the tool is (3,) [m] by a place; at a reference point if it names only that."""
-    if place.position is not None:
-        return np.array(place.position)
-    return None if place.point is None else problem.tube.points[place.point]
-
-
-# ---- The page of an explanation: what blocks and where, and what helps; or how much room there is.
+# ---- The page: blockage and remedies, or slack.
 
 
 def view_explanation(found: Explanation) -> View:
-    """Return the view of what was found out about a problem.
+    """Return the view of an explanation.
 
-    Without an answer the arm is where it is blocked, what blocks has a colour of its own, and the
-    place is marked; with one, it follows the motion.
+    Without an answer the arm is where it is blocked, the blocking solids have a colour of their
+    own, and the place is marked; with an answer, the arm follows the motion.
 
     Args:
-        found: What was found out.
+        found: The explanation.
 
     Raises:
-        OptionError: The problem cannot be posed, as its tube cannot be drawn.
+        OptionError: The problem is contradictory, as its tube cannot be drawn.
         RobotError: The robot's geometry is of a kind no URDF has.
     """
     problem, result = found.drawn, found.result
@@ -178,8 +44,8 @@ def view_explanation(found: Explanation) -> View:
             "helps and explain it again"
         )
     motion = None if result is None else result.trajectory
-    named = {} if motion is None else {"shortest motion": motion}
-    scene = build_scene(problem, named, at_rest=blocked_arm(problem, found))
+    motions = {} if motion is None else {"shortest motion": motion}
+    scene = build_scene(problem, motions, at_rest=blocked_arm(problem, found))
     contact = contact_point(problem, found.place, found.configuration)
     items = with_blocked(scene.items, problem, found.place, contact, scene.thickness)
     scene = replace(scene, items=items)
@@ -187,7 +53,7 @@ def view_explanation(found: Explanation) -> View:
 
 
 def _findings(found: Explanation) -> dict[str, Any]:
-    """Return what the panel says, as JSON values."""
+    """Return the findings of the panel, as JSON values."""
     if found.is_possible:
         title, lines = "How much worse one of these may become", list(map(_room, found.rooms))
     elif found.remedies:
@@ -203,7 +69,7 @@ def _findings(found: Explanation) -> dict[str, Any]:
 
 
 def _more(found: Explanation) -> list[str]:
-    """Return what is said below: what limits the motion, what helps nothing, what ended it."""
+    """Return further lines: most limiting condition, ineffective changes, early end."""
     lines = []
     if found.is_possible and found.result is not None:
         dearest = [f"{each}" for each in found.result.sensitivities if each.saved > 0]
@@ -234,3 +100,128 @@ def _room(room: Room) -> dict[str, Any]:
 
 def _not_enough(word: str, value: str) -> list[str]:
     return [f"{word}: {value}"] if value else []
+
+
+# ---- The arm where it is blocked: in the configuration that planning met, or as near as possible.
+
+_THERE = 1e-3  # [m]: a tool this near is at the blocked position
+_MOST_SEEDS = 20
+
+
+def blocked_arm(problem: PlanningProblem, found: Explanation) -> ShownTrajectory | None:
+    """Return the arm where a problem without an answer is blocked; None if that is not known.
+
+    Args:
+        problem: The problem to be drawn.
+        found: Its explanation.
+    """
+    robot, q = problem.robot, found.configuration
+    if q is not None:
+        return poses_standing(robot, "where it is blocked", q)
+    if found.place.position is None:
+        return None
+    target = np.array(found.place.position)
+    q = _nearest(problem, target)
+    away = float(np.linalg.norm(robot.tool_position(q[None])[0] - target))
+    near = (
+        "where it is blocked" if away <= _THERE else f"{1000 * away:.3g} mm from where it must be"
+    )
+    return poses_standing(robot, near, q)
+
+
+def _nearest(problem: PlanningProblem, target: FloatArray) -> FloatArray:
+    """Return the configuration (n,) within limits that brings the tool nearest to a point (3,)."""
+    limits = problem.robot.limits
+    try:
+        seed = end_configuration(problem, problem.endpoints[0], 0)
+    except Infeasible:
+        seed = limits.clip(np.zeros(problem.robot.joint_count))
+    bounds = limits.lower_position, limits.upper_position
+    seeds = [seed, *spread_seeds(*bounds)[:_MOST_SEEDS]]
+    solutions = (solve_position(problem.robot, target, each, *bounds) for each in seeds)
+    return min(solutions, key=lambda each: max(each.error, _THERE)).q
+
+
+def contact_point(
+    problem: PlanningProblem, place: Place, q: FloatArray | None
+) -> FloatArray | None:
+    """Return the midpoint between two solids of a place, (3,) [m]; None if it does not name two.
+
+    Args:
+        problem: The planning problem.
+        place: Place of the blockage.
+        q: The configuration there, shape (n,); None: not known.
+    """
+    names = [*(place.links or ()), *([place.obstacle] if place.obstacle else [])]
+    if q is None or len(names) != 2:
+        return None
+    checker = problem.collision
+    pairs = checker.pairs[checker.between(*names)]
+    if len(pairs) == 0:
+        return None
+    poses = problem.robot.body_poses(np.repeat(q[None], len(pairs), axis=0))
+    closest = checker.closest_points(*poses, pairs)
+    worst = int(closest.distance.argmin())
+    middle: FloatArray = (closest.first[worst] + closest.second[worst]) / 2
+    return middle
+
+
+# ---- The blockage: links, solids and obstacles in another colour, and marks at the place.
+
+_BALL_POINTS = 150
+# In radii of drawn lines.
+_CORE, _HALO, _LINE = 3.0, 9.0, 1.6
+_HALO_OPACITY = 0.35
+
+
+def with_blocked(
+    items: Sequence[Item],
+    problem: PlanningProblem,
+    place: Place,
+    contact: FloatArray | None,
+    thickness: float,
+) -> tuple[Item, ...]:
+    """Return the items of a scene, with blocking solids coloured and the place marked.
+
+    Args:
+        items: Of the problem's scene.
+        problem: The problem.
+        place: Place of the blockage.
+        contact: Midpoint between the blocking solids, (3,) [m]; None: not known.
+        thickness: Radius of drawn lines [m].
+    """
+    names = {*(place.links or ()), place.obstacle}
+    joints = problem.robot.joint_names
+    bodies = {joints.index(place.joint) + 1} if place.joint in joints else set()
+    color = rgb(BLOCKED_COLOR)
+    colored = [
+        replace(item, color=color) if _is_blocking(item, names, bodies) else item for item in items
+    ]
+    center = contact
+    if center is None and place.position is not None:
+        center = np.array(place.position)
+    elif center is None and place.point is not None:
+        center = problem.tube.points[place.point]
+    return (*colored, *_marks(problem, place, center, thickness))
+
+
+def _is_blocking(item: Item, names: set[str | None], bodies: set[int]) -> bool:
+    if item.layer is Layer.ARM:
+        return item.body in bodies or item.name.rpartition("/")[0] in names
+    return item.layer in (Layer.CARRIED, Layer.OBSTACLES) and item.name in names
+
+
+def _marks(
+    problem: PlanningProblem, place: Place, center: FloatArray | None, thickness: float
+) -> list[Item]:
+    """Return a ball about a point (3,), and a line along the segment of a place."""
+    color, marks = rgb(BLOCKED_COLOR), []
+    if center is not None:
+        for name, size, opacity in (("core", _CORE, 1.0), ("halo", _HALO, _HALO_OPACITY)):
+            ball = hull_surface(center + size * thickness * directions(_BALL_POINTS))
+            marks.append(Item(Layer.BLOCKED, 0, name, ball, color, opacity))
+    if place.segment is not None:
+        ends = problem.tube.points[place.segment : place.segment + 2]
+        line, _ = pipe(ends, _LINE * thickness)
+        marks.append(Item(Layer.BLOCKED, 0, "segment", line, color))
+    return marks

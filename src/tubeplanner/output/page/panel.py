@@ -1,8 +1,8 @@
 """Panel of a page: curves, time line, titles, layers, notes.
 
-A motion is made of stretches, each judged under a problem of its own: one, or the legs of a cycle.
-What is known only of stretches is missing (null) between them. Shares are whole percent, distances
-tenths of a millimetre: what a curve shows.
+A motion consists of stretches, each judged under a problem of its own: a single one, or the legs
+of a cycle. Quantities of stretches are null between stretches. Fractions are whole percent,
+distances tenths of a millimetre: the resolution of a curve.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.binding_limits import LINKS, TOOL, ClosestPairs, binding_rows, closest_pairs
 from tubeplanner.limits.rates import ToolSpeed
-from tubeplanner.limits.speed_limits import POSITION, LimitUse
+from tubeplanner.limits.speed_limits import POSITION
 from tubeplanner.output.curves import Stretch, segments_per_group, size_of
 from tubeplanner.output.drawing import (
     AXIS_COLORS,
@@ -40,209 +40,11 @@ from tubeplanner.output.page.scene import Layer, Scene, ShownTrajectory
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- The curves of a page: use of the limits and clearance over time, as JSON values.
-
-_TOOL_COLOR, _LINKS_COLOR = "#8C510A", "#7A6FAF"
-# A joint near an end of its range may be as fast as elsewhere: only at the end it counts.
-_AT_END = 0.998
-_WORDS = {"obstacles": "to obstacles", "self_collision": "between links"}
-
-
-def page_curves(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any]:
-    """Return limit on the tool's speed, use of limits and clearance, those that there are.
-
-    Args:
-        stretches: Of one motion.
-        time: At even steps from its begin to its end, shape (K,) [s].
-    """
-    found = {
-        "speedLimit": _speed_limit(stretches, time),
-        "limits": _limits(stretches, time),
-        "clearance": _clearances(stretches, time),
-    }
-    return {name: value for name, value in found.items() if value}
-
-
-def row_color(name: str, joint_names: Sequence[str]) -> str:
-    """Return the colour of what limits a joint, the tool or the links."""
-    if name in joint_names:
-        return LINE_COLORS[joint_names.index(name) % len(LINE_COLORS)]
-    return _TOOL_COLOR if name == TOOL else _LINKS_COLOR
-
-
-def _speed_limit(stretches: Sequence[Stretch], time: FloatArray) -> list[float | None]:
-    """Return the limit of the segment of then [m/s]; nothing where there never is one."""
-    limit = np.full(len(time), np.inf)
-    for stretch in stretches:
-        rows = stretch.inside(time)
-        segment = stretch.uses.segment[stretch.nearest(time[rows] - stretch.begin)]
-        limit[rows] = ToolSpeed(stretch.problem).limit[segment]
-    return _rounded(limit, 4) if np.isfinite(limit).any() else []
-
-
-def _limits(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any]:
-    """Return of each joint, the tool and the links how much of which limit is used most."""
-    shares: dict[str, dict[str, FloatArray]] = {}
-    for stretch in stretches:
-        rows = stretch.inside(time)
-        if len(rows) == 0:
-            continue
-        joints = stretch.problem.robot.joint_names
-        for use in stretch.uses.uses:
-            owner = TOOL if use.name == TOOL else LINKS if use.joint is None else joints[use.joint]
-            whole = shares.setdefault(owner, {}).setdefault(use.kind, np.full(len(time), -np.inf))
-            share = _counted(use)
-            whole[rows] = np.maximum(whole[rows], _largest_near(stretch, share, time[rows]))
-    joints = stretches[0].problem.robot.joint_names
-    owners = [name for name in (*joints, TOOL, LINKS) if name in shares]
-    kinds = list(dict.fromkeys(kind for name in owners for kind in shares[name]))
-    lines = [_line(name, shares[name], kinds, joints) for name in owners]
-    return {"kinds": [kind.replace("_", " ") for kind in kinds], "lines": lines}
-
-
-def _line(
-    name: str, shares: dict[str, FloatArray], kinds: list[str], joints: Sequence[str]
-) -> dict[str, Any]:
-    table = np.array(list(shares.values()))
-    numbers = np.array([kinds.index(kind) for kind in shares])
-    return {
-        "name": name,
-        "color": row_color(name, joints),
-        "dashed": name not in joints,
-        "share": _rounded(100 * table.max(axis=0), 0),
-        "kind": numbers[table.argmax(axis=0)].tolist(),
-    }
-
-
-def _counted(use: LimitUse) -> FloatArray:
-    """Return what counts of the use of a limit: of a range only its very ends."""
-    if use.kind != POSITION:
-        return use.share
-    return np.where(use.share >= _AT_END, use.share, 0.0)
-
-
-def _largest_near(stretch: Stretch, share: FloatArray, time: FloatArray) -> FloatArray:
-    """Return shares at times (K,) [s] of the whole motion: the largest of the samples nearest."""
-    own = stretch.uses.samples.time + stretch.begin
-    found: FloatArray = np.interp(time, own, share)
-    step = time[1] - time[0] if len(time) > 1 else np.inf
-    rows = np.clip(np.round((own - time[0]) / step), 0, len(time) - 1).astype(int)
-    np.maximum.at(found, rows, share)
-    return found
-
-
-def _clearances(stretches: Sequence[Stretch], time: FloatArray) -> list[dict[str, Any]]:
-    """Return the closest pairs of each kind over time; points of the first kind alone."""
-    found: dict[str, _Closest] = {}
-    for stretch in stretches:
-        rows = stretch.inside(time)
-        if len(rows) == 0:
-            continue
-        local = np.minimum(time[rows] - stretch.begin, stretch.trajectory.duration)
-        for closest in closest_pairs(stretch.problem, stretch.trajectory, local):
-            whole = found.setdefault(closest.kind, _Closest(len(time)))
-            whole.keep(rows, closest)
-    ordered = [kind for kind in _WORDS if kind in found]
-    return [found[kind].as_dict(_WORDS[kind], kind == ordered[0]) for kind in ordered]
-
-
-class _Closest:
-    """The closest pairs of a kind over a whole motion."""
-
-    def __init__(self, count: int) -> None:
-        self._distance, self._margin = np.full(count, np.inf), np.full(count, np.inf)
-        self._points = np.zeros((count, 6))
-        self._pairs: dict[tuple[str, str], int] = {}
-        self._pair = np.zeros(count, dtype=int)
-
-    def keep(self, rows: IntArray, closest: ClosestPairs) -> None:
-        """Keep those of some of the times."""
-        self._distance[rows], self._margin[rows] = closest.distance, closest.margin
-        self._points[rows] = closest.points.reshape(-1, 6)
-        self._pair[rows] = [self._pairs.setdefault(k, len(self._pairs)) for k in closest.names]
-
-    def as_dict(self, name: str, with_points: bool) -> dict[str, Any]:
-        """Return them as JSON values, distances in mm, points in m."""
-        apart = np.isfinite(self._distance)
-        required = np.full(len(apart), np.inf)
-        required[apart] = self._distance[apart] - self._margin[apart]
-        fields = {
-            "name": name,
-            "distance": _rounded(1000 * self._distance, 1),
-            "required": _rounded(1000 * required, 1),
-            "pair": self._pair.tolist(),
-            "pairs": [list(pair) for pair in self._pairs],
-        }
-        return {**fields, "points": self._points.round(4).tolist()} if with_points else fields
-
-
-def _rounded(values: FloatArray, digits: int) -> list[float | None]:
-    """Return rounded values, None for what is not finite."""
-    rounded = [round(value, digits or None) for value in np.where(np.isfinite(values), values, 0)]
-    return [
-        value if is_finite else None
-        for value, is_finite in zip(rounded, np.isfinite(values).tolist(), strict=True)
-    ]
-
-
-# ---- The time line of a motion of a problem: in which segment the tool is, and which limit binds.
-
-
-def problem_timeline(stretch: Stretch) -> dict[str, Any]:
-    """Return the time line of a motion of a problem as JSON values."""
-    return {"bands": segment_bands(stretch), "rests": [], "binds": binding_marks([stretch])}
-
-
-def segment_bands(stretch: Stretch) -> list[dict[str, Any]]:
-    """Return when the tool is in which segment, or group of segments where there are many."""
-    count = stretch.problem.tube.segment_count
-    step = segments_per_group(count)
-    time, group = stretch.uses.samples.time, stretch.uses.segment // step
-    ends = [0, *(np.flatnonzero(np.diff(group)) + 1).tolist(), len(time) - 1]
-    return [
-        {
-            "name": _name(int(group[a]) * step, min((int(group[a]) + 1) * step, count) - 1),
-            "begin": float(time[a]),
-            "end": float(time[b]),
-            "color": segment_color(int(group[a])),
-        }
-        for a, b in pairwise(ends)
-    ]
-
-
-def binding_marks(stretches: Sequence[Stretch]) -> list[dict[str, Any]]:
-    """Return of each joint, the tool and the links when which of its limits binds.
-
-    Those that no limit binds at any time are left out.
-    """
-    joints = stretches[0].problem.robot.joint_names
-    spans: dict[str, list[dict[str, Any]]] = {}
-    for stretch in stretches:
-        for row in binding_rows(joints, stretch.uses, stretch.closest):
-            spans.setdefault(row.name, []).extend(
-                {
-                    "kind": span.kind.replace("_", " "),
-                    "begin": round(stretch.begin + span.begin, 5),
-                    "end": round(stretch.begin + span.end, 5),
-                }
-                for span in row.spans
-            )
-    return [
-        {"name": name, "color": row_color(name, joints), "spans": own}
-        for name, own in spans.items()
-        if own
-    ]
-
-
-def _name(first: int, last: int) -> str:
-    return f"segment {first}" if first == last else f"segments {first} to {last}"
-
-
-# ---- What the panel of a page says: titles, durations, layers with their colours, notes.
+# ---- The text of the panel: titles, durations, layers with their colours, notes.
 
 _MAX_SEGMENTS_NAMED = 6
 _CURVE_STEPS = 400
-_HIDDEN = (Layer.AXES, Layer.SWEPT)  # at first
+_HIDDEN = (Layer.AXES, Layer.SWEPT)  # when the page opens
 _USUAL_ENTRIES = {
     Layer.AXES: [{"color": color, "text": ""} for color in AXIS_COLORS],
     Layer.ROTATION: [{"color": CONE_COLOR, "text": ""}],
@@ -258,23 +60,23 @@ _USUAL_ENTRIES = {
 
 
 def panel_data(scene: ProblemScene) -> dict[str, Any]:
-    """Return the text of a problem's page and how it frames the scene, as JSON values."""
+    """Return the panel of a problem's page and the frame of its scene, as JSON values."""
     layers = [_layer_data(layer, scene) for layer in scene.layers]
     data = page_data(scene, arm_words(scene.problem.robot), layers)
     return {**data, "timelines": [problem_timeline(*each) for each in scene.stretches]}
 
 
 def arm_words(robot: RobotModel) -> str:
-    """Return what a page says of an arm."""
+    """Return the words for an arm."""
     return f"{robot.name}, {robot.joint_count} joints"
 
 
 def page_data(scene: Scene, about: str, layers: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the text of a page's overlay and how it frames the scene, as JSON values.
+    """Return the text of a page's overlay and the frame of its scene, as JSON values.
 
     Args:
-        scene: What is shown.
-        about: What is said below its name.
+        scene: The scene.
+        about: Text below its name.
         layers: As `layer_data` returns them.
     """
     many = len(scene.trajectories) > 1
@@ -314,7 +116,7 @@ def page_data(scene: Scene, about: str, layers: list[dict[str, Any]]) -> dict[st
 
 
 def _moving_layers(scene: Scene, trajectories: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the layers that the page draws by itself of arms that move."""
+    """Return the layers that the page itself draws of moving arms."""
     ghosts = {
         "name": "ghosts",
         "label": "Arm at start, at end",
@@ -332,7 +134,7 @@ def _moving_layers(scene: Scene, trajectories: Sequence[Mapping[str, Any]]) -> l
 
 
 def _trajectory_data(trajectory: ShownTrajectory) -> dict[str, Any]:
-    """Return name, duration and speeds of a trajectory, these at equal steps of time."""
+    """Return name, duration and speeds of a trajectory, the speeds at equal steps of time."""
     even = np.linspace(0.0, trajectory.duration, len(trajectory.time))
     speed = np.interp(even, trajectory.time, trajectory.speed)
     return {
@@ -361,13 +163,13 @@ def layer_data(
     words: Mapping[Layer, str],
     entries: Mapping[Layer, list[dict[str, str]]],
 ) -> dict[str, Any]:
-    """Return a layer's name, label, colours and whether it is shown at first.
+    """Return a layer's name, label, colours and its visibility when the page opens.
 
     Args:
-        layer: Which one.
-        scene: What is shown.
-        words: Labels of layers that do not always have the same.
-        entries: Colours of layers that have several, and what each means.
+        layer: The layer.
+        scene: The scene.
+        words: Labels of layers that differ between scenes.
+        entries: Colours of layers with several colours, and their meanings.
     """
     usual = {
         Layer.ARM: "Arm",
@@ -407,23 +209,215 @@ def _executed_label(executed: ExecutedPaths | None) -> str:
 
 
 def listed(kind: str, names: Sequence[str]) -> str:
-    """Return what a layer of a kind is called: with the names of what is in it."""
+    """Return the label of a layer: its kind, and the names of its items."""
     return f"{kind}: {', '.join(names)}"
 
 
 def _segment_entries(problem: PlanningProblem) -> list[dict[str, str]]:
-    """Return colours and sizes of the tube's segments, the first few of many."""
+    """Return colours and sizes of the tube's segments, of many the first few."""
     tube = problem.tube
     radii = 1000 * tube.effective_radius
     kinds = ["box" if is_box else "radius" for is_box in tube.is_box]
-    named = range(min(len(radii), _MAX_SEGMENTS_NAMED))
+    shown = range(min(len(radii), _MAX_SEGMENTS_NAMED))
     entries = [
         {"color": segment_color(k), "text": f"segment {k}: {kinds[k]} {size_of(tube, k)}"}
-        for k in named
+        for k in shown
     ]
-    if len(radii) > len(named):
+    if len(radii) > len(shown):
         low, high = radii.min(), radii.max()
         text = f"and so on: {len(radii)} segments, {low:.3g} to {high:.3g} mm"
         text += " (of boxes, half the smaller side)" * bool(tube.is_box.any())
         entries.append({"color": "", "text": text})
     return entries
+
+
+# ---- The curves of a page over time, as JSON values.
+
+_TOOL_COLOR, _LINKS_COLOR = "#8C510A", "#7A6FAF"
+# A joint near an end of its range may be as fast as elsewhere: its use counts at the end alone.
+_AT_END = 0.998
+_WORDS = {"obstacles": "to obstacles", "self_collision": "between links"}
+
+
+def page_curves(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any]:
+    """Return the limit on the tool's speed, the use of limits and the clearance, if any.
+
+    Args:
+        stretches: Of one motion.
+        time: At equal steps from its begin to its end, shape (K,) [s].
+    """
+    curves = {
+        "speedLimit": _speed_limit(stretches, time),
+        "limits": _limits(stretches, time),
+        "clearance": _clearances(stretches, time),
+    }
+    return {name: curve for name, curve in curves.items() if curve}
+
+
+def row_color(name: str, joint_names: Sequence[str]) -> str:
+    """Return the colour of a row of binding limits: of a joint, the tool or the links."""
+    if name in joint_names:
+        return LINE_COLORS[joint_names.index(name) % len(LINE_COLORS)]
+    return _TOOL_COLOR if name == TOOL else _LINKS_COLOR
+
+
+def _speed_limit(stretches: Sequence[Stretch], time: FloatArray) -> list[float | None]:
+    """Return the limit on the tool's speed in the segment of each time [m/s]; empty if none."""
+    limit = np.full(len(time), np.inf)
+    for stretch in stretches:
+        rows = stretch.inside(time)
+        segment = stretch.uses.segment[stretch.nearest(time[rows] - stretch.begin)]
+        limit[rows] = ToolSpeed(stretch.problem).limit[segment]
+    return _rounded(limit, 4) if np.isfinite(limit).any() else []
+
+
+def _limits(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any]:
+    """Return the largest use of a limit over time, and its kind, of joints, tool and links."""
+    shares: dict[str, dict[str, FloatArray]] = {}
+    for stretch in stretches:
+        rows = stretch.inside(time)
+        if len(rows) == 0:
+            continue
+        joints = stretch.problem.robot.joint_names
+        for use in stretch.uses.uses:
+            owner = TOOL if use.name == TOOL else LINKS if use.joint is None else joints[use.joint]
+            whole = shares.setdefault(owner, {}).setdefault(use.kind, np.full(len(time), -np.inf))
+            # Of a range only its very ends count.
+            is_counted = (use.kind != POSITION) | (use.share >= _AT_END)
+            share = np.where(is_counted, use.share, 0.0)
+            whole[rows] = np.maximum(whole[rows], _largest_near(stretch, share, time[rows]))
+    joints = stretches[0].problem.robot.joint_names
+    owners = [name for name in (*joints, TOOL, LINKS) if name in shares]
+    kinds = list(dict.fromkeys(kind for name in owners for kind in shares[name]))
+    lines = [_line(name, shares[name], kinds, joints) for name in owners]
+    return {"kinds": [kind.replace("_", " ") for kind in kinds], "lines": lines}
+
+
+def _line(
+    name: str, shares: dict[str, FloatArray], kinds: list[str], joints: Sequence[str]
+) -> dict[str, Any]:
+    table = np.array(list(shares.values()))
+    numbers = np.array([kinds.index(kind) for kind in shares])
+    return {
+        "name": name,
+        "color": row_color(name, joints),
+        "dashed": name not in joints,
+        "share": _rounded(100 * table.max(axis=0), 0),
+        "kind": numbers[table.argmax(axis=0)].tolist(),
+    }
+
+
+def _largest_near(stretch: Stretch, share: FloatArray, time: FloatArray) -> FloatArray:
+    """Return fractions at times (K,) [s] of the whole motion: the largest of nearby samples."""
+    own = stretch.uses.samples.time + stretch.begin
+    result: FloatArray = np.interp(time, own, share)
+    step = time[1] - time[0] if len(time) > 1 else np.inf
+    rows = np.clip(np.round((own - time[0]) / step), 0, len(time) - 1).astype(int)
+    np.maximum.at(result, rows, share)
+    return result
+
+
+def _clearances(stretches: Sequence[Stretch], time: FloatArray) -> list[dict[str, Any]]:
+    """Return the closest pairs of each kind over time; with points for the first kind alone."""
+    pairs: dict[str, _Closest] = {}
+    for stretch in stretches:
+        rows = stretch.inside(time)
+        if len(rows) == 0:
+            continue
+        local = np.minimum(time[rows] - stretch.begin, stretch.trajectory.duration)
+        for closest in closest_pairs(stretch.problem, stretch.trajectory, local):
+            pairs.setdefault(closest.kind, _Closest(len(time))).keep(rows, closest)
+    kinds = [kind for kind in _WORDS if kind in pairs]
+    return [pairs[kind].as_dict(_WORDS[kind], kind == kinds[0]) for kind in kinds]
+
+
+class _Closest:
+    """The closest pairs of a kind over a whole motion."""
+
+    def __init__(self, count: int) -> None:
+        self._distance, self._margin = np.full(count, np.inf), np.full(count, np.inf)
+        self._points = np.zeros((count, 6))
+        self._pairs: dict[tuple[str, str], int] = {}
+        self._pair = np.zeros(count, dtype=int)
+
+    def keep(self, rows: IntArray, closest: ClosestPairs) -> None:
+        """Keep the pairs at some of the times."""
+        self._distance[rows], self._margin[rows] = closest.distance, closest.margin
+        self._points[rows] = closest.points.reshape(-1, 6)
+        self._pair[rows] = [self._pairs.setdefault(k, len(self._pairs)) for k in closest.names]
+
+    def as_dict(self, name: str, with_points: bool) -> dict[str, Any]:
+        """Return the pairs as JSON values, distances in mm, points in m."""
+        apart = np.isfinite(self._distance)
+        required = np.full(len(apart), np.inf)
+        required[apart] = self._distance[apart] - self._margin[apart]
+        fields = {
+            "name": name,
+            "distance": _rounded(1000 * self._distance, 1),
+            "required": _rounded(1000 * required, 1),
+            "pair": self._pair.tolist(),
+            "pairs": [list(pair) for pair in self._pairs],
+        }
+        return {**fields, "points": self._points.round(4).tolist()} if with_points else fields
+
+
+def _rounded(values: FloatArray, digits: int) -> list[float | None]:
+    """Return rounded values, None for values that are not finite."""
+    rounded = [round(value, digits or None) for value in np.where(np.isfinite(values), values, 0)]
+    return [
+        value if is_finite else None
+        for value, is_finite in zip(rounded, np.isfinite(values).tolist(), strict=True)
+    ]
+
+
+# ---- The time line of a motion of a problem: segments of the tool, binding limits.
+
+
+def problem_timeline(stretch: Stretch) -> dict[str, Any]:
+    """Return the time line of a motion of a problem as JSON values."""
+    return {"bands": segment_bands(stretch), "rests": [], "binds": binding_marks([stretch])}
+
+
+def segment_bands(stretch: Stretch) -> list[dict[str, Any]]:
+    """Return the times of the tool in each segment, or in groups of many segments."""
+    count = stretch.problem.tube.segment_count
+    step = segments_per_group(count)
+    time, group = stretch.uses.samples.time, stretch.uses.segment // step
+    ends = [0, *(np.flatnonzero(np.diff(group)) + 1).tolist(), len(time) - 1]
+    return [
+        {
+            "name": _name(int(group[a]) * step, min((int(group[a]) + 1) * step, count) - 1),
+            "begin": float(time[a]),
+            "end": float(time[b]),
+            "color": segment_color(int(group[a])),
+        }
+        for a, b in pairwise(ends)
+    ]
+
+
+def binding_marks(stretches: Sequence[Stretch]) -> list[dict[str, Any]]:
+    """Return the spans of binding limits of each joint, the tool and the links.
+
+    Rows without any are left out.
+    """
+    joints = stretches[0].problem.robot.joint_names
+    spans: dict[str, list[dict[str, Any]]] = {}
+    for stretch in stretches:
+        for row in binding_rows(joints, stretch.uses, stretch.closest):
+            spans.setdefault(row.name, []).extend(
+                {
+                    "kind": span.kind.replace("_", " "),
+                    "begin": round(stretch.begin + span.begin, 5),
+                    "end": round(stretch.begin + span.end, 5),
+                }
+                for span in row.spans
+            )
+    return [
+        {"name": name, "color": row_color(name, joints), "spans": own}
+        for name, own in spans.items()
+        if own
+    ]
+
+
+def _name(first: int, last: int) -> str:
+    return f"segment {first}" if first == last else f"segments {first} to {last}"

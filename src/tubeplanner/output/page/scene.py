@@ -1,4 +1,8 @@
-"""Scene: layers, surfaces, placements; shown poses, camera."""
+"""Scene of a page: layers, surfaces, placements, poses of the arm; no viewer.
+
+All of it is in the base frame, in m and s. Several trajectories are side by side, each with its
+own arm and tube, and start together.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,22 +23,22 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- Where the things of a scene stand, and from where they are seen.
+# ---- The frame of a scene: offsets between trajectories, direction of sight, floor.
 
 _GAP = 0.15  # between trajectories side by side, of the width of one
 
 
 @dataclass(frozen=True, eq=False)
 class SceneFrame:
-    """Where trajectories stand, the floor under them, and what a picture of all must hold.
+    """Offsets of trajectories, the floor below, and the extent of a picture of the scene.
 
     Attributes:
         offset: From each trajectory to the next, shape (3,) [m].
         direction: From the scene towards the viewer, unit vector (3,).
-        outline: Points that a picture must hold, offsets included, shape (P, 3) [m].
-        floor: Edges of a grid under all, shape (E, 2, 3) [m].
-        floor_step: Length of one [m].
-        top: Where a trajectory's name goes, its offset left out, shape (3,) [m].
+        outline: Points that a picture must contain, offsets included, shape (P, 3) [m].
+        floor: Edges of a grid below the scene, shape (E, 2, 3) [m].
+        floor_step: Length of an edge [m].
+        top: Point of the first trajectory's name, shape (3,) [m].
     """
 
     offset: FloatArray
@@ -49,28 +53,25 @@ def scene_frame(points: Sequence[FloatArray], direction: FloatArray, count: int)
     """Return the frame of a scene.
 
     Args:
-        points: All that one trajectory takes, each (N, 3) [m].
+        points: Extent of one trajectory, each (N, 3) [m].
         direction: From the scene towards the viewer, unit vector (3,).
-        count: How many trajectories stand side by side.
+        count: Number of trajectories side by side.
     """
-    taken = np.vstack(points)
-    # Side by side as seen from there: along x or y, whichever lies more across the view.
+    extent = np.vstack(points)
+    # Side by side in this view: along x or y, whichever lies more across the line of sight.
     across = int(abs(direction[0]) > abs(direction[1]))
-    offset = np.eye(3)[across] * np.ptp(taken[:, across]) * (1 + _GAP)
-    sides = outline(taken)
-    held = np.vstack([sides + i * offset for i in range(count)])
+    offset = np.eye(3)[across] * np.ptp(extent[:, across]) * (1 + _GAP)
+    sides = outline(extent)
+    all_sides = np.vstack([sides + i * offset for i in range(count)])
     top = np.append((sides.min(axis=0) + sides.max(axis=0))[:2] / 2, sides[:, 2].max())
-    return SceneFrame(offset, direction, held, *floor_grid(held), top)
+    return SceneFrame(offset, direction, all_sides, *floor_grid(all_sides), top)
 
 
-# ---- What there is to see: surfaces, colours, placements; no viewer.
-#
-# Everything is in the base frame, in m and s. Several trajectories stand side by side, each with
-# its own arm and tube, and start together.
+# ---- The content of a scene: items in layers, trajectories, notes.
 
 
 class Layer(StrEnum):
-    """What is shown or hidden together."""
+    """Part of a scene that is shown or hidden as a whole."""
 
     ARM = "arm"
     CARRIED = "carried"
@@ -90,14 +91,14 @@ class Item:
     """A surface of one material.
 
     Attributes:
-        layer: What it belongs to.
-        trajectory: Index of the trajectory that it stands with.
+        layer: Its layer.
+        trajectory: Index of its trajectory.
         name: Unique among the items of a layer and trajectory.
         surface: In the frame of the body that carries it, else in the base frame.
         color: Red, green, blue from 0 to 1, shape (3,), or of every vertex, (V, 3).
         opacity: 1 is solid.
-        body: The body that carries it; 0 stands still.
-        is_smooth: Whether it is shaded as round where its triangles share vertices.
+        body: The body that carries it; 0 is static.
+        is_smooth: True to shade it as round where triangles share vertices.
     """
 
     layer: Layer
@@ -112,7 +113,7 @@ class Item:
 
 @dataclass(frozen=True, eq=False)
 class ShownTrajectory:
-    """Where the bodies are at T times; one time stands for an arm at rest.
+    """Poses of all bodies at T times; a single time for an arm at rest.
 
     Attributes:
         name: Its name.
@@ -121,7 +122,7 @@ class ShownTrajectory:
         position: Of all bodies, shape (T, bodies, 3) [m].
         tool: Tool centre point, shape (T, 3) [m].
         speed: Of the tool, shape (T,) [m/s].
-        present: Of bodies that come and go, when they are there, shape (T,).
+        present: Presence over time of bodies that come and go, shape (T,).
     """
 
     name: str
@@ -138,7 +139,7 @@ class ShownTrajectory:
         return float(self.time[-1])
 
     def placement(self, step: int, body: int) -> FloatArray:
-        """Return where a body is at one of the times, shape (4, 4)."""
+        """Return the pose of a body at one of the times, shape (4, 4)."""
         placement = np.eye(4)
         placement[:3, :3] = self.rotation[step, body]
         placement[:3, 3] = self.position[step, body]
@@ -147,17 +148,17 @@ class ShownTrajectory:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
-    """All there is to see.
+    """Content of a page.
 
     Attributes:
-        name: Of what is shown.
-        trajectories: At least one; of no duration if no trajectory was given.
+        name: Of the problem or cycle.
+        trajectories: At least one; of no duration without a motion.
         items: Surfaces.
-        frame: Where things stand and from where they are seen.
-        thickness: Of drawn lines, their radius [m].
-        notes: What else is worth knowing.
-        stretches: Of each motion, under the problems that judge them; none of an arm at rest.
-        executed: The tool's executed paths, beside the first trajectory; None: none were asked.
+        frame: Offsets, direction of sight and floor.
+        thickness: Radius of drawn lines [m].
+        notes: Further remarks.
+        stretches: Of each motion, under the problems that judge it; none of an arm at rest.
+        executed: The tool's executed paths, beside the first trajectory; None: none.
     """
 
     name: str
@@ -171,11 +172,11 @@ class Scene:
 
     @property
     def layers(self) -> list[Layer]:
-        """The layers in which there is something, in the order of `Layer`."""
-        found = {item.layer for item in self.items}
+        """Layers with any content, in the order of `Layer`."""
+        used = {item.layer for item in self.items}
         if self.executed is not None:
-            found.add(Layer.EXECUTED)
-        return [layer for layer in Layer if layer in found]
+            used.add(Layer.EXECUTED)
+        return [layer for layer in Layer if layer in used]
 
     @property
     def peak_speed(self) -> float:
@@ -184,37 +185,37 @@ class Scene:
 
     @property
     def duration(self) -> float:
-        """Of the longest trajectory [s]."""
+        """Duration of the longest trajectory [s]."""
         return max(trajectory.duration for trajectory in self.trajectories)
 
 
-# ---- Where an arm is seen: along a trajectory, or at rest; and from where it is seen best.
+# ---- Poses of an arm, along a trajectory or at rest; the best direction of sight.
 
-# Of the way through a trajectory: when the arm should not hide the path.
+# Fractions of a trajectory's samples at which the arm should not hide the path.
 _SAMPLED_SHARES = (0.1, 0.5, 0.9)
 
 
 class MovingBody(Protocol):
-    """A body beside those of the arm: its poses (T, 4, 4), and whether it is there, (T,)."""
+    """A body beside the bodies of the arm: its poses (T, 4, 4), and its presence, (T,)."""
 
     @property
     def poses(self) -> FloatArray:
-        """Of its frame, base frame, shape (T, 4, 4)."""
+        """Poses of its frame in the base frame, shape (T, 4, 4)."""
 
     @property
     def present(self) -> BoolArray:
-        """When it is there, shape (T,)."""
+        """True while it is there, shape (T,)."""
 
 
 def poses_along(
     robot: RobotModel, name: str, trajectory: JointTrajectory, time: FloatArray
 ) -> ShownTrajectory:
-    """Return where an arm is at times (T,) of a trajectory of its joints, in their order."""
+    """Return the poses of an arm at times (T,) of a trajectory of its joints, in their order."""
     return _posed(robot, name, time, trajectory.position(time), trajectory.velocity(time))
 
 
 def poses_at_rest(problem: PlanningProblem, notes: list[str]) -> ShownTrajectory:
-    """Return the arm at its start; near it, with a note, if seed or pose do not lead there."""
+    """Return the arm at its start; near it, with a note, if seed or pose fail to lead there."""
     try:
         q = end_configuration(problem, problem.endpoints[0], 0)
     except Infeasible as error:
@@ -226,7 +227,7 @@ def poses_at_rest(problem: PlanningProblem, notes: list[str]) -> ShownTrajectory
 
 
 def poses_standing(robot: RobotModel, where: str, q: FloatArray) -> ShownTrajectory:
-    """Return an arm that stands still in a configuration (n,); `where` that is, in words."""
+    """Return an arm at rest in a configuration (n,); `where` describes its location in words."""
     return _posed(robot, where, np.zeros(1), q[None], np.zeros((1, len(q))))
 
 
@@ -236,13 +237,13 @@ def direction_of(
     obstacles: Sequence[Obstacle],
     hulls: list[tuple[int, FloatArray]],
 ) -> FloatArray:
-    """Return from where path and tube are seen best, as `best_direction` does.
+    """Return the direction from which path and tube are seen best, as `best_direction`.
 
     Args:
-        trajectory: Where the arm is.
+        trajectory: Poses of the arm.
         points: Of the middle lines of tubes, each (N, 3) [m].
-        obstacles: What stands still.
-        hulls: Bodies, and points (V, 3) of what they carry.
+        obstacles: Static solids.
+        hulls: Bodies, and points (V, 3) of their hulls.
     """
     solids = [shape for obstacle in obstacles for shape in obstacle.shapes]
     arms = [_moving_shapes(trajectory, share, hulls) for share in _SAMPLED_SHARES]
@@ -250,7 +251,7 @@ def direction_of(
 
 
 def with_bodies(shown: ShownTrajectory, bodies: Sequence[MovingBody]) -> ShownTrajectory:
-    """Return where bodies are, others after those that there were."""
+    """Return a trajectory with further bodies, numbered after its own."""
     count = shown.rotation.shape[1]
     rotation = [shown.rotation, *(body.poses[:, None, :3, :3] for body in bodies)]
     position = [shown.position, *(body.poses[:, None, :3, 3] for body in bodies)]
@@ -275,7 +276,7 @@ def _posed(
 def _moving_shapes(
     trajectory: ShownTrajectory, share: float, hulls: list[tuple[int, FloatArray]]
 ) -> list[ConvexShape]:
-    """Return hulls of the moving links after a share of a trajectory, in the base frame."""
+    """Return hulls of the moving links after a fraction of a trajectory, in the base frame."""
     step = round(share * (len(trajectory.time) - 1))
     return [
         convex_hull(points).transformed(trajectory.placement(step, body))
