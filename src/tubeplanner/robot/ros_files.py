@@ -5,7 +5,7 @@ import resource
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -17,7 +17,7 @@ from tubeplanner.errors import RobotError, not_installed, shown, unknown_name
 from tubeplanner.resources import find_package
 from tubeplanner.robot.urdf_elements import read_name
 
-# ---- Macro files of robots, `.xacro`, expanded in a process of their own.
+# ---- Macro files of robots, `.xacro`.
 
 XACRO_ENDING = ".xacro"
 _MAX_BYTES = 50_000_000
@@ -30,7 +30,7 @@ serve()
 
 
 def expanded(path: Path, arguments: Mapping[str, object], package_dirs: tuple[Path, ...]) -> bytes:
-    """Return the URDF that a macro file stands for.
+    """Return the URDF of a macro file, expanded in a process of its own.
 
     Args:
         path: The file; includes are relative to the file that names them.
@@ -39,7 +39,7 @@ def expanded(path: Path, arguments: Mapping[str, object], package_dirs: tuple[Pa
 
     Raises:
         RobotError: xacro is not installed or cannot expand the file, with its reason; it takes too
-            long or too much memory; or the file does not ask for an argument.
+            long or too much memory; or the file does not use an argument.
     """
     try:
         import xacro  # noqa: F401
@@ -50,8 +50,8 @@ def expanded(path: Path, arguments: Mapping[str, object], package_dirs: tuple[Pa
     except DocumentError as error:
         raise RobotError(f"{path} cannot be read: {error}") from None
     folders = [str(folder) for folder in package_dirs]
-    asked = {"path": str(path), "arguments": dict(arguments), "package_dirs": folders}
-    answer = _answer(path, asked)
+    request = {"path": str(path), "arguments": dict(arguments), "package_dirs": folders}
+    answer = _answer(path, request)
     if "fault" in answer:
         raise RobotError(answer["fault"])
     xml = answer["xml"].encode()
@@ -60,17 +60,16 @@ def expanded(path: Path, arguments: Mapping[str, object], package_dirs: tuple[Pa
     return bytes(xml)
 
 
-def _answer(path: Path, asked: Mapping[str, Any]) -> dict[str, str]:
-    """Return what the process answers."""
+def _answer(path: Path, request: Mapping[str, Any]) -> dict[str, str]:
     remedy = "simplify it, or expand it yourself and name the URDF"
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-c", _PROGRAM.format(path=sys.path)],
-            input=json.dumps(asked).encode(),
+            input=json.dumps(request).encode(),
             capture_output=True,
             timeout=_TIME_LIMIT,
         )
-        answer: dict[str, str] = json.loads(done.stdout)
+        answer: dict[str, str] = json.loads(process.stdout)
     except subprocess.TimeoutExpired:
         raise RobotError(
             f"{path}: xacro cannot expand it within {_TIME_LIMIT:g} s; {remedy}"
@@ -82,93 +81,88 @@ def _answer(path: Path, asked: Mapping[str, Any]) -> dict[str, str]:
 
 # ---- The process in which the package xacro expands a macro file, as `ros2 run xacro` does.
 #
-# Macro files are programs: in a process of its own, one that never ends or takes all memory can be
-# ended.
+# Macro files are programs: in a process of its own, an endless or greedy file can be stopped.
 
 _INDEX = "ament_index_python"
 _MAX_MEMORY = 1_000_000_000  # [bytes] of addresses
 
 
 def serve() -> None:
-    """Answer the one request on standard input, on standard output, both JSON.
+    """Answer the JSON request on standard input by JSON on standard output.
 
     The request has path, arguments and package_dirs; the answer has either xml or a fault.
     """
     resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY, _MAX_MEMORY))
-    asked = json.load(sys.stdin)
+    request = json.load(sys.stdin)
     with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # its warnings are for authors
         try:
-            folders = tuple(map(Path, asked["package_dirs"]))
-            answer = {"xml": _expanded(Path(asked["path"]), asked["arguments"], folders)}
+            folders = tuple(map(Path, request["package_dirs"]))
+            answer = {"xml": _expanded(Path(request["path"]), request["arguments"], folders)}
         except RobotError as error:
             answer = {"fault": str(error)}
     json.dump(answer, sys.stdout)
 
 
 def _expanded(path: Path, arguments: Mapping[str, object], package_dirs: tuple[Path, ...]) -> str:
-    """Return the URDF that a macro file stands for.
-
-    Raises:
-        RobotError: xacro cannot expand it, or it does not ask for an argument.
-    """
+    """Return the URDF of a macro file, expanded in this process."""
     import xacro
 
-    asked = _Arguments({name: _written(value) for name, value in arguments.items()})
+    mappings = _Arguments(
+        (name, str(value).lower() if isinstance(value, bool) else str(value))
+        for name, value in arguments.items()
+    )
     try:
-        with _packages_found_by(lambda package: find_package(package, path, package_dirs)):
-            document = xacro.process_file(str(path), mappings=asked)
+        with _package_index(lambda package: find_package(package, path, package_dirs)):
+            document = xacro.process_file(str(path), mappings=mappings)
         # Without xacro's own comments, which hold the path.
         expanded: str = document.documentElement.toxml()
     except Exception as error:  # expressions of the file may raise anything
-        reason = _reason(error)
-        raise RobotError(f"{path}: xacro cannot expand it: {reason}{_place(xacro, path)}") from None
-    unasked = [name for name in arguments if name not in asked.asked]
-    if unasked:
-        message = unknown_name("argument", unasked[0], sorted(asked.asked))
+        files = [file for file in xacro.filestack or () if file]
+        included = f" (in {files[-1]})" if files and files[-1] != str(path) else ""
+        raise RobotError(f"{path}: xacro cannot expand it: {_reason(error)}{included}") from None
+    unused = [name for name in arguments if name not in mappings.requested]
+    if unused:
+        message = unknown_name("argument", unused[0], sorted(mappings.requested))
         raise RobotError(f"{path}: robot.xacro_args: {message}")
     return expanded
 
 
 class _Arguments(dict[str, str]):
-    """Arguments that remember which of them a file asked for."""
+    """Arguments that record the names that a file requests."""
 
-    def __init__(self, values: Mapping[str, str]) -> None:
+    def __init__(self, values: Iterable[tuple[str, str]]) -> None:
         super().__init__(values)
-        self.asked: set[str] = set()
+        self.requested: set[str] = set()
 
     def __contains__(self, name: object) -> bool:
-        self.asked.add(str(name))
+        self.requested.add(str(name))
         return super().__contains__(name)
 
     def __getitem__(self, name: str) -> str:
-        self.asked.add(name)
+        self.requested.add(name)
         return super().__getitem__(name)
 
 
-def _written(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
 @contextmanager
-def _packages_found_by(find: Any) -> Iterator[None]:
-    """Answer xacro's questions for the folders of packages, which it asks of ROS's index."""
+def _package_index(find: Callable[[str], Path]) -> Iterator[None]:
+    """Put a function that finds packages in place of ROS's index, which xacro imports."""
     index, packages = ModuleType(_INDEX), ModuleType(f"{_INDEX}.packages")
     vars(packages)["get_package_share_directory"] = lambda package: str(find(package))
     vars(index)["packages"] = packages
-    ours = {_INDEX: index, f"{_INDEX}.packages": packages}
-    before = {name: sys.modules.get(name) for name in ours}
-    sys.modules.update(ours)
+    replacements = {_INDEX: index, f"{_INDEX}.packages": packages}
+    originals = {name: sys.modules.get(name) for name in replacements}
+    sys.modules.update(replacements)
     try:
         yield
     finally:
-        for name, module in before.items():
+        for name, module in originals.items():
             del sys.modules[name]
             if module is not None:
                 sys.modules[name] = module
 
 
 def _reason(error: BaseException) -> str:
-    """Return why xacro gave up, on one line."""
+    """Return the reason of xacro's error, on a single line."""
     inner = getattr(error, "exc", None)
     if isinstance(inner, RobotError):
         return str(inner)
@@ -179,13 +173,7 @@ def _reason(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def _place(xacro: Any, path: Path) -> str:
-    """Return which included file xacro was in, if it was in one."""
-    files = [file for file in xacro.filestack or () if file]
-    return f" (in {files[-1]})" if files and files[-1] != str(path) else ""
-
-
-# ---- SRDF files: which pairs of links may touch, and named configurations.
+# ---- SRDF files: pairs of links that may touch, and named configurations.
 
 
 def read_allowed_pairs(path: Path) -> list[tuple[str, str]]:
@@ -195,7 +183,7 @@ def read_allowed_pairs(path: Path) -> list[tuple[str, str]]:
         path: The file.
 
     Raises:
-        RobotError: The file cannot be read, is no SRDF, or an entry names no link.
+        RobotError: The file cannot be read, is no SRDF, or an entry lacks a link.
     """
     return [
         (read_name(str(path), entry, "link1"), read_name(str(path), entry, "link2"))
@@ -204,10 +192,10 @@ def read_allowed_pairs(path: Path) -> list[tuple[str, str]]:
 
 
 def read_group_state(path: Path, name: str, joint_names: Sequence[str]) -> list[float]:
-    """Return the configuration (n,) that an SRDF has under a name [rad or m].
+    """Return a named configuration of an SRDF, n values [rad or m].
 
-    Other joints of the state do not count. Of groups that share the name, the first one counts that
-    has all the joints.
+    Other joints of the state do not count. If several groups have the name, the first group with
+    all n joints counts.
 
     Args:
         path: The file.
@@ -215,14 +203,14 @@ def read_group_state(path: Path, name: str, joint_names: Sequence[str]) -> list[
         joint_names: The n joints.
 
     Raises:
-        RobotError: As `read_allowed_pairs`; or there is no such state, it lacks a joint, or a value
-            is no number.
+        RobotError: As `read_allowed_pairs`; or no state has the name, the state lacks a joint, or a
+            value is no number.
     """
     states = _root(path).findall("group_state")
     named = [state for state in states if state.get("name") == name]
     if not named:
-        known = sorted({state.get("name", "") for state in states})
-        raise RobotError(f"{path}: {unknown_name('group_state', name, known)}")
+        names = sorted({state.get("name", "") for state in states})
+        raise RobotError(f"{path}: {unknown_name('group_state', name, names)}")
     values = [_texts(path, state) for state in named]
     missing = [[joint for joint in joint_names if joint not in texts] for texts in values]
     best = min(range(len(named)), key=lambda k: len(missing[k]))
@@ -270,7 +258,7 @@ def _root(path: Path) -> ElementTree.Element:
 
 
 def _texts(path: Path, state: ElementTree.Element) -> dict[str, str]:
-    """Return the values of a state by joint, as they are written."""
+    """Return the texts of a state's values, by joint."""
     return {
         read_name(str(path), joint, "name"): joint.get("value", "")
         for joint in state.findall("joint")

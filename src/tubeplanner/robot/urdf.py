@@ -1,11 +1,11 @@
 """UrdfDescription: links, joints, limits read strictly; <mimic> followers and leaders.
 
 The libraries accept much broken URDF silently, or reject it without a reason. Here every error
-names the fault. Limits are read here and only here; what Pinocchio gets is a plain kinematic copy.
+names the fault. Limits are read only here; Pinocchio gets a plain kinematic copy.
 """
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -28,10 +28,8 @@ from tubeplanner.robot.urdf_elements import (
 )
 from tubeplanner.text import require_name, short_repr
 
-# ---- A URDF read strictly: structure, joints and limits, before any library sees it.
-
 MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
-# A planar or floating joint carries a mobile base, which stands still while its arm moves.
+# A planar or floating joint carries a mobile base, which is at rest while its arm moves.
 STANDING_TYPES = ("planar", "floating")
 _JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *STANDING_TYPES)
 _XACRO = "{http://www.ros.org/wiki/xacro}"
@@ -43,7 +41,7 @@ _NOT_KINEMATIC = ("visual", "collision")
 
 @dataclass(frozen=True)
 class Mimic:
-    """A joint's rule to follow another: value = multiplier * master + offset."""
+    """A joint's rule to follow its master: value = multiplier * master + offset."""
 
     master: str
     multiplier: float
@@ -52,7 +50,7 @@ class Mimic:
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """One joint as the URDF gives it.
+    """A joint of a URDF.
 
     Attributes:
         name: The joint's name.
@@ -64,7 +62,7 @@ class UrdfJoint:
         effort: Effort limit [N m or N], None where the URDF gives none.
         velocity: Velocity limit [rad/s or m/s], None where the URDF gives none.
         mimic: The rule by which the joint follows another, if any.
-        unused: What else the URDF says of it, as `unused_values` returns it.
+        unused: Values that planning does not use, as `unused_values` returns them.
     """
 
     name: str
@@ -120,7 +118,7 @@ class UrdfDescription:
 
     @property
     def root(self) -> str:
-        """Name of the link from which all others hang."""
+        """Name of the link without a parent."""
         children = {joint.child for joint in self.joints.values()}
         return next(link for link in self.links if link not in children)
 
@@ -131,11 +129,6 @@ class UrdfDescription:
     def link_element(self, link: str) -> ElementTree.Element:
         """Return the <link> element of a link."""
         return self._link_elements[link]
-
-    @cached_property
-    def _link_elements(self) -> dict[str, ElementTree.Element]:
-        root = ElementTree.fromstring(self.xml)
-        return {str(element.get("name")): element for element in root.findall("link")}
 
     def kinematic_xml(self) -> str:
         """Return the XML for Pinocchio: geometry removed, every limit a finite placeholder.
@@ -156,6 +149,11 @@ class UrdfDescription:
             self._plain_joint(joint)
             plain.append(joint)
         return ElementTree.tostring(plain, encoding="unicode")
+
+    @cached_property
+    def _link_elements(self) -> dict[str, ElementTree.Element]:
+        root = ElementTree.fromstring(self.xml)
+        return {str(element.get("name")): element for element in root.findall("link")}
 
     @staticmethod
     def _plain_joint(element: ElementTree.Element) -> None:
@@ -194,12 +192,12 @@ def read_urdf(
     """Read a URDF and check its structure.
 
     Args:
-        path: The file; one that ends in .xacro is expanded.
+        path: The file; expanded if its name ends in .xacro.
         xacro_args: Values of its arguments, by name.
         package_dirs: Further folders that hold the packages it names.
 
     Returns:
-        The description; its limits are as written, not yet judged.
+        The description; its limits are as written, not yet checked.
 
     Raises:
         RobotError: The XML is malformed, a name is doubled or missing, the links are no tree, an
@@ -212,7 +210,12 @@ def read_urdf(
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise RobotError(f"{path} cannot be read as URDF: {error}") from error
     _require_robot(path, root)
-    _require_few_links(path, root)
+    link_count = len(root.findall("link"))
+    if link_count > _MAX_LINKS:
+        raise RobotError(
+            f"{path} has {link_count} links; at most {_MAX_LINKS} are accepted: leave out those "
+            "that do not belong to the arm"
+        )
     links = [read_name(str(path), element, "name") for element in root.findall("link")]
     joints = [_read_joint(path, element) for element in root.findall("joint")]
     _require_unique(path, "link", links)
@@ -226,24 +229,19 @@ def read_urdf(
 
 
 def _urdf_of(path: Path, xacro_args: Mapping[str, object], package_dirs: tuple[Path, ...]) -> bytes:
-    """Return what a file holds, expanded if it is xacro's."""
-    xml = _read_bytes(path)
-    if path.suffix == XACRO_ENDING:
-        return expanded(path, xacro_args, package_dirs)
-    if xacro_args:
-        raise RobotError(
-            f"{path}: robot.xacro_args are for a file that ends in {XACRO_ENDING}; leave them out"
-        )
-    return xml
-
-
-def _read_bytes(path: Path) -> bytes:
+    """Return the contents of a file, expanded by xacro if the file ends in .xacro."""
     try:
         xml = read_bytes(path, _MAX_BYTES)
     except DocumentError as error:
         raise RobotError(f"{path} cannot be read: {error}") from error
     if b"<!ENTITY" in xml:
         raise RobotError(f"{path} declares XML entities, which are not expanded; write them out")
+    if path.suffix == XACRO_ENDING:
+        return expanded(path, xacro_args, package_dirs)
+    if xacro_args:
+        raise RobotError(
+            f"{path}: robot.xacro_args are for a file that ends in {XACRO_ENDING}; leave them out"
+        )
     return xml
 
 
@@ -258,15 +256,6 @@ def _require_robot(path: Path, root: ElementTree.Element) -> None:
                 f"xacro {path.name} > {path.name.split('.')[0]}.expanded.urdf; a file named "
                 f"{path.name.split('.')[0]}.urdf.xacro is expanded when it is read"
             )
-
-
-def _require_few_links(path: Path, root: ElementTree.Element) -> None:
-    count = len(root.findall("link"))
-    if count > _MAX_LINKS:
-        raise RobotError(
-            f"{path} has {count} links; at most {_MAX_LINKS} are accepted: leave out those that "
-            "do not belong to the arm"
-        )
 
 
 def _read_joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
@@ -303,13 +292,10 @@ def _read_mimic(where: str, element: ElementTree.Element | None) -> Mimic | None
     return Mimic(master, 1.0 if multiplier is None else multiplier, offset or 0.0)
 
 
-def _require_axis(where: str, element: ElementTree.Element | None) -> None:
-    if element is None:
+def _require_axis(where: str, axis: ElementTree.Element | None) -> None:
+    if axis is None or 1e-6 < np.linalg.norm(read_numbers(where, axis, "xyz", 3)) < 1e6:
         return
-    if not 1e-6 < np.linalg.norm(read_numbers(where, element, "xyz", 3)) < 1e6:
-        raise RobotError(
-            f"{where}: <axis> {written('xyz', str(element.get('xyz')))} is no direction"
-        )
+    raise RobotError(f"{where}: <axis> {written('xyz', str(axis.get('xyz')))} is no direction")
 
 
 def _require_unique(path: Path, kind: str, names: list[str]) -> None:
@@ -321,7 +307,7 @@ def _require_unique(path: Path, kind: str, names: list[str]) -> None:
 
 
 def _require_tree(path: Path, links: list[str], joints: list[UrdfJoint]) -> None:
-    """Raise unless the links form one tree: known ends, one parent each, one root, no loop."""
+    """Raise unless the links form a tree: known ends, a single parent each, one root, no loop."""
     parents: dict[str, str] = {}
     for joint in joints:
         for end in (joint.parent, joint.child):
@@ -338,60 +324,54 @@ def _require_tree(path: Path, links: list[str], joints: list[UrdfJoint]) -> None
             f"{path}: the links must hang from one root; roots found: {roots or 'none'}"
         )
     for link in links:
-        if sum(1 for _ in _ancestors(link, parents, len(links))) > len(links):
-            raise RobotError(f"{path}: the links form a loop through '{link}'")
+        ancestor, steps = link, 0
+        while ancestor in parents:
+            ancestor, steps = parents[ancestor], steps + 1
+            if steps > len(links):
+                raise RobotError(f"{path}: the links form a loop through '{link}'")
 
 
-def _ancestors(link: str, parents: dict[str, str], limit: int) -> Iterator[str]:
-    """Yield a link's ancestors, one more than `limit` of them if they go round in a loop."""
-    for _ in range(limit + 1):
-        if link not in parents:
-            return
-        link = parents[link]
-        yield link
-
-
-# ---- Joints that follow others by a URDF's <mimic>: whom, and how fast.
+# ---- Joints that follow others by a URDF's <mimic>.
 
 
 def leader_of(description: UrdfDescription, name: str) -> Mimic:
-    """Return the rule by which a joint follows the first of its chain of <mimic>.
+    """Return the rule by which a joint follows its leader, the end of its chain of <mimic>.
 
-    A joint without <mimic> follows itself.
+    A joint without <mimic> is its own leader.
 
     Raises:
-        RobotError: It mimics an unknown joint, or joints mimic each other in a circle.
+        RobotError: A joint mimics an unknown joint, or joints mimic each other in a circle.
     """
     multiplier, offset = 1.0, 0.0
-    followed = [name]
-    while (mimic := description.joints[followed[-1]].mimic) is not None:
-        where = f"{description.path}: joint '{followed[-1]}' mimics '{mimic.master}'"
+    chain = [name]
+    while (mimic := description.joints[chain[-1]].mimic) is not None:
+        where = f"{description.path}: joint '{chain[-1]}' mimics '{mimic.master}'"
         if mimic.master not in description.joints:
             names = unknown_name("joint", mimic.master, description.joints)
             raise RobotError(f"{where}: {names}")
-        if mimic.master in followed:
+        if mimic.master in chain:
             raise RobotError(f"{where}: joints mimic each other in a circle")
         offset += multiplier * mimic.offset
         multiplier *= mimic.multiplier
-        followed.append(mimic.master)
-    return Mimic(followed[-1], multiplier, offset)
+        chain.append(mimic.master)
+    return Mimic(chain[-1], multiplier, offset)
 
 
 def leaders(description: UrdfDescription, names: Iterable[str]) -> list[str]:
-    """Return the movable joints that move some joints, in this order: themselves or their leaders.
+    """Return the movable leaders of joints, in the order of the joints, each once.
 
     Raises:
         RobotError: As `leader_of`.
     """
     movable = set(description.movable())
-    found = (leader_of(description, name).master for name in names)
-    return [name for name in dict.fromkeys(found) if name in movable]
+    masters = (leader_of(description, name).master for name in names)
+    return [name for name in dict.fromkeys(masters) if name in movable]
 
 
 def followers_of(description: UrdfDescription, group: Iterable[str]) -> dict[str, Mimic]:
-    """Return the joints outside a planning group that follow one of its joints, by name.
+    """Return the rules of the joints outside a planning group that follow its joints, by name.
 
-    One whose multiplier is 0 stands still and is none of them.
+    A joint whose multiplier is 0 does not move, and is left out.
 
     Raises:
         RobotError: As `leader_of`.
