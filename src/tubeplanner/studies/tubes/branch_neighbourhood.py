@@ -1,6 +1,6 @@
-"""The neighbourhood of a branch, segment by segment; folding joints.
+"""The surroundings of a branch, segment by segment; folding joints.
 
-Where such a joint is at zero, the arm is nearer to a singularity than elsewhere: there two
+Where a folding joint is at zero, the arm is nearer to a singularity than elsewhere: there two
 configurations with the same tool position meet.
 """
 
@@ -37,92 +37,19 @@ from tubeplanner.studies.tubes.segment_search import (
 )
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- The joints whose signs distinguish an arm's configurations: elbows, and joints like them.
+# ---- The surroundings of a branch, segment by segment, and the sets that searches find there.
 
-_SAMPLES = 300
-_SEED = 0
-# A joint folds if at its zero the arm's least gain is below this share of what it is elsewhere.
-_FOLDED_SHARE = 0.7
-_NO_GAIN = 1e-6
-
-
-def is_determined(robot: RobotModel) -> bool:
-    """Return whether an arm has as many joints as the tool's position needs."""
-    return _rank(robot) == robot.joint_count
-
-
-@lru_cache(maxsize=16)
-def folding_joints(robot: RobotModel) -> tuple[int, ...]:
-    """Return the joints whose signs distinguish configurations, as indices of the group.
-
-    Of a two-link arm the elbow, of a UR5 elbow and second wrist joint, of a Panda the second,
-    fourth and sixth joint.
-    """
-    q = _random(robot)
-    usual, found = _min_gain(robot, q), []
-    for joint in np.flatnonzero((q.min(axis=0) < 0) & (q.max(axis=0) > 0)):
-        folded = q.copy()
-        folded[:, joint] = 0.0
-        if _min_gain(robot, folded) < _FOLDED_SHARE * usual:
-            found.append(int(joint))
-    return tuple(found)
-
-
-def sign_bounds(
-    problem: PlanningProblem, segment: int, branch: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return joint bounds, (n,) each, with the signs that folding joints have along a branch."""
-    lower, upper = problem.joint_lower[segment].copy(), problem.joint_upper[segment].copy()
-    for joint in folding_joints(problem.robot):
-        if branch[:, joint].min() >= 0:
-            lower[joint] = max(lower[joint], 0.0)
-        if branch[:, joint].max() <= 0:
-            upper[joint] = min(upper[joint], 0.0)
-    turns = problem.robot.revolute & (upper - lower > 2 * np.pi)
-    middle = np.clip(branch.mean(axis=0), lower + np.pi, upper - np.pi)
-    return np.where(turns, middle - np.pi, lower), np.where(turns, middle + np.pi, upper)
-
-
-def _random(robot: RobotModel) -> FloatArray:
-    limits = robot.limits
-    lower = np.maximum(limits.lower_position, -np.pi)
-    upper = np.minimum(limits.upper_position, np.pi)
-    lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)
-    return np.random.default_rng(_SEED).uniform(lower, upper, (_SAMPLES, robot.joint_count))
-
-
-def _rank(robot: RobotModel) -> int:
-    """Return in how many directions the joints move the tool's position."""
-    jacobian = robot.tool_jacobian(_random(robot))[1][:, :3]
-    return int(np.median((np.linalg.svd(jacobian, compute_uv=False) > _NO_GAIN).sum(axis=1)))
-
-
-def _min_gain(robot: RobotModel, q: FloatArray) -> float:
-    """Return how little joints move the tool in the worst direction: a share, typical of (N, n).
-
-    Only its position counts if the joints suffice for no more, otherwise its rotation too.
-    """
-    jacobian = robot.tool_jacobian(q)[1]
-    if is_determined(robot):
-        jacobian = jacobian[:, :3]
-    gain = np.linalg.svd(jacobian, compute_uv=False)
-    least = min(robot.joint_count, gain.shape[1]) - 1
-    return float(np.median(gain[:, least] / np.maximum(gain[:, 0], _NO_GAIN)))
-
-
-# ---- The surroundings of a branch, segment by segment, and what searches find there.
-
-# Extra distance beyond the clearance [m], in reserve for what later counterexample searches find:
-# the second value where the first leaves nothing around the branch.
+# Extra distance beyond the clearance [m], in reserve for later counterexample searches: the second
+# value where the first leaves nothing around the branch.
 EXTRA_CLEARANCES = (1e-3, 1e-4)
 _ROUNDING = 1e-9
-_ROUGH_SHARE = 12  # of the samples: a rough measurement has so many times fewer
+_ROUGH_SHARE = 12  # samples of a thorough measurement over those of a rough one
 _SAMPLES_PER_PIECE = 10
 _MAX_STEP = 0.02  # [rad or m] between tested configurations of the branch
 
 
 class BranchNeighbourhood:
-    """The surroundings of a branch, and what searches find there.
+    """The surroundings of a branch, and the sets that searches find there.
 
     Attributes:
         count: Number of segments.
@@ -161,19 +88,19 @@ class BranchNeighbourhood:
         self._boxes: dict[int, CollisionBoxes] = {}
 
     def require_space(self, k: int) -> None:
-        """Raise where not even the branch's own ranges are free, as a rough search has it.
+        """Check by a rough search that the branch's own ranges are free.
 
         Raises:
             Infeasible: Status tube_blocked.
         """
         core = range_core(self._problem, k, self._branch[k])
         boxes = CollisionBoxes(self._problem, k, self._branch[k], core, core, self._pair_clearance)
-        found = search_core(boxes, self._pair_clearance, self._rough, self._rngs[k])
-        if found is not None:
-            self._unless_collision(k, found)
+        collision = search_core(boxes, self._pair_clearance, self._rough, self._rngs[k])
+        if collision is not None:
+            self._unless_collision(k, collision)
 
     def first_search(self, k: int, part: FloatArray | None = None) -> SegmentSearch:
-        """Return what a rough search finds for a segment.
+        """Return the result of a rough search for a segment.
 
         Signs are tried before ranges, and wider surroundings before narrow ones.
 
@@ -189,46 +116,50 @@ class BranchNeighbourhood:
                 self._problem, k, self._branch[k], core, outer, self._pair_clearance
             )
             self._boxes[k] = boxes
-            wanted = SetPreferences() if part is None else SetPreferences(boxes.needed(part), 1.0)
-            found = self._searched(k, self._rough, wanted)
-            if isinstance(found, SegmentSearch):
-                return found
-        return self._unless_collision(k, found)
+            preferences = SetPreferences()
+            if part is not None:
+                preferences = SetPreferences(boxes.needed(part), 1.0)
+            result = self._searched(k, self._rough, preferences)
+            if isinstance(result, SegmentSearch):
+                return result
+        return self._unless_collision(k, result)
 
     def kept_search(self, k: int, part: FloatArray, kept: KeptSegments) -> SegmentSearch:
-        """Return what was found before for the same segment, or else `first_search`.
+        """Return the kept search of the same segment, or else `first_search`.
 
         Raises:
             Infeasible: Status tube_blocked.
         """
         problem, key = self._problem, self._key(k)
-        known = kept.around(key, problem, k, self._branch[k])
-        if known is not None:
-            self._boxes[k], found = known
-            return found
-        found = self.first_search(k, part)
-        kept.keep(key, self._boxes[k], found)
-        return found
+        cached = kept.around(key, problem, k, self._branch[k])
+        if cached is not None:
+            self._boxes[k], search = cached
+            return search
+        search = self.first_search(k, part)
+        kept.keep(key, self._boxes[k], search)
+        return search
 
     def parts(self, q: FloatArray) -> list[FloatArray]:
-        """Return configurations (N, n) by the segment that their tools are nearest to."""
+        """Return configurations (N, n) by the segment nearest to their tools."""
         tool = self._problem.robot.tool_position(q)
         nearest = self._problem.tube.distance(tool).argmin(axis=1)
         return [q[nearest == k] for k in range(self.count)]
 
     def has_trades(self, found: list[SegmentSearch]) -> bool:
-        """Return whether a radius or a range ends where another one could end instead."""
+        """Return True if a radius or a range could grow at the cost of another bound."""
         return any(each.box.has_choice for each in found)
 
     def needs_of_trajectory(
         self, found: list[SegmentSearch], beyond_radius: float, beyond_range: float
     ) -> list[FloatArray | None]:
-        """Return how far a fast trajectory leaves the branch, by segment; None: there is none.
+        """Return the extents by which a fast trajectory leaves the branch, by segment.
+
+        None for all segments if no trajectory is found.
 
         Args:
             found: Sets, which the trajectory may leave.
-            beyond_radius: By how much in space [m].
-            beyond_range: By how much in the joints [rad or m].
+            beyond_radius: Width by which the tool may leave them [m].
+            beyond_range: Width by which joints may leave them [rad or m].
         """
         result = self._planned(found, beyond_radius, beyond_range)
         if result.trajectory is None:
@@ -237,7 +168,7 @@ class BranchNeighbourhood:
         return [self._boxes[k].needed(part) for k, part in enumerate(self.parts(q))]
 
     def search(self, k: int, preferences: SetPreferences) -> SegmentSearch:
-        """Return what a rough search finds, with the collisions known so far.
+        """Return the result of a rough search, with the collisions known so far.
 
         Raises:
             Infeasible: Status tube_blocked: searches for counterexamples do not end.
@@ -245,13 +176,13 @@ class BranchNeighbourhood:
         return self._unless_collision(k, self._searched(k, self._rough, preferences))
 
     def has_trajectory(self, found: list[SegmentSearch]) -> bool:
-        """Return whether fast planning finds a certified trajectory within sets."""
+        """Return True if fast planning finds a certified trajectory within sets."""
         return self._planned(found).succeeded
 
     def _planned(
         self, found: list[SegmentSearch], beyond_radius: float = 0.0, beyond_range: float = 0.0
     ) -> PlanResult:
-        """Return what fast planning finds within sets, or a little beyond."""
+        """Return the plan of fast planning within sets, or a little beyond."""
         tube, ranges = self._problem.tube, []
         for k, each in enumerate(found):
             lower = np.maximum(each.allowed.lower - beyond_range, self._problem.joint_lower[k])
@@ -263,7 +194,7 @@ class BranchNeighbourhood:
         return plan(problem, PlanOptions(quality="fast", slack=0.0, robust=False))
 
     def without_counterexamples(self, k: int, found: SegmentSearch) -> SegmentSearch:
-        """Return the largest set within one that a thorough counterexample search leaves.
+        """Return the largest set within another that a thorough counterexample search leaves.
 
         Raises:
             Infeasible: Status tube_blocked: searches for counterexamples do not end.
@@ -285,7 +216,7 @@ class BranchNeighbourhood:
         )
 
     def _cores(self, k: int) -> list[tuple[JointBounds, JointBounds]]:
-        """Return what a set must hold and may hold, by joint bounds, the best choice first."""
+        """Return joint bounds that a set must hold and stay in, the best choice first."""
         problem, branch = self._problem, self._branch[k]
         whole = (problem.joint_lower[k], problem.joint_upper[k])
         cores = [
@@ -298,9 +229,9 @@ class BranchNeighbourhood:
         return cores
 
     def _key(self, k: int) -> bytes:
-        """Return what a segment's measurement depends on, beside its branch.
+        """Return all that a segment's measurement depends on, beside its branch.
 
-        Not the extra clearance: less of it is tried later, and serves as well.
+        Not the extra clearance: less is tried later, and serves as well.
         """
         problem = self._problem
         bounds = problem.joint_lower[k], problem.joint_upper[k]
@@ -335,16 +266,16 @@ class BranchNeighbourhood:
 def _require_clearance(
     problem: PlanningProblem, clearance: PairClearance, k: int, q: FloatArray
 ) -> float:
-    """Return the least clearance along a branch's segment, at most the required one [m].
+    """Return the least clearance along a branch's segment [m], at most twice the extra clearance.
 
     Raises:
-        Infeasible: Status tube_blocked: there is none.
+        Infeasible: Status tube_blocked: the clearance is not positive.
     """
-    found = clearance.least(q, 2 * EXTRA_CLEARANCES[0])
-    worst = int(found.clearance.argmin())
-    least = min(float(found.clearance[worst]), 2 * EXTRA_CLEARANCES[0])
+    nearest = clearance.least(q, 2 * EXTRA_CLEARANCES[0])
+    worst = int(nearest.clearance.argmin())
+    least = min(float(nearest.clearance[worst]), 2 * EXTRA_CLEARANCES[0])
     if least <= 0:
-        place = _place(problem, k, q[worst], clearance.pairs[found.pair[worst]])
+        place = _place(problem, k, q[worst], clearance.pairs[nearest.pair[worst]])
         message = (
             f"the arm collides on the centre line of segment {place.segment}: {place}, "
             f"{-1000 * least:.1f} mm too close; move the reference points or choose another "
@@ -357,7 +288,7 @@ def _require_clearance(
 def _ranges(
     problem: PlanningProblem, lower_bounds: FloatArray, upper_bounds: FloatArray
 ) -> dict[str, JointRange]:
-    """Return the ranges tighter than the position limits, by joint name; signs as such."""
+    """Return the ranges tighter than the position limits, by joint name; signs as half-lines."""
     limits, ranges = problem.robot.limits, {}
     for joint, name in enumerate(problem.robot.joint_names):
         lower, upper = float(lower_bounds[joint]), float(upper_bounds[joint])
@@ -397,3 +328,72 @@ def _place(
     number = problem.tube.segment_number(k)
     place = Place(joint=joint, segment=number, links=links, obstacle=obstacle)
     return place.at(problem.robot.tool_position(q[None])[0])
+
+
+# ---- The joints whose signs distinguish an arm's configurations: elbows, and joints like them.
+
+_SAMPLES = 300
+_SEED = 0
+# A joint folds if at its zero the arm's least gain is below this fraction of that elsewhere.
+_FOLDED_SHARE = 0.7
+_NO_GAIN = 1e-6
+
+
+def is_determined(robot: RobotModel) -> bool:
+    """Return True if an arm has as many joints as its tool's position has degrees of freedom."""
+    jacobian = robot.tool_jacobian(_random(robot))[1][:, :3]
+    rank = np.median((np.linalg.svd(jacobian, compute_uv=False) > _NO_GAIN).sum(axis=1))
+    return int(rank) == robot.joint_count
+
+
+@lru_cache(maxsize=16)
+def folding_joints(robot: RobotModel) -> tuple[int, ...]:
+    """Return the indices of the joints whose signs distinguish configurations.
+
+    Of a two-link arm the elbow, of a UR5 elbow and second wrist joint, of a Panda the second,
+    fourth and sixth joint.
+    """
+    q = _random(robot)
+    usual, folding = _min_gain(robot, q), []
+    for joint in np.flatnonzero((q.min(axis=0) < 0) & (q.max(axis=0) > 0)):
+        folded = q.copy()
+        folded[:, joint] = 0.0
+        if _min_gain(robot, folded) < _FOLDED_SHARE * usual:
+            folding.append(int(joint))
+    return tuple(folding)
+
+
+def sign_bounds(
+    problem: PlanningProblem, segment: int, branch: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return joint bounds, (n,) each, with the signs of folding joints along a branch."""
+    lower, upper = problem.joint_lower[segment].copy(), problem.joint_upper[segment].copy()
+    for joint in folding_joints(problem.robot):
+        if branch[:, joint].min() >= 0:
+            lower[joint] = max(lower[joint], 0.0)
+        if branch[:, joint].max() <= 0:
+            upper[joint] = min(upper[joint], 0.0)
+    turns = problem.robot.revolute & (upper - lower > 2 * np.pi)
+    middle = np.clip(branch.mean(axis=0), lower + np.pi, upper - np.pi)
+    return np.where(turns, middle - np.pi, lower), np.where(turns, middle + np.pi, upper)
+
+
+def _random(robot: RobotModel) -> FloatArray:
+    limits = robot.limits
+    lower = np.maximum(limits.lower_position, -np.pi)
+    upper = np.minimum(limits.upper_position, np.pi)
+    lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)
+    return np.random.default_rng(_SEED).uniform(lower, upper, (_SAMPLES, robot.joint_count))
+
+
+def _min_gain(robot: RobotModel, q: FloatArray) -> float:
+    """Return the median over (N, n) of the least gain from joints to tool over the largest.
+
+    Only the tool's position counts if the joints suffice for no more, otherwise its rotation too.
+    """
+    jacobian = robot.tool_jacobian(q)[1]
+    if is_determined(robot):
+        jacobian = jacobian[:, :3]
+    gain = np.linalg.svd(jacobian, compute_uv=False)
+    least = min(robot.joint_count, gain.shape[1]) - 1
+    return float(np.median(gain[:, least] / np.maximum(gain[:, 0], _NO_GAIN)))

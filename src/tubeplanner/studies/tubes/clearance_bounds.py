@@ -18,80 +18,119 @@ from tubeplanner.native.library import LIBRARY, Doubles, Integers, native_functi
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import in_contact, required_everywhere
 
-# ---- Lower bounds on how far pairs of convex shapes are apart in many configurations, compiled.
-
-_BOUNDS = native_function(
-    "tubeplanner_clearance_bounds",
-    *(Doubles, c_int64, Doubles, c_int64, Integers, Doubles, c_int64, Doubles),
-    *(Doubles, Doubles, c_int64, c_int64, c_double, Doubles, Doubles),
-    returns=c_int,
-)
+# ---- Clearances of links beyond the required distances, and their derivatives.
 
 
-def native_clearance_bounds(
-    shapes: tuple[FloatArray, FloatArray],
-    pairs: IntArray,
-    required: FloatArray,
-    settings: FloatArray,
-    poses: tuple[FloatArray, FloatArray],
-    near: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return bounds (N, P) on clearances [m], infinite from `near` on, and each row's least (N,).
+@dataclass(frozen=True, eq=False)
+class LeastClearance:
+    """The pair of shapes with the least clearance, in N configurations.
 
-    Args:
-        shapes: Their table (S, 23), and the vertices of all by coordinate, shape (3, V) [m].
-        pairs: As rows of the table, shape (P, 2).
-        required: The least distance of each, shape (P,) [m].
-        settings: Of `measurement.clearance_bounds`, in the order in which the sources have them.
-        poses: Rotations (N, B, 3, 3) and origins (N, B, 3) [m] of B bodies.
-        near: From where on clearances do not matter [m].
+    Attributes:
+        clearance: Distance of the pair less the required one, negative where too close, shape (N,)
+            [m]; infinite where no pair is near.
+        pair: Index of the pair, shape (N,).
     """
-    assert _BOUNDS is not None
-    table, vertices = shapes
-    rotation, position = (np.ascontiguousarray(values) for values in poses)
-    samples, bodies = position.shape[:2]
-    bound, least = np.empty((samples, len(pairs))), np.empty(samples)
-    if _BOUNDS(
-        *(table, len(table), vertices, vertices.shape[1], pairs, required, len(pairs), settings),
-        *(rotation, position, bodies, samples, near, bound, least),
-    ):
-        raise MemoryError
-    return bound, least
+
+    clearance: FloatArray
+    pair: IntArray
 
 
-# ---- Lower bounds on the clearances of many pairs of convex shapes in many configurations at once.
+class PairClearance:
+    """The pairs of shapes that must stay apart, and their clearances.
 
+    Attributes:
+        pairs: Indices of the checker's shapes, shape (P, 2).
+        required: Least distance of each pair, shape (P,) [m]: the largest that a segment requires.
+            Pairs in contact at start or goal may be at any distance: -inf.
+    """
+
+    def __init__(self, problem: PlanningProblem, extra: float) -> None:
+        """Take the pairs of a problem; `extra` [m] is required beyond the problem's clearance."""
+        checker = problem.collision
+        self._checker, self._robot = checker, problem.robot
+        self.pairs = checker.pairs
+        required = required_everywhere(problem) + extra
+        self.required = np.where(in_contact(problem), -np.inf, required)
+        self._bounds = ClearanceBounds(checker, self.pairs, self.required)
+
+    def least(self, q: FloatArray, near: float) -> LeastClearance:
+        """Return the least clearances below `near` [m] in configurations (N, n).
+
+        A positive value may be lower than the clearance. A negative value is the clearance of the
+        pair that is named; other pairs may have less.
+        """
+        if len(self.pairs) == 0:
+            return LeastClearance(np.full(len(q), np.inf), np.zeros(len(q), dtype=np.int64))
+        rotation, position = self._robot.body_poses(q)
+        bound, least = self._bounds.at(rotation, position, near)
+        self._settle_overlaps(bound, np.flatnonzero(least < 0), rotation, position)
+        pair = bound.argmin(axis=1)
+        return LeastClearance(bound[np.arange(len(q)), pair], pair)
+
+    def _settle_overlaps(
+        self, bound: FloatArray, live: IntArray, rotation: FloatArray, position: FloatArray
+    ) -> None:
+        """Replace negative bounds (N, P) by clearances, until a clearance of the row is negative.
+
+        The other entries of that row become infinite. Negative bounds are in the rows `live`.
+        """
+        while len(live):
+            pair = bound[live].argmin(axis=1)
+            closest = self._checker.closest_points(rotation[live], position[live], self.pairs[pair])
+            clearance = closest.distance - self.required[pair]
+            hit = live[clearance < 0]
+            bound[hit] = np.inf
+            bound[live, pair] = clearance
+            live = live[(clearance >= 0) & (bound[live] < 0).any(axis=1)]
+
+    def of_pairs(self, q: FloatArray, pair: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return the clearances of pairs, each in its configuration, and their derivatives.
+
+        Args:
+            q: Configurations, shape (N, n).
+            pair: Index of each pair, shape (N,).
+
+        Returns:
+            Clearances (N,) [m] and their derivatives by the joints (N, n) [m/rad or 1].
+        """
+        rotation, position = self._robot.body_poses(q)
+        pairs = self.pairs[pair]
+        closest = self._checker.closest_points(rotation, position, pairs)
+        gradient = self._checker.distance_gradient(rotation, position, pairs, closest)
+        return closest.distance - self.required[pair], gradient
+
+
+# ---- Lower bounds on the clearances of pairs of convex shapes in many configurations at once.
 # Steps towards the shortest vector between the shapes; two of them separate most pairs.
 _MAX_STEPS = 12
-_LOOSE = 2e-3  # [m]: by how much distances may fall short of what they could be
+_LOOSE = 2e-3  # [m]: largest shortfall of a bound from the distance
 _NO_LENGTH = 1e-9  # [m]
 
 
 class ClearanceBounds:
-    """How far pairs of shapes are apart at least, beyond what is required."""
+    """Lower bounds on the clearances of pairs of shapes: distances less the required ones."""
 
     def __init__(self, shapes: BodyShapes, pairs: IntArray, required: FloatArray) -> None:
-        """Take P pairs (P, 2) of shapes, and the least distance of each, (P,) [m]."""
+        """Take P pairs of shapes (P, 2), and the least distance of each pair, (P,) [m]."""
         self._shapes, self._pairs, self._required = shapes, pairs, required
         self._table = None if LIBRARY.functions is None else _table(shapes.shapes)
 
     def at(
         self, rotation: FloatArray, position: FloatArray, near: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return bounds on clearances [m] in N configurations.
+        """Return lower bounds on clearances [m] in N configurations.
 
-        Where bounding spheres and boxes do not tell, the shapes are apart along a direction that is
-        searched for.
+        Where bounding spheres and boxes do not decide, a separating direction is searched for.
 
         Args:
             rotation: Of all bodies, shape (N, bodies, 3, 3), from `RobotModel.body_poses`.
             position: Likewise, shape (N, bodies, 3) [m].
-            near: From where on clearances do not matter [m].
+            near: Clearance from which on values do not matter [m].
 
         Returns:
             Bounds (N, P), infinite from `near` on, and the least of each configuration, (N,). Never
-            above the clearance, except by rounding. Where shapes overlap they are negative, and say
-            nothing about the depth.
+            above the clearance, except by rounding. Where shapes overlap, bounds are negative, and
+            say nothing about the depth.
         """
         if self._table is None:
             bound = self._bounds(rotation, position, near)
@@ -123,26 +162,26 @@ def _separations(
     position: FloatArray,
     enough: float,
 ) -> FloatArray:
-    """Return how far two shapes are apart along a direction that is searched for, (N,) [m].
+    """Return lower bounds on the distances of two shapes, shape (N,) [m].
 
     Args:
         first: One shape.
-        second: The other one.
+        second: The other shape.
         rotation: As for `ClearanceBounds.at`.
         position: Likewise.
-        enough: A distance beyond which it does not matter [m].
+        enough: Distance beyond which the value does not matter [m].
     """
-    # Points of the first shape in the frame of the second one's body: turned @ x + moved.
+    # Points of the first shape in the frame of the second one's body: relative @ x + offset.
     back = rotation[:, second.body].transpose(0, 2, 1)
-    turned = back @ rotation[:, first.body]
-    moved = np.einsum("nij,nj->ni", back, position[:, first.body] - position[:, second.body])
-    gap = second.shape.center - moved - turned @ first.shape.center
+    relative = back @ rotation[:, first.body]
+    offset = np.einsum("nij,nj->ni", back, position[:, first.body] - position[:, second.body])
+    gap = second.shape.center - offset - relative @ first.shape.center
     grown = first.shape.radius + second.shape.radius
     apart, _ = separating_directions(
         first.shape.vertices,
         second.shape.vertices,
-        turned,
-        moved,
+        relative,
+        offset,
         gap,
         max_steps=_MAX_STEPS,
         enough=enough + grown,
@@ -152,7 +191,7 @@ def _separations(
 
 
 def _table(shapes: list[BodyShape]) -> tuple[FloatArray, FloatArray]:
-    """Return shapes as `native_clearance_bounds` takes them."""
+    """Return table and vertices of shapes, as `native_clearance_bounds` takes both."""
     vertices = np.concatenate([np.zeros((0, 3)), *(each.shape.vertices for each in shapes)])
     count = np.array([len(each.shape.vertices) for each in shapes])
     boxes = bounding_boxes([each.shape for each in shapes])
@@ -171,83 +210,41 @@ def _table(shapes: list[BodyShape]) -> tuple[FloatArray, FloatArray]:
     return np.ascontiguousarray(table, dtype=float), np.ascontiguousarray(vertices.T)
 
 
-# ---- The links' clearance beyond the required one at many configurations, and its derivative.
+# ---- Lower bounds on the distances of pairs of convex shapes, compiled.
+_BOUNDS = native_function(
+    "tubeplanner_clearance_bounds",
+    *(Doubles, c_int64, Doubles, c_int64, Integers, Doubles, c_int64, Doubles),
+    *(Doubles, Doubles, c_int64, c_int64, c_double, Doubles, Doubles),
+    returns=c_int,
+)
 
 
-@dataclass(frozen=True, eq=False)
-class LeastClearance:
-    """The pair of shapes with the least clearance, in N configurations.
+def native_clearance_bounds(
+    shapes: tuple[FloatArray, FloatArray],
+    pairs: IntArray,
+    required: FloatArray,
+    settings: FloatArray,
+    poses: tuple[FloatArray, FloatArray],
+    near: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return bounds (N, P) on clearances [m], infinite from `near` on, and each row's least (N,).
 
-    Attributes:
-        clearance: Its distance beyond the required one, negative where it is too close, shape (N,)
-            [m]; infinite where no pair is near.
-        pair: Its index, shape (N,).
+    Args:
+        shapes: Table (S, 23), and the vertices of all shapes by coordinate, shape (3, V) [m].
+        pairs: Rows of the table, shape (P, 2).
+        required: Least distance of each pair, shape (P,) [m].
+        settings: Of `measurement.clearance_bounds`, in the order in which the sources have them.
+        poses: Rotations (N, B, 3, 3) and origins (N, B, 3) [m] of B bodies.
+        near: Clearance from which on values do not matter [m].
     """
-
-    clearance: FloatArray
-    pair: IntArray
-
-
-class PairClearance:
-    """The pairs of shapes that must stay apart, and how much farther apart they are.
-
-    Attributes:
-        pairs: As indices of the checker's shapes, shape (P, 2).
-        required: Least distance of each pair, shape (P,) [m]: the most that a segment asks. Pairs
-            in contact at start or goal may be anywhere: -inf.
-    """
-
-    def __init__(self, problem: PlanningProblem, extra: float) -> None:
-        """Take the pairs of a problem; `extra` [m] is required beyond the problem's clearance."""
-        checker = problem.collision
-        self._checker, self._robot = checker, problem.robot
-        self.pairs = checker.pairs
-        required = required_everywhere(problem) + extra
-        self.required = np.where(in_contact(problem), -np.inf, required)
-        self._bounds = ClearanceBounds(checker, self.pairs, self.required)
-
-    def least(self, q: FloatArray, near: float) -> LeastClearance:
-        """Return the least clearance in configurations (N, n), where it is below `near` [m].
-
-        A positive clearance may be given as less than it is; a negative one is exact for the pair
-        that is named, and others may have even less.
-        """
-        if len(self.pairs) == 0:
-            return LeastClearance(np.full(len(q), np.inf), np.zeros(len(q), dtype=np.int64))
-        rotation, position = self._robot.body_poses(q)
-        bound, least = self._bounds.at(rotation, position, near)
-        self._settle_overlaps(bound, np.flatnonzero(least < 0), rotation, position)
-        pair = bound.argmin(axis=1)
-        return LeastClearance(bound[np.arange(len(q)), pair], pair)
-
-    def _settle_overlaps(
-        self, bound: FloatArray, live: IntArray, rotation: FloatArray, position: FloatArray
-    ) -> None:
-        """Replace negative bounds (N, P) by clearances, until one of a row is negative itself.
-
-        The other entries of such a row become infinite. Negative bounds are in the rows `live`.
-        """
-        while len(live):
-            pair = bound[live].argmin(axis=1)
-            closest = self._checker.closest_points(rotation[live], position[live], self.pairs[pair])
-            clearance = closest.distance - self.required[pair]
-            hit = live[clearance < 0]
-            bound[hit] = np.inf
-            bound[live, pair] = clearance
-            live = live[(clearance >= 0) & (bound[live] < 0).any(axis=1)]
-
-    def of_pairs(self, q: FloatArray, pair: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return the clearance of one pair in each of N configurations, and its derivative.
-
-        Args:
-            q: Shape (N, n).
-            pair: Which pair, shape (N,).
-
-        Returns:
-            Clearance (N,) [m] and its derivative by the joints (N, n) [m/rad or 1].
-        """
-        rotation, position = self._robot.body_poses(q)
-        pairs = self.pairs[pair]
-        closest = self._checker.closest_points(rotation, position, pairs)
-        gradient = self._checker.distance_gradient(rotation, position, pairs, closest)
-        return closest.distance - self.required[pair], gradient
+    assert _BOUNDS is not None
+    table, vertices = shapes
+    rotation, position = (np.ascontiguousarray(values) for values in poses)
+    samples, bodies = position.shape[:2]
+    bound, least = np.empty((samples, len(pairs))), np.empty(samples)
+    if _BOUNDS(
+        *(table, len(table), vertices, vertices.shape[1], pairs, required, len(pairs), settings),
+        *(rotation, position, bodies, samples, near, bound, least),
+    ):
+        raise MemoryError
+    return bound, least

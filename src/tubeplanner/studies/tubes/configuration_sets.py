@@ -1,4 +1,4 @@
-"""The configurations of one segment: joint ranges, tool in a capsule; projection onto it."""
+"""The configurations of one segment: joints in ranges, tool in a capsule; samples, projection."""
 
 from ctypes import c_int, c_int64
 from dataclasses import dataclass
@@ -11,158 +11,13 @@ from tubeplanner.orientation import inverse_right_jacobian, rotation_vector
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- Configurations moved until the tool is where it is wanted, compiled.
-
-_MOVE = native_function(
-    "tubeplanner_move_tools",
-    *(Doubles, c_int64, c_int64, Doubles, Doubles, Doubles, Doubles, c_int64),
-    *(Doubles, Doubles, Doubles, Bytes, Doubles),
-    returns=c_int,
-)
-
-
-def native_moved_tools(
-    table: FloatArray,
-    settings: FloatArray,
-    close: FloatArray,
-    joints: tuple[FloatArray, FloatArray, FloatArray],
-    position: FloatArray,
-    rotation: tuple[FloatArray, FloatArray, BoolArray] | None,
-) -> FloatArray:
-    """Return configurations (N, n) whose tools are where they are wanted, or near.
-
-    Args:
-        table: The joints that move the tool, the last body of all; see `native.kinematics`.
-        settings: Of `measurement.tool_moves`, in the order in which the sources have them.
-        close: How near is near enough, to a position [m] and to a rotation [rad], shape (2,).
-        joints: Configurations (N, n) to start from, lower and upper bounds (n,).
-        position: Wanted, shape (N, 3) [m].
-        rotation: References (N, 3, 3), wanted rotation vectors (N, 3) and which of their components
-            count (3,); None: any rotation.
-    """
-    assert _MOVE is not None
-    q, lower, upper = (np.array(values, dtype=float, order="C") for values in joints)
-    position = np.ascontiguousarray(position)
-    wanted = (None, None, None) if rotation is None else map(np.ascontiguousarray, rotation)
-    bounds = close, lower, upper
-    if _MOVE(table, len(table), q.shape[1], settings, *bounds, len(q), position, *wanted, q):
-        raise MemoryError
-    return q
-
-
-# ---- Joints moved until the tool is where it is wanted, in many configurations at once.
-#
-# Damped least squares (Nakamura & Hanafusa, "Inverse kinematic solutions with singularity
-# robustness", 1986). Where a target is out of reach, the tool comes as near as its joints let it;
-# nothing pulls joints that are redundant.
-
-_MAX_STEPS = 20
-_MAX_STEP = 0.4  # [rad or m] of any joint
-_STILL = 1e-5  # [rad or m]: joints that move less come no nearer
-_DAMPING = 1e-6  # of squared metres and radians
-_SETTINGS = read_only([_MAX_STEPS, _MAX_STEP, _STILL, _DAMPING])
-
-
-@dataclass(frozen=True, eq=False)
-class WantedTools:
-    """Where the tools of N configurations are wanted.
-
-    Attributes:
-        position: Shape (N, 3) [m].
-        reference: Orientations against which they are turned, shape (N, 3, 3); None: any rotation.
-        vector: By which rotation vectors, in the frame of the reference, shape (N, 3) [rad].
-        components: Which components of these count: bool, shape (3,).
-    """
-
-    position: FloatArray
-    reference: FloatArray | None = None
-    vector: FloatArray | None = None
-    components: BoolArray | None = None
-
-
-def moved_tools(
-    robot: RobotModel,
-    q: FloatArray,
-    bounds: tuple[FloatArray, FloatArray],
-    wanted: WantedTools,
-    close: FloatArray,
-) -> FloatArray:
-    """Return configurations whose tools are where they are wanted, or as near as they come.
-
-    Args:
-        robot: The arm.
-        q: Where to start, shape (N, n), within the bounds.
-        bounds: Lower and upper, shape (n,) each.
-        wanted: Where the tools are wanted.
-        close: How near is near enough, to the position [m] and to the rotation [rad], shape (2,).
-
-    Returns:
-        Shape (N, n).
-    """
-    turned = None
-    if wanted.reference is not None and wanted.vector is not None:
-        assert wanted.components is not None
-        turned = wanted.reference, wanted.vector, wanted.components
-    if LIBRARY.functions is not None:
-        table, joints = robot.tool_joints, (q, *bounds)
-        return native_moved_tools(table, _SETTINGS, close, joints, wanted.position, turned)
-    q, live = q.copy(), np.arange(len(q))
-    for _ in range(_MAX_STEPS):
-        error, jacobian = _task(robot, q[live], wanted, live)
-        off = np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
-        unsettled = (off[0] > close[0]) | (off[1] > close[1])
-        live, error, jacobian = live[unsettled], error[unsettled], jacobian[unsettled]
-        if len(live) == 0:
-            break
-        moved = _stepped(q[live], bounds, error, jacobian)
-        still = abs(moved - q[live]).max(axis=1) < _STILL
-        q[live] = moved
-        live = live[~still]
-    return q
-
-
-def _task(
-    robot: RobotModel, q: FloatArray, wanted: WantedTools, live: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return how far tools are from where they are wanted, (N, c), and the Jacobian."""
-    rotation, tool, jacobian = robot.tool_pose_jacobian(q)
-    error, linear = wanted.position[live] - tool, jacobian[:, :3]
-    if wanted.reference is None or wanted.vector is None:
-        return error, linear
-    vector = rotation_vector(wanted.reference[live].transpose(0, 2, 1) @ rotation)
-    spin = inverse_right_jacobian(vector) @ rotation.transpose(0, 2, 1) @ jacobian[:, 3:]
-    asked = wanted.components
-    error = np.hstack([error, (wanted.vector[live] - vector)[:, asked]])
-    return error, np.concatenate([linear, spin[:, asked]], axis=1)
-
-
-def _stepped(
-    q: FloatArray,
-    bounds: tuple[FloatArray, FloatArray],
-    error: FloatArray,
-    jacobian: FloatArray,
-) -> FloatArray:
-    """Return configurations after a damped step; joints at a bound are not pushed outwards."""
-    lower, upper = bounds
-    for _ in range(2):
-        gram = jacobian @ jacobian.transpose(0, 2, 1) + _DAMPING * np.eye(error.shape[1])
-        pull = np.linalg.solve(gram, error[:, :, None])
-        step = (jacobian.transpose(0, 2, 1) @ pull)[:, :, 0]
-        outward = ((q <= lower) & (step < 0)) | ((q >= upper) & (step > 0))
-        jacobian = np.where(outward[:, None], 0.0, jacobian)
-    largest = np.maximum(abs(step).max(axis=1, keepdims=True), _MAX_STEP)
-    return np.clip(q + step * (_MAX_STEP / largest), lower, upper)
-
-
-# ---- All configurations that one segment of a tube allows: joints in ranges, the tool in a
-# capsule.
-
-# A tool this near to where it is wanted is there: a share of the radius, and of a rotation [rad].
+# ---- All configurations that one segment of a tube allows: joints in ranges, tool in a capsule.
+# Targets of samples count as reached within this fraction of the radius, and this rotation [rad].
 _NEAR_SHARE, _NEAR_TURN = 0.1, 0.01
 _INSIDE = 1e-9  # [m or rad]
-# So many of the samples are wanted at the surface of what is allowed: extremes are there.
+# Fraction of the samples drawn at the surface of the allowed ball: extremes are there.
 _AT_SURFACE = 0.5
-_WITHIN = 0.999  # of a bound is the target, so that rounding does not end outside
+_WITHIN = 0.999  # of a bound: targets stay inside, so that rounding does not end outside
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,11 +25,11 @@ class ConfigurationSet:
     """The configurations that a segment allows.
 
     Attributes:
-        problem: Its arm counts, and its tube's reference points and rotations.
+        problem: The problem, of which the arm and the tube's reference points and rotations count.
         segment: Index of the segment.
         lower: Lower joint bounds, shape (n,) [rad or m].
         upper: Upper joint bounds, likewise.
-        radius: How far the tool centre point may be from the segment [m].
+        radius: Largest distance of the tool centre point from the segment [m].
     """
 
     problem: PlanningProblem
@@ -184,32 +39,32 @@ class ConfigurationSet:
     radius: float
 
     def is_as(self, other: "ConfigurationSet") -> bool:
-        """Return whether another set of the same segment has the same bounds."""
+        """Return True if another set of the same segment has the same bounds."""
         same_ranges = np.array_equal(self.lower, other.lower)
         same_ranges &= np.array_equal(self.upper, other.upper)
         return self.radius == other.radius and same_ranges
 
     def tool_distance(self, q: FloatArray) -> FloatArray:
-        """Return how far tools are from the segment, for configurations (N, n): (N,) [m]."""
+        """Return the distances of tools from the segment, for configurations (N, n): (N,) [m]."""
         return self._distance(self.problem.robot.tool_position(q))
 
     def contains(self, q: FloatArray) -> BoolArray:
-        """Return which configurations (N, n) are in the set: bool, shape (N,)."""
+        """Return a mask of the configurations (N, n) in the set, shape (N,)."""
         rotation, tool = self.problem.robot.tool_pose(q)
         inside = self._distance(tool) <= self.radius + _INSIDE
         inside &= np.all((q >= self.lower - _INSIDE) & (q <= self.upper + _INSIDE), axis=1)
-        turned = self.problem.tube.rotation_margin(rotation, tool, self._alone)[:, 0]
-        return np.asarray(inside & (turned >= -_INSIDE))
+        margin = self.problem.tube.rotation_margin(rotation, tool, self._alone)[:, 0]
+        return np.asarray(inside & (margin >= -_INSIDE))
 
     def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Return random configurations of the set, `count` of them at most, shape (N, n).
+        """Return at most `count` random configurations of the set, shape (N, n).
 
         Draws joint values in their ranges and tool poses in the capsule and the rotation tolerance,
-        then moves the joints until the tool has its pose; drops those that do not get there.
+        moves the joints until the tool has its pose, and drops samples that do not reach it.
         """
         q = rng.uniform(self.lower, self.upper, (count, len(self.lower)))
-        moved = self._moved(q, self._targets(count, rng), self._turns(count, rng))
-        return moved[self.contains(moved)]
+        q = self._moved(q, self._targets(count, rng), self._turns(count, rng))
+        return q[self.contains(q)]
 
     def back_inside(self, q: FloatArray) -> FloatArray:
         """Return configurations (N, n) moved towards the set, none farther than needed."""
@@ -232,20 +87,20 @@ class ConfigurationSet:
         turns: FloatArray | None,
         near: float = 1.0,
     ) -> FloatArray:
-        """Return configurations (N, n) whose tools are at targets (N, 3), or as near as they come.
+        """Return `moved_tools` of configurations (N, n) within the bounds of the set.
 
         Args:
-            q: Where to start, shape (N, n).
-            targets: Where the tools are wanted, shape (N, 3) [m].
-            turns: Rotation vectors wanted against the reference there, (N, 3) [rad]; None: any.
-            near: How near is near enough, as a share of the value for samples.
+            q: Configurations to start from, shape (N, n).
+            targets: Target positions of the tools, shape (N, 3) [m].
+            turns: Target rotation vectors against the reference there, (N, 3) [rad]; None: any.
+            near: Tolerance as a fraction of that for samples.
         """
         close = near * np.array([_NEAR_SHARE * self.radius, _NEAR_TURN]) + _INSIDE
-        wanted, tube, bounds = WantedTools(targets), self.problem.tube.rotation, self._turn_bounds
+        target, tube, bounds = WantedTools(targets), self.problem.tube.rotation, self._turn_bounds
         if tube is not None and bounds is not None and turns is not None:
-            asked = np.isfinite(bounds[:3]) | np.isfinite(bounds[3])
-            wanted = WantedTools(targets, tube.reference(targets, self.segment), turns, asked)
-        return moved_tools(self.problem.robot, q, (self.lower, self.upper), wanted, close)
+            counts = np.isfinite(bounds[:3]) | np.isfinite(bounds[3])
+            target = WantedTools(targets, tube.reference(targets, self.segment), turns, counts)
+        return moved_tools(self.problem.robot, q, (self.lower, self.upper), target, close)
 
     def _targets(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Return random points of the capsule, shape (count, 3) [m]."""
@@ -265,7 +120,7 @@ class ConfigurationSet:
         return _WITHIN * finite * rng.uniform(-1, 1, (count, 3))
 
     def _bounded(self, vectors: FloatArray) -> FloatArray:
-        """Return rotation vectors (N, 3) [rad] moved into the rotation tolerance."""
+        """Return rotation vectors (N, 3) [rad] shortened into the rotation tolerance."""
         bounds = self._turn_bounds
         assert bounds is not None
         vectors = np.clip(vectors, -_WITHIN * bounds[:3], _WITHIN * bounds[:3])
@@ -274,7 +129,7 @@ class ConfigurationSet:
 
     @property
     def _turn_bounds(self) -> FloatArray | None:
-        """Bounds on the rotation vector's components and its length (4,), if there is any."""
+        """Bounds on components and length of the rotation vector, (4,) [rad]; None if free."""
         tube = self.problem.tube.rotation
         if tube is None or not np.isfinite(tube.bounds[self.segment]).any():
             return None
@@ -289,8 +144,149 @@ class ConfigurationSet:
 
 
 def _in_ball(count: int, rng: np.random.Generator) -> FloatArray:
-    """Return random points of the unit ball, shape (count, 3), half of them on its surface."""
+    """Return random points of the unit ball, about half on its surface, shape (count, 3)."""
     direction = rng.normal(size=(count, 3))
     size = rng.uniform(0, 1, count) ** (1 / 3)
     size[rng.uniform(0, 1, count) < _AT_SURFACE] = 1.0
     return size[:, None] * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+
+
+# ---- Joints moved until tools reach their targets, in many configurations at once.
+#
+# Damped least squares (Nakamura & Hanafusa, "Inverse kinematic solutions with singularity
+# robustness", 1986). Where a target is out of reach, the tool comes as near as its joints let it;
+# nothing pulls joints that are redundant.
+_MAX_STEPS = 20
+_MAX_STEP = 0.4  # [rad or m] of any joint
+_STILL = 1e-5  # [rad or m]: joints that move less come no nearer
+_DAMPING = 1e-6  # of squared metres and radians
+_SETTINGS = read_only([_MAX_STEPS, _MAX_STEP, _STILL, _DAMPING])
+
+
+@dataclass(frozen=True, eq=False)
+class WantedTools:
+    """Target poses of the tools of N configurations.
+
+    Attributes:
+        position: Shape (N, 3) [m].
+        reference: Reference orientations, shape (N, 3, 3); None: any rotation.
+        vector: Rotation vectors against the reference, in its frame, shape (N, 3) [rad].
+        components: True for the components of the vectors that count, shape (3,).
+    """
+
+    position: FloatArray
+    reference: FloatArray | None = None
+    vector: FloatArray | None = None
+    components: BoolArray | None = None
+
+
+def moved_tools(
+    robot: RobotModel,
+    q: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    wanted: WantedTools,
+    close: FloatArray,
+) -> FloatArray:
+    """Return configurations whose tools are at their targets, or as near as joints let the tools.
+
+    Args:
+        robot: The arm.
+        q: Configurations to start from, shape (N, n), within the bounds.
+        bounds: Lower and upper joint bounds, shape (n,) each.
+        wanted: Target poses.
+        close: Tolerances of position [m] and rotation [rad], shape (2,).
+
+    Returns:
+        Shape (N, n).
+    """
+    rotation = None
+    if wanted.reference is not None and wanted.vector is not None:
+        assert wanted.components is not None
+        rotation = wanted.reference, wanted.vector, wanted.components
+    if LIBRARY.functions is not None:
+        table, joints = robot.tool_joints, (q, *bounds)
+        return native_moved_tools(table, _SETTINGS, close, joints, wanted.position, rotation)
+    q, live = q.copy(), np.arange(len(q))
+    for _ in range(_MAX_STEPS):
+        error, jacobian = _task(robot, q[live], wanted, live)
+        off = np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
+        unsettled = (off[0] > close[0]) | (off[1] > close[1])
+        live, error, jacobian = live[unsettled], error[unsettled], jacobian[unsettled]
+        if len(live) == 0:
+            break
+        stepped = _stepped(q[live], bounds, error, jacobian)
+        still = abs(stepped - q[live]).max(axis=1) < _STILL
+        q[live] = stepped
+        live = live[~still]
+    return q
+
+
+def _task(
+    robot: RobotModel, q: FloatArray, wanted: WantedTools, live: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return position and rotation errors of tools, (N, c), and the Jacobian, (N, c, n)."""
+    rotation, tool, jacobian = robot.tool_pose_jacobian(q)
+    error, linear = wanted.position[live] - tool, jacobian[:, :3]
+    if wanted.reference is None or wanted.vector is None:
+        return error, linear
+    vector = rotation_vector(wanted.reference[live].transpose(0, 2, 1) @ rotation)
+    spin = inverse_right_jacobian(vector) @ rotation.transpose(0, 2, 1) @ jacobian[:, 3:]
+    counts = wanted.components
+    error = np.hstack([error, (wanted.vector[live] - vector)[:, counts]])
+    return error, np.concatenate([linear, spin[:, counts]], axis=1)
+
+
+def _stepped(
+    q: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    error: FloatArray,
+    jacobian: FloatArray,
+) -> FloatArray:
+    """Return configurations after a damped step; joints at a bound are not pushed outwards."""
+    lower, upper = bounds
+    for _ in range(2):
+        gram = jacobian @ jacobian.transpose(0, 2, 1) + _DAMPING * np.eye(error.shape[1])
+        pull = np.linalg.solve(gram, error[:, :, None])
+        step = (jacobian.transpose(0, 2, 1) @ pull)[:, :, 0]
+        outward = ((q <= lower) & (step < 0)) | ((q >= upper) & (step > 0))
+        jacobian = np.where(outward[:, None], 0.0, jacobian)
+    largest = np.maximum(abs(step).max(axis=1, keepdims=True), _MAX_STEP)
+    return np.clip(q + step * (_MAX_STEP / largest), lower, upper)
+
+
+# ---- Joints moved until tools reach their targets, compiled.
+_MOVE = native_function(
+    "tubeplanner_move_tools",
+    *(Doubles, c_int64, c_int64, Doubles, Doubles, Doubles, Doubles, c_int64),
+    *(Doubles, Doubles, Doubles, Bytes, Doubles),
+    returns=c_int,
+)
+
+
+def native_moved_tools(
+    table: FloatArray,
+    settings: FloatArray,
+    close: FloatArray,
+    joints: tuple[FloatArray, FloatArray, FloatArray],
+    position: FloatArray,
+    rotation: tuple[FloatArray, FloatArray, BoolArray] | None,
+) -> FloatArray:
+    """Return configurations (N, n) whose tools are at their targets, or near.
+
+    Args:
+        table: The joints that move the tool, the last body of all; see `native.kinematics`.
+        settings: `_SETTINGS`, in the order in which the sources have them.
+        close: Tolerances of position [m] and rotation [rad], shape (2,).
+        joints: Configurations (N, n) to start from, lower and upper bounds (n,).
+        position: Target positions, shape (N, 3) [m].
+        rotation: References (N, 3, 3), target rotation vectors (N, 3) [rad] and the components of
+            these that count (3,); None: any rotation.
+    """
+    assert _MOVE is not None
+    q, lower, upper = (np.array(values, dtype=float, order="C") for values in joints)
+    position = np.ascontiguousarray(position)
+    target = (None, None, None) if rotation is None else map(np.ascontiguousarray, rotation)
+    bounds = close, lower, upper
+    if _MOVE(table, len(table), q.shape[1], settings, *bounds, len(q), position, *target, q):
+        raise MemoryError
+    return q

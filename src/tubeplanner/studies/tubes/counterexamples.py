@@ -10,29 +10,28 @@ from tubeplanner.studies.tubes.configuration_sets import ConfigurationSet
 
 # ---- The search for collisions in a set of configurations: random ones, and downhill from those.
 
-# Samples with less clearance than this [m] are worth going downhill from.
+# Descents begin at samples with less clearance than this [m].
 _NEAR = 0.03
 _STARTS_PER_PAIR = 4
 _DESCENT_STEPS = 12
 _MAX_STEP, _MIN_STEP = 0.15, 1e-3  # [rad or m] of all joints together
 _FLAT = 1e-6  # [m/rad or 1]: a clearance that changes less does not change
-_AIM = 2e-3  # [m] of overlap that a step of the descent aims at
+_AIM = 2e-3  # [m]: overlap that a step of the descent aims at
 _MIN_SAMPLES, _MAX_SAMPLES = 1024, 4096  # samples at once
-_LOOKED_BESIDE, _NEIGHBOURS = 8, 24  # collisions, and configurations looked at beside each
+_LOOKED_BESIDE, _NEIGHBOURS = 8, 24  # collisions, and configurations tested beside each
 _ENOUGH = 48  # collisions that end a search
 
 
 @dataclass(frozen=True, eq=False)
 class CounterexampleSearch:
-    """What a counterexample search in a set found.
+    """The result of a counterexample search in a set.
 
     Attributes:
-        q: Configurations in which links are too close, shape (C, n); empty if the search found no
-            counterexample.
+        q: Configurations in which links are too close, shape (C, n); empty if there was none.
         pair: The pair of shapes that is too close in each, shape (C,).
-        least_clearance: The least clearance that was seen [m]; infinite if no pair came near.
-        samples: How many configurations were tested.
-        tried: How many were drawn; not all of them reach their tool pose.
+        least_clearance: The least clearance of all samples [m]; infinite if no pair came near.
+        samples: Number of configurations tested.
+        tried: Number of configurations drawn; some do not reach their tool pose.
     """
 
     q: FloatArray
@@ -43,11 +42,11 @@ class CounterexampleSearch:
 
     @property
     def failed(self) -> bool:
-        """Whether no collision was found."""
+        """True if no collision was found."""
         return len(self.q) == 0
 
     def then(self, later: "CounterexampleSearch") -> "CounterexampleSearch":
-        """Return what this search and a later one in the same set found together."""
+        """Return the joint result of this search and a later search in the same set."""
         return CounterexampleSearch(
             np.concatenate([self.q, later.q]),
             np.concatenate([self.pair, later.pair]),
@@ -60,35 +59,35 @@ class CounterexampleSearch:
 def search_counterexamples(
     allowed: ConfigurationSet, clearance: PairClearance, samples: int, rng: np.random.Generator
 ) -> CounterexampleSearch:
-    """Look for configurations of a set in which links are too close.
+    """Search a set for configurations in which links are too close.
 
-    It continues, with more samples at a time, until it finds some or the budget is spent.
+    Draws more samples at a time until there are enough collisions or the budget is spent.
 
     Args:
         allowed: The set.
         clearance: Of the pairs of links.
-        samples: How many configurations to draw.
+        samples: Number of configurations to draw.
         rng: Random numbers.
     """
     hits: list[tuple[FloatArray, IntArray]] = []
-    least, drawn, tried, count = np.inf, 0, 0, _MIN_SAMPLES
-    while tried < samples and sum(len(q) for q, _ in hits) < _ENOUGH:
-        count = min(count, samples - tried)
-        tried += count
+    least, tested, drawn, count = np.inf, 0, 0, _MIN_SAMPLES
+    while drawn < samples and sum(len(q) for q, _ in hits) < _ENOUGH:
+        count = min(count, samples - drawn)
+        drawn += count
         q = allowed.sample(count, rng)
-        found = clearance.least(q, _NEAR)
-        drawn += len(q)
-        hits.append((q[found.clearance < 0], found.pair[found.clearance < 0]))
-        least = min(least, found.clearance.min(initial=np.inf))
+        nearest = clearance.least(q, _NEAR)
+        tested += len(q)
+        hits.append((q[nearest.clearance < 0], nearest.pair[nearest.clearance < 0]))
+        least = min(least, nearest.clearance.min(initial=np.inf))
         if least >= 0:
-            starts = _starts(found.clearance, found.pair)
-            q, pair, lowest = _descended(allowed, clearance, q[starts], found.pair[starts])
+            starts = _starts(nearest.clearance, nearest.pair)
+            q, pair, lowest = _descended(allowed, clearance, q[starts], nearest.pair[starts])
             hits.append((q[lowest < 0], pair[lowest < 0]))
             least = min(least, lowest.min(initial=np.inf))
         count = min(2 * count, _MAX_SAMPLES)
     hits.append(_beside(allowed, clearance, np.concatenate([q for q, _ in hits]), rng))
     q_hit, pair_hit = (np.concatenate(parts) for parts in zip(*hits, strict=True))
-    return CounterexampleSearch(q_hit, pair_hit, float(least), drawn, tried)
+    return CounterexampleSearch(q_hit, pair_hit, float(least), tested, drawn)
 
 
 def _beside(
@@ -96,36 +95,36 @@ def _beside(
 ) -> tuple[FloatArray, IntArray]:
     """Return collisions beside the first of some collisions (C, n), and their pairs.
 
-    What is left of a colliding region is found by chance otherwise, in many more searches.
+    Chance alone finds the rest of a colliding region only in many more searches.
     """
     beside = np.repeat(q[:_LOOKED_BESIDE], _NEIGHBOURS, axis=0)
     away = rng.uniform(0.0, _MAX_STEP, (len(beside), 1)) * rng.normal(size=beside.shape)
     beside = allowed.back_inside(beside + away)
     beside = beside[allowed.contains(beside)]
-    found = clearance.least(beside, 0.0)
-    return beside[found.clearance < 0], found.pair[found.clearance < 0]
+    nearest = clearance.least(beside, 0.0)
+    return beside[nearest.clearance < 0], nearest.pair[nearest.clearance < 0]
 
 
 def _starts(clearance: FloatArray, pair: IntArray) -> IntArray:
-    """Return the samples from which to descend: for every pair, those with the least clearance."""
+    """Return the indices of samples to descend from: per pair, those of least clearance."""
     order = np.argsort(clearance)
     order = order[(clearance[order] >= 0) & np.isfinite(clearance[order])]
-    chosen = [order[pair[order] == k][:_STARTS_PER_PAIR] for k in np.unique(pair[order])]
-    return np.concatenate([np.zeros(0, dtype=np.int64), *chosen])
+    starts = [order[pair[order] == k][:_STARTS_PER_PAIR] for k in np.unique(pair[order])]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *starts])
 
 
 def _descended(
     allowed: ConfigurationSet, clearance: PairClearance, q: FloatArray, pair: IntArray
 ) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Find where the clearance of pairs (N,) is least near configurations (N, n), and its value."""
+    """Return configurations of least clearance near (N, n), the pairs (N,), the clearances [m]."""
     best, lowest = q.copy(), np.full(len(q), np.inf)
     slope, reach = np.zeros_like(q), np.full(len(q), _MAX_STEP)
     live = np.arange(len(q))
     for _ in range(_DESCENT_STEPS):
-        found, found_slope = clearance.of_pairs(q, pair[live])
-        better = allowed.contains(q) & (found < lowest[live])
+        value, gradient = clearance.of_pairs(q, pair[live])
+        better = allowed.contains(q) & (value < lowest[live])
         down = live[better]
-        best[down], lowest[down], slope[down] = q[better], found[better], found_slope[better]
+        best[down], lowest[down], slope[down] = q[better], value[better], gradient[better]
         reach[live[~better]] /= 2
         live = live[(lowest[live] >= 0) & (reach[live] >= _MIN_STEP)]
         if len(live) == 0:
@@ -141,9 +140,9 @@ def _descended(
 # A box reaches from its core by one extent per direction; a point is left out if it lies beyond the
 # extent in at least one direction.
 
-# Of the logarithms of random speeds, and by how much it shrinks from one search to the next.
+# Spread of the logarithms of random speeds, and its factor from one search to the next.
 _FIRST_SPREAD, _CALMING, _MIN_SPREAD = 0.8, 0.95, 0.3
-# Margins grow from search to search: the box shrinks until no point is left to be found.
+# Margins grow from search to search: the box shrinks until searches find no point.
 _MARGIN_GROWTH = 1.05
 _NO_SPEED = 1e-12
 _FIRST_DRAWS, _LATER_DRAWS = 200, 60
@@ -151,11 +150,11 @@ _FIRST_DRAWS, _LATER_DRAWS = 200, 60
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """How far a box reaches in each of c directions.
+    """The extents of a box in c directions, and the points that end it.
 
     Attributes:
         extent: Shape (c,).
-        blocker: Which point ends it in each direction, -1 where none does, shape (c,).
+        blocker: Index of the point that ends the box in each direction, -1 for none, shape (c,).
     """
 
     extent: FloatArray
@@ -163,7 +162,7 @@ class Box:
 
     @property
     def has_choice(self) -> bool:
-        """Whether it might reach farther in one direction at the cost of another."""
+        """True if the box might reach farther in a direction at the cost of another."""
         return bool((self.blocker >= 0).any() and (self.extent > 0).sum() > 1)
 
 
@@ -181,12 +180,12 @@ class BoxSearch:
         """Set the goals in each of c directions.
 
         Args:
-            margin: How far a box stays away from the point that ends it, as far as there is space,
-                shape (c,); it grows from search to search.
+            margin: Distance of a box from the point that ends it, as far as there is space, shape
+                (c,); it grows from search to search.
             worth: Weight of the logarithm of each size.
             enough: Extents beyond which more counts nothing.
-            already: What an extent adds to, to make a size; positive.
-            rng: Random numbers: boxes differ by how fast they grow in which direction.
+            already: Sizes at extent zero; positive.
+            rng: Random numbers, for the speeds at which boxes grow in each direction.
         """
         self._margin, self._rng = margin, rng
         self._worth, self._enough, self._already = worth, enough, already
@@ -197,10 +196,9 @@ class BoxSearch:
         """Return the best box found that leaves out points.
 
         Args:
-            beyond: How far points lie beyond the core in each direction, shape (B, c); at least
-                one entry of each is positive.
-            within: The box must lie in this one; where it reaches as far, what ends that one ends
-                it.
+            beyond: Distances of points beyond the core in each direction, shape (B, c); at least
+                one entry of each row is positive.
+            within: A box that holds the result; where extents are equal, so are blockers.
         """
         inside = np.flatnonzero((beyond <= within.extent).all(axis=1))
         best = self._grown(beyond, inside, within, self._speed)
@@ -217,24 +215,24 @@ class BoxSearch:
         sizes = self._already + np.minimum(box.extent, self._enough)
         return float(self._worth @ np.log(sizes))
 
-    def _grown(self, beyond: FloatArray, left: IntArray, within: Box, speed: FloatArray) -> Box:
-        """Return the box that grows at some speed (c,) in each direction until points stop it.
+    def _grown(self, beyond: FloatArray, rows: IntArray, within: Box, speed: FloatArray) -> Box:
+        """Return the box that grows at a speed (c,) in each direction until points stop growth.
 
         Args:
             beyond: As for `best`.
-            left: Which points count.
+            rows: Indices of the points inside `within`.
             within: As for `best`.
             speed: Shape (c,).
         """
         extent, blocker = within.extent.copy(), within.blocker.copy()
-        # When a point is reached in each direction; it is inside once it is in all of them.
-        time = np.maximum(beyond[left], 0.0) / np.maximum(speed, _NO_SPEED)
-        while len(left):
+        # When the box reaches points in each direction; a point is inside from the last one on.
+        time = np.maximum(beyond[rows], 0.0) / np.maximum(speed, _NO_SPEED)
+        while len(rows):
             row = int(time.max(axis=1).argmin())
             direction = int(time[row].argmax())
-            ends = beyond[left[row], direction]
+            ends = beyond[rows[row], direction]
             extent[direction] = max(ends - self._margin[direction], ends / 2)
-            blocker[direction] = left[row]
-            kept = beyond[left, direction] <= extent[direction]
-            left, time = left[kept], time[kept]
+            blocker[direction] = rows[row]
+            inside = beyond[rows, direction] <= extent[direction]
+            rows, time = rows[inside], time[inside]
         return Box(extent, blocker)

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError, not_installed
 from tubeplanner.outcome import Place
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances
 
-# ---- Which configurations are free: links clear of obstacles and of each other, by a margin.
+# ---- Free configurations: links clear of obstacles and of each other, by a margin.
 
-# Where an end of the trajectory has less clearance than the margin, this share of it is kept
-# everywhere.
+# Where an end of the trajectory has less clearance than the margin, this fraction of that clearance
+# is kept everywhere.
 _SHARE_AT_ENDS = 0.9
 
 
@@ -41,23 +41,24 @@ class FreeSpace:
             self._margin = np.clip(_SHARE_AT_ENDS * least, 0.0, margin)
 
     def is_free(self, q: FloatArray) -> bool:
-        """Return whether a configuration (n,) has the margin."""
+        """Return True if a configuration (n,) has the margin."""
         return self.lacking(q) is None
 
     def lacking(self, q: FloatArray) -> Place | None:
-        """Return links too close at a configuration (n,), and where the tool is; or None."""
+        """Return the closest links and the tool's position where the margin is missing, or None."""
         rotation, position = self._robot.body_poses(q[None])
-        wanted = self._required(q) + self._margin
-        quick = self._checker.sphere_distances(rotation, position, self._pairs)[0] - wanted
+        required = self._required(q) + self._margin
+        quick = self._checker.sphere_distances(rotation, position, self._pairs)[0] - required
         near = np.flatnonzero(quick < 0)
         alone = np.zeros(len(near), dtype=np.int64)
         boxes = self._checker.box_distances(rotation, position, alone, self._pairs[near])
-        near = near[boxes < wanted[near]]
+        near = near[boxes < required[near]]
         distance = self._checker.distances(rotation[0], position[0], self._pairs[near])
-        short = distance - wanted[near]
+        short = distance - required[near]
         if short.min(initial=0.0) >= 0:
             return None
-        return self._place(q, self._pairs[near[short.argmin()]])
+        links, obstacle = self._checker.owners(self._pairs[near[short.argmin()]])
+        return Place(links=links, obstacle=obstacle).at(self._robot.tool_position(q[None])[0])
 
     def clearance(self, q: FloatArray) -> float:
         """Return the least distance beyond the clearance at a configuration (n,) [m]."""
@@ -70,10 +71,6 @@ class FreeSpace:
     def _required(self, q: FloatArray) -> FloatArray:
         return self._asked.anywhere(self._robot.tool_position(q[None]))[0]
 
-    def _place(self, q: FloatArray, pair: IntArray) -> Place:
-        links, obstacle = self._checker.owners(pair)
-        return Place(links=links, obstacle=obstacle).at(self._robot.tool_position(q[None])[0])
-
 
 # ---- Collision-free routes in joint space, found by OMPL.
 #
@@ -81,14 +78,14 @@ class FreeSpace:
 # 19(4), 2012); Kuffner & LaValle, "RRT-Connect" (ICRA 2000). Only this module knows OMPL.
 
 _STEP = 0.05  # [rad or m] between configurations tested along an edge
-# How far beyond start and goals joints may go that have no nearer limit [rad or m].
+# Joint ranges of the search beyond start and goals, unless limits are nearer [rad or m].
 _BEYOND = np.pi
 _MIN_SPAN = 1e-6  # [rad or m]: OMPL wants bounds that differ
 _SHORTENINGS = 5
 
 
 def require_ompl() -> None:
-    """Raise unless OMPL is installed, before any work.
+    """Check that OMPL is installed, before any work.
 
     Raises:
         OptionError: It is not installed.
@@ -101,12 +98,12 @@ def require_ompl() -> None:
 
 
 class RouteSearch:
-    """A search from one configuration to any of some others; the same for the same seed.
+    """A search from a configuration to any of several goals; the same for the same seed.
 
     Attributes:
-        checks: How many configurations the last search tested.
-        reached: Of the last search that found no route, the configuration (n,) nearest to a goal
-            that was reached from the start.
+        checks: Number of configurations tested by the last search.
+        reached: Configuration (n,) nearest to a goal that the last search without a route reached
+            from the start.
     """
 
     def __init__(
@@ -120,9 +117,9 @@ class RouteSearch:
         """Prepare a search.
 
         Args:
-            space: Which configurations are free.
+            space: The free configurations.
             start: Shape (n,) [rad or m].
-            goals: Configurations, one of which it must reach, shape (G, n).
+            goals: Configurations, any of which ends the search, shape (G, n).
             lower: Lower position limits, shape (n,).
             upper: Upper position limits, shape (n,).
 
@@ -150,8 +147,8 @@ class RouteSearch:
 
         Args:
             seed: Of OMPL's random numbers, > 0; they are one stream for the whole process.
-            budget: Most configurations to look at before there is a route.
-            is_over: Whether there is no time left to look for one.
+            budget: Largest number of configurations to test before there is a route.
+            is_over: True if the time for the search is over.
         """
         with _silent_ompl():
             return self._route(seed, budget, is_over)
@@ -185,10 +182,10 @@ class RouteSearch:
         information = setup.getSpaceInformation()
         information.setStateValidityCheckingResolution(_STEP / information.getMaximumExtent())
         setup.setStartState(self._state(self._start))
-        wanted = base.GoalStates(information)
+        goals = base.GoalStates(information)
         for goal in self._goals:
-            wanted.addState(self._state(goal))
-        setup.setGoal(wanted)
+            goals.addState(self._state(goal))
+        setup.setGoal(goals)
         return setup
 
     def _is_valid(self, state: Any) -> bool:
@@ -210,7 +207,7 @@ class RouteSearch:
 
 @contextmanager
 def _silent_ompl() -> Iterator[None]:
-    """Keep OMPL from logging to standard output, for as long as it works for us."""
+    """Keep OMPL from logging to standard output inside the context."""
     from ompl import util
 
     util.noOutputHandler()

@@ -43,11 +43,11 @@ from tubeplanner.task.endpoints import Seed
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 
-# ---- How wide a tube may be: radii and joint ranges inside which no part of the robot collides.
+# ---- The width of a tube: radii and joint ranges inside which no part of the robot collides.
 
-# Trades of radii for joint ranges: how far a trajectory may leave the sets found so far, to say
-# what it needs, [m] and [rad or m], and what a radius is worth. In sets that are no wider than what
-# was found, it asks for the radii found, and the trade has nothing to give.
+# Trades of radii for joint ranges: widths by which a trajectory may leave the sets found so far, to
+# show its needs, [m] and [rad or m], and the worth of a radius. Within the sets found it would need
+# the radii found, and the trade would have nothing to give.
 _TRADES = ((0.03, np.inf, 1.0), (0.03, 0.3, 4.0))
 
 
@@ -56,7 +56,7 @@ def measure_tube(
     options: MeasureOptions | None = None,
     progress: ProgressCallback | None = None,
 ) -> TubeMeasurement:
-    """Measure how wide a problem's tube may be.
+    """Measure the widest tube of a problem.
 
     For every segment: the largest radius and joint ranges around the branch along the centre line
     such that in all configurations with the tool in that capsule and the joints in those ranges
@@ -71,8 +71,8 @@ def measure_tube(
         progress: Called as each stage begins.
 
     Returns:
-        The tube, or why there is none. (The branch along the centre line, or its surroundings,
-        collide.)
+        The tube, or the reason why there is none: the branch along the centre line, or its
+        surroundings, collide.
 
     Raises:
         OptionError: The largest radius is not above the tool radius, the segments are too many, or
@@ -98,9 +98,9 @@ def measured_tube(
         problem: The planning problem.
         options: How to measure.
         clock: Announces progress and may end the work.
-        way: Configurations of a fast trajectory, shape (N, n): then its needs decide, and no other
-            one is planned.
-        kept: Segments that were measured before, and that are from now on.
+        way: Configurations of a fast trajectory, shape (N, n), whose needs decide; None: such
+            trajectories are planned.
+        kept: Results of segments measured before; new results are added.
 
     Raises:
         OptionError: As for `measure_tube`.
@@ -122,27 +122,22 @@ def measured_tube(
     widest = whole.with_tube(whole.tube.with_radius(options.max_radius))
     try:
         widest, _ = configured_ends(widest)
-        found = _segments_of_some_branch(widest, options, clock, way, kept or KeptSegments())
+        results = _segments_of_some_branch(widest, options, clock, way, kept or KeptSegments())
     except Infeasible as reason:
         return TubeMeasurement(
             reason.status, str(reason), reason.place, measuring_time=clock.elapsed
         )
-    # Of joined segments, each part has what was measured for all.
-    segments = tuple(found[k] for k in np.searchsorted(whole.tube.numbers, tube.numbers[1:]) - 1)
+    # Of joined segments, each part has the result of all.
+    segments = tuple(results[k] for k in np.searchsorted(whole.tube.numbers, tube.numbers[1:]) - 1)
     radii = np.array([segment.radius for segment in segments])
     ranges = tuple(segment.joint_ranges for segment in segments)
     measured = problem.with_tube(replace(tube, radius=radii, joint_signs=ranges))
-    shown_radii = ", ".join(f"{1000 * segment.radius:.1f}" for segment in found)
+    shown_radii = ", ".join(f"{1000 * segment.radius:.1f}" for segment in results)
     message = f"no collision found within radii of {shown_radii} mm and the joint ranges"
-    message += _left_out(problem)
-    return TubeMeasurement(PlanStatus.SUCCESS, message, Place(), segments, measured, clock.elapsed)
-
-
-def _left_out(problem: PlanningProblem) -> str:
-    """Return what a message adds on pairs in contact, of which a measured tube claims nothing."""
     names = (" and ".join(f"'{name}'" for name in each.links) for each in problem.contacts)
-    pairs = ", ".join(dict.fromkeys(names))
-    return f"; not measured, since they may be in contact: {pairs}" if pairs else ""
+    if pairs := ", ".join(dict.fromkeys(names)):
+        message += f"; not measured, since they may be in contact: {pairs}"
+    return TubeMeasurement(PlanStatus.SUCCESS, message, Place(), segments, measured, clock.elapsed)
 
 
 def _segments_of_some_branch(
@@ -152,10 +147,10 @@ def _segments_of_some_branch(
     way: FloatArray | None,
     kept: KeptSegments,
 ) -> tuple[SegmentMeasurement, ...]:
-    """Return what was measured around the first branch that has free space around it.
+    """Return the measured segments around the first branch with free space around it.
 
     Raises:
-        Infeasible: None has; the reason is that of the first one.
+        Infeasible: No branch has free space; the reason is that of the first branch.
     """
     branches, first = KnownBranches(problem, clock), None
     for rule in redundancy_rules(problem):
@@ -180,47 +175,38 @@ def _segments(
     way: FloatArray | None,
     kept: KeptSegments,
 ) -> tuple[SegmentMeasurement, ...]:
-    """Return what was measured around a branch.
+    """Return the measured segments around a branch.
 
-    What is blocked at once comes before what takes time. The sets that suit a fast trajectory best
-    get a thorough counterexample search.
+    Quick refusals come before long searches. The sets that suit a fast trajectory best get a
+    thorough counterexample search.
 
     Raises:
         Infeasible: Status tube_blocked.
     """
     for k in range(around.count):
         around.require_space(k)
-    best = _traded(around, clock) if way is None else _suited(around, clock, way, kept)
+    best: list[SegmentSearch] = []
+    if way is None:
+        best = _traded(around, clock)
+    else:  # sets for the needs of the trajectory, as far as there is space
+        for k, part in enumerate(around.parts(way)):
+            clock.announce(Progress(f"measuring segment {k + 1} of {around.count}"))
+            best.append(around.kept_search(k, part, kept))
     final = []
-    for k, found in enumerate(best):
+    for k, search in enumerate(best):
         clock.announce(
             Progress(f"searching for counterexamples in segment {k + 1} of {around.count}")
         )
-        final.append(around.described(k, around.without_counterexamples(k, found)))
+        final.append(around.described(k, around.without_counterexamples(k, search)))
     return tuple(final)
-
-
-def _suited(
-    around: BranchNeighbourhood, clock: PlanningClock, way: FloatArray, kept: KeptSegments
-) -> list[SegmentSearch]:
-    """Return sets that have what a trajectory (N, n) needs, as far as there is space.
-
-    Raises:
-        Infeasible: Status tube_blocked.
-    """
-    found = []
-    for k, part in enumerate(around.parts(way)):
-        clock.announce(Progress(f"measuring segment {k + 1} of {around.count}"))
-        found.append(around.kept_search(k, part, kept))
-    return found
 
 
 def _traded(around: BranchNeighbourhood, clock: PlanningClock) -> list[SegmentSearch]:
     """Return sets that suit a fast trajectory.
 
-    A first, rough measurement ignores trajectories. A fast one that may leave its sets a little
-    then shows which radii and joint ranges it needs, and sets with another compromise between them
-    are measured; once more where nothing can be planned in these.
+    A first, rough measurement ignores trajectories. A fast trajectory that may leave its sets a
+    little then shows the radii and joint ranges that it needs, and sets with another compromise
+    between these are measured; once more where nothing can be planned in the new sets.
 
     Raises:
         Infeasible: Status tube_blocked.
@@ -238,27 +224,26 @@ def _traded(around: BranchNeighbourhood, clock: PlanningClock) -> list[SegmentSe
     return rough
 
 
-# ---- Which configurations of an arm are reachable and free along each segment of a tube.
+# ---- Reachable and free sign patterns of an arm along each segment of a tube.
 #
 # The signs of the joints that fold distinguish configurations: elbow up or down, and the like.
 
-_SEEDS = 24  # configurations, of this many samples, from which to search for a branch
-_SAMPLES = 600
+_SEEDS, _SAMPLES = 24, 600  # configurations from which to search for a branch, of these samples
 _NEAR_LINE = 0.01  # [m]
-_FREE_BRANCHES = 2  # so many free branches are measured; the best counts
+_FREE_BRANCHES = 2  # free branches that are measured at most; the best counts
 
 
 @dataclass(frozen=True, eq=False)
 class PatternRow:
-    """One sign pattern in one segment.
+    """A sign pattern in a segment.
 
     Attributes:
         segment: Index of the segment.
         signs: "+" or "-" by joint name.
-        reachable: Whether the arm can follow the centre line with these signs.
-        free: Whether it can without a collision.
-        radius: The best radius found, as far as a rough measurement tells [m]; None unless free.
-        message: Why not, where it is not free.
+        reachable: True if the arm can follow the centre line with these signs.
+        free: True if the arm can do so without a collision.
+        radius: The best radius of a rough measurement [m]; None unless free.
+        message: The reason, where the pattern is not free.
     """
 
     segment: int
@@ -280,7 +265,7 @@ class PatternSurvey:
     Attributes:
         rows: One for every segment and pattern.
         suggested: The pattern, the same in all segments, whose smallest radius is largest; None if
-            none is free in all of them.
+            no pattern is free in all segments.
     """
 
     rows: tuple[PatternRow, ...]
@@ -290,7 +275,7 @@ class PatternSurvey:
 
     @property
     def message(self) -> str:
-        """The suggestion, in one sentence."""
+        """The suggestion, as a sentence."""
         if self.suggested is None:
             return "no sign pattern is free in all segments"
         if not self.suggested:
@@ -300,9 +285,9 @@ class PatternSurvey:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields of the command line's JSON, but for loading_time."""
-        found = self.suggested is not None
+        is_blocked = self.suggested is None
         return {
-            "status": str(PlanStatus.SUCCESS if found else PlanStatus.TUBE_BLOCKED),
+            "status": str(PlanStatus.TUBE_BLOCKED if is_blocked else PlanStatus.SUCCESS),
             "message": self.message,
             "suggested": None if self.suggested is None else dict(self.suggested),
             "configurations": [row.as_dict() for row in self.rows],
@@ -314,7 +299,7 @@ def survey_patterns(
     options: MeasureOptions | None = None,
     progress: ProgressCallback | None = None,
 ) -> PatternSurvey:
-    """Find out which sign patterns are reachable and free in each segment of a tube.
+    """Find the reachable and the free sign patterns in each segment of a tube.
 
     Ignores the file's signs of folding joints, its start and its goal; its ranges of other joints
     count.
@@ -342,15 +327,12 @@ def survey_patterns(
             if progress is not None:
                 progress(Progress(f"{of_all}, sign pattern {number} of {len(patterns)}"))
             rows.append(_row(problem, k, signs, options))
-    return PatternSurvey(tuple(rows), _suggested(rows, patterns))
 
-
-def _suggested(rows: list[PatternRow], patterns: list[dict[str, str]]) -> Mapping[str, str] | None:
     def least(signs: Mapping[str, str]) -> float:
         return min(row.radius or 0.0 for row in rows if row.signs == signs)
 
     best = max(patterns, key=least)
-    return best if least(best) > 0 else None
+    return PatternSurvey(tuple(rows), best if least(best) > 0 else None)
 
 
 def _row(
@@ -361,8 +343,8 @@ def _row(
         try:
             branch = reference_branch(alone, RedundancyRule.AS_NEEDED)
             reachable = True
-            found = BranchNeighbourhood(alone, branch, options).first_search(0)
-            radii.append(found.allowed.radius + problem.tube.tool_radius)
+            search = BranchNeighbourhood(alone, branch, options).first_search(0)
+            radii.append(search.allowed.radius + problem.tube.tool_radius)
         except Infeasible as reason:
             if reachable or not why:
                 why = f"{reason.status}: {replace(reason.place, segment=k)}"
@@ -375,29 +357,25 @@ def _row(
 def _posed(
     problem: PlanningProblem, k: int, signs: Mapping[str, str], options: MeasureOptions
 ) -> Iterator[PlanningProblem]:
-    """Yield the problem of one segment alone, with a pattern's signs, from random seeds.
+    """Yield the problem of a segment alone, with a pattern's signs, from random seeds.
 
-    Seeds are near the centre line; those that are free come first.
+    Seeds are near the centre line, free seeds first.
     """
     tube, rng = problem.tube, np.random.default_rng([options.seed, k])
-    asked = ({**tube.joint_ranges[k], **signs},)
+    signs_alone = ({**tube.joint_ranges[k], **signs},)
     widest = tube.with_points([k, k + 1], [k]).with_radius(options.max_radius)
     try:
         alone = problem.along(
-            replace(widest, joint_signs=asked),
+            replace(widest, joint_signs=signs_alone),
             Seed(problem.robot.limits.clip(np.zeros(problem.robot.joint_count))),
         )
     except ProblemError:  # the position limits leave no value with such a sign
         return
-    lower, upper = _one_turn(alone.joint_lower[0], alone.joint_upper[0])
+    # Joint bounds narrowed to one turn about zero, as far as the joints have it.
+    lower = np.maximum(alone.joint_lower[0], np.minimum(-np.pi, alone.joint_upper[0] - 2 * np.pi))
+    upper = np.minimum(alone.joint_upper[0], lower + 2 * np.pi)
     q = ConfigurationSet(alone, 0, lower, upper, _NEAR_LINE).sample(_SAMPLES, rng)
     free = PairClearance(alone, 0.0).least(q, 0.0).clearance > 0
-    order = np.argsort(~free, kind="stable")  # the free ones first
+    order = np.argsort(~free, kind="stable")
     for seed in q[order[:_SEEDS]]:
         yield problem.along(alone.tube, Seed(seed))
-
-
-def _one_turn(lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return joint bounds narrowed to one turn about zero, as far as they have it."""
-    low = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))
-    return low, np.minimum(upper, low + 2 * np.pi)

@@ -20,11 +20,11 @@ class MeasureOptions:
     """How to measure.
 
     Attributes:
-        max_radius: No segment gets a larger radius [m].
-        samples: How many configurations of a segment the last counterexample search draws without
-            finding a collision. Time is proportional.
+        max_radius: Largest radius of a segment [m].
+        samples: Number of configurations of a segment that the last counterexample search draws
+            without finding a collision. Time is proportional.
         seed: Of the random numbers: the same seed gives the same tube.
-        max_segments: A tube of more segments is refused: each of them takes one to two seconds.
+        max_segments: Largest number of segments, since each takes one to two seconds.
     """
 
     max_radius: float = 0.2
@@ -39,10 +39,10 @@ class MeasureOptions:
         require_count(self, 1, "max_segments")
 
     def require_few(self, count: int) -> None:
-        """Raise unless a tube has few enough segments to be measured.
+        """Check that a tube has few enough segments to be measured.
 
         Raises:
-            OptionError: It has more than `max_segments`.
+            OptionError: The tube has more than `max_segments`.
         """
         if count > self.max_segments:
             raise OptionError(
@@ -54,12 +54,12 @@ class MeasureOptions:
 
 @dataclass(frozen=True, eq=False)
 class Binding:
-    """What keeps a radius or one side of a joint range from being larger.
+    """The collision that bounds a radius or a side of a joint range.
 
     Attributes:
         bound: "radius", or "lower" or "upper" side of the joint's range.
         place: Links and obstacle that come too close, the joint, and where the tool is then.
-        configuration: In which they do, shape (n,) [rad or m].
+        configuration: The configuration of the collision, shape (n,) [rad or m].
     """
 
     bound: str
@@ -74,17 +74,18 @@ class Binding:
 
 @dataclass(frozen=True, eq=False)
 class SegmentMeasurement:
-    """The largest set found for one segment.
+    """The largest set found for a segment.
 
     Attributes:
         radius: Of the tube, the tool radius included [m].
         joint_ranges: By joint name [rad or m]; joints that need no range are left out.
-        bindings: What limits the set, one entry per bound that something limits.
-        samples: How many configurations the last counterexample search drew; it found no collision.
-        searched: How many configurations all counterexample searches for this set drew.
-        collisions: How many collisions all searches found; all are outside the set now.
-        least_clearance: The least distance beyond what is required that the last counterexample
-            search found [m]; None if nothing came near.
+        bindings: One entry per bound of the set that a collision limits.
+        samples: Number of configurations tested by the last counterexample search, which found no
+            collision.
+        searched: Number of configurations tested by all counterexample searches for this set.
+        collisions: Number of collisions found by all searches; all are outside the set now.
+        least_clearance: Least distance beyond the required one in the last counterexample search
+            [m]; None if no pair came near.
     """
 
     radius: float
@@ -138,7 +139,7 @@ class TubeMeasurement:
 
     @property
     def succeeded(self) -> bool:
-        """Whether there is a measured tube."""
+        """True if there is a measured tube."""
         return self.status is PlanStatus.SUCCESS
 
     def as_dict(self) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from tubeplanner.studies.tubes.tool_corners import ToolCorners, reference_tube, 
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 
-# ---- The common end of `route` and `teach`: measure a tube's radii and ranges, and plan in it.
+# ---- Measure a tube's radii and ranges, and plan the trajectory.
 
 _MAX_PARTINGS = 4
 # A segment takes one to two seconds with as few samples as `route` and `teach` draw.
@@ -32,11 +32,11 @@ MAX_CORNER_SEGMENTS = 40
 
 @dataclass(frozen=True, eq=False)
 class PlannedTube:
-    """A problem with a tube that was found for it, and its certified plan.
+    """A problem with its tube, and the certified plan.
 
     Attributes:
-        problem: With that tube.
-        result: Its plan.
+        problem: The problem with the tube.
+        result: The plan.
     """
 
     problem: PlanningProblem
@@ -58,13 +58,13 @@ def measured_plan(
     clock: PlanningClock,
     way: FloatArray | None = None,
 ) -> PlannedTube:
-    """Measure the tube around corners of a route, and plan the trajectory through it.
+    """Measure the tube around corners of a route, and plan the trajectory.
 
     Args:
         problem: The planning problem; its tube does not count.
-        space: Which configurations are free.
-        corners: Reference points, and the arm between them.
-        band: How far joints may leave their ranges there, before measuring [rad or m].
+        space: The free configurations.
+        corners: Reference points, and configurations between.
+        band: Width by which joints may leave the corners' ranges, before measuring [rad or m].
         options: How to measure.
         clock: Announces progress and may end the work.
         way: Configurations of a fast trajectory, shape (N, n), whose needs decide; None: such
@@ -94,9 +94,8 @@ def measured_plan(
 
 
 def measure_options(max_radius: float, samples: int, seed: int) -> MeasureOptions:
-    """Return how the tube around corners is measured; all of them, and those added to them."""
-    most = MAX_CORNER_SEGMENTS + _MAX_PARTINGS
-    return MeasureOptions(max_radius, samples, seed, max_segments=most)
+    """Return the options that measure all corners of a route, with the corners added later."""
+    return MeasureOptions(max_radius, samples, seed, MAX_CORNER_SEGMENTS + _MAX_PARTINGS)
 
 
 def in_tube(
@@ -106,8 +105,8 @@ def in_tube(
 
     Args:
         problem: The planning problem; its tube does not count.
-        corners: Reference points, and the arm between them.
-        band: How far joints may leave their ranges there [rad or m].
+        corners: Reference points, and configurations between.
+        band: Width by which joints may leave the corners' ranges [rad or m].
         radius: Of all segments [m].
     """
     segments = [np.vstack(pair) for pair in zip(corners.lines, corners.parts, strict=True)]
@@ -135,10 +134,10 @@ def _measured(
 def plan_under(
     clock: PlanningClock, problem: PlanningProblem, quality: str = "balanced"
 ) -> PlanResult:
-    """Return what planning finds in the time that is left on a clock.
+    """Return the plan of a problem within the remaining time of a clock.
 
     Raises:
-        TimeLimitReached: None is left.
+        TimeLimitReached: No time remains.
     """
     clock.check()
     limit = None if np.isinf(clock.remaining) else clock.remaining
@@ -147,9 +146,9 @@ def plan_under(
 
 
 def followed(found: PlannedTube, clock: PlanningClock) -> PlannedTube | Infeasible:
-    """Return a tube with the motion that its problem asks for: smooth, in whole periods.
+    """Return a tube with the motion that its problem requires: smooth, in whole periods.
 
-    Or why there is none: the duration that is asked for is too short.
+    Or the reason why there is no motion: the required duration is too short.
     """
     result = followed_plan(found.problem, found.result, None, clock)
     if not result.succeeded:
@@ -157,7 +156,7 @@ def followed(found: PlannedTube, clock: PlanningClock) -> PlannedTube | Infeasib
     return replace(found, result=result)
 
 
-# ---- The result of a search for a tube: a problem to plan, or the reason why there is none.
+# ---- The result of a search for a tube: a planned problem, or the reason of the failure.
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,13 +166,13 @@ class TubeAnswer:
     Attributes:
         status: Success means that the trajectory through the tube is certified.
         message: One sentence.
-        place: Where, if there is no answer.
+        place: Location of the failure, if there is no answer.
         found: The problem with its tube, and its plan; None unless successful.
-        measured: The tube in which no collision was found, and its plan: `found`, or slower than
-            that; None if there is none.
+        measured: The tube in which no collision was found, and its plan: `found`, or a slower plan;
+            None if no tube was measured.
         notes: Further information.
-        compared: Durations of the trajectories through the tubes that were compared before
-            measuring, each of the same radius [s]; None where there was no trajectory.
+        compared: Durations of the trajectories through tubes of the same radius, compared before
+            measuring [s]; None where there was no trajectory.
         search_time: Wall time from the loaded problem to the answer [s].
         stopped_by: "time_limit" or "interrupt" if that ended the search early; None otherwise.
     """
@@ -192,12 +191,15 @@ class TubeAnswer:
 
     @property
     def succeeded(self) -> bool:
-        """Whether there is a tube with a certified trajectory."""
+        """True if there is a tube with a certified trajectory."""
         return self.status is PlanStatus.SUCCESS
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields of the command line's JSON, but for loading_time."""
         planned = {} if self.found is None else self.found.result.as_dict()
+        measured = None
+        if self.measured is not None:
+            measured = {"duration": self.measured.duration, **_tube_fields(self.measured)}
         return {
             **planned,
             "status": str(self.status),
@@ -208,20 +210,15 @@ class TubeAnswer:
             "compared_durations": list(self.compared),
             "stopped_by": self.stopped_by,
             **_tube_fields(self.found),
-            "measured": self._measured_fields(),
+            "measured": measured,
         }
-
-    def _measured_fields(self) -> dict[str, Any] | None:
-        if self.measured is None:
-            return None
-        return {"duration": self.measured.duration, **_tube_fields(self.measured)}
 
 
 def answer_of(found: PlannedTube | Infeasible, **more: Any) -> TubeAnswer:
-    """Return an answer: what was found, or why nothing was.
+    """Return the answer of a search.
 
     Args:
-        found: What was found, or the reason.
+        found: The planned tube, or the reason of the failure.
         more: Other fields of the answer.
     """
     if isinstance(found, Infeasible):

@@ -39,85 +39,18 @@ from tubeplanner.studies.tubes.planned_tube import (
 from tubeplanner.studies.tubes.tool_corners import ToolCorners, tool_corners
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- Configurations in which the trajectory may end: the given one, or those of a tool position.
+# ---- A tube from start, goal and obstacles alone: the question that Suh & Bishop 1988 left open.
+#
+# Routes are found at random; the tool's path along each becomes few reference points. The most
+# promising routes are planned in tubes of equal radius, and the fastest is the answer; a tube in
+# which nothing collides is measured around it.
 
-_DRAWS = 100
-_MAX_GOALS = 8
-_DECIMALS = 6
-_REACHED = 1e-6  # [m]
-_SAME = 0.1  # [rad or m] of every joint
-_AROUND = np.pi  # [rad or m]: how far from the start configurations are drawn
-
-
-def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) -> FloatArray:
-    """Return free configurations (G, n) for the goal, the nearest to the start first.
-
-    Args:
-        problem: Its goal, or where that is open the tool position there.
-        start: Shape (n,).
-        seed: Of random numbers, where the goal is a tool position.
-
-    Raises:
-        Infeasible: None is free (status tube_blocked), or the tool does not reach the goal
-            (status unreachable).
-    """
-    if (q := problem.endpoints[1].joints) is not None:
-        require_free(problem, "goal", q)
-        return q[None]
-    free, blocked = [], None
-    for q in _reaching(problem, start, seed):
-        try:
-            require_free(problem, "goal", q)
-            free.append(q)
-        except Infeasible as reason:
-            blocked = blocked or reason
-    if not free and blocked is not None:
-        raise blocked
-    return np.array(free[:_MAX_GOALS])
-
-
-def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[FloatArray]:
-    """Return configurations that have the tool at the goal, the nearest to the start first.
-
-    Raises:
-        Infeasible: Status unreachable.
-    """
-    limits, goal = problem.robot.limits, problem.endpoints[1]
-    target = problem.tube.points[-1] if goal.region is None else goal.region.position
-    if goal.seed is not None:
-        seeds = goal.seed[None]
-    else:
-        low = np.maximum(limits.lower_position, start - _AROUND)
-        high = np.minimum(limits.upper_position, start + _AROUND)
-        drawn = np.random.default_rng(seed).uniform(low, high, (_DRAWS, len(start)))
-        seeds = np.vstack([start, drawn])
-    found: list[FloatArray] = []
-    least = np.inf
-    for near in seeds:
-        solution = solve_position(
-            problem.robot, target, near, limits.lower_position, limits.upper_position
-        )
-        least = min(least, solution.error)
-        is_new = all(abs(solution.q - other).max() > _SAME for other in found)
-        if solution.error <= _REACHED and is_new:
-            found.append(np.round(solution.q, _DECIMALS))
-    if not found:
-        message = (
-            f"no configuration was found for the goal: the tool was brought no nearer than "
-            f"{least:.4g} m from {len(seeds)} starts"
-        )
-        raise Infeasible(PlanStatus.UNREACHABLE, message, Place().at(target))
-    return sorted(found, key=lambda q: float(abs(q - start).max()))
-
-
-# ---- Routes from start to goal, several of them: each search finds another one.
-
-# Distance kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow passages are
-# short.
-_MARGINS = (0.03, 0.01)
-_MIN_MARGIN = 0.002  # where there is no route with more
-_SAMPLES_PER_PIECE = 10
-_SHARE_OF_TIME = 0.3  # of a time limit: after that, no more routes are searched than there are
+# Routes are compared by the trajectory through a tube of this radius [m].
+_RADIUS_TO_COMPARE = 0.05
+_MAX_COMPARED = 3
+_COMPARING_SHARE = 0.6  # of a time limit, after which no more routes are compared
+_MAX_MEASURED = 2  # where the tube around the fastest route is blocked, the next is measured
+_STEPS = 4  # routes, their comparison, the plan, the measured tube
 
 
 @dataclass(frozen=True)
@@ -126,11 +59,11 @@ class RouteOptions:
 
     Attributes:
         seed: Of all random numbers, >= 1; the same seed gives the same answer.
-        tries: How many routes to search for with each distance from obstacles.
-        checks: How many configurations a try tests before it gives up.
-        band: How far joints may leave the route's ranges in a segment, before measuring [rad, m].
-        max_radius: No segment gets a larger radius [m].
-        samples: How many configurations of a segment the last counterexample search draws.
+        tries: Number of routes to search for with each distance from obstacles.
+        checks: Number of configurations that a try tests before it gives up.
+        band: Width by which joints may leave the route's ranges, before measuring [rad or m].
+        max_radius: Largest radius of a segment [m].
+        samples: Number of configurations of a segment in the last counterexample search.
         time_limit: Wall time after which the search ends with the best it has [s]; None: never.
     """
 
@@ -155,10 +88,10 @@ class RouteCandidate:
     """A route whose tool goes straight between few reference points.
 
     Attributes:
-        space: The configurations that are free.
-        corners: Its reference points, and the arm between them.
-        joint_time: The least time its joints take at their largest velocities [s]; joints without
-            one count as if it were 1 rad/s or 1 m/s.
+        space: The free configurations.
+        corners: Reference points, and configurations between.
+        joint_time: The least time of the joints at their velocity limits [s]; joints without a
+            limit count with 1 rad/s or 1 m/s.
     """
 
     space: FreeSpace
@@ -166,118 +99,17 @@ class RouteCandidate:
     joint_time: float
 
 
-def route_candidates(
-    problem: PlanningProblem,
-    start: FloatArray,
-    goals: FloatArray,
-    options: RouteOptions,
-    clock: PlanningClock,
-) -> list[RouteCandidate]:
-    """Return routes that were found, the one of the least joint time first.
-
-    A trajectory that optimisation alone finds counts as a route too.
-
-    Args:
-        problem: Its arm and obstacles count.
-        start: Shape (n,).
-        goals: Free configurations, one of which it must reach, shape (G, n).
-        options: How to find them.
-        clock: Announces progress and may end the work.
-
-    Raises:
-        Infeasible: Status no_trajectory: none was found.
-        TimeLimitReached: Before one was.
-    """
-    found: list[RouteCandidate] = []
-    ends = np.vstack([start, goals])
-    limits = problem.robot.limits
-    for margin in (*_MARGINS, _MIN_MARGIN):
-        if found and margin == _MIN_MARGIN:
-            break
-        space = FreeSpace(problem, margin, ends)
-        search = RouteSearch(space, start, goals, limits.lower_position, limits.upper_position)
-        for k in range(options.tries):
-            clock.enter(f"route {k + 1} of {options.tries}, {1000 * margin:g} mm from obstacles")
-            route = search.route(options.seed + k, options.checks, lambda: clock.remaining <= 0)
-            found += _candidates(problem.robot, space, route)
-            if found and clock.used > _SHARE_OF_TIME:
-                return sorted(found, key=lambda candidate: candidate.joint_time)
-    if not found:
-        clock.check()
-        raise _no_route(problem, search, options)
-    space = FreeSpace(problem, _MIN_MARGIN, ends)
-    for margin in _MARGINS:
-        clock.enter(f"a trajectory without a route, {1000 * margin:g} mm from obstacles")
-        way = _candidates(problem.robot, space, _trajectory(problem, goals[0], margin, clock))
-        found += way
-        if way or clock.used > _SHARE_OF_TIME:
-            break
-    return sorted(found, key=lambda candidate: candidate.joint_time)
-
-
-def _candidates(
-    robot: RobotModel, space: FreeSpace, route: FloatArray | None
-) -> list[RouteCandidate]:
-    corners = None if route is None else tool_corners(robot, space, route)
-    if corners is None:
-        return []
-    return [RouteCandidate(space, corners, _joint_time(robot, corners.lines))]
-
-
-def _trajectory(
-    problem: PlanningProblem, goal: FloatArray, margin: float, clock: PlanningClock
-) -> FloatArray | None:
-    """Return the fastest trajectory from straight joint lines, if it avoids all obstacles."""
-    wider = replace(problem.farther_apart(margin), goal=goal)
-    planned = plan_under(clock, wider, "fast")
-    if planned.trajectory is None:
-        return None
-    return planned.trajectory.per_piece(_SAMPLES_PER_PIECE).position
-
-
-def _joint_time(robot: RobotModel, lines: tuple[FloatArray, ...]) -> float:
-    speed = np.where(np.isfinite(robot.limits.velocity), robot.limits.velocity, 1.0)
-    steps = np.concatenate([abs(np.diff(q, axis=0)) / speed for q in lines])
-    return float(steps.max(axis=1).sum())
-
-
-def _no_route(problem: PlanningProblem, search: RouteSearch, options: RouteOptions) -> Infeasible:
-    tool = problem.robot.tool_position(search.reached[None])[0]
-    x, y, z = tool
-    message = (
-        f"no route was found in {options.tries * (1 + len(_MARGINS))} tries of {options.checks} "
-        f"configurations; the last one brought the tool to [{x:.3f}, {y:.3f}, {z:.3f}] m: move "
-        "what is in the way, choose another goal configuration, or give it more tries or checks"
-    )
-    return Infeasible(PlanStatus.NO_TRAJECTORY, message, Place().at(tool))
-
-
-# ---- A tube from start, goal and obstacles alone: the question that Suh & Bishop 1988 left open.
-#
-# Routes are found at random; the tool's path along each becomes few reference points. The most
-# promising are planned in tubes of equal radius, and the fastest is the answer; a tube in which
-# nothing collides is measured around it.
-
-# Routes are compared by the trajectory through a tube of this radius [m].
-_RADIUS_TO_COMPARE = 0.05
-_MAX_COMPARED = 3
-_COMPARING_SHARE = 0.6  # of a time limit: after that, no more routes are compared
-# Where the tube around the fastest route is blocked, the next one's is measured.
-_MAX_MEASURED = 2
-_STEPS = 4  # routes, their comparison, the plan, the measured tube
-
-
 def find_route(
     problem: PlanningProblem,
     options: RouteOptions | None = None,
     progress: ProgressCallback | None = None,
 ) -> TubeAnswer:
-    """Find a tube from a problem's start to its goal, and plan the trajectory through it.
+    """Find a tube from a problem's start to its goal, and plan the trajectory.
 
     Args:
-        problem: Start, goal and obstacles count; its tube does not, but for its last point where
-            the goal is left open: there the tool is to go.
-        options: How to find it.
+        problem: Start, goal and obstacles count. The tube does not, but for its last point, which
+            is the goal where the goal is left open.
+        options: How to find the tube.
         progress: Called as each stage begins, with the duration of the best trajectory so far.
 
     Raises:
@@ -292,23 +124,23 @@ def find_route(
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
     require_ompl()
     try:
-        problem, chosen = configured_ends(problem)
+        problem, notes = configured_ends(problem)
     except Infeasible as reason:
         return answer_of(reason)
     start = problem.endpoints[0].joints
     assert start is not None
-    finder = _RouteFinder(problem, options, progress, chosen)
+    finder = _RouteFinder(problem, options, progress, notes)
     try:
         _, stopped_by = until_stopped(lambda: finder.search(start))
     except Infeasible as reason:
         return answer_of(reason, **finder.facts)
     if finder.best is not None:
+        answer: PlannedTube | Infeasible = finder.best
         if stopped_by is None:
-            found = followed(finder.best, finder.clock)
+            answer = followed(finder.best, finder.clock)
         else:
-            found = finder.best
             finder.note_stop(stopped_by)
-        return answer_of(found, stopped_by=stopped_by, **finder.facts)
+        return answer_of(answer, stopped_by=stopped_by, **finder.facts)
     if stopped_by == "interrupt":
         raise KeyboardInterrupt
     late = finder.clock.past_limit
@@ -334,12 +166,12 @@ class _Compared:
 
 
 class _RouteFinder:
-    """The steps from a problem without a tube to one with the tube of its fastest route.
+    """The steps from a problem to the tube of its fastest route.
 
     Attributes:
         clock: Of the whole search.
-        best: The fastest trajectory that is certified so far, and its tube.
-        measured: The measured tube, if there is one.
+        best: The fastest certified trajectory so far, and its tube.
+        measured: The measured tube, if any.
     """
 
     def __init__(
@@ -359,7 +191,7 @@ class _RouteFinder:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What an answer tells beside its tube."""
+        """Fields of an answer beside its tube."""
         return {
             "measured": self.measured,
             "notes": tuple(self._notes),
@@ -371,8 +203,9 @@ class _RouteFinder:
         """Find the fastest trajectory, then the measured tube.
 
         Raises:
-            Infeasible: There is none; the reason is that of the route that promised most.
-            TimeLimitReached: Before the end; likewise KeyboardInterrupt.
+            Infeasible: There is no trajectory; the reason is that of the most promising route.
+            TimeLimitReached: Before the end.
+            KeyboardInterrupt: Before the end.
         """
         require_free(self._problem, "start", start)
         goals = goal_configurations(self._problem, start, self._options.seed)
@@ -400,9 +233,9 @@ class _RouteFinder:
 
     def _fastest_first(self, routes: list[RouteCandidate]) -> list[_Compared]:
         """Return the routes with a certified trajectory in equal tubes, by its duration."""
-        found: list[_Compared] = []
+        compared: list[_Compared] = []
         for k, route in enumerate(routes):
-            if found and self.clock.used > _COMPARING_SHARE:
+            if compared and self.clock.used > _COMPARING_SHARE:
                 break
             problem = in_tube(self._problem, route.corners, self._options.band, _RADIUS_TO_COMPARE)
             with self.clock.within(f"route {k + 1} of {len(routes)}"):
@@ -410,9 +243,9 @@ class _RouteFinder:
                 result = plan_under(self.clock, problem, "fast")
             self._durations.append(result.duration)
             if result.succeeded:
-                found.append(_Compared(route, problem, result))
-                self._offer(found[-1].planned)
-        return sorted(found, key=lambda each: each.planned.duration)
+                compared.append(_Compared(route, problem, result))
+                self._offer(compared[-1].planned)
+        return sorted(compared, key=lambda each: each.planned.duration)
 
     def _measure(self, compared: list[_Compared]) -> None:
         """Measure a tube around the first of some routes that has the space."""
@@ -455,14 +288,14 @@ class _RouteFinder:
         )
 
     def _offer(self, found: PlannedTube) -> None:
-        """Keep a certified trajectory if it is the fastest so far."""
+        """Replace the best trajectory by a certified trajectory if that is faster."""
         if not found.result.succeeded:
             return
         if self.best is None or found.duration < self.best.duration:
             self.best = found
 
     def _shown(self, progress: ProgressCallback | None) -> Callable[[Progress], None] | None:
-        """Return a callback that tells how far the whole search has come."""
+        """Return a callback that adds step and best duration to the progress of a stage."""
         if progress is None:
             return None
 
@@ -472,3 +305,166 @@ class _RouteFinder:
             progress(replace(stage, stage=whole, best_duration=best))
 
         return show
+
+
+# ---- Routes from start to goal: each search finds another.
+
+# Distance kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow passages are
+# short.
+_MARGINS = (0.03, 0.01)
+_MIN_MARGIN = 0.002  # where there is no route with more
+_SAMPLES_PER_PIECE = 10
+_SHARE_OF_TIME = 0.3  # of a time limit, after which no more routes are searched if there is one
+
+
+def route_candidates(
+    problem: PlanningProblem,
+    start: FloatArray,
+    goals: FloatArray,
+    options: RouteOptions,
+    clock: PlanningClock,
+) -> list[RouteCandidate]:
+    """Return routes by their joint times, the least first.
+
+    A trajectory that optimisation alone finds counts as a route too.
+
+    Args:
+        problem: The problem, of which the arm and the obstacles count.
+        start: Shape (n,).
+        goals: Free configurations, any of which ends a route, shape (G, n).
+        options: How to find routes.
+        clock: Announces progress and may end the work.
+
+    Raises:
+        Infeasible: Status no_trajectory: no route was candidates.
+        TimeLimitReached: The time limit passed before a route was candidates.
+    """
+    candidates: list[RouteCandidate] = []
+    ends = np.vstack([start, goals])
+    limits = problem.robot.limits
+    for margin in (*_MARGINS, _MIN_MARGIN):
+        if candidates and margin == _MIN_MARGIN:
+            break
+        space = FreeSpace(problem, margin, ends)
+        search = RouteSearch(space, start, goals, limits.lower_position, limits.upper_position)
+        for k in range(options.tries):
+            clock.enter(f"route {k + 1} of {options.tries}, {1000 * margin:g} mm from obstacles")
+            route = search.route(options.seed + k, options.checks, lambda: clock.remaining <= 0)
+            candidates += _candidates(problem.robot, space, route)
+            if candidates and clock.used > _SHARE_OF_TIME:
+                return sorted(candidates, key=lambda candidate: candidate.joint_time)
+    if not candidates:
+        clock.check()
+        raise _no_route(problem, search, options)
+    space = FreeSpace(problem, _MIN_MARGIN, ends)
+    for margin in _MARGINS:
+        clock.enter(f"a trajectory without a route, {1000 * margin:g} mm from obstacles")
+        way = _candidates(problem.robot, space, _trajectory(problem, goals[0], margin, clock))
+        candidates += way
+        if way or clock.used > _SHARE_OF_TIME:
+            break
+    return sorted(candidates, key=lambda candidate: candidate.joint_time)
+
+
+def _candidates(
+    robot: RobotModel, space: FreeSpace, route: FloatArray | None
+) -> list[RouteCandidate]:
+    corners = None if route is None else tool_corners(robot, space, route)
+    if corners is None:
+        return []
+    speed = np.where(np.isfinite(robot.limits.velocity), robot.limits.velocity, 1.0)
+    steps = np.concatenate([abs(np.diff(q, axis=0)) / speed for q in corners.lines])
+    return [RouteCandidate(space, corners, joint_time=float(steps.max(axis=1).sum()))]
+
+
+def _trajectory(
+    problem: PlanningProblem, goal: FloatArray, margin: float, clock: PlanningClock
+) -> FloatArray | None:
+    """Return the fastest trajectory from straight joint lines, if free of collisions, (N, n)."""
+    wider = replace(problem.farther_apart(margin), goal=goal)
+    planned = plan_under(clock, wider, "fast")
+    if planned.trajectory is None:
+        return None
+    return planned.trajectory.per_piece(_SAMPLES_PER_PIECE).position
+
+
+def _no_route(problem: PlanningProblem, search: RouteSearch, options: RouteOptions) -> Infeasible:
+    tool = problem.robot.tool_position(search.reached[None])[0]
+    x, y, z = tool
+    message = (
+        f"no route was found in {options.tries * (1 + len(_MARGINS))} tries of {options.checks} "
+        f"configurations; the last one brought the tool to [{x:.3f}, {y:.3f}, {z:.3f}] m: move "
+        "what is in the way, choose another goal configuration, or give it more tries or checks"
+    )
+    return Infeasible(PlanStatus.NO_TRAJECTORY, message, Place().at(tool))
+
+
+# ---- Configurations in which the trajectory may end: the given one, or those of a tool position.
+
+_DRAWS = 100
+_MAX_GOALS = 8
+_DECIMALS = 6
+_REACHED = 1e-6  # [m]
+_SAME = 0.1  # [rad or m] of every joint
+_AROUND = np.pi  # [rad or m] about the start: where configurations are drawn
+
+
+def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) -> FloatArray:
+    """Return free configurations (G, n) for the goal, nearest to the start first.
+
+    Args:
+        problem: Its goal, or where that is open the tool position there.
+        start: Shape (n,).
+        seed: Of random numbers, where the goal is a tool position.
+
+    Raises:
+        Infeasible: No configuration is free (status tube_blocked), or the tool does not reach the
+            goal (status unreachable).
+    """
+    if (q := problem.endpoints[1].joints) is not None:
+        require_free(problem, "goal", q)
+        return q[None]
+    free, blocked = [], None
+    for q in _reaching(problem, start, seed):
+        try:
+            require_free(problem, "goal", q)
+            free.append(q)
+        except Infeasible as reason:
+            blocked = blocked or reason
+    if not free and blocked is not None:
+        raise blocked
+    return np.array(free[:_MAX_GOALS])
+
+
+def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[FloatArray]:
+    """Return configurations that have the tool at the goal, nearest to the start first.
+
+    Raises:
+        Infeasible: Status unreachable.
+    """
+    limits, goal = problem.robot.limits, problem.endpoints[1]
+    target = problem.tube.points[-1] if goal.region is None else goal.region.position
+    if goal.seed is not None:
+        seeds = goal.seed[None]
+    else:
+        low = np.maximum(limits.lower_position, start - _AROUND)
+        high = np.minimum(limits.upper_position, start + _AROUND)
+        drawn = np.random.default_rng(seed).uniform(low, high, (_DRAWS, len(start)))
+        seeds = np.vstack([start, drawn])
+    solutions: list[FloatArray] = []
+    least = np.inf
+    for near in seeds:
+        solution = solve_position(
+            problem.robot, target, near, limits.lower_position, limits.upper_position
+        )
+        least = min(least, solution.error)
+        is_new = all(abs(solution.q - other).max() > _SAME for other in solutions)
+        if solution.error <= _REACHED and is_new:
+            solutions.append(np.round(solution.q, _DECIMALS))
+    if not solutions:
+        message = (
+            f"no configuration was solutions for the goal: the tool was brought no nearer than "
+            f"{least:.4g} m from {len(seeds)} starts"
+        )
+        raise Infeasible(PlanStatus.UNREACHABLE, message, Place().at(target))
+    return sorted(solutions, key=lambda q: float(abs(q - start).max()))

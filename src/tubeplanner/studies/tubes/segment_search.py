@@ -32,22 +32,20 @@ from tubeplanner.task.problem import PlanningProblem
 _MIN_RADIUS, _MIN_RANGE = 1e-3, 1e-3
 WANTED_RANGE = 0.05
 _WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
-# More than this is worth nothing: of a range whose need is unknown [rad or m]; else beyond the
-# need, of a radius [m] and of a range [rad or m].
+# More counts nothing: of a range whose need is unknown [rad or m]; else beyond the need, of a
+# radius [m] and of a range [rad or m].
 _ENOUGH_RANGE, _EXTRA_RADIUS, _EXTRA_RANGE = 0.3, 5e-3, 0.05
 # How far the set ends before a collision [m], [rad or m]: so that searches come to an end.
 _MARGIN_RADIUS, _MARGIN_RANGE = 1e-3, 1e-2
 _FIRST_SAMPLES = 2000
-_FIRST_SHARE = 8  # the first search has so many times fewer samples than the last
-# After so many counterexample searches, or one without a collision, the set only shrinks: most is
-# known where it was.
+_FIRST_SHARE = 8  # samples of the last search over those of the first
+# After this many counterexample searches, or one without a collision, the set only shrinks: most
+# collisions are known where it was.
 _FREE_ROUNDS = 25
 _MAX_ROUNDS = 200
-# So many collisions of a search are moved to the edge of the colliding region, in so many
-# bisections.
+# Collisions per search that are moved to the edge of the colliding region, and bisections for it.
 _MAX_MOVED, _BISECTIONS = 48, 8
 _DECIMALS = 4  # of the numbers written to files
-
 
 # Lower and upper joint bounds, shape (n,) each [rad or m].
 JointBounds: TypeAlias = tuple[FloatArray, FloatArray]
@@ -55,13 +53,12 @@ JointBounds: TypeAlias = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class SetPreferences:
-    """What a set should be like.
+    """The trade between radius and joint ranges of a set.
 
     Attributes:
-        needed: How far a fast trajectory reaches beyond the branch in each direction, shape (1 +
-            2n,); a little more is enough. None: not known, and no radius is enough.
-        radius_worth: What the logarithm of the radius counts, where that of every side of a range
-            counts 1.
+        needed: Extents beyond the branch that a fast trajectory needs, shape (1 + 2n,); a little
+            more is enough. None: not known, and no radius is enough.
+        radius_worth: Weight of the logarithm of the radius; that of every side of a range is 1.
     """
 
     needed: FloatArray | None = None
@@ -70,7 +67,7 @@ class SetPreferences:
 
 @dataclass(frozen=True, eq=False)
 class Collision:
-    """Even the branch's own surroundings collide.
+    """A collision in the surroundings that every set must hold.
 
     Attributes:
         q: A configuration in which links are too close, shape (n,).
@@ -85,16 +82,16 @@ class Collision:
 
 @dataclass(frozen=True, eq=False)
 class SegmentSearch:
-    """What was found for one segment.
+    """The largest set found for a segment.
 
     Attributes:
         allowed: The set.
-        box: How far it reaches beyond the branch, in which direction, and what ends it there.
-        preferences: What it should be like.
+        box: Its extents beyond the branch in each direction, and the collisions that end it there.
+        preferences: The preferences it was searched with.
         q: Collisions found during the search, shape (B, n); the blockers of the box.
         pair: The pair of shapes that is too close in each, shape (B,).
         last: The counterexample search that found nothing.
-        samples: How many configurations the counterexample searches of this search looked at.
+        samples: Number of configurations tested by the counterexample searches of this search.
     """
 
     allowed: ConfigurationSet
@@ -127,8 +124,8 @@ class CollisionBoxes:
             problem: The planning problem; its radius is the largest that the set may have.
             segment: Index of the segment.
             branch: Configurations along it, shape (P, n).
-            core: Of what the set must hold.
-            outer: Of what it may hold.
+            core: Joint bounds that the set must hold.
+            outer: Joint bounds that the set must stay in.
             clearance: Of the pairs of links.
         """
         self._problem, self._segment, self._branch = problem, segment, branch
@@ -145,7 +142,7 @@ class CollisionBoxes:
                 np.minimum(upper - self._upper, _WIDEST_RANGE),
             ]
         )
-        # Collisions known, the pairs that collide, how far they are beyond the core.
+        # Known collisions, the pairs that collide, their distances beyond the core.
         self.q = np.zeros((0, branch.shape[1]))
         self.pair = np.zeros(0, dtype=np.int64)
         self.beyond = np.zeros((0, len(self.widest)))
@@ -164,11 +161,11 @@ class CollisionBoxes:
         return ConfigurationSet(self._problem, self._segment, lower, upper, radius)
 
     def needed(self, q: FloatArray) -> FloatArray:
-        """Return how far configurations (N, n) reach beyond the core, shape (1 + 2n,)."""
+        """Return the extents beyond the core that hold configurations (N, n), shape (1 + 2n,)."""
         return np.asarray(np.maximum(self._beyond_core(q).max(axis=0, initial=0.0), 0.0))
 
     def learn(self, q: FloatArray, pair: IntArray) -> None:
-        """Take note of collisions, shapes (C, n) and (C,)."""
+        """Add collisions: configurations (C, n) and their pairs (C,)."""
         share = self._beyond_core(q) / np.maximum(self.widest, _MIN_RANGE)
         nearest = np.argsort(share.max(axis=1))[:_MAX_MOVED]
         q = q.copy()
@@ -177,24 +174,24 @@ class CollisionBoxes:
         self.beyond = np.concatenate([self.beyond, self._beyond_core(q)])
 
     def moved_to(self, problem: PlanningProblem, segment: int) -> "CollisionBoxes":
-        """Return the same boxes, of the same segment in another problem."""
-        moved = copy(self)
-        moved._problem, moved._segment = problem, segment
-        return moved
+        """Return the same boxes for the same segment of another problem."""
+        boxes = copy(self)
+        boxes._problem, boxes._segment = problem, segment
+        return boxes
 
     def clear(self, allowed: ConfigurationSet, search: CounterexampleSearch) -> None:
-        """Take note of a set in which a search found nothing."""
+        """Remember a set in which a search found nothing."""
         self._cleared.append((allowed, search))
 
     def cleared(self, allowed: ConfigurationSet, samples: int) -> CounterexampleSearch | None:
-        """Return a search of so many samples that found nothing in just this set, if any did."""
+        """Return a remembered search of the same set with at least `samples` samples, or None."""
         for other, search in self._cleared:
             if search.tried >= samples and other.is_as(allowed):
                 return search
         return None
 
     def collision(self) -> Collision | None:
-        """Return a collision that no box leaves out, if there is one."""
+        """Return the deepest collision inside the core, which no box leaves out, or None."""
         inside = np.flatnonzero((self.beyond <= 0).all(axis=1))
         if len(inside) == 0:
             return None
@@ -232,17 +229,17 @@ def range_core(
 def search_core(
     boxes: CollisionBoxes, clearance: PairClearance, samples: int, rng: np.random.Generator
 ) -> Collision | None:
-    """Return a collision in what every set around a branch holds, if a quick search finds one.
+    """Return a collision in the core of boxes, or None if a quick search finds none.
 
     Args:
         boxes: Around the branch.
         clearance: Of the pairs of links.
-        samples: How many configurations a search draws that must find nothing.
+        samples: Number of configurations of the search that must find nothing.
         rng: Random numbers.
     """
     core = boxes.allowed(np.zeros_like(boxes.widest))
-    found = search_counterexamples(core, clearance, samples // _FIRST_SHARE + 1, rng)
-    return None if found.failed else _collision(found, clearance)
+    result = search_counterexamples(core, clearance, samples // _FIRST_SHARE + 1, rng)
+    return None if result.failed else _collision(result, clearance)
 
 
 def search_segment(
@@ -254,14 +251,14 @@ def search_segment(
     within: Box | None = None,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> SegmentSearch | Collision:
-    """Return the largest set found around a branch, or a collision that leaves none.
+    """Return the largest set result around a branch, or a collision that leaves none.
 
     Args:
         boxes: Around the branch; they store the collisions that searches find.
         clearance: Of the pairs of links.
-        samples: How many configurations the counterexample search draws that must find nothing.
+        samples: Number of configurations of the counterexample search that must find nothing.
         rng: Random numbers.
-        preferences: What the set should be like; default: radii count, ranges a little.
+        preferences: Trade of radius and ranges; default: radii count, ranges a little.
         within: A box that the set must lie in; default: none.
         checkpoint: Called before every counterexample search; it may raise to end the work.
     """
@@ -285,22 +282,19 @@ def search_segment(
         cleared = boxes.cleared(allowed, samples)
         if cleared is not None:
             return SegmentSearch(allowed, box, preferences, boxes.q, boxes.pair, cleared, total)
-        found = search_counterexamples(allowed, clearance, budget, rng)
-        while found.failed and found.tried < samples:
-            found = found.then(
-                search_counterexamples(
-                    allowed, clearance, min(found.tried, samples - found.tried), rng
-                )
-            )
+        result = search_counterexamples(allowed, clearance, budget, rng)
+        while result.failed and result.tried < samples:
+            more = min(result.tried, samples - result.tried)
+            result = result.then(search_counterexamples(allowed, clearance, more, rng))
             within = box
-        total += found.samples
-        if found.failed:
-            boxes.clear(allowed, found)
-            return SegmentSearch(allowed, box, preferences, boxes.q, boxes.pair, found, total)
-        boxes.learn(found.q, found.pair)
+        total += result.samples
+        if result.failed:
+            boxes.clear(allowed, result)
+            return SegmentSearch(allowed, box, preferences, boxes.q, boxes.pair, result, total)
+        boxes.learn(result.q, result.pair)
         if number >= _FREE_ROUNDS:
             within = box
-    return _collision(found, clearance)
+    return _collision(result, clearance)
 
 
 def _box_search(
@@ -319,10 +313,10 @@ def _box_search(
     )
 
 
-def _collision(found: CounterexampleSearch, clearance: PairClearance) -> Collision:
-    depth, _ = clearance.of_pairs(found.q, found.pair)
+def _collision(result: CounterexampleSearch, clearance: PairClearance) -> Collision:
+    depth, _ = clearance.of_pairs(result.q, result.pair)
     worst = int(depth.argmin())
-    return Collision(found.q[worst], int(found.pair[worst]), float(depth[worst]))
+    return Collision(result.q[worst], int(result.pair[worst]), float(depth[worst]))
 
 
 def _down(values: FloatArray) -> FloatArray:
@@ -335,33 +329,29 @@ def _up(values: FloatArray) -> FloatArray:
     return -_down(-values)
 
 
-# ---- Segments that were measured, kept while the segments beside them are parted.
-
-
 class KeptSegments:
-    """What was found for segments, by what that depends on.
+    """Results of measured segments by key, kept while the segments beside are parted.
 
-    A set serves another branch, too, as long as that one lies inside.
+    A set serves another branch, too, if that branch lies inside.
     """
 
     def __init__(self) -> None:
-        """Begin with none."""
         self._found: dict[bytes, list[tuple[CollisionBoxes, SegmentSearch]]] = {}
 
     def keep(self, key: bytes, boxes: CollisionBoxes, found: SegmentSearch) -> None:
-        """Keep what was found for a segment."""
+        """Keep the result of a segment."""
         self._found.setdefault(key, []).append((boxes, found))
 
     def around(
         self, key: bytes, problem: PlanningProblem, segment: int, branch: FloatArray
     ) -> tuple[CollisionBoxes, SegmentSearch] | None:
-        """Return boxes and set of a segment, in its problem, if one holds a branch (P, n).
+        """Return kept boxes and set of a segment that hold a branch (P, n), or None.
 
         Args:
-            key: What they depend on.
-            problem: The problem whose segment it is now.
-            segment: Its index there.
-            branch: Along it.
+            key: `BranchNeighbourhood` key: all that the result depends on, beside the branch.
+            problem: The problem that has the segment now.
+            segment: Index of the segment there.
+            branch: Configurations along it.
         """
         for boxes, found in self._found.get(key, ()):
             old = found.allowed

@@ -26,6 +26,139 @@ from tubeplanner.studies.tubes.planned_tube import (
 from tubeplanner.studies.tubes.tool_corners import ToolCorners, tool_corners
 from tubeplanner.task.problem import PlanningProblem
 
+# ---- A tube from a recorded trail: its corners, and its joints' ranges between them.
+
+
+@dataclass(frozen=True)
+class TeachOptions:
+    """How to make a tube from a trail.
+
+    Attributes:
+        deviation: Largest distance of the trail's tool from the lines between reference points [m].
+        band: Width by which joints may leave the trail's ranges in the segment [rad or m].
+        max_radius: Largest radius of a segment [m].
+        samples: Number of configurations of a segment in the last counterexample search.
+        seed: Of measuring's random numbers.
+    """
+
+    deviation: float = 0.01
+    band: float = 0.3
+    max_radius: float = 0.2
+    samples: int = 2_000
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        require_between(self, 0, np.inf, "band")
+        require_between(self, 0, np.inf, "deviation", "max_radius", unit="m")
+        require_count(self, 1, "samples")
+        require_count(self, 0, "seed")
+
+
+def teach(
+    problem: PlanningProblem,
+    trail: FloatArray,
+    options: TeachOptions | None = None,
+    progress: ProgressCallback | None = None,
+) -> TubeAnswer:
+    """Make a tube from a trail, and plan the trajectory.
+
+    Args:
+        problem: The arm and its obstacles, from the trail's first configuration to its last.
+        trail: From `joint_trail`, shape (N, n) [rad or m].
+        options: How to make it.
+        progress: Called with every stage as it begins.
+
+    Raises:
+        ProblemError: The problem is none.
+        TrajectoryError: The trail is none, does not move, or comes back the way it went.
+        OptionError: The largest radius is not above the tool radius, the deviation is so small that
+            the trail becomes too many segments, or an argument is of another kind.
+    """
+    PlanningProblem.require(problem)
+    options, clock = given_options(options, TeachOptions), PlanningClock(None, progress)
+    trail = trail_samples(trail, problem.robot.joint_count)
+    clock.enter("corners of the trail")
+    moving = moving_part(trail)
+    pauses = len(trail) - len(moving)
+    moving, turns = without_ways_back(problem.robot, moving, options.deviation)
+    notes = [
+        f"removed: {pauses} of {len(trail)} samples, in which no joint moved by "
+        f"{MIN_MOVE:g} rad or m since the one before: pauses and noise"
+    ] * (pauses > 0)
+    notes += [
+        f"removed: a detour out and back that turned at {np.round(turn, 3).tolist()} m "
+        "(no tube can ask for it; record two trails to have the tool go there)"
+        for turn in turns
+    ]
+    how = measure_options(options.max_radius, options.samples, options.seed)
+    measured: PlannedTube | None = None
+    answer: PlannedTube | Infeasible
+    try:
+        space = FreeSpace(problem, 0.0, moving[[0, -1]])
+        corners = _corners(problem, space, moving, options.deviation)
+        measured = measured_plan(problem, space, corners, options.band, how, clock)
+        notes += _left_by_trail(measured.problem, moving)
+    except Infeasible as reason:
+        answer = reason
+    else:
+        answer = followed(measured, clock)
+    return answer_of(answer, measured=measured, notes=tuple(notes), search_time=clock.elapsed)
+
+
+def _corners(
+    problem: PlanningProblem, space: FreeSpace, trail: FloatArray, deviation: float
+) -> ToolCorners:
+    """Return the corners of a trail (N, n).
+
+    Raises:
+        Infeasible: Status tube_blocked: the trail collides.
+        OptionError: The corners make more segments than are measured.
+    """
+    require_free(problem, "start", trail[0])
+    require_free(problem, "goal", trail[-1])
+    for q in trail:
+        place = space.lacking(q)
+        if place is not None:
+            message = (
+                f"the trail itself has too little clearance: {place}; correct the obstacles or the "
+                "clearance, or list a pair that may touch in collision.ignore"
+            )
+            raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+    corners = tool_corners(problem.robot, space, trail, deviation)
+    if corners is None:
+        raise Infeasible(
+            PlanStatus.TUBE_BLOCKED,
+            "the tool cannot follow the trail in straight lines without a collision",
+            Place(),
+        )
+    count = len(corners.parts)
+    if count > MAX_CORNER_SEGMENTS:
+        raise OptionError(
+            f"deviation is {deviation:g} m, at which the trail becomes {count} segments; at most "
+            f"{MAX_CORNER_SEGMENTS} are measured, at one to two seconds each: choose a larger "
+            "deviation, or cut the trail into parts"
+        )
+    return corners
+
+
+def _left_by_trail(problem: PlanningProblem, trail: FloatArray) -> list[str]:
+    """Return a note if a tube's joint ranges do not hold the trail (N, n) itself."""
+    beyond = np.maximum(problem.joint_lower - trail[:, None], trail[:, None] - problem.joint_upper)
+    inside = problem.tube.margin(problem.robot.tool_position(trail)) >= 0
+    most = np.where(inside, beyond.max(axis=2), np.inf)
+    rows = np.flatnonzero(inside.any(axis=1))
+    row = int(rows[most[rows].min(axis=1).argmax()])
+    segment = int(most[row].argmin())
+    joint = int(beyond[row, segment].argmax())
+    if beyond[row, segment, joint] <= 0:
+        return []
+    return [
+        "the measured joint ranges are those around the planner's own branch along the lines; the "
+        f"trail leaves them by up to {beyond[row, segment, joint]:.2g} rad or m "
+        f"('{problem.robot.joint_names[joint]}', segment {segment})"
+    ]
+
+
 # ---- A recorded trail of the joints: matched, unwrapped, without pauses and detours.
 
 # Joints that were recorded this far outside their limits stood at them [rad or m].
@@ -80,7 +213,7 @@ def trail_samples(given: object, columns: int) -> FloatArray:
     """Return the samples of a trail as an array (N, columns).
 
     Raises:
-        TrajectoryError: They are none, there is none, or one is not finite.
+        TrajectoryError: The samples are no such numbers, none, or not all finite.
     """
     try:
         samples = read_only(given)
@@ -98,29 +231,29 @@ def trail_samples(given: object, columns: int) -> FloatArray:
 
 
 def moving_part(q: FloatArray) -> FloatArray:
-    """Return a trail (N, n) without samples that hardly differ from the one before.
+    """Return a trail (N, n) without samples that hardly differ from the sample before.
 
     Raises:
-        TrajectoryError: It does not move.
+        TrajectoryError: The trail does not move.
     """
-    kept = [0]
+    rows = [0]
     for k in range(1, len(q)):
-        if abs(q[k] - q[kept[-1]]).max() >= MIN_MOVE:
-            kept.append(k)
-    if len(kept) < 2:
+        if abs(q[k] - q[rows[-1]]).max() >= MIN_MOVE:
+            rows.append(k)
+    if len(rows) < 2:
         raise TrajectoryError(
             f"the trail does not move: no joint leaves its first value by {MIN_MOVE:g} rad or m "
             f"in {len(q)} samples; at least a start and a goal are needed"
         )
-    if abs(q[-1] - q[kept[-1]]).max() > 0:
-        kept = [*kept[:-1], len(q) - 1] if len(kept) > 2 else [*kept, len(q) - 1]
-    return q[kept]
+    if abs(q[-1] - q[rows[-1]]).max() > 0:
+        rows = [*rows[:-1], len(q) - 1] if len(rows) > 2 else [*rows, len(q) - 1]
+    return q[rows]
 
 
 def without_ways_back(
     robot: RobotModel, q: FloatArray, deviation: float
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """Return a trail without detours out and back the same way, and where they turned.
+    """Return a trail without detours out and back the same way, and their turning points (3,) [m].
 
     A tube cannot enforce such a detour: its capsules overlap all along, and the tool may pass from
     one to the other anywhere.
@@ -128,7 +261,7 @@ def without_ways_back(
     Args:
         robot: The arm.
         q: The trail, shape (N, n).
-        deviation: How near the tool comes back to where it was, to count as the same [m].
+        deviation: Positions of the tool no farther apart than twice this count as the same [m].
 
     Raises:
         TrajectoryError: The whole trail goes out and back, or its tool does not move.
@@ -137,10 +270,10 @@ def without_ways_back(
     joint = -1  # where the last removed detour was
     while True:
         tool = robot.tool_position(q)
-        found = _way_back(q, tool, deviation)
-        if found is None:
+        detour = _way_back(q, tool, deviation)
+        if detour is None:
             break
-        i, j = found
+        i, j = detour
         if i == 0 and j == len(q) - 1:
             raise TrajectoryError(
                 "the trail ends where it starts and comes back the way it went; record the way out "
@@ -161,7 +294,7 @@ def without_ways_back(
 
 
 def _way_back(q: FloatArray, tool: FloatArray, deviation: float) -> tuple[int, int] | None:
-    """Return two samples in the same configuration, out from it and straight back between them."""
+    """Return the ends of a way out and straight back: two samples in the same configuration."""
     corners = simplified(tool, deviation)
     pairs = [_retreat(tool, a, b) for a, b in pairwise(corners)]
     for a, b, c in zip(corners, corners[1:], corners[2:], strict=False):
@@ -177,147 +310,11 @@ def _way_back(q: FloatArray, tool: FloatArray, deviation: float) -> tuple[int, i
 
 
 def _retreat(tool: FloatArray, a: int, b: int) -> tuple[int, int]:
-    """Return where between two corners the tool goes back farthest, and where it was there first.
+    """Return the first and the last sample of the farthest way back between two corners.
 
-    On the line between the corners no distance from it tells that.
+    On the line between the corners the distance from the line does not show a way back.
     """
     progress = (tool[a : b + 1] - tool[a]) @ (tool[b] - tool[a])
     lowest = int((np.maximum.accumulate(progress) - progress).argmax())
     first = int((progress >= progress[lowest]).argmax())
     return a + first, a + lowest
-
-
-# ---- A tube from a recorded trail: its corners, and its joints' ranges between them.
-
-
-@dataclass(frozen=True)
-class TeachOptions:
-    """How to make a tube from a trail.
-
-    Attributes:
-        deviation: How far the tool of the trail may be from the lines between reference points [m].
-        band: How far joints may leave the trail's ranges in the segment [rad or m].
-        max_radius: No segment gets a larger radius [m].
-        samples: How many configurations of a segment the last counterexample search draws.
-        seed: Of measuring's random numbers.
-    """
-
-    deviation: float = 0.01
-    band: float = 0.3
-    max_radius: float = 0.2
-    samples: int = 2_000
-    seed: int = 1
-
-    def __post_init__(self) -> None:
-        require_between(self, 0, np.inf, "band")
-        require_between(self, 0, np.inf, "deviation", "max_radius", unit="m")
-        require_count(self, 1, "samples")
-        require_count(self, 0, "seed")
-
-
-def teach(
-    problem: PlanningProblem,
-    trail: FloatArray,
-    options: TeachOptions | None = None,
-    progress: ProgressCallback | None = None,
-) -> TubeAnswer:
-    """Make a tube from a trail, and plan the trajectory through it.
-
-    Args:
-        problem: The arm and its obstacles, from the trail's first configuration to its last.
-        trail: From `joint_trail`, shape (N, n) [rad or m].
-        options: How to make it.
-        progress: Called with every stage as it begins.
-
-    Raises:
-        ProblemError: The problem is none.
-        TrajectoryError: The trail is none, does not move, or comes back the way it went.
-        OptionError: The largest radius is not above the tool radius, the deviation is so small that
-            the trail becomes too many segments, or an argument is of another kind.
-    """
-    PlanningProblem.require(problem)
-    options, clock = given_options(options, TeachOptions), PlanningClock(None, progress)
-    trail = trail_samples(trail, problem.robot.joint_count)
-    clock.enter("corners of the trail")
-    kept = moving_part(trail)
-    moving, turns = without_ways_back(problem.robot, kept, options.deviation)
-    notes = [
-        f"removed: {len(trail) - len(kept)} of {len(trail)} samples, in which no joint moved by "
-        f"{MIN_MOVE:g} rad or m since the one before: pauses and noise"
-    ] * (len(kept) < len(trail))
-    notes += [
-        f"removed: a detour out and back that turned at {np.round(turn, 3).tolist()} m "
-        "(no tube can ask for it; record two trails to have the tool go there)"
-        for turn in turns
-    ]
-    how = measure_options(options.max_radius, options.samples, options.seed)
-    found: PlannedTube | Infeasible
-    try:
-        space = FreeSpace(problem, 0.0, moving[[0, -1]])
-        corners = _corners(problem, space, moving, options.deviation)
-        _require_few(corners, options.deviation)
-        found = measured_plan(problem, space, corners, options.band, how, clock)
-        notes += _left_by_trail(found.problem, moving)
-    except Infeasible as reason:
-        found = reason
-    measured = None if isinstance(found, Infeasible) else found
-    if not isinstance(found, Infeasible):
-        found = followed(found, clock)
-    return answer_of(found, measured=measured, notes=tuple(notes), search_time=clock.elapsed)
-
-
-def _require_few(corners: ToolCorners, deviation: float) -> None:
-    """Raise unless the corners of a trail make few enough segments to be measured."""
-    count = len(corners.parts)
-    if count > MAX_CORNER_SEGMENTS:
-        raise OptionError(
-            f"deviation is {deviation:g} m, at which the trail becomes {count} segments; at most "
-            f"{MAX_CORNER_SEGMENTS} are measured, at one to two seconds each: choose a larger "
-            "deviation, or cut the trail into parts"
-        )
-
-
-def _left_by_trail(problem: PlanningProblem, trail: FloatArray) -> list[str]:
-    """Return a note if a tube's joint ranges do not hold the trail (N, n) itself."""
-    beyond = np.maximum(problem.joint_lower - trail[:, None], trail[:, None] - problem.joint_upper)
-    inside = problem.tube.margin(problem.robot.tool_position(trail)) >= 0
-    most = np.where(inside, beyond.max(axis=2), np.inf)
-    rows = np.flatnonzero(inside.any(axis=1))
-    row = int(rows[most[rows].min(axis=1).argmax()])
-    segment = int(most[row].argmin())
-    joint = int(beyond[row, segment].argmax())
-    if beyond[row, segment, joint] <= 0:
-        return []
-    return [
-        "the measured joint ranges are those around the planner's own branch along the lines; the "
-        f"trail leaves them by up to {beyond[row, segment, joint]:.2g} rad or m "
-        f"('{problem.robot.joint_names[joint]}', segment {segment})"
-    ]
-
-
-def _corners(
-    problem: PlanningProblem, space: FreeSpace, trail: FloatArray, deviation: float
-) -> ToolCorners:
-    """Return the corners of a trail (N, n).
-
-    Raises:
-        Infeasible: Status tube_blocked: the trail collides.
-    """
-    require_free(problem, "start", trail[0])
-    require_free(problem, "goal", trail[-1])
-    for q in trail:
-        place = space.lacking(q)
-        if place is not None:
-            message = (
-                f"the trail itself has too little clearance: {place}; correct the obstacles or the "
-                "clearance, or list a pair that may touch in collision.ignore"
-            )
-            raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
-    corners = tool_corners(problem.robot, space, trail, deviation)
-    if corners is None:
-        raise Infeasible(
-            PlanStatus.TUBE_BLOCKED,
-            "the tool cannot follow the trail in straight lines without a collision",
-            Place(),
-        )
-    return corners

@@ -17,25 +17,23 @@ from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.studies.tubes.joint_routes import FreeSpace
 
-# ---- Few reference points along a route: straight lines of the tool that the arm can follow
-# freely.
+# ---- Few reference points along a route: free straight lines of the tool.
 
 _ROUTE_STEP = 0.05  # [rad or m] of the joint that moves most, between samples of the route
 _MAX_STEP = 0.02  # [m] of the tool on a line
 _MAX_JOINT_STEP = 0.3  # [rad or m] between neighbours on a line: more is another branch
 _ON_LINE = 1e-6  # [m]
-# Reference points are at least so far apart [m].
-_MIN_DISTANCE = 1e-3
+_MIN_DISTANCE = 1e-3  # [m] between neighbouring reference points
 
 
 @dataclass(frozen=True, eq=False)
 class ToolCorners:
-    """Reference points, and the arm on the straight lines between them.
+    """Reference points, and configurations along the straight lines between.
 
     Attributes:
         points: Shape (m+1, 3) [m].
         lines: Per segment, configurations from its start to its end, shape (P_k, n).
-        parts: Per segment, the samples of the route that it stands for, shape (R_k, n).
+        parts: Per segment, the samples of the route that the line replaces, shape (R_k, n).
     """
 
     points: FloatArray
@@ -50,25 +48,25 @@ def tool_corners(
 
     Args:
         robot: The arm.
-        space: Which configurations are free.
+        space: The free configurations.
         route: Corners of a route in joint space, shape (P, n).
-        deviation: How far the lines may be from the tool's path along the route [m].
+        deviation: Largest distance of the lines from the tool's path along the route [m].
 
     Returns:
         None if even the route itself is not free where the tool follows straight lines.
     """
-    return _Corners(robot, space, densified(route, _ROUTE_STEP), deviation).found()
+    return _Corners(robot, space, densified(route, _ROUTE_STEP), deviation).result()
 
 
 def with_another_corner(
     robot: RobotModel, space: FreeSpace, corners: ToolCorners, segment: int
 ) -> ToolCorners | None:
-    """Return corners with one more of them, midway in a segment's part of the route.
+    """Return corners with another corner midway in a segment's part of the route.
 
     Args:
         robot: The arm.
-        space: Which configurations are free.
-        corners: What `tool_corners` returned.
+        space: The free configurations.
+        corners: Result of `tool_corners`.
         segment: Index of the segment to part.
 
     Returns:
@@ -98,16 +96,16 @@ class _Corners:
         self._robot, self._space, self._route = robot, space, route
         self._deviation = deviation
         self._tool = robot.tool_position(route)
-        self._known: dict[tuple[int, int], FloatArray | None] = {}
+        self._lines: dict[tuple[int, int], FloatArray | None] = {}
 
-    def found(self) -> ToolCorners | None:
-        chosen = self._between(0, len(self._route) - 1)
-        if chosen is None:
+    def result(self) -> ToolCorners | None:
+        corners = self._between(0, len(self._route) - 1)
+        if corners is None:
             return None
-        chosen = self._without_superfluous([0, *chosen])
-        found = [(self._line(i, j), self._route[i : j + 1]) for i, j in pairwise(chosen)]
-        lines = tuple(line for line, _ in found if line is not None)
-        return ToolCorners(self._tool[chosen], lines, tuple(part for _, part in found))
+        corners = self._without_superfluous([0, *corners])
+        lines = tuple(q for i, j in pairwise(corners) if (q := self._line(i, j)) is not None)
+        parts = tuple(self._route[i : j + 1] for i, j in pairwise(corners))
+        return ToolCorners(self._tool[corners], lines, parts)
 
     def _between(self, i: int, j: int) -> list[int] | None:
         """Return the corners after sample i, up to sample j."""
@@ -120,19 +118,19 @@ class _Corners:
         after = None if before is None else self._between(middle, j)
         return None if before is None or after is None else before + after
 
-    def _without_superfluous(self, chosen: list[int]) -> list[int]:
-        """Return the corners without those that a longer free line makes unnecessary."""
+    def _without_superfluous(self, corners: list[int]) -> list[int]:
+        """Remove corners that a longer free line makes unnecessary."""
         k = 1
-        while k < len(chosen) - 1:
-            if self._line(chosen[k - 1], chosen[k + 1]) is not None:
-                del chosen[k]
+        while k < len(corners) - 1:
+            if self._line(corners[k - 1], corners[k + 1]) is not None:
+                del corners[k]
                 k = max(k - 1, 1)
             else:
                 k += 1
-        return chosen
+        return corners
 
     def _corner(self, i: int, j: int) -> int | None:
-        """Return the sample between two others where to part their line, if there is one."""
+        """Return the sample at which to part the line between two samples, or None."""
         farthest, distance = farthest_from_line(self._tool, i, j)
         if distance > _MIN_DISTANCE:
             return farthest
@@ -141,41 +139,34 @@ class _Corners:
         return middle if gaps.min() > _MIN_DISTANCE else None
 
     def _line(self, i: int, j: int) -> FloatArray | None:
-        if (i, j) not in self._known:
-            self._known[i, j] = self._walked(i, j)
-        return self._known[i, j]
+        if (i, j) not in self._lines:
+            self._lines[i, j] = self._walked(i, j)
+        return self._lines[i, j]
 
     def _walked(self, i: int, j: int) -> FloatArray | None:
-        """Return the arm (P, n) along the straight line between two samples, if it is free."""
+        """Return configurations (P, n) along the tool's line between samples; None if not free."""
         route, ends = self._route[i : j + 1], self._tool[[i, j]]
         length = float(np.linalg.norm(ends[1] - ends[0]))
         if length < _MIN_DISTANCE or farthest_from_line(self._tool, i, j)[1] > self._deviation:
             return None
         count = max(len(route), int(np.ceil(length / _MAX_STEP)) + 1)
         shares = np.linspace(0, 1, count)
-        guides = _between_samples(route, shares * (len(route) - 1))
-        found, limits = [route[0]], self._robot.limits
+        places, samples = shares * (len(route) - 1), np.arange(len(route))
+        guides = np.stack([np.interp(places, samples, q) for q in route.T], axis=1)
+        line, limits = [route[0]], self._robot.limits
         bounds = limits.lower_position, limits.upper_position
         for share, guide in zip(shares[1:], guides[1:], strict=True):
             target = (1 - share) * ends[0] + share * ends[1]
-            solution = solve_position(self._robot, target, found[-1], *bounds, guide)
-            jump = abs(solution.q - found[-1]).max()
+            solution = solve_position(self._robot, target, line[-1], *bounds, guide)
+            jump = abs(solution.q - line[-1]).max()
             if solution.error > _ON_LINE or jump > _MAX_JOINT_STEP:
                 return None
             if not self._space.is_free(solution.q):
                 return None
-            found.append(solution.q)
-        arrives = abs(found[-1] - route[-1]).max() < _MAX_JOINT_STEP
-        return np.vstack([*found, route[-1:]]) if arrives else None
+            line.append(solution.q)
+        arrives = abs(line[-1] - route[-1]).max() < _MAX_JOINT_STEP
+        return np.vstack([*line, route[-1:]]) if arrives else None
 
-
-def _between_samples(route: FloatArray, places: FloatArray) -> FloatArray:
-    """Return a route (N, n) at places between its samples, such as 2.5: shape (P, n)."""
-    samples = np.arange(len(route))
-    return np.stack([np.interp(places, samples, q) for q in route.T], axis=1)
-
-
-# ---- A tube around reference points and the arm's configurations between them.
 
 _POINT_DECIMALS, _RANGE_DECIMALS = 6, 4
 
@@ -195,7 +186,7 @@ def reference_tube(
     Args:
         robot: The arm.
         points: Reference points, shape (m+1, 3) [m].
-        segments: Per segment, configurations, shape (P_k, n) [rad or m].
+        segments: Configurations of each segment, shape (P_k, n) [rad or m].
         band: Added to both sides of every range [rad or m].
         radius: Path tolerance of all segments [m].
     """

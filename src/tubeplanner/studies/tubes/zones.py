@@ -36,7 +36,7 @@ from tubeplanner.text import short_repr
 
 Zone: TypeAlias = str | float
 
-_PIECE = 0.25  # length of the pieces beside a corner, as a share of its zone
+_PIECE = 0.25  # length of the pieces beside a corner, as a fraction of its zone
 _STRAIGHT = 1e-6  # [rad]: a reference point with a smaller turn is no corner
 _DIRECTIONS, _ZOOMS = 101, 4  # of rays from a corner, and how often the best are refined
 _STEPS, _TOUCHING = 400, 1e-9  # of a march along a ray, and [m] from the tube's wall
@@ -47,17 +47,17 @@ _APART = 1e-6  # [m]: kept between a zone and the middle of a line where zones m
 
 @dataclass(frozen=True)
 class Controller:
-    """How a controller blends at corners.
+    """The rules by which a controller blends at corners.
 
     Attributes:
         title: Maker and the name of its zone.
         source: The assumptions, and their source.
         unit: Of numbers, in metres; None where zones have names only.
-        half: Whether a zone may not pass the middle of a line; else zones may not overlap.
+        half: True if a zone may not pass the middle of a line; else zones may not overlap.
         blend: "parabola" where the maker says so, else only "triangle".
         named: Zones by name [m].
-        prefix: What stands before a number of millimetres.
-        undefined: Beginnings of names whose path the maker does not define, and what to do.
+        prefix: Letters before a number of millimetres.
+        undefined: Beginnings of names whose path the maker does not define, and the remedies.
     """
 
     title: str
@@ -148,7 +148,7 @@ def tube_from_zones(
         zones: Of the k inner points. "abb": "fine", "z0" to "z200"; "kuka": $APO.CDIS [mm];
             "fanuc": "FINE", "CR50" or 50 [mm]; "ur", "pilz": blend radius [m].
         controller: One of `CONTROLLERS`.
-        accuracy: How far the tool may be off the lines elsewhere, and at points without a zone [m].
+        accuracy: Largest distance off the lines elsewhere, and at points without a zone [m].
         joint_signs: As for `Tube`, in all segments.
 
     Returns:
@@ -179,7 +179,11 @@ def tube_from_zones(
         if size == 0:
             reference, radius = [*reference, corners[k]], [*radius, accuracy]
             continue
-        _require_finer(accuracy, size - piece, k)
+        if accuracy > size - piece:
+            raise ProblemError(
+                f"accuracy {accuracy:g} m is coarser than the corner at point {k}, "
+                f"{size - piece:g} m (3/4 of its zone); choose a finer accuracy or a larger zone"
+            )
         before, behind = corners[k] - piece * directions[k - 1], corners[k] + piece * directions[k]
         reference += [before, corners[k], behind]
         radius += [accuracy, size - piece, size - piece]
@@ -205,7 +209,9 @@ def zones_of_tube(tube: Tube, controller: str) -> ZonedPath:
         ProblemError: There is no such controller.
     """
     rules = _rules(controller)
-    ends = _corners(tube.points)
+    directions = _directions(tube.points)
+    turns = np.linalg.norm(directions[1:] - directions[:-1], axis=1) > _STRAIGHT
+    ends = [0, *(int(k) + 1 for k in np.flatnonzero(turns)), tube.segment_count]
     zones = []
     for k in range(1, len(ends) - 1):
         first, corner, last = (tube.points[end] for end in ends[k - 1 : k + 2])
@@ -224,7 +230,7 @@ def _rules(controller: str) -> Controller:
 
 
 def _reach(rules: Controller, k: int, zone: Zone) -> float:
-    """Return how far from point k a zone reaches [m]."""
+    """Return the distance from point k to the edge of its zone [m]."""
     where = f"{rules.title} at point {k}"
     if isinstance(zone, str):
         return _reach_of_name(rules, where, zone)
@@ -243,8 +249,8 @@ def _reach_of_name(rules: Controller, where: str, zone: str) -> float:
     if rules.prefix and zone != number and number.isdecimal():
         return int(number) * 1e-3
     if zone not in rules.named:
-        known = [*rules.named, *([f"{rules.prefix}50"] if rules.prefix else [])]
-        raise ProblemError(f"{where}: {unknown_name('zone', zone, known)}")
+        names = [*rules.named, *([f"{rules.prefix}50"] if rules.prefix else [])]
+        raise ProblemError(f"{where}: {unknown_name('zone', zone, names)}")
     return rules.named[zone]
 
 
@@ -266,21 +272,6 @@ def _require_apart(rules: Controller, corners: FloatArray, reach: Sequence[float
             )
 
 
-def _require_finer(accuracy: float, radius: float, k: int) -> None:
-    if accuracy > radius:
-        raise ProblemError(
-            f"accuracy {accuracy:g} m is coarser than the corner at point {k}, {radius:g} m "
-            "(3/4 of its zone); choose a finer accuracy or a larger zone"
-        )
-
-
-def _corners(points: FloatArray) -> list[int]:
-    """Return which reference points are an end of the path or turn it."""
-    directions = _directions(points)
-    turns = np.linalg.norm(directions[1:] - directions[:-1], axis=1) > _STRAIGHT
-    return [0, *(int(k) + 1 for k in np.flatnonzero(turns)), len(points) - 1]
-
-
 def _directions(points: FloatArray) -> FloatArray:
     """Return the unit vectors along the lines between points (m+1, 3), shape (m, 3)."""
     directions = np.diff(points, axis=0)
@@ -288,11 +279,11 @@ def _directions(points: FloatArray) -> FloatArray:
 
 
 def _passing(tube: Tube, walls: slice, corner: int, blend: str) -> float:
-    """Return up to which zone [m] blends pass the compulsory points on both lines of a corner.
+    """Return the largest zone [m] whose blends pass the compulsory points on a corner's lines.
 
     The chord of a zone z passes the corner at z cos(p/2), p being the angle between the lines; the
     parabola at half of that; no blend in the triangle with less to go on either side is farther
-    away. A point on a line is passed until the line is left, which is a radius later at most.
+    away. Beside a point on a line, the zone ends at most a radius beyond the point.
     """
     here, passing = tube.points[corner], passing_radius(tube.effective_radius)
     most = np.inf
@@ -332,7 +323,7 @@ def _largest(tube: Tube, walls: slice, corner: int, blend: str, available: float
 def _exit_distance(
     tube: Tube, walls: slice, start: FloatArray, direction: FloatArray, most: float
 ) -> FloatArray:
-    """Return where rays (N, 3) from a point first leave the union of some capsules, shape (N,).
+    """Return the distances at which rays (N, 3) from a point leave a union of capsules, shape (N,).
 
     In units of the rays' directions and at most `most`. Every step is as long as the margin, which
     no ray can overstep: the answer is never outside.
