@@ -1,6 +1,6 @@
 """Cycle: legs and rests in a changing cell; one PlanningProblem per leg."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -12,27 +12,23 @@ from tubeplanner.errors import ProblemError, RobotError, shown
 from tubeplanner.geometry.collision_checker import CollisionChecker
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, left, taken
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.task.demands import Names
 from tubeplanner.task.endpoints import Endpoint, Goal, Seed, ToolPose, endpoint_of
 from tubeplanner.task.legs import Leg, Rest, RestStep, legs_of
 from tubeplanner.task.problem import PlanningProblem, given_members, require_parts
 from tubeplanner.task.required_distances import usual_contacts
 from tubeplanner.task.steps import Attach, Detach, Step, require_consistent
 
-# ---- The cell around the arm, as steps of a cycle change it.
-
-# Links nearer than this [m] to what is attached touch it.
-_TOUCHING = 1e-3
+_TOUCHING = 1e-3  # [m]; links nearer than this to an attached solid touch it
 
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """What stands in the cell and what the tool carries.
+    """Solids of the cell and solids that the tool carries, between two steps of a cycle.
 
     Attributes:
         obstacles: Solids in the base frame.
         attached: Solids in the tool frame.
-        handed_over: Names of what was taken or let go since the arm moved last.
+        handed_over: Names of the solids attached or detached since the last motion.
     """
 
     obstacles: tuple[Obstacle, ...]
@@ -43,39 +39,38 @@ class Cell:
         """Return the cell after a step.
 
         Args:
-            step: What happens.
+            step: The step.
             robot: The arm.
-            q: The configuration in which it is at rest, shape (n,).
+            q: Configuration of the arm, at rest, shape (n,).
         """
         if isinstance(step, Attach):
-            return self._with(step, robot, q)
+            return self._after_attach(step, robot, q)
         if isinstance(step, Detach):
-            return self._without(step, robot, q)
+            return self._after_detach(step, robot, q)
         return self
 
-    def _with(self, step: Attach, robot: RobotModel, q: FloatArray) -> "Cell":
-        solid, standing = step.solid, self.obstacles
+    def _after_attach(self, step: Attach, robot: RobotModel, q: FloatArray) -> "Cell":
+        solid, obstacles = step.solid, self.obstacles
         for obstacle in self.obstacles:
             if obstacle.name == step.name:
-                solid = taken(obstacle, _hand_pose(robot, q))
-                standing = tuple(each for each in standing if each is not obstacle)
+                solid = taken(obstacle, _tool_frame_pose(robot, q))
+                obstacles = tuple(each for each in obstacles if each is not obstacle)
         if solid is None:
             return self
         solid = replace(solid, touch_links=_touching(solid, robot, q))
-        handed_over = (*self.handed_over, step.name)
-        return Cell(standing, (*self.attached, solid), handed_over)
+        return Cell(obstacles, (*self.attached, solid), (*self.handed_over, step.name))
 
-    def _without(self, step: Detach, robot: RobotModel, q: FloatArray) -> "Cell":
-        gone = [solid for solid in self.attached if solid.name == step.name]
-        kept = tuple(solid for solid in self.attached if solid not in gone)
-        if not gone or not step.leaves_obstacle:
-            return replace(self, attached=kept)
-        stands = left(gone[0], _hand_pose(robot, q))
-        return Cell((*self.obstacles, stands), kept, (*self.handed_over, step.name))
+    def _after_detach(self, step: Detach, robot: RobotModel, q: FloatArray) -> "Cell":
+        detached = [solid for solid in self.attached if solid.name == step.name]
+        others = tuple(solid for solid in self.attached if solid not in detached)
+        if not detached or not step.leaves_obstacle:
+            return replace(self, attached=others)
+        obstacle = left(detached[0], _tool_frame_pose(robot, q))
+        return Cell((*self.obstacles, obstacle), others, (*self.handed_over, step.name))
 
 
-def _hand_pose(robot: RobotModel, q: FloatArray) -> FloatArray:
-    """Return the pose of the tool frame, base frame, shape (4, 4)."""
+def _tool_frame_pose(robot: RobotModel, q: FloatArray) -> FloatArray:
+    """Return the pose of the tool frame in the base frame, shape (4, 4)."""
     rotation, position = robot.body_poses(q[None])
     body = robot.link_body[robot.tool_frame]
     pose = np.eye(4)
@@ -84,7 +79,7 @@ def _hand_pose(robot: RobotModel, q: FloatArray) -> FloatArray:
 
 
 def _touching(solid: AttachedSolid, robot: RobotModel, q: FloatArray) -> tuple[str, ...]:
-    """Return the links that something attached may touch: those it does, and what is given."""
+    """Return the links that an attached solid may touch: `touch_links`, and links in touch."""
     checker = CollisionChecker(robot, attached=[solid])
     owners = np.array([shape.owner for shape in checker.shapes])[checker.pairs].reshape(-1, 2)
     own = (owners == solid.name).any(axis=1)
@@ -94,32 +89,29 @@ def _touching(solid: AttachedSolid, robot: RobotModel, q: FloatArray) -> tuple[s
     return tuple(dict.fromkeys([*solid.touch_links, *(n for n in names if n != solid.name)]))
 
 
-# ---- A cycle: moves of the arm one after the other, and what happens at rest between them.
-
-
 @dataclass(frozen=True, eq=False)
 class Cycle:
-    """Moves of an arm, one after the other, and what happens at rest between them.
+    """Moves of an arm in order, with events, attaching and detaching at rest between them.
 
-    What the arm moves without stopping is a leg; between legs are seams, the first before leg 0 and
-    the last after them all.
+    A leg is a run of moves without a stop. Legs begin and end at seams: the first seam is before
+    leg 0, the last after the last leg.
 
     Attributes:
-        start: Where the first move begins, as of a `PlanningProblem`.
-        steps: Moves, events, and what the tool takes and lets go.
-        obstacles: Solids in the base frame, at first.
-        attached: Solids in the tool frame, carried along from first to last.
-        closed: Whether the arm ends in the configuration in which it began.
-        self_collision: Whether links are checked against each other.
-        period: A controller's [s], as of a `PlanningProblem`.
-        name: What messages and plots call it.
-        legs: What the arm moves without stopping.
-        after: What happens after the last leg.
+        start: Start of the first move, as of a `PlanningProblem`.
+        steps: Moves, events, attaching and detaching, in order.
+        obstacles: Solids in the base frame before the first step.
+        attached: Solids in the tool frame, carried from the first to the last step.
+        closed: True if the arm ends in the configuration in which it began.
+        self_collision: True if links are checked against each other.
+        period: Of the controller [s], as of a `PlanningProblem`.
+        name: Name in messages and plots.
+        legs: Runs of moves without a stop.
+        after: The rest after the last leg.
 
     Raises:
-        ProblemError: On construction, if a step contradicts those before it, or a move itself; the
+        ProblemError: On construction, if a step contradicts an earlier one, or a move itself; the
             message names the step.
-        RobotError: Likewise.
+        RobotError: On construction, if the robot of a move cannot be used.
     """
 
     start: FloatArray | Seed | ToolPose
@@ -149,9 +141,8 @@ class Cycle:
 
     def __repr__(self) -> str:
         moves = sum(len(leg.moves) for leg in self.legs)
-        robot = self.robot
         return (
-            f"<Cycle {self.name}: {moves} moves of {robot.name} to {robot.tool_frame} in "
+            f"<Cycle {self.name}: {moves} moves of {self.robot.name} to {self.robot.tool_frame} in "
             f"{len(self.legs)} legs, {'closed' if self.closed else 'open'}>"
         )
 
@@ -162,36 +153,37 @@ class Cycle:
 
     @staticmethod
     def require(cycle: object) -> None:
-        """Raise ProblemError unless something is a cycle."""
+        """Raise ProblemError unless a value is a Cycle."""
         if not isinstance(cycle, Cycle):
             raise ProblemError(f"the cycle is {shown(cycle)}; give a Cycle, as load_cycle returns")
 
     @property
     def robot(self) -> RobotModel:
-        """The arm as it begins."""
+        """The arm of the first leg."""
         return self.legs[0].robot
 
     def cells(self, seams: Sequence[FloatArray]) -> list[Cell]:
-        """Return the cell as it is in every leg whose beginning is known.
+        """Return the cell of every leg whose start is known.
 
         Args:
             seams: Configurations (n,) of the first seams, at least one.
         """
-        cell, found = Cell(tuple(self.obstacles), tuple(self.attached)), []
+        cell, cells = Cell(tuple(self.obstacles), tuple(self.attached)), []
         for leg, q in zip(self.legs, seams, strict=False):
             cell = replace(cell, handed_over=())
             for step in leg.before.steps:
                 cell = cell.after(step, leg.robot, q)
-            found.append(cell)
-        return found
+            cells.append(cell)
+        return cells
 
     def problem(self, k: int, seams: Sequence[FloatArray], goal: Goal = None) -> PlanningProblem:
-        """Return the planning problem of a leg, the cell as it is then.
+        """Return the planning problem of a leg in its cell.
 
         Args:
-            k: Which leg.
-            seams: Configurations (n,) of all seams up to where it begins, or ends if that is known.
-            goal: Where it ends, instead of where its move says; None: there.
+            k: Index of the leg.
+            seams: Configurations (n,) of all seams up to the start of the leg, or to its end if
+                that is known.
+            goal: Goal in place of the move's; None: the move's.
 
         Raises:
             ProblemError: As a `PlanningProblem`; the message names the move.
@@ -200,23 +192,22 @@ class Cycle:
         return self._problem(k, self.cells(seams)[k], seams[k], goal, end)
 
     def problems(self, seams: Sequence[FloatArray]) -> tuple[PlanningProblem, ...]:
-        """Return the planning problems of all legs between configurations of all seams.
+        """Return the planning problems of all legs.
 
         Args:
-            seams: One more configuration (n,) than legs.
+            seams: Configurations (n,) of all seams, one more than legs.
 
         Raises:
             ProblemError: As `problem`.
         """
         cells = self.cells(seams)
-        ends = pairwise(seams)
-        return tuple(self._problem(k, cells[k], *pair) for k, pair in enumerate(ends))
+        return tuple(self._problem(k, cells[k], *pair) for k, pair in enumerate(pairwise(seams)))
 
     def problem_from_anywhere(self, k: int) -> PlanningProblem:
-        """Return the planning problem of a leg before it is known where it begins.
+        """Return the planning problem of a leg whose start is not known yet.
 
-        The first begins where the cycle does; others at a seed, and what was taken or let go
-        before them is anywhere.
+        The first leg begins at the start of the cycle; others begin at a seed, and solids attached
+        or detached before them are at arbitrary poses.
 
         Raises:
             ProblemError: As `problem`.
@@ -232,17 +223,16 @@ class Cycle:
         return tuple(self._problem(k, cell, start, None) for k, (cell, start) in each)
 
     def called(self, k: int) -> str:
-        """Return what messages call a leg: its moves' names, and which of all moves these are."""
+        """Return the label of a leg in messages: numbers and names of its moves."""
         leg, before = self.legs[k], sum(len(each.moves) for each in self.legs[:k])
         count = sum(len(each.moves) for each in self.legs)
         names = ", ".join(f"'{move.name}'" for move in leg.moves)
-        which = str(before + 1)
         if len(leg.moves) > 1:
-            return f"moves {which} to {before + len(leg.moves)} of {count}, {names}"
-        return f"move {which} of {count}, {names}"
+            return f"moves {before + 1} to {before + len(leg.moves)} of {count}, {names}"
+        return f"move {before + 1} of {count}, {names}"
 
     def rest_at(self, seam: int) -> Rest:
-        """Return what happens at a seam."""
+        """Return the rest at a seam."""
         return self.after if seam == len(self.legs) else self.legs[seam].before
 
     def _problem(
@@ -263,7 +253,11 @@ class Cycle:
                 cell.obstacles,
                 cell.attached,
                 move.clearance,
-                self._present(move.pair_clearances, cell),
+                {
+                    pair: clearance
+                    for pair, clearance in move.pair_clearances.items()
+                    if self._is_present(pair, cell)
+                },
                 [c for c in move.contacts if self._is_present(c.links, cell)],
                 self.self_collision,
                 [pair for pair in move.ignore_collisions if self._is_present(pair, cell)],
@@ -271,7 +265,7 @@ class Cycle:
                 self.period,
                 name=f"{self.name}, {leg.name}",
             )
-            _ = problem.collision  # built here: its faults are the move's
+            _ = problem.collision  # built here, so that its errors name the move
             contacts = usual_contacts(
                 problem, cell.handed_over, self.rest_at(k + 1).handed_over, end
             )
@@ -279,16 +273,13 @@ class Cycle:
         except (ProblemError, RobotError) as error:
             raise type(error)(f"move '{leg.name}': {error}") from None
 
-    def _present(self, pairs: Mapping[Names, float], cell: Cell) -> dict[Names, float]:
-        return {pair: value for pair, value in pairs.items() if self._is_present(pair, cell)}
-
     def _is_present(self, pair: Sequence[str], cell: Cell) -> bool:
-        """Return whether both of a pair are there, of what comes and goes."""
-        there = {each.name for each in cell.obstacles} | {each.name for each in cell.attached}
-        comes_and_goes = {step.name for step in self.steps if isinstance(step, Attach)}
-        return all(name in there for name in pair if name in comes_and_goes)
+        """Return True if the cell has all solids of a pair that steps attach."""
+        present = {each.name for each in cell.obstacles} | {each.name for each in cell.attached}
+        movable = {step.name for step in self.steps if isinstance(step, Attach)}
+        return all(name in present for name in pair if name in movable)
 
 
 def anywhere(robot: RobotModel) -> FloatArray:
-    """Return a configuration inside the limits, shape (n,), where it does not matter which."""
+    """Return an arbitrary configuration inside the position limits, shape (n,) [rad or m]."""
     return robot.limits.clip(np.zeros(robot.joint_count))

@@ -1,4 +1,4 @@
-"""The cycle file's format; load_cycle, parse_cycle; files of either kind."""
+"""The cycle file's format; load_cycle, parse_cycle; files of a problem or a cycle."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -9,7 +9,6 @@ from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
 from tubeplanner.checks import given_path
 from tubeplanner.errors import ProblemError, RobotError
-from tubeplanner.geometry.solids import AttachedSolid
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.pinocchio_model import Payload
@@ -47,7 +46,7 @@ from tubeplanner.task.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.task.validation import check_fields
 from tubeplanner.text import require_name
 
-# ---- The cycle file's shape: fields, units, defaults. Other tools read it, so names never change.
+# ---- Fields of the cycle file, with units and defaults. Other tools read it: names never change.
 
 
 class MoveCollisionFields(Section):
@@ -77,7 +76,7 @@ class MoveFields(Section):
 
 
 def _plain(value: object) -> object:
-    """Report what an event may set."""
+    """Raise unless a value is one that an event may set: one message for all alternatives."""
     if not isinstance(value, str | bool | int | float | None):
         raise ValueError("it must be a text, a number, true or false")
     return value
@@ -114,12 +113,14 @@ _STEPS = {"event": EventFields, "attach": AttachFields, "detach": DetachFields}
 
 
 def _step_kind(step: Any) -> str | None:
-    """Return which step something is meant to be; None: there is no telling."""
+    """Return the name of a step's model, from the first key that is in one; None: no key is."""
     if isinstance(step, Section):
         return type(step).__name__
     keys = step if isinstance(step, dict) else {}
-    named = [model.__name__ for key, model in _STEPS.items() if key in keys]
-    return next(iter(named), "MoveFields" if keys.keys() & MoveFields.model_fields.keys() else None)
+    for key, model in _STEPS.items():
+        if key in keys:
+            return model.__name__
+    return "MoveFields" if keys.keys() & MoveFields.model_fields.keys() else None
 
 
 StepFields: TypeAlias = Annotated[
@@ -170,7 +171,7 @@ def cycle_schema() -> dict[str, Any]:
 def check_cycle_fields(
     data: object, source: str, source_of: Callable[[Any, Sequence[int | str]], str]
 ) -> CycleFields:
-    """Check the shape of a cycle given as nested dictionaries; arguments as `check_fields`.
+    """Check the fields of a cycle in nested dictionaries; arguments as `check_fields`.
 
     Raises:
         ProblemError: A key is unknown, a value has the wrong type. The message names the field.
@@ -178,7 +179,7 @@ def check_cycle_fields(
     return check_fields(CycleFields, data, "a cycle is a map", source, source_of)
 
 
-# ---- Cycles read from files and from nested dictionaries.
+# ---- Cycles from files and from nested dictionaries.
 
 _HEADER = ("robot", "start", "obstacles", "objective", "period")
 
@@ -198,8 +199,8 @@ def load_cycle(
         RobotError: The robot cannot be planned with.
     """
     path = find_problem(name, given_path("directory", directory))
-    called = f"{path.resolve().parent.name}/{path.stem}"
-    return _build(ProblemLayers.read(path), changes, path.parent, called)
+    label = f"{path.resolve().parent.name}/{path.stem}"
+    return _build(ProblemLayers.read(path), changes, path.parent, label)
 
 
 def parse_cycle(
@@ -209,12 +210,12 @@ def parse_cycle(
     *,
     changes: Mapping[str, Any] | None = None,
 ) -> Cycle:
-    """Build a cycle from what a cycle file holds, as dictionaries and lists.
+    """Build a cycle from the content of a cycle file, as dictionaries and lists.
 
     Args:
-        data: The contents of a cycle file.
+        data: Content of a cycle file.
         directory: Where its relative paths start.
-        name: What messages and plots call it.
+        name: Name in messages and plots.
         changes: As for `load_cycle`.
 
     Raises:
@@ -258,7 +259,7 @@ def _build(
 
 
 class _MoveReader:
-    """Makes moves of what a cycle file holds, each by way of a planning problem."""
+    """Reader of a cycle file's moves, each by way of a planning problem."""
 
     def __init__(self, data: Mapping[str, Any], directory: Path, source: str) -> None:
         self._data, self._directory, self._source = data, directory, source
@@ -266,13 +267,13 @@ class _MoveReader:
         self.first: PlanningProblem | None = None
 
     def move(self, k: int, fields: MoveFields) -> Move:
-        """Return move k of the file, which has these fields."""
+        """Return move k of the file."""
         require_name(f"{self._source}: moves[{k}].name", fields.name, ProblemError)
         own = self._data["moves"][k]
         merged = self._merged(own)
         source = f"{self._source}: move '{fields.name}'"
-        checked = ProblemFields.model_validate(merged)
-        problem = build_problem(checked, self._directory, fields.name, source)
+        problem_fields = ProblemFields.model_validate(merged)
+        problem = build_problem(problem_fields, self._directory, fields.name, source)
         self.first = self.first or problem
         clearance = ProblemFields.model_validate(
             {**merged, **_above(self._data, own, "clearance")}
@@ -292,9 +293,10 @@ class _MoveReader:
         )
 
     def _merged(self, own: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the fields of a problem that is a move alone.
+        """Return the fields of a problem of a move alone.
 
-        Without what names solids that come and go, and, but for the first, from anywhere.
+        Without names of solids that steps attach; except for the first move, with an arbitrary
+        start.
         """
         merged = {key: self._data[key] for key in _HEADER if key in self._data}
         robot = merged["robot"]
@@ -316,20 +318,25 @@ class _MoveReader:
 
 
 def _above(data: Mapping[str, Any], own: Mapping[str, Any], key: str) -> dict[str, Any]:
-    """Return what a move has under a key above the cycle's; nothing if neither has it."""
-    given = [holder[key] for holder in (data, own) if holder.get(key) is not None]
-    return {key: merged_fields(given[0], given[-1])} if given else {}
+    """Return a field of a cycle with the move's above the cycle's; empty if neither has the key."""
+    values = [holder[key] for holder in (data, own) if holder.get(key) is not None]
+    return {key: merged_fields(values[0], values[-1])} if values else {}
 
 
 def _rest_step(k: int, step: Any, directory: Path, robot: RobotModel) -> Step:
-    """Return step k of the file, which is no move."""
+    """Return step k of the file, an event, attaching or detaching."""
     try:
         if isinstance(step, EventFields):
             return Event(step.event, step.set, step.dwell)
         if isinstance(step, DetachFields):
             return Detach(step.detach, step.leave_as_obstacle)
         assert isinstance(step, AttachFields)
-        return Attach(step.attach, _payload(step), _solid(step, directory, robot))
+        payload, solid = _payload(step), None
+        if step.shape is not None:
+            fields = AttachedFields(name=step.attach, **step.shape.model_dump())
+            field = f"attach '{step.attach}': shape"
+            solid = attached_of(fields, directory, robot.package_dirs, field)
+        return Attach(step.attach, payload, solid)
     except (ProblemError, RobotError) as error:
         raise type(error)(f"moves[{k}]: {error}") from None
 
@@ -340,47 +347,35 @@ def _payload(step: AttachFields) -> Payload | None:
     try:
         return Payload(**step.payload.model_dump())
     except RobotError as error:
-        # It is called as that of the whole robot is.
+        # The message names the field as that of the robot.
         raise RobotError(f"attach '{step.attach}': {str(error).removeprefix('robot.')}") from None
 
 
-def _solid(step: AttachFields, directory: Path, robot: RobotModel) -> AttachedSolid | None:
-    if step.shape is None:
-        return None
-    fields = AttachedFields(name=step.attach, **step.shape.model_dump())
-    field = f"attach '{step.attach}': shape"
-    return attached_of(fields, directory, robot.package_dirs, field)
-
-
-# ---- A file that is a problem or a cycle, whichever it is.
+# ---- Files of a problem or a cycle.
 
 
 def load_problem_or_cycle(
     name: str | Path, directory: str | Path = ".", *, changes: Mapping[str, Any] | None = None
 ) -> PlanningProblem | Cycle:
-    """Read a problem file or a cycle file, whichever it is.
+    """Read a problem file or a cycle file.
 
     Args:
-        name: A path, or `example:ROBOT/NAME` for a bundled one.
+        name: A path, or `example:ROBOT/NAME` for a bundled file.
         directory: Where a relative path starts.
         changes: Other values by field path, as for `load_problem`.
 
     Raises:
         ProblemError: As `load_problem` or `load_cycle`.
-        RobotError: Likewise.
+        RobotError: As `load_problem` or `load_cycle`.
     """
     load = load_cycle if is_cycle_file(name, directory) else load_problem
     return load(name, directory, changes=changes)
 
 
 def is_cycle_file(name: str | Path, directory: str | Path = ".") -> bool:
-    """Return whether a file is a cycle's rather than a problem's.
-
-    Args:
-        name: As for `load_problem_or_cycle`.
-        directory: Likewise.
+    """Return True if a file is a cycle file; arguments as `load_problem_or_cycle`.
 
     Raises:
-        ProblemError: It does not exist, or cannot be read.
+        ProblemError: The file does not exist, or cannot be read.
     """
     return is_cycle(read_document(find_problem(name, given_path("directory", directory))))

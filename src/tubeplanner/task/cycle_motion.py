@@ -15,18 +15,16 @@ from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajector
 from tubeplanner.trajectory.parts import ATTACH, DETACH, EVENT, MOVE, Mark, joined, part_of, resting
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 
-# ---- The motion of a whole cycle: one trajectory, and marks where its steps begin.
-
 _KINDS = {Move: MOVE, Event: EVENT, Attach: ATTACH, Detach: DETACH}
 
 
 @dataclass(frozen=True, eq=False)
 class LegMotion:
-    """The motion of one leg.
+    """Motion of one leg.
 
     Attributes:
         trajectory: Of the leg alone, from time zero.
-        passed: When its moves after the first begin [s].
+        passed: Begin times of its moves after the first [s].
     """
 
     trajectory: JointTrajectory
@@ -35,16 +33,16 @@ class LegMotion:
 
 @dataclass(frozen=True, eq=False)
 class CycleMotion:
-    """A trajectory of all legs and rests of a cycle.
+    """Motion of a cycle: one trajectory, with a mark at the begin of every step.
 
     Attributes:
-        cycle: What it is a motion of.
-        trajectory: The whole.
-        marks: One for each step, in order.
+        cycle: The cycle.
+        trajectory: Of all legs and rests.
+        marks: One per step, in order.
 
     Raises:
         TrajectoryError: On construction, if the marks are not those of the cycle's steps, their
-            times are not in order, or a move takes no time; or joints are others than the cycle's.
+            times are not in order, a move takes no time, or the joints are not the cycle's.
     """
 
     cycle: Cycle
@@ -54,10 +52,10 @@ class CycleMotion:
     def __post_init__(self) -> None:
         reordered = self.trajectory.reordered(self.cycle.robot.joint_names)
         object.__setattr__(self, "trajectory", reordered)
-        wanted = [(_KINDS[type(step)], step.name, _setting(step)) for step in self.cycle.steps]
-        found = [(mark.kind, mark.name, mark.setting) for mark in self.marks]
-        if found != wanted:
-            raise TrajectoryError(f"marks are {_listed(found)}; the cycle has {_listed(wanted)}")
+        steps = [(_KINDS[type(step)], step.name, _setting(step)) for step in self.cycle.steps]
+        marks = [(mark.kind, mark.name, mark.setting) for mark in self.marks]
+        if marks != steps:
+            raise TrajectoryError(f"marks are {_listed(marks)}; the cycle has {_listed(steps)}")
         for mark, (begin, end) in zip(self.marks, self.step_times, strict=True):
             if not 0 <= begin <= end or (mark.kind == MOVE and begin == end):
                 raise TrajectoryError(
@@ -74,50 +72,49 @@ class CycleMotion:
 
     @property
     def step_times(self) -> list[tuple[float, float]]:
-        """When each step of the cycle begins, and when the next one does [s]."""
+        """Begin of each step of the cycle, and begin of the next step or end [s]."""
         return list(pairwise([*(mark.time for mark in self.marks), self.trajectory.duration]))
 
     @cached_property
     def leg_times(self) -> list[tuple[float, float]]:
-        """When each leg begins and ends [s]."""
-        found, k = [], 0
+        """Begin and end of each leg [s]."""
+        spans, k = [], 0
         times = [*(mark.time for mark in self.marks), self.trajectory.duration]
         for leg in self.cycle.legs:
             k += len(leg.before.steps)
             begin, k = times[k], k + len(leg.moves)
-            found.append((begin, times[k]))
-        return found
+            spans.append((begin, times[k]))
+        return spans
 
     @property
     def move_times(self) -> dict[str, tuple[float, float]]:
-        """When each move begins and ends [s], by its name."""
+        """Begin and end of each move [s], by its name."""
         spans = zip(self.marks, self.step_times, strict=True)
         return {mark.name: span for mark, span in spans if mark.kind == MOVE}
 
     @cached_property
     def seams(self) -> list[FloatArray]:
-        """Configurations (n,) where legs begin, and where the last one ends."""
-        times = self.leg_times
-        instants = [*(begin for begin, _ in times), times[-1][1]]
-        return [self.trajectory.position(time) for time in instants]
+        """Configurations (n,) at the start of each leg and at the end of the last leg."""
+        times = [*(begin for begin, _ in self.leg_times), self.leg_times[-1][1]]
+        return [self.trajectory.position(time) for time in times]
 
     @cached_property
     def legs(self) -> list[JointTrajectory]:
-        """The motion of each leg, from time zero."""
+        """Trajectories of the legs, each from time zero."""
         return [part_of(self.trajectory, *times) for times in self.leg_times]
 
     def leg_at(self, time: float) -> int:
-        """Return which leg runs at a time [s], or did last; the first one before it."""
+        """Return the index of the last leg that has begun at a time [s]; 0 before the first."""
         begun = [k for k, (begin, _) in enumerate(self.leg_times) if begin <= time]
         return begun[-1] if begun else 0
 
 
 def cycle_motion(cycle: Cycle, legs: Sequence[LegMotion]) -> CycleMotion:
-    """Return the motion that runs all legs, at rest between them as long as events take.
+    """Return the motion of all legs, with rests between them for the dwell of events.
 
     Args:
         cycle: The cycle.
-        legs: The motion of each leg.
+        legs: Motions of the legs, in order.
     """
     builder = _Builder(cycle)
     for leg, motion in zip(cycle.legs, legs, strict=True):
@@ -130,7 +127,7 @@ def cycle_motion(cycle: Cycle, legs: Sequence[LegMotion]) -> CycleMotion:
 
 
 class _Builder:
-    """Puts legs and rests one after the other."""
+    """Sequence of legs and rests under construction."""
 
     def __init__(self, cycle: Cycle) -> None:
         self._names = cycle.robot.joint_names
@@ -139,16 +136,15 @@ class _Builder:
         self.marks: list[Mark] = []
 
     def rest(self, steps: Sequence[Step], q: FloatArray) -> None:
-        """Stay in a configuration (n,) while steps happen."""
+        """Add steps at rest in a configuration (n,)."""
         for step in steps:
             self._mark(step, self._time)
             if isinstance(step, Event) and step.dwell >= MIN_DURATION:
                 self._add(resting(self._names, q, step.dwell))
 
     def run(self, moves: Sequence[Move], motion: LegMotion) -> None:
-        """Run the moves of a leg."""
-        begins = (0.0, *motion.passed)
-        for move, begin in zip(moves, begins, strict=True):
+        """Add the moves of a leg."""
+        for move, begin in zip(moves, (0.0, *motion.passed), strict=True):
             self._mark(move, self._time + begin)
         self._add(motion.trajectory)
 
@@ -165,8 +161,8 @@ def _setting(step: Step) -> Any:
 
 
 def _listed(steps: Sequence[tuple[str, str, Any]]) -> str:
-    known = [[str(part) for part in step if part is not None] for step in steps]
-    return ", ".join(" ".join(step) for step in known) or "none"
+    words = [[str(part) for part in step if part is not None] for step in steps]
+    return ", ".join(" ".join(step) for step in words) or "none"
 
 
 def move_rows(motion: CycleMotion) -> list[dict[str, Any]]:
@@ -177,18 +173,15 @@ def move_rows(motion: CycleMotion) -> list[dict[str, Any]]:
     ]
 
 
-# ---- The motion of a cycle from a trajectory file.
-
-
 def read_cycle_motion(path: str | Path, cycle: Cycle) -> CycleMotion:
-    """Read the motion of a cycle from a trajectory file that has marks.
+    """Read the motion of a cycle from a trajectory file with marks.
 
     Args:
-        path: The file, JSON as `write_cycle_motion` or `plan -o` writes it.
-        cycle: What it is a motion of.
+        path: The file, JSON of `write_cycle_motion` or `plan -o`.
+        cycle: The cycle.
 
     Raises:
-        TrajectoryError: It cannot be read; or as `motion_of_file`.
+        TrajectoryError: The file cannot be read; or as `motion_of_file`.
     """
     Cycle.require(cycle)
     file = read_trajectory_file(path, cycle.robot.joint_names)
@@ -196,15 +189,15 @@ def read_cycle_motion(path: str | Path, cycle: Cycle) -> CycleMotion:
 
 
 def motion_of_file(cycle: Cycle, path: Path, file: TrajectoryFile) -> CycleMotion:
-    """Return the motion that a file holds.
+    """Return the motion of a cycle from the content of a trajectory file.
 
     Args:
         cycle: The cycle.
         path: The file; messages name it.
-        file: What it holds.
+        file: Content of the file.
 
     Raises:
-        TrajectoryError: It has no marks, or others than the cycle's steps, or other joints.
+        TrajectoryError: The file has no marks, marks of other steps, or other joints.
     """
     if not file.marks:
         raise TrajectoryError(

@@ -14,30 +14,30 @@ from tubeplanner.geometry.collision_checker import CollisionChecker
 from tubeplanner.geometry.solids import MAX_SIZE
 from tubeplanner.robot.model import RobotModel
 
-# ---- Solids that may be near each other where the motion begins or ends, or must be farther apart.
+# ---- Contacts at the ends of the motion, and clearances of pairs.
 
 START, GOAL = "start", "goal"
 ENDS = (START, GOAL)
-_LEAST = 1e-6  # [m]
+_MIN_WITHIN = 1e-6  # [m]
 
 Names = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Two solids that touch, or nearly do, at start or goal.
+    """Two solids that touch, or nearly touch, at start or goal.
 
-    While the tool is within a distance of where it is there, in the tube's first or last segment,
-    they must be as far apart as they are at that end, or as their clearance asks, if that is less.
-    At a goal that is left open they must not overlap.
+    Near that end (the tool centre point in the tube's first or last segment, within a distance of
+    its position at the end) the required distance of the two solids is their distance at the end,
+    or their clearance, if that is less. At an open goal they must not overlap.
 
     Attributes:
         links: Names of links, attached solids or obstacles.
-        within: Distance of the tool from its place at that end [m].
+        within: Distance of the tool centre point from its position at the end [m].
         ends: "start", "goal" or both.
 
     Raises:
-        ProblemError: On construction, if the distance is not positive or an end is unknown.
+        ProblemError: On construction, if a distance is out of bounds or an end is unknown.
     """
 
     links: Names
@@ -46,10 +46,10 @@ class Contact:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "links", _names("contacts", self.links))
-        if not is_number(self.within) or not _LEAST <= self.within <= MAX_SIZE:
+        if not is_number(self.within) or not _MIN_WITHIN <= self.within <= MAX_SIZE:
             raise ProblemError(
                 f"contacts: within is {in_figures(self.within)} m for {_called(self.links)}; "
-                f"{_LEAST:g} to {MAX_SIZE:g} m are accepted"
+                f"{_MIN_WITHIN:g} to {MAX_SIZE:g} m are accepted"
             )
         ends = (self.ends,) if isinstance(self.ends, str) else self.ends
         if not isinstance(ends, list | tuple):
@@ -62,7 +62,7 @@ class Contact:
 
 
 def pair_distances(given: Mapping[Names, float]) -> Mapping[Names, float]:
-    """Return clearances [m] by pairs of names, once they are what they must be.
+    """Check clearances [m] by pairs of names, and return them.
 
     Raises:
         ProblemError: A number is negative or too large, or a key is no pair of names.
@@ -82,12 +82,12 @@ def pair_distances(given: Mapping[Names, float]) -> Mapping[Names, float]:
 
 
 def require_checked(checker: CollisionChecker, field: str, pairs: Iterable[Names]) -> None:
-    """Raise ProblemError unless the solids of some pairs are checked against each other.
+    """Raise ProblemError unless the solids of pairs are checked against each other.
 
     Args:
-        checker: The geometry.
-        field: What messages call the pairs.
-        pairs: Of names.
+        checker: Geometry of arm and obstacles.
+        field: Name of the pairs' field in messages.
+        pairs: Names of the solids.
     """
     owners = list(dict.fromkeys(shape.owner for shape in checker.shapes))
     for names in pairs:
@@ -96,10 +96,10 @@ def require_checked(checker: CollisionChecker, field: str, pairs: Iterable[Names
                 kind = "link with collision geometry or obstacle"
                 raise ProblemError(f"{field}: {unknown_name(kind, name, owners)}")
         if not checker.between(*names).any():
-            left_out = {frozenset(pair.links): pair.reason for pair in checker.left_out}
-            why = left_out.get(frozenset(names), "no joint moves one against the other")
+            reasons = {frozenset(pair.links): pair.reason for pair in checker.left_out}
+            reason = reasons.get(frozenset(names), "no joint moves one against the other")
             raise ProblemError(
-                f"{field}: {_called(names)} are not checked against each other ({why}): remove "
+                f"{field}: {_called(names)} are not checked against each other ({reason}): remove "
                 "the pair"
             )
 
@@ -118,7 +118,7 @@ def _called(names: Names) -> str:
     return f"'{names[0]}' and '{names[1]}'"
 
 
-# ---- What an answer is to be beside short.
+# ---- The objective beside the shortest duration.
 
 MINIMISED = ("smoothness", "energy", "work")
 SMOOTHNESS, ENERGY = MINIMISED[:2]
@@ -129,22 +129,22 @@ _ROUNDING = 1e-6  # of a period
 
 @dataclass(frozen=True)
 class Objective:
-    """What an answer is to be beside short.
+    """Objective of a trajectory beside the shortest duration.
 
     Attributes:
-        slack: It may take this share more time than the shortest motion; 0: it is that. None:
-            0.005, unless a duration is given.
-        minimise: What the time is used for: "smoothness", for efforts that change little and
-            slowly and small jerks; "energy", for the integral of the weighted squared efforts;
-            "work", for the integral of the power that motors put in.
-        duration: How long it takes instead [s]; None: as slack says.
-        weights: Of the squared efforts in the energy, by joint name, >= 0; those of other joints
-            are 1/limit^2.
+        slack: Fraction of the shortest duration by which the trajectory may be longer; 0: the
+            shortest motion. None: 0.005, unless a duration is given.
+        minimise: Use of that time: "smoothness", efforts that change little and slowly, and small
+            jerks; "energy", the integral of the weighted squared efforts; "work", the integral of
+            the power that motors put in.
+        duration: Of the trajectory [s], in place of a slack; None: the slack decides.
+        weights: Of the squared efforts in the energy, by joint name, >= 0; the weights of other
+            joints are 1/limit^2.
 
     Raises:
-        ProblemError: On construction, for slack that is no number from 0 to 10, a duration that is
-            no number above 0 or beside a slack, another name, or weights that are none or of
-            nothing.
+        ProblemError: On construction, for a slack that is no number from 0 to 10, a duration that
+            is no number above 0 or beside a slack, an unknown objective, weights that are no
+            numbers >= 0, or weights without "energy".
     """
 
     slack: float | None = None
@@ -157,7 +157,16 @@ class Objective:
             message = unknown_name("objective", self.minimise, MINIMISED)
             raise ProblemError(f"objective.minimise: {message}")
         if self.duration is not None:
-            self._require_duration(self.duration)
+            if self.slack is not None:
+                raise ProblemError(
+                    f"objective.slack is {in_figures(self.slack)} and objective.duration "
+                    f"{in_figures(self.duration)} s; give one of them"
+                )
+            if not is_number(self.duration) or not 0 < self.duration <= _MAX_DURATION:
+                raise ProblemError(
+                    f"objective.duration is {in_figures(self.duration)} s; give how long the "
+                    f"motion is to take, above 0 and up to {_MAX_DURATION:g} s, or a slack instead"
+                )
         elif self.slack is None:
             object.__setattr__(self, "slack", _SLACK)
         else:
@@ -168,7 +177,7 @@ class Objective:
         """Return the weights of the joints' squared efforts, shape (n,).
 
         Raises:
-            ProblemError: One is of no joint, or none is above zero.
+            ProblemError: A weight is of an unknown joint, or no weight is above zero.
         """
         for name in self.weights:
             if name not in robot.joint_names:
@@ -183,18 +192,6 @@ class Objective:
                 "unless given: nothing is to be saved; give some"
             )
         return np.asarray(weights)
-
-    def _require_duration(self, duration: float) -> None:
-        if self.slack is not None:
-            raise ProblemError(
-                f"objective.slack is {in_figures(self.slack)} and objective.duration "
-                f"{in_figures(duration)} s; give one of them"
-            )
-        if not is_number(duration) or not 0 < duration <= _MAX_DURATION:
-            raise ProblemError(
-                f"objective.duration is {in_figures(duration)} s; give how long the motion is "
-                f"to take, above 0 and up to {_MAX_DURATION:g} s, or a slack instead"
-            )
 
     def _require_weights(self) -> None:
         if not isinstance(self.weights, Mapping):
@@ -215,7 +212,7 @@ class Objective:
 
 
 def require_slack(what: str, slack: Any, error: type[TubePlannerError] = ProblemError) -> None:
-    """Raise an error unless something is a share of time."""
+    """Raise an error unless a slack is a number from 0 to 10."""
     if not is_number(slack) or not 0 <= slack <= _MAX_SLACK:
         raise error(
             f"{what} is {in_figures(slack)}; give a share of the shortest duration from 0 (the "
@@ -224,24 +221,24 @@ def require_slack(what: str, slack: Any, error: type[TubePlannerError] = Problem
 
 
 def is_multiple(duration: float, period: float) -> bool:
-    """Return whether a duration is a multiple of a period, but for rounding."""
+    """Return True if a duration is a multiple of a period, up to rounding."""
     return abs(duration / period - round(duration / period)) <= _ROUNDING
 
 
-# ---- The period of a controller, of which durations and breakpoints are multiples.
+# ---- The controller's period: durations and breakpoints are multiples of it.
 
 _MIN_PERIOD, _MAX_CONTROLLER_PERIOD = 1e-5, 1.0  # [s]
 
 
 def require_period(period: float, duration: float | None) -> None:
-    """Raise unless a period is one.
+    """Raise unless a controller's period is within bounds and divides the duration.
 
     Args:
-        period: The controller's [s].
-        duration: That the answer is to have [s]; None: any.
+        period: Of the controller [s].
+        duration: Required duration of the trajectory [s]; None: any.
 
     Raises:
-        ProblemError: It is out of its bounds, or the duration is no multiple of it.
+        ProblemError: The period is out of its bounds, or the duration is no multiple of it.
     """
     if not is_number(period) or not _MIN_PERIOD <= period <= _MAX_CONTROLLER_PERIOD:
         raise ProblemError(
@@ -255,10 +252,10 @@ def require_period(period: float, duration: float | None) -> None:
         )
 
 
-# ---- By how much a real arm and its control may differ from the model that is planned with.
+# ---- Errors of the real arm and its control against the model.
 
 COMPUTED_TORQUE, FEEDFORWARD_PD, PD = CONTROLLERS = ("computed-torque", "feedforward-pd", "pd")
-# The most of each quantity, and its unit. Masses and frictions stay above zero.
+# Largest error of each quantity, and its unit. Masses and frictions stay above zero.
 _MAX_ERRORS = {
     "mass": (0.9, ""),
     "com": (1.0, "m"),
@@ -272,28 +269,28 @@ _MAX_ERRORS = {
     "base": (1.0, "m"),
 }
 ERRORS = tuple(_MAX_ERRORS)
-_SPREAD = ("mass", "com", "payload", "friction", "tool", "base")  # drawn about what is expected
-_LEAST_PERIOD, _MAX_PERIOD = 1e-4, 0.1  # [s]
+_SPREAD = ("mass", "com", "payload", "friction", "tool", "base")  # drawn about nominal values
+_MIN_CONTROL_PERIOD, _MAX_CONTROL_PERIOD = 1e-4, 0.1  # [s]
 
 
 @dataclass(frozen=True)
 class Robustness:
-    """Errors that a plan is to survive, and the control that meets them.
+    """Errors that a plan must survive, and the controller that meets them.
 
     Attributes:
         mass: Relative error of each body's mass, uniform in +-.
-        com: Of each body's centre of mass, uniform in a ball of this radius [m].
+        com: Error of each body's centre of mass, uniform in a ball of this radius [m].
         payload: Relative error of the payload's mass, uniform in +-.
-        friction: Relative error of each joint's viscous friction, and of its Coulomb friction each
-            way, uniform in +-.
-        unmodelled_friction: Viscous friction beside the modelled, as a share of the joint's effort
-            limit at its velocity limit, uniform between half of it and it.
-        lag: Time constant with which motors follow the effort that is asked of them [s].
+        friction: Relative error of each joint's viscous friction, and of its Coulomb friction in
+            each direction, uniform in +-.
+        unmodelled_friction: Viscous friction beside the modelled, as a fraction of the joint's
+            effort limit at its velocity limit, uniform between half of the value and the value.
+        lag: Time constant with which motors follow an effort command [s].
         delay: From a measurement to the effort that follows from it [s].
         noise: Standard deviation of measured joint positions, normal [rad or m].
-        tool: Of the tool centre point in its link, uniform in a ball of this radius [m].
-        base: Of the robot's base in its cell, likewise [m].
-        control_period: [s].
+        tool: Error of the tool centre point in its link, uniform in a ball of this radius [m].
+        base: Error of the robot's base in its cell, uniform in a ball of this radius [m].
+        control_period: Of the controller [s].
         controller: "computed-torque", "feedforward-pd" or "pd".
 
     Raises:
@@ -316,18 +313,18 @@ class Robustness:
     def __post_init__(self) -> None:
         for name, (most, unit) in _MAX_ERRORS.items():
             self._require_between(name, 0.0, most, unit)
-        self._require_between("control_period", _LEAST_PERIOD, _MAX_PERIOD, "s")
+        self._require_between("control_period", _MIN_CONTROL_PERIOD, _MAX_CONTROL_PERIOD, "s")
         if self.controller not in CONTROLLERS:
             message = unknown_name("controller", self.controller, CONTROLLERS)
             raise ProblemError(f"robustness.controller: {message}")
 
     @classmethod
     def exact(cls, **fields: float | str) -> "Robustness":
-        """Return no errors at all, but for some fields."""
+        """Return errors of zero, except for given fields."""
         return cls(**(dict.fromkeys(_MAX_ERRORS, 0.0) | fields))  # type: ignore[arg-type]
 
     def enlarged(self, factor: float) -> "Robustness":
-        """Return the errors of the arm's build with larger spreads, as far as they may be."""
+        """Return the errors with the arm's spreads times a factor, up to their bounds."""
         larger: dict[str, Any] = {
             name: min(factor * getattr(self, name), _MAX_ERRORS[name][0]) for name in _SPREAD
         }

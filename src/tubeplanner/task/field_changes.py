@@ -17,27 +17,25 @@ from tubeplanner.task.fields import Section
 from tubeplanner.task.includes import INCLUDE, ProblemLayers
 from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, require_problem
 
-# ---- What a schema has at a place: which keys a map may hold there, and what lies below them.
-
 
 @dataclass(frozen=True)
 class SchemaPlace:
-    """A place in a document, as its schema has it.
+    """Place in the schema of a document.
 
     Attributes:
-        kinds: What it may hold: models, maps, lists and scalars.
+        kinds: Types that are valid here: models, maps, lists and scalars.
     """
 
     kinds: tuple[Any, ...]
 
     @classmethod
     def of(cls, *annotations: Any) -> "SchemaPlace":
-        """Return the place of what is annotated in one of these ways."""
+        """Return the place of a value with alternative annotations."""
         return cls(tuple(_kinds(annotations)))
 
     @property
     def keys(self) -> list[str]:
-        """The names of the fields that a map may have here; empty if it may have any, or none."""
+        """Names of the fields of a map here; empty if any key is valid, or no map is."""
         models = [kind for kind in self.kinds if _is_model(kind)]
         return [
             field.alias or name for model in models for name, field in model.model_fields.items()
@@ -45,27 +43,27 @@ class SchemaPlace:
 
     @property
     def may_be_map(self) -> bool:
-        """Whether a map may stand here."""
+        """True if a map is valid here."""
         return any(_is_model(kind) or get_origin(kind) is dict for kind in self.kinds)
 
     def below(self, key: str) -> "SchemaPlace | None":
-        """Return the place under a key of a map; None: there is no such key."""
-        found = [get_args(kind)[1] for kind in self.kinds if get_origin(kind) is dict]
+        """Return the place under a key of a map; None: the key is unknown."""
+        annotations = [get_args(kind)[1] for kind in self.kinds if get_origin(kind) is dict]
         for model in self.kinds:
             if _is_model(model):
                 fields = {field.alias or name: field for name, field in model.model_fields.items()}
-                found += [fields[key].annotation] if key in fields else []
-        return SchemaPlace.of(*found) if found else None
+                annotations += [fields[key].annotation] if key in fields else []
+        return SchemaPlace.of(*annotations) if annotations else None
 
     @property
     def item(self) -> "SchemaPlace":
-        """The place of an item of a list."""
+        """Place of the items of a list."""
         lists = [kind for kind in self.kinds if get_origin(kind) in (list, tuple)]
         return SchemaPlace.of(*(each for kind in lists for each in get_args(kind)))
 
 
 def _kinds(annotations: Iterable[Any]) -> Iterable[Any]:
-    """Yield the alternatives that annotations stand for."""
+    """Yield the types of annotations, unions taken apart."""
     for annotation in annotations:
         origin, arguments = get_origin(annotation), get_args(annotation)
         if origin in (Union, UnionType):
@@ -80,11 +78,10 @@ def _is_model(kind: Any) -> bool:
     return isinstance(kind, type) and issubclass(kind, BaseModel)
 
 
-# ---- Changes of single fields, by paths such as `obstacles.wall.position`, before the schema's
-# check.
+# ---- Changes of single fields, made before the schema's check.
 #
-# A path is keys joined by dots; an item of a list goes by its index or by its `name`. Names that
-# hold dots are found where they exist. A value such as `x0.5` scales every number below the path.
+# A path is keys joined by dots; an item of a list has its index or its `name` as key. Names with
+# dots are recognised where they exist. A value such as `x0.5` scales every number below the path.
 
 _FACTOR = re.compile(r"x([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 
@@ -93,11 +90,11 @@ def parse_change(option: str, text: str) -> tuple[str, Any]:
     """Return path and value of FIELD.PATH=VALUE, the value in YAML.
 
     Args:
-        option: What messages call it.
+        option: Name of the option in messages.
         text: The change.
 
     Raises:
-        OptionError: It is none.
+        OptionError: The text is no change.
     """
     path, value = _parted_at_equals(option, text, "VALUE", "tube.radius=0.02")
     return path, _parsed(option, text, value)
@@ -107,11 +104,11 @@ def parse_variation(option: str, text: str) -> tuple[str, list[Any]]:
     """Return path and values of FIELD.PATH=V1,V2,...: a list in YAML without its brackets.
 
     Args:
-        option: What messages call it.
+        option: Name of the option in messages.
         text: The variation.
 
     Raises:
-        OptionError: It is none.
+        OptionError: The text is no variation.
     """
     path, values = _parted_at_equals(option, text, "V1,V2,...", "tube.radius=0.01,0.02")
     parsed: list[Any] = _parsed(option, text, f"[{values}]")
@@ -119,12 +116,12 @@ def parse_variation(option: str, text: str) -> tuple[str, list[Any]]:
 
 
 def changed_fields(data: Any, changes: Mapping[str, Any], root: SchemaPlace) -> Any:
-    """Return a document with other values at some places; the given one stays as it is.
+    """Return a copy of a document with other values at some paths.
 
     Args:
-        data: What a file holds, as dictionaries and lists.
+        data: Content of a file, as dictionaries and lists; unchanged.
         changes: Values by path, applied in their order. A missing key is made if the schema has it.
-        root: The place of the whole document in its schema.
+        root: Place of the whole document in its schema.
 
     Raises:
         ProblemError: A path leads nowhere, or to no number where a factor is given, or a value is
@@ -143,13 +140,13 @@ def changed_fields(data: Any, changes: Mapping[str, Any], root: SchemaPlace) -> 
 
 
 def require_path(path: object) -> None:
-    """Raise ProblemError unless something is text, as field paths are."""
+    """Raise ProblemError unless a field path is text."""
     if not isinstance(path, str):
         raise ProblemError(f"{shown(path)} is no field path; give text, such as 'tube.radius'")
 
 
 def require_changes(changes: object) -> None:
-    """Raise ProblemError unless changes are a map from texts."""
+    """Raise ProblemError unless changes are a map from field paths."""
     if not isinstance(changes, Mapping):
         raise ProblemError(f"changes are {shown(changes)}; give a map from field paths to values")
     for path in changes:
@@ -157,25 +154,25 @@ def require_changes(changes: object) -> None:
 
 
 def factor_of(value: Any) -> float | None:
-    """Return the factor that a value such as `x0.5` stands for; None: it stands for itself."""
+    """Return the factor of a value such as `x0.5`; None: the value is no factor."""
     match = _FACTOR.fullmatch(value) if isinstance(value, str) else None
     return None if match is None else float(match[1])
 
 
 def is_of_objective(path: str) -> bool:
-    """Return whether a path leads to what an answer is to be beside short, or into it."""
+    """Return True if a path leads to the objective, or into it."""
     return path.split(".")[0] == "objective"
 
 
 class _Walk:
-    """The way along a path into a document."""
+    """Walk along a path into a document."""
 
     def __init__(self, path: str) -> None:
         self._path = path
         self._rest: str | None = path
 
     def change(self, fields: Any, value: Any, place: SchemaPlace) -> None:
-        """Change what the path leads to in a document, whose schema begins at a place."""
+        """Change the value at the path in a document whose schema begins at a place."""
         holder = fields
         while True:
             key, place = self._step(holder, place)
@@ -183,12 +180,12 @@ class _Walk:
             if self._rest is None:
                 holder[key] = self._new(old, value)
                 return
-            # A copy: an alias elsewhere in the document keeps what it stands for.
+            # A copy: an alias elsewhere in the document keeps its value.
             holder[key] = {} if old is None and place.may_be_map else deepcopy(old)
             holder = holder[key]
 
     def _step(self, holder: Any, place: SchemaPlace) -> tuple[Any, SchemaPlace]:
-        """Go to the next key, which a map or list has or may have; return it and its place."""
+        """Go to the next key of a map or list, and return the key and its place."""
         if isinstance(holder, dict):
             key = self._next([*holder, *place.keys])
             below = place.below(key)
@@ -197,11 +194,11 @@ class _Walk:
             return key, below or SchemaPlace.of()
         if isinstance(holder, list):
             return self._item(holder), place.item
-        what = "is not given" if holder is None else f"is {shown(holder)}, which has no parts"
-        raise self._fault(f"{self._walked} {what}; give it as a whole")
+        state = "is not given" if holder is None else f"is {shown(holder)}, which has no parts"
+        raise self._fault(f"{self._walked} {state}; give it as a whole")
 
     def _item(self, items: list[Any]) -> int:
-        """Return the index of the next item, which goes by it or by its name."""
+        """Return the index of the next item; its key is the index or the item's name."""
         names = [item.get("name") if isinstance(item, dict) else None for item in items]
         numbers = [str(k) for k in range(len(items))]
         walked = self._walked
@@ -210,14 +207,14 @@ class _Walk:
             return names.index(key)
         if key in numbers:
             return int(key)
-        if known := [name for name in names if isinstance(name, str)]:
-            raise self._fault(unknown_name("name", key, known))
+        if item_names := [name for name in names if isinstance(name, str)]:
+            raise self._fault(unknown_name("name", key, item_names))
         raise self._fault(
             f"{walked} has no item {shown(key)}; there are {len(items)}, from 0 to {len(items) - 1}"
         )
 
     def _next(self, known: list[Any]) -> str:
-        """Return the next key, the longest of the known ones that fits or else up to a dot."""
+        """Return the next key: the longest known key that fits, or else the text up to a dot."""
         rest = self._rest or ""
         fitting = [
             name for name in known if isinstance(name, str) and f"{rest}.".startswith(f"{name}.")
@@ -227,13 +224,13 @@ class _Walk:
         return key
 
     def _new(self, old: Any, value: Any) -> Any:
-        """Return what takes the place of a value: another one, or the old one scaled."""
+        """Return the new value: the given value, or the old value scaled."""
         factor = factor_of(value)
         if factor is None:
             return value
         if not _has_numbers(old):
-            what = "nothing is given there" if old is None else f"it is {shown(old)}"
-            raise self._fault(f"{what}: {value} has no number to scale; give a value")
+            state = "nothing is given there" if old is None else f"it is {shown(old)}"
+            raise self._fault(f"{state}: {value} has no number to scale; give a value")
         try:
             return _scaled(old, factor)
         except OverflowError:
@@ -257,19 +254,19 @@ def _has_numbers(value: Any) -> bool:
 
 
 def _scaled(value: Any, factor: float) -> Any:
-    """Return a copy of a value, every number in it scaled."""
+    """Return a copy of a value with every number scaled."""
     if isinstance(value, dict | list):
-        scaled = deepcopy(value)  # keeps how a file writes it
+        scaled = deepcopy(value)  # keeps the formatting of a file
         for key in value if isinstance(value, dict) else range(len(value)):
             scaled[key] = _scaled(value[key], factor)
         return scaled
     return factor * float(value) if is_number(value) else value
 
 
-def _parted_at_equals(option: str, text: str, wanted: str, example: str) -> tuple[str, str]:
+def _parted_at_equals(option: str, text: str, form: str, example: str) -> tuple[str, str]:
     path, equals, value = (part.strip() for part in text.partition("="))
     if not (path and equals and value):
-        raise OptionError(f"{option} {shown(text)}: give FIELD.PATH={wanted}, such as {example}")
+        raise OptionError(f"{option} {shown(text)}: give FIELD.PATH={form}, such as {example}")
     return path, value
 
 
@@ -280,11 +277,11 @@ def _parsed(option: str, text: str, value: str) -> Any:
         raise OptionError(f"{option} {shown(text)}: the value is no YAML: {error}") from None
 
 
-# ---- The fields of a problem, with changes of single ones that are made before they are checked.
+# ---- The fields of a problem, with changes.
 
 
 def read_problem_fields(path: Path, changes: Mapping[str, Any] | None = None) -> ProblemFields:
-    """Read a problem file, YAML 1.2 or JSON, and what it includes.
+    """Read a problem file, YAML 1.2 or JSON, and the files that it includes.
 
     Args:
         path: The file.
@@ -300,7 +297,7 @@ def read_problem_fields(path: Path, changes: Mapping[str, Any] | None = None) ->
 def checked_layers(
     layers: ProblemLayers, changes: Mapping[str, Any] | None = None
 ) -> ProblemFields:
-    """Return the fields that layers give together, with other values at some field paths.
+    """Return the checked fields of merged layers, with other values at some field paths.
 
     Raises:
         ProblemError: As `read_problem_fields`.
@@ -313,16 +310,15 @@ def checked_layers(
 def changed_problem(
     data: Any, changes: Mapping[str, Any] | None, model: type[Section] = ProblemFields
 ) -> Any:
-    """Return what a problem file and its included ones hold, with other values at field paths.
+    """Return the merged content of a problem file with other values at field paths.
 
     Args:
-        data: What they hold.
+        data: Merged content of the file and the files that it includes.
         changes: Other values, by field path.
-        model: Of the file.
+        model: Model of the file.
 
     Raises:
-        ProblemError: As `changed_fields`; or changes are no map from paths, or included files
-            would be others.
+        ProblemError: As `changed_fields`; or changes are no map from paths, or change `include`.
     """
     if changes is None:
         return data

@@ -8,18 +8,18 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.robot.overrides import LimitOverrides, MotorOverrides, PointSpeed
 from tubeplanner.task.demands import ENDS, GOAL, START, Contact
 
-# ---- Types of which the fields of files are made: strict, so that a text is no number.
+# ---- Types of fields: strict, so that text is no number.
 
 
 class Section(BaseModel):
     """A map with known keys."""
 
-    # Built once, as part of what is read, rather than each alone when it is imported.
+    # Built once, as part of the file's model, rather than for each section at import.
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 def no_flag(value: object) -> object:
-    """Refuse true and false where 1 and 0 are numbers: YAML and Python take them for equal."""
+    """Raise if a number is true or false: Python takes them for 1 and 0."""
     if isinstance(value, bool):
         raise ValueError("true and false are no numbers")
     return value
@@ -34,7 +34,7 @@ Flag: TypeAlias = Annotated[bool, Field(strict=True)]
 Version: TypeAlias = Annotated[Literal[1], BeforeValidator(no_flag)]
 
 
-# ---- The fields of poses in a problem file.
+# ---- Poses.
 
 
 class PoseFields(Section):
@@ -60,7 +60,7 @@ class BaseFields(Section):
     quaternion: Quaternion | None = Field(None, description="x y z w, instead of rpy")
 
 
-# ---- The fields of clearances and contacts in problem files, and what they mean.
+# ---- Clearances and contacts, and their values in a problem.
 
 
 class PairClearanceFields(Section):
@@ -83,7 +83,7 @@ class ClearanceFields(Section):
 
 
 def _number_or_map(value: object) -> object:
-    """Report what a clearance may be, rather than the fault of each alternative."""
+    """Raise unless a clearance is a number or a map: one message for all alternatives."""
     no_flag(value)
     if not isinstance(value, int | float | dict | ClearanceFields):
         raise ValueError("it must be a number, or a map with default, pairs, segments")
@@ -106,7 +106,7 @@ class ContactFields(Section):
 
 
 def clearances_of(fields: float | ClearanceFields) -> dict[str, Any]:
-    """Return `clearance` and `pair_clearances` of a problem."""
+    """Return the arguments `clearance` and `pair_clearances` of a problem [m]."""
     if not isinstance(fields, ClearanceFields):
         return {"clearance": fields}
     pairs = {pair.links: pair.clearance for pair in fields.pairs}
@@ -114,7 +114,7 @@ def clearances_of(fields: float | ClearanceFields) -> dict[str, Any]:
 
 
 def segment_clearances(fields: float | ClearanceFields) -> list[float | None] | None:
-    """Return the `clearance` of a tube [m]."""
+    """Return the `clearance` of a tube [m], None for the problem's."""
     return fields.segments if isinstance(fields, ClearanceFields) else None
 
 
@@ -122,8 +122,8 @@ def contacts_of(fields: list[ContactFields], segments: int | None) -> tuple[Cont
     """Return the contacts of a problem.
 
     Args:
-        fields: As a file has them.
-        segments: Of the tube as the file has it; None: its segments are not known yet.
+        fields: Contacts of a file.
+        segments: Number of segments of the file's tube; None: not known yet.
 
     Raises:
         ProblemError: A segment is neither the first nor the last.
@@ -134,27 +134,27 @@ def contacts_of(fields: list[ContactFields], segments: int | None) -> tuple[Cont
     )
 
 
-def _ends(k: int, given: list[int] | None, segments: int | None) -> tuple[str, ...]:
-    """Return at which ends the solids of contact k touch."""
-    if given is None:
+def _ends(k: int, indices: list[int] | None, segments: int | None) -> tuple[str, ...]:
+    """Return the ends at which the solids of contact k touch, from indices of segments."""
+    if indices is None:
         return ENDS
     last = [-1] if segments is None else [-1, segments - 1]
-    for segment in given:
-        if segment != 0 and segment not in last:
-            which = "-1, the last" if segments is None else f"{segments - 1} (or -1), the last"
+    for index in indices:
+        if index != 0 and index not in last:
+            accepted = "-1, the last" if segments is None else f"{segments - 1} (or -1), the last"
             raise ProblemError(
-                f"contacts[{k}].segments has {segment}; solids may touch where the motion begins "
-                f"or ends: give 0, the first, or {which}"
+                f"contacts[{k}].segments has {index}; solids may touch where the motion begins "
+                f"or ends: give 0, the first, or {accepted}"
             )
-    ends = ((START, 0 in given), (GOAL, any(segment in last for segment in given)))
-    return tuple(end for end, is_given in ends if is_given)
+    ends = ((START, 0 in indices), (GOAL, any(index in last for index in indices)))
+    return tuple(end for end, is_present in ends if is_present)
 
 
-# ---- The fields of limits and motors, in problem files and in presets.
+# ---- Limits and motors, in problem files and in presets. Validators give one message for all
+# alternatives of a field.
 
 
 def _per_joint(value: object) -> object:
-    """Report what a value of joints may be."""
     if not _is_number(value) and not isinstance(value, list | tuple | dict):
         raise ValueError(
             "it must be one number for all joints, a list with one for each, or a map by name"
@@ -162,15 +162,13 @@ def _per_joint(value: object) -> object:
     return value
 
 
-def _one_or_both_ways(value: object) -> object:
-    """Report what a friction of one joint may be."""
+def _friction(value: object) -> object:
     if not _is_number(value) and not _is_pair(value):
         raise ValueError("it must be a number, or [backwards, forwards]")
     return value
 
 
 def _effort(value: object) -> object:
-    """Report what an effort limit of one joint may be."""
     if not _is_number(value) and not _is_pair(value) and not isinstance(value, dict):
         raise ValueError(
             "it must be a number, [backwards, forwards], or a map with position and effort"
@@ -189,7 +187,7 @@ def _is_pair(value: object) -> bool:
 NumberPerJoint: TypeAlias = Annotated[
     Number | list[Number] | dict[str, Number], BeforeValidator(_per_joint)
 ]
-_Friction: TypeAlias = Annotated[Number | tuple[Number, Number], BeforeValidator(_one_or_both_ways)]
+_Friction: TypeAlias = Annotated[Number | tuple[Number, Number], BeforeValidator(_friction)]
 FrictionPerJoint: TypeAlias = Annotated[
     Number | list[_Friction] | dict[str, _Friction], BeforeValidator(_per_joint)
 ]
@@ -291,11 +289,8 @@ class MotorFields(Section):
     )
 
 
-# ---- What the limits and motors in a file say, as the robot takes them.
-
-
 def limits_of(fields: LimitFields) -> LimitOverrides:
-    """Return the limits that fields give.
+    """Return the limits of fields of a file.
 
     Raises:
         RobotError: A number is out of its bounds.
@@ -305,7 +300,7 @@ def limits_of(fields: LimitFields) -> LimitOverrides:
 
 
 def motors_of(fields: MotorFields) -> MotorOverrides:
-    """Return the motors that fields give.
+    """Return the motors of fields of a file.
 
     Raises:
         RobotError: A number is out of its bounds.

@@ -13,14 +13,14 @@ from tubeplanner.errors import ProblemError, shown
 from tubeplanner.resources import EXAMPLE_PREFIX, PRESET_ENDINGS, find_problem
 from tubeplanner.task.problem_format import PROBLEM_FORMAT, read_document
 
-# ---- One problem's fields from those of two files.
+# ---- Merging of documents.
 
 
 def merged_fields(below: Any, above: Any) -> Any:
-    """Return what two documents give together; neither is changed.
+    """Return the merged content of two documents; neither is changed.
 
-    Maps are merged key by key, lists whose items all have a name, item by item of the same name:
-    those of `below` first, then the new ones. Everything else is that of `above`.
+    Maps are merged key by key; lists whose items all have a name, item by item of the same name,
+    items of `below` first, then new items. Every other value is that of `above`.
     """
     if isinstance(below, dict) and isinstance(above, dict):
         shared = {k: merged_fields(below[k], above[k]) for k in above if k in below}
@@ -31,19 +31,19 @@ def merged_fields(below: Any, above: Any) -> Any:
 
 
 def is_named(items: Any) -> bool:
-    """Return whether something is a list whose items go by their names; an empty one does."""
+    """Return True if a value is a list whose items all have a name; an empty list is."""
     return isinstance(items, list) and all(
         isinstance(item, dict) and isinstance(item.get("name"), str) for item in items
     )
 
 
 def _merged_items(below: list[Any], above: list[Any]) -> list[Any]:
-    """Return items merged by name; of those with one name, which are a fault, only the first."""
+    """Return items merged by name; further items of one name, an error later, stay unmerged."""
     first: dict[str, Any] = {}
     new = []
-    known = {item["name"] for item in below}
+    names = {item["name"] for item in below}
     for item in above:
-        if item["name"] in known and item["name"] not in first:
+        if item["name"] in names and item["name"] not in first:
             first[item["name"]] = item
         else:
             new.append(item)
@@ -51,65 +51,66 @@ def _merged_items(below: list[Any], above: list[Any]) -> list[Any]:
     return [*merged, *new]
 
 
-# ---- The fields of a problem file that are paths, relative to the file that holds them.
+# ---- Fields that are paths, relative to the file that holds them.
 
 _PACKAGE_PREFIX, _FILE_PREFIX = "package://", "file://"
 
 
 def move_paths(fields: Any, before: Path, after: Path) -> None:
-    """Make the relative paths of a problem, valid in one folder, valid in another.
+    """Change the relative paths of a problem from one folder to another.
 
-    Names of bundled robots, presets and problems, `package://` names and absolute paths stay as
-    they are, and so does what is no path where one should be: the check of the schema names it.
+    Names of bundled robots, presets and problems, `package://` names and absolute paths stay
+    unchanged, as do values that are no path: the schema's check reports them.
 
     Args:
-        fields: What a problem file holds, or a part of it; it is changed.
-        before: The folder where its paths start.
-        after: The folder where they are to start.
+        fields: Content of a problem file, or a part of it; it is changed.
+        before: Folder where its paths start.
+        after: Folder where the new paths start.
     """
-    # Read before the first one is changed: an alias may be at two places.
+    # Read before the first change: an alias may be at two places.
     places = [(holder, key, holder[key]) for holder, key, _ in path_places(fields)]
     for holder, key, path in places:
         if isinstance(path, str):
-            holder[key] = _moved(path, before, after)
+            holder[key] = _rebased(path, before, after)
 
 
 def path_places(fields: Any) -> Iterator[tuple[Any, Any, str]]:
-    """Yield holder and key of every path in a problem or a cycle, and the field that it is of.
+    """Yield holder, key and field of every path in a problem or a cycle.
 
-    Of presets only those that are files: the others are bundled names.
+    Of presets only files: the others are bundled names.
 
     Args:
-        fields: What its file holds, or a part of it.
+        fields: Content of the file, or a part of it.
     """
     fields = _map(fields)
-    yield from _of(fields, "include")
+    yield from _paths_in(fields, "include")
     robot = _map(fields.get("robot"))
     for key in ("urdf", "srdf", "limits_file", "package_dirs"):
-        yield from _of(robot, key)
-    for holder, key, field in _of(robot, "preset"):
-        if _is_preset_file(holder[key]):
+        yield from _paths_in(robot, key)
+    for holder, key, field in _paths_in(robot, "preset"):
+        name = holder[key]
+        if isinstance(name, str) and Path(name).suffix in PRESET_ENDINGS:
             yield holder, key, field
-    yield from _of_move(fields)
+    yield from _paths_in_move(fields)
     for move in _list(fields.get("moves")):
-        yield from _of_move(_map(move))
-        yield from _of(_map(_map(move).get("shape")), "mesh")
+        yield from _paths_in_move(_map(move))
+        yield from _paths_in(_map(_map(move).get("shape")), "mesh")
     for solids in (fields.get("obstacles"), robot.get("attached")):
         for solid in _list(solids):
-            yield from _of(_map(solid), "mesh")
+            yield from _paths_in(_map(solid), "mesh")
 
 
-def _of_move(fields: Any) -> Iterator[tuple[Any, Any, str]]:
+def _paths_in_move(fields: Any) -> Iterator[tuple[Any, Any, str]]:
     """Yield the paths of a tube, a start and a goal."""
     tube = _map(fields.get("tube"))
     if isinstance(tube.get("points"), str):
         yield tube, "points", "points"
     for end in ("start", "goal"):
-        yield from _of(_map(fields.get(end)), "trajectory")
+        yield from _paths_in(_map(fields.get(end)), "trajectory")
 
 
-def _of(holder: Any, field: str) -> Iterator[tuple[Any, Any, str]]:
-    """Yield where the one path or the list of paths of a field is."""
+def _paths_in(holder: Any, field: str) -> Iterator[tuple[Any, Any, str]]:
+    """Yield holder and key of the path, or of each of the list of paths, in a field."""
     value = holder.get(field)
     if isinstance(value, list):
         yield from ((value, k, field) for k in range(len(value)))
@@ -125,12 +126,7 @@ def _map(value: Any) -> Any:
     return value if isinstance(value, dict) else {}
 
 
-def _is_preset_file(name: Any) -> bool:
-    """Return whether a preset is a file, rather than a bundled name."""
-    return isinstance(name, str) and Path(name).suffix in PRESET_ENDINGS
-
-
-def _moved(path: str, before: Path, after: Path) -> str:
+def _rebased(path: str, before: Path, after: Path) -> str:
     if path.startswith((EXAMPLE_PREFIX, _PACKAGE_PREFIX)):
         return path
     prefix = _FILE_PREFIX if path.startswith(_FILE_PREFIX) else ""
@@ -140,7 +136,7 @@ def _moved(path: str, before: Path, after: Path) -> str:
     return prefix + os.path.relpath((before / plain).resolve(), after.resolve())
 
 
-# ---- A problem file and the files that it includes, each a layer above those before it.
+# ---- A problem file and its included files, each a layer above the earlier ones.
 
 INCLUDE = "include"
 _MAX_FILES = 100
@@ -149,11 +145,11 @@ _ABSENT = object()
 
 @dataclass(frozen=True)
 class ProblemLayers:
-    """What a problem file and those that it includes hold, the lowest first, the file itself last.
+    """Documents of a problem file and its included files, the lowest first, the file itself last.
 
     Attributes:
-        sources: What messages call each.
-        documents: What each holds without its `include`, paths relative to the folder of the last.
+        sources: Names of the files in messages.
+        documents: Contents without `include`, with paths relative to the folder of the last file.
     """
 
     sources: tuple[str, ...]
@@ -161,7 +157,7 @@ class ProblemLayers:
 
     @classmethod
     def read(cls, path: Path) -> "ProblemLayers":
-        """Read a problem file, YAML 1.2 or JSON, and all that it includes.
+        """Read a problem file, YAML 1.2 or JSON, and its included files.
 
         Raises:
             ProblemError: As `of`; or the file itself cannot be read.
@@ -170,17 +166,17 @@ class ProblemLayers:
 
     @classmethod
     def of(cls, data: Any, folder: Path, source: str, path: Path | None = None) -> "ProblemLayers":
-        """Return the layers of what a problem file holds.
+        """Return the layers of the content of a problem file.
 
         Args:
-            data: The document; it stays as it is.
+            data: The document; unchanged.
             folder: Where its relative paths start.
-            source: What messages call it.
-            path: The file that holds it; None: it is in no file.
+            source: Name of the document in messages.
+            path: The file of the document; None: there is none.
 
         Raises:
-            ProblemError: An included file cannot be read or is none, files include each other in
-                a circle, or the document is nested too deep.
+            ProblemError: An included file cannot be read or is no part of a problem, files include
+                each other in a circle, or the document is nested too deep.
         """
         try:
             require_shallow(data)
@@ -198,30 +194,30 @@ class ProblemLayers:
 
     @property
     def merged(self) -> Any:
-        """What all of them give together, the later ones above."""
+        """Merged content of all documents, the later ones above."""
         return reduce(merged_fields, self.documents)
 
     @property
     def files(self) -> list[Path]:
-        """The files that were read, for layers that all come from one."""
+        """Paths of the files, for layers that were read from a file."""
         return [Path(source) for source in self.sources]
 
     @property
     def below(self) -> Any:
-        """What the included files give together."""
+        """Merged content of the included files."""
         return reduce(merged_fields, self.documents[:-1], {})
 
     def source_of(self, merged: Any, steps: Sequence[int | str]) -> str:
-        """Return the source of a value: the last layer that has it.
+        """Return the source of a value: the last layer that has the value.
 
         Args:
-            merged: What all of them give together, perhaps changed since.
-            steps: Keys and indices that lead to the value there.
+            merged: Merged content of all documents, perhaps changed since.
+            steps: Keys and indices that lead to the value in the merged content.
         """
-        wanted = _value_at(merged, merged, steps)
+        target = _value_at(merged, merged, steps)
         for source, document in zip(self.sources[::-1], self.documents[::-1], strict=True):
-            found = _value_at(document, merged, steps)
-            if found is not _ABSENT and (isinstance(found, dict) or _is_same(found, wanted)):
+            value = _value_at(document, merged, steps)
+            if value is not _ABSENT and (isinstance(value, dict) or _is_same(value, target)):
                 return source
         return self.sources[-1]
 
@@ -229,13 +225,13 @@ class ProblemLayers:
 def _layers(
     data: Any, folder: Path, source: str, chain: tuple[Path, ...]
 ) -> Iterator[tuple[str, Any, Path]]:
-    """Yield source, document and folder of what a document includes, then of itself.
+    """Yield source, document and folder of the included files, then of the document itself.
 
     Args:
         data: The document.
         folder: Where its relative paths start.
-        source: What messages call it.
-        chain: The files that lead here, each including the next.
+        source: Name of the document in messages.
+        chain: Files that lead here, each including the next.
     """
     for name in _included(data, source):
         try:
@@ -255,18 +251,18 @@ def _layers(
 
 def _included(data: Any, source: str) -> list[str]:
     """Return the names of the files that a document includes."""
-    given = data.get(INCLUDE) if isinstance(data, dict) else None
-    names = [] if given is None else given if isinstance(given, list) else [given]
+    value = data.get(INCLUDE) if isinstance(data, dict) else None
+    names = [] if value is None else value if isinstance(value, list) else [value]
     for name in names:
         if not isinstance(name, str) or not name:
             raise ProblemError(
-                f"{source}: {INCLUDE} is {shown(given)}; it must be a file or a list of files"
+                f"{source}: {INCLUDE} is {shown(value)}; it must be a file or a list of files"
             )
     return names
 
 
 def _require_part(document: Any, path: Path) -> None:
-    """Raise unless an included file may hold a part of a problem."""
+    """Raise unless an included file is a problem file or a part of one."""
     if not isinstance(document, dict):
         raise ProblemError(f"{path}: an included file is a map, as a problem file is")
     kind = document.get("format", PROBLEM_FORMAT)
@@ -277,7 +273,7 @@ def _require_part(document: Any, path: Path) -> None:
 
 
 def _with_moved_paths(document: Any, before: Path, after: Path) -> Any:
-    """Return a document without its includes, its paths valid in another folder."""
+    """Return a document without `include`, with paths relative to another folder."""
     if not isinstance(document, dict):
         return document
     own = {key: value for key, value in document.items() if key != INCLUDE}
@@ -290,12 +286,12 @@ def _with_moved_paths(document: Any, before: Path, after: Path) -> Any:
 def _is_same(first: Any, second: Any) -> bool:
     try:
         return bool(first == second)
-    except ValueError:  # of arrays, which no file holds, but a caller's document may
+    except ValueError:  # of arrays, which a caller's document may have, but no file
         return first is second
 
 
 def _value_at(document: Any, merged: Any, steps: Sequence[int | str]) -> Any:
-    """Return what a document has where keys and indices lead to in the merged one."""
+    """Return the value of a document at keys and indices of the merged content, or `_ABSENT`."""
     for step in steps:
         try:
             merged = merged[step]

@@ -29,24 +29,24 @@ from tubeplanner.task.fields import (
 )
 from tubeplanner.task.validation import check_fields
 
-# ---- Which kind of file a document is: a problem, a cycle or a study.
+# ---- Kinds of documents: problem, cycle, study.
 
 CYCLE_FORMAT: Final = "tubeplanner/cycle"
 STUDY_FORMAT: Final = "tubeplanner/study"
 
 
 def is_cycle(document: Any) -> bool:
-    """Return whether a document is meant as a cycle: its format says so, or it has moves."""
+    """Return True if a document has the format of a cycle, or the key `moves`."""
     return _is_of(document, CYCLE_FORMAT, "moves")
 
 
 def is_study(document: Any) -> bool:
-    """Return whether a document is meant as a study: its format says so, or it has study."""
+    """Return True if a document has the format of a study, or the key `study`."""
     return _is_of(document, STUDY_FORMAT, "study")
 
 
 def require_problem(document: Any, source: str) -> None:
-    """Raise ProblemError if a document, called so by messages, is a cycle or a study."""
+    """Raise ProblemError if a document is a cycle or a study; messages name the source."""
     if is_cycle(document):
         raise ProblemError(
             f"{source}: this is a cycle, where one problem is needed; plan, check, info, view, "
@@ -60,7 +60,7 @@ def require_problem(document: Any, source: str) -> None:
 
 
 def require_study(document: Any, source: str) -> None:
-    """Raise ProblemError if a document, called so by messages, is a problem or a cycle."""
+    """Raise ProblemError if a document is a problem or a cycle; messages name the source."""
     if isinstance(document, dict) and not is_study(document):
         kind = "a cycle" if is_cycle(document) else "a problem"
         raise ProblemError(
@@ -72,20 +72,18 @@ def require_study(document: Any, source: str) -> None:
 def _is_of(document: Any, format_: str, key: str) -> bool:
     if not isinstance(document, dict):
         return False
-    given = document.get("format")
-    return key in document or (isinstance(given, str) and given == format_)
+    value = document.get("format")
+    return key in document or (isinstance(value, str) and value == format_)
 
 
-# ---- The problem file's shape: fields, units, defaults. Other tools read it, so names never
-# change.
+# ---- Fields of the problem file, with units and defaults. Other tools read it: names never change.
 #
-# Here a file is only read and its shape checked; `problem` gives it meaning.
+# Validators of several alternatives give one message for all of them.
 
 JointValues: TypeAlias = list[Finite] | dict[str, Finite]
 
 
 def _sign_or_range(value: object) -> object:
-    """Report what a sign may be, rather than the fault of each alternative."""
     no_flag(value)
     is_range = isinstance(value, list | tuple) and len(value) == 2
     if not is_range and value not in ("+", "-", "0", 1, -1, 0):
@@ -99,10 +97,9 @@ Sign: TypeAlias = Annotated[
 
 
 def _angle_or_bounds(value: object) -> object:
-    """Report what a bound on the rotation may be."""
     numbers = list(value) if isinstance(value, list | tuple) else [value]
-    right = all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers)
-    if not right or (isinstance(value, list | tuple) and len(numbers) != 3):
+    are_numbers = all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers)
+    if not are_numbers or (isinstance(value, list | tuple) and len(numbers) != 3):
         raise ValueError("it must be one angle or three bounds [x, y, z] [rad], .inf where free")
     return value
 
@@ -113,7 +110,6 @@ RotationBoundField: TypeAlias = Annotated[
 
 
 def _argument(value: object) -> object:
-    """Report what an argument may be, rather than the fault of each alternative."""
     if not isinstance(value, str | bool | int | float):
         raise ValueError("it must be a text, a number, true or false")
     return value
@@ -269,7 +265,7 @@ class TubeFields(Section):
     @field_validator("radius")
     @classmethod
     def _required(cls, radius: object, info: ValidationInfo) -> object:
-        """Ask for the radius, unless points are in a file, which may have it."""
+        """Raise if the radius is missing, unless a file of points may have one."""
         has_other = isinstance(info.data.get("points"), str) or info.data.get("cross_section")
         if radius is None and not has_other:
             raise PydanticCustomError("missing", "it is required")
@@ -413,13 +409,7 @@ def check_problem_fields(
     source: str,
     source_of: Callable[[Any, Sequence[int | str]], str] | None = None,
 ) -> ProblemFields:
-    """Check the shape of a problem given as nested dictionaries and lists.
-
-    Args:
-        data: What a problem file holds.
-        source: What messages call it.
-        source_of: From the data, and the keys and indices that lead to a value: what messages call
-            the file that has it; None: all is from one.
+    """Check the fields of a problem in nested dictionaries and lists; arguments as `check_fields`.
 
     Raises:
         ProblemError: A key is unknown, a value has the wrong type. The message names the field.
@@ -430,7 +420,7 @@ def check_problem_fields(
 
 
 def read_document(path: Path, what: str = "problem file") -> object:
-    """Return what a YAML or JSON file holds, as dictionaries and lists; messages call it `what`.
+    """Return the content of a YAML or JSON file as dictionaries and lists; `what` is its label.
 
     Raises:
         ProblemError: The file cannot be read or is malformed.

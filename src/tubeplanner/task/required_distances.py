@@ -9,20 +9,17 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.task.demands import GOAL, START, Contact
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- How far apart solids must be: by pair, by segment, and less where they touch at start or
-# goal.
-
 
 @dataclass(frozen=True, eq=False)
 class NearEnd:
-    """What is required of pairs in contact while the tool is near an end of the motion.
+    """Required distance of pairs in contact while the tool is near an end of the motion.
 
     Attributes:
-        segment: The tube's first or last one.
-        tool: Where it is at that end, shape (3,) [m].
-        within: How far from there the tool may be [m].
-        pair: Which of the P pairs, shape (P,).
-        distance: How far apart these must be at least [m].
+        segment: Index of the tube's first or last segment.
+        tool: Position of the tool centre point at that end, shape (3,) [m].
+        within: Largest distance from that position [m].
+        pair: True for the pairs in contact, shape (P,).
+        distance: Required distance of these pairs [m].
     """
 
     segment: int
@@ -32,21 +29,21 @@ class NearEnd:
     distance: float
 
     def holds(self, segment: IntArray, tool: FloatArray) -> BoolArray:
-        """Return whether tools (N, 3) in segments (N,) are near enough, shape (N,)."""
-        away = np.linalg.norm(tool - self.tool, axis=1)
-        return (segment == self.segment) & (away <= self.within)
+        """Return True for tool positions (N, 3) in segments (N,) near the end, shape (N,)."""
+        distance = np.linalg.norm(tool - self.tool, axis=1)
+        return (segment == self.segment) & (distance <= self.within)
 
 
 class RequiredDistances:
-    """The distances that the pairs of a problem's `collision` must keep.
+    """Required distances of the P pairs of a problem's `collision`.
 
-    The more specific holds: that of a pair before that of a segment before that of the problem.
-    Links keep none from each other, unless a pair asks it.
+    The more specific clearance holds: of a pair before that of a segment before the problem's.
+    Between links no distance is required, unless a pair has a clearance.
 
     Attributes:
-        by_segment: The different rows of distances, shape (u, P) [m].
-        row_of: Which row each of m segments has, shape (m,).
-        near_ends: What is required of pairs in contact instead, if it is less.
+        by_segment: Different rows of distances, shape (u, P) [m].
+        row_of: Index of the row of each of m segments, shape (m,).
+        near_ends: Required distances of pairs in contact, where they are less.
     """
 
     def __init__(
@@ -56,28 +53,28 @@ class RequiredDistances:
         goal: FloatArray | None,
         room: float = 0.0,
     ) -> None:
-        """Take what a problem requires.
+        """Collect the required distances of a problem.
 
         Args:
             problem: The planning problem.
-            start: Configuration in which the motion begins, shape (n,).
-            goal: In which it ends; None: not known, the tool at the tube's last point.
-            room: What is required of obstacles in addition [m].
+            start: Configuration at the start of the motion, shape (n,).
+            goal: Configuration at its end; None: not known, the tool at the tube's last point.
+            room: Distance to obstacles required in addition [m].
         """
         self.by_segment, self.row_of = _rows(problem, room)
         self.near_ends = tuple(_near_ends(problem, start, goal))
 
     @property
     def is_constant(self) -> bool:
-        """Whether the distances are the same all along the tube."""
+        """True if the distances are the same all along the tube."""
         return len(self.by_segment) == 1 and not self.near_ends
 
     def at(self, segment: IntArray, tool: FloatArray) -> FloatArray:
-        """Return what is required while the tool is at places in segments, shape (N, P) [m].
+        """Return the required distances at tool positions in segments, shape (N, P) [m].
 
         Args:
-            segment: Of the tube, shape (N,).
-            tool: Where the tool is, shape (N, 3) [m].
+            segment: Indices of the tube's segments, shape (N,).
+            tool: Positions of the tool centre point, shape (N, 3) [m].
         """
         required = self.by_segment[self.row_of[segment]]
         for near in self.near_ends:
@@ -86,7 +83,7 @@ class RequiredDistances:
         return required
 
     def anywhere(self, tool: FloatArray) -> FloatArray:
-        """Return the least that any segment requires of tools (N, 3), shape (N, P) [m]."""
+        """Return the least required distances of all segments at tools (N, 3), (N, P) [m]."""
         least = self.by_segment.min(axis=0)
         required = np.broadcast_to(least, (len(tool), len(least)))
         required = required.copy() if self.near_ends else required
@@ -98,28 +95,27 @@ class RequiredDistances:
 
 
 def required_everywhere(problem: PlanningProblem) -> FloatArray:
-    """Return the most that any segment requires of each pair, contacts apart, shape (P,) [m]."""
+    """Return the largest required distance of each pair, without contacts, shape (P,) [m]."""
     most: FloatArray = _rows(problem, 0.0)[0].max(axis=0)
     return most
 
 
 def in_contact(problem: PlanningProblem) -> BoolArray:
-    """Return which pairs may be nearer at start or goal, shape (P,)."""
+    """Return True for pairs that may be nearer at start or goal, shape (P,)."""
     checker = problem.collision
-    found = np.zeros(len(checker.pairs), dtype=bool)
+    result = np.zeros(len(checker.pairs), dtype=bool)
     for contact in problem.contacts:
-        found |= checker.between(*contact.links)
-    return found
+        result |= checker.between(*contact.links)
+    return result
 
 
 def _rows(problem: PlanningProblem, room: float) -> tuple[FloatArray, IntArray]:
-    """Return the different rows of distances (u, P) [m], and which each segment has, (m,)."""
+    """Return the different rows of distances (u, P) [m], and the index of each segment's, (m,)."""
     checker, own = problem.collision, problem.tube.clearance
-    count = problem.tube.segment_count
-    asked = np.full(count, float(problem.clearance))
+    clearances = np.full(problem.tube.segment_count, float(problem.clearance))
     if own is not None:
-        asked = np.where(np.isfinite(own), own, asked)
-    different, row_of = np.unique(asked, return_inverse=True)
+        clearances = np.where(np.isfinite(own), own, clearances)
+    different, row_of = np.unique(clearances, return_inverse=True)
     rows = np.zeros((len(different), len(checker.pairs)))
     is_obstacle = np.arange(len(checker.pairs)) < len(checker.obstacle_pairs)
     rows[:, is_obstacle] = different[:, None]
@@ -132,34 +128,34 @@ def _rows(problem: PlanningProblem, room: float) -> tuple[FloatArray, IntArray]:
 def _near_ends(
     problem: PlanningProblem, start: FloatArray, goal: FloatArray | None
 ) -> list[NearEnd]:
-    """Return what contacts require; of a goal that is open, that its solids do not overlap."""
+    """Return the required distances of contacts; at an open goal, 0: no overlap."""
     last = problem.tube.segment_count - 1
-    given = {START: (0, start, True), GOAL: (last, goal, not problem.endpoints[1].is_open)}
-    found = []
+    ends = {START: (0, start, True), GOAL: (last, goal, not problem.endpoints[1].is_open)}
+    near_ends = []
     for contact in problem.contacts:
         pair = problem.collision.between(*contact.links)
         for end in contact.ends:
-            segment, q, is_given = given[end]
+            segment, q, is_fixed = ends[end]
             tool = problem.tube.points[-1]
             if q is not None:
                 tool = problem.robot.tool_position(q[None])[0]
-            distance = _distance(problem, pair, q) if is_given and q is not None else 0.0
-            found.append(NearEnd(segment, tool, contact.within, pair, distance))
-    return found
+            distance = _distance(problem, pair, q) if is_fixed and q is not None else 0.0
+            near_ends.append(NearEnd(segment, tool, contact.within, pair, distance))
+    return near_ends
 
 
 def _distance(problem: PlanningProblem, pair: BoolArray, q: FloatArray) -> float:
-    """Return how far apart some of the pairs (P,) are at least in a configuration (n,) [m]."""
+    """Return the least distance of marked pairs (P,) in a configuration (n,) [m]."""
     rotation, position = problem.robot.body_poses(q[None])
     checker = problem.collision
     return float(checker.distances(rotation[0], position[0], checker.pairs[pair]).min())
 
 
-# ---- What may be near to what where something is taken or let go, unless a cycle says otherwise.
+# ---- Usual contacts of solids that steps of a cycle attach or detach.
 
 WITHIN = 0.03  # [m]
-# What overlaps deeper than rough geometry does was not meant to touch.
-_DEEPEST = 1e-3  # [m]
+# Rough geometry overlaps less; solids that overlap more are not meant to touch.
+_MAX_OVERLAP = 1e-3  # [m]
 
 
 def usual_contacts(
@@ -168,56 +164,49 @@ def usual_contacts(
     ends_with: Sequence[str],
     end: FloatArray | None = None,
 ) -> tuple[Contact, ...]:
-    """Return contacts of what changes hands, for pairs that are given none at that end.
+    """Return contacts of solids attached or detached at an end, for pairs without one there.
 
-    Something carried may be as near to obstacles, and links to something that stands, as they are
-    where the motion begins or ends, if they do not overlap there. Where it is not known in which
-    configuration it ends, links that move with the tool may be, and any obstacle.
+    A carried solid may be as near to obstacles, and links to a standing solid, as they are at
+    that end of the motion, if they overlap by less than 1 mm there. At an end of unknown
+    configuration, solids that move with the tool may be near to any obstacle.
 
     Args:
-        problem: A motion.
-        begins_with: What was taken or let go before it.
-        ends_with: What is taken or let go after it.
-        end: In which configuration it ends, shape (n,); None: as its goal says, if that does.
+        problem: The problem of a leg.
+        begins_with: Names of the solids attached or detached before the motion.
+        ends_with: Names of the solids attached or detached after the motion.
+        end: Configuration at the end, shape (n,); None: the goal's, if it has one.
     """
-    found = []
+    contacts = []
     start, goal = (endpoint.joints for endpoint in problem.endpoints)
     for side, names in ((START, begins_with), (GOAL, ends_with)):
         q = start if side == START else goal if end is None else end
-        known = {frozenset(each.links) for each in problem.contacts if side in each.ends}
+        listed = {frozenset(each.links) for each in problem.contacts if side in each.ends}
         for name in names:
-            pairs = _near(problem, name, q)
-            fresh = [pair for pair in pairs if frozenset(pair) not in known]
-            found += [Contact(pair, WITHIN, (side,)) for pair in fresh]
-    return tuple(found)
+            pairs = _near_pairs(problem, name, q)
+            new = [pair for pair in pairs if frozenset(pair) not in listed]
+            contacts += [Contact(pair, WITHIN, (side,)) for pair in new]
+    return tuple(contacts)
 
 
-def _near(problem: PlanningProblem, name: str, q: FloatArray | None) -> list[tuple[str, str]]:
-    """Return the names of pairs with obstacles that something is in, and that may be near.
+def _near_pairs(problem: PlanningProblem, name: str, q: FloatArray | None) -> list[tuple[str, str]]:
+    """Return the pairs of a solid with obstacles that are nearer than their required distance.
 
     Args:
-        problem: The motion.
-        name: The solid.
-        q: The configuration there, shape (n,); None: it is open.
+        problem: The problem of a leg.
+        name: Name of the solid.
+        q: Configuration, shape (n,); None: unknown, all pairs of bodies that move with the tool.
     """
-    checker = problem.collision
+    robot, checker = problem.robot, problem.collision
     count = len(checker.obstacle_pairs)
     owners = np.array([shape.owner for shape in checker.shapes])[checker.obstacle_pairs]
     owners = owners.reshape(-1, 2)
     own = (owners == name).any(axis=1)
     if q is None:
-        own &= _of_tool(problem)
+        body = np.array([shape.body for shape in checker.shapes])
+        own &= body[checker.obstacle_pairs[:, 0]] == robot.link_body[robot.tool_frame]
     elif own.any():
-        rotation, position = problem.robot.body_poses(q[None])
+        rotation, position = robot.body_poses(q[None])
         distances = checker.distances(rotation[0], position[0], checker.obstacle_pairs[own])
         required = required_everywhere(problem)[:count][own]
-        own[own] = (distances < required) & (distances > -_DEEPEST)
+        own[own] = (distances < required) & (distances > -_MAX_OVERLAP)
     return [(str(first), str(second)) for first, second in dict.fromkeys(map(tuple, owners[own]))]
-
-
-def _of_tool(problem: PlanningProblem) -> BoolArray:
-    """Return which pairs with obstacles are of what moves with the tool, shape (P,)."""
-    robot, checker = problem.robot, problem.collision
-    body = np.array([shape.body for shape in checker.shapes])
-    is_tool: BoolArray = body[checker.obstacle_pairs[:, 0]] == robot.link_body[robot.tool_frame]
-    return is_tool

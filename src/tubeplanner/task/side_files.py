@@ -29,7 +29,7 @@ from tubeplanner.task.fields import (
 from tubeplanner.task.problem_format import read_document
 from tubeplanner.task.validation import first_fault
 
-# ---- Presets: limits and motors of a robot, each number with its source.
+# ---- Presets: limits and motors of a robot, each field with its source.
 
 
 class _PresetFields(Section):
@@ -44,7 +44,7 @@ class _PresetFields(Section):
 
     @property
     def given(self) -> list[str]:
-        """What has values, such as "limits.velocity"."""
+        """Paths of the fields with values, such as "limits.velocity"."""
         return [
             f"{section}.{name}"
             for section, fields in (("limits", self.limits), ("motors", self.motors))
@@ -54,62 +54,60 @@ class _PresetFields(Section):
 
 
 def read_preset(name: str | Path, directory: str | Path = ".") -> LimitLayer:
-    """Read a preset, to be given to `load_robot` below limits of one's own.
+    """Read a preset, for `load_robot` below other limits.
 
     Args:
         name: A bundled name, such as "fr3", or the path of a YAML file.
         directory: Where a relative path starts.
 
     Raises:
-        RobotError: There is no such preset, or it is malformed: a key is unknown, a number out of
-            its bounds or without a source.
+        RobotError: The preset does not exist, or is malformed: a key is unknown, a number out of
+            its bounds, or a field without a source.
     """
     path = find_preset(name, given_path("directory", directory))
-    called = f"preset {name}"
+    label = f"preset {name}"
     try:
         data = read_document(path, "file")
     except ProblemError as error:
-        raise RobotError(f"{called}: {error}") from None
+        raise RobotError(f"{label}: {error}") from None
     if not isinstance(data, dict):
         raise RobotError(
-            f"{called}: a preset is a map with format, joints, limits or motors, and sources"
+            f"{label}: a preset is a map with format, joints, limits or motors, and sources"
         )
     try:
         fields = _PresetFields.model_validate(data)
     except ValidationError as error:
-        raise RobotError(f"{called}: {first_fault(data, error, _PresetFields)}") from None
-    _require_sources(called, fields)
+        raise RobotError(f"{label}: {first_fault(data, error, _PresetFields)}") from None
+    _require_sources(label, fields)
     try:
         limits, motors = limits_of(fields.limits), motors_of(fields.motors)
     except RobotError as error:
-        raise RobotError(f"{called}: {str(error).removeprefix('robot.')}") from None
-    return LimitLayer(f"{called}: ", limits, fields.joints, motors=motors, source=called)
+        raise RobotError(f"{label}: {str(error).removeprefix('robot.')}") from None
+    return LimitLayer(f"{label}: ", limits, fields.joints, motors=motors, source=label)
 
 
-def _require_sources(called: str, fields: _PresetFields) -> None:
-    """Raise RobotError unless every quantity that is given has a source, and no other."""
+def _require_sources(label: str, fields: _PresetFields) -> None:
+    """Raise RobotError unless all fields with values, and no others, have a source."""
     if fields.limits.scale:
-        raise RobotError(f"{called}: limits.scale belongs into robot.limits of a problem")
-    given = fields.given
-    if not given:
-        raise RobotError(f"{called}: limits or motors is required")
-    for name in given:
+        raise RobotError(f"{label}: limits.scale belongs into robot.limits of a problem")
+    names = fields.given
+    if not names:
+        raise RobotError(f"{label}: limits or motors is required")
+    for name in names:
         if not fields.sources.get(name, "").strip():
-            raise RobotError(f"{called}: sources.'{name}' is required: say where it is from")
+            raise RobotError(f"{label}: sources.'{name}' is required: say where it is from")
     for name in fields.sources:
-        if name not in given:
-            raise RobotError(f"{called}: sources: {unknown_name('field', name, given)}")
+        if name not in names:
+            raise RobotError(f"{label}: sources: {unknown_name('field', name, names)}")
 
-
-# ---- The bundled presets that are for a robot.
 
 _COMPARED = ("velocity", "effort")
 
 
 def fitting_presets(robot: RobotModel) -> list[str]:
-    """Return the names of bundled presets whose velocities and efforts are those of a URDF.
+    """Return the names of bundled presets with the velocity and effort limits of a robot's URDF.
 
-    What gives neither, motors alone, fits no robot for certain.
+    A preset without these limits fits no robot.
     """
     joints = [robot.urdf.joints[name] for name in robot.urdf.chain(robot.tool_frame)]
     joints = [joint for joint in joints if joint.name in robot.joint_names]
@@ -119,10 +117,10 @@ def fitting_presets(robot: RobotModel) -> list[str]:
         layer = read_preset(preset)
         if layer.joint_count != len(joints):
             continue
-        given = {what: layer.limits.by_name(what, names, preset) for what in _COMPARED}
+        limits = {key: layer.limits.by_name(key, names, preset) for key in _COMPARED}
         if all(
-            np.isclose(given[what].get(joint.name, np.nan), getattr(joint, what) or np.nan)
-            for what in _COMPARED
+            np.isclose(limits[key].get(joint.name, np.nan), getattr(joint, key) or np.nan)
+            for key in _COMPARED
             for joint in joints
         ):
             fitting.append(preset)
@@ -163,11 +161,11 @@ class _FileFields(Section):
 
 
 def read_limits_file(path: str | Path) -> LimitLayer:
-    """Read MoveIt's `joint_limits.yaml`; joints that are not planned are left out.
+    """Read MoveIt's `joint_limits.yaml`; joints outside the planning group are left out.
 
-    Position, velocity, effort, acceleration and jerk limits are taken; of acceleration and
-    deceleration the smaller one. What is switched off by `has_...: false` leaves what the URDF
-    says. Default scaling factors are those of MoveIt's requests, no limits: a note names them.
+    Limits of position, velocity, effort, acceleration and jerk are read; of acceleration and
+    deceleration the smaller. A limit that is switched off by `has_...: false` leaves the URDF's.
+    Default scaling factors are for MoveIt's requests and no limits: a note names them.
 
     Raises:
         RobotError: The file cannot be read or is malformed.
@@ -187,13 +185,19 @@ def read_limits_file(path: str | Path) -> LimitLayer:
         limits = _limits_of_joints(fields)
     except RobotError as error:
         raise RobotError(f"{path}: {str(error).removeprefix('robot.')}") from None
-    notes = _notes(path, fields)
+    factors = {key: getattr(fields, key) for key in _FACTORS}
+    unused = [f"{key} {value:g}" for key, value in factors.items() if value != 1.0]
+    note = (
+        f"{path}: {' and '.join(unused)} not used: what MoveIt asks by default is no limit; "
+        "robot.limits.scale slows the robot down"
+    )
+    notes = (note,) if unused else ()
     source = f"limits_file {path.name}"
     return LimitLayer(f"{path}: ", limits, skips_others=True, notes=notes, source=source)
 
 
 def _limits_of_joints(fields: _FileFields) -> LimitOverrides:
-    given: dict[str, Any] = {quantity: {} for quantity in ("position", *_QUANTITIES)}
+    limits: dict[str, Any] = {quantity: {} for quantity in ("position", *_QUANTITIES)}
     for name, joint in fields.joint_limits.items():
         where = f"joint_limits.{name}"
         lower = _value(where, joint, "position", "min_position")
@@ -202,20 +206,20 @@ def _limits_of_joints(fields: _FileFields) -> LimitOverrides:
             missing = "min_position" if lower is None else "max_position"
             raise RobotError(f"{where}.{missing} is required beside the other")
         if lower is not None:
-            given["position"][name] = (lower, upper)
+            limits["position"][name] = (lower, upper)
         for quantity in _QUANTITIES:
             value = _value(where, joint, quantity, f"max_{quantity}")
             if value is not None:
-                given[quantity][name] = value
+                limits[quantity][name] = value
         deceleration = _value(where, joint, "deceleration", "max_deceleration")
-        if deceleration is not None:  # given as a negative number by some
-            accelerations = given["acceleration"]
+        if deceleration is not None:  # some files have a negative number
+            accelerations = limits["acceleration"]
             accelerations[name] = min(abs(deceleration), accelerations.get(name, np.inf))
-    return LimitOverrides(**given)
+    return LimitOverrides(**limits)
 
 
 def _value(where: str, joint: _JointFields, quantity: str, key: str) -> float | None:
-    """Return a limit of a joint; None if there is none or it is switched off."""
+    """Return a limit of a joint; None if it is missing or switched off."""
     has: bool | None = getattr(joint, f"has_{quantity}_limits")
     value: float | None = getattr(joint, key)
     if has and value is None:
@@ -223,39 +227,23 @@ def _value(where: str, joint: _JointFields, quantity: str, key: str) -> float | 
     return None if has is False else value
 
 
-def _notes(path: Path, fields: _FileFields) -> tuple[str, ...]:
-    factors = {key: getattr(fields, key) for key in _FACTORS}
-    unused = [f"{key} {value:g}" for key, value in factors.items() if value != 1.0]
-    if not unused:
-        return ()
-    return (
-        f"{path}: {' and '.join(unused)} not used: what MoveIt asks by default is no limit; "
-        "robot.limits.scale slows the robot down",
-    )
-
-
-# ---- Reference points from a CSV file: one point per line, as CAM and scanners write them.
+# ---- Reference points from a CSV file of CAM or a scanner: one point per line.
 
 _POSITION, _QUATERNION, _RADIUS = ("x", "y", "z"), ("qx", "qy", "qz", "qw"), ("radius",)
 _COLUMNS = (*_POSITION, *_QUATERNION, *_RADIUS)
-# Without a line of names, the number of columns says which they are.
-_UNNAMED = {
-    3: _POSITION,
-    4: (*_POSITION, *_RADIUS),
-    7: (*_POSITION, *_QUATERNION),
-    8: _COLUMNS,
-}
+# Columns by their number, for a file without a line of names.
+_UNNAMED = {3: _POSITION, 4: (*_POSITION, *_RADIUS), 7: (*_POSITION, *_QUATERNION), 8: _COLUMNS}
 _MAX_BYTES = 10_000_000
 
 
 @dataclass(frozen=True)
 class PointFile:
-    """What a file of points holds.
+    """Content of a file of points.
 
     Attributes:
         points: m+1 reference points [m].
         orientations: m+1 quaternions x y z w; None if the file has none.
-        radius: Of the m segments, each given where it begins [m]; None if the file has none.
+        radius: Radii of the m segments [m]; None if the file has none.
     """
 
     points: list[list[float]]
@@ -267,8 +255,8 @@ def read_points(path: Path) -> PointFile:
     """Read a CSV file of reference points.
 
     The first line may name the columns: x, y, z, and optionally qx, qy, qz, qw and radius, in any
-    order; without names they are in this one. The last radius belongs to no segment: it is empty or
-    that of the line before.
+    order; without names they are in this order. A radius is that of the segment that begins at the
+    point. The last radius belongs to no segment: it is empty or repeats the one before.
 
     Raises:
         ProblemError: The file cannot be read, or a line is malformed; the message names file, line
@@ -287,25 +275,20 @@ def read_points(path: Path) -> PointFile:
     table = [_values(path, k, row, names, k == last) for k, row in lines[is_named:]]
     columns = {name: [row[name] for row in table] for name in names}
     points = [list(point) for point in zip(*(columns[name] for name in _POSITION), strict=True)]
-    turned = [columns[name] for name in _QUATERNION if name in columns]
-    orientations = [list(row) for row in zip(*turned, strict=True)] if turned else None
+    quaternions = [columns[name] for name in _QUATERNION if name in columns]
+    orientations = [list(row) for row in zip(*quaternions, strict=True)] if quaternions else None
     radius = _radius(path, columns["radius"]) if "radius" in columns else None
     return PointFile(points, orientations, radius)
 
 
 def _rows(text: str) -> list[tuple[int, list[str]]]:
-    """Return the lines' numbers, from 1, and cells; a line that begins with # says nothing."""
-    lines = text.splitlines()
-    rows = csv.reader(lines, skipinitialspace=True)
+    """Return line numbers, from 1, and cells; lines that begin with # are comments."""
+    rows = csv.reader(text.splitlines(), skipinitialspace=True)
     return [(k, row) for k, row in enumerate(rows, 1) if row and not row[0].startswith("#")]
 
 
 def _names(path: Path, first: list[str]) -> tuple[str, ...]:
-    """Return the names of the columns, from the file's first line.
-
-    Raises:
-        ProblemError: They are unknown, doubled or incomplete.
-    """
+    """Return the names of the columns, from the file's first line."""
     if _is_number(first[0]):
         if len(first) not in _UNNAMED:
             raise ProblemError(
@@ -329,7 +312,7 @@ def _names(path: Path, first: list[str]) -> tuple[str, ...]:
 def _values(
     path: Path, line: int, row: list[str], names: tuple[str, ...], is_last: bool
 ) -> dict[str, float]:
-    """Return a line's numbers by column; a radius that may be empty is NaN then."""
+    """Return a line's numbers by column; an empty radius of the last line is NaN."""
     if len(row) != len(names):
         raise ProblemError(
             f"tube.points: {path}, line {line} has {len(row)} values for {len(names)} columns"
@@ -347,11 +330,11 @@ def _values(
 
 
 def _radius(path: Path, column: list[float]) -> list[float]:
-    """Return the segments' radii, without the one after the last point."""
-    *radius, beyond = column
-    if radius and not math.isnan(beyond) and beyond != radius[-1]:
+    """Return the radii of the segments [m]: all but the last point's."""
+    *radius, last = column
+    if radius and not math.isnan(last) and last != radius[-1]:
         raise ProblemError(
-            f"tube.points: {path}: the last radius, {beyond:g} m, belongs to no segment: each is "
+            f"tube.points: {path}: the last radius, {last:g} m, belongs to no segment: each is "
             f"that of the segment that begins there; leave it empty or repeat {radius[-1]:g}"
         )
     return radius

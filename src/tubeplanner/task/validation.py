@@ -8,12 +8,10 @@ from pydantic import BaseModel, ValidationError
 from tubeplanner.errors import MAX_SHOWN, ProblemError, shown, unknown_name
 from tubeplanner.task.fields import Section
 
-# ---- The faults that pydantic finds in a problem file, in terms of that file.
-
 _Path = tuple[int | str, ...]
 
-# The wanted value for each of pydantic's fault types.
-_WANTED = {
+# The required value for each of pydantic's fault types.
+_REQUIREMENTS = {
     "bool_type": "true or false",
     "dict_type": "a map",
     "float_type": "a number",
@@ -27,19 +25,19 @@ _WANTED = {
 
 
 def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseModel]) -> str:
-    """Return the first fault of a document: field, value, and what it must be.
+    """Return the message of a document's first fault: field, value and required value.
 
     Args:
         data: The document.
-        error: Pydantic's report on it.
-        root: The model that it must match.
+        error: Pydantic's report on the document.
+        root: Model of the document.
     """
     faults, fault = error.errors(), _deepest(data, error)
     steps, kind = _steps(data, fault["loc"]), fault["type"]
     if kind == "extra_forbidden":
-        known = _keys(_model_at(root, fault["loc"][:-1]))
+        keys = _keys(_model_at(root, fault["loc"][:-1]))
         section = _join(steps[:-1]) or "top level"
-        return f"{section}: {unknown_name('key', str(fault['loc'][-1]), known)}"
+        return f"{section}: {unknown_name('key', str(fault['loc'][-1]), keys)}"
     if kind == "missing" and isinstance(fault["loc"][-1], int):
         count = 1 + max(step for f in faults if isinstance(step := f["loc"][-1], int))
         return f"{_join(steps)} has {fault['loc'][-1]} values; {count} are needed"
@@ -53,7 +51,8 @@ def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseMod
         above = fault["loc"][: -1 if kind == "invalid_key" else -2]
         section = _join(_steps(data, above)) or "top level"
         return f"{section}: the key {shown(fault['input'])} is no text; quote it"
-    return f"{_join(steps) or 'the problem'} is {_found(fault['input'])}; {_wanted(fault, root)}"
+    value = "empty" if fault["input"] is None else shown(fault["input"])
+    return f"{_join(steps) or 'the problem'} is {value}; {_requirement(fault, root)}"
 
 
 def fault_steps(data: dict[str, Any], error: ValidationError) -> list[int | str]:
@@ -62,24 +61,19 @@ def fault_steps(data: dict[str, Any], error: ValidationError) -> list[int | str]
 
 
 def _deepest(data: dict[str, Any], error: ValidationError) -> Any:
-    """Return the fault that the user made: a union reports one for each of its members."""
+    """Return the fault with the longest path: a union reports a fault for each of its members."""
     return max(error.errors(), key=lambda fault: len(_steps(data, fault["loc"])))
 
 
-def _wanted(fault: Any, root: type[BaseModel]) -> str:
-    wanted = _WANTED.get(fault["type"])
+def _requirement(fault: Any, root: type[BaseModel]) -> str:
     if fault["type"] in ("model_type", "dict_type"):
         model = _model_at(root, fault["loc"])
         keys = _keys(model) if model is not root or not fault["loc"] else []
         return f"it must be a map with {', '.join(keys)}" if keys else "it must be a map"
-    if wanted is not None:
-        return f"it must be {wanted}"
+    if fault["type"] in _REQUIREMENTS:
+        return f"it must be {_REQUIREMENTS[fault['type']]}"
     message = str(fault["msg"]).removeprefix("Value error, ").lower()
     return message.replace("input should be", "it must be")
-
-
-def _found(value: object) -> str:
-    return "empty" if value is None else shown(value)
 
 
 def _steps(data: object, path: _Path) -> list[int | str]:
@@ -95,14 +89,15 @@ def _steps(data: object, path: _Path) -> list[int | str]:
 
 
 def _join(steps: list[int | str]) -> str:
-    words = [step if isinstance(step, int) else _word(str(step)) for step in steps]
-    text = "".join(f"[{word}]" if isinstance(word, int) else f".{word}" for word in words)
+    """Return a path as text; keys that cannot be shown or are long, in quotes and cut."""
+    text = ""
+    for step in steps:
+        if isinstance(step, int):
+            text += f"[{step}]"
+        else:
+            is_plain = step.isprintable() and len(step) <= MAX_SHOWN
+            text += f".{step if is_plain else shown(step)}"
     return text.lstrip(".")
-
-
-def _word(key: str) -> str:
-    """Return a key as a path has it; one that cannot be shown or is long, in quotes."""
-    return key if key.isprintable() and len(key) <= MAX_SHOWN else shown(key)
 
 
 def _keys(model: type[BaseModel]) -> list[str]:
@@ -110,7 +105,7 @@ def _keys(model: type[BaseModel]) -> list[str]:
 
 
 def _model_at(root: type[BaseModel], path: _Path) -> type[BaseModel]:
-    """Return the innermost model that a path leads into; of several, the one that it names."""
+    """Return the innermost model on a path; of several alternatives, the model named in it."""
     model, alternatives = root, [root]
     for step in path:
         named = [each for each in alternatives if each.__name__ == step]
@@ -124,13 +119,11 @@ def _model_at(root: type[BaseModel], path: _Path) -> type[BaseModel]:
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    """Return the models that an annotation is, or is a list or an alternative of."""
+    """Return the models in an annotation, inside lists and unions too."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [model for argument in get_args(annotation) for model in _models_in(argument)]
 
-
-# ---- What files hold, checked against the models of their formats.
 
 _Fields = TypeVar("_Fields", bound=Section)
 
@@ -142,15 +135,15 @@ def check_fields(
     source: str,
     source_of: Callable[[Any, Sequence[int | str]], str] | None,
 ) -> _Fields:
-    """Check the shape of nested dictionaries and lists against a model.
+    """Check nested dictionaries and lists against a model, and return the model's fields.
 
     Args:
-        model: What they must match.
-        data: What a file holds.
-        what: What it must be, if it is no map.
-        source: What messages call it.
-        source_of: From the data, and the keys and indices that lead to a value: what messages call
-            the file that has it; None: all is from one.
+        model: Model of the document.
+        data: Content of a file.
+        what: Message if it is no map.
+        source: Name of the document in messages.
+        source_of: Function from the data, and the keys and indices of a value, to the name of the
+            value's file in messages; None: `source` for all.
 
     Raises:
         ProblemError: A key is unknown, a value has the wrong type. The message names the field.
@@ -161,5 +154,5 @@ def check_fields(
         return model.model_validate(data)
     except ValidationError as error:
         fault = first_fault(data, error, model)
-        called = source if source_of is None else source_of(data, fault_steps(data, error))
-        raise ProblemError(f"{called}: {fault}") from None
+        origin = source if source_of is None else source_of(data, fault_steps(data, error))
+        raise ProblemError(f"{origin}: {fault}") from None
