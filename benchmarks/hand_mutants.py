@@ -26,7 +26,7 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "ConvexShape.transformed": [("placement[:3, :3].T", "placement[:3, :3]")],
     "ConvexShape.reach": [(" + self.radius", "")],
     "cylinder": [("radius / np.cos(np.pi / _PRISM_SIDES)", "radius")],
-    "_part": [("robot.link_placement[link] @ element.placement", "element.placement")],
+    "link_parts": [("robot.link_placement[link] @ element.placement", "element.placement")],
     "BodyShapes._in_second": [('"pij,pi->pj", frames', '"pij,pj->pi", frames')],
     "BodyShapes.gaps_of_spheres": [(" - radii[second]", "")],
     "PlacedShapes._core_poses": [("rotation @ core[:, :, :3, :3]", "rotation")],

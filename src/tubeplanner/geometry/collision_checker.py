@@ -18,10 +18,8 @@ from tubeplanner.geometry.link_pairs import judged_pairs
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle
 from tubeplanner.robot.model import RobotModel
 
-# ---- Links against obstacles and against each other: which pairs, and how far apart they are.
-
 _BASE = 0
-# Why pairs are left out.
+# Reasons to leave pairs out.
 NEIGHBOURS, ALWAYS_TOUCHING, IGNORED = "neighbours", "always touching", "ignored"
 
 
@@ -31,7 +29,7 @@ class LeftOutPair:
 
     Attributes:
         links: Their names.
-        reason: "neighbours" (a joint connects them), "always touching" (as they are, in all sampled
+        reason: "neighbours" (a joint connects them), "always touching" (the solids, in all sampled
             configurations) or "ignored" (by the problem, the SRDF or an attached solid).
     """
 
@@ -40,25 +38,25 @@ class LeftOutPair:
 
 
 class CollisionChecker(BodyShapes):
-    """Which pairs of shapes must stay apart, and how far apart they are.
+    """The pairs of shapes that must stay apart, and their distances.
 
     Several threads may use one checker; it pickles by content, without any file.
 
-    Left out are links that no joint moves against obstacles and each other, links on the same or
-    on neighbouring bodies, link pairs that always touch, and the pairs the problem ignores.
-    Pairs of links whose usual covers overlap where the links do not are judged by closer ones.
+    Left out are links that no joint moves against obstacles and each other, links on the same or on
+    neighbouring bodies, link pairs that always touch, and the pairs that the problem ignores. Pairs
+    of links whose usual covers overlap where the links do not are judged by closer covers.
 
     Attributes:
         robot: The arm.
         shapes: All shapes: links first, closer covers of some links last.
         obstacle_pairs: Link against obstacle, as indices of `shapes`: int, shape (P, 2).
         link_pairs: Link against link, likewise.
-        pairs: All of them, those with obstacles first.
+        pairs: All pairs, with obstacles first.
         left_out: Solids that joints move against each other and that are not checked, and why.
-        closer_covers: Of links that others come near, in the frame of the body, of links that no
-            joint moves in the root link's, by link name.
+        closer_covers: By link name, of links that others come near, in the frame of the body; of
+            links that no joint moves, in the root link's.
         has_link_geometry: Whether the robot itself has any collision geometry.
-        link_contents: What the links' collision geometry was made from, by link name.
+        link_contents: By link name, the source of the links' collision geometry.
     """
 
     def __init__(
@@ -84,9 +82,11 @@ class CollisionChecker(BodyShapes):
                 not exist.
             RobotError: A link's geometry cannot be read.
         """
-        alone = robot.in_root_frame()  # what is found of it holds wherever it stands
+        alone = robot.in_root_frame()  # results of it hold wherever the robot stands
         parts = link_parts(alone)
-        covers = {link: _cover(own) for link, own in parts.items()}
+        covers = {
+            link: [shape for part in own for shape in part.cover()] for link, own in parts.items()
+        }
         self.has_link_geometry = bool(covers)
         self.link_contents = link_contents(robot)
         touching = [(solid.name, link) for solid in attached for link in solid.touch_links]
@@ -119,7 +119,7 @@ class CollisionChecker(BodyShapes):
         )
 
     def between(self, first: str, second: str) -> BoolArray:
-        """Return which of `pairs` are of two links or obstacles, by name: shape (P,)."""
+        """Return True for the `pairs` of two links or obstacles, by name: shape (P,)."""
         owner = np.array([shape.owner for shape in self.shapes])
         one, other = owner[self.pairs].reshape(-1, 2).T
         return ((one == first) & (other == second)) | ((one == second) & (other == first))
@@ -132,6 +132,7 @@ class CollisionChecker(BodyShapes):
         return links, obstacles[0] if obstacles else None
 
     def _select(self, pairs: Iterator[tuple[int, int]]) -> IntArray:
+        """Return the pairs (P, 2) that must stay apart, without judging covers of links."""
         return _as_pairs([pair for pair in pairs if self._must_stay_apart(*pair)])
 
     def _must_stay_apart(self, i: int, j: int) -> bool:
@@ -152,32 +153,32 @@ class CollisionChecker(BodyShapes):
         covers: Mapping[str, Sequence[ConvexShape]],
         candidates: IntArray,
     ) -> Sequence[tuple[str, str]]:
-        """Set the pairs of links that are checked, and return those that always touch.
+        """Set the pairs of links that are checked, and return the pairs that always touch.
 
-        Attached solids stay: only their touch_links may touch them.
+        Attached solids stay checked: only their touch_links may touch them.
         """
         owners = [(self.shapes[i].owner, self.shapes[j].owner) for i, j in candidates]
         pairs = [pair for pair in dict.fromkeys(owners) if not {*pair} & self._attached_names]
-        found = judged_pairs(alone, parts, covers, pairs)
-        without = {*found.always_touching, *found.refined}
-        fine = _link_shapes(self.robot, {link: cover.shapes for link, cover in found.fine.items()})
-        self.closer_covers = found.fine
+        judged = judged_pairs(alone, parts, covers, pairs)
+        without = {*judged.always_touching, *judged.refined}
+        fine = _link_shapes(self.robot, {link: cover.shapes for link, cover in judged.fine.items()})
+        self.closer_covers = judged.fine
         first = len(self.shapes)
         indices = {
             link: [first + k for k, shape in enumerate(fine) if shape.owner == link]
-            for link in found.fine
+            for link in judged.fine
         }
         self._add(fine)
-        kept = candidates[[pair not in without for pair in owners]]
-        closer = [(i, j) for a, b in found.refined for i in indices[a] for j in indices[b]]
-        self.link_pairs = np.concatenate([kept, _as_pairs(closer)])
-        return found.always_touching
+        usual = candidates[[pair not in without for pair in owners]]
+        closer = [(i, j) for a, b in judged.refined for i in indices[a] for j in indices[b]]
+        self.link_pairs = np.concatenate([usual, _as_pairs(closer)])
+        return judged.always_touching
 
     def _left_out(
         self, always_touching: Sequence[tuple[str, str]], self_collision: bool
     ) -> tuple[LeftOutPair, ...]:
         body = {shape.owner: shape.body for shape in self.shapes}
-        found = []
+        result = []
         for first, second in combinations(body, 2):
             moves = self.robot.carries
             joints = int((moves[body[first]] != moves[body[second]]).sum())
@@ -186,32 +187,23 @@ class CollisionChecker(BodyShapes):
             if joints == 0 or not is_checked_kind:
                 continue
             if frozenset((first, second)) in self._ignored:
-                found.append(LeftOutPair((first, second), IGNORED))
+                result.append(LeftOutPair((first, second), IGNORED))
             elif joints == 1 and not solid:
-                found.append(LeftOutPair((first, second), NEIGHBOURS))
+                result.append(LeftOutPair((first, second), NEIGHBOURS))
             elif (first, second) in always_touching:
-                found.append(LeftOutPair((first, second), ALWAYS_TOUCHING))
-        return tuple(found)
-
-
-def _cover(parts: Sequence[LinkPart]) -> list[ConvexShape]:
-    return [shape for part in parts for shape in part.cover()]
+                result.append(LeftOutPair((first, second), ALWAYS_TOUCHING))
+        return tuple(result)
 
 
 def _link_shapes(robot: RobotModel, covers: Mapping[str, Sequence[ConvexShape]]) -> list[BodyShape]:
     """Return covers of links, given in the frame of the root link, as shapes of their bodies."""
-    return [
-        BodyShape(link, robot.link_body[link], _standing(robot, link, shape))
-        for link, shapes in covers.items()
-        for shape in shapes
-    ]
-
-
-def _standing(robot: RobotModel, link: str, shape: ConvexShape) -> ConvexShape:
-    """Return a shape of a link where the robot stands."""
-    if robot.base is None or robot.link_body[link] != _BASE:
-        return shape
-    return shape.transformed(robot.base.placement)
+    result = []
+    for link, shapes in covers.items():
+        body = robot.link_body[link]
+        if body == _BASE and robot.base is not None:  # where the robot stands
+            shapes = [shape.transformed(robot.base.placement) for shape in shapes]
+        result += [BodyShape(link, body, shape) for shape in shapes]
+    return result
 
 
 def _as_pairs(pairs: list[tuple[int, int]]) -> IntArray:
@@ -250,12 +242,12 @@ def _require_names(
                 )
 
 
-# ---- What may collide, and the checker that is built from it on first use.
+# ---- The solids of a problem, and the checker that is built from them on first use.
 
 
 @dataclass(frozen=True, eq=False)
 class CollisionScene:
-    """An arm, what it carries and what stands around it.
+    """An arm, its attached solids and the obstacles around it.
 
     Attributes:
         robot: The arm.
@@ -287,25 +279,27 @@ class CollisionScene:
         return dict(vars(self))
 
     def is_as(self, other: "CollisionScene") -> bool:
-        """Return whether another scene is made of the same objects, the arm with any limits."""
+        """Return True if another scene is made of the same objects, the arm with any limits."""
         others = (f.name for f in fields(self) if f.name != "robot")
         same = all(getattr(self, name) is getattr(other, name) for name in others)
         return same and self.robot.moves_as(other.robot)
 
 
-# ---- How closely the links of a robot are covered.
+# ---- Cover errors of the links.
 
 
 @dataclass(frozen=True)
 class LinkCover:
-    """How closely a link is covered.
+    """The number of a link's shapes and their errors.
 
     Attributes:
         link: Its name.
         shapes: Number of its convex shapes.
-        outer_error: The largest distance found from their surface to the link as it is [m].
-        closer_shapes: Number of the shapes for the links that come near it; 0 if it has none.
-        closer_error: Likewise, of these, where the other links come near; None without any [m].
+        outer_error: The largest distance found from their surface to the link itself [m].
+        closer_shapes: Number of the closer shapes for the links that come near it; 0 if it has
+            none.
+        closer_error: `outer_error` of the closer shapes, where other links come near [m]; None
+            without any.
     """
 
     link: str
@@ -316,17 +310,17 @@ class LinkCover:
 
 
 def link_covers(checker: CollisionChecker) -> list[LinkCover]:
-    """Return how closely every link that has collision geometry is covered.
+    """Return the covers and cover errors of all links that have collision geometry.
 
-    Meshes are measured when that is first asked for; the cache keeps the distances.
+    Meshes are measured on the first call; the cache keeps the distances.
 
     Raises:
         RobotError: A mesh is missing or unreadable.
     """
-    found = []
+    result = []
     for link, parts in link_parts(checker.robot).items():
         closer = checker.closer_covers.get(link)
-        found.append(
+        result.append(
             LinkCover(
                 link,
                 sum(len(part.cover()) for part in parts),
@@ -335,4 +329,4 @@ def link_covers(checker: CollisionChecker) -> list[LinkCover]:
                 None if closer is None else closer.outer_error,
             )
         )
-    return found
+    return result

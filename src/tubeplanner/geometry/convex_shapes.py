@@ -13,7 +13,7 @@ from tubeplanner.text import short_repr
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
-# ---- Convex hulls by Qhull. scipy is imported when the first is needed: never for known covers.
+# ---- Convex hulls by Qhull. scipy is imported for the first hull: never for cached covers.
 
 
 def hull(points: FloatArray) -> "ConvexHull":
@@ -45,7 +45,7 @@ def hull_unless_flat(points: FloatArray) -> "ConvexHull | None":
 # A cylinder becomes a circumscribed prism; 24 sides make it at most 0.9 % too wide.
 _PRISM_SIDES = 24
 _INSCRIBED_SIDES = 96  # of a prism that leaves out at most 0.05 % of the radius
-# A flat point set has no hull with faces; it is given this half thickness [m].
+# A flat point set has no hull with faces; its shape gets this half thickness [m].
 _FLAT_HALF_THICKNESS = 1e-6
 _NO_AREA, _NORMAL_DIGITS = 1e-16, 9  # of a face [m^2]; of a normal's coordinates
 _MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
@@ -67,7 +67,7 @@ class ConvexShape:
     Attributes:
         vertices: Shape (V, 3) [m].
         radius: Growth [m], >= 0.
-        known_faces: `faces`, if they are known; None: they are found when first asked for.
+        known_faces: `faces`, if known; None: computed on first use.
     """
 
     vertices: FloatArray
@@ -88,21 +88,21 @@ class ConvexShape:
 
     @cached_property
     def faces(self) -> IntArray:
-        """Triangles of the polytope as vertex indices, outward, shape (F, 3); none of a ball."""
+        """Triangles as vertex indices, outward, shape (F, 3); none of a ball or a capsule."""
         if self.known_faces is not None:
             return self.known_faces
         if len(self.vertices) < _MIN_CORNERS:
             return np.zeros((0, 3), dtype=np.int64)
-        found = hull(self.vertices)
-        triangles = self.vertices[found.simplices]
+        qhull = hull(self.vertices)
+        triangles = self.vertices[qhull.simplices]
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        inward = np.einsum("fi,fi->f", normals, found.equations[:, :3]) < 0
-        outward = np.where(inward[:, None], found.simplices[:, ::-1], found.simplices)
+        inward = np.einsum("fi,fi->f", normals, qhull.equations[:, :3]) < 0
+        outward = np.where(inward[:, None], qhull.simplices[:, ::-1], qhull.simplices)
         return outward.astype(np.int64)
 
     @cached_property
     def normals(self) -> FloatArray:
-        """Outward unit normals of the polytope's faces, each once, shape (F, 3); none of a ball."""
+        """Distinct outward unit normals of the polytope's faces, shape (F, 3); none of a ball."""
         triangles = self.vertices[self.faces]
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         length = np.linalg.norm(normals, axis=1)
@@ -114,9 +114,9 @@ class ConvexShape:
         return float(np.linalg.norm(self.vertices - point, axis=1).max()) + self.radius
 
     def transformed(self, placement: FloatArray) -> "ConvexShape":
-        """Return the shape moved by a rotation and a translation, shape (4, 4)."""
-        moved = self.vertices @ placement[:3, :3].T + placement[:3, 3]
-        return ConvexShape(read_only(moved), self.radius, self.known_faces)
+        """Return the shape vertices by a rotation and a translation, shape (4, 4)."""
+        vertices = self.vertices @ placement[:3, :3].T + placement[:3, 3]
+        return ConvexShape(read_only(vertices), self.radius, self.known_faces)
 
 
 def box(size: Iterable[float]) -> ConvexShape:
@@ -141,7 +141,7 @@ def cylinder(radius: float, length: float) -> ConvexShape:
 
 
 def inscribed_cylinder(radius: float, length: float) -> ConvexShape:
-    """Return a prism inside a centred cylinder along z, hardly smaller than it, in [m]."""
+    """Return a prism inside a centred cylinder along z, hardly smaller, in [m]."""
     return _prism(radius, length, _INSCRIBED_SIDES)
 
 
@@ -166,9 +166,9 @@ def _prism_faces(sides: int) -> IntArray:
 
 def convex_hull(points: FloatArray) -> ConvexShape:
     """Return the convex hull of points (N, 3); a flat set becomes its thickened bounding box."""
-    found = hull_unless_flat(points)
-    if found is not None:
-        return ConvexShape(read_only(points[found.vertices]))
+    qhull = hull_unless_flat(points)
+    if qhull is not None:
+        return ConvexShape(read_only(points[qhull.vertices]))
     low = points.min(axis=0) - _FLAT_HALF_THICKNESS
     high = points.max(axis=0) + _FLAT_HALF_THICKNESS
     corners = box(high - low).vertices + (low + high) / 2
@@ -203,8 +203,8 @@ class BoundingBoxes:
 
     Attributes:
         axes: Unit vectors as rows, shape (S, 3, 3).
-        center: Along these, shape (S, 3) [m].
-        half: Half lengths, shape (S, 3) [m].
+        center: Along the axes, shape (S, 3) [m].
+        half: Half lengths along the axes, shape (S, 3) [m].
     """
 
     axes: FloatArray
@@ -212,14 +212,11 @@ class BoundingBoxes:
     half: FloatArray
 
     def distance(self, shape: IntArray, point: FloatArray) -> FloatArray:
-        """Return how far points are from the boxes of shapes.
+        """Return the distances of points from the boxes of shapes, shape (M,) [m]; 0 inside.
 
         Args:
             shape: Indices, shape (M,).
             point: In the frames of the shapes' bodies, shape (M, 3) [m].
-
-        Returns:
-            Shape (M,) [m]; 0 inside.
         """
         along = np.einsum("mij,mj->mi", self.axes[shape], point) - self.center[shape]
         beyond = np.maximum(abs(along) - self.half[shape], 0.0)
@@ -227,8 +224,13 @@ class BoundingBoxes:
 
 
 def bounding_boxes(shapes: Sequence[ConvexShape]) -> BoundingBoxes:
-    """Return boxes around shapes: along their principal or their body's axes, what is smaller."""
-    boxes = [min(_box(s, np.eye(3)), _box(s, _principal_axes(s)), key=_volume) for s in shapes]
+    """Return the smaller box around each shape, along its principal axes or its body's axes."""
+    boxes = []
+    for shape in shapes:
+        spread = shape.vertices - shape.vertices.mean(axis=0)
+        principal_axes = np.asarray(np.linalg.eigh(spread.T @ spread)[1].T)
+        candidates = _box(shape, np.eye(3)), _box(shape, principal_axes)
+        boxes.append(min(candidates, key=lambda box: float(np.prod(box[2]))))
     axes, center, half = (np.array([box[k] for box in boxes]) for k in range(3))
     return BoundingBoxes(axes.reshape(-1, 3, 3), center.reshape(-1, 3), half.reshape(-1, 3))
 
@@ -239,20 +241,8 @@ def _box(shape: ConvexShape, axes: FloatArray) -> tuple[FloatArray, FloatArray, 
     return axes, (low + high) / 2, (high - low) / 2 + shape.radius
 
 
-def _volume(box: tuple[FloatArray, FloatArray, FloatArray]) -> float:
-    return float(np.prod(box[2]))
-
-
-def _principal_axes(shape: ConvexShape) -> FloatArray:
-    spread = shape.vertices - shape.vertices.mean(axis=0)
-    return np.asarray(np.linalg.eigh(spread.T @ spread)[1].T)
-
-
-# ---- Directions spread evenly over the sphere.
-
-
 def spread_directions(count: int) -> FloatArray:
-    """Return unit vectors along a spiral by the golden angle, shape (count, 3)."""
+    """Return evenly spread unit vectors along a spiral by the golden angle, shape (count, 3)."""
     z = 1 - (2 * np.arange(count) + 1) / count
     turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
     wide = np.sqrt(1 - z * z)

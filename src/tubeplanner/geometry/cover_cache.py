@@ -1,8 +1,8 @@
 """Covers and hulls of earlier runs, in the user's cache folder.
 
-An entry is named by a hash of all that it was computed from, so that none is ever stale, and begins
-with a hash of its name and content, so that none is taken that was not written so. What cannot be
-read or written is computed again: the cache changes times, never answers.
+The name of an entry has a hash of all that it was computed from, so that no entry is ever stale; an
+entry begins with a hash of its name and content, so that a damaged entry is never used. An entry
+that cannot be read or written is computed again: the cache changes times, never answers.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ from tubeplanner.geometry.convex_shapes import ConvexShape
 from tubeplanner.writing import StagedFile, signals_held
 
 VARIABLE = "TUBEPLANNER_CACHE"  # a folder, or "off"
-# Part of every name: another number, and entries made by other code are not found any more.
+# Part of every name: with another number, entries made by other code are not found any more.
 _FORMAT = f"{__version__}-3"
 _DIGEST_SIZE = hashlib.sha256().digest_size
 
@@ -28,14 +28,14 @@ Arrays = dict[str, np.ndarray]
 
 
 def cache_folder() -> Path | None:
-    """Return the folder of the cache, or None if there is to be none."""
-    given = os.environ.get(VARIABLE)
-    if given == "off":
+    """Return the folder of the cache, or None without a cache."""
+    variable = os.environ.get(VARIABLE)
+    if variable == "off":
         return None
-    if given:
-        return Path(given)
+    if variable:
+        return Path(variable)
     folder = platformdirs.user_cache_path("tubeplanner", appauthor=False)
-    return folder if folder.is_absolute() else None  # that of a user without a home begins with ~
+    return folder if folder.is_absolute() else None  # of a user without a home, it begins with ~
 
 
 def content_hash(parts: Iterable[bytes | str | np.ndarray]) -> str:
@@ -51,7 +51,7 @@ def content_hash(parts: Iterable[bytes | str | np.ndarray]) -> str:
 
 
 def packed(shapes: Sequence[ConvexShape]) -> Arrays:
-    """Return shapes as arrays, with their faces, so that no hull is found again."""
+    """Return shapes as arrays, with their faces, so that no hull is computed again."""
     no_faces = np.zeros((0, 3), dtype=np.int64)
     return {
         "vertices": np.concatenate([np.zeros((0, 3)), *(shape.vertices for shape in shapes)]),
@@ -63,7 +63,7 @@ def packed(shapes: Sequence[ConvexShape]) -> Arrays:
 
 
 def unpacked(arrays: Mapping[str, np.ndarray]) -> list[ConvexShape]:
-    """Return the shapes that `packed` made arrays of."""
+    """Return the shapes of arrays made by `packed`."""
     parts = (
         _parts(arrays["vertices"], arrays["counts"]),
         _parts(arrays["faces"], arrays["face_counts"]),
@@ -76,22 +76,22 @@ def unpacked(arrays: Mapping[str, np.ndarray]) -> list[ConvexShape]:
 
 
 def cached(kind: str, key: str | None, compute: Callable[[], Mapping[str, np.ndarray]]) -> Arrays:
-    """Return some arrays from the cache, or else compute and keep them.
+    """Return arrays from the cache, or else compute and store them.
 
     Args:
-        kind: What they are: part of the entry's name.
-        key: From `content_hash`, of all that they depend on; None: nothing is kept.
-        compute: Computes them.
+        kind: Kind of the arrays: part of the entry's name.
+        key: From `content_hash`, of all that they depend on; None: nothing is stored.
+        compute: Computes the arrays.
     """
     folder = cache_folder()
     if folder is None or key is None:
         return dict(compute())
     path = folder / f"{kind}-{_FORMAT}-{key[:40]}"
-    found = _read(path)
-    if found is None:
-        found = dict(compute())
-        _write(path, found)
-    return found
+    arrays = _read(path)
+    if arrays is None:
+        arrays = dict(compute())
+        _write(path, arrays)
+    return arrays
 
 
 def _parts(rows: np.ndarray, counts: np.ndarray) -> list[np.ndarray]:

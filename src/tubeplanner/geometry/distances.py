@@ -1,7 +1,7 @@
 """Signed distances of convex shapes and contact of triangle meshes, by FCL.
 
-FCL's distances can be too long by millimetres; what is returned here are rigorous lower bounds,
-the separations of two shapes along the directions that FCL finds, and exact nearly always.
+FCL's distances can be too long by millimetres; the distances here are rigorous lower bounds, the
+separations of two shapes along the directions that FCL finds, and exact nearly always.
 """
 
 from collections.abc import Sequence
@@ -24,13 +24,13 @@ from tubeplanner.geometry.penetration import (
 
 # ---- The signed distances of pairs of convex shapes, by FCL and, where they overlap, Coal.
 
-# FCL needs a solid where a shape is a grown point or edge: a core this thin [m].
+# FCL needs a solid where a shape is a grown point or edge: a core of this thickness [m].
 _CORE_THICKNESS = 1e-9
 _NO_LENGTH = 1e-12  # [m]
-# A bound this far below FCL's distance [m] is improved, in at most so many steps.
+# A bound this far below FCL's distance [m] is improved, in at most this many steps.
 _LOOSE = 1e-5
 _MAX_IMPROVEMENTS = 40
-# Of shapes that are this close, bounds are improved that are so far below [m].
+# Bounds of close shapes are improved from a smaller distance below on [m].
 _CLOSE, _LOOSE_WHERE_CLOSE = 1e-3, 1e-7
 _REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
 _PAIRS_AT_ONCE = 256  # as many as keep their vertices in the processor's cache
@@ -38,7 +38,7 @@ _PAIRS_AT_ONCE = 256  # as many as keep their vertices in the processor's cache
 
 @dataclass(frozen=True, eq=False)
 class ClosestPoints:
-    """Where P pairs of shapes are closest, in the base frame.
+    """The closest points of P pairs of shapes, in the base frame.
 
     Attributes:
         distance: Lower bounds on the signed distances, exact nearly always, shape (P,) [m].
@@ -54,7 +54,7 @@ class ClosestPoints:
 
 
 class PlacedShapes:
-    """Convex shapes of bodies, which FCL moves to where it measures them."""
+    """Convex shapes of bodies, which FCL moves to be measured."""
 
     def __init__(self, shapes: Sequence[ConvexShape]) -> None:
         """Take S shapes in their bodies' frames."""
@@ -65,16 +65,21 @@ class PlacedShapes:
         self._shapes = list(shapes)
         self._centers = np.array([shape.center for shape in shapes]).reshape(-1, 3)
         self._radii = np.array([shape.radius for shape in shapes])
-        self._vertices = _stacked([shape.vertices for shape in shapes])
+        # Padded by the first vertex of each shape: (S, V, 3).
+        most = max((len(shape.vertices) for shape in shapes), default=1)
+        self._vertices = np.empty((len(shapes), most, 3))
+        for index, shape in enumerate(shapes):
+            self._vertices[index] = shape.vertices[0]
+            self._vertices[index, : len(shape.vertices)] = shape.vertices
 
     def separations(
         self, pairs: IntArray, rotation: FloatArray, position: FloatArray
     ) -> ClosestPoints:
-        """Return how far pairs of shapes are apart.
+        """Return the closest points and distances of pairs of shapes.
 
-        Any direction gives a bound: how far the second begins beyond the end of the first. FCL's
-        nearest points give the best direction nearly always. Where they do not, it is improved;
-        of shapes that overlap it is another's.
+        Any direction gives a bound: the gap from the end of the first to the begin of the second.
+        FCL's nearest points give the best direction nearly always; elsewhere it is improved. Coal
+        gives the direction of shapes that overlap, see `penetration`.
 
         Args:
             pairs: Shape (P, 2).
@@ -87,27 +92,27 @@ class PlacedShapes:
         near, far, overlap = self._nearest_points(pairs, rotation, position)
         gap, length = self._gaps(pairs, rotation, position, far - near)
         for row in np.flatnonzero(overlap):
-            found = self._penetration(pairs[row], rotation[row], position[row])
-            _, gap[row], near[row], far[row] = found
+            depth = self._penetration(pairs[row], rotation[row], position[row])
+            _, gap[row], near[row], far[row] = depth
             length[row] = 1.0
         best, along = self._apart(pairs, rotation, position, gap / length[:, None])
         for row in np.flatnonzero(~overlap & (best <= length - _LOOSE)):
             apart, direction = self._improved(pairs[row], rotation[row], position[row], gap[row])
             if apart > best[row]:
                 best[row], along[row] = apart, direction
-        # Of shapes that all but touch, the way from point to point may lead anywhere.
+        # The vector between nearest points of shapes that all but touch may point anywhere.
         allowed = np.where(length < _CLOSE, _LOOSE_WHERE_CLOSE, _LOOSE)
         for row in np.flatnonzero(~overlap & (best <= length - allowed)):
-            found = self._penetration(pairs[row], rotation[row], position[row])
-            if found.apart > best[row]:
-                best[row], along[row], near[row], far[row] = found
+            depth = self._penetration(pairs[row], rotation[row], position[row])
+            if depth.apart > best[row]:
+                best[row], along[row], near[row], far[row] = depth
         return ClosestPoints(best - self._radii[pairs].sum(axis=1), along, near, far)
 
     def overlap(self, pairs: IntArray, rotation: FloatArray, position: FloatArray) -> bool:
-        """Return whether any pair overlaps, as FCL has it; arguments as of `separations`."""
-        turned, placed = self._core_poses(pairs, rotation, position)
-        for (i, j), turn, place in zip(pairs.tolist(), turned, placed, strict=True):
-            first, second = self._moved(i, turn[0], place[0]), self._moved(j, turn[1], place[1])
+        """Return True if any pair overlaps, by FCL; arguments as of `separations`."""
+        rotations, positions = self._core_poses(pairs, rotation, position)
+        for (i, j), axes, origins in zip(pairs.tolist(), rotations, positions, strict=True):
+            first, second = self._moved(i, axes[0], origins[0]), self._moved(j, axes[1], origins[1])
             if fcl.distance(first, second, _REQUEST, fcl.DistanceResult()) <= (
                 self._radii[i] + self._radii[j]
             ):
@@ -117,13 +122,13 @@ class PlacedShapes:
     def _nearest_points(
         self, pairs: IntArray, rotation: FloatArray, position: FloatArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Return FCL's nearest points of both cores, (P, 3), and whether the cores overlap."""
+        """Return FCL's nearest points of both cores, (P, 3), and True where the cores overlap."""
         points, overlap = np.empty((2, len(pairs), 3)), np.empty(len(pairs), dtype=bool)
-        turned, placed = self._core_poses(pairs, rotation, position)
+        rotations, positions = self._core_poses(pairs, rotation, position)
         for row, (i, j) in enumerate(pairs.tolist()):
             result = fcl.DistanceResult()
-            first = self._moved(i, turned[row, 0], placed[row, 0])
-            second = self._moved(j, turned[row, 1], placed[row, 1])
+            first = self._moved(i, rotations[row, 0], positions[row, 0])
+            second = self._moved(j, rotations[row, 1], positions[row, 1])
             overlap[row] = fcl.distance(first, second, _REQUEST, result) <= 0
             points[0, row], points[1, row] = result.nearest_points
         return points[0], points[1], overlap
@@ -131,7 +136,7 @@ class PlacedShapes:
     def _core_poses(
         self, pairs: IntArray, rotation: FloatArray, position: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the poses of the shapes' cores from those of their bodies."""
+        """Return rotations and positions of the shapes' cores in the base frame."""
         if not (np.isfinite(rotation).all() and np.isfinite(position).all()):
             raise ValueError("poses must be finite")
         core = self._cores[pairs]
@@ -146,7 +151,7 @@ class PlacedShapes:
     def _gaps(
         self, pairs: IntArray, rotation: FloatArray, position: FloatArray, gap: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return gaps (P, 3) that have a length, and their lengths (P,) [m]."""
+        """Return gaps (P, 3), replaced where they have no length, and their lengths (P,) [m]."""
         length = np.linalg.norm(gap, axis=1)
         for row in np.flatnonzero(length <= _NO_LENGTH):
             centers = np.einsum("kij,kj->ki", rotation[row], self._centers[pairs[row]])
@@ -159,7 +164,7 @@ class PlacedShapes:
     def _apart(
         self, pairs: IntArray, rotation: FloatArray, position: FloatArray, direction: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return how far apart cores are along lines [m], and which way the second one lies."""
+        """Return the gaps of cores along lines [m], and unit vectors towards the second core."""
         low, high = np.empty((2, *pairs.shape))
         local = np.einsum("pkij,pi->pkj", rotation, direction)
         for begin in range(0, len(pairs), _PAIRS_AT_ONCE):
@@ -176,23 +181,20 @@ class PlacedShapes:
     def _penetration(
         self, pair: IntArray, rotation: FloatArray, position: FloatArray
     ) -> Penetration:
-        """Return how a pair of cores overlaps, from the poses of its bodies, (2, 3, 3), (2, 3)."""
-        turned, placed = self._core_poses(pair[None], rotation[None], position[None])
-        cores = zip(turned[0], placed[0], strict=True)
-        members = zip(pair.tolist(), rotation, position, cores, strict=True)
-        return penetration(
-            *(PlacedSolid(self._shapes[i], self._solid(i), *pose) for i, *pose in members)
-        )
-
-    def _solid(self, index: int) -> Any:
-        if index not in self._solids:
-            self._solids[index] = coal_solid(self._shapes[index], _CORE_THICKNESS)
-        return self._solids[index]
+        """Return the overlap of a pair of cores; poses of its bodies, (2, 3, 3), (2, 3)."""
+        rotations, positions = self._core_poses(pair[None], rotation[None], position[None])
+        cores = zip(rotations[0], positions[0], strict=True)
+        solids = []
+        for index, *pose in zip(pair.tolist(), rotation, position, cores, strict=True):
+            if index not in self._solids:
+                self._solids[index] = coal_solid(self._shapes[index], _CORE_THICKNESS)
+            solids.append(PlacedSolid(self._shapes[index], self._solids[index], *pose))
+        return penetration(*solids)
 
     def _improved(
         self, pair: IntArray, rotation: FloatArray, position: FloatArray, gap: FloatArray
     ) -> tuple[float, FloatArray]:
-        """Return how far apart two cores are [m], along which direction (3,): found from a gap."""
+        """Return an improved gap of two cores [m] and its unit vector (3,), starting from a gap."""
         first, second = (self._shapes[index].vertices for index in pair)
         back = rotation[1].T
         distance, direction = separating_directions(
@@ -207,17 +209,8 @@ class PlacedShapes:
         return float(distance[0]), rotation[1] @ direction[0]
 
 
-def _stacked(vertices: Sequence[FloatArray]) -> FloatArray:
-    """Return the vertices of all shapes, each with its first one repeated, shape (S, V, 3)."""
-    most = max((len(each) for each in vertices), default=1)
-    stacked = np.empty((len(vertices), most, 3))
-    for index, each in enumerate(vertices):
-        stacked[index, : len(each)], stacked[index, len(each) :] = each, each[0]
-    return stacked
-
-
 def _fcl_geometry(shape: ConvexShape) -> tuple[object, FloatArray]:
-    """Return the core of a shape as FCL has it, and its pose in the body's frame, (4, 4)."""
+    """Return the core of a shape for FCL, and its pose in the body's frame, (4, 4)."""
     core = np.eye(4)
     if len(shape.vertices) > 2:
         triangles = shape.faces
@@ -232,14 +225,14 @@ def _fcl_geometry(shape: ConvexShape) -> tuple[object, FloatArray]:
     return fcl.Box(_CORE_THICKNESS, _CORE_THICKNESS, length), core
 
 
-# ---- Solids as they are: triangles, and the primitives of URDF. FCL judges whether two touch.
+# ---- Solids without covers: triangles, and the primitives of URDF. FCL judges their contact.
 #
-# Slower than covers by convex shapes and blind to how far solids overlap: what asks for distances
-# all the time uses covers, and these decide only what covers cannot.
+# Slower than covers by convex shapes and blind to the depth of an overlap: repeated distances use
+# covers, and these solids decide only where covers cannot.
 
-_PROBE_RADIUS = 1e-9  # of the ball that stands for a point in FCL [m]
+_PROBE_RADIUS = 1e-9  # of the ball that represents a point in FCL [m]
 # A point counts as inside from this winding number on: 1 inside and 0 outside of a closed surface,
-# between them near the gaps of an open one.
+# between them near the gaps of an open surface.
 _INSIDE_WINDING = 0.3
 _CHUNK = 50_000  # point-triangle pairs looked at together
 _MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
@@ -252,7 +245,7 @@ class MeshSolid:
     Attributes:
         vertices: Shape (V, 3) [m].
         faces: Vertex indices: int, shape (F, 3); none for balls and capsules.
-        radius: By which the vertices are grown if there are no faces [m].
+        radius: Growth of the vertices if there are no faces [m].
     """
 
     vertices: FloatArray
@@ -277,7 +270,7 @@ class MeshSolid:
         return MeshSolid(vertices, self.faces, self.radius)
 
     def contains(self, points: FloatArray) -> np.ndarray:
-        """Return whether points (N, 3) are inside the triangles: bool, shape (N,)."""
+        """Return True for points (N, 3) inside the triangles: bool, shape (N,)."""
         step = max(1, _CHUNK // max(len(self.faces), 1))
         parts = [points[start : start + step] for start in range(0, len(points), step)]
         winding = [_winding(self.triangles, part) for part in parts]
@@ -287,11 +280,11 @@ class MeshSolid:
         """Return the distance of points (N, 3) from the surface, shape (N,) [m]."""
         probe = fcl.CollisionObject(fcl.Sphere(_PROBE_RADIUS))
         surface, request = self._placed(np.eye(3), np.zeros(3)), fcl.DistanceRequest()
-        found = np.empty(len(points))
+        distance = np.empty(len(points))
         for k, point in enumerate(points):
             probe.setTranslation(point)
-            found[k] = fcl.distance(surface, probe, request, fcl.DistanceResult())
-        return np.maximum(found, 0.0)
+            distance[k] = fcl.distance(surface, probe, request, fcl.DistanceResult())
+        return np.maximum(distance, 0.0)
 
     def touches(
         self,
@@ -299,32 +292,42 @@ class MeshSolid:
         here: tuple[FloatArray, FloatArray],
         there: tuple[FloatArray, FloatArray],
     ) -> bool:
-        """Return whether two placed solids touch, or one is inside the other.
+        """Return True if two placed solids touch, or either contains the other.
 
         Args:
             other: The other solid.
-            here: Rotation (3, 3) and position (3,) [m] of this one.
+            here: Rotation (3, 3) and position (3,) [m] of this solid.
             there: Likewise, of the other.
         """
         request, result = fcl.CollisionRequest(), fcl.CollisionResult()
-        crossing = fcl.collide(self._placed(*here), other._placed(*there), request, result) > 0
-        return crossing or _is_inside(self, other, here, there)
+        if fcl.collide(self._placed(*here), other._placed(*there), request, result) > 0:
+            return True
+        for inner, outer, at, around in ((self, other, here, there), (other, self, there, here)):
+            point = around[0].T @ (at[0] @ inner.vertices[0] + at[1] - around[1])
+            if len(outer.faces) and outer.contains(point[None])[0]:
+                return True
+        return False
 
     def _placed(self, rotation: FloatArray, position: FloatArray) -> fcl.CollisionObject:
-        turned = rotation @ self._geometry[1]
-        middle = rotation @ self._geometry[2] + position
-        return fcl.CollisionObject(self._geometry[0], fcl.Transform(turned, middle))
+        geometry, axes, origin = self._geometry
+        transform = fcl.Transform(rotation @ axes, rotation @ origin + position)
+        return fcl.CollisionObject(geometry, transform)
 
     @cached_property
     def _geometry(self) -> tuple[fcl.CollisionGeometry, FloatArray, FloatArray]:
         """FCL's geometry, and its rotation (3, 3) and position (3,) in the solid's frame."""
-        if len(self.faces) == 0:
-            return _rounded(self.vertices, self.radius)
-        model = fcl.BVHModel()
-        model.beginModel(len(self.vertices), len(self.faces))
-        model.addSubModel(np.asarray(self.vertices), np.asarray(self.faces))
-        model.endModel()
-        return model, np.eye(3), np.zeros(3)
+        if len(self.faces):
+            model = fcl.BVHModel()
+            model.beginModel(len(self.vertices), len(self.faces))
+            model.addSubModel(np.asarray(self.vertices), np.asarray(self.faces))
+            model.endModel()
+            return model, np.eye(3), np.zeros(3)
+        middle = self.vertices.mean(axis=0)
+        if len(self.vertices) == 1:
+            return fcl.Sphere(self.radius), np.eye(3), middle
+        edge = self.vertices[1] - self.vertices[0]
+        length = float(np.linalg.norm(edge))
+        return fcl.Capsule(self.radius, length), frame_along(edge / length), middle
 
 
 def touch(
@@ -333,34 +336,8 @@ def touch(
     here: tuple[FloatArray, FloatArray],
     there: tuple[FloatArray, FloatArray],
 ) -> bool:
-    """Return whether any of the first solids touches any of the second; see `touches`."""
+    """Return True if any of the first solids touches any of the second; see `touches`."""
     return any(one.touches(other, here, there) for one in first for other in second)
-
-
-def _is_inside(
-    one: MeshSolid,
-    other: MeshSolid,
-    here: tuple[FloatArray, FloatArray],
-    there: tuple[FloatArray, FloatArray],
-) -> bool:
-    """Return whether a point of one solid is inside the other, or the other way round."""
-    for inner, outer, at, around in ((one, other, here, there), (other, one, there, here)):
-        point = around[0].T @ (at[0] @ inner.vertices[0] + at[1] - around[1])
-        if len(outer.faces) and outer.contains(point[None])[0]:
-            return True
-    return False
-
-
-def _rounded(
-    vertices: FloatArray, radius: float
-) -> tuple[fcl.CollisionGeometry, FloatArray, FloatArray]:
-    """Return the ball around one vertex or the capsule around two, with its pose."""
-    middle = vertices.mean(axis=0)
-    if len(vertices) == 1:
-        return fcl.Sphere(radius), np.eye(3), middle
-    edge = vertices[1] - vertices[0]
-    length = float(np.linalg.norm(edge))
-    return fcl.Capsule(radius, length), frame_along(edge / length), middle
 
 
 def _winding(triangles: FloatArray, points: FloatArray) -> FloatArray:
@@ -369,7 +346,7 @@ def _winding(triangles: FloatArray, points: FloatArray) -> FloatArray:
     A. Van Oosterom and J. Strackee (1983), "The solid angle of a plane triangle", IEEE Transactions
     on Biomedical Engineering 30.
     """
-    # Coordinates apart: far faster than small vectors side by side.
+    # Each coordinate in an array of its own: far faster than small vectors side by side.
     corners = np.ascontiguousarray(triangles.transpose(1, 2, 0))
     a, b, c = corners[:, :, None] - points.T[None, :, :, None]
     la, lb, lc = (np.sqrt(_dot(v, v)) for v in (a, b, c))

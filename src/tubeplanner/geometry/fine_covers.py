@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,16 +18,13 @@ from tubeplanner.geometry.convex_shapes import (
 )
 from tubeplanner.geometry.distances import MeshSolid
 
-if TYPE_CHECKING:
-    from scipy.spatial import ConvexHull
-
-# ---- How far covers stand off the solids that they cover.
+# ---- Cover errors: distances from covers to the solids that they cover.
 
 _SAMPLES = 200  # points on each shape's surface
 _SEED = 0
 # Points this near another shape [m] are not on the surface of the cover, but where shapes meet.
 _SAME_PLACE = 1e-6
-_MIN_VERTICES = 4  # of a shape with a surface of its own; balls and capsules are as they are
+_MIN_VERTICES = 4  # of a shape with a surface of its own; balls and capsules have no cover error
 
 
 def cover_error(solid: MeshSolid, shapes: Sequence[ConvexShape]) -> float:
@@ -47,9 +43,19 @@ def cover_error(solid: MeshSolid, shapes: Sequence[ConvexShape]) -> float:
         points = surface_samples(shape.vertices[shape.faces], _SAMPLES, rng)
         for other in hulls[:k] + hulls[k + 1 :]:
             if other is not None:
-                points = points[_outside(other, points) > _SAME_PLACE]
+                outside = (points @ other.equations[:, :3].T + other.equations[:, 3]).max(axis=1)
+                points = points[outside > _SAME_PLACE]
         worst = max(worst, _largest_gap(solid, points))
     return worst
+
+
+def _largest_gap(solid: MeshSolid, points: FloatArray) -> float:
+    """Return the largest distance of points outside a solid from its surface [m]."""
+    distance = solid.distance(points)
+    for k in np.argsort(-distance):
+        if not solid.contains(points[k : k + 1])[0]:
+            return float(distance[k])
+    return 0.0
 
 
 def surface_samples(triangles: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
@@ -58,46 +64,29 @@ def surface_samples(triangles: FloatArray, count: int, rng: np.random.Generator)
     area = np.linalg.norm(sides, axis=1)
     if len(area) == 0 or not area.sum() > 0:
         return triangles.reshape(-1, 3)[:count]
-    chosen = rng.choice(len(area), count, p=area / area.sum())
-    return np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), count), triangles[chosen])
+    triangle = rng.choice(len(area), count, p=area / area.sum())
+    return np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), count), triangles[triangle])
 
 
-def _outside(hull: "ConvexHull", points: FloatArray) -> FloatArray:
-    """Return how far points (N, 3) are outside of a hull at least, shape (N,) [m]."""
-    values = points @ hull.equations[:, :3].T + hull.equations[:, 3]
-    outside: FloatArray = values.max(axis=1)
-    return outside
-
-
-def _largest_gap(solid: MeshSolid, points: FloatArray) -> float:
-    """Return the largest distance of points from the surface, those inside left out."""
-    distance = solid.distance(points)
-    for k in np.argsort(-distance):
-        if not solid.contains(points[k : k + 1])[0]:
-            return float(distance[k])
-    return 0.0
-
-
-# ---- The part of a solid inside a box, and its convex hull: what finer covers are made of.
+# ---- Parts of a solid inside boxes, and their convex hulls, of which finer covers consist.
 #
 # The hull of a solid inside a box is that of the surface inside the box and of the box's corners
 # that are inside the solid: any other point has surface or solid around it, so that it is no corner
 # of the hull.
 
-# Where a piece may be cut: at its deepest notches, at the coordinates that most of its corners
-# have, and in its middle. A cut at a corner is preferred to one that is better by less than this
-# share.
+# A piece may be cut at its deepest notches, at the coordinates that most of its corners have, and
+# in its middle. A cut at a corner is preferred to a cut that is better by less than this fraction.
 _MAX_NOTCHES = 3
 _MAX_COORDINATES = 2
 _CORNER_SHARE = 0.05
 _END = 5e-4  # [m]: a cut closer to an end of a piece leaves nothing to gain
-# Of more points, those that are farthest in so many directions show what a cut is worth.
+# Of more points, the farthest in this many directions approximate the hull's corners to score cuts.
 _MAX_SCORED_POINTS = 1000
-_DIRECTION_COUNT = 300
-_FACETS = 60  # of those that no cut made, at which a hull's distance from the surface is measured
-_ON_PLANE = 2e-7  # [m], beyond what counts as on a cut
-# Corners of triangles this near a cut lie on it [m], and corners of boxes are looked at this far
-# inside of their box: there the solid's own surface, on which they may lie, is no matter.
+_DIRECTIONS = spread_directions(300)
+_FACETS = 60  # facets not made by cuts at which a hull's distance from the surface is measured
+_ON_PLANE = 2e-7  # [m]: facets this near a cut lie on it; more than `_SNAP`
+# Corners of triangles this near a cut lie on it [m]. Corners of boxes are tested this far inside
+# of their box, away from the solid's own surface, on which they may lie.
 _SNAP, _INWARD = 1e-7, 1e-6
 
 Inside = Callable[[FloatArray], BoolArray]
@@ -111,7 +100,7 @@ class MeshPiece:
         triangles: Shape (T, 3, 3) [m].
         low: Lower corner of the box, shape (3,) [m]; minus infinity where it is open.
         high: Upper corner, likewise.
-        inside: Which points (N, 3) the whole solid contains: bool, shape (N,).
+        inside: Returns True for points (N, 3) inside the whole solid: bool, shape (N,).
     """
 
     triangles: FloatArray
@@ -123,16 +112,16 @@ class MeshPiece:
     def hull(self) -> ConvexShape:
         """The hull of the solid inside the box, as exact as rounding allows."""
         points = self._all_points
-        found = hull_unless_flat(points)
-        return flat_hull(points) if found is None else ConvexShape(points[found.vertices])
+        qhull = hull_unless_flat(points)
+        return flat_hull(points) if qhull is None else ConvexShape(points[qhull.vertices])
 
     def shape(self) -> ConvexShape:
-        """Return the hull, grown by what rounding left outside of it: nothing of the solid is."""
+        """Return the hull, grown until it contains all of the solid despite rounding."""
         outside = self.outside(self._all_points).max()
         return ConvexShape(read_only(self.hull.vertices), max(0.0, float(outside)))
 
     def outside(self, points: FloatArray) -> FloatArray:
-        """Return how far points (N, 3) are outside of the hull at least, shape (N,) [m]."""
+        """Return lower bounds on distances of points (N, 3) outside the hull, shape (N,) [m]."""
         vertices = self.hull.vertices
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         outside: FloatArray = np.maximum(low - points, points - high).max(axis=1)
@@ -143,13 +132,12 @@ class MeshPiece:
         return outside
 
     def cut(self) -> "tuple[MeshPiece, MeshPiece] | None":
-        """Return both parts of the cut that makes their hulls smallest; None if there is none."""
-        places = list(self._places())
-        if not places:
+        """Return both parts of the cut with the smallest hulls; None if there is none."""
+        cuts = list(self._places())
+        if not cuts:
             return None
         best = min(
-            (self._hull_volume(axis, height) * worse, axis, height)
-            for axis, height, worse in places
+            (self._hull_volume(axis, height) * worse, axis, height) for axis, height, worse in cuts
         )
         parts = [self.part(*best[1:], below=below) for below in (True, False)]
         return None if any(part.is_empty for part in parts) else (parts[0], parts[1])
@@ -168,8 +156,8 @@ class MeshPiece:
         """Return points on the hull's surface that are not inside the solid, shape (N, 3) [m].
 
         Args:
-            rng: For those on cuts.
-            count: How many of these are tried.
+            rng: For points on cuts.
+            count: Number of points tried on cuts.
         """
         facets, on_cut = self._facets
         # Where it was cut, a piece is nearly always inside the solid; elsewhere, never.
@@ -178,7 +166,7 @@ class MeshPiece:
 
     @cached_property
     def _facets(self) -> tuple[FloatArray, BoolArray]:
-        """The hull's triangles, shape (F, 3, 3) [m], and which of them a cut made, shape (F,)."""
+        """The hull's triangles, shape (F, 3, 3) [m], and True where a cut made them, shape (F,)."""
         facets: FloatArray = self.hull.vertices[self.hull.faces]
         on_cut = np.zeros(len(facets), dtype=bool)
         for bound in (self.low, self.high):
@@ -187,7 +175,7 @@ class MeshPiece:
 
     @property
     def is_empty(self) -> bool:
-        """Whether the box has nothing of the solid."""
+        """True if the box contains nothing of the solid."""
         return len(self._all_points) == 0
 
     @property
@@ -208,11 +196,13 @@ class MeshPiece:
         return corners[self.inside(corners + inward)]
 
     def _places(self) -> Iterator[tuple[int, float, float]]:
-        """Yield where the piece may be cut: axis, coordinate, and by what its volume counts."""
+        """Yield possible cuts: axis, coordinate, and weight of the volume."""
         low, high = self._all_points.min(axis=0), self._all_points.max(axis=0)
         notches = self._notches()
         for axis in range(3):
-            heights = np.concatenate([notches[:, axis], _commonest(self._points[:, axis])])
+            values, counts = _distinct(self._points[:, axis])
+            commonest = values[np.argsort(-counts, kind="stable")[:_MAX_COORDINATES]]
+            heights = np.concatenate([notches[:, axis], commonest])
             for height in _distinct(heights)[0]:
                 if low[axis] + _END < height < high[axis] - _END:
                     yield axis, float(height), 1.0
@@ -235,15 +225,18 @@ class MeshPiece:
         return self._points[np.argsort(-depth, kind="stable")[:_MAX_NOTCHES]]
 
     def _hull_volume(self, axis: int, height: float) -> float:
-        """Return about what volume the hulls of both sides of a cut have [m^3]."""
+        """Return the approximate volume of the hulls of both sides of a cut [m^3]."""
         corners = self._corners
-        between = corners.copy()  # where the box's edges inside the solid, or some, are cut
+        between = corners.copy()  # cuts of the box's edges inside the solid, or of some of them
         between[:, axis] = height
         volume = 0.0
         for below in (True, False):
             side = corners[(corners[:, axis] < height) == below]
-            points = [self._points_beside(axis, height, below=below), side, between]
-            volume += _volume(_farthest(np.vstack(points)))
+            surface = self._points_beside(axis, height, below=below)
+            points = np.vstack([surface, side, between])
+            if len(points) > _MAX_SCORED_POINTS:  # the farthest: about the corners of the hull
+                points = points[np.unique((points @ _DIRECTIONS.T).argmax(axis=0))]
+            volume += _volume(points)
         return volume
 
     def _points_beside(self, axis: int, height: float, *, below: bool) -> FloatArray:
@@ -261,55 +254,40 @@ class MeshPiece:
 
 
 def clipped(triangles: FloatArray, axis: int, height: float, *, below: bool) -> FloatArray:
-    """Return the part of triangles on one side of a plane across an axis, as triangles.
+    """Return the part of triangles on one side of a plane across an axis, as triangles (T', 3, 3).
+
+    Triangles in the plane go to the side of the solid that they bound. Triangles that only touch
+    the plane do not count: else they would span a hull over nothing.
 
     Args:
         triangles: Shape (T, 3, 3) [m].
         axis: 0, 1 or 2.
         height: Coordinate of the plane [m].
-        below: Whether the lower side is kept.
-
-    Returns:
-        Shape (T', 3, 3). Triangles in the plane go to the side of the solid that they bound, and
-        what only touches the plane does not count: else it would span a hull over nothing.
+        below: Whether the lower side is returned.
     """
     side = (triangles[:, :, axis] - height) * (-1.0 if below else 1.0)
     side[abs(side) < _SNAP] = 0.0
     in_plane = (side == 0).all(axis=1)
     here = np.asarray((side > 0).any(axis=1))
-    here[in_plane] = _faces_up(triangles[in_plane], axis) == below
+    a, b, c = triangles[in_plane].transpose(1, 0, 2)
+    here[in_plane] = (np.cross(b - a, c - a)[:, axis] > 0) == below
     triangles, side = triangles[here], side[here]
-    kept = side >= 0
-    count = kept.sum(axis=1)
+    is_inside = side >= 0
+    count = is_inside.sum(axis=1)
     parts = [triangles[count == 3]]
-    for corners_kept in (1, 2):
-        rows = np.flatnonzero(count == corners_kept)
+    for corners_inside in (1, 2):
+        rows = np.flatnonzero(count == corners_inside)
         # The corner that is alone on its side comes first.
-        alone = kept[rows] if corners_kept == 1 else ~kept[rows]
+        alone = is_inside[rows] if corners_inside == 1 else ~is_inside[rows]
         order = (alone.argmax(axis=1)[:, None] + np.arange(3)) % 3
         a, b, c = triangles[rows[:, None], order].transpose(1, 0, 2)
         heights = side[rows[:, None], order]
         ab, ac = (_crossing(a, end, heights, k, axis, height) for k, end in ((1, b), (2, c)))
-        if corners_kept == 1:
+        if corners_inside == 1:
             parts.append(np.stack([a, ab, ac], axis=1))
         else:
             parts += [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
     return np.concatenate(parts)
-
-
-def _middles(triangles: FloatArray) -> FloatArray:
-    """Return the middles of the longest triangles and of their edges, shape (N, 3)."""
-    following = np.roll(triangles, 1, axis=1)
-    length = np.linalg.norm(following - triangles, axis=2).max(axis=1)
-    longest = np.argsort(-length, kind="stable")[:_FACETS]
-    edges = (triangles[longest] + following[longest]) / 2
-    return np.vstack([triangles[longest].mean(axis=1), edges.reshape(-1, 3)])
-
-
-def _faces_up(triangles: FloatArray, axis: int) -> BoolArray:
-    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    up: BoolArray = sides[:, axis] > 0
-    return up
 
 
 def _crossing(
@@ -321,46 +299,38 @@ def _crossing(
     return point
 
 
-def _commonest(coordinates: FloatArray) -> FloatArray:
-    """Return those coordinates that most points have."""
-    values, counts = _distinct(coordinates)
-    return values[np.argsort(-counts, kind="stable")[:_MAX_COORDINATES]]
-
-
 def _distinct(coordinates: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return coordinates without those that are as good as others, and how many each stands for."""
+    """Return coordinates that differ to six digits, and the number of equals of each."""
     _, first, counts = np.unique(coordinates.round(6), return_index=True, return_counts=True)
     return coordinates[first], counts
 
 
-def _farthest(points: FloatArray) -> FloatArray:
-    """Return the points (N, 3) that are farthest in some direction: about their hull's corners."""
-    if len(points) <= _MAX_SCORED_POINTS:
-        return points
-    return points[np.unique((points @ _DIRECTIONS.T).argmax(axis=0))]
-
-
-_DIRECTIONS = spread_directions(_DIRECTION_COUNT)
-
-
 def _volume(points: FloatArray) -> float:
     try:
-        found = hull_unless_flat(points)
+        qhull = hull_unless_flat(points)
     except ValueError:  # too few
         return 0.0
-    return 0.0 if found is None else float(found.volume)
+    return 0.0 if qhull is None else float(qhull.volume)
+
+
+def _middles(triangles: FloatArray) -> FloatArray:
+    """Return the middles of the longest triangles and of their edges, shape (N, 3)."""
+    following = np.roll(triangles, 1, axis=1)
+    length = np.linalg.norm(following - triangles, axis=2).max(axis=1)
+    longest = np.argsort(-length, kind="stable")[:_FACETS]
+    edges = (triangles[longest] + following[longest]) / 2
+    return np.vstack([triangles[longest].mean(axis=1), edges.reshape(-1, 3)])
 
 
 # ---- Closer covers of concave meshes: pieces are cut in two until none stands off the surface.
 
-OUTER_ERROR = 2e-3  # [m] that a cover may stand off its mesh where it matters
+OUTER_ERROR = 2e-3  # [m]: accepted distance of a cover from its mesh where it matters
 MAX_PIECES = 64
-# A piece matters if what must stay clear of it is in it, or this near [m]: as much as it is farther
-# in than that.
+# A piece matters if probes are in it, or this near [m]: by the deepest probe's depth below that.
 _NEAR = 5e-3
-_MAX_PROBES = 1500  # kept of those near a piece
+_MAX_PROBES = 1500  # stored of the probes near a piece
 # Points on its cuts at which a piece's distance from the surface is measured: at first, and before
-# it is taken to be close.
+# the piece is accepted.
 _FEW_SAMPLES, _MANY_SAMPLES = 12, 100
 
 
@@ -380,13 +350,13 @@ class Cover:
 
 @dataclass(order=True)
 class _Piece:
-    """A piece and what it is worth to cut it: the piece that stands off most comes first.
+    """A piece and its priority: the piece with the largest distance from the surface comes first.
 
     Attributes:
-        rank: Minus the distance that it stands off, where that matters [m], and a running number.
+        rank: Minus the distance from the surface, where that matters [m], and a running number.
         piece: The piece.
-        probes: Those near it, shape (N, 3) [m].
-        matters: At most so much of its distance matters [m].
+        probes: Probes near it, shape (N, 3) [m].
+        matters: Upper bound on the part of its distance that matters [m].
     """
 
     rank: tuple[float, int]
@@ -412,10 +382,10 @@ def fine_cover(
     Args:
         solid: With triangles.
         probes: Points that the cover should leave out, outside of the solid, shape (N, 3) [m]; only
-            pieces with some of them in or near them are cut. None: all pieces matter.
+            pieces with probes in or near them are cut. None: all pieces matter.
         cuts: Made in any case: axis and coordinate [m].
-        outer_error: Pieces that stand off less are not cut [m].
-        max_pieces: At most so many shapes.
+        outer_error: Pieces nearer to the surface are not cut [m].
+        max_pieces: Upper bound on the number of shapes.
     """
     search = _Search(solid)
     for piece in search.beginning(cuts):
@@ -434,11 +404,11 @@ def fine_cover(
 
 
 class _Search:
-    """The pieces so far: those that may be cut, the worst first, and those that are done."""
+    """The pieces so far: those that may be cut, the worst first, and the finished ones."""
 
     def __init__(self, solid: MeshSolid) -> None:
         self._solid, self._rng = solid, np.random.default_rng(_SEED)
-        self._made = 0
+        self._added = 0
         self.waiting: list[_Piece] = []
         self.done: list[_Piece] = []
 
@@ -468,16 +438,16 @@ class _Search:
             if len(probes) > _MAX_PROBES:
                 probes = self._rng.choice(probes, _MAX_PROBES, replace=False)
         error = self._standoff(piece, matters, _FEW_SAMPLES)
-        heapq.heappush(self.waiting, _Piece((-error, self._made), piece, probes, matters))
-        self._made += 1
+        heapq.heappush(self.waiting, _Piece((-error, self._added), piece, probes, matters))
+        self._added += 1
 
-    def looked_at_closely(self, found: _Piece) -> _Piece:
-        """Return a piece with the distance that it stands off measured at more points."""
-        error = max(found.error, self._standoff(found.piece, found.matters, _MANY_SAMPLES))
-        return replace(found, rank=(-error, found.rank[1]))
+    def looked_at_closely(self, entry: _Piece) -> _Piece:
+        """Return a piece with its distance from the surface measured at more points."""
+        error = max(entry.error, self._standoff(entry.piece, entry.matters, _MANY_SAMPLES))
+        return replace(entry, rank=(-error, entry.rank[1]))
 
     def _standoff(self, piece: MeshPiece, matters: float, count: int) -> float:
-        """Return how far a piece stands off, where that matters, see `_Piece` [m]."""
+        """Return a piece's distance from the surface, where that matters, see `_Piece` [m]."""
         if matters <= 0:
             return 0.0
         samples = piece.hull_samples(self._rng, count)

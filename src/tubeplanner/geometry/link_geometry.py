@@ -1,6 +1,6 @@
 """Collision elements of the links and their convex covers.
 
-yourdfpy reads them; it is imported when first needed, which elements from the cache never do.
+yourdfpy reads the elements; it is imported on first use: never for cached elements.
 """
 
 import io
@@ -28,21 +28,19 @@ from tubeplanner.geometry.solids import SolidContents, mesh_contents, simple_con
 from tubeplanner.resources import find_mesh
 from tubeplanner.robot.model import RobotModel
 
-# ---- The collision elements of a robot's links, as its URDF gives them.
-
 MESH = "mesh"
 _MAX_SIZES = 3
 
 
 @dataclass(frozen=True, eq=False)
 class LinkElement:
-    """One <collision> or <visual> of a link.
+    """A <collision> or <visual> of a link.
 
     Attributes:
         kind: "box", "sphere", "cylinder" or "mesh".
         sizes: Side lengths, radius, or radius and length [m]; of a mesh its scale along each axis.
-        placement: Where it is in the link, shape (4, 4).
-        filename: Of the mesh, as the URDF has it; empty for other kinds.
+        placement: Pose in the link, shape (4, 4).
+        filename: Of the mesh, as in the URDF; empty for other kinds.
     """
 
     kind: str
@@ -62,7 +60,7 @@ def link_elements(robot: RobotModel) -> dict[str, list[LinkElement]]:
 
 
 def element_of(element: Any) -> LinkElement | None:
-    """Return a <collision> or <visual>, as yourdfpy has it; None if its geometry is of no kind."""
+    """Return a <collision> or <visual> read by yourdfpy; None if its geometry is not known."""
     geometry = element.geometry
     placement = read_only(np.eye(4) if element.origin is None else element.origin)
     if geometry.box is not None:
@@ -80,10 +78,10 @@ def element_of(element: Any) -> LinkElement | None:
 
 @lru_cache(maxsize=1)
 def read_geometry(robot: RobotModel) -> Any:
-    """Return links and materials of a robot's URDF, as yourdfpy has them; meshes are not loaded.
+    """Return links and materials of a robot's URDF, read by yourdfpy; meshes are not loaded.
 
     Raises:
-        RobotError: They cannot be read.
+        RobotError: The geometry cannot be read.
     """
     import yourdfpy
 
@@ -103,7 +101,7 @@ def read_geometry(robot: RobotModel) -> Any:
 
 
 def _read_elements(robot: RobotModel) -> dict[str, list[LinkElement]]:
-    found: dict[str, list[LinkElement]] = {}
+    result: dict[str, list[LinkElement]] = {}
     for link in read_geometry(robot).links:
         for collision in link.collisions:
             element = element_of(collision)
@@ -112,8 +110,8 @@ def _read_elements(robot: RobotModel) -> dict[str, list[LinkElement]]:
                     f"{robot.urdf.path}: link '{link.name}' has a <collision> without a known "
                     "geometry"
                 )
-            found.setdefault(link.name, []).append(element)
-    return found
+            result.setdefault(link.name, []).append(element)
+    return result
 
 
 def _numbers(values: Any) -> tuple[float, ...]:
@@ -134,13 +132,13 @@ def _as_arrays(elements: Mapping[str, list[LinkElement]]) -> Arrays:
 
 
 def _of_arrays(arrays: Arrays) -> dict[str, list[LinkElement]]:
-    found: dict[str, list[LinkElement]] = {}
+    result: dict[str, list[LinkElement]] = {}
     for row, link in enumerate(arrays["links"].tolist()):
         kind, filename = str(arrays["kinds"][row]), str(arrays["filenames"][row])
         sizes = tuple(arrays["sizes"][row, : arrays["counts"][row]].tolist())
         element = LinkElement(kind, sizes, read_only(arrays["placements"][row]), filename)
-        found.setdefault(link, []).append(element)
-    return found
+        result.setdefault(link, []).append(element)
+    return result
 
 
 # ---- Collision shapes of a robot's links: its URDF geometry, covered by convex shapes.
@@ -148,13 +146,13 @@ def _of_arrays(arrays: Arrays) -> dict[str, list[LinkElement]]:
 
 @dataclass(frozen=True, eq=False)
 class LinkPart:
-    """One collision element of a link.
+    """A collision element of a link with its shapes.
 
     Attributes:
         placement: Of the element in the frame of the link's body, shape (4, 4).
         mesh: The mesh, or None.
-        shape: What covers the element if it is no mesh, in its own frame.
-        core: What is inside of it, likewise: the same but for cylinders.
+        shape: Cover of an element that is no mesh, in its own frame.
+        core: Solid inside the element, likewise: the same but for cylinders.
     """
 
     placement: FloatArray
@@ -169,7 +167,7 @@ class LinkPart:
 
     @cached_property
     def solid(self) -> MeshSolid:
-        """The element as it is, in the body's frame."""
+        """The element without a cover, in the body's frame."""
         if self.mesh is not None:
             return self.mesh.solid.moved(self.placement)
         assert self.core is not None
@@ -185,7 +183,7 @@ class LinkPart:
         return float(MeshSolid.of_shape(self.core).distance(self.shape.vertices).max())
 
     def contents(self) -> Iterator[str | FloatArray]:
-        """Yield what the element is, to be hashed."""
+        """Yield the content of the element, for hashes."""
         yield self.placement
         if self.mesh is not None:
             yield self.mesh.key or ""
@@ -200,19 +198,28 @@ def link_parts(robot: RobotModel) -> dict[str, list[LinkPart]]:
     Raises:
         RobotError: A mesh is missing, or a geometry is of a kind no URDF has.
     """
-    return {
-        link: [_part(robot, link, element) for element in own]
-        for link, own in link_elements(robot).items()
-    }
+    result: dict[str, list[LinkPart]] = {}
+    for link, elements in link_elements(robot).items():
+        result[link] = []
+        for element in elements:
+            placement = robot.link_placement[link] @ element.placement
+            if element.kind == MESH:
+                mesh = MeshFile(f"link '{link}'", _mesh_path(robot, element), element.sizes)
+                part = LinkPart(placement, mesh)
+            else:
+                simple = core = simple_shape(element)
+                if element.kind == "cylinder":
+                    core = inscribed_cylinder(*element.sizes)
+                part = LinkPart(placement, shape=simple, core=core)
+            result[link].append(part)
+    return result
 
 
 def link_shapes(robot: RobotModel) -> dict[str, list[ConvexShape]]:
-    """Return the convex shapes of every link that has collision geometry.
+    """Return the convex shapes of all links that have collision geometry, by link name.
 
-    Returns:
-        By link name: shapes in the frame of the link's body, which together cover the link. A
-        mesh whose hull is too fat is cut into slabs along its longest axis, each slab's hull one
-        shape.
+    The shapes, in the frame of the link's body, together cover the link. A mesh whose hull is too
+    fat is cut into slabs along its longest axis, each slab's hull a shape.
 
     Raises:
         RobotError: A mesh is missing or unreadable, or a geometry is of a kind no URDF has.
@@ -222,22 +229,28 @@ def link_shapes(robot: RobotModel) -> dict[str, list[ConvexShape]]:
 
 
 def link_contents(robot: RobotModel) -> dict[str, tuple[SolidContents, ...]]:
-    """Return what the collision geometry of every link that has any was made from.
+    """Return the source of the collision geometry of all links that have any, by link name.
 
-    Returns:
-        By link name: one entry per <collision>, placed in the frame of the link.
+    Of each <collision> an entry, placed in the frame of the link.
 
     Raises:
         RobotError: As `link_shapes`.
     """
-    return {
-        link: tuple(_contents(robot, element) for element in own)
-        for link, own in link_elements(robot).items()
-    }
+    result = {}
+    for link, elements in link_elements(robot).items():
+        contents = []
+        for each in elements:
+            if each.kind == MESH:
+                path = _mesh_path(robot, each)
+                contents.append(mesh_contents(path, each.sizes, each.placement))
+            else:
+                contents.append(simple_contents(each.kind, each.sizes, each.placement))
+        result[link] = tuple(contents)
+    return result
 
 
 def simple_shape(element: LinkElement) -> ConvexShape | None:
-    """Return an element that is no mesh as a shape, in its own frame; None if it is one."""
+    """Return the shape of an element in its own frame; None for a mesh."""
     if element.kind == "box":
         return box(element.sizes)
     if element.kind == "sphere":
@@ -245,24 +258,6 @@ def simple_shape(element: LinkElement) -> ConvexShape | None:
     if element.kind == "cylinder":
         return cylinder(*element.sizes)
     return None
-
-
-def _part(robot: RobotModel, link: str, element: LinkElement) -> LinkPart:
-    placement = robot.link_placement[link] @ element.placement
-    if element.kind == MESH:
-        path = _mesh_path(robot, element)
-        return LinkPart(placement, MeshFile(f"link '{link}'", path, element.sizes))
-    simple = core = simple_shape(element)
-    if element.kind == "cylinder":
-        core = inscribed_cylinder(*element.sizes)
-    return LinkPart(placement, shape=simple, core=core)
-
-
-def _contents(robot: RobotModel, element: LinkElement) -> SolidContents:
-    """Return what one <collision> was made from."""
-    if element.kind == MESH:
-        return mesh_contents(_mesh_path(robot, element), element.sizes, element.placement)
-    return simple_contents(element.kind, element.sizes, element.placement)
 
 
 def _mesh_path(robot: RobotModel, element: LinkElement) -> Path:

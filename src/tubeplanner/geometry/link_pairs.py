@@ -1,7 +1,7 @@
 """Link pairs that always touch; link pairs that need closer covers.
 
-Random configurations within the limits decide. That covers overlap says nothing of the links: where
-they do, the solids as they are are tested.
+Random configurations within the limits decide. Overlapping covers prove nothing about the links:
+where covers overlap, the solids themselves are tested.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,17 +19,17 @@ from tubeplanner.geometry.fine_covers import Cover, surface_samples
 from tubeplanner.geometry.link_geometry import LinkPart
 from tubeplanner.robot.model import RobotModel
 
-# Link pairs that touch in all of so many random configurations are taken to touch always.
+# Link pairs that touch in all of this many random configurations are assumed to touch always.
 _TOUCH_SAMPLES = 400
 _TOUCH_SEED = 0
-# Arms whose bodies are equally placed in so many of them are placed equally in all.
+# Arms with equal poses of their bodies in this many configurations have equal poses in all.
 _TELLING = 8
-# Covers of a pair are refined if they overlap in more than this share of the first so many
-# configurations although the links are apart: below it hardly a motion is lost, and each further
-# shape costs time in every plan.
+# Covers of a pair are refined if they overlap although the links are apart in more than this
+# fraction of the first _FALSE_SAMPLES configurations: below it hardly a motion is lost, and each
+# further shape costs time in every plan.
 _FALSE_SHARE = 0.05
 _FALSE_SAMPLES = 200
-# Of a pair's links so many points each, in so many configurations, show where covers must be close.
+# Points of each link of a pair, and configurations, that show where covers must be close.
 _PROBES, _PROBED = 200, 40
 _PROBE_SEED = 0
 
@@ -38,10 +38,10 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True, eq=False)
 class LinkPairs:
-    """What was found of pairs of links.
+    """The judgement of pairs of links.
 
     Attributes:
-        always_touching: Pairs whose links touch in all sampled configurations, as they are.
+        always_touching: Pairs whose links themselves touch in all sampled configurations.
         refined: Pairs that are judged by `fine` instead of the links' usual covers.
         fine: By link name, close covers of links where the other links of their refined pairs come
             near, in the frame of the body.
@@ -58,7 +58,7 @@ def judged_pairs(
     covers: Mapping[str, Sequence[ConvexShape]],
     pairs: Sequence[Pair],
 ) -> LinkPairs:
-    """Return which of some pairs of links always touch, and closer covers where they are needed.
+    """Return the pairs of links that always touch, and closer covers where they are needed.
 
     Args:
         robot: The arm.
@@ -92,6 +92,7 @@ class LinkJudge:
             shapes += [BodyShape(link, robot.link_body[link], shape) for shape in cover]
         self._covers = BodyShapes(robot, shapes)
         self._rotation, self._position = robot.body_poses(_random_configurations(robot))
+        self._surfaces: dict[str, FloatArray] = {}
 
     def judged(self, pairs: Sequence[Pair]) -> LinkPairs:
         """Judge pairs of links."""
@@ -106,51 +107,60 @@ class LinkJudge:
                 refined.append(pair)
                 for link, other in (pair, pair[::-1]):
                     probes.setdefault(link, []).append(self._probes(link, other, apart))
-        fine = {link: self._fine_cover(link, np.vstack(found)) for link, found in probes.items()}
+        fine = {link: self._fine_cover(link, np.vstack(points)) for link, points in probes.items()}
         return LinkPairs(touching, tuple(refined), fine)
 
     def _always_touch(self, pair: Pair) -> bool:
-        """Return whether a pair's solids touch in all configurations."""
+        """Return True if a pair's solids touch in all configurations."""
         spheres = self._covers.gaps_of_spheres(self._centers[:1], self._pairs_of(pair))
         if (spheres > 0).all():
             return False
         return all(self._touch(pair, k) for k in range(_TOUCH_SAMPLES))
 
     def _falsely_overlapping(self, pair: Pair) -> IntArray:
-        """Return the first configurations in which only the covers overlap, at most `_PROBED`."""
+        """Return the first configurations with overlap of covers alone, at most `_PROBED`."""
         indices = self._pairs_of(pair)
         spheres = self._covers.gaps_of_spheres(self._centers[:_FALSE_SAMPLES], indices)
         near = np.flatnonzero((spheres <= 0).any(axis=1)).tolist()
-        found: list[int] = []
+        result: list[int] = []
         if len(near) <= _FALSE_SHARE * _FALSE_SAMPLES:  # too few to matter
-            return np.array(found, dtype=np.int64)
+            near = []
         for k in near:
-            if self._overlap(indices, k) and not self._touch(pair, k):
-                found.append(k)
-            if len(found) == _PROBED:
+            # The shapes that most likely overlap come first.
+            gaps = self._covers.gaps_of_spheres(self._centers[k, None], indices)[0]
+            likely = indices[np.argsort(gaps)[: int((gaps <= 0).sum())]]
+            overlap = self._covers.any_overlap(self._rotation[k], self._position[k], likely)
+            if overlap and not self._touch(pair, k):
+                result.append(k)
+            if len(result) == _PROBED:
                 break
-        return np.array(found, dtype=np.int64)
-
-    def _overlap(self, indices: IntArray, sample: int) -> bool:
-        rotation, position = self._rotation[sample], self._position[sample]
-        spheres = self._covers.gaps_of_spheres(self._centers[sample, None], indices)[0]
-        # Those that most likely overlap come first.
-        likely = np.argsort(spheres)[: int((spheres <= 0).sum())]
-        return self._covers.any_overlap(rotation, position, indices[likely])
+        return np.array(result, dtype=np.int64)
 
     def _touch(self, pair: Pair, sample: int) -> bool:
         solids = [[part.solid for part in self._parts[link]] for link in pair]
-        places = [self._place(link, sample) for link in pair]
-        return touch(solids[0], solids[1], places[0], places[1])
+        poses = [self._pose(link, sample) for link in pair]
+        return touch(solids[0], solids[1], poses[0], poses[1])
 
     def _probes(self, link: str, other: str, samples: IntArray) -> FloatArray:
         """Return points of another link in the frame of a link's body, shape (N, 3) [m]."""
-        points = self._surface_points[other]
-        found = []
+        points, probes = self._surface_points(other), []
         for k in samples:
-            (turned, placed), (frame, origin) = self._place(other, k), self._place(link, k)
-            found.append((points @ turned.T + placed - origin) @ frame)
-        return np.vstack(found)
+            (rotation, position), (frame, origin) = self._pose(other, k), self._pose(link, k)
+            probes.append((points @ rotation.T + position - origin) @ frame)
+        return np.vstack(probes)
+
+    def _surface_points(self, link: str) -> FloatArray:
+        """Return points on the surface of a link, in the frame of the body, shape (N, 3) [m]."""
+        if link not in self._surfaces:
+            rng = np.random.default_rng(_PROBE_SEED)
+            solids = [part.solid for part in self._parts[link]]
+            surfaces = [solid.triangles for solid in solids if len(solid.faces)]
+            corners = np.vstack([solid.vertices for solid in solids])
+            points = [corners[:: max(1, len(corners) // _PROBES)]]
+            if surfaces:
+                points.append(surface_samples(np.concatenate(surfaces), _PROBES, rng))
+            self._surfaces[link] = np.vstack(points)
+        return self._surfaces[link]
 
     def _fine_cover(self, link: str, probes: FloatArray) -> Cover:
         shapes, errors = [], []
@@ -170,11 +180,7 @@ class LinkJudge:
         """Centres of the covers' bounding spheres, shape (configurations, shapes, 3) [m]."""
         return self._covers.sphere_centers(self._rotation, self._position)
 
-    @cached_property
-    def _surface_points(self) -> "_SurfacePoints":
-        return _SurfacePoints(self._parts)
-
-    def _place(self, link: str, sample: int) -> tuple[FloatArray, FloatArray]:
+    def _pose(self, link: str, sample: int) -> tuple[FloatArray, FloatArray]:
         body = self._robot.link_body[link]
         return self._rotation[sample, body], self._position[sample, body]
 
@@ -183,28 +189,10 @@ class LinkJudge:
         return np.array([(i, j) for i in first for j in second], dtype=np.int64)
 
 
-class _SurfacePoints(dict[str, FloatArray]):
-    """Points on the surface of links, in the frame of the body, by link name."""
-
-    def __init__(self, parts: Mapping[str, Sequence[LinkPart]]) -> None:
-        self._parts = parts
-
-    def __missing__(self, link: str) -> FloatArray:
-        rng = np.random.default_rng(_PROBE_SEED)
-        solids = [part.solid for part in self._parts[link]]
-        surfaces = [solid.triangles for solid in solids if len(solid.faces)]
-        corners = np.vstack([solid.vertices for solid in solids])
-        points = [corners[:: max(1, len(corners) // _PROBES)]]
-        if surfaces:
-            points.append(surface_samples(np.concatenate(surfaces), _PROBES, rng))
-        self[link] = np.vstack(points)
-        return self[link]
-
-
 def _key(
     robot: RobotModel, parts: Mapping[str, Sequence[LinkPart]], pairs: Sequence[Pair]
 ) -> str | None:
-    """Return a hash of all that the judgement of pairs depends on; None if that is not known."""
+    """Return a hash of everything that the judgement depends on; None if a mesh has no hash."""
     if any(part.mesh and part.mesh.key is None for own in parts.values() for part in own):
         return None
     configurations = _random_configurations(robot)
@@ -219,17 +207,20 @@ def _key(
 def _random_configurations(robot: RobotModel) -> FloatArray:
     limits = robot.limits
     lower, upper = limits.lower_position, limits.upper_position
-    low = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))  # one turn, if there is one
+    low = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))  # one turn, if the range has it
     high = np.minimum(upper, low + 2 * np.pi)
     rng = np.random.default_rng(_TOUCH_SEED)
     return rng.uniform(low, high, (_TOUCH_SAMPLES, len(low)))
 
 
-def _as_arrays(found: LinkPairs) -> Arrays:
-    links = [link for link, cover in found.fine.items() for _ in cover.shapes]
-    arrays = packed([shape for cover in found.fine.values() for shape in cover.shapes])
-    arrays["errors"] = np.array([cover.outer_error for cover in found.fine.values()])
-    for name, pairs in (("touching", found.always_touching), ("refined", found.refined)):
+def _as_arrays(judged: LinkPairs) -> Arrays:
+    links = [link for link, cover in judged.fine.items() for _ in cover.shapes]
+    arrays = packed([shape for cover in judged.fine.values() for shape in cover.shapes])
+    arrays["errors"] = np.array([cover.outer_error for cover in judged.fine.values()])
+    for name, pairs in (
+        ("touching", judged.always_touching),
+        ("refined", judged.refined),
+    ):
         arrays[name] = np.array(pairs, dtype=np.str_).reshape(-1, 2)
     return arrays | {"links": np.array(links, dtype=np.str_)}
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import trimesh
     from trimesh.resolvers import FilePathResolver
 
-# ---- Bounds for mesh files, and for the files that they name: regular ones of some size.
+# ---- Bounds for mesh files, and for the files that they name: regular files of limited size.
 
 _MAX_BYTES = 200_000_000  # four million triangles
 
@@ -34,13 +34,13 @@ def mesh_bytes(path: Path) -> bytes:
     """Return a mesh file's contents.
 
     Raises:
-        DocumentError: It cannot be read, is no regular file, or is too large.
+        DocumentError: The file cannot be read, is no regular file, or is too large.
     """
     return read_bytes(path, _MAX_BYTES)
 
 
 def files_beside(path: Path) -> "FilePathResolver":
-    """Return what opens the files that a mesh file names, within bounds.
+    """Return the resolver that opens the files that a mesh file names, within bounds.
 
     Raises:
         DocumentError: The mesh file itself is not within bounds.
@@ -49,18 +49,18 @@ def files_beside(path: Path) -> "FilePathResolver":
 
     class Bounded(FilePathResolver):
         def absolute(self, name: str) -> Path:
-            found: Path = super().absolute(name)
-            if found.exists():
-                require_regular(found, _MAX_BYTES)
-            return found
+            file: Path = super().absolute(name)
+            if file.exists():
+                require_regular(file, _MAX_BYTES)
+            return file
 
     require_regular(path, _MAX_BYTES)
     return Bounded(str(path))
 
 
-# ---- Meshes covered by convex shapes. trimesh reads them; it is imported when first needed.
+# ---- Meshes covered by convex shapes. trimesh reads the meshes; it is imported on first use.
 
-# A mesh is cut into twice as many slabs as long as that makes its cover this much smaller.
+# A mesh is cut into twice as many slabs as long as that shrinks the cover to this fraction.
 _WORTHWHILE_VOLUME_RATIO = 0.95
 _MAX_SLABS = 8
 _MAX_REASON = 200  # [characters]
@@ -73,9 +73,9 @@ def load_mesh(
     """Return a mesh file's triangles.
 
     Args:
-        owner: What messages call whom the mesh belongs to.
+        owner: The mesh's owner in messages.
         path: STL, OBJ, DAE or another format that trimesh reads.
-        scale: One factor, or one per axis.
+        scale: A factor, or a factor per axis.
 
     Raises:
         RobotError: The file is no readable mesh.
@@ -107,7 +107,7 @@ def load_mesh(
 
 
 def _fault(mesh: "trimesh.Trimesh", scale: np.ndarray) -> str | None:
-    """Return what keeps a mesh, as it was read, from being a solid [m] when it is scaled."""
+    """Return the reason why a mesh, as read, is no solid [m] when scaled; None if it is."""
     vertices = np.asarray(getattr(mesh, "vertices", ()), dtype=float)
     faces = np.asarray(getattr(mesh, "faces", ()))
     if len(vertices) == 0 or len(faces) == 0 or not np.isfinite(vertices).all():
@@ -126,23 +126,23 @@ def _fault(mesh: "trimesh.Trimesh", scale: np.ndarray) -> str | None:
 
 
 def _first_of_equal(faces: np.ndarray) -> np.ndarray:
-    """Return whether each triangle (F, 3) is none of those before it: bool, shape (F,).
+    """Return True for triangles (F, 3) that equal no triangle before them: bool, shape (F,).
 
-    Equal ones, whose corners go round in the same order, are in the way of whoever searches for the
-    nearest, and counted twice by whoever asks what is inside.
+    Equal triangles, whose corners go round in the same order, obstruct searches for the nearest,
+    and count twice in winding numbers.
     """
     rows = np.arange(len(faces))[:, None]
-    turned = faces[rows, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3]
+    rolled = faces[rows, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3]
     first = np.zeros(len(faces), dtype=bool)
-    first[np.unique(turned, axis=0, return_index=True)[1]] = True
+    first[np.unique(rolled, axis=0, return_index=True)[1]] = True
     return first
 
 
 def length_unit(path: Path) -> float:
-    """Return the length [m] of a mesh file's unit: COLLADA states it, and trimesh leaves it out.
+    """Return the length of a mesh file's unit [m]: COLLADA states it, and trimesh ignores it.
 
     Raises:
-        ValueError: It is no number.
+        ValueError: The unit is no number.
         ElementTree.ParseError: The file is not well-formed.
     """
     if path.suffix.lower() != ".dae":
@@ -163,7 +163,7 @@ def cover_mesh(mesh: "trimesh.Trimesh") -> list[ConvexShape]:
 
 
 def slab_cuts(mesh: "trimesh.Trimesh") -> list[tuple[int, float]]:
-    """Return where `cover_mesh` cuts a mesh: axis and coordinate [m]."""
+    """Return the cuts of `cover_mesh` through a mesh: axis and coordinate [m]."""
     slabs = _cover_and_slabs(mesh)[1]
     axis, bounds = _slab_bounds(mesh, slabs)
     return [(axis, float(height)) for height in bounds[1:-1]]
@@ -173,20 +173,13 @@ def _cover_and_slabs(mesh: "trimesh.Trimesh") -> tuple[list[ConvexShape], int]:
     cover = [convex_hull(mesh.vertices)]
     slabs = 2
     while slabs <= _MAX_SLABS:
-        finer = _slab_hulls(mesh, slabs)
+        axis, bounds = _slab_bounds(mesh, slabs)
+        parts = (_slab_points(mesh, axis, low, high) for low, high in pairwise(bounds))
+        finer = [convex_hull(points) for points in parts if len(points)]
         if _volume(finer) > _WORTHWHILE_VOLUME_RATIO * _volume(cover):
             break
         cover, slabs = finer, 2 * slabs
     return cover, slabs // 2
-
-
-def _slab_hulls(mesh: "trimesh.Trimesh", count: int) -> list[ConvexShape]:
-    axis, bounds = _slab_bounds(mesh, count)
-    return [
-        convex_hull(points)
-        for points in (_slab_points(mesh, axis, low, high) for low, high in pairwise(bounds))
-        if len(points)
-    ]
 
 
 def _slab_bounds(mesh: "trimesh.Trimesh", count: int) -> tuple[int, np.ndarray]:
@@ -195,7 +188,7 @@ def _slab_bounds(mesh: "trimesh.Trimesh", count: int) -> tuple[int, np.ndarray]:
 
 
 def _slab_points(mesh: "trimesh.Trimesh", axis: int, low: float, high: float) -> np.ndarray:
-    """Return the mesh's vertices in a slab and where its edges enter and leave the slab."""
+    """Return a mesh's vertices in a slab and the points where edges enter and leave the slab."""
     heights = mesh.vertices[:, axis]
     points = [mesh.vertices[(low <= heights) & (heights <= high)]]
     start, end = mesh.vertices[mesh.edges_unique].transpose(1, 0, 2)
@@ -211,10 +204,10 @@ def _volume(shapes: list[ConvexShape]) -> float:
     return sum(float(hull(shape.vertices).volume) for shape in shapes)
 
 
-# ---- Mesh files as solids and as covers; what covers cost is paid once, see `cover_cache`.
+# ---- Mesh files as solids and as covers; covers are cached, see `cover_cache`.
 
 # Each shape of one link is checked against each of another: fewer than for obstacles. Both links of
-# a pair have a cover: each may stand off half as much [m].
+# a pair have a cover: each has half of the accepted error [m].
 _LINK_PIECES = 32
 _LINK_ERROR = OUTER_ERROR / 2
 # Formats whose files hold all of the mesh: only these are cached.
@@ -225,12 +218,12 @@ _SELF_CONTAINED = {".stl", ".obj", ".dae", ".ply", ".off", ".glb", ".3mf"}
 class MeshFile:
     """A mesh file that belongs to a link or an obstacle.
 
-    Attributes:
-        owner: What messages call whom it belongs to.
-        path: STL, OBJ, DAE or another format that trimesh reads.
-        scale: One factor, or one per axis; None: 1.
+    Every member raises RobotError if the file is no readable mesh.
 
-    Everything raises RobotError if the file is no readable mesh.
+    Attributes:
+        owner: The owner in messages.
+        path: STL, OBJ, DAE or another format that trimesh reads.
+        scale: A factor, or a factor per axis; None: 1.
     """
 
     owner: str
@@ -239,7 +232,10 @@ class MeshFile:
 
     @cached_property
     def key(self) -> str | None:
-        """A hash of the file's content and the scale; None if that is not all of the mesh."""
+        """A hash of the file's content and the scale; None if the mesh may lie in other files too.
+
+        None also of an unreadable file.
+        """
         if self.path.suffix.lower() not in _SELF_CONTAINED:
             return None
         try:
@@ -256,7 +252,7 @@ class MeshFile:
         return MeshSolid(np.asarray(self._mesh.vertices), faces)
 
     def cover(self) -> list[ConvexShape]:
-        """Return few shapes that cover the mesh, for where nothing comes near."""
+        """Return few shapes that cover the mesh, where other solids do not come near."""
         return unpacked(cached("cover", self.key, lambda: packed(cover_mesh(self._mesh))))
 
     def outer_error(self) -> float:
@@ -268,11 +264,20 @@ class MeshFile:
         return float(cached("error", self.key, measured)["error"])
 
     def close_cover(self) -> list[ConvexShape]:
-        """Return shapes that stand off the mesh by 2 mm, or as little as 64 shapes allow."""
-        return unpacked(cached("close", self.key, lambda: packed(self._close_cover())))
+        """Return shapes with a cover error of at most 2 mm, or as little as 64 shapes allow."""
+
+        def computed() -> dict[str, np.ndarray]:
+            cover: Sequence[ConvexShape] = cover_mesh(self._mesh)
+            error = cover_error(self.solid, cover)
+            if error > OUTER_ERROR:
+                finer = fine_cover(self.solid)
+                cover = finer.shapes if finer.outer_error < error else cover
+            return packed(cover)
+
+        return unpacked(cached("close", self.key, computed))
 
     def fine_cover(self, probes: FloatArray) -> Cover:
-        """Return shapes that cover the mesh closely where probes, shape (N, 3) [m], come near."""
+        """Return shapes that cover the mesh closely near probes, shape (N, 3) [m]."""
         return fine_cover(
             self.solid,
             probes,
@@ -280,14 +285,6 @@ class MeshFile:
             outer_error=_LINK_ERROR,
             max_pieces=_LINK_PIECES,
         )
-
-    def _close_cover(self) -> Sequence[ConvexShape]:
-        cover = cover_mesh(self._mesh)
-        error = cover_error(self.solid, cover)
-        if error <= OUTER_ERROR:
-            return cover
-        finer = fine_cover(self.solid)
-        return finer.shapes if finer.outer_error < error else cover
 
     @cached_property
     def _mesh(self) -> Any:

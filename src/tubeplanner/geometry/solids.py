@@ -16,17 +16,17 @@ from tubeplanner.geometry.meshes import MeshFile
 from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy
 from tubeplanner.text import require_name
 
-# ---- What a solid was made from, whatever convex shapes cover it: the same for every cover.
+# ---- The source of a solid, the same for every cover by convex shapes.
 
 
 @dataclass(frozen=True, eq=False)
 class SolidContents:
-    """One solid as it was given. It pickles by content, without any file.
+    """The source of a solid. It pickles by content, without any file.
 
     Attributes:
         kind: "box", "sphere", "cylinder", "capsule" or "mesh".
         sizes: Side lengths, radius, or radius and length [m]; of a mesh its scale along each axis.
-        placement: Where it is in the frame it was given in, shape (4, 4).
+        placement: Pose in the user's frame, shape (4, 4).
         mesh_hash: Of the bytes of its mesh file; empty for other kinds.
         path: The mesh file, which need not exist any more; None for other kinds.
     """
@@ -54,7 +54,7 @@ def mesh_contents(path: Path, scale: Iterable[float], placement: FloatArray) -> 
     return SolidContents("mesh", factors, read_only(placement), mesh_hash, path)
 
 
-# ---- Named solids: obstacles that stand still in the base frame, and what the tool carries.
+# ---- Named solids: obstacles at rest in the base frame, and solids that the tool carries.
 
 # Lengths that make sense around an arm [m]; far outside them distances are only rounding.
 MIN_SIZE, MAX_SIZE = 1e-6, 1e4
@@ -64,13 +64,13 @@ MIN_SIZE, MAX_SIZE = 1e-6, 1e4
 class Obstacle:
     """A solid that the links must keep clear of.
 
+    The constructors of each kind raise ProblemError for a size outside 1e-6 to 1e4 m, a placement
+    that is no rotation and translation, and a name that is no text or cannot be shown.
+
     Attributes:
         name: Unique among the obstacles of a problem.
         shapes: Convex shapes in the base frame that together cover it.
-        contents: What it was made from; None: of the shapes themselves.
-
-    The constructors of each kind raise ProblemError for a size outside 1e-6 to 1e4 m, a placement
-    that is no rotation and translation, and a name that is no text or cannot be shown.
+        contents: Its source; None: the shapes themselves.
     """
 
     name: str
@@ -117,8 +117,8 @@ class Obstacle:
     ) -> "Obstacle":
         """Return a solid mesh in a placement (4, 4).
 
-        It is covered by at most 64 convex shapes that stand off its surface by 2 mm, or as little
-        as so many allow; hollows that are larger are free.
+        At most 64 convex shapes cover it, with a cover error of 2 mm, or as little as 64 shapes
+        allow; larger hollows are free.
 
         Raises:
             RobotError: The file is no readable mesh.
@@ -145,7 +145,7 @@ class AttachedSolid:
         name: Unique among links, obstacles and attached solids.
         shapes: Convex shapes in the tool frame that together cover it.
         touch_links: Names of links that it may touch.
-        contents: What it was made from, in the tool frame; None: of the shapes themselves.
+        contents: Its source, in the tool frame; None: the shapes themselves.
     """
 
     name: str
@@ -197,16 +197,16 @@ def placement_of(
 
 
 _SIZE_COUNTS = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
-_ORTHONORMAL = 1e-6  # how far a rotation matrix may be from one, by rounding
+_ORTHONORMAL = 1e-6  # accepted error of R R^T, by rounding
 
 
 def _listed(row: object) -> object:
-    """Return a row as files write it."""
+    """Return a row as files have it."""
     return list(row) if isinstance(row, tuple) else row
 
 
 def _extent(shapes: Sequence[ConvexShape]) -> str:
-    """Return of how many shapes a solid is, how large along the axes, and where its centre is."""
+    """Return a text: size along the axes, centre and number of shapes of a solid."""
     low = np.min([shape.vertices.min(axis=0) - shape.radius for shape in shapes], axis=0)
     high = np.max([shape.vertices.max(axis=0) + shape.radius for shape in shapes], axis=0)
     size = " x ".join(f"{side:.3g}" for side in high - low)
@@ -222,7 +222,11 @@ def _require_solid(name: object, shapes: object) -> None:
 
 
 def _placed(name: str, shape: ConvexShape, placement: FloatArray) -> ConvexShape:
-    """Return a shape in a placement (4, 4), which must be a rotation and a translation."""
+    """Return a shape in a placement (4, 4).
+
+    Raises:
+        ProblemError: The placement is no rotation and translation, or too far away.
+    """
     try:
         pose = read_only(placement)
     except (TypeError, ValueError):
@@ -232,9 +236,9 @@ def _placed(name: str, shape: ConvexShape, placement: FloatArray) -> ConvexShape
             f"obstacle '{name}': placement is {shown(placement)}; it must be finite numbers of "
             "shape (4, 4), as placement_of makes"
         )
-    turn = pose[:3, :3]
-    off = float(abs(turn @ turn.T - np.eye(3)).max())
-    is_rotation = off <= _ORTHONORMAL and np.linalg.det(turn) > 0
+    matrix = pose[:3, :3]
+    error = float(abs(matrix @ matrix.T - np.eye(3)).max())
+    is_rotation = error <= _ORTHONORMAL and np.linalg.det(matrix) > 0
     if not is_rotation or (pose[3] != (0, 0, 0, 1)).any():
         raise ProblemError(
             f"obstacle '{name}': placement {pose.tolist()} is no rotation and translation (a "
@@ -263,11 +267,11 @@ def _require_positive(name: str, kind: str, values: Sequence[float]) -> None:
             )
 
 
-# ---- Solids that change hands: taken from the cell by the tool, and left there.
+# ---- Solids that the tool picks up in the cell, or puts down there.
 
 
 def taken(obstacle: Obstacle, tool_frame: FloatArray) -> AttachedSolid:
-    """Return an obstacle as it is carried by a tool that takes it where it is.
+    """Return an obstacle as a solid attached to the tool that picks it up.
 
     Args:
         obstacle: In the base frame.
@@ -278,7 +282,7 @@ def taken(obstacle: Obstacle, tool_frame: FloatArray) -> AttachedSolid:
 
 
 def left(solid: AttachedSolid, tool_frame: FloatArray) -> Obstacle:
-    """Return what a tool carried as it stands where the tool lets it go; arguments as `taken`."""
+    """Return an attached solid as the obstacle that the tool puts down; arguments as of `taken`."""
     shapes, contents = _moved(solid, tool_frame)
     return Obstacle(solid.name, shapes, contents)
 

@@ -156,7 +156,7 @@ def _degree(c: FloatArray) -> IntArray:
 
 
 def _bracket(c: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return intervals of the first crossings, in which cubics are monotone, and their existence."""
+    """Return intervals of first crossings, monotone inside, and True where a crossing exists."""
     turns = _quadratic(c[1], 2 * c[2], 3 * c[3])  # one of them infinite where c3 is zero
     early, late = (np.where((e > 0) & (e < np.inf), e, np.nan) for e in turns)
     first, last = np.fmin(early, late), np.fmax(early, late)

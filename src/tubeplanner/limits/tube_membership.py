@@ -70,15 +70,15 @@ def judged_segments(
 
 
 def nearest_segments(problem: PlanningProblem, tool: FloatArray) -> IntArray:
-    """Return the capsules in which tools (N, 3) are the deepest, whatever the order, shape (N,)."""
+    """Return the capsules in which tools (N, 3) are deepest, in any order, shape (N,)."""
     nearest: IntArray = problem.tube.margin(tool).argmax(axis=1)
     return nearest
 
 
 def tube_use(problem: PlanningProblem, tool: FloatArray, segment: IntArray) -> FloatArray:
-    """Return the distances of tools (N, 3) from segments (N,) as fractions of the radius, shape (N,).
+    """Return the used fractions of the tube by tools (N, 3) in their segments (N,), shape (N,).
 
-    0 on the segment, 1 on the capsule's wall.
+    Distance from the segment in radii: 0 on the segment, 1 on the capsule's wall.
     """
     return problem.tube.regions.share(tool, segment)
 
@@ -211,7 +211,7 @@ def worst_membership(problem: PlanningProblem, trajectory: JointTrajectory) -> f
 
 
 def _with_valleys(values: FloatArray) -> FloatArray:
-    """Return samples of smooth functions, (N, m), the lowest lowered to the valley beside them."""
+    """Return samples of smooth functions, (N, m), each lowest lowered to the valley beside."""
     before, at, after = values[:-2], values[1:-1], values[2:]
     slope, bend = (after - before) / 2, before - 2 * at + after
     is_valley = (at <= before) & (at <= after) & (bend > 0)

@@ -9,17 +9,15 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.errors import ProblemError, shown
 
-# ---- Points joined by straight lines: arc length along them, and points between.
-
 
 def arc_lengths(points: FloatArray) -> FloatArray:
-    """Return the arc length up to each of P points (P, d): shape (P,), from 0, in their unit."""
+    """Return arc lengths along straight lines up to each of P points (P, d), from 0: shape (P,)."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def densified(points: FloatArray, max_step: float) -> FloatArray:
-    """Return points (P, d) with others evenly between them: no coordinate steps farther.
+    """Return points (P, d) with evenly spaced points inserted, so that no coordinate steps too far.
 
     Args:
         points: Shape (P, d).
@@ -33,30 +31,29 @@ def densified(points: FloatArray, max_step: float) -> FloatArray:
     return np.concatenate(parts)
 
 
-# ---- Few corners of a path in space (Ramer 1972; Douglas & Peucker 1973).
-
-
 def simplified(points: FloatArray, deviation: float) -> list[int]:
-    """Return which points to keep so that all lie within a deviation of the lines between.
+    """Return the points to keep so that all lie within a deviation of the lines between.
+
+    Ramer 1972; Douglas & Peucker 1973.
 
     Args:
         points: Shape (N, 3), N >= 2 [m].
         deviation: [m].
     """
-    kept, waiting = [0], [len(points) - 1]
+    corners, waiting = [0], [len(points) - 1]
     while waiting:
-        middle, distance = farthest_from_line(points, kept[-1], waiting[-1])
+        middle, distance = farthest_from_line(points, corners[-1], waiting[-1])
         if distance > deviation:
             waiting.append(middle)
         else:
-            kept.append(waiting.pop())
-    return kept
+            corners.append(waiting.pop())
+    return corners
 
 
 def farthest_from_line(points: FloatArray, i: int, j: int) -> tuple[int, float]:
-    """Return the point between two others that is farthest from their line, and how far [m].
+    """Return the point between two others that is farthest from their line, and its distance [m].
 
-    Where none is between, that is the first of the two, at distance 0.
+    Without points between, the first of the two, at distance 0.
     """
     if j - i < 2:
         return i, 0.0
@@ -67,7 +64,7 @@ def farthest_from_line(points: FloatArray, i: int, j: int) -> tuple[int, float]:
     return i + 1 + worst, float(distance[worst])
 
 
-# ---- Reference points that repeat the one before: they are left out, with the segment to them.
+# ---- Reference points that repeat their predecessor: left out, with the segment to them.
 
 MIN_LENGTH = 1e-6  # [m]: reference points nearer to each other are the same; no radius is less
 _SAME_ORIENTATION = 1e-6  # [rad]
@@ -75,7 +72,7 @@ _SAME_ORIENTATION = 1e-6  # [rad]
 
 @dataclass(frozen=True, eq=False)
 class DistinctPoints:
-    """Which points and segments are left.
+    """The remaining points and segments.
 
     Attributes:
         points: Indices of the points, shape (m+1,).
@@ -91,46 +88,47 @@ class DistinctPoints:
 def distinct_points(
     points: FloatArray, asked: Sequence[object], turn: FloatArray | None
 ) -> DistinctPoints:
-    """Return the points that are apart from the one before.
+    """Return the points that are apart from their predecessors.
 
     Args:
         points: Reference points, shape (m+1, 3) [m].
-        asked: What each of m segments asks, to be compared.
-        turn: How far the reference orientation turns in each segment, shape (m,) [rad]; None: it
-            is free.
+        asked: Conditions of each of m segments, to be compared.
+        turn: Rotation of the reference orientation in each segment, shape (m,) [rad]; None: it is
+            free.
 
     Raises:
-        ProblemError: All points are the same, or a segment of no length asks what neither of its
-            neighbours does, so that it would be lost.
+        ProblemError: All points are the same, or a segment of no length has conditions that neither
+            of its neighbours has, so that they would be lost.
     """
-    kept = [0]
+    rows = [0]
     for k in range(1, len(points)):
-        if np.linalg.norm(points[k] - points[kept[-1]]) >= MIN_LENGTH:
-            kept.append(k)
-    if len(kept) < 2:
+        if np.linalg.norm(points[k] - points[rows[-1]]) >= MIN_LENGTH:
+            rows.append(k)
+    if len(rows) < 2:
         raise ProblemError(
             f"tube.points: points 0 and {len(points) - 1} are the same within {MIN_LENGTH:g} m, "
             "and so are all between; at least two points that are apart are needed"
         )
-    found = np.array(kept)
-    dropped = np.setdiff1d(np.arange(len(points)), found)
+    remaining = np.array(rows)
+    dropped = np.setdiff1d(np.arange(len(points)), remaining)
     for k in dropped.tolist():
-        _require_nothing_lost(k, found[1:] - 1, asked, turn)
-    return DistinctPoints(found, found[1:] - 1, dropped)
+        _require_nothing_lost(k, remaining[1:] - 1, asked, turn)
+    return DistinctPoints(remaining, remaining[1:] - 1, dropped)
 
 
 def _require_nothing_lost(
     point: int, segments: IntArray, asked: Sequence[object], turn: FloatArray | None
 ) -> None:
-    """Raise if the segment to a point that is left out asks what no segment beside it does."""
+    """Raise ProblemError if only the segment to a dropped point has its conditions."""
     lost = point - 1
     after = int(np.searchsorted(segments, lost))
     beside = [int(segments[k]) for k in (after - 1, after) if 0 <= k < len(segments)]
     same = f"tube.points: points {lost} and {point} are the same within {MIN_LENGTH:g} m"
     if all(asked[lost] != asked[k] for k in beside):
+        neighbours = " and ".join(str(k) for k in beside)
         raise ProblemError(
             f"{same}; segment {lost} between them would be left out, but its radius, joint signs, "
-            f"tolerances or speed are those of neither segment beside it ({_listed(beside)}): "
+            f"tolerances or speed are those of neither segment beside it ({neighbours}): "
             "remove one of the points, or give them what a neighbour has"
         )
     if turn is not None and turn[lost] > _SAME_ORIENTATION:
@@ -140,11 +138,7 @@ def _require_nothing_lost(
         )
 
 
-def _listed(segments: Sequence[int]) -> str:
-    return " and ".join(str(k) for k in segments)
-
-
-# ---- Reference points and radii of a tube, once they are what they must be.
+# ---- Reference points and radii of a tube, checked.
 
 MAX_EXTENT = 1e4  # [m]
 
@@ -153,7 +147,7 @@ def given_points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
     """Return reference points (m+1, 3) [m].
 
     Raises:
-        ProblemError: They are no points, fewer than two, or too far away.
+        ProblemError: The points are no points, fewer than two, or too far away.
     """
     try:
         corners = read_only(points)
@@ -172,7 +166,7 @@ def given_radii(radius: float | Sequence[float] | FloatArray, segments: int) -> 
     """Return the radius of each segment, (m,) [m].
 
     Args:
-        radius: One for all segments, or one each.
+        radius: A radius for all segments, or a radius each.
         segments: Number m of segments.
 
     Raises:
@@ -197,15 +191,15 @@ def given_radii(radius: float | Sequence[float] | FloatArray, segments: int) -> 
     return read_only(radii)
 
 
-# ---- Which reference points the tool must pass: those at which the tube turns back.
+# ---- Compulsory reference points: those at which the tube turns back.
 #
-# Where a tube turns back on itself, the capsules before and after the point overlap along the way:
-# a tool could turn round long before the point and still be in both.
+# Where a tube turns back on itself, the capsules before and after the point overlap: a tool could
+# turn round long before the point and still be in both.
 
 PASS_THROUGH = ("all", "corners", "none")
 _TURNS_BACK = np.radians(150)
-# Points nearer than this share of the radius are skipped when a turn is measured: a corner that is
-# divided closely is a corner.
+# Points nearer than this fraction of the radius are skipped when a turn is measured: a finely
+# divided corner is a corner.
 _CLOSE = 0.1
 
 
@@ -224,7 +218,7 @@ def compulsory_points(points: FloatArray, radius: FloatArray, rule: str) -> IntA
         return inner[:0]
     close = np.append(0.0, _CLOSE * passing_radius(radius))
     back = [k for k in inner.tolist() if turn_at(points, k, close[k]) > _TURNS_BACK]
-    # One after the other, and close, they are one corner: its sharpest point counts.
+    # Close points one after the other are a single corner: its sharpest point counts.
     steps = np.append(0.0, np.linalg.norm(np.diff(points, axis=0), axis=1))
     starts = [k for k in back if k - 1 not in back or steps[k] > close[k]]
     corners = [
@@ -235,12 +229,12 @@ def compulsory_points(points: FloatArray, radius: FloatArray, rule: str) -> IntA
 
 
 def passing_radius(radius: FloatArray) -> FloatArray:
-    """Return how near inner points must be passed: the smaller radius beside them, (m-1,) [m]."""
+    """Return the passing distance of inner points, the smaller radius beside them, (m-1,) [m]."""
     return np.minimum(radius[:-1], radius[1:])
 
 
 def turn_at(points: FloatArray, k: int, close: float) -> float:
-    """Return by how much a path turns at inner point k [rad], from 0 to pi.
+    """Return the turn of a path at inner point k [rad], from 0 to pi.
 
     Args:
         points: Shape (m+1, 3) [m].

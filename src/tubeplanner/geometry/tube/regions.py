@@ -1,7 +1,4 @@
-"""Convex regions about segments, capsules and boxes, and their planes, native and NumPy.
-
-Every function returns None if the library is left out.
-"""
+"""Convex regions about segments, capsules and boxes, and their planes, native and NumPy."""
 
 from collections.abc import Mapping, Sequence
 from ctypes import c_double, c_int64
@@ -17,7 +14,7 @@ from tubeplanner.errors import ProblemError, shown
 from tubeplanner.geometry.tube.points import MIN_LENGTH
 from tubeplanner.native.library import Doubles, Integers, native_function
 
-# ---- Points and planes about the axes of convex regions, compiled.
+# ---- Points and planes about the axes of convex regions, compiled; None without native library.
 
 _away = native_function(
     *("away_from_axes", c_int64, Doubles, Doubles, Doubles, c_int64, Integers, c_double),
@@ -36,8 +33,8 @@ def away_from_axes(
 
     Args:
         p: The points, shape (..., R, 3) or, for all R, (..., 1, 3) [m].
-        axes: Where they begin and end, both of shape (m, 3) [m].
-        segment: Whose axis is meant, shape (R,).
+        axes: Begins and ends of the axes, both of shape (m, 3) [m].
+        segment: Index of the axis, shape (R,).
         no_length: Shorter axes count as points [m].
     """
     if _away is None:
@@ -61,16 +58,16 @@ def plane_slack(
     margin: FloatArray,
     extents: tuple[FloatArray, FloatArray],
 ) -> FloatArray | None:
-    """Return how far behind planes points are, as a share of regions' extents, shape (P,).
+    """Return the slack of points behind planes, as a fraction of regions' extents, shape (P,).
 
     Args:
-        planes: Their samples (P,), normals (P, 3), and the segments whose regions they hold too.
+        planes: Their samples (P,), normals (P, 3), and the segments whose regions they bound too.
         points: At N samples, shape (N, 3).
-        axes: Where the regions' axes begin and end, both of shape (m, 3).
+        axes: Begins and ends of the regions' axes, both of shape (m, 3).
         segment: The samples' own, shape (N,).
-        margin: The share of the extents that stays unused, shape (N,).
-        extents: How far the regions of the samples' segments, and those of the planes', reach
-            beyond their axes, both of shape (P,).
+        margin: The fraction of the extents that stays unused, shape (N,).
+        extents: Extents beyond the axes of the regions of the samples' segments, and of the planes'
+            segments, both of shape (P,).
     """
     if _slack is None:
         return None
@@ -82,8 +79,7 @@ def plane_slack(
     return slack
 
 
-# ---- The convex regions about a tube's segments: which places they hold, and the planes about
-# them.
+# ---- The convex regions about a tube's segments, and the planes about them.
 #
 # A region reaches beyond the axis of its segment, from A to B, by some extent e along every unit
 # normal n: it lies behind the plane n.p = max(n.A, n.B) + e(n).
@@ -96,12 +92,12 @@ class SegmentRegions(Protocol):
 
     @property
     def begin(self) -> FloatArray:
-        """Where the axes begin, shape (m, 3) [m or rad]."""
+        """Begins of the axes, shape (m, 3) [m or rad]."""
         ...
 
     @property
     def end(self) -> FloatArray:
-        """Where they end, shape (m, 3)."""
+        """Ends of the axes, shape (m, 3)."""
         ...
 
     @property
@@ -110,19 +106,19 @@ class SegmentRegions(Protocol):
         ...
 
     def margin(self, p: FloatArray, segment: IntArray) -> FloatArray:
-        """Return how far inside regions points are [m or rad], a concave function of the point.
+        """Return the margins of points inside regions [m or rad], a concave function of the point.
 
         Args:
             p: Shape (..., R, 3).
-            segment: Whose region is meant, shape (R,).
+            segment: Index of the region, shape (R,).
 
         Returns:
-            Shape (..., R); negative outside. It changes by no more than the point moves.
+            Shape (..., R); negative outside. The margin changes by no more than the point moves.
         """
         ...
 
     def share(self, p: FloatArray, segment: IntArray) -> FloatArray:
-        """Return how far out points (R, 3) are: 0 on the axis, 1 on the wall, shape (R,)."""
+        """Return the used fraction of points (R, 3): 0 on the axis, 1 on the wall, shape (R,)."""
         ...
 
     def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
@@ -134,7 +130,7 @@ class SegmentRegions(Protocol):
         ...
 
     def extent(self, normal: FloatArray, segment: IntArray) -> FloatArray:
-        """Return how far regions reach beyond their axes along unit normals (R, 3), shape (R,)."""
+        """Return the extent of regions beyond their axes along unit normals (R, 3), shape (R,)."""
         ...
 
     def kinds(self, segment: int) -> tuple[str, ...]:
@@ -142,17 +138,17 @@ class SegmentRegions(Protocol):
         ...
 
     def kind(self, normal: FloatArray, segment: IntArray) -> IntArray:
-        """Return which of these gives the extent along normals (R, 3), shape (R,)."""
+        """Return the index of the extent's tolerance in `kinds` along normals (R, 3), shape (R,)."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Capsules:
-    """Capsules: what is within a radius of the axis; `SegmentRegions`.
+    """Capsules, the points within a radius of the axis; `SegmentRegions`.
 
     Attributes:
-        begin: Where the axes begin, shape (m, 3) [m or rad].
-        end: Where they end, shape (m, 3).
+        begin: Begins of the axes, shape (m, 3) [m or rad].
+        end: Ends of the axes, shape (m, 3).
         radius: Shape (m,) [m or rad]; may be infinite.
     """
 
@@ -161,7 +157,7 @@ class Capsules:
     radius: FloatArray
 
     def margin(self, p: FloatArray, segment: IntArray) -> FloatArray:
-        """Return how far inside the capsules points are."""
+        """Return the margins of points inside the capsules."""
         margin: FloatArray = self.radius[segment] - self._away(p, segment)[1]
         return margin
 
@@ -185,11 +181,11 @@ class Capsules:
         return self.radius[segment]
 
     def kinds(self, segment: int) -> tuple[str, ...]:
-        """Return that it is the radius."""
+        """Return the radius as the only tolerance."""
         return ("radius",)
 
     def kind(self, normal: FloatArray, segment: IntArray) -> IntArray:
-        """Return that it is the radius."""
+        """Return the radius' index, 0."""
         return np.zeros(len(segment), dtype=np.int64)
 
     @cached_property
@@ -200,9 +196,9 @@ class Capsules:
 
     def _away(self, p: FloatArray, segment: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return vectors from the nearest points of axes to points (..., R, 3), and lengths."""
-        found = away_from_axes(p, (self.begin, self.end), segment, _NO_LENGTH)
-        if found is not None:
-            return found
+        native = away_from_axes(p, (self.begin, self.end), segment, _NO_LENGTH)
+        if native is not None:
+            return native
         begin = self.begin[segment]
         axis = self.end[segment] - begin
         square = np.maximum(np.einsum("ri,ri->r", axis, axis), _NO_LENGTH**2)
@@ -214,11 +210,11 @@ class Capsules:
 # ---- Segments with a rectangle for a cross-section: their sizes, and the boxes about them.
 #
 # A box is the rectangle swept along its segment and, beyond both ends, as far as the smaller half
-# of its sides. It has six faces: across, along the given upward direction, and at both ends.
+# of its sides. It has six faces: across, along the user's upward direction, and at both ends.
 
-_PARALLEL = 1e-6  # sine of the least angle between a segment and what is upward there
+_PARALLEL = 1e-6  # sine of the least angle between a segment and its upward direction
 _SMALLEST, _LARGEST = 2 * MIN_LENGTH, 1e4  # sides [m]
-_SAME = 1e-12  # of a radius and the half of a box's smaller side, and of a length and one
+_SAME = 1e-12  # accepted difference of a radius from half the smaller side [m], of a length from 1
 _KINDS = ("width", "height")
 _KEYS = {"box", "up"}
 
@@ -254,11 +250,11 @@ def box_sections(given: Any, axis: FloatArray) -> FloatArray | None:
 
 
 def radii_of_boxes(radius: Any, sections: FloatArray | None) -> Any:
-    """Return radii with the halves of the boxes' smaller sides put in.
+    """Return radii completed by the halves of the boxes' smaller sides.
 
     Args:
-        radius: One number, which holds for the discs, or m, None or the right one where there is a
-            box; None if there are boxes alone.
+        radius: A number for the discs, or m, None or the right number where there is a box; None if
+            there are boxes alone.
         sections: From `box_sections`.
 
     Raises:
@@ -278,12 +274,12 @@ def radii_of_boxes(radius: Any, sections: FloatArray | None) -> Any:
         isinstance(radius, np.ndarray) and radius.ndim == 1
     )
     if not is_list or len(radius) != len(halves):
-        return radius  # which is refused as any other
+        return radius  # refused by `given_radii`
     return [_radius(k, radius[k], sections[k]) for k in range(len(halves))]
 
 
 def _radius(k: int, radius: Any, section: FloatArray) -> Any:
-    """Return the radius of a segment: half of the smaller side of its box, if it has one."""
+    """Return the radius of a segment: half of the smaller side of its box, if any."""
     width, height = section[:2]
     half = min(width, height) / 2
     if half == 0 and radius is None:
@@ -304,7 +300,7 @@ def _radius(k: int, radius: Any, section: FloatArray) -> Any:
 
 
 def _section(where: str, entry: Any, axis: FloatArray) -> list[float]:
-    """Return width, height and upward unit vector of one segment."""
+    """Return width, height and upward unit vector of a segment."""
     if isinstance(entry, np.ndarray) and entry.shape == (5,):  # as `box_sections` returns it
         box, up = entry[:2], entry[2:]
     else:
@@ -343,7 +339,7 @@ class BoxRegions(Capsules):
 
     Attributes:
         sections: From `box_sections`, shape (m, 5).
-        tool_radius: Taken off every half side [m].
+        tool_radius: Subtracted from every half side [m].
     """
 
     sections: FloatArray
@@ -351,7 +347,7 @@ class BoxRegions(Capsules):
 
     @cached_property
     def is_box(self) -> BoolArray:
-        """Which segments have a box, shape (m,)."""
+        """True for segments with a box, shape (m,)."""
         is_box: BoolArray = self.sections[:, 0] > 0
         return is_box
 
@@ -375,12 +371,12 @@ class BoxRegions(Capsules):
         return np.where(self.is_box[:, None], half, 1.0)
 
     def margin(self, p: FloatArray, segment: IntArray) -> FloatArray:
-        """Return how far inside the nearest face, or else the capsule, points are."""
+        """Return the margins of points inside the nearest face, or else the capsule."""
         inside = (self.half[segment] - self._beyond(p, segment)).min(axis=-1)
         return np.where(self.is_box[segment], inside, super().margin(p, segment))
 
     def share(self, p: FloatArray, segment: IntArray) -> FloatArray:
-        """Return the largest share of a half side, or else of the radius."""
+        """Return the largest used fraction of a half side, or else of the radius."""
         share = (self._beyond(p, segment) / self.half[segment]).max(axis=-1)
         return np.where(self.is_box[segment], share, super().share(p, segment))
 
@@ -389,28 +385,28 @@ class BoxRegions(Capsules):
         share = self._beyond(p, segment) / self.half[segment]
         face = share.argmax(axis=-1)
         normal = self.frame[segment, face]
-        # What is nearest to an end and has a share of it is beyond it, on the side where it is.
+        # A point whose largest fraction is an end's is beyond that end, on its own side.
         side = np.sign(np.einsum("ri,ri->r", normal, p - self.begin[segment]))
         normal = np.where((share.max(axis=-1) > 0)[:, None], side[:, None] * normal, 0.0)
         return np.where(self.is_box[segment, None], normal, super().outward(p, segment))
 
     def faces(self, segment: IntArray) -> Sequence[FloatArray]:
-        """Return the normals at both ends and those of the other four faces."""
+        """Return the normals at both ends and of the other four faces."""
         sides = np.where(self.is_box[segment, None, None], self.frame[segment, :2], 0.0)
         across, up = sides[:, 0], sides[:, 1]
         return (*super().faces(segment), across, -across, up, -up)
 
     def extent(self, normal: FloatArray, segment: IntArray) -> FloatArray:
-        """Return how far boxes reach along normals, or else the radii."""
+        """Return the extents of boxes along normals, or else the radii."""
         extent = self._parts(normal, segment).sum(axis=1)
         return np.where(self.is_box[segment], extent, super().extent(normal, segment))
 
     def kinds(self, segment: int) -> tuple[str, ...]:
-        """Return that these are width and height, or else the radius."""
+        """Return width and height, or else the radius."""
         return _KINDS if self.is_box[segment] else super().kinds(segment)
 
     def kind(self, normal: FloatArray, segment: IntArray) -> IntArray:
-        """Return whether it is the width (0) or the height (1); 0 for a radius."""
+        """Return the index of the width (0) or the height (1); 0 for a radius."""
         parts = self._parts(normal, segment)
         # The reach beyond the ends follows the smaller side.
         parts[np.arange(len(parts)), self.half[segment, :2].argmin(axis=1)] += parts[:, 2]
@@ -418,11 +414,11 @@ class BoxRegions(Capsules):
         return is_height
 
     def _parts(self, normal: FloatArray, segment: IntArray) -> FloatArray:
-        """Return what each half side adds to the extent along normals (R, 3), shape (R, 3)."""
+        """Return the part of each half side in the extent along normals (R, 3), shape (R, 3)."""
         return abs(np.einsum("rai,ri->ra", self.frame[segment], normal)) * self.half[segment]
 
     def _beyond(self, p: FloatArray, segment: IntArray) -> FloatArray:
-        """Return how far points are from the axis across and upward, and beyond its ends."""
+        """Return the distances of points from the axis across and upward, and beyond its ends."""
         begin, axis = self.begin[segment], self.end[segment] - self.begin[segment]
         local = np.einsum("rai,...ri->...ra", self.frame[segment], p - begin)
         length = np.linalg.norm(axis, axis=-1)

@@ -1,8 +1,8 @@
 """RotationalTube: reference orientations and rotation tolerances along each segment.
 
-Between two reference points the reference orientation turns about one axis, the short way round,
-in proportion to the arc length: R_ref(u) = R_A exp(u log(R_A^T R_B)). A tool is compared with the
-reference at the point of the segment nearest to it (Suh & Bishop 1988, equations 4 to 7; digest:
+Between two reference points the reference orientation turns about a fixed axis, the short way
+round, in proportion to the arc length: R_ref(u) = R_A exp(u log(R_A^T R_B)). A tool is compared
+with the reference at the nearest point of the segment (Suh & Bishop 1988, equations 4 to 7; digest:
 the deviation at the matched lambda). Its deviation is the rotation vector log(R_ref^T R), its
 components along the axes of the reference. Rotations and positions are in the base frame.
 """
@@ -26,19 +26,19 @@ from tubeplanner.orientation import (
 RotationBound: TypeAlias = float | tuple[float, float, float]
 Segment: TypeAlias = int | IntArray
 
-_UNIT_TOLERANCE = 1e-3  # how far a quaternion's length may be from one
-_HALF_TURN_TOLERANCE = 1e-6  # [rad]: nearer to 180 degrees the short way round is a coin toss
+_UNIT_TOLERANCE = 1e-3  # accepted difference of a quaternion's length from 1
+_HALF_TURN_TOLERANCE = 1e-6  # [rad]: nearer to 180 degrees the short way round is undetermined
 
 
 @dataclass(frozen=True, eq=False)
 class RotationalTube:
-    """Reference orientations and how far the tool may deviate from them.
+    """Reference orientations and tolerances of the tool's rotation.
 
-    Every parameter `segment` is one index or an array of one per sample.
+    Every parameter `segment` is an index or an array with an index per sample.
 
     Attributes:
         begin: Orientation at the start of each segment, shape (m, 3, 3).
-        turn: Rotation vector from there to its end, in the frame of `begin`, shape (m, 3) [rad].
+        turn: Rotation vector from start to end, in the frame of `begin`, shape (m, 3) [rad].
         bounds: On |x|, |y|, |z| of the rotation vector and on its length, the angle; infinite where
             free, shape (m, 4) [rad].
         points: Reference points, shape (m+1, 3) [m].
@@ -51,16 +51,16 @@ class RotationalTube:
 
     @property
     def is_bounded(self) -> bool:
-        """Whether any rotation is bounded at all."""
+        """True if any rotation is bounded."""
         return bool(np.isfinite(self.bounds).any())
 
     @property
     def angles(self) -> FloatArray:
-        """How far the reference turns in each segment, shape (m,) [rad]."""
+        """Angles by which the reference turns in each segment, shape (m,) [rad]."""
         return np.linalg.norm(self.turn, axis=1)
 
     def projection(self, tool: FloatArray, segment: Segment) -> FloatArray:
-        """Return where along a segment's line the point nearest to tools (N, 3) is: u, (N,).
+        """Return the parameter u of the point on a segment's line nearest to tools (N, 3): (N,).
 
         0 at the segment's start and 1 at its end; outside [0, 1] the nearest point is that end.
         """
@@ -73,7 +73,7 @@ class RotationalTube:
         return self.reference_at(np.clip(self.projection(tool, segment), 0.0, 1.0), segment)
 
     def reference_at(self, share: FloatArray, segment: Segment) -> FloatArray:
-        """Return the reference orientation after shares (N,) of a segment, shape (N, 3, 3)."""
+        """Return the reference orientation at fractions (N,) of a segment, shape (N, 3, 3)."""
         return self.begin[segment] @ rotation_matrix(share[:, None] * self.turn[segment])
 
     def error(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
@@ -82,7 +82,7 @@ class RotationalTube:
         Args:
             rotation: Orientation R of the tool, shape (N, 3, 3).
             tool: Its position, shape (N, 3) [m].
-            segment: Which segment it is in.
+            segment: Index of the tool's segment.
         """
         return rotation_vector(self._relative(rotation, tool, segment))
 
@@ -93,13 +93,14 @@ class RotationalTube:
 
         With v = log(E), E = R_ref^T R: dv/dt = J(v) (w - E^T turn du/dt), w being the tool's
         angular velocity in its own frame and J the inverse right Jacobian of SO(3). Where the
-        nearest point passes an end of the segment the derivative jumps: the one inside is given.
+        nearest point passes an end of the segment the derivative jumps: the derivative inside is
+        returned.
 
         Args:
             rotation: Shape (N, 3, 3).
             tool: Shape (N, 3) [m].
             jacobian: Of the tool in the base frame, linear rows first, shape (N, 6, n).
-            segment: Which segment it is in.
+            segment: Index of the tool's segment.
 
         Returns:
             Error (N, 3) [rad] and derivative (N, 3, n).
@@ -111,13 +112,13 @@ class RotationalTube:
         axis = self.points[1:][segment] - self.points[:-1][segment]
         gradient = moves * axis / np.sum(axis**2, axis=-1, keepdims=True)
         share_rate = np.einsum("ni,nij->nj", gradient, jacobian[:, :3])
-        turned = np.einsum("nji,nj->ni", relative, np.broadcast_to(self.turn[segment], tool.shape))
+        turn = np.einsum("nji,nj->ni", relative, np.broadcast_to(self.turn[segment], tool.shape))
         spin = rotation.transpose(0, 2, 1) @ jacobian[:, 3:]
-        spin -= turned[:, :, None] * share_rate[:, None]
+        spin -= turn[:, :, None] * share_rate[:, None]
         return error, inverse_right_jacobian(error) @ spin
 
     def margin(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
-        """Return how far inside a segment's bounds the tools' rotations are, shape (N,) [rad].
+        """Return the margins of the tools' rotations in a segment's bounds, shape (N,) [rad].
 
         The least of bound - |component| and bound - angle; infinite where all is free.
         """
@@ -140,7 +141,7 @@ def rotational_tube(
     Args:
         points: Reference points, shape (m+1, 3) [m].
         orientations: Unit quaternions x y z w, shape (m+1, 4).
-        tolerance: Per segment one angle, or bounds on the three components [rad].
+        tolerance: Per segment an angle, or bounds on the three components [rad].
 
     Raises:
         ProblemError: Neighbouring orientations are 180 degrees apart.
@@ -173,7 +174,7 @@ def given_rotation(
         tolerance: As `rotation_bounds` takes it; None likewise.
 
     Raises:
-        ProblemError: One is given without the other, or wrong.
+        ProblemError: Only one of both is given, or one is wrong.
     """
     if orientations is None and tolerance is None:
         return None, None, None
@@ -198,7 +199,7 @@ def unit_quaternions(orientations: Any, point_count: int) -> FloatArray:
     """Return orientations as unit quaternions x y z w, shape (m+1, 4).
 
     Raises:
-        ProblemError: They are not as many as points, no numbers, or not of length one.
+        ProblemError: The count is wrong, or an orientation is no quaternion of length 1.
     """
     try:
         quaternions = np.array(orientations, dtype=np.float64)
@@ -226,9 +227,11 @@ def unit_quaternions(orientations: Any, point_count: int) -> FloatArray:
 def rotation_bounds(tolerance: Any, segment_count: int) -> tuple[RotationBound, ...]:
     """Return a rotation tolerance per segment: an angle, or bounds on three components [rad].
 
+    A single angle or triple serves for all segments.
+
     Raises:
-        ProblemError: They are not as many as segments (one number or triple serves for all), or an
-            entry is neither a positive number nor three of them.
+        ProblemError: The count is wrong, or an entry is neither a positive number nor three of
+            them.
     """
     entries = _entries(tolerance, segment_count)
     if len(entries) != segment_count:
@@ -241,7 +244,7 @@ def rotation_bounds(tolerance: Any, segment_count: int) -> tuple[RotationBound, 
 
 
 def _entries(tolerance: Any, segment_count: int) -> list[Any]:
-    """Return the entries of a rotation tolerance; one number or triple serves for all segments.
+    """Return the entries of a rotation tolerance; a single number or triple serves all segments.
 
     Three numbers for three segments are an angle each.
     """
@@ -257,10 +260,10 @@ def _entries(tolerance: Any, segment_count: int) -> list[Any]:
 
 
 def rotation_bound(name: str, entry: Any) -> RotationBound:
-    """Return a bound on a rotation, which messages call by a name.
+    """Return a bound on a rotation, an angle or three components [rad]; messages name it `name`.
 
     Raises:
-        ProblemError: It is neither a positive number nor three of them.
+        ProblemError: The bound is neither a positive number nor three of them.
     """
     try:
         values = np.array(entry, dtype=np.float64)

@@ -11,18 +11,16 @@ from tubeplanner.checks import is_number
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.outcome import ContradictionError, Place
 
-# ---- Numbers that each segment may have of its own, such as the tool's speed there.
-
 
 class SegmentNumber(NamedTuple):
-    """What a number of each segment is.
+    """A kind of number that each segment may have, such as the tool's speed there.
 
     Attributes:
-        field: What messages call it.
-        least: The least that is accepted.
-        most: The largest.
+        field: Its name in messages.
+        least: Lower bound.
+        most: Upper bound.
         unit: Of both.
-        without: What it means that a segment has none.
+        without: Meaning of a segment without the number.
     """
 
     field: str
@@ -40,9 +38,9 @@ def segment_values(given: Any, segments: int, what: SegmentNumber) -> FloatArray
     """Return a number of every segment, shape (m,), infinite for none; None if all have none.
 
     Args:
-        given: One number for all segments, or one each; None or infinite for none.
+        given: A number for all segments, or a number each; None or infinite for none.
         segments: Number m of segments.
-        what: What they are.
+        what: The kind of number.
 
     Raises:
         ProblemError: A count or a number is wrong.
@@ -69,7 +67,7 @@ def segment_values(given: Any, segments: int, what: SegmentNumber) -> FloatArray
     return read_only(values) if np.isfinite(values).any() else None
 
 
-# ---- What the signs of a tube's joints mean: the range of every joint in every segment.
+# ---- Signs of a tube's joints: the range of every joint in every segment.
 
 JointRange: TypeAlias = tuple[float, float]
 # "+", "-", "0", 1, -1, 0 or a range of two numbers
@@ -89,7 +87,11 @@ _SIGNS: dict[str | int, JointRange] = {
 def sign_maps(
     joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]], segments: int
 ) -> tuple[Mapping[str, JointSign], ...]:
-    """Return a map of joint signs for every segment."""
+    """Return a map of joint signs for every segment.
+
+    Raises:
+        ProblemError: The signs are no maps, or their count is wrong.
+    """
     maps = [joint_signs] * segments if isinstance(joint_signs, Mapping) else joint_signs
     try:
         signs = tuple(dict(row) for row in maps)
@@ -108,7 +110,12 @@ def sign_maps(
 def joint_ranges(
     signs: tuple[Mapping[str, JointSign], ...], visit: str
 ) -> tuple[Mapping[str, JointRange], ...]:
-    """Return the range that each sign stands for."""
+    """Return the range of each sign.
+
+    Raises:
+        ProblemError: A sign is neither a sign nor a range.
+        ContradictionError: Ranges of neighbouring segments, visited in order, do not meet.
+    """
     ranges = tuple(
         {name: _range(f"tube.joint_signs: joint {shown(name)}", sign) for name, sign in row.items()}
         for row in signs
@@ -119,7 +126,7 @@ def joint_ranges(
 
 
 def sign_of(bounds: JointRange) -> str | None:
-    """Return the sign that is equivalent to a range: "+", "-" or "0"; None if none does."""
+    """Return the sign that is equivalent to a range: "+", "-" or "0"; None if none is."""
     return next((str(sign) for sign, same in _SIGNS.items() if same == bounds), None)
 
 
@@ -128,18 +135,14 @@ def _range(where: str, sign: JointSign) -> JointRange:
         return _SIGNS[sign]
     is_array = isinstance(sign, np.ndarray) and sign.ndim == 1
     if (is_array or isinstance(sign, list | tuple)) and len(sign) == 2:
-        lower, upper = (_bound(where, bound) for bound in sign)
+        for value in sign:
+            if not is_number(value) or _LARGEST < abs(value) < np.inf:
+                raise ProblemError(f"{where}: {shown(value)} is no end of a range [lower, upper]")
+        lower, upper = (float(value) for value in sign)
         if lower <= upper:
             return lower, upper
         raise ProblemError(f"{where}: the range [{lower:g}, {upper:g}] is reversed or no number")
     raise ProblemError(f"{where}: {shown(sign)} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
-
-
-def _bound(where: str, value: Any) -> float:
-    """Return an end of a range."""
-    if not is_number(value) or _LARGEST < abs(value) < np.inf:
-        raise ProblemError(f"{where}: {shown(value)} is no end of a range [lower, upper]")
-    return float(value)
 
 
 def _require_switch(
