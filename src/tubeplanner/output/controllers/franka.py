@@ -1,4 +1,4 @@
-"""Libfranka's joint position control; limits of Franka's arms."""
+"""Verdict of libfranka's joint position control; limits of Franka's arms."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from tubeplanner.robot.overrides import LimitOverrides
 from tubeplanner.task.side_files import read_preset
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- The limits of Franka's arms as their control has them: those of the presets, and a few more.
+# ---- The limits of Franka's arms: the presets' limits, and a few that only the control has.
 
 _JOINTS = tuple(f"joint {k + 1}" for k in range(7))
-# The control's position limits where the preset leaves them to the URDF [rad]; and the acceleration
-# and jerk of Cartesian commands [m/s^2, m/s^3]. From "Limits for Panda" of Franka's documentation
-# and, of the FR3, `kMaxTranslationalAcceleration` and `kMaxTranslationalJerk` of libfranka.
+# Position limits where the preset leaves them to the URDF [rad]; acceleration and jerk of Cartesian
+# commands [m/s^2, m/s^3]. From "Limits for Panda" of Franka's documentation and, of the FR3,
+# `kMaxTranslationalAcceleration` and `kMaxTranslationalJerk` of libfranka.
 _POSITION = {
     "fer": (
         (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973),
@@ -42,10 +42,10 @@ class FrankaLimits:
         jerk: Shape (7,) [rad/s^3].
         effort: Shape (7,) [N m].
         effort_rate: Shape (7,) [N m/s].
-        tool_rates: Translation of Cartesian commands: velocity, acceleration and jerk
+        tool_rates: Limits on translation of Cartesian commands: velocity, acceleration and jerk
             [m/s, m/s^2, m/s^3].
-        velocity_laws: How velocity falls with position: deceleration [rad/s^2], offset [rad/s],
-            lower and upper [rad], shape (4, 7); None: it does not.
+        velocity_laws: Velocity limits by position: deceleration [rad/s^2], offset [rad/s], lower
+            and upper position [rad], shape (4, 7); None: constant limits.
     """
 
     name: str
@@ -69,8 +69,8 @@ class FrankaLimits:
             return -most, most
         deceleration, offset, lower, upper = self.velocity_laws
         slowest, fastest = (
-            np.clip(np.sqrt(2 * deceleration * np.maximum(room, 0.0)) - offset, 0.0, most)
-            for room in (q - lower, upper - q)
+            np.clip(np.sqrt(2 * deceleration * np.maximum(slack, 0.0)) - offset, 0.0, most)
+            for slack in (q - lower, upper - q)
         )
         return -slowest, fastest
 
@@ -82,7 +82,10 @@ def franka_limits(name: str) -> FrankaLimits:
         name: Of its preset: one of `FRANKA_ARMS`.
     """
     limits = read_preset(name).limits
-    position = _POSITION.get(name)
+    position, laws = _POSITION.get(name), None
+    if limits.velocity_by_position:
+        by_joint = limits.by_name(_LAWS, _JOINTS, _LAWS)
+        laws = read_only([[by_joint[joint][key] for joint in _JOINTS] for key in _LAW_KEYS])
     return FrankaLimits(
         name=FRANKA_ARMS[name],
         position=read_only(_rows(limits, "position").T if position is None else position),
@@ -92,34 +95,28 @@ def franka_limits(name: str) -> FrankaLimits:
         effort=_rows(limits, "effort"),
         effort_rate=_rows(limits, "effort_rate"),
         tool_rates=(np.inf if limits.tool_speed is None else limits.tool_speed, *_TOOL[name]),
-        velocity_laws=_velocity_laws(limits),
+        velocity_laws=laws,
     )
 
 
-def _velocity_laws(limits: LimitOverrides) -> FloatArray | None:
-    given = limits.by_name(_LAWS, _JOINTS, _LAWS) if limits.velocity_by_position else {}
-    laws = [[given[joint][key] for joint in _JOINTS] for key in _LAW_KEYS] if given else None
-    return None if laws is None else read_only(laws)
-
-
 def _rows(limits: LimitOverrides, quantity: str) -> FloatArray:
-    """Return what a preset gives, one row per joint."""
-    given = limits.by_name(quantity, _JOINTS, quantity)
-    return read_only([given[joint] for joint in _JOINTS])
+    """Return a preset's values of a quantity, shape (7,) or (7, 2)."""
+    by_joint = limits.by_name(quantity, _JOINTS, quantity)
+    return read_only([by_joint[joint] for joint in _JOINTS])
 
 
-# ---- What libfranka's control of joint positions makes of a trajectory.
+# ---- The verdict of libfranka's control of joint positions.
 #
-# Every millisecond the robot is sent a position. It takes differences: (q_k - q_(k-1)) / 1 ms is
-# the velocity, and so on to jerk. Before the first command and after the last the arm stands still,
-# so that a motion that does not begin or end at rest shows as a jump. The names of errors are those
-# of `franka::Errors`; what is necessary and what only recommended is Franka's "Robot and interface
-# specifications".
+# Every millisecond a position is sent to the robot. It takes differences: (q_k - q_(k-1)) / 1 ms is
+# the velocity, and so on to jerk. Before the first command and after the last the arm is at rest,
+# so that a motion that does not begin or end at rest appears as a jump. The names of errors are
+# those of `franka::Errors`; which limits are necessary and which recommended is from Franka's
+# "Robot and interface specifications".
 
 PERIOD = 1e-3  # [s]
 _STILL = 3  # commands before the first and after the last: a jerk takes three differences
-_ROUNDING = 1e-6  # share of a limit
-_AT_REST = 1e-3  # share of a limit: velocity and acceleration at both ends
+_ROUNDING = 1e-6  # fraction of a limit
+_AT_REST = 1e-3  # fraction of a limit: velocity and acceleration at both ends
 _VELOCITY_JUMP = "joint_motion_generator_velocity_discontinuity"
 _ACCELERATION_JUMP = "joint_motion_generator_acceleration_discontinuity"
 _TOOL_QUANTITIES = (
@@ -131,7 +128,7 @@ _TOOL_QUANTITIES = (
 
 @dataclass(frozen=True)
 class _Quantity:
-    """A quantity that is compared with limits: what it is called, its unit, what exceeding does."""
+    """A limited quantity: its name, its unit, the effect and the error of exceeding a limit."""
 
     name: str
     unit: str
@@ -156,13 +153,13 @@ _CARTESIAN = "enforced for Cartesian commands only"
 def judged_by_franka(
     name: str, robot: RobotModel, trajectory: JointTrajectory, limits: FrankaLimits
 ) -> ControllerVerdict:
-    """Return what the control of joint positions makes of a trajectory.
+    """Return the verdict of the control of joint positions on a trajectory.
 
     Args:
         name: One of `CONTROLLERS`.
         robot: The arm.
         trajectory: Of its joints, in any order; its polynomials are sampled every millisecond.
-        limits: The controller's.
+        limits: Limits of the controller.
 
     Raises:
         OptionError: The robot has another number of joints than the limits.
@@ -185,11 +182,11 @@ def judged_by_franka(
 
 
 class _Commands:
-    """The positions sent, and the differences that the robot takes of them.
+    """The commanded positions, and the differences that the robot takes of the positions.
 
     Attributes:
         trajectory: Joints in chain order.
-        time: Of every command, shape (N,) [s]; below 0 and beyond the duration the arm stands.
+        time: Of every command, shape (N,) [s]; below 0 and beyond the duration the arm is at rest.
         position: Shape (N, n) [rad].
     """
 
@@ -199,10 +196,6 @@ class _Commands:
         self.time = np.arange(-_STILL, count + _STILL + 1) * PERIOD
         self.position = trajectory.position(self.time)
 
-    def differences(self, order: int) -> FloatArray:
-        """Return the positions' differences of an order over the period, shape (N - order, n)."""
-        return _differences(self.position, order)
-
     def instants(self, order: int) -> FloatArray:
         """Return the time of the command that ends each difference, shape (N - order,) [s]."""
         return np.clip(self.time[order:], 0.0, self.trajectory.duration)
@@ -210,14 +203,14 @@ class _Commands:
 
 def _differences(values: FloatArray, order: int) -> FloatArray:
     """Return differences of rows over the period, shape (N - order, n)."""
-    found: FloatArray = np.diff(values, order, axis=0) / PERIOD**order
-    return found
+    result: FloatArray = np.diff(values, order, axis=0) / PERIOD**order
+    return result
 
 
 def _aborts(commands: _Commands, limits: FrankaLimits) -> Iterator[ControllerFinding]:
-    """Yield where positions and their differences exceed what is necessary."""
+    """Yield positions and differences of positions beyond the necessary limits."""
     position = commands.position
-    # As libfranka's own rate limiter: the limit where the last command was.
+    # As in libfranka's own rate limiter: the limit at the position of the last command.
     slowest, fastest = limits.velocity_bounds(position[:-1])
     bounds = {
         _POSITION_QUANTITY: (limits.position[0], limits.position[1]),
@@ -228,7 +221,7 @@ def _aborts(commands: _Commands, limits: FrankaLimits) -> Iterator[ControllerFin
     scales = (np.ones(position.shape[1]), limits.velocity, limits.acceleration, limits.jerk)
     names = commands.trajectory.joint_names
     for order, (quantity, (lower, upper)) in enumerate(bounds.items()):
-        value = commands.differences(order)
+        value = _differences(position, order)
         time = commands.instants(order)
         yield from _exceeded(quantity, names, time, value, lower, upper, scales[order])
 
@@ -259,7 +252,7 @@ def _unrest(commands: _Commands, limits: FrankaLimits) -> Iterator[ControllerFin
 def _recommended(
     robot: RobotModel, commands: _Commands, limits: FrankaLimits
 ) -> Iterator[ControllerFinding]:
-    """Yield where the model's torques exceed what is recommended."""
+    """Yield model torques and torque rates beyond the recommended limits."""
     within = commands.trajectory.reordered(robot.joint_names)
     at = within.at(np.clip(commands.time, 0.0, within.duration))
     effort = robot.inverse_dynamics(at.position, at.velocity, at.acceleration)
@@ -276,7 +269,7 @@ def _recommended(
 def _cartesian(
     robot: RobotModel, commands: _Commands, limits: FrankaLimits
 ) -> Iterator[ControllerFinding]:
-    """Yield where the tool centre point exceeds what Cartesian commands must keep."""
+    """Yield rates of the tool centre point beyond the limits of Cartesian commands."""
     within = commands.trajectory.reordered(robot.joint_names)
     tool = robot.tool_position(within.position(commands.time))
     for order, ((name, unit), most) in enumerate(
@@ -298,43 +291,36 @@ def _exceeded(
     upper: FloatArray,
     scale: FloatArray,
 ) -> Iterator[ControllerFinding]:
-    """Yield the worst value beyond its bounds, if any, and when the first one was.
+    """Yield the worst value beyond its bounds, if any, and the time of the first excess.
 
     Args:
-        quantity: What is compared.
+        quantity: The compared quantity.
         names: Of the n columns.
         time: Of the N rows [s].
         value: Shape (N, n).
         lower: Shape (n,) or (N, n).
-        upper: Likewise.
-        scale: By which joints are compared with each other, shape (n,).
+        upper: Shape (n,) or (N, n).
+        scale: Divides excesses before joints are compared, shape (n,).
     """
     over = np.maximum(value - upper, lower - value) / scale
     if not over.max() > _ROUNDING:
         return
     row, column = np.unravel_index(int(over.argmax()), over.shape)
-    found, name = float(value[row, column]), names[column]
-    below = found < np.broadcast_to(lower, value.shape)[row, column]
+    worst, name = float(value[row, column]), names[column]
+    below = worst < np.broadcast_to(lower, value.shape)[row, column]
     limit = float(np.broadcast_to(lower if below else upper, value.shape)[row, column])
     first = float(time[int((over > _ROUNDING).any(axis=1).argmax())])
     owner = "" if name is None else f"{name} "
     begins = "" if first == time[row] else f", first at t = {first:.4f} s"
     message = (
-        f"{owner}{quantity.name} {_shown(found)} {'<' if below else '>'} {_shown(limit)} "
+        f"{owner}{quantity.name} {_number_text(worst)} {'<' if below else '>'} "
+        f"{_number_text(limit)} "
         f"{quantity.unit} at t = {time[row]:.4f} s{begins}"
     )
-    yield ControllerFinding(
-        quantity.effect,
-        quantity.error,
-        message,
-        name,
-        found,
-        limit,
-        quantity.unit,
-        float(time[row]),
-        first,
-    )
+    effect, error, unit = quantity.effect, quantity.error, quantity.unit
+    instant = float(time[row])
+    yield ControllerFinding(effect, error, message, name, worst, limit, unit, instant, first)
 
 
-def _shown(value: float) -> str:
+def _number_text(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"

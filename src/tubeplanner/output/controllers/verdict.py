@@ -1,4 +1,4 @@
-"""ControllerVerdict: findings and effects."""
+"""Verdict of a controller on a trajectory: findings and their effects."""
 
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -6,10 +6,10 @@ from typing import Any
 
 
 class Effect(StrEnum):
-    """What comes of a finding.
+    """Consequence of a finding.
 
-    The controller refuses or aborts the motion; runs another one than the file's; or accepts it,
-    and the finding is worth knowing.
+    The controller refuses or aborts the motion; executes another motion than the file's; or accepts
+    it, with a remark.
     """
 
     REFUSED = "refused"
@@ -19,18 +19,18 @@ class Effect(StrEnum):
 
 @dataclass(frozen=True)
 class ControllerFinding:
-    """One thing that a controller finds; fields that do not apply are None.
+    """A finding of a controller; fields that do not apply are None.
 
     Attributes:
-        effect: What comes of it.
-        error: In the controller's words: the name of its error, or what it does.
+        effect: Consequence of the finding.
+        error: In the controller's words: the name of its error, or its action.
         message: One sentence.
-        joint: Whose value it is.
-        value: The value.
-        limit: What it is compared with.
-        unit: Of both.
-        time: When [s]; of the value farthest beyond its limit.
-        first_time: When a limit is exceeded first [s]: where the motion ends.
+        joint: Joint of the value.
+        value: Of the joint or of the tool.
+        limit: Limit of the value.
+        unit: Of value and limit.
+        time: Of the value [s].
+        first_time: First time beyond the limit [s], at which the motion would end.
     """
 
     effect: Effect
@@ -46,12 +46,12 @@ class ControllerFinding:
 
 @dataclass(frozen=True)
 class ControllerVerdict:
-    """What a controller finds in a trajectory.
+    """Findings of a controller on a trajectory.
 
     Attributes:
         name: Of the controller: one of `CONTROLLERS`.
-        title: What it is, in words.
-        refuses: What it does to a motion: "abort" or "refuse".
+        title: Description of the controller.
+        refuses: Its action on a bad motion: "abort" or "refuse".
         findings: In the order of their effects.
     """
 
@@ -62,12 +62,12 @@ class ControllerVerdict:
 
     @property
     def accepted(self) -> bool:
-        """Whether the controller takes the trajectory, and runs the one that the file says."""
+        """True if the controller executes the trajectory unchanged."""
         return self.gravest is None
 
     @property
     def gravest(self) -> ControllerFinding | None:
-        """The first finding for which the trajectory is not accepted, refusals before others."""
+        """First finding that prevents acceptance, refusals before others; None if accepted."""
         for effect in (Effect.REFUSED, Effect.ALTERED):
             for finding in self.findings:
                 if finding.effect is effect:
@@ -76,15 +76,13 @@ class ControllerVerdict:
 
     @property
     def summary(self) -> str:
-        """What the controller does, in a few words."""
+        """Action of the controller, in a few words."""
         gravest = self.gravest
-        if gravest is None:
-            return "accepted"
-        return self._begins[gravest.effect]
+        return "accepted" if gravest is None else self._begins[gravest.effect]
 
     @property
     def _begins(self) -> dict[Effect, str]:
-        """How a line on a finding begins."""
+        """Begin of the line of a finding, by its effect."""
         return {
             Effect.REFUSED: f"would {self.refuses}",
             Effect.ALTERED: "would run otherwise",
@@ -96,7 +94,7 @@ class ControllerVerdict:
         return {"accepted": self.accepted, **asdict(self)}
 
     def lines(self) -> list[str]:
-        """Return the findings as text, one line each, and that it is accepted, if it is."""
+        """Return a heading with the verdict, then a line per finding."""
         return [
             f"{self.name} ({self.title}): {self.summary}",
             *(

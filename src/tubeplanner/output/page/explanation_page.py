@@ -145,7 +145,7 @@ def _nearest(problem: PlanningProblem, target: FloatArray) -> FloatArray:
 def contact_point(
     problem: PlanningProblem, place: Place, q: FloatArray | None
 ) -> FloatArray | None:
-    """Return the midpoint between two solids of a place, (3,) [m]; None if it does not name two.
+    """Return the midpoint between the two solids of a place, (3,) [m]; None without two solids.
 
     Args:
         problem: The planning problem.

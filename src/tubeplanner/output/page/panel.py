@@ -384,15 +384,14 @@ def segment_bands(stretch: Stretch) -> list[dict[str, Any]]:
     step = segments_per_group(count)
     time, group = stretch.uses.samples.time, stretch.uses.segment // step
     ends = [0, *(np.flatnonzero(np.diff(group)) + 1).tolist(), len(time) - 1]
-    return [
-        {
-            "name": _name(int(group[a]) * step, min((int(group[a]) + 1) * step, count) - 1),
-            "begin": float(time[a]),
-            "end": float(time[b]),
-            "color": segment_color(int(group[a])),
-        }
-        for a, b in pairwise(ends)
-    ]
+    bands = []
+    for a, b in pairwise(ends):
+        number = int(group[a])
+        first, last = number * step, min((number + 1) * step, count) - 1
+        name = f"segment {first}" if first == last else f"segments {first} to {last}"
+        span = {"begin": float(time[a]), "end": float(time[b])}
+        bands.append({"name": name, **span, "color": segment_color(number)})
+    return bands
 
 
 def binding_marks(stretches: Sequence[Stretch]) -> list[dict[str, Any]]:
@@ -417,7 +416,3 @@ def binding_marks(stretches: Sequence[Stretch]) -> list[dict[str, Any]]:
         for name, own in spans.items()
         if own
     ]
-
-
-def _name(first: int, last: int) -> str:
-    return f"segment {first}" if first == last else f"segments {first} to {last}"

@@ -1,8 +1,9 @@
-"""Scene of a problem and its items: arm, solids, tube, paths, tool axes, tolerance cones."""
+"""Scene of a problem: arm, solids, tube, paths, tool axes, tolerance cones."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,6 @@ from tubeplanner.output.drawing import (
 from tubeplanner.output.execution_curves import (
     BESIDE_EXECUTED,
     EXECUTED_STEPS,
-    ExecutedPaths,
     executed_paths,
     tool_runs,
 )
@@ -62,7 +62,7 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- The items of a scene: arm, solids, tube, paths, and the space that links sweep.
+# ---- The items of a scene: arm, solids, tube, paths, and the space swept by links.
 
 _SWEEP_STEPS = 24
 _BALL_POINTS = 150
@@ -72,21 +72,14 @@ _POINT_COLOR = "#111111"
 def arm_items(trajectory: int, parts: list[LinkPart]) -> list[Item]:
     """Return the links of an arm."""
     return [
-        Item(
-            Layer.ARM,
-            trajectory,
-            f"{part.link}/{i}",
-            part.surface,
-            np.array(part.color),
-            1,
-            part.body,
-        )
+        Item(Layer.ARM, trajectory, f"{part.link}/{i}", part.surface, color, 1, part.body)
         for i, part in enumerate(parts)
+        for color in [np.array(part.color)]
     ]
 
 
 def carried_items(trajectory: int, surfaces: Iterable[tuple[int, str, Surface]]) -> list[Item]:
-    """Return what is carried, of bodies, names and surfaces."""
+    """Return carried solids, from bodies, names and surfaces."""
     color = rgb(CARRIED_COLOR)
     return [
         Item(Layer.CARRIED, trajectory, name, surface, color, 0.85, body, is_smooth=False)
@@ -95,7 +88,7 @@ def carried_items(trajectory: int, surfaces: Iterable[tuple[int, str, Surface]])
 
 
 def obstacle_items(trajectory: int, obstacles: Iterable[Obstacle]) -> list[Item]:
-    """Return what stands still."""
+    """Return the obstacles."""
     color = rgb(OBSTACLE_COLOR)
     return [
         Item(Layer.OBSTACLES, trajectory, each.name, surface, color, 0.55, is_smooth=False)
@@ -105,7 +98,7 @@ def obstacle_items(trajectory: int, obstacles: Iterable[Obstacle]) -> list[Item]
 
 
 def reference_item(trajectory: int, name: str, points: FloatArray, thickness: float) -> Item:
-    """Return a dashed line through points (N, 3) of a thickness [m]."""
+    """Return a dashed line through points (N, 3), for lines of a radius [m]."""
     line = dashes(points, 0.45 * thickness, 10 * thickness)
     return Item(Layer.REFERENCE, trajectory, name, line, rgb(REFERENCE_COLOR))
 
@@ -113,13 +106,13 @@ def reference_item(trajectory: int, name: str, points: FloatArray, thickness: fl
 def tool_items(
     i: int, trajectory: ShownTrajectory, robot: RobotModel, thickness: float, fastest: float
 ) -> list[Item]:
-    """Return the tool's path, coloured by its speed, and a point where the tool is.
+    """Return the tool's path, coloured by its speed, and a point at the tool.
 
     Args:
         i: Index of the trajectory.
-        trajectory: Where the tool is when.
+        trajectory: Poses of the arm.
         robot: The arm.
-        thickness: Of the path [m].
+        thickness: Radius of the path [m].
         fastest: The speed of the brightest colour [m/s].
     """
     body = robot.link_body[robot.tool_frame]
@@ -128,13 +121,13 @@ def tool_items(
     items = [Item(Layer.TOOL, i, "point", point, rgb(_POINT_COLOR), 1.0, body)]
     surface, owner = pipe(trajectory.tool, thickness)
     if len(owner):
-        share = trajectory.speed[owner] / (fastest or 1.0)
-        items.append(Item(Layer.TOOL, i, "path", surface, speed_colors(share)))
+        fraction = trajectory.speed[owner] / (fastest or 1.0)
+        items.append(Item(Layer.TOOL, i, "path", surface, speed_colors(fraction)))
     return items
 
 
 def swept_item(i: int, trajectory: ShownTrajectory, swept: Surface) -> list[Item]:
-    """Return the space that links sweep, if they move."""
+    """Return the space swept by links, if they move."""
     if trajectory.duration == 0:
         return []
     return [Item(Layer.SWEPT, i, "links", swept, rgb(SWEPT_COLOR), 0.22)]
@@ -143,19 +136,19 @@ def swept_item(i: int, trajectory: ShownTrajectory, swept: Surface) -> list[Item
 def swept_surface(
     trajectory: ShownTrajectory, hulls: list[tuple[int, FloatArray]], steps: int = _SWEEP_STEPS
 ) -> Surface:
-    """Return the space that moving links take: hulls of each in one pose and the next.
+    """Return the space swept by moving links: hulls of each in successive pairs of poses.
 
     Args:
         trajectory: The poses.
-        hulls: Bodies, and points (V, 3) of what they carry.
-        steps: In how many poses.
+        hulls: Bodies, and points (V, 3) of their hulls.
+        steps: Number of poses.
     """
-    chosen = np.unique(np.linspace(0, len(trajectory.time) - 1, steps).round().astype(int))
+    rows = np.linspace(0, len(trajectory.time) - 1, steps).round().astype(int)
     pieces = []
     for body, points in hulls:
         if body == 0:
             continue
-        placements = [trajectory.placement(step, body) for step in chosen]
+        placements = [trajectory.placement(step, body) for step in np.unique(rows)]
         poses = [points @ placement[:3, :3].T + placement[:3, 3] for placement in placements]
         pairs = pairwise(poses) if len(poses) > 1 else [(poses[0],)]
         pieces += [hull_surface(np.vstack(pair)) for pair in pairs]
@@ -163,12 +156,12 @@ def swept_surface(
 
 
 def line_thickness(tubes: Iterable[Tube], size: float) -> float:
-    """Return the radius of drawn lines [m]: thin in all tubes, seen in a scene of a size [m]."""
+    """Return the radius of drawn lines [m]: thin in all tubes, visible in a scene of a size [m]."""
     radius = min(float(tube.effective_radius.min()) for tube in tubes)
     return float(np.clip(0.12 * radius, 0.002 * size, 0.004 * size))
 
 
-# ---- How the tool is turned: its axes, and the cones in which the tube wants one of them.
+# ---- Orientation of the tool: its axes, and the cones that the tube allows for one of the axes.
 #
 # A rotation tolerance bounds the components of the rotation vector from the reference to the tool,
 # and its length. Tilts of one axis of the tool then lie in a cone about that axis of the reference.
@@ -182,12 +175,12 @@ _AXIS_LENGTH, _CONE_LENGTH, _POINTER_LENGTH = 30.0, 60.0, 66.0  # in radii of dr
 
 @dataclass(frozen=True, eq=False)
 class RotationCone:  # a `MovingBody`
-    """The cone of a rotation tolerance, where it holds.
+    """The cone of a rotation tolerance, while it holds.
 
     Attributes:
         bounds: On |x|, |y|, |z| of the rotation vector and on its length, shape (4,) [rad].
         poses: Of the reference, at the tool, at T times, base frame, shape (T, 4, 4).
-        present: Whether it holds then, shape (T,).
+        present: True while the tolerance holds, shape (T,).
     """
 
     bounds: FloatArray
@@ -203,14 +196,14 @@ def turned_tool(
     shown: ShownTrajectory,
     thickness: float,
 ) -> tuple[ShownTrajectory, list[Item]]:
-    """Return a motion with its cones as bodies, and all that shows how the tool is turned.
+    """Return a motion with its cones as bodies, and the items of the tool's orientation.
 
     Args:
         i: Index of the motion.
         robot: The arm.
-        tubes: What the motion runs through.
-        stretches: Of the motion; none: the arm rests, and cones stand at the reference points.
-        shown: Where the arm is.
+        tubes: Of the motion.
+        stretches: Of the motion; none: the arm rests, and cones are at the reference points.
+        shown: Poses of the arm.
         thickness: Radius of drawn lines [m].
     """
     cones = rotation_cones(stretches, shown)
@@ -226,22 +219,17 @@ def turned_tool(
 def axes_items(i: int, robot: RobotModel, thickness: float) -> list[Item]:
     """Return the axes of the tool centre point of an arm, for lines of a radius [m]."""
     body, placement = robot.link_body[robot.tool_frame], _tool_placement(robot)
-    return [
-        Item(
-            Layer.AXES,
-            i,
-            name,
-            _stick(axis, thickness, _AXIS_LENGTH * thickness).moved(placement),
-            rgb(color),
-            body=body,
-        )
-        for axis, (name, color) in enumerate(zip(AXIS_NAMES, AXIS_COLORS, strict=True))
-    ]
+    items = []
+    for axis, (name, color) in enumerate(zip(AXIS_NAMES, AXIS_COLORS, strict=True)):
+        stick = _stick(axis, thickness, _AXIS_LENGTH * thickness).moved(placement)
+        items.append(Item(Layer.AXES, i, name, stick, rgb(color), body=body))
+    return items
 
 
 def rotation_cones(stretches: Sequence[Stretch], shown: ShownTrajectory) -> list[RotationCone]:
-    """Return the cones of a motion's rotation tolerances, those that differ, as they move."""
-    found: dict[tuple[float, ...], RotationCone] = {}
+    """Return the moving cones of a motion's rotation tolerances, a cone per set of bounds."""
+    result: dict[tuple[float, ...], RotationCone] = {}
+    count = len(shown.time)
     for stretch in stretches:
         rotation = stretch.problem.tube.rotation
         if rotation is None:
@@ -253,34 +241,27 @@ def rotation_cones(stretches: Sequence[Stretch], shown: ShownTrajectory) -> list
         for bounds in np.unique(rotation.bounds[segment], axis=0):
             if cone_axis(bounds) is None:
                 continue
-            cone = found.setdefault(tuple(bounds.tolist()), _absent(bounds, len(shown.time)))
+            poses, present = np.tile(np.eye(4), (count, 1, 1)), np.zeros(count, dtype=bool)
+            absent = RotationCone(bounds, poses, present)
+            cone = result.setdefault(tuple(bounds.tolist()), absent)
             holds = (rotation.bounds[segment] == bounds).all(axis=1)
             cone.poses[rows[holds], :3, :3] = reference[holds]
             cone.poses[rows[holds], :3, 3] = tool[holds]
             cone.present[rows[holds]] = True
-    return list(found.values())
+    return list(result.values())
 
 
 def cone_items(i: int, first: int, cones: Sequence[RotationCone], thickness: float) -> list[Item]:
-    """Return cones as bodies that move, numbered from the first on."""
-    color = rgb(CONE_COLOR)
+    """Return cones as moving bodies, numbered from the first on."""
+    look: dict[str, Any] = {"color": rgb(CONE_COLOR), "opacity": _CONE_OPACITY, "is_smooth": False}
     return [
-        Item(
-            Layer.ROTATION,
-            i,
-            f"cone_{k}",
-            _cone(each.bounds, thickness),
-            color,
-            _CONE_OPACITY,
-            first + k,
-            is_smooth=False,
-        )
+        Item(Layer.ROTATION, i, f"cone_{k}", _cone(each.bounds, thickness), body=first + k, **look)
         for k, each in enumerate(cones)
     ]
 
 
 def standing_cones(i: int, name: str, tube: Tube, thickness: float) -> Iterator[Item]:
-    """Yield the cones at the reference points of a tube, each with the tolerance after it."""
+    """Yield the cones at the reference points of a tube, each of the tolerance after the point."""
     rotation = tube.rotation
     if rotation is None:
         return
@@ -290,8 +271,8 @@ def standing_cones(i: int, name: str, tube: Tube, thickness: float) -> Iterator[
         if cone_axis(rotation.bounds[segment]) is None:
             continue
         placement = np.eye(4)
-        share = np.array([float(k > last)])
-        placement[:3, :3] = rotation.reference_at(share, np.array([segment]))[0]
+        fraction = np.array([float(k > last)])
+        placement[:3, :3] = rotation.reference_at(fraction, np.array([segment]))[0]
         placement[:3, 3] = tube.points[k]
         cone = _cone(rotation.bounds[segment], thickness).moved(placement)
         color = rgb(CONE_COLOR)
@@ -301,27 +282,21 @@ def standing_cones(i: int, name: str, tube: Tube, thickness: float) -> Iterator[
 def pointer_items(
     i: int, robot: RobotModel, bounds: Sequence[FloatArray], thickness: float
 ) -> list[Item]:
-    """Return the axes of the tool that cones bound, as dark lines that move with it."""
+    """Return the axes of the tool that cones bound, as dark lines that move with the tool."""
     axes = sorted({axis for each in bounds if (axis := cone_axis(each)) is not None})
     body, placement = robot.link_body[robot.tool_frame], _tool_placement(robot)
-    color = rgb(_POINTER_COLOR)
-    return [
-        Item(
-            Layer.ROTATION,
-            i,
-            f"{POINTER}{AXIS_NAMES[axis]}",
-            _stick(axis, 0.6 * thickness, _POINTER_LENGTH * thickness).moved(placement),
-            color,
-            body=body,
-        )
-        for axis in axes
-    ]
+    items = []
+    for axis in axes:
+        stick = _stick(axis, 0.6 * thickness, _POINTER_LENGTH * thickness).moved(placement)
+        name = f"{POINTER}{AXIS_NAMES[axis]}"
+        items.append(Item(Layer.ROTATION, i, name, stick, rgb(_POINTER_COLOR), body=body))
+    return items
 
 
 def cone_axis(bounds: FloatArray) -> int | None:
     """Return the axis of the tool whose tilts bounds (4,) [rad] confine to a cone; None: none.
 
-    The one about which it may turn the farthest; where several may as far, z.
+    The axis about which the tool may rotate the farthest; z if several are equal.
     """
     largest = np.flatnonzero(bounds[:3] == bounds[:3].max())
     axis = int(largest[0]) if len(largest) == 1 else 2
@@ -330,25 +305,26 @@ def cone_axis(bounds: FloatArray) -> int | None:
 
 
 def cone_rim(bounds: FloatArray, axis: int) -> FloatArray:
-    """Return how far an axis may tilt each way: unit vectors in the reference, (M + 1, 3).
+    """Return the largest tilts of an axis in all directions, as unit vectors (M + 1, 3).
 
-    A rotation vector whose component along the axis is large turns the way of the tilt by half of
-    it. So all of these are tried, and of each way the farthest tilt counts.
+    They are in the reference frame. A rotation vector with a large component along the axis
+    turns the direction of the tilt by half that component. So rotation vectors with many
+    components along the axis are tried, and in each direction the farthest tilt counts.
     """
     turn = np.linspace(0, 2 * np.pi, _TRIED_WAYS, endpoint=False)
     along = min(bounds[axis], bounds[3], np.pi) * np.linspace(-1, 1, _TRIED_TURNS)
-    ways = np.column_stack([np.cos(turn), np.sin(turn)])
+    tilt_directions = np.column_stack([np.cos(turn), np.sin(turn)])
     across = bounds[:3][[axis - 2, axis - 1]]
     with np.errstate(divide="ignore"):
-        farthest = (across / abs(ways)).min(axis=1)[:, None]
+        farthest = (across / abs(tilt_directions)).min(axis=1)[:, None]
     round_ = np.sqrt(np.maximum(min(bounds[3], np.pi) ** 2 - along**2, 0.0))
-    tilt = np.minimum(farthest, round_)[..., None] * ways[:, None]
+    tilt = np.minimum(farthest, round_)[..., None] * tilt_directions[:, None]
     vectors = np.zeros((*tilt.shape[:2], 3))
     vectors[..., axis - 2], vectors[..., axis - 1] = tilt[..., 0], tilt[..., 1]
     vectors[..., axis] = along
     tips = rotation_matrix(vectors.reshape(-1, 3))[..., axis]
-    way = np.arctan2(tips[:, axis - 1], tips[:, axis - 2])
-    rim = np.round(way / (2 * np.pi) * _RIM_POINTS).astype(int) % _RIM_POINTS
+    direction = np.arctan2(tips[:, axis - 1], tips[:, axis - 2])
+    rim = np.round(direction / (2 * np.pi) * _RIM_POINTS).astype(int) % _RIM_POINTS
     angle = np.zeros(_RIM_POINTS)
     np.maximum.at(angle, rim, np.arccos(np.clip(tips[:, axis], -1, 1)))
     angle = np.append(angle, angle[0])
@@ -371,20 +347,16 @@ def _cone(bounds: FloatArray, thickness: float) -> Surface:
 
 
 def _stick(axis: int, thickness: float, length: float) -> Surface:
-    """Return a line from the origin along an axis, of a radius and length [m]."""
+    """Return a line from the origin along an axis, of a radius and a length [m]."""
     return pipe(np.array([np.zeros(3), length * np.eye(3)[axis]]), thickness)[0]
 
 
-def _absent(bounds: FloatArray, count: int) -> RotationCone:
-    return RotationCone(bounds, np.tile(np.eye(4), (count, 1, 1)), np.zeros(count, dtype=bool))
-
-
 def _tool_placement(robot: RobotModel) -> FloatArray:
-    """Return the pose of the tool centre point in the frame of the body that carries it, (4, 4)."""
+    """Return the pose of the tool centre point in the frame of its body, shape (4, 4)."""
     q, body = np.zeros(robot.joint_count), robot.link_body[robot.tool_frame]
-    (rotation, position), (turned, tool) = robot.body_poses(q), robot.tool_pose(q)
+    (rotation, position), (tool_rotation, tool) = robot.body_poses(q), robot.tool_pose(q)
     placement = np.eye(4)
-    placement[:3, :3] = rotation[body].T @ turned
+    placement[:3, :3] = rotation[body].T @ tool_rotation
     placement[:3, 3] = rotation[body].T @ (tool - position[body])
     return placement
 
@@ -399,7 +371,7 @@ class ProblemScene(Scene):
     """The scene of a problem.
 
     Attributes:
-        problem: What is shown.
+        problem: The problem.
     """
 
     problem: PlanningProblem
@@ -416,62 +388,63 @@ def build_scene(
 ) -> ProblemScene:
     """Return the scene of a problem and some trajectories, by name.
 
-    Without a trajectory the arm stands as is given, else at the start. The execution is that of the
-    one trajectory. Trajectories that are empty-handed are drawn without the problem's carried
-    solids. Notes of the scene begin with those that are given.
+    Without a trajectory the arm rests as in `at_rest`, else at the start. An execution belongs to
+    the one trajectory. Trajectories in `empty_handed` are drawn without the problem's carried
+    solids. Notes of the scene begin with `notes`.
 
     Raises:
-        TrajectoryError: A trajectory moves other joints than the problem's; it is named.
+        TrajectoryError: A trajectory moves other joints than the problem's; the message names it.
         RobotError: The robot's geometry is of a kind no URDF has.
     """
-    said, robot = list(notes), problem.robot
-    motions = {name: _motion(problem, name, given) for name, given in named.items()}
+    all_notes, robot = list(notes), problem.robot
+    motions = {}
+    for name, trajectory in named.items():
+        try:
+            motions[name] = trajectory.reordered(robot.joint_names)
+        except TrajectoryError as error:
+            raise TrajectoryError(f"{name}: {error}") from error
     stretches = tuple((Stretch(problem, motion),) for motion in motions.values())
-    shown = [_shown(robot, *pair) for pair in motions.items()]
-    shown = shown or [at_rest or poses_at_rest(problem, said)]
+    shown = [_moving_arm(robot, *pair) for pair in motions.items()]
+    shown = shown or [at_rest or poses_at_rest(problem, all_notes)]
     parts, notes_of_parts = link_parts(robot, MAX_FACES // len(shown))
     carried = carried_surfaces(robot, problem.attached)
     hulls, tube = arm_hulls(parts, carried), tube_surfaces(problem.tube)
     swept = [swept_surface(each, hulls) for each in shown]
-    standing = [points for body, points in hulls if body == 0]
-    points = [*(surface.vertices for surface in [*swept, *tube]), *standing]
+    fixed = [points for body, points in hulls if body == 0]
+    points = [*(surface.vertices for surface in [*swept, *tube]), *fixed]
     direction = direction_of(shown[0], [problem.tube.points], problem.obstacles, hulls)
     thickness = line_thickness([problem.tube], float(np.ptp(np.vstack(points), axis=0).max()))
     fastest = max(float(each.speed.max()) for each in shown)
     width = thickness if execution is None else BESIDE_EXECUTED * thickness
+    executed = None
+    if execution is not None:
+        (trajectory,) = named.values()
+        executed = executed_paths(tool_runs(problem, trajectory, execution), EXECUTED_STEPS)
     items: list[Item] = []
     for i, each in enumerate(shown):
-        shown[i], turned = turned_tool(
-            i, robot, [problem.tube], sum(stretches[i : i + 1], ()), each, thickness
-        )
+        own = stretches[i] if stretches else ()
+        shown[i], orientation = turned_tool(i, robot, [problem.tube], own, each, thickness)
         items += arm_items(i, parts)
         items += carried_items(i, () if each.name in empty_handed else carried)
         items += _surroundings(i, problem, tube, thickness)
         items += tool_items(i, each, robot, width, fastest)
-        items += [*turned, *swept_item(i, each, swept[i])]
+        items += [*orientation, *swept_item(i, each, swept[i])]
     return ProblemScene(
         name=problem.name,
         trajectories=tuple(shown),
         items=tuple(items),
         frame=scene_frame(points, direction, len(shown)),
         thickness=thickness,
-        notes=(*said, *notes_of_parts),
+        notes=(*all_notes, *notes_of_parts),
         stretches=stretches,
-        executed=_executed(problem, named, execution),
+        executed=executed,
         problem=problem,
     )
 
 
-def _motion(problem: PlanningProblem, name: str, trajectory: JointTrajectory) -> JointTrajectory:
-    try:
-        return trajectory.reordered(problem.robot.joint_names)
-    except TrajectoryError as error:
-        raise TrajectoryError(f"{name}: {error}") from error
-
-
-def _shown(robot: RobotModel, name: str, trajectory: JointTrajectory) -> ShownTrajectory:
-    wanted = int(np.ceil(_FRAMES_PER_SECOND * trajectory.duration))
-    frames = min(max(wanted, _MIN_FRAMES), _MAX_FRAMES)
+def _moving_arm(robot: RobotModel, name: str, trajectory: JointTrajectory) -> ShownTrajectory:
+    count = int(np.ceil(_FRAMES_PER_SECOND * trajectory.duration))
+    frames = min(max(count, _MIN_FRAMES), _MAX_FRAMES)
     time = np.linspace(0.0, trajectory.duration, frames)
     return poses_along(robot, name, trajectory, time)
 
@@ -479,29 +452,14 @@ def _shown(robot: RobotModel, name: str, trajectory: JointTrajectory) -> ShownTr
 def _surroundings(
     trajectory: int, problem: PlanningProblem, tube: list[Surface], thickness: float
 ) -> list[Item]:
-    """Return tube, reference path, its lines of a thickness [m], and obstacles."""
-    items = [
-        Item(
-            Layer.TUBE,
-            trajectory,
-            f"segment_{k}",
-            surface,
-            rgb(segment_color(k)),
-            0.3,
-            is_smooth=not problem.tube.is_box[k],
+    """Return tube, reference path and goal, for lines of a radius [m], and obstacles."""
+    items = []
+    for k, surface in enumerate(tube):
+        color, is_smooth = rgb(segment_color(k)), not problem.tube.is_box[k]
+        items.append(
+            Item(Layer.TUBE, trajectory, f"segment_{k}", surface, color, 0.3, is_smooth=is_smooth)
         )
-        for k, surface in enumerate(tube)
-    ]
     items.append(reference_item(trajectory, "path", problem.tube.points, thickness))
     for ball in goal_ball(problem.endpoints[1]):
         items.append(Item(Layer.REFERENCE, trajectory, "goal", ball, rgb(REFERENCE_COLOR), 0.35))
     return items + obstacle_items(trajectory, problem.obstacles)
-
-
-def _executed(
-    problem: PlanningProblem, named: Mapping[str, JointTrajectory], execution: Execution | None
-) -> ExecutedPaths | None:
-    if execution is None:
-        return None
-    (trajectory,) = named.values()
-    return executed_paths(tool_runs(problem, trajectory, execution), EXECUTED_STEPS)

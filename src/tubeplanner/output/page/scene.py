@@ -139,7 +139,7 @@ class ShownTrajectory:
         return float(self.time[-1])
 
     def placement(self, step: int, body: int) -> FloatArray:
-        """Return the pose of a body at one of the times, shape (4, 4)."""
+        """Return the pose of a body at a time, by its index, shape (4, 4)."""
         placement = np.eye(4)
         placement[:3, :3] = self.rotation[step, body]
         placement[:3, 3] = self.position[step, body]
@@ -204,7 +204,7 @@ class MovingBody(Protocol):
 
     @property
     def present(self) -> BoolArray:
-        """True while it is there, shape (T,)."""
+        """True while the body is there, shape (T,)."""
 
 
 def poses_along(
@@ -215,7 +215,7 @@ def poses_along(
 
 
 def poses_at_rest(problem: PlanningProblem, notes: list[str]) -> ShownTrajectory:
-    """Return the arm at its start; near it, with a note, if seed or pose fail to lead there."""
+    """Return the arm at its start; nearby, with a note, if seed or pose fail to lead there."""
     try:
         q = end_configuration(problem, problem.endpoints[0], 0)
     except Infeasible as error:

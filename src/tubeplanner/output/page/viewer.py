@@ -1,4 +1,7 @@
-"""View: meshcat window or page file."""
+"""Views as page files, in a browser or a notebook: a scene, its panel, meshcat's viewer.
+
+meshcat's commands are recorded instead of sent, and packed into the page together with its viewer.
+"""
 
 import base64
 import gzip
@@ -20,7 +23,6 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError, OutputError
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.output.drawing import EXECUTED_COLOR, WARNING_COLOR, rgb
-from tubeplanner.output.execution_curves import ExecutedPaths
 from tubeplanner.output.page.panel import panel_data
 from tubeplanner.output.page.problem_scene import build_scene
 from tubeplanner.output.page.scene import Item, Layer, Scene
@@ -29,10 +31,10 @@ from tubeplanner.text import short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.writing import signals_held, write_files
 
-# ---- The page as one file: its parts, of the folder `assets`, meshcat's viewer, and what it shows.
+# ---- The page as one file: parts of the folder `assets`, meshcat's viewer, panel and scene.
 
 _FOLDER = Path(__file__).with_name("assets")
-# In the order in which they build on each other.
+# In the order of their dependences.
 _SCRIPTS = (
     *("elements", "legend", "findings", "camera", "views", "overlay", "depth", "ghosts", "names"),
     *("closest", "hover", "record", "timeline", "curves", "time", "start"),
@@ -44,16 +46,14 @@ def page_html(title: str, panel: Mapping[str, Any], commands: Iterable[Mapping[s
 
     Args:
         title: Of the window.
-        panel: What the page says, as JSON values.
-        commands: Those of meshcat that build its scene, in order.
+        panel: Content of the panel, as JSON values.
+        commands: Commands of meshcat that build the scene, in order.
     """
     import meshcat
     import umsgpack
 
-    packed = b"".join(
-        len(one).to_bytes(4, "little") + one
-        for one in (umsgpack.packb(command, force_float_precision="single") for command in commands)
-    )
+    records = [umsgpack.packb(command, force_float_precision="single") for command in commands]
+    packed = b"".join(len(each).to_bytes(4, "little") + each for each in records)
     engine = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
     licence = engine.with_name("main.min.js.LICENSE.txt")
     parts = {
@@ -72,13 +72,10 @@ def _part(name: str) -> str:
     return (_FOLDER / name).read_text(encoding="utf-8")
 
 
-# ---- A scene as meshcat has it, and as one page that needs no network and no server.
-#
-# meshcat's commands are recorded instead of sent, and packed into the page together with its
-# viewer.
+# ---- Views of a problem or a cycle.
 
 _FRAME_HEIGHT = 560  # of the frame in a notebook [px]
-# Translucent things are drawn after solid ones, in this order.
+# Translucent items are drawn after solid ones, in this order.
 # The paths come after the tube, so that it does not tint their colours.
 _RENDER_ORDER = {
     Layer.OBSTACLES: 1,
@@ -94,7 +91,7 @@ _RENDER_ORDER = {
 _FLOOR_COLOR = 0xC3CAD4
 _LIGHT_DISTANCE = 50.0  # [m]
 _FRONT_SIDE, _BOTH_SIDES = 0, 2
-_IDENTIFIERS = ("uuid", "geometry", "material")  # of an object, or of what it refers to
+_IDENTIFIERS = ("uuid", "geometry", "material")  # keys of an object's own and of its parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +99,8 @@ class View:
     """A view of a problem, or a cycle, and its trajectories; notebooks display it.
 
     Attributes:
-        scene: What is shown.
-        panel: What the page says of it, as JSON values.
+        scene: The scene.
+        panel: Content of the panel, as JSON values.
     """
 
     scene: Scene
@@ -113,7 +110,7 @@ class View:
 
     @cached_property
     def html(self) -> str:
-        """The complete page; it can be mailed and opened without a network."""
+        """Complete page, which can be mailed and opened without a network."""
         return page_html(self.scene.name, self.panel, recorded_commands(self.scene))
 
     def save(self, path: str | Path) -> None:
@@ -128,13 +125,13 @@ class View:
         """Show the page in a browser.
 
         Returns:
-            The temporary file it was written to, and whether a browser was found.
+            The temporary file of the page, and True if a browser was found.
 
         Raises:
             OutputError: The file could not be written.
         """
-        name = re.sub(r"[^\w.-]+", "_", self.scene.name)
-        path = _kept_page(f"{name}.html", self.html)
+        page = re.sub(r"[^\w.-]+", "_", self.scene.name)
+        path = _temporary_page(f"{page}.html", self.html)
         try:
             return path, webbrowser.open(path.as_uri())
         except webbrowser.Error:
@@ -155,20 +152,20 @@ def view(
 ) -> View:
     """Return a view of a problem with trajectories side by side; without any, at its start.
 
-    With an execution, also the paths that the tool took, in another colour outside the tube.
+    With an execution, also the paths of the tool, in another colour outside the tube.
 
     Args:
         problem: The planning problem.
         trajectories: Of the problem's joints, in any order.
         names: Names of the trajectories; default: numbers.
         execution: Of the one trajectory.
-        notes: Shown on the page before its own.
+        notes: Shown on the page before its own notes.
         empty_handed: Names of trajectories that are drawn without the problem's carried solids.
 
     Raises:
-        OptionError: There are not as many names as trajectories, or two are the same; or there is
-            an execution, and not one trajectory.
-        TrajectoryError: A trajectory moves other joints than the problem's; it is named.
+        OptionError: The numbers of names and trajectories differ, or two names are equal; or there
+            is an execution, and not one trajectory.
+        TrajectoryError: A trajectory moves other joints than the problem's; the message names it.
         RobotError: The robot's geometry is of a kind no URDF has.
     """
     if names is None:
@@ -191,18 +188,18 @@ def require_names(names: Sequence[str], count: int) -> None:
 
 
 def names_of_files(paths: Sequence[Path]) -> list[str]:
-    """Return names for trajectories from files: the files', whole paths where these meet."""
+    """Return names for trajectories from files: file names, or numbered paths if two are equal."""
     names = [path.name for path in paths]
     if len(set(names)) == len(names):
         return names
     return [f"{i + 1}: {path}" for i, path in enumerate(paths)]
 
 
-def _kept_page(name: str, page: str) -> Path:
-    """Write a page into a temporary folder of its own; a browser may read it any time later.
+def _temporary_page(name: str, page: str) -> Path:
+    """Write a page into a temporary folder of its own, where a browser may read the page later.
 
     Raises:
-        OutputError: There is no such folder, or no room in it; nothing is left.
+        OutputError: The folder or the page could not be written; neither is left behind.
     """
     with signals_held():
         try:
@@ -221,26 +218,26 @@ def _kept_page(name: str, page: str) -> Path:
 
 
 class _Recorder:
-    """Takes the place of meshcat's window: keeps what would be sent to a server.
+    """Window of meshcat that records commands instead of sending them to a server.
 
-    meshcat identifies objects by time and machine; here they are counted, so that the same scene
-    gives the same page.
+    meshcat identifies objects by time and machine; here they are numbered, so that equal scenes
+    give equal pages.
     """
 
     def __init__(self) -> None:
         self.commands: list[dict[str, Any]] = []
-        self._counted: dict[str, str] = {}
+        self._identifiers: dict[str, str] = {}
 
     def send(self, command: Any) -> None:
-        self.commands.append(self._with_counted(command.lower()))
+        self.commands.append(self._numbered(command.lower()))
 
-    def _with_counted(self, value: Any, key: str | None = None) -> Any:
+    def _numbered(self, value: Any, key: str | None = None) -> Any:
         if isinstance(value, dict):
-            return {name: self._with_counted(inner, name) for name, inner in value.items()}
+            return {name: self._numbered(inner, name) for name, inner in value.items()}
         if isinstance(value, list):
-            return [self._with_counted(inner) for inner in value]
+            return [self._numbered(inner) for inner in value]
         if key in _IDENTIFIERS and isinstance(value, str):
-            return self._counted.setdefault(value, str(UUID(int=len(self._counted))))
+            return self._identifiers.setdefault(value, str(UUID(int=len(self._identifiers))))
         return value
 
 
@@ -259,7 +256,15 @@ def recorded_commands(scene: Scene) -> list[dict[str, Any]]:
     for item in scene.items:
         _add_item(root, item)
     if scene.executed is not None:
-        _add_executed(root, scene.executed)
+        paths = scene.executed
+        for name, ends, color in (
+            ("inside", paths.inside, EXECUTED_COLOR),
+            ("outside", paths.outside, WARNING_COLOR),
+        ):
+            if len(ends):
+                node = root[f"{Layer.EXECUTED}/0/{name}"]
+                _add_lines(node, ends, _as_number(rgb(color)), transparent=True)
+                node["<object>"].set_property("renderOrder", _RENDER_ORDER[Layer.EXECUTED])
     for i in range(len(scene.trajectories)):
         placement = np.eye(4)
         placement[:3, 3] = i * scene.frame.offset
@@ -270,7 +275,7 @@ def recorded_commands(scene: Scene) -> list[dict[str, Any]]:
 
 
 def _add_lines(node: Any, ends: FloatArray, color: int, **look: Any) -> None:
-    """Add straight lines from and to `ends`, shape (E, 2, 3) [m]."""
+    """Add straight lines with ends of shape (E, 2, 3) [m]."""
     from meshcat import geometry
 
     points = geometry.PointsGeometry(ends.reshape(-1, 3).T.astype(np.float32))
@@ -278,19 +283,8 @@ def _add_lines(node: Any, ends: FloatArray, color: int, **look: Any) -> None:
     node.set_object(geometry.LineSegments(points, material))
 
 
-def _add_executed(root: Any, executed: ExecutedPaths) -> None:
-    for name, ends, color in (
-        ("inside", executed.inside, EXECUTED_COLOR),
-        ("outside", executed.outside, WARNING_COLOR),
-    ):
-        node = root[f"{Layer.EXECUTED}/0/{name}"]
-        if len(ends):
-            _add_lines(node, ends, _as_number(rgb(color)), transparent=True)
-            node["<object>"].set_property("renderOrder", _RENDER_ORDER[Layer.EXECUTED])
-
-
 def _add_lights(root: Any, direction: FloatArray) -> None:
-    """Light the scene from beside the eye, and a little from the other side; nothing too bright."""
+    """Light the scene from beside the viewer, and a little from the other side; not too bright."""
     lights = root["/Lights"]
     lights["AmbientLight/<object>"].set_property("intensity", 0.52)
     lights["PointLightNegativeX"].set_property("visible", False)
@@ -303,7 +297,7 @@ def _add_lights(root: Any, direction: FloatArray) -> None:
         light = lights[f"{name}/<object>"]
         light.set_property("position", (_LIGHT_DISTANCE * towards).tolist())
         light.set_property("intensity", intensity)
-    lights["PointLightPositiveX/<object>"].set_property("distance", 0.0)  # however far it is
+    lights["PointLightPositiveX/<object>"].set_property("distance", 0.0)  # without attenuation
 
 
 def _body_path(layer: Layer, trajectory: int, body: int) -> str:
@@ -341,14 +335,12 @@ def _as_number(color: FloatArray) -> int:
 
 
 def _animate(root: Any, scene: Scene) -> None:
-    """Place all bodies, and let them move if there is a trajectory."""
+    """Place all bodies, and move the bodies of trajectories."""
     from meshcat.animation import Animation
 
     animation = Animation(default_framerate=1)  # frames are counted in seconds
-    carried = sorted(
-        {(item.layer, item.trajectory, item.body) for item in scene.items if item.body}
-    )
-    for layer, i, body in carried:
+    moving = sorted({(item.layer, item.trajectory, item.body) for item in scene.items if item.body})
+    for layer, i, body in moving:
         path, trajectory = _body_path(layer, i, body), scene.trajectories[i]
         root[path].set_transform(trajectory.placement(0, body))
         present = trajectory.present.get(body)
