@@ -13,59 +13,57 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.overrides import PointSpeed
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- Limits on the size of the joints' velocities, accelerations and jerks.
-
 RATES: Mapping[str, int] = {"velocity": 1, "acceleration": 2, "jerk": 3}
 
 
 class JointRate:
-    """A `SpeedLimit` on one derivative of some joints' positions.
+    """A `SpeedLimit` on a derivative of some joints' positions.
 
     Attributes:
-        joints: Those that are limited, I of them.
+        joints: The I limited joints.
         limit: Their limits, shape (I,) [rad or m, per s, s^2 or s^3].
     """
 
     signs = (1.0, -1.0)
 
     def __init__(self, kind: str, limit: FloatArray) -> None:
-        """Take the finite ones of n joints' limits, (n,)."""
+        """Take the finite limits of n joints, (n,)."""
         self.kind, self.order = kind, RATES[kind]
         self.joints = np.flatnonzero(np.isfinite(limit))
         self.limit = limit[self.joints]
         self.keys = tuple(LimitKey(kind, joint=j) for j in self.joints.tolist())
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the rates as shares of their limits."""
+        """Return the rates as fractions of their limits."""
         return SpeedPolynomial({self.order: at.by_path[self.order][:, self.joints] / self.limit})
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return how the shares change with the path: with one derivative alone."""
+        """Return the derivatives of the fractions by the path: a single order alone."""
         count, n = at.position.shape
         change = np.zeros((len(self.joints), n))
         change[np.arange(len(self.joints)), self.joints] = speed**self.order / self.limit
         return {self.order: np.broadcast_to(change, (count, *change.shape))}
 
     def key_of(self, at: PathSamples) -> IntArray:
-        """Return one key per joint."""
+        """Return the index of each joint's key, shape (1, I)."""
         return np.arange(len(self.joints))[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
-        """Return that there is none: a path can be run as slowly as one likes."""
+        """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
         return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())
 
 
-# ---- Velocity limits that fall towards the ends of the joints' ranges, each way of its own.
+# ---- Velocity limits that fall towards the ends of the joints' ranges, in each direction.
 #
 # Towards an end at the distance g, a joint may move at L = max(0, sqrt(2 d g) - o): d is the
-# deceleration that would stop it there, o an offset. Away from it, this limit asks nothing. Where g
+# deceleration that would stop it there, o an offset. Away from the end there is no limit. Where g
 # <= o^2 / (2 d), no motion towards the end is allowed: a joint may rest there or leave. A joint
-# that is not there cannot come there, as L falls to zero in proportion to what is left.
+# outside cannot come there, as L falls to zero in proportion to the remaining distance.
 
 # A joint at rest moves at this rate by rounding [rad or m per unit of x].
 _STILL = 1e-9
-# The slope of sqrt(2 d g) is infinite at the end: from this share of the largest velocity down, it
-# is taken as there.
+# The slope of sqrt(2 d g) is infinite at the end: below this fraction of the largest velocity it
+# stays constant.
 _LEAST_ROOT = 1e-3
 
 
@@ -73,9 +71,9 @@ class VelocityByPositionLimit:
     """A `SpeedLimit` on the velocities of I joints, upwards and then downwards: 2 I quantities.
 
     Attributes:
-        joints: Those that are limited, twice, shape (2 I,).
-        way: Towards which end, 1 or -1, shape (2 I,).
-        largest: Their velocity limits or, where there are none, those from which they would stop
+        joints: The limited joints, twice, shape (2 I,).
+        way: Sign of the end of the range, 1 or -1, shape (2 I,).
+        largest: Their velocity limits or, without any, the velocities from which they would stop
             over the whole range, shape (2 I,) [rad/s or m/s].
     """
 
@@ -99,17 +97,17 @@ class VelocityByPositionLimit:
         self.keys = tuple(LimitKey(self.kind, joint=j) for j in joints.tolist())
 
     def allowed(self, q: FloatArray) -> FloatArray:
-        """Return how fast joints may move towards their ends at configurations (N, n), (N, 2 I)."""
+        """Return the largest velocities towards the ends at configurations (N, n), (N, 2 I)."""
         return np.maximum(self._root(q) - self._offset, 0.0)
 
     def edge(self, share: float = 0.0) -> FloatArray:
-        """Return where what is allowed falls to a share of the largest, shape (2 I,) [rad or m]."""
+        """Return positions of the limits' fall to a fraction of the largest, (2 I,) [rad or m]."""
         root = self._offset + share * self.largest
         edge: FloatArray = self.way * (self._end - root**2 / (2 * self._deceleration))
         return edge
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return velocities, and what the laws take off the largest, as shares of that."""
+        """Return velocities and the limits' shortfall as fractions of the largest velocities."""
         allowed = self.allowed(at.position) / self.largest
         rate = self.way * at.by_path[1][:, self.joints]
         rate = np.where((allowed == 0) & (rate < _STILL), np.minimum(rate, 0.0), rate)
@@ -118,7 +116,7 @@ class VelocityByPositionLimit:
         return SpeedPolynomial(terms, allowed)
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return how the shares change with the path."""
+        """Return the derivatives of the fractions by the path."""
         root = self._root(at.position)
         slope = self._deceleration / np.maximum(root, _LEAST_ROOT * self.largest)
         rate = self.way * at.by_path[1][:, self.joints]
@@ -131,17 +129,17 @@ class VelocityByPositionLimit:
         return dict(enumerate(change))
 
     def key_of(self, at: PathSamples) -> IntArray:
-        """Return one key per joint."""
+        """Return the index of each quantity's key, shape (1, 2 I)."""
         return np.tile(np.arange(len(self.keys)), 2)[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
-        """Return which joint moves towards its end where it must not."""
+        """Return the refusal of a joint that moves towards its end where it must not."""
         used = self.used(at)
         sample, column = np.argwhere((used.terms[0] >= 1) & (used.terms[1] > 0))[0].tolist()
         return self.refused(at.problem.robot, at.position[sample], column)
 
     def refused(self, robot: RobotModel, q: FloatArray, column: int) -> Infeasible:
-        """Return that one of the quantities allows no motion at a configuration (n,)."""
+        """Return the refusal of a quantity that allows no motion at a configuration (n,)."""
         joint = int(self.joints[column])
         name, way = robot.joint_names[joint], "up" if self.way[column] > 0 else "down"
         return Infeasible(
@@ -153,9 +151,9 @@ class VelocityByPositionLimit:
         )
 
     def out_of_reach(self, start: FloatArray, goal: FloatArray) -> IntArray:
-        """Return the quantities that let no motion from start to goal, (n,) each, end there.
+        """Return the quantities that allow no motion from start to goal, (n,) each, to end there.
 
-        An end is reached only if the offset is 0, and so only then the outermost place.
+        A motion can end at the edge only if the offset is 0: the edge is the end of the range then.
         """
         beyond = self.way * (goal[self.joints] - self.edge())
         to_go = self.way * (goal - start)[self.joints]
@@ -164,21 +162,19 @@ class VelocityByPositionLimit:
 
     def _root(self, q: FloatArray) -> FloatArray:
         """Return sqrt(2 d g) at configurations (N, n), shape (N, 2 I)."""
-        left = np.maximum(self._end - self.way * q[:, self.joints], 0.0)
-        root: FloatArray = np.sqrt(2 * self._deceleration * left)
+        distance = np.maximum(self._end - self.way * q[:, self.joints], 0.0)
+        root: FloatArray = np.sqrt(2 * self._deceleration * distance)
         return root
 
 
-# ---- How near to their ends joints come whose velocity limits fall towards these.
-
-# Where less than this share of the largest velocity is allowed, a fast motion has no business.
+# Positions that allow less than this fraction of the largest velocity are useless to fast motions.
 _WORTH_USING = 0.01
 
 
 def approachable_range(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
-    """Return where joints may move at a speed worth having, and given ends: (n,) each [rad or m].
+    """Return the ranges of useful speed, extended to fixed start and goal, (n,) each [rad or m].
 
-    Farther out lies what joints can leave but not enter. Infinite where there is no such limit.
+    Farther out, joints can leave but not enter. Infinite where there is no such limit.
     """
     count, limits = problem.robot.joint_count, problem.robot.limits
     bounds = np.tile([[-np.inf], [np.inf]], count)
@@ -195,7 +191,7 @@ def approachable_range(problem: PlanningProblem) -> tuple[FloatArray, FloatArray
 
 
 def require_approachable(problem: PlanningProblem, start: FloatArray, goal: FloatArray) -> None:
-    """Check that no joint must move to where it is allowed no velocity, from start to goal (n,).
+    """Check that no joint must end, from start to goal (n,), where it may have no velocity.
 
     Raises:
         Infeasible: Status no_trajectory.
@@ -208,18 +204,18 @@ def require_approachable(problem: PlanningProblem, start: FloatArray, goal: Floa
         raise limit.refused(problem.robot, goal, column).replaced(proved=proved)
 
 
-# ---- How the speed of a point changes with an arm's path.
+# ---- Limits on the speeds of points: of the tool centre point and of points on links.
 
 # A point's velocity at a speed of 1, (N, 3), and its derivatives by q and q', each (N, 3, n).
 PointRate = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def speed_by_path(rate: PointRate, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return how multiples of a point's speed change with q and q'; not where it rests.
+    """Return the derivatives of multiples of a point's speed by q and q'; zero at rest.
 
     Args:
         rate: Of the point.
-        scale: What its speed is multiplied by, shape (N,).
+        scale: Factor of its speed, shape (N,).
 
     Returns:
         Each of shape (N, n).
@@ -232,11 +228,8 @@ def speed_by_path(rate: PointRate, scale: FloatArray) -> tuple[FloatArray, Float
     return first, second
 
 
-# ---- Limits on the speed of the tool centre point, segment by segment.
-
-
 class ToolSpeed:
-    """A `SpeedLimit` on one quantity: the tool's speed as a share of its segment's limit.
+    """A `SpeedLimit` on a single quantity: the tool's speed as a fraction of its segment's limit.
 
     Attributes:
         limit: Of each segment, the robot's own included, shape (m,) [m/s]; inf where it is free.
@@ -255,30 +248,27 @@ class ToolSpeed:
         self.keys = tuple(LimitKey(self.kind, segment=k) for k in self._limited.tolist())
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the tool's speed as a share of its limit."""
+        """Return the tool's speed as a fraction of its limit."""
         speed = np.linalg.norm(at.tool_rate[0], axis=1)
         return SpeedPolynomial({1: (speed / self.limit[at.segment])[:, None]})
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return how the share changes with the path; where the tool rests, not at all."""
+        """Return the derivatives of the fraction by the path; zero where the tool rests."""
         by = speed_by_path(at.tool_rate, speed / self.limit[at.segment])
         return {order: change[:, None] for order, change in enumerate(by)}
 
     def key_of(self, at: PathSamples) -> IntArray:
-        """Return the key of each sample's segment; any, where that is free."""
+        """Return the index of the key of each sample's segment; any, where that is free."""
         places = np.searchsorted(self._limited, at.segment)
         return np.minimum(places, len(self._limited) - 1)[:, None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
-        """Return that there is none: a path can be run as slowly as one likes."""
+        """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
         return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())
 
 
-# ---- Limits on the speed of points that move with the arm's links.
-
-
 class PointSpeedLimit:
-    """A `SpeedLimit` on the speeds of P points, as shares of their limits.
+    """A `SpeedLimit` on the speeds of P points that move with links, as fractions of their limits.
 
     Attributes:
         limit: Of each point, shape (P,) [m/s].
@@ -296,21 +286,21 @@ class PointSpeedLimit:
         )
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
-        """Return the points' speeds as shares of their limits."""
+        """Return the points' speeds as fractions of their limits."""
         speed = np.linalg.norm(at.point_rates[0], axis=2)
         return SpeedPolynomial({1: speed.T / self.limit})
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
-        """Return how the shares change with the path; where a point rests, not at all."""
+        """Return the derivatives of the fractions by the path; zero where a point rests."""
         scale = np.repeat(speed / self.limit[:, None], len(at), axis=1)
         rates = zip(*at.point_rates, strict=True)
         by_point = [speed_by_path(*each) for each in zip(rates, scale, strict=True)]
         return {order: np.stack(by, axis=1) for order, by in enumerate(zip(*by_point, strict=True))}
 
     def key_of(self, at: PathSamples) -> IntArray:
-        """Return one key per point."""
+        """Return the index of each point's key, shape (1, P)."""
         return np.arange(len(self.limit))[None]
 
     def refusal(self, at: PathSamples) -> Infeasible:
-        """Return that there is none: a path can be run as slowly as one likes."""
+        """Return a refusal that never occurs: run slowly enough, any path keeps the limit."""
         return Infeasible(PlanStatus.NO_TRAJECTORY, f"{self.kind} allows no motion", Place())

@@ -138,7 +138,7 @@ class SegmentRegions(Protocol):
         ...
 
     def kind(self, normal: FloatArray, segment: IntArray) -> IntArray:
-        """Return the index of the extent's tolerance in `kinds` along normals (R, 3), shape (R,)."""
+        """Return the index in `kinds` of the tolerance along normals (R, 3), shape (R,)."""
         ...
 
 

@@ -1,8 +1,8 @@
 """Tube: points, radii, rotation, joint signs; narrowed tubes, merged segments.
 
 Segment k joins reference points k and k+1; its capsule is all points within the path tolerance of
-it (Suh & Bishop 1988, section on the tube model; digest: F_j). All positions are in the base
-frame.
+the segment (Suh & Bishop 1988, section on the tube model; digest: F_j). All positions are in the
+base frame.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,6 @@ from tubeplanner.geometry.tube.points import (
     MAX_EXTENT,
     MIN_LENGTH,
     PASS_THROUGH,
-    DistinctPoints,
     compulsory_points,
     distinct_points,
     given_points,
@@ -45,11 +44,9 @@ from tubeplanner.geometry.tube.segment_values import (
 from tubeplanner.orientation import rotation_matrix, rotation_vector
 from tubeplanner.robot.model import RobotModel
 
-# ---- The tube: the tool's positions and orientations, and the arm's configuration. Pure geometry.
-
 _ALL = slice(None)
 _LARGEST_NUMBER = 10**9  # of a point
-# What has an entry for each point, and for each segment.
+# Fields with an entry for each point, and for each segment.
 _BY_POINT = ("points", "orientations", "numbers")
 _BY_SEGMENT = (
     *("radius", "joint_signs", "rotation_tolerance", "tool_speed", "cross_section", "clearance"),
@@ -66,25 +63,24 @@ class Tube:
         points: Reference points, shape (m+1, 3) [m].
         radius: Path tolerances, shape (m,) [m].
         tool_radius: The tool as a sphere [m]; every effective radius is smaller by it.
-        joint_signs: Per segment, by joint name: its sign or range as given.
+        joint_signs: Per segment, by joint name: the user's sign or range.
         visit: "ordered": segments one after the other, with switching times in both capsules;
-            "any": the union of all capsules.
-            (Of segments with a box, it takes the place of the capsule.)
+            "any": the union of all capsules. (Of segments with a box, it replaces the capsule.)
         orientations: Of the tool at the reference points, unit quaternions x y z w, shape (m+1, 4);
             None: any orientation is allowed.
-        rotation_tolerance: Per segment one angle, or bounds on the three components of
-            log(R_ref^T R) [rad]; None: as above.
-        pass_through_points: Which inner points the tool must pass within the smaller radius
-            beside them: "all", "corners" (where the tube turns back by more than 150 degrees) or
-            "none".
-        numbers: What messages call the points, shape (m+1,): 0 to m, unless points were left out.
+        rotation_tolerance: Per segment an angle, or bounds on the three components of log(R_ref^T
+            R) [rad]; None: as above.
+        pass_through_points: Inner points that the tool must pass within the smaller radius beside
+            them: "all", "corners" (where the tube turns back by more than 150 degrees) or "none".
+        numbers: The points' numbers in messages, shape (m+1,): 0 to m, unless points were left out.
         tool_speed: Limits on the tool's speed, shape (m,) [m/s], inf where free; None: free.
-        clearance: Of links from obstacles, (m,) [m], inf where it is the problem's; None: as that.
+        clearance: Of links from obstacles, (m,) [m], inf for the problem's; None: the problem's.
         cross_section: Boxes about segments, shape (m, 5), as `box_sections`; None: discs alone.
-        joint_ranges: Per segment, by joint name: [lower, upper], what the signs mean [rad or m].
+        joint_ranges: Per segment, by joint name: [lower, upper], the meaning of the signs [rad or
+            m].
         rotation: The rotation tolerance as geometry; None: as above.
-        notes: What was left out of what was given.
-        parts: The tube whose segments were joined to this one's; None if none were.
+        notes: Points that were left out.
+        parts: The tube whose segments were joined to this tube's; None if none were.
     """
 
     points: FloatArray
@@ -120,27 +116,27 @@ class Tube:
         cross_section: Mapping[str, Any] | Sequence[Any] | FloatArray | None = None,
         clearance: float | Sequence[float | None] | FloatArray | None = None,
     ) -> None:
-        """Check and keep the tube; points that repeat the one before are left out, with a note.
+        """Check and store the tube; points that repeat their predecessor are left out, with a note.
 
         Args:
             points: m+1 reference points, shape (m+1, 3) [m].
-            radius: One tolerance for all segments, or m of them, None where there is a box [m].
+            radius: A tolerance for all segments, or m of them, None where there is a box [m].
             tool_radius: The tool as a sphere [m].
-            joint_signs: One map for all segments, or m maps, from joint name to "+" (>= 0),
-                "-" (<= 0), "0" (free), the numbers 1, -1, 0, or a range [lower, upper] [rad or m].
+            joint_signs: A map for all segments, or m maps, from joint name to "+" (>= 0), "-" (<=
+                0), "0" (free), the numbers 1, -1, 0, or a range [lower, upper] [rad or m].
             visit: "ordered" or "any".
             orientations: m+1 quaternions x y z w of the tool centre point frame at the reference
-                points; between them it turns about one axis, the short way round.
-            rotation_tolerance: m entries, each one angle by which the tool may deviate, or bounds
-                on the components of the rotation vector log(R_ref^T R), infinite where free; one
-                number, or one list of bounds, serves for all segments. Three numbers for three
-                segments are an angle each [rad].
+                points; between them it turns about a fixed axis, the short way round.
+            rotation_tolerance: m entries, each an angle by which the tool may deviate, or bounds on
+                the components of the rotation vector log(R_ref^T R), infinite where free; a number,
+                or a list of bounds, serves for all segments. Three numbers for three segments are
+                an angle each [rad].
             pass_through_points: "all", "corners" or "none".
-            numbers: What messages call the points, m+1 ascending numbers; default: 0 to m.
-            tool_speed: One limit for all segments, or m of them, None where it is free [m/s].
+            numbers: The points' numbers in messages, m+1 ascending numbers; default: 0 to m.
+            tool_speed: A limit for all segments, or m of them, None where it is free [m/s].
             cross_section: {"box": [width, height], "up": [x, y, z]} for all segments, or m of them,
                 None for a disc [m].
-            clearance: One for all segments, or m of them, None for the problem's [m].
+            clearance: A clearance for all segments, or m of them, None for the problem's [m].
 
         Raises:
             ProblemError: A count, a number or a sign is wrong; the message names it.
@@ -159,7 +155,7 @@ class Tube:
                 f"tube.tool_radius {in_figures(tool_radius)} m must be >= 0 and below the smallest "
                 f"radius, {radii.min():g} m, by at least {MIN_LENGTH:g} m"
             )
-        named = np.arange(segments + 1) if numbers is None else _numbers(numbers, segments)
+        labels = np.arange(segments + 1) if numbers is None else _numbers(numbers, segments)
         speeds = segment_values(tool_speed, segments, TOOL_SPEED)
         distances = segment_values(clearance, segments, CLEARANCE)
         self._set(
@@ -171,7 +167,7 @@ class Tube:
             orientations=quaternions,
             rotation_tolerance=bounds,
             pass_through_points=pass_through_points,
-            numbers=named,
+            numbers=labels,
             tool_speed=speeds,
             cross_section=sections,
             clearance=distances,
@@ -181,12 +177,18 @@ class Tube:
             parts=None,
         )
         conditions = _conditions(ranges, bounds, speeds, sections, distances)
-        asked = list(zip(radii.tolist(), conditions, strict=True))
-        kept = distinct_points(corners, asked, None if rotation is None else rotation.angles)
-        if len(kept.dropped):
-            less = self.with_points(kept.points, kept.segments)
+        by_segment = list(zip(radii.tolist(), conditions, strict=True))
+        turn = None if rotation is None else rotation.angles
+        distinct = distinct_points(corners, by_segment, turn)
+        if len(distinct.dropped):
+            less = self.with_points(distinct.points, distinct.segments)
             values = {field.name: getattr(less, field.name) for field in fields(self)}
-            self._set(**{**values, "notes": _notes(named, kept)})
+            values["notes"] = tuple(
+                f"tube.points: point {labels[k]} is the same as the one before within "
+                f"{MIN_LENGTH:g} m; it is left out, with segment {labels[k] - 1}"
+                for k in distinct.dropped
+            )
+            self._set(**values)
 
     def __repr__(self) -> str:
         length = float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
@@ -194,13 +196,12 @@ class Tube:
         return f"<Tube of {self.segment_count} segments, {length:.4g} m long, radii {radii}>"
 
     def _set(self, **values: object) -> None:
-        """Set fields by name."""
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
     @classmethod
     def anywhere(cls, begin: FloatArray, end: FloatArray) -> "Tube":
-        """Return a tube from one tool position to another (3,) that excludes no tool position.
+        """Return a tube between two tool positions (3,) that excludes no tool position.
 
         Where both are the same, the second is moved a little: a tube has a direction.
         """
@@ -232,7 +233,7 @@ class Tube:
         return replace(self, radius=radii, cross_section=sections)
 
     def require_discs(self, what: str, remedy: str) -> None:
-        """Raise ProblemError, with what is asked for and a remedy, if a segment has a box."""
+        """Raise ProblemError, with the request and a remedy, if a segment has a box."""
         for k in np.flatnonzero(self.is_box)[:1]:
             raise ProblemError(
                 f"tube.cross_section: segment {self.segment_number(int(k))} has a box, which does "
@@ -246,18 +247,18 @@ class Tube:
 
         Args:
             points: Their indices, ascending, at least two.
-            segments: The segments whose radius and conditions hold between them, one less.
+            segments: The segments whose radius and conditions hold between the points, one fewer.
         """
-        chosen: dict[str, Any] = {name: getattr(self, name) for name in _BY_POINT}
-        chosen = {name: None if v is None else v[list(points)] for name, v in chosen.items()}
+        changes: dict[str, Any] = {name: getattr(self, name) for name in _BY_POINT}
+        changes = {name: None if v is None else v[list(points)] for name, v in changes.items()}
         for name in _BY_SEGMENT:
             values = getattr(self, name)
-            chosen[name] = None if values is None else [values[k] for k in segments]
-        return replace(self, **chosen)
+            changes[name] = None if values is None else [values[k] for k in segments]
+        return replace(self, **changes)
 
     @cached_property
     def conditions(self) -> tuple[tuple[object, ...], ...]:
-        """What each of m segments asks of the arm beside the tool's place, to be compared."""
+        """Conditions of each of m segments beside the tool's position, to be compared."""
         others = (self.tool_speed, self.cross_section, self.clearance)
         return _conditions(self.joint_ranges, self.rotation_tolerance, *others)
 
@@ -268,12 +269,12 @@ class Tube:
 
     @property
     def effective_radius(self) -> FloatArray:
-        """How far the tool centre point may stray, shape (m,) [m]."""
+        """Accepted deviation of the tool centre point, shape (m,) [m]."""
         return self.radius - self.tool_radius
 
     @property
     def is_box(self) -> BoolArray:
-        """Which segments have a box, shape (m,)."""
+        """True for segments with a box, shape (m,)."""
         if self.cross_section is None:
             return np.zeros(self.segment_count, dtype=bool)
         is_box: BoolArray = self.cross_section[:, 0] > 0
@@ -293,8 +294,8 @@ class Tube:
         return self.regions_of(self.effective_radius)
 
     def regions_of(self, radius: FloatArray) -> SegmentRegions:
-        """Return the regions as they would be with other effective radii, (m,) [m]."""
-        # Copies: what is not to be written to takes longer to be passed to native functions.
+        """Return the regions for other effective radii, (m,) [m]."""
+        # Copies: read-only arrays take longer to be passed to native functions.
         axes = (self.points[:-1].copy(), self.points[1:].copy())
         if self.cross_section is None:
             return Capsules(*axes, radius)
@@ -306,7 +307,7 @@ class Tube:
         return compulsory_points(self.points, self.effective_radius, self.pass_through_points)
 
     def segment_number(self, k: int, tool: FloatArray | None = None) -> int:
-        """Return what messages call a segment.
+        """Return the number of a segment in messages.
 
         Args:
             k: Its index.
@@ -319,7 +320,7 @@ class Tube:
         return self.parts.segment_number(int(first + away))
 
     def segment_index(self, number: int) -> int:
-        """Return the index of the segment that messages call by a number."""
+        """Return the index of the segment with a number in messages."""
         return int(np.searchsorted(self.numbers[1:], number + 1))
 
     def distance(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
@@ -345,11 +346,10 @@ class Tube:
         return robot.tool_pose(q)
 
     def margin(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
-        """Return how far inside some regions (of m, all) points (N, 3) lie, shape (N, m) [m]."""
+        """Return the margins of points (N, 3) inside some regions (of m, all), shape (N, m) [m]."""
         if self.cross_section is None:
             return self.effective_radius[segments] - self.distance(p, segments)
-        asked = np.arange(self.segment_count)[segments]
-        return self.regions.margin(p[:, None], asked)
+        return self.regions.margin(p[:, None], np.arange(self.segment_count)[segments])
 
     def nearest(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
         """Return the points of some segments (of m, all) nearest to points (N, 3): (N, m, 3)."""
@@ -362,19 +362,19 @@ class Tube:
     def rotation_margin(
         self, rotation: FloatArray, p: FloatArray, segments: slice = _ALL
     ) -> FloatArray:
-        """Return how far inside the rotation tolerances of some segments (of m, all) tools are.
+        """Return the margins of tools in the rotation tolerances of some segments (of m, all).
 
         Args:
             rotation: Orientations of the tool, shape (N, 3, 3).
             p: Its positions, shape (N, 3) [m].
-            segments: Which segments.
+            segments: The segments.
 
         Returns:
             Shape (N, m) [rad], infinite where a segment leaves the rotation free.
         """
-        asked = range(self.segment_count)[segments]
-        margin = np.full((len(p), len(asked)), np.inf)
-        for column, k in enumerate(asked):
+        rows = range(self.segment_count)[segments]
+        margin = np.full((len(p), len(rows)), np.inf)
+        for column, k in enumerate(rows):
             if self.rotation is not None and np.isfinite(self.rotation.bounds[k]).any():
                 margin[:, column] = self.rotation.margin(rotation, p, k)
         return margin
@@ -400,32 +400,27 @@ def _distances(p: FloatArray, start: FloatArray, axis: FloatArray) -> FloatArray
     return distances
 
 
-def _notes(numbers: IntArray, kept: DistinctPoints) -> tuple[str, ...]:
-    """Say which points were left out."""
-    return tuple(
-        f"tube.points: point {numbers[k]} is the same as the one before within {MIN_LENGTH:g} m; "
-        f"it is left out, with segment {numbers[k] - 1}"
-        for k in kept.dropped
-    )
-
-
 def _conditions(
     ranges: tuple[Mapping[str, JointRange], ...], *others: FloatArray | tuple[object, ...] | None
 ) -> tuple[tuple[object, ...], ...]:
-    """Return what each segment asks of the arm beside the tool's place."""
+    """Return the conditions of each segment beside the tool's position."""
     rows = [other.tolist() if isinstance(other, np.ndarray) else other for other in others]
     nothing = [None] * len(ranges)
     return tuple(zip(ranges, *(row or nothing for row in rows), strict=True))
 
 
-def _numbers(given: object, segments: int) -> IntArray:
-    """Return the numbers of the points, once they are as many as there are points, and ascend."""
-    is_row = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim == 1)
-    row: Any = given if is_row else ()
+def _numbers(numbers: object, segments: int) -> IntArray:
+    """Return the numbers of the points.
+
+    Raises:
+        ProblemError: The count is wrong, or the numbers are not whole or do not ascend.
+    """
+    is_array = isinstance(numbers, np.ndarray) and numbers.ndim == 1
+    row: Any = numbers if is_array or isinstance(numbers, list | tuple) else ()
     are_whole = all(isinstance(n, WHOLE_NUMBER) and 0 <= n <= _LARGEST_NUMBER for n in row)
     if not are_whole or len(row) != segments + 1 or not (np.diff(row) >= 0).all():
         raise ProblemError(
-            f"tube.numbers is {shown(given)}; give {segments + 1} ascending whole numbers"
+            f"tube.numbers is {shown(numbers)}; give {segments + 1} ascending whole numbers"
         )
     return np.array(row, dtype=np.int64)
 
@@ -435,54 +430,51 @@ def _require_named(key: str, value: object, known: Sequence[str]) -> None:
         raise ProblemError(f"tube.{key}: {unknown_name('value', value, known)}")
 
 
-# ---- Tubes that lie inside others by given distances and angles.
-
-
 def narrowed_tube(tube: Tube, by: FloatArray, turned: FloatArray) -> Tube:
-    """Return a tube whose every tool position is inside another by given distances.
+    """Return a tube whose every tool position is inside another tube by some distances.
 
     Args:
         tube: The other tube.
-        by: What is taken off radii, and off boxes at every side, shape (m,) [m].
-        turned: What is taken off rotation tolerances, shape (m,) [rad].
+        by: Subtracted from radii, and from boxes at every side, shape (m,) [m].
+        turned: Subtracted from rotation tolerances, shape (m,) [rad].
 
     Raises:
-        ProblemError: Nothing is left of a radius or of a tolerance.
+        ProblemError: A radius or a tolerance would not stay positive.
     """
     tolerance, sections = tube.rotation_tolerance, tube.cross_section
     if tolerance is not None:
-        tolerance = tuple(map(_narrowed_bound, tolerance, turned.tolist()))
+        bounds: list[RotationBound] = []
+        for bound, angle in zip(tolerance, turned.tolist(), strict=False):
+            if isinstance(bound, int | float):
+                bounds.append(bound - angle)
+            else:
+                x, y, z = bound
+                bounds.append((x - angle, y - angle, z - angle))
+        tolerance = tuple(bounds)
     if sections is None:
         return replace(tube, radius=tube.radius - by, rotation_tolerance=tolerance)
-    taken = np.zeros_like(sections)
-    taken[:, :2] = 2 * by[:, None]
-    sections = np.where(tube.is_box[:, None], sections - taken, sections)
+    reduction = np.zeros_like(sections)
+    reduction[:, :2] = 2 * by[:, None]
+    sections = np.where(tube.is_box[:, None], sections - reduction, sections)
     sides = sections[:, :2].min(axis=1)
     radius = np.where(tube.is_box, sides / 2, tube.radius - by)
     return replace(tube, radius=radius, rotation_tolerance=tolerance, cross_section=sections)
 
 
-def _narrowed_bound(bound: RotationBound, by: float) -> RotationBound:
-    if isinstance(bound, int | float):
-        return bound - by
-    x, y, z = bound
-    return x - by, y - by, z - by
-
-
-# ---- Segments of a tube that are one: on one line, and asking the same.
+# ---- Joined segments: on one line, with the same conditions.
 #
-# A point between them asks nothing, so that a tube is the same however its straight parts are
-# divided. Segments that were visited one after the other would ask more: the tool would have to
-# come near every point between them.
+# A point between joined segments has no condition, so that a tube is the same however its straight
+# parts are divided. Visited one after the other, the segments would require more: the tool would
+# have to come near every point between them.
 
 _ON_LINE = 1e-9  # [m], [rad]
-_HALF_TURN = np.pi - 1e-6  # [rad]: beyond it the short way round would be another one
+_HALF_TURN = np.pi - 1e-6  # [rad]: beyond it the short way round would be another
 
 
 def joined_segments(tube: Tube) -> Tube:
-    """Return a tube with its segments joined where they are one; the same if none are.
+    """Return a tube with its segments joined where possible; the same tube if none are.
 
-    Its points keep their numbers, and `Tube.parts` is the tube given.
+    Points keep their numbers, and `Tube.parts` is the original tube.
     """
     if tube.pass_through_points == "all":
         return tube
@@ -492,14 +484,14 @@ def joined_segments(tube: Tube) -> Tube:
             firsts.append(k)
     if len(firsts) == tube.segment_count:
         return tube
-    kept = [*firsts, tube.segment_count]
-    joined = tube.with_points(kept, firsts)
+    points = [*firsts, tube.segment_count]
+    joined = tube.with_points(points, firsts)
     object.__setattr__(joined, "parts", tube)
     return joined
 
 
 def _are_one(tube: Tube, first: int, last: int) -> bool:
-    """Return whether a segment is one with those before it, which are one from `first` on."""
+    """Return True if a segment can be joined with those from `first` on, which can be joined."""
     if tube.radius[last] != tube.radius[first] or tube.conditions[last] != tube.conditions[first]:
         return False
     shares = _shares_on_line(tube.points[first : last + 2])
@@ -509,9 +501,9 @@ def _are_one(tube: Tube, first: int, last: int) -> bool:
 
 
 def _shares_on_line(points: FloatArray) -> FloatArray | None:
-    """Return where points (P, 3) are on the line from the first to the last, from 0 to 1: (P,).
+    """Return the fractions of points (P, 3) on the line from the first to the last: (P,).
 
-    None if one is off the line or behind the one before.
+    None if a point is off the line or behind its predecessor.
     """
     axis = points[-1] - points[0]
     square = float(axis @ axis)
@@ -523,12 +515,12 @@ def _shares_on_line(points: FloatArray) -> FloatArray | None:
 
 
 def _turns_evenly(rotation: RotationalTube, first: int, last: int, shares: FloatArray) -> bool:
-    """Return whether segments turn at one rate about one axis.
+    """Return True if segments turn at the same rate about the same axis.
 
     Args:
         rotation: The reference orientations.
-        first: The first segment.
-        last: The last one.
+        first: Index of the first segment.
+        last: Index of the last segment.
         shares: Of the points from the start of the first to the end of the last, shape (P,).
     """
     part = slice(first, last + 1)
