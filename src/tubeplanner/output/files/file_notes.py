@@ -1,4 +1,4 @@
-"""Notes on a trajectory file: other problem, other robot, failed certificate."""
+"""Notes on trajectory files: other problem, other robot, verdict, likely mistakes."""
 
 import numpy as np
 
@@ -20,38 +20,35 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.reader import TrajectoryFile
 
-# ---- Notes about a trajectory file, besides its certificate.
+# ---- Notes on the trajectory of a problem.
 
-_NEAR = 1e-2  # [rad or m]: starts this close to each other are the same
+_NEAR = 1e-2  # [rad or m]: starts this near count as equal
 _COLUMNS_SHOWN = 20
 
 
 def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: bool) -> list[str]:
-    """Return sentences: how samples were joined, for what the file was made, likely mistakes.
+    """Return notes on interpolation, origin and likely mistakes.
 
     Args:
         problem: The planning problem.
         file: Its trajectory has the problem's joints, in any order.
-        failed: Whether its certificate failed.
+        failed: True if its certificate failed.
     """
     notes = []
     if file.interpolation is not None:
         notes.append(f"samples are joined by {file.interpolation}")
     if file.ignored:
-        notes.append(f"columns that are not read: {_listed(file.ignored)}")
+        more = len(file.ignored) - _COLUMNS_SHOWN
+        columns = ", ".join(map(shown, file.ignored[:_COLUMNS_SHOWN]))
+        columns += f" and {more} more" if more > 0 else ""
+        notes.append(f"columns that are not read: {columns}")
     notes += _notes_on_origin(problem, file)
     misreading = _likely_misreading(problem, file.trajectory) if failed else None
     return notes if misreading is None else [*notes, misreading]
 
 
-def _listed(columns: tuple[str, ...]) -> str:
-    named = ", ".join(map(shown, columns[:_COLUMNS_SHOWN]))
-    more = len(columns) - _COLUMNS_SHOWN
-    return f"{named} and {more} more" if more > 0 else named
-
-
 def _notes_on_origin(problem: PlanningProblem, file: TrajectoryFile) -> list[str]:
-    """Return a sentence if a trajectory was not made for the problem."""
+    """Return a note if a trajectory was made for another problem."""
     is_other_robot = file.robot_hash not in (None, robot_hash(problem.robot))
     if not is_other_robot and file.problem_hash in (None, problem_hash(problem)):
         return []
@@ -65,7 +62,7 @@ def _notes_on_origin(problem: PlanningProblem, file: TrajectoryFile) -> list[str
 
 
 def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) -> str | None:
-    """Return a guess why a trajectory does not start where it should; None if there is none."""
+    """Return a guess at the reason of a wrong start; None without a guess."""
     if (start := problem.endpoints[0].joints) is None:
         return None
     names, revolute = problem.robot.joint_names, problem.robot.revolute
@@ -78,28 +75,22 @@ def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) ->
     if np.allclose(np.sort(q), np.sort(start), atol=_NEAR):
         order = np.argsort(np.argsort(start))
         sources = np.argsort(q)[order]
-        swapped = [
-            f"'{names[j]}' starts where '{names[i]}' should"
-            for i, j in enumerate(sources)
-            if i != j
-        ]
-        return f"its joints look to be in another order: {', '.join(swapped)}"
+        pairs = [(i, j) for i, j in enumerate(sources) if i != j]
+        swapped = ", ".join(f"'{names[j]}' starts where '{names[i]}' should" for i, j in pairs)
+        return f"its joints look to be in another order: {swapped}"
     return None
 
 
-# ---- Notes on a motion that is shown under a problem: does it pass there, and is it made for it?
-
-
 def motion_notes(problem: PlanningProblem, name: str, file: TrajectoryFile) -> list[str]:
-    """Return sentences: the verdict as of `check`, then what else is to be known of the file.
+    """Return notes on a motion shown under a problem: verdict, as of `check`, and file.
 
     Args:
         problem: The planning problem under which the motion is shown.
-        name: What the motion is called.
+        name: Name of the motion.
         file: Its file.
 
     Raises:
-        TrajectoryError: It moves other joints than the problem's.
+        TrajectoryError: The motion has other joints than the problem.
     """
     tolerance = Tolerance() if file.interpolation is None else FOREIGN_TOLERANCE
     try:
@@ -115,15 +106,15 @@ def motion_notes(problem: PlanningProblem, name: str, file: TrajectoryFile) -> l
 
 
 def has_other_part(problem: PlanningProblem, file: TrajectoryFile) -> bool:
-    """Return whether a motion was made with other carried solids than the problem's."""
+    """Return True if a motion was made with other carried solids than the problem's."""
     return CARRIED in differing_parts(problem, file.part_hashes)
 
 
-# ---- Notes about the trajectory file of a cycle, besides its certificate.
+# ---- Notes on the motion of a cycle.
 
 
 def notes_on_cycle_file(cycle: Cycle, file: TrajectoryFile) -> list[str]:
-    """Return a sentence if a trajectory was not made for the cycle; none if it does not say."""
+    """Return a note if a trajectory was made for another cycle; none if the file does not say."""
     is_other_robot = file.robot_hash not in (None, robot_hash(cycle.robot))
     if not is_other_robot and file.problem_hash in (None, cycle_hash(cycle)):
         return []
@@ -134,15 +125,12 @@ def notes_on_cycle_file(cycle: Cycle, file: TrajectoryFile) -> list[str]:
     return ["the trajectory was made for another cycle with this robot"]
 
 
-# ---- Notes on a motion that is shown as one of a cycle: does it pass, and is it made for it?
-
-
 def cycle_motion_notes(motion: CycleMotion, name: str, file: TrajectoryFile) -> list[str]:
-    """Return sentences: the verdict as of `check`, then what else is to be known of the file.
+    """Return notes on a motion of a cycle: verdict, as of `check`, and file.
 
     Args:
         motion: The motion of a cycle.
-        name: What it is called.
+        name: Name of the motion.
         file: Its file.
     """
     certificate = verify_cycle(motion.cycle, motion)

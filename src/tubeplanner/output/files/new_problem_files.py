@@ -1,7 +1,7 @@
 """New problem files: commented starter, problem of a recorded trail.
 
-Lines that begin with `##` explain; in lines that begin with `# ` a field follows, which holds as
-soon as that is removed, alone or with all others.
+Lines that begin with `##` explain. Lines that begin with `# ` contain a field, which holds as soon
+as the `# ` is removed, alone or with all others.
 """
 
 import os
@@ -16,7 +16,6 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import TrajectoryError
 from tubeplanner.output.files.problem_file import included_fields, new_fields, read_fields
 from tubeplanner.resources import EXAMPLE_PREFIX, find_problem
-from tubeplanner.robot.info import RobotInfo
 from tubeplanner.studies.tubes.starter_problem import StarterProblem
 from tubeplanner.studies.tubes.teach import joint_trail
 from tubeplanner.task.problem import PlanningProblem
@@ -24,7 +23,7 @@ from tubeplanner.task.problem_format import PROBLEM_FORMAT, check_problem_fields
 from tubeplanner.task.problem_reader import parse_problem, robot_of
 from tubeplanner.trajectory.reader import TrajectoryFile
 
-# ---- A first problem file with comments: fields that hold, and others that can be switched on.
+# ---- A first problem file with comments: active fields, and fields to be switched on.
 
 _PACKAGE_PREFIX = "package://"
 _WHY = {
@@ -33,7 +32,7 @@ _WHY = {
     "effort": "effort limits that the URDF lacks [N m] or [N]",
 }
 _NO_MASSES = "no effort is limited, as links lack their <inertial>"
-_WORDS = ("true", "false", "null")  # which are no text in YAML
+_WORDS = ("true", "false", "null")  # not text in YAML
 _GENTLE = (
     "acceleration: 10.0  # [rad/s^2] or [m/s^2], one number for all joints, a list or a map",
     "jerk: 500.0  # [rad/s^3] or [m/s^3]",
@@ -47,9 +46,9 @@ def starter_text(
 
     Args:
         starter: The problem.
-        urdf: Its URDF as it was named, relative to the working folder.
-        package_dirs: Further folders that hold packages, likewise.
-        folder: Where the file will be: its paths are relative to that.
+        urdf: Its URDF as named by the user, relative to the working folder.
+        package_dirs: Further folders with packages, relative to the working folder.
+        folder: Folder of the file, to which its paths are relative.
     """
     lines = [
         f"## {starter.info.name}: a first problem, which was planned before it was written.",
@@ -70,12 +69,13 @@ def _robot_lines(
 ) -> list[str]:
     frame = starter.info.tool_frame
     folders = [_as_yaml(_path_from(each, folder)) for each in package_dirs]
+    others = [name for name in starter.info.leaf_links if name != frame]
     return [
         "robot:",
         f"  urdf: {_as_yaml(_path_from(urdf, folder))}",
         *([f"  package_dirs: [{', '.join(folders)}]"] if folders else []),
         f"  tool_frame: {_as_yaml(frame)}",
-        *_other_frames(starter.info),
+        *([f"  ## other ends of chains: {', '.join(others)}"] if others else []),
         "  ## the tool centre point in tool_frame; it is what stays in the tube [m]",
         "  # tool_offset: {position: [0.0, 0.0, 0.0]}",
         "  ## where the root link stands in the cell, whose frame is then that of all [m, rad]",
@@ -88,13 +88,8 @@ def _robot_lines(
     ]
 
 
-def _other_frames(info: RobotInfo) -> list[str]:
-    others = [name for name in info.leaf_links if name != info.tool_frame]
-    return [f"  ## other ends of chains: {', '.join(others)}"] if others else []
-
-
 def _limit_lines(starter: StarterProblem) -> list[str]:
-    """Return placeholders for the limits that are missing, to be replaced, and gentle examples."""
+    """Return placeholders for missing limits, to be replaced, and gentle examples."""
     why = "  ## without these a motion may be as abrupt as the motors allow"
     if not starter.placeholders:
         return [why, "  # limits: {acceleration: 10.0, jerk: 500.0}"]
@@ -139,7 +134,7 @@ def _end_lines(starter: StarterProblem) -> list[str]:
 
 
 def _cell_lines(starter: StarterProblem) -> list[str]:
-    """Return examples of what else a problem may have."""
+    """Return examples of further fields."""
     beyond = round(2 * starter.reach + 1, 1)
     return [
         "## box: side lengths; also sphere, cylinder, capsule, mesh; with rpy or quaternion [m]",
@@ -154,14 +149,14 @@ def _cell_lines(starter: StarterProblem) -> list[str]:
 
 
 def _path_from(path: str, folder: Path) -> str:
-    """Return a path in the working folder as one relative to another folder."""
+    """Return a path in the working folder, relative to another folder."""
     if path.startswith((EXAMPLE_PREFIX, _PACKAGE_PREFIX)) or Path(path).is_absolute():
         return path
     return os.path.relpath(Path(path).resolve(), folder.resolve())
 
 
 def _row(values: Any) -> str:
-    """Return a list or map as YAML has it on one line."""
+    """Return a list or map in YAML, on a single line."""
     if isinstance(values, Mapping):
         return "{" + ", ".join(f"{_as_yaml(k)}: {_row(v)}" for k, v in values.items()) + "}"
     if isinstance(values, list | tuple):
@@ -170,36 +165,33 @@ def _row(values: Any) -> str:
 
 
 def _as_yaml(value: Any) -> str:
-    """Return a name or a number as YAML reads it."""
+    """Return a name or a number in YAML."""
     if isinstance(value, str):
         plain = value.replace("_", "").replace("/", "").replace(".", "").replace(":", "")
         is_plain = plain.isascii() and plain.isalnum() and plain[0].isalpha()
         is_word = value.lower() in _WORDS or value.endswith(":")
-        return value if is_plain and not is_word else '"' + _escaped(value) + '"'
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return value if is_plain and not is_word else f'"{escaped}"'
     if np.isinf(value):
         return ".inf" if value > 0 else "-.inf"
     return repr(float(value) + 0.0)
 
 
-def _escaped(text: str) -> str:
-    return text.replace("\\", "\\\\").replace('"', '\\"')
+# ---- The problem of a recorded trail: a robot and its cell, with the trail's ends.
 
-
-# ---- The problem that a recorded trail belongs to: a robot and its cell, from the trail's ends.
-
-_FOUND = ("tube", "start", "goal")  # by a trail
+_TRAIL_KEYS = ("tube", "start", "goal")  # keys determined by a trail
 _SAMPLES_PER_PIECE = 20  # of a trail that is a trajectory of ours
 
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """A robot and its surroundings, as a problem file has them.
+    """A robot and its surroundings, from a problem file.
 
     Attributes:
-        fields: What the problem file itself holds, without tube, start and goal.
-        known: What it holds with the files that it includes, likewise.
-        folder: Where its relative paths start.
-        source: What messages call it.
+        fields: The problem file's own fields, without tube, start and goal.
+        known: The fields with included files, without tube, start and goal.
+        folder: Base of relative paths.
+        source: Name in messages.
     """
 
     fields: Any
@@ -218,10 +210,10 @@ def read_cell(
     """Return the cell of a problem file, or of a robot and a file of obstacles.
 
     Args:
-        urdf: As `robot.urdf`; None if a template is given.
-        tool_frame: As `robot.tool_frame`; likewise.
-        obstacles: A file that holds obstacles; None: there are none.
-        template: Problem file; None if a robot is given.
+        urdf: As `robot.urdf`; None with a template.
+        tool_frame: As `robot.tool_frame`; None with a template.
+        obstacles: A file of obstacles; None: none.
+        template: Problem file; None with a robot.
         changes: Other values of the problem file, by field path.
 
     Raises:
@@ -230,17 +222,15 @@ def read_cell(
     if template is not None:
         path = find_problem(template, Path())
         fields = read_fields(path, changes)
-        for key in _FOUND:
+        for key in _TRAIL_KEYS:
             fields.pop(key, None)
-        return _cell(fields, path.parent, str(path))
-    assert urdf is not None and tool_frame is not None
-    return _cell(new_fields(urdf, tool_frame, obstacles), Path(), "teach")
-
-
-def _cell(fields: Any, folder: Path, source: str) -> Cell:
+        folder, source = path.parent, str(path)
+    else:
+        assert urdf is not None and tool_frame is not None
+        fields, folder, source = new_fields(urdf, tool_frame, obstacles), Path(), "teach"
     merged = included_fields(fields, folder)
-    known = {key: value for key, value in merged.items() if key not in _FOUND}
-    return Cell(fields, known, folder, source)
+    without_ends = {key: value for key, value in merged.items() if key not in _TRAIL_KEYS}
+    return Cell(fields, without_ends, folder, source)
 
 
 def taught_problem(
@@ -251,7 +241,7 @@ def taught_problem(
     Args:
         cell: The robot and its surroundings.
         read: The file of the trail.
-        source: What messages call that file.
+        source: Name of that file in messages.
 
     Raises:
         ProblemError: The cell contradicts its format or itself.

@@ -28,55 +28,9 @@ from tubeplanner.task.problem_format import (
     require_problem,
 )
 
-# ---- What a problem file must hold itself, so that with its included files it says something else.
+# ---- Problem files with another tube, base or ends: comments kept, relative paths adapted.
 
-
-def change_own(own: Any, merged: Any, wanted: Any) -> None:
-    """Change a file's own fields so that with what it includes they give what is wanted.
-
-    Comments stay; what need not be changed is left where it is.
-
-    Args:
-        own: The file's fields; they are changed.
-        merged: What they give with the included ones.
-        wanted: What they are to give: the same with other values, no key left out.
-    """
-    for key, value in wanted.items():
-        old = merged.get(key)
-        if value == old:
-            continue
-        if isinstance(value, dict) and isinstance(old, dict):
-            change_own(_own_part(own, key, {}), old, value)
-        elif old and value and is_named(old) and is_named(value) and len(old) == len(value):
-            _change_items(_own_part(own, key, []), old, value)
-        else:
-            own[key] = value
-
-
-def _change_items(own: Any, merged: Any, wanted: Any) -> None:
-    """Change a list of named items likewise."""
-    places = {item["name"]: k for k, item in enumerate(own)}
-    for old, value in zip(merged, wanted, strict=True):
-        if value == old:
-            continue
-        name = old["name"]
-        if name not in places:
-            places[name] = len(own)
-            own.append({"name": name})
-        change_own(_own_part(own, places[name], {}), old, value)
-
-
-def _own_part(own: Any, key: Any, empty: Any) -> Any:
-    """Return what a map or list holds, where a map may have nothing yet."""
-    held = own.get(key) if isinstance(own, dict) else own[key]
-    # A copy: an alias elsewhere in the file keeps what it stands for.
-    own[key] = empty if held is None else deepcopy(held)
-    return own[key]
-
-
-# ---- Problem files with another tube: comments and all else kept, relative paths valid from there.
-
-_MAX_LINE_LENGTH = 1000  # [characters]: lines are left as they were
+_MAX_LINE_LENGTH = 1000  # [characters]: no line is wrapped
 _MAX_REASON = 200  # [characters]
 _ORDER = ("format", "version", "include", "robot", "tube", "start", "goal")
 _MEASURED = ("radius", "cross_section", "joint_signs")
@@ -84,16 +38,16 @@ _CELL = ("obstacles", "clearance", "contacts", "collision")
 
 
 def read_fields(path: Path, changes: Mapping[str, Any] | None = None) -> Any:
-    """Return what a problem file holds, with its comments if it is YAML.
+    """Return the fields of a problem file, of YAML with comments.
 
     Args:
         path: The file.
         changes: Other values, by field path.
 
     Raises:
-        ProblemError: It cannot be read, holds no map or a cycle, or a path leads nowhere.
+        ProblemError: The file cannot be read, has no map or a cycle, or a path leads nowhere.
     """
-    plain = read_document(path)  # says what is wrong with it
+    plain = read_document(path)  # raises the clearer messages
     if not isinstance(plain, dict):
         raise ProblemError(f"{path}: a problem is a map with robot, tube and start")
     require_problem(plain, str(path))
@@ -106,7 +60,7 @@ def read_fields(path: Path, changes: Mapping[str, Any] | None = None) -> Any:
 
 
 def _with_comments(path: Path) -> Any:
-    """Return what a YAML file holds that can be read, with its comments."""
+    """Return the fields of a readable YAML file, with comments."""
     try:
         return _yaml().load(path.read_text("utf-8-sig"))
     except (YAMLError, ValueError, TypeError, RecursionError) as error:
@@ -118,15 +72,15 @@ def _with_comments(path: Path) -> Any:
 
 
 def included_fields(fields: Any, folder: Path, path: Path | None = None) -> Any:
-    """Return what a problem file's own fields give with what they include.
+    """Return the fields of a problem file with included files.
 
     Args:
         fields: Its own fields.
-        folder: Where their relative paths start.
-        path: The file, as messages call it; None: it is in no file.
+        folder: Base of their relative paths.
+        path: The file, for messages; None: not from a file.
 
     Raises:
-        ProblemError: An included file cannot be read or is none.
+        ProblemError: An included file cannot be read or is no problem.
     """
     return ProblemLayers.of(fields, folder, str(path or "the problem"), path).merged
 
@@ -137,7 +91,7 @@ def new_fields(urdf: str, tool_frame: str, cell: Path | None) -> Any:
     Args:
         urdf: As `robot.urdf`.
         tool_frame: As `robot.tool_frame`.
-        cell: A file whose obstacles, clearance and collision rules are taken; None: no obstacles.
+        cell: A file of obstacles, clearance and collision rules; None: no obstacles.
 
     Raises:
         ProblemError: The file cannot be read, or has no obstacles.
@@ -145,12 +99,12 @@ def new_fields(urdf: str, tool_frame: str, cell: Path | None) -> Any:
     robot = CommentedMap(urdf=urdf, tool_frame=tool_frame)
     fields = CommentedMap(format=PROBLEM_FORMAT, version=1, robot=robot)
     if cell is not None:
-        read = included_fields(read_fields(cell), cell.parent, cell)
-        if not read.get("obstacles"):
+        source = included_fields(read_fields(cell), cell.parent, cell)
+        if not source.get("obstacles"):
             raise ProblemError(f"{cell}: obstacles is required: a list of solids")
-        taken = {key: read[key] for key in _CELL if key in read}
-        move_paths(taken, cell.parent, Path())
-        fields.update(taken)
+        copied = {key: source[key] for key in _CELL if key in source}
+        move_paths(copied, cell.parent, Path())
+        fields.update(copied)
     return fields
 
 
@@ -158,9 +112,9 @@ def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProbl
     """Return a problem file's contents with a problem's tube, start and goal.
 
     Args:
-        fields: What a problem file holds; it is changed.
-        folder: Where its relative paths start.
-        target: Where the contents will be; its ending says whether they are JSON or YAML.
+        fields: Fields of a problem file; they are changed.
+        folder: Base of their relative paths.
+        target: Path of the contents; its ending chooses JSON or YAML.
         problem: Its tube and its ends, configurations, are written.
     """
     below = ProblemLayers.of(fields, folder, "the problem").below
@@ -168,7 +122,9 @@ def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProbl
     changes: dict[str, Any] = {"tube": _tube_fields(problem.tube)}
     for end, q in (("start", problem.start), ("goal", problem.goal)):
         assert isinstance(q, np.ndarray)
-        if not _has_joints(merged.get(end)):
+        end_fields = merged.get(end)
+        # A configuration of the file is kept as it is written.
+        if not (isinstance(end_fields, dict) and end_fields.get("joints") is not None):
             changes[end] = _in_a_row({"joints": _in_a_row(q.tolist())})
     for key, value in changes.items():
         alone = _alone(value, below.get(key), TubeFields if key == "tube" else EndpointFields)
@@ -179,20 +135,15 @@ def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProbl
     return _contents(fields, folder, target)
 
 
-def _has_joints(end: Any) -> bool:
-    """Return whether start or goal is a configuration, which is kept as it is written."""
-    return isinstance(end, dict) and end.get("joints") is not None
-
-
 def _alone(value: Any, below: Any, model: type[Section]) -> Any:
-    """Return a map that means the same above another one: it has defaults for that one's keys."""
+    """Return a map with defaults for keys of a lower layer, so that merging keeps its meaning."""
     if not isinstance(below, dict):
         return value
     for key in below:
         if key not in value:
             value[key] = model.model_fields[key].default
     if isinstance(value.get("joint_signs"), dict) and below.get("joint_signs"):
-        # One map would be merged; a list is replaced.
+        # A map would be merged; a list replaces the lower layer's.
         value["joint_signs"] = [deepcopy(value["joint_signs"]) for _ in value["radius"]]
     return value
 
@@ -200,20 +151,20 @@ def _alone(value: Any, below: Any, model: type[Section]) -> Any:
 def with_other_tube(
     source: Path, target: Path, tube: Tube, changes: Mapping[str, Any] | None = None
 ) -> bytes:
-    """Return a problem file's contents with other radii and joint signs, for another place.
+    """Return a problem file's contents with other radii and joint signs, for another folder.
 
     Args:
         source: A valid problem file.
-        target: Where the contents will be; its ending says whether they are JSON or YAML.
-        tube: Its radii, boxes and joint ranges are written, and its points, if the file names
-            another one that has them or points were left out.
+        target: Path of the contents; its ending chooses JSON or YAML.
+        tube: Its radii, boxes and joint ranges are written; its points too if the file refers to
+            points of another file, or if points were left out.
         changes: Other values of the file, by field path.
     """
     fields, other = read_fields(source, changes), _tube_fields(tube)
     below = ProblemLayers.of(fields, source.parent, str(source)).below.get("tube") or {}
     own = fields.setdefault("tube", CommentedMap())
-    written = merged_fields(below, own)["points"]
-    if isinstance(written, str) or len(written) != len(tube.points):
+    file_points = merged_fields(below, own)["points"]
+    if isinstance(file_points, str) or len(file_points) != len(tube.points):
         own["points"] = other["points"]
         for key, values in (_rotation_fields(tube) | _speed_fields(tube)).items():
             own[key] = values
@@ -234,12 +185,12 @@ def with_placement(
     placement: Mapping[str, Any],
     changes: Mapping[str, Any] | None = None,
 ) -> bytes:
-    """Return a problem file's contents with the robot at another place, for another folder.
+    """Return a problem file's contents with another base of the robot, for another folder.
 
     Args:
         source: A valid problem file.
-        target: Where the contents will be; its ending says whether they are JSON or YAML.
-        placement: What the place changes, as a `Placement` has it: `robot.base`, start and goal.
+        target: Path of the contents; its ending chooses JSON or YAML.
+        placement: Changes of a `Placement`: `robot.base`, start and goal.
         changes: Other values of the file, by field path.
     """
     fields = read_fields(source, changes)
@@ -274,66 +225,64 @@ def _tube_fields(tube: Tube) -> CommentedMap:
     if tube.cross_section is not None:
         radii = zip(tube.radius.tolist(), tube.is_box, strict=True)
         fields["radius"] = _in_a_row([None if is_box else radius for radius, is_box in radii])
-        fields["cross_section"] = _in_a_row([_box(row) for row in tube.cross_section.tolist()])
+        sections = map(_box, tube.cross_section.tolist())
+        fields["cross_section"] = _in_a_row(list(sections))
     fields["joint_signs"] = signs
     fields.update(_speed_fields(tube))
     return fields
 
 
 def _box(section: Sequence[float]) -> Any:
-    """Return the cross-section of a segment as a file has it; None for a disc."""
+    """Return the cross-section of a segment for a file; None for a disc."""
     if not any(section):
         return None
     return _in_a_row({"box": _in_a_row(section[:2]), "up": _in_a_row(section[2:])})
 
 
 def _rotation_fields(tube: Tube) -> dict[str, Any]:
-    """Return the orientations and their tolerances, as a file has them, if there are any."""
+    """Return the fields of orientations and their tolerances, if any."""
     if tube.orientations is None or tube.rotation_tolerance is None:
         return {}
     entries = tube.rotation_tolerance
     bounds = [_in_a_row(list(b)) if isinstance(b, tuple) else b for b in entries]
     orientations = [_in_a_row(q) for q in tube.orientations.tolist()]
-    return {
-        "orientations": _in_a_row(orientations),
-        "rotation_tolerance": _in_a_row(bounds),
-    }
+    return {"orientations": _in_a_row(orientations), "rotation_tolerance": _in_a_row(bounds)}
 
 
 def _speed_fields(tube: Tube) -> dict[str, Any]:
-    """Return the limits on the tool's speed, as a file has them, if there are any."""
+    """Return the fields of limits on the tool's speed, if any."""
     if tube.tool_speed is None:
         return {}
     return {"tool_speed": _numbers_or_none(tube.tool_speed)}
 
 
 def _numbers_or_none(values: FloatArray) -> Any:
-    """Return a number of each segment as a file has it, null where it is infinite."""
+    """Return the number of each segment for a file, null where infinite."""
     return _in_a_row([value if np.isfinite(value) else None for value in values.tolist()])
 
 
 def _signs(ranges: Mapping[str, JointRange]) -> dict[str, Any]:
-    """Return joint ranges as a file has them, signs where they say the same."""
+    """Return joint ranges for a file, as signs where equivalent."""
     pairs = ranges.items()
     return {name: sign_of(bounds) or _in_a_row(list(bounds)) for name, bounds in pairs}
 
 
 def _in_a_row(values: Sequence[Any] | Mapping[str, Any]) -> Any:
-    """Return a list or map that YAML has on one line."""
+    """Return a list or map that YAML writes on a single line."""
     row: Any = CommentedMap(values) if isinstance(values, Mapping) else CommentedSeq(values)
     row.fa.set_flow_style()
     return row
 
 
 def _insert(fields: Any, key: str, value: Any) -> None:
-    """Put a key where a reader expects it: tube, start and goal in this order, after the robot."""
+    """Put a key into its usual place: tube, start and goal in this order, after the robot."""
     names = list(fields)
     before = _ORDER[: _ORDER.index(key)]
-    place = 1 + max((names.index(name) for name in before if name in fields), default=-1)
+    index = 1 + max((names.index(name) for name in before if name in fields), default=-1)
     if isinstance(fields, CommentedMap):
-        fields.insert(place, key, value)
+        fields.insert(index, key, value)
         return
-    rest = list(fields.items())[place:]
+    rest = list(fields.items())[index:]
     for name, _ in rest:
         del fields[name]
     fields.update({key: value, **dict(rest)})
@@ -345,3 +294,49 @@ def _yaml() -> YAML:
     yaml.width = _MAX_LINE_LENGTH
     yaml.indent(mapping=2, sequence=4, offset=2)
     return yaml
+
+
+# ---- Changes of a file's own fields for a wanted result with its included files.
+
+
+def change_own(own: Any, merged: Any, wanted: Any) -> None:
+    """Change a file's own fields to give target values with included files.
+
+    Comments stay; fields that need no change are untouched.
+
+    Args:
+        own: The file's fields; they are changed.
+        merged: Its fields with included files.
+        wanted: Target of the merged fields: the same with other values, no key left out.
+    """
+    for key, value in wanted.items():
+        old = merged.get(key)
+        if value == old:
+            continue
+        if isinstance(value, dict) and isinstance(old, dict):
+            change_own(_own_part(own, key, {}), old, value)
+        elif old and value and is_named(old) and is_named(value) and len(old) == len(value):
+            _change_items(_own_part(own, key, []), old, value)
+        else:
+            own[key] = value
+
+
+def _change_items(own: Any, merged: Any, wanted: Any) -> None:
+    """Change a list of named items to give target items with included files."""
+    indices = {item["name"]: k for k, item in enumerate(own)}
+    for old, value in zip(merged, wanted, strict=True):
+        if value == old:
+            continue
+        name = old["name"]
+        if name not in indices:
+            indices[name] = len(own)
+            own.append({"name": name})
+        change_own(_own_part(own, indices[name], {}), old, value)
+
+
+def _own_part(own: Any, key: Any, empty: Any) -> Any:
+    """Return a copied entry of a map or list, new in a map without the entry."""
+    part = own.get(key) if isinstance(own, dict) else own[key]
+    # A copy: an alias elsewhere in the file keeps its value.
+    own[key] = empty if part is None else deepcopy(part)
+    return own[key]

@@ -2,13 +2,12 @@
 
 The acceleration of a time-optimal trajectory has kinks between samples, the sharpest at its ends,
 where it rises to a limit within a fraction of a period. Polynomials through samples cannot follow:
-they swing past the limit, by up to a third of it. Where they do, the trajectory is averaged over
-about a period to either side: a uniform cubic spline whose control points lie on the trajectory
-(Schoenberg's operator; de Boor, "A Practical Guide to Splines", chapter XI). Its velocities,
-accelerations and jerks are means of the trajectory's, so that they keep its limits, and between
-samples it is a cubic, so that joining them gives it back. It begins and ends a period late; the
-limits of effort, which means keep but nearly, are checked, and more periods are taken until they
-hold.
+they exceed the limit, by up to a third of it. Such trajectories are averaged over about a period
+to either side: a uniform cubic spline whose control points lie on the trajectory (Schoenberg's
+operator; de Boor, "A Practical Guide to Splines", chapter XI). Its velocities, accelerations and
+jerks are means of the trajectory's, so that they keep its limits, and between samples it is a
+cubic, so that joined samples reproduce the spline. It begins and ends a period late. The limits of
+effort, which means keep only nearly, are checked, and more periods are taken until they hold.
 """
 
 from collections.abc import Iterator
@@ -30,12 +29,10 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectoryS
 from tubeplanner.trajectory.parts import resting
 from tubeplanner.trajectory.reader import joined_samples
 
-# ---- Samples at a rate that keep the limits when polynomials join them.
-
-# Averaging tries at most this many periods; slowing down ends where the trajectory takes this much
-# longer.
+# Averaging begins with at least `_MIN_PERIODS` periods; averaging and slowing down end at
+# `_MAX_SLOWED` times the trajectory's periods or duration.
 _MIN_PERIODS, _MAX_SLOWED = 6, 2.0
-# Limits hold when the joined samples need no more than this share of their time more.
+# Limits hold when the joined samples need no more than this fraction of their time more.
 _RUN_OVER = 1e-6
 
 
@@ -44,11 +41,11 @@ class ExportSamples:
     """Samples of a trajectory, for a file.
 
     Attributes:
-        samples: One every period, the last one at their duration.
+        samples: A sample per period, the last one at their duration.
         rate: [Hz].
-        slowed: By which share they last longer than the trajectory; 0 if they lie on it.
-        note: How the samples differ from the trajectory, or what joining them violates; None:
-            nothing.
+        slowed: Excess of their duration over the trajectory's, as a fraction; 0 if they lie on it.
+        note: Difference to the trajectory, or conditions that the joined samples violate; None:
+            neither.
     """
 
     samples: TrajectorySamples
@@ -75,101 +72,85 @@ def samples_for_export(
         TrajectoryError: The rate is not positive, or makes too many samples.
     """
     samples = trajectory.sample(rate)
-    broken = _broken(problem, trajectory, samples)
-    if broken is None:
+    failures = _failures(problem, _joined(trajectory, samples))
+    if failures is None:
         return ExportSamples(samples, rate, 0.0, None)
-    for how, found in _gentler(problem, trajectory, rate):
-        if _broken(problem, trajectory, found) is None:
-            slowed = found.time[-1] / trajectory.duration - 1
-            note = (
-                f"CSV and ROS samples at {rate:g} Hz are {how} and last {found.time[-1]:.4f} s, "
-                f"{100 * slowed:.2g} % longer than the trajectory, so that the limits hold "
-                "between samples too"
-            )
-            return ExportSamples(found, rate, slowed, note)
-    return ExportSamples(samples, rate, 0.0, _blame(problem, trajectory, rate, broken))
-
-
-def _broken(
-    problem: PlanningProblem, trajectory: JointTrajectory, samples: TrajectorySamples
-) -> str | None:
-    """Return the conditions that joined samples violate, None if they pass."""
-    return _failed(problem, _joined(trajectory, samples))
-
-
-def _failed(problem: PlanningProblem, trajectory: JointTrajectory) -> str | None:
-    return ", ".join(verify(problem, trajectory, FOREIGN_TOLERANCE).failures()) or None
-
-
-def _blame(problem: PlanningProblem, trajectory: JointTrajectory, rate: float, broken: str) -> str:
-    """Return the note on samples that break conditions: is it the trajectory, or the rate?"""
-    itself = _failed(problem, trajectory)
-    if itself is not None:
-        return (
-            "CSV and ROS samples are of the trajectory as it is, which itself breaks the "
-            f"conditions {itself}"
+    for method, how in (
+        (_averaged, "averaged over neighbouring periods"),
+        (_slowed, "slowed down"),
+    ):
+        gentler = method(problem, trajectory, rate)
+        if gentler is None or _failures(problem, _joined(trajectory, gentler)) is not None:
+            continue
+        slowed = gentler.time[-1] / trajectory.duration - 1
+        note = (
+            f"CSV and ROS samples at {rate:g} Hz are {how} and last {gentler.time[-1]:.4f} s, "
+            f"{100 * slowed:.2g} % longer than the trajectory, so that the limits hold "
+            "between samples too"
         )
-    return (
-        f"CSV and ROS samples at {rate:g} Hz are too few: joined by polynomials, they break the "
-        f"conditions {broken}; raise the rate"
-    )
+        return ExportSamples(gentler, rate, slowed, note)
+    own_failures = _failures(problem, trajectory)
+    if own_failures is not None:
+        note = (
+            "CSV and ROS samples are of the trajectory as it is, which itself breaks the "
+            f"conditions {own_failures}"
+        )
+    else:
+        note = (
+            f"CSV and ROS samples at {rate:g} Hz are too few: joined by polynomials, they break "
+            f"the conditions {failures}; raise the rate"
+        )
+    return ExportSamples(samples, rate, 0.0, note)
 
 
-def _gentler(
-    problem: PlanningProblem, trajectory: JointTrajectory, rate: float
-) -> Iterator[tuple[str, TrajectorySamples]]:
-    """Yield samples that keep all limits when joined: averaged, then slowed down alone."""
-    averaged = _averaged(problem, trajectory, rate)
-    if averaged is not None:
-        yield "averaged over neighbouring periods", averaged
-    slowed = _slowed(problem, trajectory, rate)
-    if slowed is not None:
-        yield "slowed down", slowed
+def _failures(problem: PlanningProblem, trajectory: JointTrajectory) -> str | None:
+    """Return the conditions that a trajectory violates; None without violations."""
+    return ", ".join(verify(problem, trajectory, FOREIGN_TOLERANCE).failures()) or None
 
 
 def _averaged(
     problem: PlanningProblem, trajectory: JointTrajectory, rate: float
 ) -> TrajectorySamples | None:
-    """Return samples of the trajectory averaged, in the fewest periods that keep the limits."""
+    """Return averaged samples, in the fewest periods that keep the limits; None: too many."""
     fewest = max(int(np.ceil(trajectory.duration * rate)), _MIN_PERIODS)
     periods = fewest
     while periods <= _MAX_SLOWED * fewest:
         average = averaged(trajectory, periods, periods / rate)
-        needed = _needed(problem, average)
-        if needed <= 1 + _RUN_OVER:
+        stretch = _required_stretch(problem, average)
+        if stretch <= 1 + _RUN_OVER:
             return average.at(np.arange(periods + 1) / rate)
-        periods += max(1, int((needed - 1) * periods))
+        periods += max(1, int((stretch - 1) * periods))
     return None
 
 
 def _slowed(
     problem: PlanningProblem, trajectory: JointTrajectory, rate: float
 ) -> TrajectorySamples | None:
-    """Return samples on the trajectory, run slowly enough to keep the limits when joined."""
+    """Return samples slow enough to keep the limits when joined; None: too slow."""
     factor = 1.0
     while factor <= _MAX_SLOWED:
         samples = trajectory.scaled(factor).sample(rate)
-        needed = _needed(problem, _joined(trajectory, samples))
-        if needed <= 1 + _RUN_OVER:
+        stretch = _required_stretch(problem, _joined(trajectory, samples))
+        if stretch <= 1 + _RUN_OVER:
             return samples
-        factor *= needed
+        factor *= stretch
     return None
 
 
-def _needed(problem: PlanningProblem, average: JointTrajectory) -> float:
-    """Return which share of its duration a trajectory needs to keep the limits."""
+def _required_stretch(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
+    """Return the factor by which a trajectory must last longer to keep the limits."""
     try:
-        return minimum_duration(problem, average) / average.duration
-    except Infeasible:  # gravity alone exceeds a motor where the joined samples lead
+        return minimum_duration(problem, trajectory) / trajectory.duration
+    except Infeasible:  # gravity alone exceeds a motor at the joined samples
         return np.inf
 
 
 def _joined(trajectory: JointTrajectory, samples: TrajectorySamples) -> JointTrajectory:
-    known = (samples.position, samples.velocity, samples.acceleration)
-    return joined_samples(trajectory.joint_names, samples.time, known)
+    rows = (samples.position, samples.velocity, samples.acceleration)
+    return joined_samples(trajectory.joint_names, samples.time, rows)
 
 
-# ---- Samples of the motion of a cycle at a rate: move after move, and the rests between them.
+# ---- Samples of the motion of a cycle: legs in turn, and the rests between legs.
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,8 +158,8 @@ class CycleSamples:
     """Samples of all legs of a motion.
 
     Attributes:
-        motion: What they are of.
-        legs: Each leg's, from time zero.
+        motion: The motion.
+        legs: Samples of each leg, from time zero.
         rate: [Hz].
     """
 
@@ -188,7 +169,7 @@ class CycleSamples:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """How samples differ from the motion, and when moves begin if that is later."""
+        """Differences of samples to the motion, and begins of moves if they are later."""
         notes = [
             f"move '{leg.name}': {sampled.note}"
             for leg, sampled in zip(self.motion.cycle.legs, self.legs, strict=True)
@@ -203,18 +184,18 @@ class CycleSamples:
 
     @property
     def begins(self) -> list[float]:
-        """When each leg begins, all of them one after the other [s]."""
-        cycle, time, found = self.motion.cycle, 0.0, []
+        """Begin of each leg in the motion of the samples [s]."""
+        cycle, time, result = self.motion.cycle, 0.0, []
         for k, sampled in enumerate(self.legs):
             time += cycle.rest_at(k).duration
-            found.append(time)
+            result.append(time)
             time += float(sampled.samples.time[-1])
-        return found
+        return result
 
     def whole(self) -> tuple[TrajectorySamples, FloatArray]:
-        """Return samples of all, rests included, and what the motors give, shape (N, n) [N m or N].
+        """Return samples of legs and rests, and motor efforts, shape (N, n) [N m or N].
 
-        Where the tool takes something or lets it go, the motors give what holds from then on.
+        At the instant at which the tool takes or releases a part, efforts are those after it.
         """
         tables, begin = [], 0.0
         for samples, effort in self._parts():
@@ -237,7 +218,7 @@ class CycleSamples:
         yield from self._dwells(cycle.after, seams[-1])
 
     def _dwells(self, rest: Rest, q: FloatArray) -> Iterator[tuple[TrajectorySamples, FloatArray]]:
-        """Yield the same of every dwell of a rest in a configuration (n,)."""
+        """Yield samples and efforts of every dwell of a rest in a configuration (n,)."""
         for step, arm in zip(rest.steps, rest.arms[1:], strict=True):
             if isinstance(step, Event) and step.dwell > 0:
                 samples = resting(arm.joint_names, q, step.dwell).sample(self.rate)

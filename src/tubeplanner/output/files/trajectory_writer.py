@@ -1,4 +1,4 @@
-"""Trajectories and cycles as JSON, CSV, ROS; default sample rate."""
+"""Trajectories and cycles written as JSON, CSV or ROS messages."""
 
 import csv
 import io
@@ -26,107 +26,7 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectoryS
 from tubeplanner.trajectory.reader import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
 from tubeplanner.writing import require_writable, write_files
 
-# ---- Trajectories as text: our JSON, CSV, ROS.
-
-
-def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
-    """Return a trajectory file.
-
-    Args:
-        trajectory: What to write.
-        more: Further keys, such as `method`.
-    """
-    fields = {
-        "format": TRAJECTORY_FORMAT,
-        "version": TRAJECTORY_VERSION,
-        "joint_names": list(trajectory.joint_names),
-        "duration": trajectory.duration,
-        "breakpoints": trajectory.breakpoints.tolist(),
-        "coefficients": trajectory.coefficients.tolist(),
-        **more,
-    }
-    return json.dumps(fields, allow_nan=False) + "\n"
-
-
-def trajectory_csv(
-    joint_names: Sequence[str], samples: TrajectorySamples, effort: FloatArray | None = None
-) -> str:
-    """Return samples as CSV: time, positions, velocities, accelerations and, if given, efforts.
-
-    Args:
-        joint_names: In the order of the samples.
-        samples: What to write.
-        effort: At the samples, shape (N, n) [N m or N]; None: no columns of them.
-
-    Raises:
-        OutputError: A joint's name would be a formula to spreadsheets.
-    """
-    require_no_formula(joint_names)
-    columns = {
-        "position": samples.position,
-        "velocity": samples.velocity,
-        "acceleration": samples.acceleration,
-    }
-    if effort is not None:
-        columns["effort"] = effort
-    header = ["time"] + [f"{name}.{what}" for what in columns for name in joint_names]
-    table = np.column_stack([samples.time, *columns.values()])
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerow(header)
-    stream.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
-    return stream.getvalue()
-
-
-def require_no_formula(joint_names: Sequence[str]) -> None:
-    """Raise unless spreadsheets take all names of joints, as columns of a CSV file, for text.
-
-    Raises:
-        OutputError: A name begins as a formula does, which they would run.
-    """
-    for name in joint_names:
-        if name.lstrip().startswith(FORMULA_BEGINS):
-            raise OutputError(
-                f"CSV: the column of joint {shown(name)} would begin with '{name.lstrip()[0]}', "
-                "a formula to spreadsheets; rename the joint, or write JSON or ROS"
-            )
-
-
-def trajectory_ros(joint_names: Sequence[str], samples: TrajectorySamples, *comments: str) -> str:
-    """Return samples as a trajectory_msgs/JointTrajectory in YAML, without efforts.
-
-    Args:
-        joint_names: In the order of the samples.
-        samples: What to write.
-        comments: Sentences that come first, as YAML comments.
-    """
-    lines = [f"# {comment}" for comment in comments]
-    lines += ["joint_names:", *(f"- {json.dumps(name)}" for name in joint_names)]
-    lines.append("points:")
-    rows = zip(
-        samples.time.tolist(),
-        samples.position.tolist(),
-        samples.velocity.tolist(),
-        samples.acceleration.tolist(),
-        strict=True,
-    )
-    for time, position, velocity, acceleration in rows:
-        nanoseconds = round(time * 1e9)
-        lines.append(f"- positions: {_ros_list(position)}")
-        lines.append(f"  velocities: {_ros_list(velocity)}")
-        lines.append(f"  accelerations: {_ros_list(acceleration)}")
-        seconds, rest = divmod(nanoseconds, 10**9)
-        lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
-    return "\n".join(lines) + "\n"
-
-
-def _ros_list(values: list[float]) -> str:
-    # YAML 1.1 readers take 1e-05 for a string: a number needs its point.
-    words = [repr(value) for value in values]
-    words = [word if "." in word else word.replace("e", ".0e") for word in words]
-    return "[" + ", ".join(words) + "]"
-
-
-# ---- Trajectories written as our JSON, CSV or ROS: what `save` and the command line share.
+# ---- Files of a trajectory.
 
 _RATE = 500.0  # [Hz]
 _FORMATS = {".json": "json", ".csv": "csv", ".yaml": "ros", ".yml": "ros"}
@@ -134,14 +34,14 @@ _FORMATS = {".json": "json", ".csv": "csv", ".yaml": "ros", ".yml": "ros"}
 
 @dataclass(frozen=True)
 class TrajectoryFiles:
-    """The files that a trajectory is to be written to; None where one is not wanted.
+    """Output files of a trajectory; None for a format without a file.
 
     Attributes:
         json: The trajectory itself.
         csv: Its samples.
         ros: Its samples as trajectory_msgs/JointTrajectory, in YAML.
-        rate: Of the samples [Hz]; None: one every period of the problem's controller, 500 Hz if
-            that is not given.
+        rate: Of the samples [Hz]; None: a sample per period of the problem's controller, 500 Hz
+            without a period.
 
     Raises:
         OptionError: On construction, if the rate is not positive and finite.
@@ -162,13 +62,13 @@ class TrajectoryFiles:
         problem: PlanningProblem | None = None,
         method: str | None = None,
     ) -> tuple[dict[Path, bytes], tuple[str, ...]]:
-        """Return what belongs into the files, and notes about it.
+        """Return the contents of the files, and notes about samples.
 
         Args:
-            trajectory: What to write; if there is a problem, of its joints, in their order.
+            trajectory: The trajectory; with a problem, of its joints, in their order.
             problem: For hashes, efforts, and samples that keep the limits when joined; None: none
                 of these.
-            method: How the trajectory was made, for the JSON.
+            method: Method of planning, for the JSON.
 
         Raises:
             TrajectoryError: The rate makes too many samples.
@@ -189,7 +89,7 @@ class TrajectoryFiles:
         return {path: text.encode() for path, text in texts.items()}, notes
 
     def sample_rate(self, period: float | None) -> float:
-        """Return the rate of the samples [Hz], for a controller's period [s] or none."""
+        """Return the rate of the samples [Hz], for a controller's period [s] or None."""
         return self.rate or (_RATE if period is None else 1 / period)
 
     def _samples(
@@ -203,7 +103,7 @@ class TrajectoryFiles:
 
 
 def files_at(path: str | Path, rate: float | None = None) -> TrajectoryFiles:
-    """Return the one file at a path, in the format that its ending chooses.
+    """Return the file at a path, in the format of its ending.
 
     Raises:
         OutputError: There is no such format.
@@ -239,7 +139,7 @@ def write_trajectory(
     return notes
 
 
-# ---- The motion of a cycle written as our JSON, CSV or ROS.
+# ---- Files of the motion of a cycle.
 
 
 def write_cycle_motion(
@@ -248,16 +148,16 @@ def write_cycle_motion(
     """Write the motion of a cycle to a file; its ending chooses the format.
 
     Args:
-        path: `.json` (with marks, for `read_cycle_motion`), `.csv`, or `.yaml` (ROS, one message
-            for every stretch without a stop); replaced as a whole or not at all.
+        path: `.json` (with marks, for `read_cycle_motion`), `.csv`, or `.yaml` (ROS, a message for
+            every leg); replaced as a whole or not at all.
         motion: As in the result of `plan_cycle`.
-        rate: Of samples [Hz]; None: one every period of the cycle's controller, or 500.
+        rate: Of samples [Hz]; None: a sample per period of the cycle's controller, or 500 Hz.
 
     Returns:
         Notes about the samples.
 
     Raises:
-        OutputError: It cannot be written, or the ending is unknown.
+        OutputError: The file cannot be written, or its ending is unknown.
         OptionError: The rate is not positive and finite.
         TrajectoryError: The rate makes too many samples.
     """
@@ -271,15 +171,15 @@ def write_cycle_motion(
 def cycle_contents(
     files: TrajectoryFiles, motion: CycleMotion, method: str | None
 ) -> tuple[dict[Path, bytes], tuple[str, ...]]:
-    """Return what belongs into the files of a cycle's motion, and notes about it.
+    """Return the contents of the files of a cycle's motion, and notes about samples.
 
-    The JSON has all of it, with marks. CSV has samples of all, rests included, and efforts with
-    what is carried then. ROS has a message for every leg, as YAML documents.
+    The JSON has the whole motion, with marks. CSV has samples of legs and rests, and efforts with
+    the parts carried at the time. ROS has a message for every leg, as YAML documents.
 
     Args:
-        files: Which ones.
+        files: The files.
         motion: A certified answer.
-        method: How it was made, for the JSON; None: not known.
+        method: Method of planning, for the JSON; None: not known.
 
     Raises:
         TrajectoryError: The rate makes too many samples.
@@ -288,9 +188,8 @@ def cycle_contents(
     notes: tuple[str, ...] = ()
     if files.json is not None:
         marks = [mark.as_dict() for mark in motion.marks]
-        texts[files.json] = trajectory_json(
-            motion.trajectory, marks=marks, **_origin(motion, method)
-        )
+        fields = {"marks": marks, **_origin(motion, method)}
+        texts[files.json] = trajectory_json(motion.trajectory, **fields)
     if files.csv is not None or files.ros is not None:
         samples = cycle_samples(motion, files.sample_rate(motion.cycle.period))
         notes = samples.notes
@@ -314,7 +213,7 @@ def _origin(motion: CycleMotion, method: str | None) -> dict[str, Any]:
 
 
 def _ros_documents(samples: CycleSamples) -> str:
-    """Return a message for every leg, each with comments on its moves and the rests beside it."""
+    """Return a message for every leg, with comments on its move and the rests beside the leg."""
     cycle = samples.motion.cycle
     names, last = cycle.robot.joint_names, len(cycle.legs) - 1
     documents = []
@@ -329,3 +228,97 @@ def _ros_documents(samples: CycleSamples) -> str:
             comments.append(sampled.note)
         documents.append(trajectory_ros(names, sampled.samples, *comments))
     return "---\n".join(documents)
+
+
+# ---- The formats.
+
+
+def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
+    """Return a trajectory file.
+
+    Args:
+        trajectory: The trajectory.
+        more: Further keys, such as `method`.
+    """
+    fields = {
+        "format": TRAJECTORY_FORMAT,
+        "version": TRAJECTORY_VERSION,
+        "joint_names": list(trajectory.joint_names),
+        "duration": trajectory.duration,
+        "breakpoints": trajectory.breakpoints.tolist(),
+        "coefficients": trajectory.coefficients.tolist(),
+        **more,
+    }
+    return json.dumps(fields, allow_nan=False) + "\n"
+
+
+def trajectory_csv(
+    joint_names: Sequence[str], samples: TrajectorySamples, effort: FloatArray | None = None
+) -> str:
+    """Return samples as CSV: time, positions, velocities, accelerations and, if known, efforts.
+
+    Args:
+        joint_names: In the order of the samples.
+        samples: The samples.
+        effort: At the samples, shape (N, n) [N m or N]; None: without effort columns.
+
+    Raises:
+        OutputError: A joint's name would be a formula to spreadsheets.
+    """
+    require_no_formula(joint_names)
+    columns = {
+        "position": samples.position,
+        "velocity": samples.velocity,
+        "acceleration": samples.acceleration,
+    }
+    if effort is not None:
+        columns["effort"] = effort
+    header = ["time"] + [f"{name}.{what}" for what in columns for name in joint_names]
+    table = np.column_stack([samples.time, *columns.values()])
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerow(header)
+    stream.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+    return stream.getvalue()
+
+
+def require_no_formula(joint_names: Sequence[str]) -> None:
+    """Raise an error if spreadsheets take a joint's column for a formula.
+
+    Raises:
+        OutputError: A name begins as a formula does, which spreadsheets would run.
+    """
+    for name in joint_names:
+        if name.lstrip().startswith(FORMULA_BEGINS):
+            raise OutputError(
+                f"CSV: the column of joint {shown(name)} would begin with '{name.lstrip()[0]}', "
+                "a formula to spreadsheets; rename the joint, or write JSON or ROS"
+            )
+
+
+def trajectory_ros(joint_names: Sequence[str], samples: TrajectorySamples, *comments: str) -> str:
+    """Return samples as a trajectory_msgs/JointTrajectory in YAML, without efforts.
+
+    Args:
+        joint_names: In the order of the samples.
+        samples: The samples.
+        comments: Sentences, written first as YAML comments.
+    """
+    lines = [f"# {comment}" for comment in comments]
+    lines += ["joint_names:", *(f"- {json.dumps(name)}" for name in joint_names)]
+    lines.append("points:")
+    columns = (samples.time, samples.position, samples.velocity, samples.acceleration)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    for time, position, velocity, acceleration in rows:
+        lines.append(f"- positions: {_ros_list(position)}")
+        lines.append(f"  velocities: {_ros_list(velocity)}")
+        lines.append(f"  accelerations: {_ros_list(acceleration)}")
+        seconds, rest = divmod(round(time * 1e9), 10**9)
+        lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
+    return "\n".join(lines) + "\n"
+
+
+def _ros_list(values: list[float]) -> str:
+    # YAML 1.1 readers take 1e-05 for a string: a number needs its point.
+    words = [repr(value) for value in values]
+    words = [word if "." in word else word.replace("e", ".0e") for word in words]
+    return "[" + ", ".join(words) + "]"
