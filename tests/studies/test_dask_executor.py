@@ -258,8 +258,8 @@ def test_whatever_a_client_says_of_an_address_is_told(error, monkeypatch):
 )
 def test_what_is_wrong_with_workers_is_said(worker, threads, reason, monkeypatch):
     monkeypatch.setattr(module, "package_hash", lambda: "ours")
-    assert module._wrong(worker, threads).startswith(reason)
-    assert module._wrong(("ours", "1"), 1) == ""
+    assert module._fault(worker, threads).startswith(reason)
+    assert module._fault(("ours", "1"), 1) == ""
 
 
 def test_without_dask_the_command_that_installs_it_is_told(monkeypatch):

@@ -36,7 +36,7 @@ def post(bundled):
 
 @pytest.fixture(autouse=True)
 def knows_none(monkeypatch):
-    monkeypatch.setattr(parcel_module, "_known", {})
+    monkeypatch.setattr(parcel_module, "_scenes", {})
 
 
 def narrower(problem, share):
@@ -67,7 +67,7 @@ def test_problems_of_one_scene_share_it_there_too(post):
 
 
 def test_of_many_scenes_the_latest_are_kept(post, monkeypatch):
-    monkeypatch.setattr(parcel_module, "_KEPT", 2)
+    monkeypatch.setattr(parcel_module, "_MAX_SCENES", 2)
     packer = Packer()
     first, second, third = (packer.pack(replace(post, clearance=c)) for c in (0.0, 0.001, 0.002))
     packs = [replace(first, scene_hash=name) for name in "abc"]
@@ -75,7 +75,7 @@ def test_of_many_scenes_the_latest_are_kept(post, monkeypatch):
     packs[1].unpacked()
     assert packs[0].unpacked().scene is scene  # used again: the other is the oldest now
     packs[2].unpacked()
-    assert list(parcel_module._known) == ["a", "c"]
+    assert list(parcel_module._scenes) == ["a", "c"]
     assert {second.scene_hash, third.scene_hash} == {first.scene_hash}
 
 

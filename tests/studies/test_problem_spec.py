@@ -47,7 +47,7 @@ POST = "example:two_link/around_a_post"
 
 @pytest.fixture(autouse=True)
 def knows_none(monkeypatch):
-    monkeypatch.setattr(posed_problem, "_known", {})
+    monkeypatch.setattr(posed_problem, "_cells", {})
 
 
 @pytest.fixture
@@ -214,7 +214,7 @@ def test_robot_and_solids_are_built_once():
 
 
 def test_of_many_cells_those_used_last_are_kept(monkeypatch):
-    monkeypatch.setattr(posed_problem, "_KEPT", 2)
+    monkeypatch.setattr(posed_problem, "_MAX_CELLS", 2)
     posed = PosedProblem.read(POST)
     moved = [posed.changed({"obstacles.post.position": [0.5, y, 0]}) for y in (0.3, 0.4)]
     robot = posed.load().robot
@@ -222,7 +222,7 @@ def test_of_many_cells_those_used_last_are_kept(monkeypatch):
     assert posed.load().robot is robot  # used again: the other is the oldest now
     moved[1].load()
     assert posed.load().robot is robot
-    assert len(posed_problem._known) == 2
+    assert len(posed_problem._cells) == 2
 
 
 def test_a_mesh_that_changes_is_read_again(tmp_path, bundled):

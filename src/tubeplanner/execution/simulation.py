@@ -29,7 +29,6 @@ from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.demands import COMPUTED_TORQUE, Robustness
-from tubeplanner.task.legs import RestStep
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach, Detach
 from tubeplanner.text import short_repr
@@ -135,7 +134,9 @@ def executed_stages(
     trajectory = trajectory.reordered(stages[0].robot.joint_names)
     periods = int(np.ceil((trajectory.duration + AFTERWARDS) / control_period))
     time = np.arange(periods + 1, dtype=np.float64) * float(control_period)
-    lasting = _lasting(stages, time)
+    begins = [last_instant(time, stage.begin) for stage in stages]
+    spans = zip(stages, begins, [*begins[1:], len(time)], strict=True)
+    lasting = [(stage, first, stop) for stage, first, stop in spans if first < stop]
     run = _Run(lasting[0][0], time, trajectory.position(time[:1]), step)
     with closing(run):
         for stage, first, stop in lasting:
@@ -144,14 +145,6 @@ def executed_stages(
             plan = planned_motion(stage.robot, trajectory, time[first:stop], control_period)
             run.through(range(first, stop), make(stage.robot, plan), checkpoint)
     return run.execution
-
-
-def _lasting(stages: Sequence[Stage], time: FloatArray) -> list[tuple[Stage, int, int]]:
-    """Return the stages of at least one control period, each with its first and its end."""
-    begins = [last_instant(time, stage.begin) for stage in stages]
-    ends = [*begins[1:], len(time)]
-    spans = zip(stages, begins, ends, strict=True)
-    return [(stage, first, stop) for stage, first, stop in spans if first < stop]
 
 
 class _Run:
@@ -294,17 +287,11 @@ def _arms(motion: CycleMotion) -> Iterator[_Arm]:
         rest = motion.cycle.rest_at(seam)
         yield _Arm(begin, rest.arms[0], payloads)
         for step, robot in zip(rest.steps, rest.arms[1:], strict=True):
-            payloads = _after(step, payloads)
+            if isinstance(step, Attach) and step.payload is not None:
+                payloads = {**payloads, step.name: step.payload}
+            elif isinstance(step, Detach):
+                payloads = {name: load for name, load in payloads.items() if name != step.name}
             yield _Arm(next(times), robot, payloads)
-
-
-def _after(step: RestStep, payloads: Mapping[str, Payload]) -> Mapping[str, Payload]:
-    """Return the attached payloads after a step."""
-    if isinstance(step, Attach) and step.payload is not None:
-        return {**payloads, step.name: step.payload}
-    if isinstance(step, Detach):
-        return {name: load for name, load in payloads.items() if name != step.name}
-    return payloads
 
 
 def _plain_arm(cycle: Cycle) -> RobotModel:

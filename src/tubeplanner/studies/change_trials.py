@@ -12,22 +12,22 @@ from tubeplanner.studies.changes import Change, Proposal, Question, rounded
 from tubeplanner.studies.plan_many import plan_either, run_many
 from tubeplanner.studies.problem_spec import PosedProblem
 
-# ---- Planning with changes, to see which help, for as long as there is time.
+# ---- Trials: plans with one change each, within a time budget.
 
-# No trial may take a larger share of the whole time: others are to have their turn.
+# No trial may take a larger fraction of the whole time, so that others have their turn.
 _LARGEST_SHARE = 0.1
 _LEAST_TIME = 2.0  # [s]
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What came of planning with a change.
+    """The result of planning with a change.
 
     Attributes:
-        size: Of the change.
+        size: Size of the change.
         proposal: The change by that size.
-        duration: Of the certified motion [s]; None if none was found.
-        is_thorough: Whether all was done to find one.
+        duration: Duration of the certified motion [s]; None if there is none.
+        is_thorough: True if planning went on where its first start led nowhere.
     """
 
     size: float
@@ -37,15 +37,15 @@ class Trial:
 
     @property
     def succeeded(self) -> bool:
-        """Whether a motion was found and certified."""
+        """True if a motion was certified."""
         return self.duration is not None
 
 
 class Trials:
-    """Plans a problem with one change each, several side by side if an executor is given.
+    """Plans of a problem with one change each, side by side if an executor is given.
 
     Attributes:
-        count: How many were planned.
+        count: Number of plans so far.
     """
 
     def __init__(
@@ -55,13 +55,13 @@ class Trials:
         clock: PlanningClock,
         executor: Executor | None = None,
     ) -> None:
-        """Take what plans.
+        """Set the options of all plans.
 
         Args:
-            question: What is asked about.
-            options: How to plan; here with quality "fast", and for the shortest motion unless
-                a duration is asked.
-            clock: Its time limit is that of all trials.
+            question: The explained problem.
+            options: Planning options; quality becomes "fast", and the motion the shortest unless a
+                duration is required.
+            clock: Clock with the time limit of all trials.
             executor: Processes of this machine; None: this one.
         """
         self._question, self._clock, self._executor = question, clock, executor
@@ -75,16 +75,16 @@ class Trials:
     def of(
         self, asked: Sequence[tuple[Change, float]], is_thorough: bool
     ) -> Iterator[tuple[int, Trial]]:
-        """Yield what comes of changes by sizes, as it comes, with the place among those asked.
+        """Yield index and trial of each change, in the order of completion.
 
-        What cannot be posed with a change is no success.
+        A change that makes the problem invalid counts as failed.
 
         Args:
             asked: Changes and sizes.
-            is_thorough: Whether planning goes on where its first start leads nowhere.
+            is_thorough: True if planning goes on where its first start leads nowhere.
 
         Raises:
-            TimeLimitReached: There is no time left.
+            TimeLimitReached: The time limit has passed.
             KeyboardInterrupt: Ctrl-C.
         """
         self._clock.check()
@@ -105,12 +105,12 @@ class Trials:
 
 @dataclass(frozen=True)
 class Asked:
-    """What is to be planned, ready to travel.
+    """A problem to be planned in any process.
 
     Attributes:
         problem: The problem with its change.
-        options: How to plan it; the time limit is the longest that it may take.
-        until: When there is no time left, by `time.monotonic`.
+        options: Planning options; the time limit is that of this plan.
+        until: End of the time for all plans, by `time.monotonic`.
     """
 
     problem: PosedProblem
@@ -120,11 +120,11 @@ class Asked:
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of it.
+    """The result of a plan.
 
     Attributes:
-        duration: Of the certified motion [s]; None if none was found.
-        is_cut_short: Whether there was no time left.
+        duration: Duration of the certified motion [s]; None if there is none.
+        is_cut_short: True if the time for all plans had passed.
     """
 
     duration: float | None = None
@@ -137,13 +137,13 @@ def planned(asked: Asked) -> Answer:
     Raises:
         KeyboardInterrupt: Ctrl-C.
     """
-    left = asked.until - time.monotonic()
-    if left <= 0:
+    remaining = asked.until - time.monotonic()
+    if remaining <= 0:
         return Answer(is_cut_short=True)
-    longest = asked.options.time_limit or left
+    longest = asked.options.time_limit or remaining
     try:
         problem = asked.problem.load()
-        result = plan_either(problem, replace(asked.options, time_limit=min(longest, left)))
+        result = plan_either(problem, replace(asked.options, time_limit=min(longest, remaining)))
     except TubePlannerError:
         return Answer()
     if result.stopped_by == "interrupt":
@@ -152,31 +152,30 @@ def planned(asked: Asked) -> Answer:
     return Answer(result.duration, is_cut_short=is_late and not result.succeeded)
 
 
-# ---- Where a change begins to matter: between a size that was seen to be enough and one that was
-# not.
+# ---- Brackets of the decisive size: between a size that is enough and one that is not.
 #
-# What is possible is taken to stay possible as a remedy grows, and the impossible to stay
-# impossible as a change for the worse does.
+# What is possible is assumed to stay possible as a remedy grows, and what is impossible to stay
+# impossible as a change for the worse grows.
 #
-# Most of the time goes into plans that find nothing. So sizes are tried quickly at first, and only
-# those in vain that a bracket ends at once more, thoroughly.
+# Most of the time goes into plans that fail. So sizes are tried quickly at first, and only the
+# failed size at the end of a bracket once more, thoroughly.
 
-CLOSE = 1.05  # the ratio at which the search ends, of sizes and of what they leave
-# Where one of the sizes is not known. What is found is found quickly: so steps down are smaller.
+CLOSE = 1.05  # the ratio of sizes, and of the remaining quantities, at which the search ends
+# While one of the sizes is unknown. Successful plans are quick: so steps down are smaller.
 _STEP_UP, _STEP_DOWN = 10.0, 10.0**0.5
-_SMALLEST = 1e-3  # of the scale: below that nobody asks
-_LEAST_LEFT = 2e-3  # of a quantity that sizes are taken off: likewise
+_SMALLEST = 1e-3  # of the scale: smaller sizes do not matter
+_MIN_REMAINDER = 2e-3  # of a reduced quantity: smaller differences do not matter
 
 
 @dataclass
 class SizeBracket:
-    """Two sizes of one change on either side of where it begins to matter.
+    """Two sizes of one change on either side of the decisive size.
 
     Attributes:
         change: The change.
-        helps: Whether it makes possible what is not; else it makes impossible what is.
-        smaller: The largest size that does not do so; None: none is known.
-        larger: The smallest size that does; None: none is known.
+        helps: True if it makes an impossible problem possible, False if a possible one impossible.
+        smaller: Trial of the largest size below the decisive one; None: none is known.
+        larger: Trial of the smallest size above the decisive one; None: none is known.
     """
 
     change: Change
@@ -186,12 +185,12 @@ class SizeBracket:
 
     @property
     def impossible(self) -> Trial | None:
-        """The refused trial nearest to the decisive size; None if all were certified."""
+        """The failed trial nearest to the decisive size; None if all were certified."""
         return self.smaller if self.helps else self.larger
 
     @property
     def is_close(self) -> bool:
-        """Whether nothing is left to be found out."""
+        """True if the decisive size is known to 5 %."""
         if self.smaller is None or self.larger is None:
             return False
         smaller, larger = self.smaller.size, self.larger.size
@@ -199,12 +198,12 @@ class SizeBracket:
             return False
         if not self.change.is_loss or _middle(smaller, larger) in (smaller, larger):
             return True
-        left = self.change.scale - larger
-        return larger - smaller <= max((CLOSE - 1) * left, _LEAST_LEFT * self.change.scale)
+        remainder = self.change.scale - larger
+        return larger - smaller <= max((CLOSE - 1) * remainder, _MIN_REMAINDER * self.change.scale)
 
     @property
     def is_done(self) -> bool:
-        """Whether it is close, or there are no sizes left to try."""
+        """True if the bracket is close, or has no sizes left to try."""
         if self.is_close or (self.change.is_switch and (self.smaller or self.larger)):
             return True
         if self.smaller is None:
@@ -214,11 +213,11 @@ class SizeBracket:
 
     @property
     def cost(self) -> float:
-        """The smallest size that matters over its scale; infinite while none is known."""
+        """The decisive size over the scale; infinite while it is unknown."""
         return float("inf") if self.larger is None else self.larger.size / self.change.scale
 
     def keep(self, trial: Trial) -> None:
-        """Keep what a trial shows: it counts more than what was seen of its size before."""
+        """Add the result of a trial; it overrules earlier results for its size."""
         if trial.succeeded == self.helps:
             self.larger = trial
             if self.smaller is not None and self.smaller.size >= trial.size:
@@ -230,19 +229,20 @@ class SizeBracket:
             self.larger = None
 
     def open_size(self, is_thorough: bool) -> float | None:
-        """Return the size to try next; None: there is none.
+        """Return the size to try next; None if the bracket is done.
 
         Args:
-            is_thorough: Whether what was tried in vain quickly is tried once more.
+            is_thorough: True if the failed size at the end of a done bracket is tried once more.
         """
         if not self.is_done:
             return self.next_size
-        vain = self.impossible
-        return vain.size if is_thorough and vain is not None and not vain.is_thorough else None
+        failed = self.impossible
+        is_open = is_thorough and failed is not None and not failed.is_thorough
+        return failed.size if failed is not None and is_open else None
 
     @property
     def next_size(self) -> float:
-        """The size to try next: the geometric mean, or beyond the one that is known."""
+        """The size to try next: the geometric mean, or beyond the known size."""
         most = self.change.most
         if self.smaller is None and self.larger is None:
             return rounded(min(self.change.scale / 3, most))
@@ -261,7 +261,7 @@ def _middle(smaller: float, larger: float) -> float:
 def open_sizes(
     brackets: Iterable[SizeBracket], is_thorough: bool
 ) -> list[tuple[SizeBracket, float]]:
-    """Return the brackets of which something is to be tried next, and by which size."""
+    """Return the brackets that are not done, each with the size to try next."""
     sizes = [(bracket, bracket.open_size(is_thorough)) for bracket in brackets]
     return [(bracket, size) for bracket, size in sizes if size is not None]
 
@@ -269,17 +269,17 @@ def open_sizes(
 def try_sizes(
     trials: Trials, asked: Sequence[tuple[SizeBracket, float]], is_thorough: bool
 ) -> None:
-    """Try the changes of brackets by sizes; each bracket keeps what that shows, once it is known.
+    """Plan with the changes of brackets by sizes, and add the results to the brackets.
 
     Args:
-        trials: What plans.
-        asked: The brackets, and a size for each.
-        is_thorough: Whether planning goes on where its first start leads nowhere.
+        trials: The plans.
+        asked: Brackets, and a size for each.
+        is_thorough: True if planning goes on where its first start leads nowhere.
 
     Raises:
-        TimeLimitReached: There is no time left.
+        TimeLimitReached: The time limit has passed.
         KeyboardInterrupt: Ctrl-C.
     """
     sizes = [(bracket.change, size) for bracket, size in asked]
-    for place, trial in trials.of(sizes, is_thorough):
-        asked[place][0].keep(trial)
+    for index, trial in trials.of(sizes, is_thorough):
+        asked[index][0].keep(trial)

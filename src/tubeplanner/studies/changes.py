@@ -16,9 +16,9 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, require_problem
 from tubeplanner.task.problem_reader import points_of, robot_of
 
-# ---- A change of one quantity of a problem, by any size.
+# ---- Changes of one quantity by any size.
 
-FIGURES = 3  # of a size: what is certified is what is printed
+FIGURES = 3  # of a size, so that the certified size is the printed one
 _SHOWN = 2 * FIGURES  # of a value that a size is added to
 
 _MILLI = {"m": "mm", "s": "ms"}
@@ -30,9 +30,9 @@ class Proposal:
 
     Attributes:
         changes: Values by field path, as `load_problem` takes them.
-        after: The quantity then, as JSON values.
-        text: The change, as one tells it to somebody.
-        brief: Its size, or the value then, where the rest is known; empty: it has none.
+        after: The quantity after the change, as JSON values.
+        text: The change in words.
+        brief: Its size, or the new value, for texts that name the rest; empty: it has none.
     """
 
     changes: Mapping[str, Any]
@@ -46,16 +46,16 @@ class Change:
     """A change of one quantity in one direction.
 
     Attributes:
-        kind: Which sort of quantity, such as "radius" or "effort".
-        field: The quantity's path in the problem file.
-        before: The quantity as it is, as JSON values.
-        unit: Of the quantity and of sizes; empty: none.
+        kind: Kind of the quantity, such as "radius" or "effort".
+        field: Path of the quantity in the problem file.
+        before: The quantity before the change, as JSON values.
+        unit: Unit of the quantity and of sizes; empty: none.
         scale: The size that counts as one: the quantity itself, 0.1 m or 0.1 rad.
-        most: The largest size that makes sense.
-        propose: From a size, up to the largest: the change by it.
-        about: Names of what it concerns: "segment 3", a joint, an obstacle.
-        is_switch: Whether it is made or not, and has no size but 1.
-        is_loss: Whether sizes are taken off the quantity: then what is left counts as well.
+        most: The largest sensible size.
+        propose: Function from a size to the change by that size.
+        about: Names that the change concerns: "segment 3", a joint, an obstacle.
+        is_switch: True if the only size is 1.
+        is_loss: True if sizes are subtracted from the quantity: then the remainder counts as well.
     """
 
     kind: str
@@ -74,17 +74,17 @@ class Change:
 
 
 def rounded(size: float) -> float:
-    """Return a number in the figures that texts show."""
+    """Return a number rounded to the figures of texts."""
     return float(f"{size:.{FIGURES}g}")
 
 
 def exact(value: float) -> float:
-    """Return a number without what adding rounded ones leaves behind it."""
+    """Return a number without the rounding error of a sum of rounded numbers."""
     return float(f"{value:.10g}")
 
 
 def figures(value: float, unit: str = "") -> str:
-    """Return a number in the figures that texts show, with its unit; metres as millimetres."""
+    """Return a number in the figures of texts, with its unit; metres as millimetres."""
     if unit in _MILLI and abs(value) < 1:
         value, unit = 1000 * value, _MILLI[unit]
     return f"{value:.{_SHOWN}g} {unit}".rstrip()
@@ -99,16 +99,16 @@ def from_to(before: float, after: float, unit: str) -> str:
     return f"{first} -> {then} {unit}".rstrip()
 
 
-# ---- The problem that is asked about: what its file holds, and what changes of it need to know.
+# ---- The explained problem: its file's contents, and the geometry that changes need.
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """A problem that is asked about; it need not be one that can be posed.
+    """An explained problem; it may be invalid.
 
     Attributes:
-        posed: As its file holds it.
-        fields: The same, checked against the format.
+        posed: The contents of its file.
+        fields: The contents, checked against the format.
         robot: Its arm.
     """
 
@@ -121,7 +121,7 @@ class Question:
 
     @classmethod
     def of(cls, posed: PosedProblem) -> "Question":
-        """Take a problem.
+        """Return the question about a problem.
 
         Raises:
             ProblemError: It is a cycle or a study, contradicts its format, or has no tube.
@@ -156,19 +156,19 @@ class Question:
         """Return the segment whose line is nearest to a point (3,) [m]."""
         begin, along = self.points[:-1], np.diff(self.points, axis=0)
         square = np.maximum(np.einsum("mi,mi->m", along, along), np.finfo(float).tiny)
-        share = np.einsum("mi,mi->m", position - begin, along) / square
-        nearest = begin + np.clip(share, 0, 1)[:, None] * along
+        fraction = np.einsum("mi,mi->m", position - begin, along) / square
+        nearest = begin + np.clip(fraction, 0, 1)[:, None] * along
         return int(np.linalg.norm(position - nearest, axis=1).argmin())
 
     def per_segment(self, given: Any) -> list[Any]:
-        """Return what is given once or for each segment as a list of m."""
+        """Return a value for all segments, or one for each, as a list of m."""
         return list(given) if isinstance(given, list | tuple) else [given] * self.segment_count
 
     def load(self, changes: Mapping[str, Any] | None = None) -> PlanningProblem:
         """Return the problem with other values by field path.
 
         Raises:
-            ProblemError: It contradicts itself then.
+            ProblemError: It contradicts itself with these values.
             RobotError: The robot cannot be planned with.
         """
         loaded = self.posed.changed(changes).load()
@@ -176,9 +176,9 @@ class Question:
         return loaded
 
 
-# ---- Which changes may help where a plan ended: these are tried first.
+# ---- The order of changes: those that are likely to help come first.
 
-# By how planning ended: the kinds that help against what is said, then others that may.
+# By the status of the plan: the kinds that remove the reported cause, then others that may help.
 _HELPFUL = {
     PlanStatus.TUBE_BLOCKED: (
         ("clearance", "obstacle", "radii", "sign"),
@@ -191,7 +191,7 @@ _HELPFUL = {
     ),
     PlanStatus.BAD_INPUT: (("position", "start", "goal"), ("radius", "sign", "point")),
 }
-# Of these every one helps against what is said, wherever it is.
+# The kinds that remove the reported cause wherever it is.
 _EVERYWHERE = ("payload", "sign", "radii", "duration")
 
 
@@ -200,12 +200,12 @@ def in_order(
 ) -> list[list[list[Change]]]:
     """Return changes in tiers: about the place, elsewhere, and of kinds that are unlikely to help.
 
-    The first has two groups, the likelier kinds first; others have one.
+    The first tier has two groups, the likelier kinds first; others have one.
 
     Args:
-        changes: All of them.
-        status: How planning ended.
-        place: Where.
+        changes: All changes.
+        status: Status of the plan.
+        place: Location of the failure.
     """
     about = _named(place)
     first: list[Change] = []
@@ -228,15 +228,15 @@ def in_order(
 
 
 def _named(place: Place) -> frozenset[str]:
-    """Return what a place names, as changes say what they are about."""
-    named = set()
+    """Return the names in a place, as in `Change.about`."""
+    names = set()
     if place.joint is not None:
-        named.add(place.joint)
+        names.add(place.joint)
     if place.segment is not None:
-        named |= {f"segment {place.segment}"}
+        names |= {f"segment {place.segment}"}
     if place.point is not None:
-        named |= {f"point {place.point}", f"segment {place.point - 1}", f"segment {place.point}"}
-    named |= {f"link {name}" for name in place.links or ()}
+        names |= {f"point {place.point}", f"segment {place.point - 1}", f"segment {place.point}"}
+    names |= {f"link {name}" for name in place.links or ()}
     if place.obstacle is not None:
-        named |= {f"obstacle {place.obstacle}"}
-    return frozenset(named)
+        names |= {f"obstacle {place.obstacle}"}
+    return frozenset(names)

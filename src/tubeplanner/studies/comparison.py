@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.certificate.judged_motion import JudgedCondition
 from tubeplanner.certificate.refusal import refusal
 from tubeplanner.certificate.verification import Certificate
@@ -24,15 +23,15 @@ from tubeplanner.planning.options import METHODS, PlanOptions
 from tubeplanner.planning.strategy import plan
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr, without_formulas
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import peak_magnitudes
 
-# ---- Measures for comparing trajectories: smoothness, jerk, use of the motors and of the tube.
+# ---- Measures of trajectories: smoothness, jerk, use of the limits and of the tube.
 
-AT_LIMIT = 0.99  # of a limit: a motor that uses as much counts as at its limit
+AT_LIMIT = 0.99  # of a limit: from this use on a motor counts as at its limit
 _SAMPLES = 2000  # in the middles of equal times
-_SAME = 1e-6  # jumps below this share of a joint's largest value are rounding errors
-_STILL_SHARE = 1e-6  # a joint that moves less than this share of the fastest stands still
+_SAME = 1e-6  # jumps below this fraction of a joint's largest value are rounding errors
+_STILL = 1e-6  # a joint with less than this fraction of the largest value of all does not move
 
 
 @dataclass(frozen=True)
@@ -44,11 +43,11 @@ class TrajectoryMeasures:
             where the arm rests; "C1": the acceleration jumps; "C0": the velocity does; "none".
         peak_jerk: The largest magnitude of any joint's third derivative [rad/s^3 or m/s^3]; None
             where the acceleration jumps: there is no bound.
-        peak_jerk_joint: Whose it is; likewise.
-        at_limit: Share of the time in which some limit on the speed other than jerk, such as a
+        peak_jerk_joint: Its joint; None where `peak_jerk` is.
+        at_limit: Fraction of the time in which some limit on the speed other than jerk, such as a
             joint's effort, velocity or acceleration, is used by 99 % or more.
-        tube_use: Distance of the tool from the axis of the segment it is in, as a share of that
-            segment's radius, averaged over time.
+        tube_use: Distance of the tool from the axis of its segment over that segment's radius,
+            averaged over time.
     """
 
     smoothness: str
@@ -69,30 +68,38 @@ def trajectory_measures(
 ) -> TrajectoryMeasures:
     """Measure a trajectory.
 
-    Smoothness and jerk are read from the polynomials; shares of time are counted at 2,000 instants.
+    Smoothness and jerk are those of the polynomials, for all t; fractions of time are counted at
+    2,000 instants.
 
     Args:
         problem: The planning problem.
-        trajectory: Of the problem's joints, in any order.
+        trajectory: The motion of the problem's joints, in any order.
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)
     smoothness = smoothness_class(trajectory)
-    peak, joint = _peak_jerk(trajectory) if smoothness == "C2" else (None, None)
+    peak = joint = None
+    if smoothness == "C2":
+        peaks = peak_magnitudes(trajectory.derivative_coefficients(3), trajectory.widths).value
+        fastest = int(peaks.argmax())
+        peak, joint = float(peaks[fastest]), trajectory.joint_names[fastest]
     middles = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * trajectory.duration
     samples = trajectory.at(middles)
     tool = problem.robot.tool_position(samples.position)
     segment = current_segments(problem, trajectory, samples)
+    values = np.stack([samples.position, samples.velocity, samples.acceleration])
+    path = PathSamples(problem, values, lambda: segment)
+    limits = tuple(limit for limit in speed_limits(problem) if limit.order < 3)  # all but jerk
     return TrajectoryMeasures(
         smoothness,
         peak,
         joint,
-        float((_limit_use(problem, samples, segment) >= AT_LIMIT).mean()),
+        float((largest_use(path, limits) >= AT_LIMIT).mean()),
         float(tube_use(problem, tool, segment).mean()),
     )
 
 
 def smoothness_class(trajectory: JointTrajectory) -> str:
-    """Return "C2", "C1", "C0" or "none": how many derivatives have no jumps.
+    """Return the number of continuous derivatives: "C2", "C1", "C0" or "none".
 
     Jumps are measured between neighbouring pieces and, of velocity and acceleration, against the
     rest before the start and after the end; those below 1e-6 of a joint's largest value are
@@ -105,29 +112,13 @@ def smoothness_class(trajectory: JointTrajectory) -> str:
         jumps = abs(values[2::2] - values[1:-1:2])
         if order > 0:
             jumps = np.vstack([jumps, abs(values[[0, -1]])])
-        allowed = _SAME * np.maximum(most, _STILL_SHARE * max(float(most.max()), 1e-300))
+        allowed = _SAME * np.maximum(most, _STILL * max(float(most.max()), 1e-300))
         if (jumps > allowed).any():
             return ("none", "C0", "C1")[order]
     return "C2"
 
 
-def _peak_jerk(trajectory: JointTrajectory) -> tuple[float, str]:
-    """Return the largest jerk for all t, and whose it is."""
-    peaks = peak_magnitudes(trajectory.derivative_coefficients(3), trajectory.widths).value
-    joint = int(peaks.argmax())
-    return float(peaks[joint]), trajectory.joint_names[joint]
-
-
-def _limit_use(
-    problem: PlanningProblem, samples: TrajectorySamples, segment: IntArray
-) -> FloatArray:
-    """Return the largest share of a limit on the speed in use, jerk left out, shape (N,)."""
-    known = np.stack([samples.position, samples.velocity, samples.acceleration])
-    at = PathSamples(problem, known, lambda: segment)
-    return largest_use(at, tuple(lim for lim in speed_limits(problem) if lim.order < 3))
-
-
-# ---- One problem, every method and baseline: each trajectory, and its certificate.
+# ---- Comparison: one problem by every method and baseline, with certificates.
 
 _NO_MEASURES = {name: None for name in TrajectoryMeasures.__dataclass_fields__}
 
@@ -138,15 +129,15 @@ class ComparisonRow:
 
     Attributes:
         method: Its name: one of `METHODS` or `BASELINES`.
-        status: Success if there is a certified trajectory; certificate_failed if the trajectory
-            failed.
-        message: One sentence: notes on the trajectory, or why there is none.
+        status: Success if there is a certified trajectory; certificate_failed if it failed its
+            certificate.
+        message: One sentence: notes on the trajectory, or the reason for its absence.
         planning_time: Wall time, the certificate included [s].
         trajectory: The trajectory; of a baseline also one that failed its certificate.
-        certificate: Of the trajectory, or of the best attempt; None if there was none.
-        measures: Of the trajectory; None if there is none.
-        answered_by: The method whose trajectory it is, where the requested one had none that was
-            better; None: itself.
+        certificate: Certificate of the trajectory, or of the best attempt; None if there was none.
+        measures: Measures of the trajectory; None if there is none.
+        answered_by: The method of the trajectory, where the requested method had no better one;
+            None: `method`.
     """
 
     method: str
@@ -162,7 +153,7 @@ class ComparisonRow:
 
     @property
     def certified(self) -> bool:
-        """Whether there is a trajectory that passed its certificate."""
+        """True if there is a trajectory that passed its certificate."""
         return self.status is PlanStatus.SUCCESS
 
     @property
@@ -218,7 +209,7 @@ class Comparison:
 
     @property
     def succeeded(self) -> bool:
-        """Whether any method has a certified trajectory."""
+        """True if any method has a certified trajectory."""
         return any(row.certified for row in self.rows)
 
     def as_dict(self) -> dict[str, Any]:
@@ -249,15 +240,15 @@ def compare(
     Args:
         problem: The planning problem.
         methods: Names from `METHODS` and `BASELINES`; default: all of both.
-        options: How the methods plan, but for `method`.
+        options: Planning options of the methods, but for `method`.
         progress: Called as by `plan`; its stage names the method.
 
     Returns:
-        A row for every method. One that has no answer says why; it never stops the others. After
-        Ctrl-C, the finished rows.
+        A row for every method. A method without an answer gives the reason; it never stops the
+        others. After Ctrl-C, the finished rows.
 
     Raises:
-        ProblemError: The problem is none.
+        ProblemError: The problem is no `PlanningProblem`.
         OptionError: A name is unknown, there is none, or an argument is of another kind.
         KeyboardInterrupt: Ctrl-C before the first method was done.
     """
@@ -265,7 +256,7 @@ def compare(
     options = given_options(options, PlanOptions).shortest
     require_callback(progress)
     rows: list[ComparisonRow] = []
-    for name in _known(methods):
+    for name in _requested(methods):
 
         def report(what: Progress, method: str = name) -> None:
             if progress is not None:
@@ -280,15 +271,15 @@ def compare(
     return Comparison(problem, tuple(rows))
 
 
-def _known(methods: Sequence[str] | None) -> list[str]:
-    known = [*METHODS, *BASELINES]
-    asked = known if methods is None else given_row("methods", methods, "names")
-    for name in asked:
-        if not isinstance(name, str) or name not in known:
-            raise OptionError(unknown_name("method", name, known))
-    if not asked:
+def _requested(methods: Sequence[str] | None) -> list[str]:
+    names = [*METHODS, *BASELINES]
+    requested = names if methods is None else given_row("methods", methods, "names")
+    for name in requested:
+        if not isinstance(name, str) or name not in names:
+            raise OptionError(unknown_name("method", name, names))
+    if not requested:
         raise OptionError("compare: give at least one method")
-    return list(dict.fromkeys(asked))
+    return list(dict.fromkeys(requested))
 
 
 def _row(
@@ -300,9 +291,9 @@ def _row(
         row = answer(problem, name, options, report)
     except Infeasible as reason:
         row = ComparisonRow(name, reason.status, str(reason), time.perf_counter() - begin)
-    except Exception as error:  # whatever it is, the other methods must still run
-        ours = isinstance(error, TubePlannerError)
-        message = str(error) if ours else f"internal error, {type(error).__name__}: {error}"
+    except Exception as error:  # of any kind: the other methods must still run
+        is_expected = isinstance(error, TubePlannerError)
+        message = str(error) if is_expected else f"internal error, {type(error).__name__}: {error}"
         spent = time.perf_counter() - begin
         row = ComparisonRow(name, PlanStatus.NO_TRAJECTORY, message, spent)
     if row.trajectory is None:
@@ -334,8 +325,8 @@ def _baseline(
     problem: PlanningProblem, name: str, _: PlanOptions, report: Callable[[Progress], None]
 ) -> ComparisonRow:
     begin = time.perf_counter()
-    made, certificate = judged_baseline(problem, name, report)
+    baseline, certificate = judged_baseline(problem, name, report)
     reason = refusal(problem, certificate)
     status = PlanStatus.SUCCESS if reason is None else reason.status
     spent = time.perf_counter() - begin
-    return ComparisonRow(name, status, made.note, spent, made.trajectory, certificate)
+    return ComparisonRow(name, status, baseline.note, spent, baseline.trajectory, certificate)

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import isinf
 from pathlib import Path
 from shlex import quote
@@ -29,7 +30,7 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
 from tubeplanner.studies.change_trials import Trials
-from tubeplanner.studies.changes import Change, Question, in_order
+from tubeplanner.studies.changes import Question, in_order
 from tubeplanner.studies.geometry_changes import cell_changes, tube_changes
 from tubeplanner.studies.joint_changes import end_changes, limit_changes
 from tubeplanner.studies.problem_spec import PosedProblem
@@ -39,9 +40,10 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_reader import solids_of
 from tubeplanner.text import short_repr
 
-# ---- A problem that cannot be posed: why, and what can be drawn of it.
+# ---- Invalid problems: the reason, and the parts that can be drawn.
 
-# What is left out of a tube that contradicts itself, one after the other, until it can be drawn.
+# Fields left out of a tube that contradicts itself, one group after the other, until it can be
+# drawn.
 _LEFT_OUT = (
     (),
     ("joint_signs",),
@@ -52,13 +54,13 @@ _LEFT_OUT = (
 
 @dataclass(frozen=True, eq=False)
 class Unposed:
-    """Why a problem cannot be posed, and what can be drawn of it.
+    """The reason for which a problem is invalid, and its parts that can be drawn.
 
     Attributes:
-        message: Why, in one sentence.
-        place: Where.
-        proved: Whether it is proved that there is no motion; None: it is bad input alone.
-        configuration: Of the arm at the place, shape (n,) [rad or m]; None: there is none.
+        message: The reason, in one sentence.
+        place: Location of the reason.
+        proved: True if it is proved that there is no motion; None: the input is bad.
+        configuration: Configuration at the place, shape (n,) [rad or m]; None: there is none.
         drawn: A problem of the same arm, tube and solids; None if the tube cannot be drawn.
     """
 
@@ -72,7 +74,7 @@ class Unposed:
 
     @classmethod
     def of(cls, question: Question, error: ProblemError) -> "Unposed":
-        """Return what is known of a problem whose loading raised an error.
+        """Return the reason and the parts of a problem whose loading raised an error.
 
         Raises:
             ProblemError: Its solids cannot be built.
@@ -85,7 +87,7 @@ class Unposed:
 
 
 def _drawn(question: Question) -> PlanningProblem | None:
-    """Return the problem without what may contradict it: only tube, solids and a start are left."""
+    """Return a problem of the tube, the solids and a start alone; None without a valid tube."""
     fields, robot, folder = question.fields, question.robot, question.posed.folder
     solids = solids_of(fields, robot, folder)
     for tube in _tubes(question):
@@ -98,42 +100,40 @@ def _drawn(question: Question) -> PlanningProblem | None:
 def _tubes(question: Question) -> Iterator[Tube]:
     assert question.fields.tube is not None
     with suppress(ProblemError):
-        given: dict[str, Any] = {**question.fields.tube.model_dump(), **question.given_tube}
+        values: dict[str, Any] = {**question.fields.tube.model_dump(), **question.given_tube}
         for names in _LEFT_OUT:
             for name in names:
-                given.pop(name, None)
+                values.pop(name, None)
             with suppress(ProblemError):
-                yield Tube(**given)
+                yield Tube(**values)
 
 
 def _given_start(question: Question) -> FloatArray:
-    """Return the joints (n,) that are given for the start, or for its inverse kinematics."""
+    """Return the joints (n,) of the start, given or seed; zeros without any."""
     start = question.fields.start
-    for given in (start.joints, start.seed):
-        if given is not None:
-            with suppress(ProblemError):  # it names a joint that is not there
-                return configuration_of(question.robot, "start", given)
+    for values in (start.joints, start.seed):
+        if values is not None:
+            with suppress(ProblemError):  # it names an unknown joint
+                return configuration_of(question.robot, "start", values)
     return np.zeros(question.robot.joint_count)
-
-
-# ---- What was found out about a problem: how its plan ended, and what single changes do to it.
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """What was found out about a problem.
+    """The plan of a problem, and the effect of single changes on it.
 
     Attributes:
-        name: Of the problem.
-        problem: The problem; None if it cannot be posed.
-        result: Of planning it; None if it cannot be posed.
-        unposed: Why it cannot be posed, and what can be drawn of it; None if it can.
+        name: Name of the problem.
+        problem: The problem; None if it is invalid.
+        result: Result of planning; None if the problem is invalid.
+        unposed: The reason for which it is invalid, and its parts that can be drawn; None if valid.
         remedies: Single changes with which it was planned, the smallest for its scale first; empty
-            if the problem itself was.
-        in_vain: Paths of what was changed, as far as makes sense, and helps nothing.
-        rooms: How much worse single quantities may become; empty unless the problem was planned.
-        tried: How many changes were planned with.
-        stopped_by: "time_limit" or "interrupt" if that ended the search early; None: all was tried.
+            if the problem itself was planned.
+        in_vain: Paths of changes that do not help up to their largest sensible size.
+        rooms: Headroom of single quantities; empty unless the problem was planned.
+        tried: Number of plans with changes.
+        stopped_by: "time_limit" or "interrupt" if that ended the search early; None: it is
+            complete.
     """
 
     name: str
@@ -150,44 +150,44 @@ class Explanation:
 
     @property
     def succeeded(self) -> bool:
-        """Whether the problem can be solved, as it is or by some change."""
+        """True if the problem can be solved, as it is or by some change."""
         return self.is_possible or bool(self.remedies)
 
     @property
     def is_possible(self) -> bool:
-        """Whether the problem was planned as it is."""
+        """True if the problem was planned as it is."""
         return self.result is not None and self.result.succeeded
 
     @property
     def status(self) -> PlanStatus:
-        """How planning it ended; bad_input where it cannot be posed."""
+        """Status of the plan; bad_input if the problem is invalid."""
         return PlanStatus.BAD_INPUT if self.result is None else self.result.status
 
     @property
     def message(self) -> str:
-        """How planning it ended, or why it cannot be posed, in one sentence."""
-        known = self.result or self.unposed
-        return "" if known is None else known.message
+        """The answer of the plan, or the reason for invalidity, in one sentence."""
+        outcome = self.result or self.unposed
+        return "" if outcome is None else outcome.message
 
     @property
     def place(self) -> Place:
-        """Where, if there is no answer."""
-        known = self.result or self.unposed
-        return Place() if known is None else known.place
+        """Location of the failure; empty without one."""
+        outcome = self.result or self.unposed
+        return Place() if outcome is None else outcome.place
 
     @property
     def configuration(self) -> FloatArray | None:
-        """Of the arm there, shape (n,) [rad or m]; None if it is not known."""
-        known = self.result or self.unposed
-        return None if known is None else known.configuration
+        """Configuration at the place, shape (n,) [rad or m]; None if not known."""
+        outcome = self.result or self.unposed
+        return None if outcome is None else outcome.configuration
 
     @property
     def drawn(self) -> PlanningProblem | None:
-        """The problem as it can be drawn, or what is left of one that cannot be posed."""
+        """The problem, or the drawable parts of an invalid problem."""
         return self.problem if self.unposed is None else self.unposed.drawn
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what was found out as JSON values, beside the fields of the plan's own JSON."""
+        """Return the explanation as JSON values, beside the fields of the plan's own JSON."""
         planned = {} if self.result is None else self.result.as_dict()
         proved = {} if self.unposed is None else {"proved": self.unposed.proved}
         return {
@@ -204,10 +204,8 @@ class Explanation:
         }
 
 
-# ---- Why a problem cannot be solved, and which single changes help; or how much room there is.
-
 TIME_LIMIT = 60.0  # [s]
-_FIRST_PLAN = 0.5  # the share of the time that the plan of the problem itself may take
+_FIRST_PLAN = 0.5  # fraction of the time for the plan of the problem itself, at most
 
 
 def explain(
@@ -219,32 +217,32 @@ def explain(
     executor: Executor | None = None,
     progress: ProgressCallback | None = None,
 ) -> Explanation:
-    """Find out what makes a problem impossible, or how far it is from being so.
+    """Return the remedies of an impossible problem, or the headroom of a possible one.
 
-    Of a problem that cannot be solved, single changes that make it possible are looked for: wider
+    The remedies of a problem that cannot be solved are single changes that make it possible: wider
     tolerances, other joint signs, more effort, wider ranges of joints, a lighter payload, moved
     obstacles, reference points, starts and goals, smaller clearances. Each is planned with and
-    narrowed down to 5 %. Of a problem that can be solved, single quantities are made worse until
-    nothing is found any more.
+    narrowed down to 5 %. Of a problem that can be solved, single quantities are made worse until no
+    motion results any more.
 
     Args:
         problem: A path, or `example:ROBOT/NAME` for a bundled problem.
-        changes: Of fields of the problem, by path, as for `load_problem`; made first.
-        options: How to plan; changes are planned with for the shortest motion, quality "fast".
-        time_limit: After how long the search ends with what it has [s].
+        changes: Values of fields of the problem, by path, as for `load_problem`; set first.
+        options: Planning options; changes are planned with for the shortest motion, quality "fast".
+        time_limit: Time after which the search ends with its results so far [s].
         executor: Processes of this machine that try changes side by side, such as
             `WorkerProcesses`; None: this process, one after the other. Answers are the same.
-        progress: Called with what is tried.
+        progress: Called with the current change.
 
     Returns:
-        What was found. After Ctrl-C, what was found until then. Without the time limit's passing it
-        depends on no clock but for plans that take a tenth of that time: they count as failed.
+        The results; after Ctrl-C, those so far. Unless the time limit passes they depend on no
+        clock but for plans that take a tenth of that time: these count as failed.
 
     Raises:
         ProblemError: The file cannot be read or contradicts its format, or has no tube.
         RobotError: The robot cannot be planned with.
         OptionError: An option is outside its range.
-        KeyboardInterrupt: Ctrl-C before anything was known of the problem.
+        KeyboardInterrupt: Ctrl-C before the plan of the problem itself had an answer.
     """
     options = replace(given_options(options, PlanOptions), time_limit=time_limit)
     require_between(options, 0, None, "time_limit", unit="s")
@@ -256,21 +254,33 @@ def explain(
     try:
         loaded = question.load()
     except ProblemError as error:
-        known = Explanation(posed.name, None, None, Unposed.of(question, error))
+        outcome = Explanation(posed.name, None, None, Unposed.of(question, error))
     else:
-        known = Explanation(posed.name, loaded, plan(loaded, first, progress), None)
-    if known.result is not None and known.result.stopped_by == "interrupt":
-        return replace(known, stopped_by="interrupt")
+        outcome = Explanation(posed.name, loaded, plan(loaded, first, progress), None)
+    if outcome.result is not None and outcome.result.stopped_by == "interrupt":
+        return replace(outcome, stopped_by="interrupt")
     trials = Trials(question, options, clock, executor)
-    return (_with_room if known.is_possible else _with_remedies)(known, question, trials)
+    if outcome.is_possible:
+        rooms = RoomSearch(trials, worsening_changes(question))
+        _, stopped_by = until_stopped(rooms.run)
+        return replace(outcome, rooms=rooms.rooms, tried=trials.count, stopped_by=stopped_by)
+    return _with_remedies(outcome, question, trials)
 
 
-def _with_remedies(known: Explanation, question: Question, trials: Trials) -> Explanation:
-    tiers = in_order(_changes(question), known.status, _with_segment(known.place, question))
-    search = RemedySearch(trials, tiers)
-    stopped_by = _run(search)
+def _with_remedies(outcome: Explanation, question: Question, trials: Trials) -> Explanation:
+    place = outcome.place
+    if place.position is not None and place.segment is None:
+        place = replace(place, segment=question.segment_near(np.array(place.position)))
+    changes = chain(
+        tube_changes(question),
+        limit_changes(question),
+        cell_changes(question),
+        end_changes(question),
+    )
+    search = RemedySearch(trials, in_order(changes, outcome.status, place))
+    _, stopped_by = until_stopped(search.run)
     return replace(
-        known,
+        outcome,
         remedies=search.remedies,
         in_vain=search.in_vain,
         tried=trials.count,
@@ -278,42 +288,17 @@ def _with_remedies(known: Explanation, question: Question, trials: Trials) -> Ex
     )
 
 
-def _with_segment(place: Place, question: Question) -> Place:
-    """Return a place with the segment that the tool is nearest to, if it is known where that is."""
-    if place.position is None or place.segment is not None:
-        return place
-    return replace(place, segment=question.segment_near(np.array(place.position)))
-
-
-def _with_room(known: Explanation, question: Question, trials: Trials) -> Explanation:
-    search = RoomSearch(trials, worsening_changes(question))
-    stopped_by = _run(search)
-    return replace(known, rooms=search.rooms, tried=trials.count, stopped_by=stopped_by)
-
-
-def _run(search: RemedySearch | RoomSearch) -> StoppedBy | None:
-    """Search until it is done, the time has passed or Ctrl-C; return what stopped it."""
-    return until_stopped(search.run)[1]
-
-
-def _changes(question: Question) -> Iterator[Change]:
-    yield from tube_changes(question)
-    yield from limit_changes(question)
-    yield from cell_changes(question)
-    yield from end_changes(question)
-
-
-# ---- Values of fields as they are written in a problem file and given to a command.
+# ---- Texts: values as in a problem file, and the changes that do not help.
 
 
 def setting_text(changes: Mapping[str, Any]) -> str:
-    """Return how values by field path are given to a command, quoted for a shell."""
+    """Return the options --set of values by field path, quoted for a shell."""
     pairs = (f"{path}={value_text(value)}" for path, value in changes.items())
     return " ".join(f"--set {quote(pair)}" for pair in pairs)
 
 
 def value_text(value: Any) -> str:
-    """Return a value of a field as a problem file may have it, on one line."""
+    """Return the value of a field in the syntax of a problem file, on one line."""
     if isinstance(value, float) and isinf(value):
         return ".inf" if value > 0 else "-.inf"
     if isinstance(value, list | tuple):
@@ -325,21 +310,19 @@ def value_text(value: Any) -> str:
 
 
 def tried_text(value: str, is_close: bool) -> str:
-    """Return the nearest value on the other side; whether it is not as near as is asked.
+    """Return the nearest value tried on the other side, with a remark if it is not narrowed.
 
     Args:
-        value: In words; empty: none was tried.
-        is_close: Whether it is as near as is asked.
+        value: The value in words; empty: none was tried.
+        is_close: True if it is near enough.
     """
     return value if is_close else f"{value} (not narrowed)".lstrip()
 
 
-# ---- What helps nothing, in few words: changes of one kind together, with how far they went.
+_NAMED = 3  # at most; of more names the number is given
 
-_NAMED = 3  # at most, else how many there are
-
-# How a path begins and ends, what it is in words, of several with what these are at the end, and
-# how far it was changed. What stands between is a number or a name.
+# Beginning and end of a path, its quantity in words, that of several paths, and the range of the
+# change. Between beginning and end is a number or a name.
 _KINDS = (
     ("tube.radius", "", "radius of the tube as a whole", "", "up to eleven times"),
     ("tube.radius.", "", "radius of segment", "radius of segments", "up to eleven times"),
@@ -377,28 +360,24 @@ _KINDS = (
 
 
 def in_vain_text(paths: Iterable[str]) -> str:
-    """Return what was changed in vain, by the paths of its fields."""
+    """Return the changes that do not help in words, by the paths of their fields."""
     groups: dict[int | str, list[str]] = {}
     for path in paths:
         kind = _kind_of(path)
         if kind is None:
             groups[path] = []
         else:
-            groups.setdefault(kind, []).append(_between(path, kind))
+            begin, end = _KINDS[kind][:2]
+            groups.setdefault(kind, []).append(path.removeprefix(begin).removesuffix(end))
     return "; ".join(_words(kind, names) for kind, names in groups.items())
 
 
 def _kind_of(path: str) -> int | None:
-    """Return which of the kinds a path is of."""
+    """Return the index of a path's kind; None without one."""
     for k, (begin, end, _, several, _) in enumerate(_KINDS):
         if path == begin if not several else path.startswith(begin) and path.endswith(end):
             return k
     return None
-
-
-def _between(path: str, kind: int) -> str:
-    begin, end = _KINDS[kind][:2]
-    return path.removeprefix(begin).removesuffix(end)
 
 
 def _words(kind: int | str, names: Sequence[str]) -> str:

@@ -10,7 +10,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.studies.changes import Change, Proposal, Question, exact, figures, from_to
 from tubeplanner.task.fields import ClearanceFields
 
-# ---- Directions in which something may be moved, in words and as vectors.
+# ---- Directions of moves, in words and as unit vectors.
 
 AXES: tuple[tuple[str, FloatArray], ...] = tuple(
     (f"in {sign}{axis}", factor * np.eye(3)[k])
@@ -19,20 +19,20 @@ AXES: tuple[tuple[str, FloatArray], ...] = tuple(
 )
 
 
-def along(position: FloatArray, way: FloatArray, size: float) -> list[float]:
+def along(position: FloatArray, direction: FloatArray, size: float) -> list[float]:
     """Return a position (3,) moved along a unit vector by a size [m]."""
-    return [exact(value) for value in (np.asarray(position) + size * way).tolist()]
+    return [exact(value) for value in (np.asarray(position) + size * direction).tolist()]
 
 
-# ---- Changes of the tube: tolerances, reference points, joint signs, what the tool must pass.
+# ---- Changes of the tube: tolerances, reference points, joint signs, pass-through points.
 
-_MOST_TIMES = 10.0  # of a tolerance, its growth
-_FARTHEST = 1.0  # [m] that a reference point is moved
-_NUMBERS = {"+": 1, "-": -1, "0": 0}  # what a sign may be written as; 0: free
+_MAX_GROWTH = 10.0  # of a tolerance, relative
+_MAX_MOVE = 1.0  # [m]
+_NUMBERS = {"+": 1, "-": -1, "0": 0}  # both spellings of a sign; 0: free
 
 
 def tube_changes(question: Question) -> Iterator[Change]:
-    """Yield the changes that give the tool more room, or lead it elsewhere."""
+    """Yield the changes that widen the tube, or lead the tool elsewhere."""
     yield from radius_changes(question, 1)
     yield from _all_radii(question)
     yield from _boxes(question)
@@ -43,59 +43,53 @@ def tube_changes(question: Question) -> Iterator[Change]:
     yield from _pass_through(question)
 
 
-def radius_changes(question: Question, way: int) -> Iterator[Change]:
-    """Yield the changes of the radius of each segment, wider or (-1) narrower."""
+def radius_changes(question: Question, sign: int) -> Iterator[Change]:
+    """Yield the changes of the radius of each segment, wider (sign 1) or narrower (-1)."""
     radii = question.per_segment(question.given_tube["radius"])
     for segment, radius in enumerate(radii):
         if radius is not None:
             yield Change(
                 kind="radius",
-                field=_radius_path(question, segment),
+                field=f"tube.radius.{segment}" if question.segment_count > 1 else "tube.radius",
                 before=radius,
                 unit="m",
                 scale=radius,
-                most=_MOST_TIMES * radius if way > 0 else 0.99 * radius,
-                propose=partial(_radius, question, radii, segment, way),
+                most=_MAX_GROWTH * radius if sign > 0 else 0.99 * radius,
+                propose=partial(_radius, question, radii, segment, sign),
                 about=frozenset({f"segment {segment}"}),
-                is_loss=way < 0,
+                is_loss=sign < 0,
             )
 
 
 def _all_radii(question: Question) -> Iterator[Change]:
-    """Yield the change of all radii by one share."""
+    """Yield the change of all radii by one factor."""
     radii = question.per_segment(question.given_tube["radius"])
     if len([radius for radius in radii if radius is not None]) > 1:
         before = question.posed.document["tube"].get("radius")
-        propose = partial(_all_radii_by, question, radii)
-        yield Change("radii", "tube.radius", _plain(before), "", 1.0, _MOST_TIMES, propose)
 
+        def wider(size: float) -> Proposal:
+            factor = exact(1 + size)
+            after = [None if radius is None else exact(factor * radius) for radius in radii]
+            changes = _new_radii(question, after)
+            brief = f"times {figures(factor)}"
+            return Proposal(changes, changes["tube.radius"], f"all radii {brief}", brief)
 
-def _all_radii_by(question: Question, radii: Sequence[float | None], share: float) -> Proposal:
-    factor = exact(1 + share)
-    wider = [None if radius is None else exact(factor * radius) for radius in radii]
-    changes = _radii_given(question, wider)
-    brief = f"times {figures(factor)}"
-    return Proposal(changes, changes["tube.radius"], f"all radii {brief}", brief)
-
-
-def _radius_path(question: Question, segment: int) -> str:
-    """Return the path of a segment's radius, as a list of them has it."""
-    return f"tube.radius.{segment}" if question.segment_count > 1 else "tube.radius"
+        yield Change("radii", "tube.radius", _plain(before), "", 1.0, _MAX_GROWTH, wider)
 
 
 def _radius(
-    question: Question, radii: Sequence[float | None], segment: int, way: int, size: float
+    question: Question, radii: Sequence[float | None], segment: int, sign: int, size: float
 ) -> Proposal:
     before = radii[segment]
     assert before is not None
-    after = exact(before + way * size)
-    given = [after if k == segment else radius for k, radius in enumerate(radii)]
+    after = exact(before + sign * size)
+    radii_after = [after if k == segment else radius for k, radius in enumerate(radii)]
     text = f"segment {segment}: {from_to(before, after, 'm')}"
-    return Proposal(_radii_given(question, given), after, text, figures(after, "m"))
+    return Proposal(_new_radii(question, radii_after), after, text, figures(after, "m"))
 
 
-def _radii_given(question: Question, radii: Sequence[float | None]) -> dict[str, Any]:
-    """Return the changes that give segments these radii."""
+def _new_radii(question: Question, radii: Sequence[float | None]) -> dict[str, Any]:
+    """Return the values by field path that give the segments other radii."""
     changes = {"tube.radius": radii[0] if len(set(radii)) == 1 else list(radii)}
     if question.posed.document["tube"].get("radius") is None:  # they are in the file of points
         points = {key: _plain(value) for key, value in question.given_tube.items()}
@@ -108,10 +102,10 @@ def _plain(value: Any) -> Any:
 
 
 def _boxes(question: Question) -> Iterator[Change]:
-    """Yield the changes of both sides of each box by one share; the size is the shorter side's."""
+    """Yield the changes of both sides of each box by one factor; the size is the shorter side's."""
     assert question.fields.tube is not None
-    given = question.posed.document["tube"].get("cross_section")
-    for segment, box in enumerate(question.per_segment(given)):
+    sections = question.posed.document["tube"].get("cross_section")
+    for segment, box in enumerate(question.per_segment(sections)):
         if box is not None:
             yield Change(
                 kind="radius",
@@ -119,8 +113,8 @@ def _boxes(question: Question) -> Iterator[Change]:
                 before=list(box["box"]),
                 unit="m",
                 scale=min(box["box"]),
-                most=_MOST_TIMES * min(box["box"]),
-                propose=partial(_box, question.per_segment(given), segment),
+                most=_MAX_GROWTH * min(box["box"]),
+                propose=partial(_box, question.per_segment(sections), segment),
                 about=frozenset({f"segment {segment}"}),
             )
 
@@ -128,26 +122,26 @@ def _boxes(question: Question) -> Iterator[Change]:
 def _box(boxes: Sequence[Any], segment: int, size: float) -> Proposal:
     before = boxes[segment]["box"]
     after = [exact(side + size * side / min(before)) for side in before]
-    given = [box if k != segment else {**box, "box": after} for k, box in enumerate(boxes)]
+    boxes_after = [box if k != segment else {**box, "box": after} for k, box in enumerate(boxes)]
     sides = " by ".join(from_to(*pair, "m") for pair in zip(before, after, strict=True))
     brief = " by ".join(figures(side, "m") for side in after)
     text = f"box of segment {segment}: {sides}"
-    return Proposal({"tube.cross_section": given}, after, text, brief)
+    return Proposal({"tube.cross_section": boxes_after}, after, text, brief)
 
 
 def _rotation_tolerances(question: Question) -> Iterator[Change]:
     assert question.fields.tube is not None
-    given = question.fields.tube.rotation_tolerance
-    if given is None:
+    tolerance = question.fields.tube.rotation_tolerance
+    if tolerance is None:
         return
     count = question.segment_count
-    # Three numbers are an angle each for three segments, else bounds that serve for all.
-    if not isinstance(given, list):
-        bounds: list[Any] = [given] * count
-    elif len(given) == 3 and count != 3 and not isinstance(given[0], tuple):
-        bounds = [given] * count
+    # Three numbers are an angle each for three segments, else the bounds of every segment.
+    if not isinstance(tolerance, list):
+        bounds: list[Any] = [tolerance] * count
+    elif len(tolerance) == 3 and count != 3 and not isinstance(tolerance[0], tuple):
+        bounds = [tolerance] * count
     else:
-        bounds = list(given)
+        bounds = list(tolerance)
     for segment, bound in enumerate(bounds):
         finite = [b for b in np.atleast_1d(bound).tolist() if np.isfinite(b)]
         if finite:
@@ -165,15 +159,15 @@ def _rotation_tolerances(question: Question) -> Iterator[Change]:
 
 
 def _rotation(bounds: Sequence[Any], segment: int, before: float, size: float) -> Proposal:
-    """Return bounds of which those of a segment that bound more than others are wider."""
+    """Return the change that raises a segment's least bounds by a size, and others to the same."""
     after = exact(before + size)
     wider = np.maximum(np.array(bounds[segment], dtype=float), after).tolist()
-    given = [
+    bounds_after = [
         wider if k == segment else np.array(each, dtype=float).tolist()
         for k, each in enumerate(bounds)
     ]
     text = f"rotation tolerance of segment {segment}: {from_to(before, after, 'rad')}"
-    return Proposal({"tube.rotation_tolerance": given}, after, text, figures(after, "rad"))
+    return Proposal({"tube.rotation_tolerance": bounds_after}, after, text, figures(after, "rad"))
 
 
 def _tool_radius(question: Question) -> Iterator[Change]:
@@ -199,36 +193,38 @@ def _points(question: Question) -> Iterator[Change]:
     base = question.robot.body_poses(np.zeros((1, question.robot.joint_count)))[1][0, 1]
     for k, point in enumerate(question.points):
         inwards = base - point
-        ways = [("towards the arm's base", inwards / max(np.linalg.norm(inwards), 1e-9)), *AXES]
-        for name, direction in ways:
+        moves = [("towards the arm's base", inwards / max(np.linalg.norm(inwards), 1e-9)), *AXES]
+        for name, direction in moves:
             yield Change(
                 kind="point",
                 field=f"tube.points.{k}",
                 before=point.tolist(),
                 unit="m",
                 scale=0.1,
-                most=_FARTHEST,
+                most=_MAX_MOVE,
                 propose=partial(_moved_point, k, point, name, direction),
                 about=frozenset({f"point {k}", f"segment {k - 1}", f"segment {k}"}),
             )
 
 
-def _moved_point(k: int, point: FloatArray, name: str, way: FloatArray, size: float) -> Proposal:
-    after = along(point, way, size)
+def _moved_point(
+    k: int, point: FloatArray, name: str, direction: FloatArray, size: float
+) -> Proposal:
+    after = along(point, direction, size)
     text = f"move reference point {k} by {figures(size, 'm')} {name}"
     return Proposal({f"tube.points.{k}": after}, after, text, figures(size, "m"))
 
 
 def _signs(question: Question) -> Iterator[Change]:
-    """Yield other signs of each joint that has one, in all segments."""
+    """Yield other signs of each joint that has a sign, in all segments."""
     assert question.fields.tube is not None
-    given = question.fields.tube.joint_signs
-    maps = [dict(signs) for signs in (given if isinstance(given, list) else [given])]
+    field = question.fields.tube.joint_signs
+    maps = [dict(signs) for signs in (field if isinstance(field, list) else [field])]
     for joint in dict.fromkeys(name for signs in maps for name in signs):
         before = next(signs[joint] for signs in maps if joint in signs)
         for sign in _NUMBERS:
             if before not in (sign, _NUMBERS[sign]):
-                yield _sign_change(maps, isinstance(given, list), joint, before, sign)
+                yield _sign_change(maps, isinstance(field, list), joint, before, sign)
 
 
 def _sign_change(
@@ -259,15 +255,18 @@ def _pass_through(question: Question) -> Iterator[Change]:
         yield Change("pass_through", path, before, "", 1.0, 1.0, lambda size: less, is_switch=True)
 
 
-# ---- Changes of what stands around the arm: where obstacles are, and how near links may come.
+# ---- Changes of the cell: obstacles, attached solids, clearances.
 
 _TENTH = 0.1  # [m]
 
 
 def cell_changes(question: Question) -> Iterator[Change]:
-    """Yield the changes that keep obstacles out of the way."""
+    """Yield the changes that move solids, or lower clearances."""
     yield from obstacle_changes(question)
-    yield from _attached_changes(question)
+    for solid in question.fields.robot.attached:  # along the axes of the tool frame
+        about = frozenset({f"link {solid.name}"})
+        path = f"robot.attached.{solid.name}.position"
+        yield from _moves("attached", solid.name, path, solid.position, about)
     yield from clearance_changes(question, -1)
 
 
@@ -277,14 +276,6 @@ def obstacle_changes(question: Question) -> Iterator[Change]:
         about = frozenset({f"obstacle {obstacle.name}"})
         path = f"obstacles.{obstacle.name}.position"
         yield from _moves("obstacle", obstacle.name, path, obstacle.position, about)
-
-
-def _attached_changes(question: Question) -> Iterator[Change]:
-    """Yield the moves of each solid that the tool carries along the axes of its frame."""
-    for solid in question.fields.robot.attached:
-        about = frozenset({f"link {solid.name}"})
-        path = f"robot.attached.{solid.name}.position"
-        yield from _moves("attached", solid.name, path, solid.position, about)
 
 
 def _moves(
@@ -297,7 +288,7 @@ def _moves(
             before=list(position),
             unit="m",
             scale=_TENTH,
-            most=_FARTHEST,
+            most=_MAX_MOVE,
             propose=partial(_moved, kind, solid, path, np.array(position), name, direction),
             about=about,
         )
@@ -309,52 +300,51 @@ def _moved(
     path: str,
     position: FloatArray,
     name: str,
-    way: FloatArray,
+    direction: FloatArray,
     size: float,
 ) -> Proposal:
-    after = along(position, way, size)
+    after = along(position, direction, size)
     frame = " of the tool frame" if kind == "attached" else ""
-    what = "attached solid" if kind == "attached" else kind
-    text = f"move {what} '{solid}' by {figures(size, 'm')} {name}{frame}"
+    noun = "attached solid" if kind == "attached" else kind
+    text = f"move {noun} '{solid}' by {figures(size, 'm')} {name}{frame}"
     return Proposal({path: after}, after, text, figures(size, "m"))
 
 
-def clearance_changes(question: Question, way: int) -> Iterator[Change]:
-    """Yield the changes of each clearance, more or (-1) less."""
+def clearance_changes(question: Question, sign: int) -> Iterator[Change]:
+    """Yield the changes of each clearance, larger (sign 1) or smaller (-1)."""
     for path, name, before, about in _clearances(question):
-        if way > 0 or before > 0:
+        if sign > 0 or before > 0:
             yield Change(
                 kind="clearance",
                 field=path,
                 before=before,
                 unit="m",
                 scale=before or _TENTH,
-                most=_FARTHEST if way > 0 else before,
-                propose=partial(_clearance, path, name, before, way),
+                most=_MAX_MOVE if sign > 0 else before,
+                propose=partial(_clearance, path, name, before, sign),
                 about=about,
-                is_loss=way < 0,
+                is_loss=sign < 0,
             )
 
 
 def _clearances(question: Question) -> Iterator[tuple[str, str, float, frozenset[str]]]:
-    """Yield path, name and value of each clearance, and what it is about."""
-    given = question.fields.clearance
-    if not isinstance(given, ClearanceFields):
-        yield "clearance", "clearance", given, frozenset()
+    """Yield path, name, value and concerned names of each clearance."""
+    clearance = question.fields.clearance
+    if not isinstance(clearance, ClearanceFields):
+        yield "clearance", "clearance", clearance, frozenset()
         return
-    yield "clearance.default", "clearance", given.default, frozenset()
-    for k, pair in enumerate(given.pairs):
+    yield "clearance.default", "clearance", clearance.default, frozenset()
+    for k, pair in enumerate(clearance.pairs):
         about = frozenset(f"{kind} {name}" for kind in ("link", "obstacle") for name in pair.links)
         name = f"clearance of {pair.links[0]} and {pair.links[1]}"
         yield f"clearance.pairs.{k}.clearance", name, pair.clearance, about
-    for k, value in enumerate(given.segments or []):
+    for k, value in enumerate(clearance.segments or []):
         if value is not None:
             about = frozenset({f"segment {k}"})
             yield f"clearance.segments.{k}", f"clearance of segment {k}", value, about
 
 
-def _clearance(path: str, name: str, before: float, way: int, size: float) -> Proposal:
-    after = max(exact(before + way * size), 0.0)  # sizes are rounded
-    changes: Mapping[str, Any] = {path: after}
+def _clearance(path: str, name: str, before: float, sign: int, size: float) -> Proposal:
+    after = max(exact(before + sign * size), 0.0)  # sizes are rounded
     text = f"{name} {from_to(before, after, 'm')}"
-    return Proposal(changes, after, text, figures(after, "m"))
+    return Proposal({path: after}, after, text, figures(after, "m"))

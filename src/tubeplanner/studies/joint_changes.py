@@ -12,28 +12,28 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.studies.changes import Change, Proposal, Question, exact, figures, from_to
 from tubeplanner.task.endpoints import configuration_of
 
-# ---- Changes of what the joints may do: efforts and ranges of positions, and what they carry.
+# ---- Changes of the joints' limits and of the payload.
 
-_MOST_TIMES = 10.0  # of an effort, its growth
-_TURN = 2 * np.pi  # [rad], or [m]: the most that a position limit is widened
+_MAX_GROWTH = 10.0  # of an effort, relative
+_MAX_WIDENING = 2 * np.pi  # [rad], or [m]: of a position limit
 _TENTH = 0.1  # [rad], or [m]
 
 
 def limit_changes(question: Question) -> Iterator[Change]:
-    """Yield the changes that give motors more effort or joints more room, or less to carry."""
+    """Yield the changes that widen limits of joints, or lighten the payload."""
     yield from effort_changes(question, 1)
     yield from payload_changes(question, -1)
     yield from _positions(question)
 
 
-def effort_changes(question: Question, way: int) -> Iterator[Change]:
-    """Yield the changes of the effort of each joint, more or (-1) less."""
+def effort_changes(question: Question, sign: int) -> Iterator[Change]:
+    """Yield the changes of the effort limit of each joint, more (sign 1) or less (-1)."""
     robot, limits = question.robot, question.fields.robot.limits
     factor = limits.scale.get("effort", 1.0)
     for joint, limit in zip(robot.joint_names, robot.limits.effort.tolist(), strict=True):
         if not np.isfinite(limit):
             continue
-        given = limits.effort.get(joint) if isinstance(limits.effort, dict) else None
+        value = limits.effort.get(joint) if isinstance(limits.effort, dict) else None
         before = exact(limit / factor)
         yield Change(
             kind="effort",
@@ -41,10 +41,10 @@ def effort_changes(question: Question, way: int) -> Iterator[Change]:
             before=before,
             unit=_effort_unit(question, joint),
             scale=before,
-            most=_MOST_TIMES * before if way > 0 else 0.99 * before,
-            propose=partial(_effort, question, joint, before, given, way),
+            most=_MAX_GROWTH * before if sign > 0 else 0.99 * before,
+            propose=partial(_effort, question, joint, before, value, sign),
             about=frozenset({joint}),
-            is_loss=way < 0,
+            is_loss=sign < 0,
         )
 
 
@@ -53,48 +53,43 @@ def _effort_unit(question: Question, joint: str) -> str:
 
 
 def _effort(
-    question: Question, joint: str, before: float, given: Any, way: int, size: float
+    question: Question, joint: str, before: float, value: Any, sign: int, size: float
 ) -> Proposal:
-    after = exact(before + way * size)
+    after = exact(before + sign * size)
     unit = _effort_unit(question, joint)
-    value = _scaled_effort(given, after / before) if given is not None else after
-    if way > 0:
+    changed = _scaled_effort(value, after / before) if value is not None else after
+    if sign > 0:
         text = f"{joint}: {figures(size, unit)} more ({from_to(before, after, unit)})"
     else:
         text = f"{joint}: {from_to(before, after, unit)}"
-    changes = _limit_of(question, "effort", joint, value)
+    changes = _limit_of(question, "effort", joint, changed)
     return Proposal(changes, after, text, figures(after, unit))
 
 
-def _scaled_effort(given: Any, factor: float) -> Any:
-    """Return an effort as a file has it, scaled: one number, a pair or a table."""
-    if isinstance(given, int | float):
-        return exact(factor * given)
-    if isinstance(given, list | tuple):
-        return [exact(factor * value) for value in given]
-    return {"position": given.position, "effort": [exact(factor * x) for x in given.effort]}
+def _scaled_effort(effort: Any, factor: float) -> Any:
+    """Return the effort of a file, scaled: a number, a pair or a table."""
+    if isinstance(effort, int | float):
+        return exact(factor * effort)
+    if isinstance(effort, list | tuple):
+        return [exact(factor * value) for value in effort]
+    return {"position": effort.position, "effort": [exact(factor * x) for x in effort.effort]}
 
 
 def _limit_of(question: Question, quantity: str, joint: str, value: Any) -> dict[str, Any]:
-    """Return the changes that give one joint another limit, others the one they have."""
-    given = getattr(question.fields.robot.limits, quantity)
+    """Return the values that give one joint another limit, and the others their present limits."""
+    limits = getattr(question.fields.robot.limits, quantity)
     path = f"robot.limits.{quantity}"
-    if isinstance(given, Mapping):
+    if isinstance(limits, Mapping):
         return {f"{path}.{joint}": value}
-    # One for all, or a list: by name from here on.
-    robot = question.robot
-    others = _limits_by_name(question, quantity)
-    return {path: {name: value if name == joint else others[name] for name in robot.joint_names}}
-
-
-def _limits_by_name(question: Question, quantity: str) -> dict[str, Any]:
-    limits, names = question.robot.limits, question.robot.joint_names
+    # One value for all joints, or a list, becomes a map by name.
+    robot, names = question.robot, question.robot.joint_names
     if quantity == "position":
-        bounds = np.column_stack([limits.lower_position, limits.upper_position]).tolist()
-        return dict(zip(names, bounds, strict=True))
-    factor = question.fields.robot.limits.scale.get(quantity, 1.0)
-    values = [exact(value / factor) for value in getattr(limits, quantity).tolist()]
-    return dict(zip(names, values, strict=True))
+        bounds = (robot.limits.lower_position, robot.limits.upper_position)
+        values = np.column_stack(bounds).tolist()
+    else:
+        factor = question.fields.robot.limits.scale.get(quantity, 1.0)
+        values = [exact(each / factor) for each in getattr(robot.limits, quantity).tolist()]
+    return {path: {**dict(zip(names, values, strict=True)), joint: value}}
 
 
 def _positions(question: Question) -> Iterator[Change]:
@@ -102,17 +97,17 @@ def _positions(question: Question) -> Iterator[Change]:
     robot = question.robot
     lower, upper = robot.limits.lower_position.tolist(), robot.limits.upper_position.tolist()
     for k, joint in enumerate(robot.joint_names):
-        both = (lower[k], upper[k])
-        for end, way in enumerate((-1, 1)):
-            if np.isfinite(both[end]):
+        limits = (lower[k], upper[k])
+        for end, sign in enumerate((-1, 1)):
+            if np.isfinite(limits[end]):
                 yield Change(
                     kind="position",
                     field=f"robot.limits.position.{joint}",
-                    before=list(both),
+                    before=list(limits),
                     unit=_position_unit(question, joint),
                     scale=_TENTH,
-                    most=_TURN,
-                    propose=partial(_range, question, joint, both, end, way),
+                    most=_MAX_WIDENING,
+                    propose=partial(_range, question, joint, limits, end, sign),
                     about=frozenset({joint}),
                 )
 
@@ -122,43 +117,43 @@ def _position_unit(question: Question, joint: str) -> str:
 
 
 def _range(
-    question: Question, joint: str, both: tuple[float, float], end: int, way: int, size: float
+    question: Question, joint: str, limits: tuple[float, float], end: int, sign: int, size: float
 ) -> Proposal:
-    after = list(both)
-    after[end] = exact(both[end] + way * size)
-    which = ("lower", "upper")[end]
+    after = list(limits)
+    after[end] = exact(limits[end] + sign * size)
+    name = ("lower", "upper")[end]
     unit = _position_unit(question, joint)
-    text = f"{joint}: {which} limit {from_to(both[end], after[end], unit)}"
+    text = f"{joint}: {name} limit {from_to(limits[end], after[end], unit)}"
     changes = _limit_of(question, "position", joint, after)
     return Proposal(changes, after, text, figures(after[end], unit))
 
 
-def payload_changes(question: Question, way: int) -> Iterator[Change]:
-    """Yield the changes of the payload's mass, more or (-1) less."""
+def payload_changes(question: Question, sign: int) -> Iterator[Change]:
+    """Yield the changes of the payload's mass, more (sign 1) or less (-1)."""
     payload = question.fields.robot.payload
     if payload is None or payload.mass <= 0:
         return
     before = payload.mass
 
-    def carried(size: float) -> Proposal:
-        after = exact(before + way * size)
+    def changed(size: float) -> Proposal:
+        after = exact(before + sign * size)
         changes = {"robot.payload.mass": after}
         brief = figures(after, "kg")
         return Proposal(changes, after, f"payload at most {brief}", brief)
 
-    most = _MOST_TIMES * before if way > 0 else 0.999 * before
+    most = _MAX_GROWTH * before if sign > 0 else 0.999 * before
     yield Change(
-        *("payload", "robot.payload.mass", before, "kg", before, most, carried), is_loss=way < 0
+        *("payload", "robot.payload.mass", before, "kg", before, most, changed), is_loss=sign < 0
     )
 
 
-# ---- Changes of where the motion begins and ends, and of how long it may take.
+# ---- Changes of start, goal and duration.
 
-_FARTHEST = 1.0  # [rad], or [m]
+_MAX_MOVE = 1.0  # [rad], or [m]
 
 
 def end_changes(question: Question) -> Iterator[Change]:
-    """Yield the changes of single joints at start and goal, and of a duration that is asked."""
+    """Yield the changes of start and goal, and of a required duration."""
     for end in ("start", "goal"):
         yield from _joints(question, end)
     yield from _open_ends(question)
@@ -167,58 +162,58 @@ def end_changes(question: Question) -> Iterator[Change]:
 
 
 def _joints(question: Question, end: str) -> Iterator[Change]:
-    given = getattr(question.fields, end)
-    if given is None or given.joints is None:
+    value = getattr(question.fields, end)
+    if value is None or value.joints is None:
         return
     try:
-        q = configuration_of(question.robot, end, given.joints)
-    except ProblemError:  # it names a joint that is not there: what loads the problem says so
+        q = configuration_of(question.robot, end, value.joints)
+    except ProblemError:  # it names an unknown joint: loading the problem reports that
         return
     revolute = question.robot.revolute
     for k, joint in enumerate(question.robot.joint_names):
-        for way in (1, -1):
+        for sign in (1, -1):
             yield Change(
                 kind=end,
                 field=f"{end}.joints",
                 before=q.tolist(),
                 unit="rad" if revolute[k] else "m",
                 scale=_TENTH,
-                most=_FARTHEST,
-                propose=partial(_turned, end, q, k, way, joint, "rad" if revolute[k] else "m"),
+                most=_MAX_MOVE,
+                propose=partial(_shifted, end, q, k, sign, joint, "rad" if revolute[k] else "m"),
                 about=frozenset({end, joint}),
             )
 
 
-def _turned(
-    end: str, q: FloatArray, k: int, way: int, joint: str, unit: str, size: float
+def _shifted(
+    end: str, q: FloatArray, k: int, sign: int, joint: str, unit: str, size: float
 ) -> Proposal:
     after = q.tolist()
-    after[k] = exact(after[k] + way * size)
-    sign = "" if way > 0 else "-"
-    text = f"{end}: {sign}{figures(size, unit)} on {joint}"
+    after[k] = exact(after[k] + sign * size)
+    minus = "" if sign > 0 else "-"
+    text = f"{end}: {minus}{figures(size, unit)} on {joint}"
     return Proposal({f"{end}.joints": after}, after, text, figures(size, unit))
 
 
 def _open_ends(question: Question) -> Iterator[Change]:
-    """Yield the changes that leave to inverse kinematics what is given in joints."""
+    """Yield the changes of start and goal from given joints to inverse kinematics."""
     start, goal = question.fields.start.joints, question.fields.goal
     if start is not None:
         with suppress(ProblemError):
             q = question.robot.limits.clip(configuration_of(question.robot, "start", start))
-            made = Proposal(
+            seeded = Proposal(
                 {"start": {"seed": q.tolist()}},
                 {"seed": q.tolist()},
                 "start: inverse kinematics of reference point 0, from the joints given as a seed,",
             )
-            yield _switch("start", question.posed.document["start"], made)
+            yield _switch("start", question.posed.document["start"], seeded)
     if goal is not None and goal.joints is not None:
-        left_out = Proposal({"goal": None}, None, "goal: left out, its configuration open,")
-        yield _switch("goal", question.posed.document["goal"], left_out)
+        opened = Proposal({"goal": None}, None, "goal: left out, its configuration open,")
+        yield _switch("goal", question.posed.document["goal"], opened)
 
 
-def _switch(end: str, before: Any, made: Proposal) -> Change:
+def _switch(end: str, before: Any, proposal: Proposal) -> Change:
     return Change(
-        *(end, end, before, "", 1.0, 1.0, lambda size: made), about=frozenset(), is_switch=True
+        *(end, end, before, "", 1.0, 1.0, lambda size: proposal), about=frozenset(), is_switch=True
     )
 
 
@@ -234,7 +229,7 @@ def _goal_tolerance(question: Question) -> Iterator[Change]:
         return Proposal({"goal.tolerance": after}, after, text, figures(after, "m"))
 
     yield Change(
-        *("goal", "goal.tolerance", before, "m", before or _TENTH, _FARTHEST, wider),
+        *("goal", "goal.tolerance", before, "m", before or _TENTH, _MAX_MOVE, wider),
         about=frozenset({"goal"}),
     )
 

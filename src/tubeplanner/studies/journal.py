@@ -15,29 +15,6 @@ from tubeplanner.documents import parse_json
 from tubeplanner.errors import OutputError, shown
 from tubeplanner.text import json_value
 
-# ---- The types of what journals hold, checked before it is used: a journal may have been edited.
-
-
-def require_fields(kind: type, values: Mapping[str, Any]) -> None:
-    """Raise unless JSON values, by name, may be the fields of a dataclass.
-
-    Args:
-        kind: The dataclass.
-        values: As `json.loads` returns them.
-
-    Raises:
-        ValueError: A name is unknown, a field that it needs is missing, a type is another one, or a
-            number is not finite.
-    """
-    known = {each.name for each in fields(kind)}
-    unknown = [name for name in values if name not in known]
-    if unknown:
-        raise ValueError(f"it has {unknown[0]!r}")
-    TypeAdapter(kind).validate_json(json.dumps(values, allow_nan=False), strict=True)
-
-
-# ---- The journal of a study: a line of JSON for every point that is done, on the disk at once.
-
 _T = TypeVar("_T")
 _BEGIN = b'{"key": "'  # of every line
 _MAX_LINE = 10_000_000  # [bytes]
@@ -45,28 +22,28 @@ _MAX_REASON = 200  # [characters]
 
 
 class Journal:
-    """A file to which answers are added by key, and in which those of former runs are found.
+    """A file of answers by key, for use in a `with` statement.
 
-    To be used in a `with` statement. It survives the end of the process at any instant: a last line
-    that was not written to its end is dropped when the journal is opened again.
+    It survives the end of the process at any instant: each line is on the disk before `add`
+    returns, and an incomplete last line is dropped when the journal is opened again.
     """
 
     def __init__(self, path: Path) -> None:
         """Open a journal, or make one.
 
         Args:
-            path: Of the file.
+            path: Path of the file.
 
         Raises:
-            OutputError: It cannot be opened, another process has it open, or the file is something
-                else, which stays as it is.
+            OutputError: It cannot be opened, another process has it open, or the file is no
+                journal; then it stays as it is.
         """
         self._path = path
-        self._places: dict[str, int] = {}  # of lines in the file [bytes], by key
+        self._offsets: dict[str, int] = {}  # of lines in the file [bytes], by key
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise OutputError(f"journal {path} is no regular file; name one")
         try:
-            # Appending: what is written goes to the end, wherever was read before.
+            # Appending: writes go to the end, wherever was read before.
             self._file = path.open("a+b")
         except OSError as error:
             raise OutputError(
@@ -91,27 +68,27 @@ class Journal:
         self._file.close()
 
     def __len__(self) -> int:
-        return len(self._places)
+        return len(self._offsets)
 
     def __contains__(self, key: str) -> bool:
-        return key in self._places
+        return key in self._offsets
 
     def __getitem__(self, key: str) -> dict[str, Any]:
-        """Return the answer that a key has, as JSON values."""
-        self._file.seek(self._places[key])
+        """Return the answer of a key, as JSON values."""
+        self._file.seek(self._offsets[key])
         answer: dict[str, Any] = json.loads(self._file.readline())["row"]
         return answer
 
     def made(self, key: str, make: Callable[[Mapping[str, Any]], _T]) -> _T:
-        """Return what is made of the answer that a key has.
+        """Return the object made of the answer of a key.
 
         Args:
             key: The key.
-            make: Makes it; raises KeyError, TypeError, ValueError or AttributeError of what is no
-                such answer.
+            make: Makes it; raises KeyError, TypeError, ValueError or AttributeError for an invalid
+                answer.
 
         Raises:
-            OutputError: It is none.
+            OutputError: The answer is invalid.
         """
         try:
             return make(self[key])
@@ -126,9 +103,9 @@ class Journal:
         """Write an answer, and wait until it is on the disk.
 
         Args:
-            key: Of what was planned.
-            values: By field path: for readers alone.
-            answer: As JSON values.
+            key: Key of the planned problem.
+            values: Varied values by field path, for readers alone.
+            answer: The answer, as JSON values.
 
         Raises:
             OutputError: It cannot be written.
@@ -136,7 +113,7 @@ class Journal:
         fields = {"key": key, "values": json_value(values), "row": answer}
         line = json.dumps(fields, allow_nan=False).encode() + b"\n"
         try:
-            place = self._file.seek(0, os.SEEK_END)
+            offset = self._file.seek(0, os.SEEK_END)
             self._file.write(line)
             self._file.flush()
             os.fsync(self._file.fileno())
@@ -147,7 +124,7 @@ class Journal:
                 f"journal {self._path} cannot be written: {error.strerror}; make room, or name a "
                 "table on another disk; what it has is kept"
             ) from error
-        self._places[key] = place
+        self._offsets[key] = offset
 
     def _lock(self) -> None:
         try:
@@ -164,16 +141,16 @@ class Journal:
             ) from error
 
     def _read(self) -> None:
-        """Note where every line begins, and drop a torn one at the end."""
-        place = self._file.seek(0)
+        """Record the position of every line, and drop an incomplete last line."""
+        offset = self._file.seek(0)
         lines = iter(lambda: self._file.readline(_MAX_LINE), b"")
         for number, line in enumerate(lines, start=1):
             is_torn = not line.endswith(b"\n") and len(line) < _MAX_LINE
             if is_torn and _BEGIN.startswith(line[: len(_BEGIN)]):
-                self._file.truncate(place)
+                self._file.truncate(offset)
                 break
-            self._places[self._key(number, line)] = place
-            place += len(line)
+            self._offsets[self._key(number, line)] = offset
+            offset += len(line)
 
     def _key(self, number: int, line: bytes) -> str:
         try:
@@ -187,3 +164,21 @@ class Journal:
                 "is: name another table, or move the file away"
             ) from None
         return key
+
+
+def require_fields(kind: type, values: Mapping[str, Any]) -> None:
+    """Raise unless JSON values fit the fields of a dataclass: a journal may have been edited.
+
+    Args:
+        kind: The dataclass.
+        values: The values by name, as `json.loads` returns them.
+
+    Raises:
+        ValueError: A name is unknown, a required field is missing, a type differs, or a number is
+            not finite.
+    """
+    names = {each.name for each in fields(kind)}
+    unknown = [name for name in values if name not in names]
+    if unknown:
+        raise ValueError(f"it has {unknown[0]!r}")
+    TypeAdapter(kind).validate_json(json.dumps(values, allow_nan=False), strict=True)

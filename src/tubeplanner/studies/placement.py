@@ -30,73 +30,24 @@ from tubeplanner.studies.problem_spec import PosedProblem
 from tubeplanner.studies.worker_processes import WorkerProcesses
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- Downhill by trying neighbours along the axes, in steps that halve: no derivative is needed.
-
-_P = TypeVar("_P")
-_LEAST_GAIN = 1e-3  # of a value: less is no reason to go on with steps of one size
-
-
-@dataclass
-class _Walk(Generic[_P]):
-    """One way downhill: where it is, the value there, and how often its steps were halved."""
-
-    point: _P
-    value: float
-    halved: int = 0
-
-
-def pattern_search(
-    starts: Sequence[tuple[_P, float]],
-    neighbours: Callable[[_P, float], Sequence[_P]],
-    values: Callable[[Sequence[_P]], Sequence[float]],
-    halvings: int,
-) -> list[tuple[_P, float]]:
-    """Return where ways downhill from some points end, and the values there.
-
-    All ways go on side by side: the neighbours of all are valued together. What is found does not
-    depend on the order in which that is done.
-
-    Args:
-        starts: Points and their values.
-        neighbours: From a point and a share of the first step: the points to try.
-        values: Of points, in their order; infinity where there is none.
-        halvings: How often steps are halved.
-    """
-    walks = [_Walk(point, value) for point, value in starts]
-    while active := [walk for walk in walks if walk.halved <= halvings]:
-        tries = [list(neighbours(walk.point, 0.5**walk.halved)) for walk in active]
-        found = iter(values([point for points in tries for point in points]))
-        for walk, points in zip(active, tries, strict=True):
-            _step(walk, [(point, next(found)) for point in points])
-    return [(walk.point, walk.value) for walk in walks]
-
-
-def _step(walk: _Walk[_P], tried: Sequence[tuple[_P, float]]) -> None:
-    """Go to the best of the points that were tried, or halve the steps."""
-    point, value = min(tried, key=lambda pair: pair[1], default=(walk.point, walk.value))
-    if value < walk.value * (1 - _LEAST_GAIN):
-        walk.point, walk.value = point, value
-    else:
-        walk.halved += 1
-
-
-# ---- Where a robot is to stand so that its motion is short: a grid, then a pattern search.
+# ---- Placement: a grid, then a pattern search from its best base poses.
 
 _STARTS = 5  # of the pattern search
 _HALVINGS = 3
-_MOST_POINTS = 100_000
+_MAX_POINTS = 100_000
 
 
 @dataclass(frozen=True)
 class PlaceOptions:
-    """How to look for a place.
+    """Options of a placement.
 
     Attributes:
-        points: About how many stands the grid has: eight angles at each place, three heights if
-            they may vary. With 300 the whole search plans about 500 times: some minutes on two
-            processors for an arm that is planned in a second.
-        quality: Of the plans of the problem as given and of the best stand; the search has "fast".
-        slack: Of the same plans; None: what the problem's objective says. The search is for the
+        points: Approximate number of base poses of the grid: eight angles at each position, three
+            heights if the height may vary. With 300 the whole search plans about 500 times: some
+            minutes on two processors for an arm that is planned in a second.
+        quality: Quality of the plans of the problem as given and of the best base pose; the search
+            has "fast".
+        slack: Slack of the same plans; None: that of the problem's objective. The search is for the
             shortest motion.
     """
 
@@ -105,12 +56,12 @@ class PlaceOptions:
     slack: float | None = None
 
     def __post_init__(self) -> None:
-        require_count(self, 1, "points", most=_MOST_POINTS)
+        require_count(self, 1, "points", most=_MAX_POINTS)
         _ = self.plan_options
 
     @property
     def plan_options(self) -> PlanOptions:
-        """How what is answered is planned."""
+        """Options of the plans of the problem as given and of the best base pose."""
         return PlanOptions(quality=self.quality, slack=self.slack)
 
 
@@ -125,75 +76,75 @@ def place(
     journal: str | Path | None = None,
     progress: Callable[[object], None] | None = None,
 ) -> Placement:
-    """Look for the place of a robot in its cell at which its motion is shortest.
+    """Return the base pose of a robot in its cell with the shortest motion.
 
     The tube and all else stays in the cell. Start and goal that are joints become seeds: the tool
     is then at the first or last point of the tube. Joint signs stay. Links that no joint moves are
-    checked against obstacles. What is found depends on no clock and on no order of work.
+    checked against obstacles. The result depends on no clock and on no order of work.
 
     Args:
         problem: A path, or `example:ROBOT/NAME` for a bundled problem.
-        region: X0, X1, Y0, Y1 and perhaps Z0, Z1: where the root link's origin may be, in the cell
-            [m]. Without Z0, Z1 the height is as given. About the vertical it may be turned at will.
+        region: X0, X1, Y0, Y1 and perhaps Z0, Z1: bounds of the root link's origin in the cell [m].
+            Without Z0, Z1 the height is as given. The angle about the vertical is free.
         stands_on: Names of obstacles that links which no joint moves may touch; required if there
-            are obstacles: () if it stands on none of them.
-        changes: Of fields of the problem, by path, as for `load_problem`.
-        options: How to look.
-        executor: What plans; None: as many `WorkerProcesses` as there are processors.
-        journal: File in which answers are kept as they come, and looked for first; None: none.
-        progress: Called with what is being done.
+            are obstacles: () if none may be touched.
+        changes: Values of fields of the problem, by path, as for `load_problem`.
+        options: Options of the placement.
+        executor: Executor of the plans; None: as many `WorkerProcesses` as there are processors.
+        journal: File that keeps every answer at once, and whose answers are used; None: none.
+        progress: Called with the current stage.
 
     Returns:
-        The best stand and all that were tried; after Ctrl-C, what was found until then.
+        The best base pose and all that were tried; after Ctrl-C, those so far.
 
     Raises:
-        ProblemError: The problem contradicts its format, itself or its robot wherever it stands.
+        ProblemError: The problem contradicts its format, or itself or its robot at any base pose.
         RobotError: The robot cannot be planned with.
-        OptionError: The region is none, an obstacle's name is unknown or missing, or an argument is
-            of another kind.
+        OptionError: The region is invalid, an obstacle's name is unknown or missing, or an argument
+            is of another kind.
         OutputError: The journal cannot be used.
-        KeyboardInterrupt: Ctrl-C before the first stand was tried.
+        KeyboardInterrupt: Ctrl-C before the first base pose was tried.
     """
     options, report = given_options(options, PlaceOptions), progress or (lambda what: None)
     require_callback(report)
     require_executor(executor)
-    kept_in = None if journal is None else given_path("journal", journal)
+    path = None if journal is None else given_path("journal", journal)
     stands_on = None if stands_on is None else given_row("stands_on", stands_on, "names")
     report("loading robot and collision geometry")
     movable = MovableProblem.of(PosedProblem.read(problem).changed(changes))
-    where = Region.of(region, movable.given.z)
+    bounds = Region.of(region, movable.given.z)
     loaded = movable.load(movable.given)
     on = _names(loaded, stands_on)
     report("planning as given")
-    given = _given(movable, on, options.plan_options)
-    grid = where.grid(options.points, movable.given.yaw)
-    with nullcontext() if kept_in is None else Journal(kept_in) as kept:
-        trials = PlacementTrials(movable, on, kept)
-        stopped_by = _searched(trials, where, grid, movable.given, executor, report)
-    found = Placement(
-        loaded, where, on, grid, trials.rows, given, None, None, {}, trials.restored, stopped_by
+    as_given = _given(movable, on, options.plan_options)
+    grid = bounds.grid(options.points, movable.given.yaw)
+    with nullcontext() if path is None else Journal(path) as answers:
+        trials = PlacementTrials(movable, on, answers)
+        stopped_by = _searched(trials, bounds, grid, movable.given, executor, report)
+    result = Placement(
+        loaded, bounds, on, grid, trials.rows, as_given, None, None, {}, trials.restored, stopped_by
     )
-    if stopped_by is None:  # else the caller may take a report for a place to stop at again
+    if stopped_by is None:  # after Ctrl-C no report: the caller may stop at one again
         report("planning the best")
-    return _answered(found, movable, options.plan_options)
+    return _answered(result, movable, options.plan_options)
 
 
-def _names(problem: PlanningProblem, given: Sequence[str] | None) -> tuple[str, ...]:
-    """Return the names of the obstacles that the robot stands on, once they are some."""
-    known = [obstacle.name for obstacle in problem.obstacles]
-    if given is None and known:
+def _names(problem: PlanningProblem, stands_on: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the names of the obstacles that the robot stands on, checked and each once."""
+    names = [obstacle.name for obstacle in problem.obstacles]
+    if stands_on is None and names:
         raise OptionError(
-            f"stands_on is required where there are obstacles ({', '.join(known)}): name what the "
+            f"stands_on is required where there are obstacles ({', '.join(names)}): name what the "
             "robot stands on; --stands-on none, in Python (), if that is none of them"
         )
-    for name in given or ():
-        if not isinstance(name, str) or name not in known:
-            raise OptionError(f"stands_on: {unknown_name('obstacle', name, known)}")
-    return tuple(dict.fromkeys(given or ()))
+    for name in stands_on or ():
+        if not isinstance(name, str) or name not in names:
+            raise OptionError(f"stands_on: {unknown_name('obstacle', name, names)}")
+    return tuple(dict.fromkeys(stands_on or ()))
 
 
 def _given(movable: MovableProblem, stands_on: Sequence[str], options: PlanOptions) -> GivenStand:
-    """Return what comes of the problem as it is given."""
+    """Return the plan of the problem as given."""
     try:
         problem = movable.posed.load()
         assert isinstance(problem, PlanningProblem)
@@ -212,13 +163,13 @@ def _searched(
     executor: Executor | None,
     report: Callable[[object], None],
 ) -> StoppedBy | None:
-    """Try the grid, where the robot stands as given, and what a pattern search leads to.
+    """Try the grid, the base pose as given, and those of a pattern search.
 
     Returns:
-        "interrupt" if Ctrl-C ended it; None otherwise.
+        "interrupt" if Ctrl-C ended the search; None otherwise.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C before the first stand was tried.
+        KeyboardInterrupt: Ctrl-C before the first base pose was tried.
     """
     stands = [*grid.stands, *[region.nearest(given)] * region.holds(given)]
     try:
@@ -245,9 +196,9 @@ def _searched(
 
 
 def _starts(rows: Sequence[PlacementRow]) -> list[PlacementRow]:
-    """Return the rows to go on from: the best, first those of different places.
+    """Return the best rows, those of different positions first.
 
-    Arms that turn about the vertical themselves are as good at one place at nearly every angle.
+    Arms whose first axis is vertical are as good at one position at nearly every angle.
     """
     best = _feasible(rows)
     first = {row.stand[:3]: row for row in reversed(best)}
@@ -255,30 +206,76 @@ def _starts(rows: Sequence[PlacementRow]) -> list[PlacementRow]:
 
 
 def _neighbours(region: Region, grid: StandGrid, stand: Stand, share: float) -> list[Stand]:
-    """Return the stands beside one, half a cell of the grid times a share away, in the region."""
-    found = []
+    """Return the base poses half a cell of the grid times `share` away, in the region."""
+    result = []
     for k, side in enumerate(grid.spacing):
         for step in (share * side / 2, -share * side / 2):
-            moved = Stand(*(value + step * (j == k) for j, value in enumerate(stand)))
-            found.append(region.nearest(moved))
-    return [each for each in dict.fromkeys(found) if each != stand]
+            neighbour = Stand(*(value + step * (j == k) for j, value in enumerate(stand)))
+            result.append(region.nearest(neighbour))
+    return [each for each in dict.fromkeys(result) if each != stand]
 
 
-def _answered(found: Placement, movable: MovableProblem, options: PlanOptions) -> Placement:
-    """Return a placement with the best of its rows, planned; the next ones where that fails."""
-    for row in _feasible(found.rows)[:_STARTS]:
+def _answered(placement: Placement, movable: MovableProblem, options: PlanOptions) -> Placement:
+    """Return a placement with the plan of its best row, or of the next ones if that fails."""
+    for row in _feasible(placement.rows)[:_STARTS]:
         problem = movable.load(row.stand, row.seeds)
         result = plan(problem, options)
         if result.succeeded:
             changes = movable.changes(row.stand, row.seeds)
-            return replace(found, problem=problem, best=row, result=result, changes=changes)
-    return found
+            return replace(placement, problem=problem, best=row, result=result, changes=changes)
+    return placement
 
 
 def _feasible(rows: Sequence[PlacementRow]) -> list[PlacementRow]:
-    """Return the rows that have a motion, the shortest first."""
+    """Return the rows with a motion, the shortest first."""
     return sorted((row for row in dict.fromkeys(rows) if row.is_feasible), key=_value)
 
 
 def _value(row: PlacementRow) -> float:
     return inf if row.duration is None else row.duration
+
+
+# ---- Pattern search: neighbours along the axes, in steps that halve; no derivative is needed.
+
+_P = TypeVar("_P")
+_MIN_GAIN = 1e-3  # of a value: smaller gains halve the steps
+
+
+@dataclass
+class _Walk(Generic[_P]):
+    """One descent: its point, the value there, and the number of halvings of its steps."""
+
+    point: _P
+    value: float
+    halved: int = 0
+
+
+def pattern_search(
+    starts: Sequence[tuple[_P, float]],
+    neighbours: Callable[[_P, float], Sequence[_P]],
+    values: Callable[[Sequence[_P]], Sequence[float]],
+    halvings: int,
+) -> list[tuple[_P, float]]:
+    """Return the points at which descents from some starts end, and the values there.
+
+    All descents go on side by side: the neighbours of all are evaluated together. The result does
+    not depend on the order of evaluation.
+
+    Args:
+        starts: Points and their values.
+        neighbours: Function from a point and a fraction of the first step to the points to try.
+        values: Function from points to their values; infinity where there is none.
+        halvings: Number of halvings of the steps.
+    """
+    walks = [_Walk(point, value) for point, value in starts]
+    while active := [walk for walk in walks if walk.halved <= halvings]:
+        tries = [list(neighbours(walk.point, 0.5**walk.halved)) for walk in active]
+        results = iter(values([point for points in tries for point in points]))
+        for walk, points in zip(active, tries, strict=True):
+            neighbourhood = [(point, next(results)) for point in points]
+            best = min(neighbourhood, key=lambda pair: pair[1], default=(walk.point, walk.value))
+            if best[1] < walk.value * (1 - _MIN_GAIN):
+                walk.point, walk.value = best
+            else:
+                walk.halved += 1
+    return [(walk.point, walk.value) for walk in walks]

@@ -24,10 +24,10 @@ from tubeplanner.studies.plan_many import Done, run_many
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 
-# ---- One place of a robot that was tried, and what came of it.
+# ---- Rows: one for every base pose tried.
 
 BASE_IN_OBSTACLE = "base_in_obstacle"
-# The kinds of answers, from that which says least about the rest to that which says all.
+# The kinds of answers, from the earliest failure of a plan to success.
 KINDS = (
     *(PlanStatus.CRASHED, PlanStatus.BAD_INPUT, BASE_IN_OBSTACLE, PlanStatus.UNREACHABLE),
     *(PlanStatus.GRAVITY_EXCEEDS_EFFORT, PlanStatus.TUBE_BLOCKED, PlanStatus.NO_TRAJECTORY),
@@ -37,16 +37,17 @@ KINDS = (
 
 @dataclass(frozen=True, eq=False)
 class PlacementRow:
-    """One place of the robot, and what planning there gave.
+    """One base pose of the robot, and the answer of planning with it.
 
     Attributes:
-        stand: Where the root link stands.
-        status: "base_in_obstacle", or how planning ended, as of `PlanResult`.
-        message: One sentence: the answer, or why there is none.
-        place: Where, if there is no answer.
-        duration: Of the shortest certified motion that was found with quality "fast" [s]; None if
-            there is none.
-        seeds: Of start and goal, where the joints given lead to no configuration that is free.
+        stand: Base pose.
+        status: "base_in_obstacle", or the status of the plan, as of `PlanResult`.
+        message: One sentence: the answer, or the reason for its absence.
+        place: Location of the failure; empty without one.
+        duration: Duration of the shortest certified motion with quality "fast" [s]; None if there
+            is none.
+        seeds: Seeds of start and goal, where the given joints lead to no collision-free
+            configuration.
     """
 
     stand: Stand
@@ -60,12 +61,12 @@ class PlacementRow:
 
     @property
     def is_feasible(self) -> bool:
-        """Whether there is a certified motion."""
+        """True if there is a certified motion."""
         return self.duration is not None
 
     @property
     def reason(self) -> str:
-        """Why there is no motion, without the numbers, so that many places have the same."""
+        """The reason for the failure without numbers, the same for many base poses."""
         words = str(self.status).replace("_", " ")
         links, obstacle, joint = self.place.links or (), self.place.obstacle, self.place.joint
         if links and obstacle is not None:
@@ -91,11 +92,11 @@ class PlacementRow:
 
     @classmethod
     def of_dict(cls, fields: Mapping[str, Any]) -> "PlacementRow":
-        """Return the row of which `as_dict` gave the values.
+        """Return the row of values from `as_dict`.
 
         Raises:
             KeyError: A value is missing.
-            ValueError: There are others, or a type is another one.
+            ValueError: A value is unknown, or of another type.
         """
         where: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value
@@ -116,11 +117,11 @@ class PlacementRow:
 
 
 def tried(call: tuple[MovableProblem, Stand, Sequence[str], PlanOptions]) -> PlacementRow:
-    """Return what comes of a problem, its robot at a stand.
+    """Return the row of a base pose.
 
     Args:
-        call: The problem, the stand, names of obstacles that links which no joint moves may touch,
-            and how to plan.
+        call: The problem, the base pose, names of obstacles that links which no joint moves may
+            touch, and planning options.
     """
     movable, stand, stands_on, options = call
     try:
@@ -147,17 +148,17 @@ def grouped(
     return sorted(groups.items(), key=lambda pair: -len(pair[1]))
 
 
-# ---- Where a robot is to stand in its cell: what `place` returns.
+# ---- Results: what `place` returns.
 
 
 @dataclass(frozen=True, eq=False)
 class GivenStand:
-    """What comes of the problem as it is given.
+    """The plan of the problem as given.
 
     Attributes:
-        stand: Where the robot stands.
-        result: Of planning; None where it was not planned.
-        message: One sentence: the answer, or why there is none.
+        stand: Base pose.
+        result: Result of planning; None where the problem is invalid or its base is in an obstacle.
+        message: One sentence: the answer, or the reason for its absence.
     """
 
     stand: Stand
@@ -174,20 +175,20 @@ class GivenStand:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where a robot is to stand so that its motion is short.
+    """The base pose of a robot with the shortest motion.
 
     Attributes:
-        problem: The problem, its robot at the best stand, or as given if there is none.
-        region: Where it may stand.
+        problem: The problem with the best base pose, or as given if there is none.
+        region: Region of the base pose.
         stands_on: Names of obstacles that links which no joint moves may touch.
-        grid: The stands that were tried first.
-        rows: What came of each stand that was tried, those of the grid first.
-        given: What comes of the problem as given.
-        best: The stand chosen; None if no stand has a motion.
-        result: Of planning there; None if there is none.
-        changes: What the best stand changes in the problem file, by field path, as `load_problem`
-            takes it; empty if there is none.
-        restored: How many rows come from the journal.
+        grid: The base poses of the grid.
+        rows: Rows of all base poses tried, those of the grid first.
+        given: The plan of the problem as given.
+        best: Row of the best base pose; None if no base pose has a motion.
+        result: Result of planning there; None if there is none.
+        changes: Values of the best base pose in the problem file, by field path, as `load_problem`
+            takes them; empty if there is none.
+        restored: Number of rows from the journal.
         stopped_by: "interrupt" if Ctrl-C ended the search; None otherwise.
     """
 
@@ -209,39 +210,36 @@ class Placement:
 
     @property
     def succeeded(self) -> bool:
-        """Whether there is a stand with a certified motion."""
+        """True if there is a base pose with a certified motion."""
         return self.result is not None
 
     @property
     def duration(self) -> float | None:
-        """Duration of the motion at the best stand [s]; None if there is none."""
+        """Duration of the motion at the best base pose [s]; None if there is none."""
         return None if self.result is None else self.result.duration
 
     @property
     def gain(self) -> float | None:
-        """By which share the shortest motion is shorter than as given; None if one is missing."""
+        """Fraction by which the shortest motion is shorter than as given; None without both."""
         results = self.given.result, self.result
         before, after = (None if r is None else r.shortest_duration for r in results)
         return None if before is None or after is None else 1 - after / before
 
     @property
     def feasible_count(self) -> int:
-        """How many of the stands that were tried have a motion."""
+        """Number of base poses with a motion."""
         return sum(row.is_feasible for row in self.rows)
 
     @cached_property
     def reasons(self) -> tuple[tuple[str, int, str], ...]:
-        """Why stands have no motion, how many for that reason, and the message of one of them.
-
-        The most frequent first.
-        """
+        """The reasons of failures, the most frequent first: reason, count, and one message."""
         others = [row for row in self.rows if not row.is_feasible]
         groups = grouped(others, lambda row: row.reason)
         return tuple((reason, len(rows), rows[0].message) for reason, rows in groups)
 
     @property
     def message(self) -> str:
-        """The answer, or why there is none, in one sentence."""
+        """The answer, or the reason for its absence, in one sentence."""
         if self.result is not None:
             return self.result.message
         if self.feasible_count:
@@ -283,17 +281,17 @@ def _place_of(stand: Stand) -> dict[str, Any]:
     return {"position": list(stand[:3]), "yaw": stand.yaw}
 
 
-# ---- Places of a robot tried side by side, each once: those of former runs are in a journal.
+# ---- Trials: base poses tried side by side, each once.
 
-# Shortest motions: what is searched for is where they are short. Errors to survive come at the end.
+# The search compares shortest motions; robustness counts in the final plans alone.
 SEARCH_OPTIONS = PlanOptions(quality="fast", slack=0.0, robust=False)
 
 
 class PlacementTrials:
-    """What is known of the places of one problem's robot.
+    """The rows of one problem's base poses so far.
 
     Attributes:
-        restored: How many were found in the journal.
+        restored: Number of rows from the journal.
     """
 
     def __init__(
@@ -302,52 +300,52 @@ class PlacementTrials:
         stands_on: Sequence[str],
         journal: Journal | None,
     ) -> None:
-        """Know nothing yet.
+        """Begin without rows.
 
         Args:
             problem: The problem.
             stands_on: Names of obstacles that links which no joint moves may touch.
-            journal: Where answers are kept, and looked for first; None: nowhere.
+            journal: Journal of answers; None: none.
         """
         self._problem, self._stands_on = problem, tuple(sorted(stands_on))
         self._journal = journal
-        self._found: dict[Stand, PlacementRow] = {}
-        self._order: dict[Stand, int] = {}  # in which they were asked for
+        self._rows: dict[Stand, PlacementRow] = {}
+        self._order: dict[Stand, int] = {}  # of requests
         self.restored = 0
 
     @property
     def rows(self) -> tuple[PlacementRow, ...]:
-        """All that is known, in the order in which it was asked for."""
-        return tuple(sorted(self._found.values(), key=lambda row: self._order[row.stand]))
+        """All rows, in the order of requests."""
+        return tuple(sorted(self._rows.values(), key=lambda row: self._order[row.stand]))
 
     def of(
         self, stands: Sequence[Stand], executor: Executor, report: Callable[[int, int], None]
     ) -> list[PlacementRow]:
-        """Return what comes of some stands, in their order; what is not known is tried.
+        """Return the rows of base poses, in their order; new base poses are tried.
 
         Args:
-            stands: Where the robot is to stand.
-            executor: What tries them.
-            report: Called with how many of those that are new are done, and how many there are.
+            stands: Base poses.
+            executor: Executor of the plans.
+            report: Called with the numbers of finished and of all new base poses.
         """
-        asked = [stand for stand in dict.fromkeys(stands) if stand not in self._found]
-        self._order.update({stand: len(self._order) + k for k, stand in enumerate(asked)})
-        missing = [stand for stand in asked if not self._restored(stand)]
+        new = [stand for stand in dict.fromkeys(stands) if stand not in self._rows]
+        self._order.update({stand: len(self._order) + k for k, stand in enumerate(new)})
+        missing = [stand for stand in new if not self._restored(stand)]
         calls = [(self._problem, stand, self._stands_on, SEARCH_OPTIONS) for stand in missing]
         report(0, len(missing))
         for count, done in enumerate(run_many(tried, calls, executor), start=1):
             self._keep(missing[done.index], done)
             report(count, len(missing))
-        return [self._found[stand] for stand in stands]
+        return [self._rows[stand] for stand in stands]
 
     def _restored(self, stand: Stand) -> bool:
-        """Return whether the journal knows a stand, and take what it says."""
+        """Take the row of a base pose from the journal; return True if it has one."""
         if self._journal is None:
             return False
         key = self._key(stand)
         if key not in self._journal:
             return False
-        self._found[stand] = self._journal.made(key, PlacementRow.of_dict)
+        self._rows[stand] = self._journal.made(key, PlacementRow.of_dict)
         self.restored += 1
         return True
 
@@ -356,13 +354,13 @@ class PlacementTrials:
         if row is None:
             message = f"{type(done.error).__name__}: {done.error}"
             row = PlacementRow(stand, str(PlanStatus.CRASHED), message)
-        self._found[stand] = row
+        self._rows[stand] = row
         if self._journal is not None:
             base = self._problem.changes(stand)["robot.base"]
             values = {f"robot.base.{key}": value for key, value in base.items()}
             self._journal.add(self._key(stand), values, row.as_dict())
 
     def _key(self, stand: Stand) -> str:
-        """Return a hash of all that a row depends on: not that of the plan alone."""
+        """Return a hash of all inputs of a row: those of the plan, and `stands_on`."""
         planned = self._problem.at(stand).content_hash(SEARCH_OPTIONS)
         return f"{planned} standing on {', '.join(self._stands_on) or 'nothing'}"

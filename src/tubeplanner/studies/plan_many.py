@@ -28,7 +28,152 @@ from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 
-# ---- One function for many items, by any executor: what comes of each, as it comes.
+# ---- Many problems planned in processes of this machine, or by any executor.
+
+Plannable: TypeAlias = PlanningProblem | Cycle | PosedProblem | str | Path
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedItem:
+    """The plan of one of many problems.
+
+    Attributes:
+        index: Index of the problem.
+        result: Result of planning; None where the problem is invalid, or its plan crashed.
+        message: One sentence: the answer, or the reason for its absence.
+        crashed: True if planning raised an unexpected exception, or its process died twice.
+        loading_time: Time of reading the problem [s].
+    """
+
+    index: int
+    result: PlanResult | CycleResult | None
+    message: str
+    crashed: bool = False
+    loading_time: float = 0.0
+
+    __repr__ = short_repr
+
+    @property
+    def status(self) -> PlanStatus:
+        """Status of the plan; bad_input where the problem is invalid."""
+        if self.result is not None:
+            return self.result.status
+        return PlanStatus.CRASHED if self.crashed else PlanStatus.BAD_INPUT
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the certified motion [s]; None if there is none."""
+        return None if self.result is None else self.result.duration
+
+
+def plan_many(
+    problems: Iterable[Plannable],
+    options: PlanOptions | None = None,
+    executor: Executor | None = None,
+) -> Iterator[PlannedItem]:
+    """Plan many problems; each is planned as by `plan` or `plan_cycle` alone.
+
+    Answers are those of one thread for linear algebra: worker processes have one, and so have
+    Dask's; those of `plan` are the same bits where it has one (OPENBLAS_NUM_THREADS=1) on the same
+    type of machine.
+
+    Args:
+        problems: Problems, cycles, or names of their files, which are read where they are planned.
+            They are taken as needed: a generator may make a million.
+        options: Planning options.
+        executor: Any `concurrent.futures` executor, such as that of a Dask client; it stays open.
+            None: as many `WorkerProcesses` as there are processors.
+
+    Yields:
+        The plan of each problem, in the order of completion. A problem that is invalid, raises or
+        kills its process costs its own item alone.
+
+    Raises:
+        OptionError: Options or executor are invalid, problems are a single problem, or the executor
+            broke.
+        KeyboardInterrupt: Ctrl-C; processes of this machine are ended.
+    """
+    options = given_options(options, PlanOptions)
+    require_executor(executor)
+    if not isinstance(problems, Iterable) or isinstance(problems, str | Path):
+        raise OptionError(f"problems are {shown(problems)}; give a list or a generator of them")
+    return _planned_many(problems, options, executor)
+
+
+def plan_either(
+    problem: PlanningProblem | Cycle,
+    options: PlanOptions,
+    progress: ProgressCallback | None = None,
+) -> PlanResult | CycleResult:
+    """Plan a problem or a cycle; arguments and exceptions are those of `plan`."""
+    if isinstance(problem, Cycle):
+        return plan_cycle(problem, options, progress)
+    return plan(problem, options, progress)
+
+
+def _planned_many(
+    problems: Iterable[Plannable], options: PlanOptions, executor: Executor | None
+) -> Iterator[PlannedItem]:
+    sent: dict[int, Plannable] = {}
+
+    def calls() -> Iterator[tuple[Any, PlanOptions]]:
+        packer = Packer()
+        for index, problem in enumerate(problems):
+            sent[index] = problem
+            yield _packed(problem, packer), options
+
+    with WorkerProcesses() if executor is None else nullcontext(executor) as workers:
+        for done in run_many(_answer, calls(), workers):
+            yield _item(done, sent.pop(done.index))
+
+
+def _packed(problem: Plannable, packer: "Packer") -> Any:
+    if isinstance(problem, PlanningProblem):
+        return packer.pack(problem)
+    if isinstance(problem, str | Path):
+        is_bundled = str(problem).startswith(EXAMPLE_PREFIX)
+        return str(problem) if is_bundled else str(Path(problem).absolute())
+    return problem
+
+
+def _answer(call: tuple[Any, PlanOptions]) -> tuple[Any, float]:
+    """Return the answer about a packed problem, or its fault, and the loading time [s]."""
+    packed, options = call
+    begin = perf_counter()
+    try:
+        problem = _loaded(packed)
+        loading_time = perf_counter() - begin
+        result = plan_either(problem, options)
+    except TubePlannerError as error:
+        return str(error), perf_counter() - begin
+    if isinstance(packed, Parcel) and isinstance(problem, PlanningProblem):
+        return reply(result, problem), loading_time
+    return result, loading_time
+
+
+def _loaded(packed: Any) -> PlanningProblem | Cycle:
+    if isinstance(packed, Parcel):
+        return packed.unpacked()
+    if isinstance(packed, str):
+        packed = PosedProblem.read(packed)
+    if isinstance(packed, PosedProblem):
+        return packed.load()
+    return packed
+
+
+def _item(done: "Done[tuple[Any, float]]", problem: Plannable) -> PlannedItem:
+    if done.value is None:
+        error = done.error
+        return PlannedItem(done.index, None, f"{type(error).__name__}: {error}", crashed=True)
+    answer, loading_time = done.value
+    if isinstance(answer, bytes) and isinstance(problem, PlanningProblem):
+        answer = read_reply(answer, problem)
+    if isinstance(answer, str):
+        return PlannedItem(done.index, None, answer, loading_time=loading_time)
+    return PlannedItem(done.index, answer, answer.message, loading_time=loading_time)
+
+
+# ---- Calls of one function with many items, by any executor.
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
@@ -38,12 +183,12 @@ _SUBMITTED = 4000
 
 @dataclass(frozen=True)
 class Done(Generic[_R]):
-    """What came of one item.
+    """The result of the call with one item.
 
     Attributes:
-        index: Which of the items, from 0.
-        value: What the function returned; None if it did not.
-        error: Why it did not: what it raised, or what became of its worker; None if it did.
+        index: Index of the item.
+        value: The returned value; None if the call failed.
+        error: The exception of the call or of its worker; None if the call returned.
     """
 
     index: int
@@ -54,32 +199,37 @@ class Done(Generic[_R]):
 def run_many(
     work: Callable[[_T], _R], items: Iterable[_T], executor: Executor | None = None
 ) -> Iterator[Done[_R]]:
-    """Call a function with each item, and yield what comes of it as it comes.
+    """Call a function with each item, and yield each result in the order of completion.
 
     Args:
         work: The function; it must be importable by name for executors that pickle.
-        items: What it is called with; taken a few thousand at most ahead of what is done.
-        executor: What calls it, by `submit` alone; None: this process, one after the other.
-
-    Yields:
-        One for every item, in the order in which they are done.
+        items: Its arguments; taken a few thousand at most ahead of the finished calls.
+        executor: Executor of the calls, by `submit` alone; None: this process, one after the other.
 
     Raises:
-        OptionError: The executor broke, or dropped items: what is not done yet will not be.
-        KeyboardInterrupt: Ctrl-C; what has not begun is dropped.
+        OptionError: The executor broke, or dropped items: unfinished calls are lost.
+        KeyboardInterrupt: Ctrl-C; calls that have not begun are dropped.
     """
     if executor is None:
         for index, item in enumerate(items):
-            yield _called(index, work, item)
+            try:
+                result = Done(index, work(item))
+            except Exception as error:
+                result = Done(index, error=error)
+            yield result
         return
     waiting: dict[Future[_R], int] = {}
     finished: SimpleQueue[Future[_R]] = SimpleQueue()
     numbered = enumerate(items)
     try:
         while True:
-            if finished.empty() and len(waiting) < _SUBMITTED and (one := next(numbered, None)):
-                future = _submitted(executor, work, one[1])
-                waiting[future] = one[0]
+            if finished.empty() and len(waiting) < _SUBMITTED and (entry := next(numbered, None)):
+                index, item = entry
+                try:
+                    future = executor.submit(work, item)
+                except BrokenExecutor as error:
+                    raise _broken(error) from error
+                waiting[future] = index
                 future.add_done_callback(finished.put)
             elif waiting:
                 future = finished.get()
@@ -89,20 +239,6 @@ def run_many(
     finally:
         for future in waiting:
             future.cancel()
-
-
-def _submitted(executor: Executor, work: Callable[[_T], _R], item: _T) -> "Future[_R]":
-    try:
-        return executor.submit(work, item)
-    except BrokenExecutor as error:
-        raise _broken(error) from error
-
-
-def _called(index: int, work: Callable[[_T], _R], item: _T) -> Done[_R]:
-    try:
-        return Done(index, work(item))
-    except Exception as error:
-        return Done(index, error=error)
 
 
 def _of_future(index: int, future: "Future[_R]") -> Done[_R]:
@@ -121,7 +257,7 @@ def _broken(error: BaseException) -> OptionError:
     )
 
 
-# ---- The rows of a sweep: one for every value, wherever it is planned.
+# ---- Rows of a sweep: one for every value.
 
 _Row = TypeVar("_Row")
 
@@ -133,31 +269,28 @@ def swept_rows(
     executor: Executor | None,
     progress: Callable[[object], None] | None,
 ) -> tuple[list[_Row], StoppedBy | None]:
-    """Make a row of every item.
+    """Return the rows of a sweep in the order of the items, and "interrupt" after Ctrl-C.
 
     Args:
-        work: Makes one; in this process it is given `progress`, by that name, for its stages.
-        items: What of.
-        called: What messages call the item of a number, from 1.
-        executor: What calls it; None: this process, item by item.
-        progress: Told of the stages in this process, or else how far all have come; None: nobody.
-
-    Returns:
-        The rows in the order of the items, and "interrupt" if Ctrl-C kept others from being made.
+        work: Function from an item to its row; in this process it gets `progress`, by that name.
+        items: The items.
+        called: Function from the number of an item, from 1, to its name in messages.
+        executor: Executor of the calls; None: this process, item by item.
+        progress: Called with the stages in this process, or else with the number of finished items.
 
     Raises:
-        OptionError: Executor or progress is none.
+        OptionError: Executor or progress is invalid.
         KeyboardInterrupt: Ctrl-C before the first row.
-        Exception: Whatever work raised.
+        Exception: Any exception of `work`.
     """
     require_callback(progress)
     require_executor(executor)
     rows: dict[int, _Row] = {}
-    tell = progress or _silent
+    report = progress or (lambda what: None)
 
     def work_here(item: Any) -> _Row:
         name = called(len(rows) + 1)
-        return work(item, progress=lambda what: tell(f"{name}: {what}"))
+        return work(item, progress=lambda what: report(f"{name}: {what}"))
 
     try:
         for done in run_many(work_here if executor is None else work, items, executor):
@@ -166,7 +299,7 @@ def swept_rows(
             assert done.value is not None
             rows[done.index] = done.value
             if executor is not None:
-                tell(f"{called(len(rows))}: done")
+                report(f"{called(len(rows))}: done")
     except KeyboardInterrupt:
         if not rows:
             raise
@@ -178,29 +311,25 @@ def _in_order(rows: dict[int, _Row]) -> list[_Row]:
     return [rows[index] for index in sorted(rows)]
 
 
-def _silent(_: object) -> None:
-    return None
-
-
-# ---- A problem packed for another process, and what comes back, without what they share.
+# ---- Parcels: problems and answers pickled for another process, without the scene they share.
 #
 # Most of a pickled problem is its robot and its collision geometry, which many problems have in
-# common. They travel as a part of their own, which a process that has it does not unpack again; an
+# common. They travel as a separate part, which a process that has it does not unpack again; an
 # answer refers to them, and gets those of the sender.
 
 _ROBOT, _SCENE = "robot", "scene"
-_KEPT = 16
-_known: dict[str, CollisionScene] = {}  # by hash, those that came in parcels
+_MAX_SCENES = 16
+_scenes: dict[str, CollisionScene] = {}  # of parcels, by hash, the latest last
 
 
 @dataclass(frozen=True)
 class Parcel:
-    """A problem, packed.
+    """A pickled problem.
 
     Attributes:
-        content: The problem, pickled; it refers to robot and scene.
-        scene: Both, pickled.
-        scene_hash: Of that.
+        content: The problem, pickled with references to robot and scene.
+        scene: Robot and scene, pickled.
+        scene_hash: Hash of `scene`.
     """
 
     content: bytes
@@ -208,39 +337,39 @@ class Parcel:
     scene_hash: str
 
     def unpacked(self) -> PlanningProblem:
-        """Return the problem; robot and scene are those of the same hash, if they came before."""
-        scene = _known.pop(self.scene_hash, None) or pickle.loads(self.scene)
-        _known[self.scene_hash] = scene
-        for oldest in list(_known)[:-_KEPT]:
-            _known.pop(oldest, None)
+        """Return the problem; robot and scene are those of an earlier parcel of the same hash."""
+        scene = _scenes.pop(self.scene_hash, None) or pickle.loads(self.scene)
+        _scenes[self.scene_hash] = scene
+        for oldest in list(_scenes)[:-_MAX_SCENES]:
+            _scenes.pop(oldest, None)
         problem: PlanningProblem = _read(self.content, scene)
         return problem
 
 
 class Packer:
-    """Packs problems; remembers the scenes it packed."""
+    """A packer of problems, which pickles each scene once."""
 
     def __init__(self) -> None:
         self._packed: dict[int, tuple[CollisionScene, bytes, str]] = {}
 
     def pack(self, problem: PlanningProblem) -> Parcel:
-        """Return a problem, packed."""
+        """Return the parcel of a problem."""
         scene = problem.scene
-        known = self._packed.get(id(scene))
-        if known is None:
+        packed = self._packed.get(id(scene))
+        if packed is None:
             pickled = pickle.dumps(scene)
-            known = scene, pickled, hashlib.sha256(pickled).hexdigest()
-            self._packed[id(scene)] = known  # holds it, so that its id stays its own
-        return Parcel(_pickled(problem, scene), *known[1:])
+            packed = scene, pickled, hashlib.sha256(pickled).hexdigest()
+            self._packed[id(scene)] = packed  # holds the scene, so that its id is not used again
+        return Parcel(_pickled(problem, scene), *packed[1:])
 
 
 def reply(answer: Any, problem: PlanningProblem) -> bytes:
-    """Return an answer about a problem that came in a parcel, packed."""
+    """Return an answer about a problem of a parcel, pickled."""
     return _pickled(answer, problem.scene)
 
 
 def read_reply(packed: bytes, problem: PlanningProblem) -> Any:
-    """Return the answer about a problem, as it was packed by `reply`."""
+    """Return the answer pickled by `reply`."""
     return _read(packed, problem.scene)
 
 
@@ -272,150 +401,3 @@ class _Unpickler(pickle.Unpickler):
 
     def persistent_load(self, name: str) -> Any:
         return {_SCENE: self._scene, _ROBOT: self._scene.robot}[name]
-
-
-# ---- From what a problem file or a cycle file holds to its plan.
-
-
-def plan_either(
-    problem: PlanningProblem | Cycle,
-    options: PlanOptions,
-    progress: ProgressCallback | None = None,
-) -> PlanResult | CycleResult:
-    """Plan a problem or a cycle; arguments and what is raised are those of `plan`."""
-    if isinstance(problem, Cycle):
-        return plan_cycle(problem, options, progress)
-    return plan(problem, options, progress)
-
-
-# ---- Many problems planned at once: in processes of this machine, or by any executor.
-
-Plannable: TypeAlias = PlanningProblem | Cycle | PosedProblem | str | Path
-
-
-@dataclass(frozen=True, eq=False)
-class PlannedItem:
-    """What came of one of many problems.
-
-    Attributes:
-        index: Which of them, from 0.
-        result: Of planning; None where the problem cannot be posed, or its plan crashed.
-        message: One sentence: the answer, or why there is none.
-        crashed: Whether planning raised what it must not, or its process died, twice.
-        loading_time: How long reading the problem took [s].
-    """
-
-    index: int
-    result: PlanResult | CycleResult | None
-    message: str
-    crashed: bool = False
-    loading_time: float = 0.0
-
-    __repr__ = short_repr
-
-    @property
-    def status(self) -> PlanStatus:
-        """How planning ended; bad_input where the problem cannot be posed."""
-        if self.result is not None:
-            return self.result.status
-        return PlanStatus.CRASHED if self.crashed else PlanStatus.BAD_INPUT
-
-    @property
-    def duration(self) -> float | None:
-        """Duration of the certified motion [s]; None if there is none."""
-        return None if self.result is None else self.result.duration
-
-
-def plan_many(
-    problems: Iterable[Plannable],
-    options: PlanOptions | None = None,
-    executor: Executor | None = None,
-) -> Iterator[PlannedItem]:
-    """Plan many problems; each is planned as by `plan` or `plan_cycle` alone.
-
-    Answers are those of one thread for linear algebra: worker processes have one, and so have
-    Dask's; those of `plan` are the same bits where it has one (OPENBLAS_NUM_THREADS=1) on the same
-    type of machine.
-
-    Args:
-        problems: Problems, cycles, or names of their files, which are read where they are planned.
-            They are taken as needed: a generator may make a million.
-        options: How to plan.
-        executor: Any `concurrent.futures` executor, such as that of a Dask client; it stays open.
-            None: as many `WorkerProcesses` as there are processors.
-
-    Yields:
-        What came of each, as it comes. A problem that cannot be posed, raises or kills its process
-        costs its own item alone.
-
-    Raises:
-        OptionError: Options or executor are none, problems come one alone, or the executor broke.
-        KeyboardInterrupt: Ctrl-C; processes of this machine are ended.
-    """
-    options = given_options(options, PlanOptions)
-    require_executor(executor)
-    if not isinstance(problems, Iterable) or isinstance(problems, str | Path):
-        raise OptionError(f"problems are {shown(problems)}; give a list or a generator of them")
-    return _planned_many(problems, options, executor)
-
-
-def _planned_many(
-    problems: Iterable[Plannable], options: PlanOptions, executor: Executor | None
-) -> Iterator[PlannedItem]:
-    sent: dict[int, Plannable] = {}
-
-    def calls() -> Iterator[tuple[Any, PlanOptions]]:
-        packer = Packer()
-        for index, problem in enumerate(problems):
-            sent[index] = problem
-            yield _packed(problem, packer), options
-
-    with WorkerProcesses() if executor is None else nullcontext(executor) as workers:
-        for done in run_many(_answer, calls(), workers):
-            yield _item(done, sent.pop(done.index))
-
-
-def _packed(problem: Plannable, packer: Packer) -> Any:
-    if isinstance(problem, PlanningProblem):
-        return packer.pack(problem)
-    if isinstance(problem, str | Path):
-        is_bundled = str(problem).startswith(EXAMPLE_PREFIX)
-        return str(problem) if is_bundled else str(Path(problem).absolute())
-    return problem
-
-
-def _answer(call: tuple[Any, PlanOptions]) -> tuple[Any, float]:
-    """Return the answer about a packed problem, or what is wrong with it, and the loading time."""
-    packed, options = call
-    begin = perf_counter()
-    try:
-        problem = _loaded(packed)
-        loading_time = perf_counter() - begin
-        result = plan_either(problem, options)
-    except TubePlannerError as error:
-        return str(error), perf_counter() - begin
-    if isinstance(packed, Parcel) and isinstance(problem, PlanningProblem):
-        return reply(result, problem), loading_time
-    return result, loading_time
-
-
-def _loaded(packed: Any) -> PlanningProblem | Cycle:
-    if isinstance(packed, Parcel):
-        return packed.unpacked()
-    if isinstance(packed, str):
-        packed = PosedProblem.read(packed)
-    if isinstance(packed, PosedProblem):
-        return packed.load()
-    return packed
-
-
-def _item(done: Done[tuple[Any, float]], problem: Plannable) -> PlannedItem:
-    if done.value is None:
-        error = done.error
-        return PlannedItem(done.index, None, f"{type(error).__name__}: {error}", crashed=True)
-    answer, loading_time = done.value
-    if isinstance(answer, bytes) and isinstance(problem, PlanningProblem):
-        answer = read_reply(answer, problem)
-    if isinstance(answer, str):
-        return PlannedItem(done.index, None, answer, loading_time=loading_time)
-    return PlannedItem(done.index, answer, answer.message, loading_time=loading_time)

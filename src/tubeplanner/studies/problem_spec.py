@@ -1,7 +1,7 @@
 """PosedProblem: a document ready to travel; content hashes of problem, files, options, package.
 
-A file's name, its folder and its date do not count. What cannot be read counts as such: the plan
-then says what is wrong.
+A file's name, its folder and its date do not count. An unreadable file counts by its error: the
+plan reports it.
 """
 
 import hashlib
@@ -35,41 +35,40 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, is_cycle
 from tubeplanner.task.problem_reader import build_problem
 
-# ---- Hashes of what an answer depends on: the problem, its files by what they hold, the options,
-# us.
+# ---- Hashes of all inputs of an answer: problem, files by contents, options, package.
 
 _DIGITS = 32
-_FILES = 10_000  # whose hashes are remembered
+_MAX_FILES = 10_000  # with cached hashes
 
 
 def content_hash(document: Any, folder: Path, options: PlanOptions) -> str:
-    """Return a hash of all that the plan of a problem or cycle depends on.
+    """Return a hash of all inputs of the plan of a problem or cycle.
 
     Args:
-        document: What its file holds, with all that it includes.
-        folder: Where its relative paths start.
-        options: How it is planned.
+        document: Contents of its file, includes merged.
+        folder: Folder of its relative paths.
+        options: Planning options.
     """
     return _hash_of(document_hash(document, folder), asdict(options), package_hash())
 
 
 def document_hash(document: Any, folder: Path) -> str:
-    """Return a hash of what a problem file or a part of it holds, files by their contents.
+    """Return a hash of a problem file or of a part of it, files by their contents.
 
     Args:
-        document: As dictionaries and lists.
-        folder: Where its relative paths start.
+        document: The contents, as dictionaries and lists.
+        folder: Folder of its relative paths.
     """
-    held = deepcopy(document)
-    robot = held.get("robot") if isinstance(held, dict) else None
+    hashed = deepcopy(document)
+    robot = hashed.get("robot") if isinstance(hashed, dict) else None
     robot = robot if isinstance(robot, dict) else {}
-    given = robot.pop("package_dirs", [])
-    folders = tuple(folder / str(each) for each in given) if isinstance(given, list) else ()
+    dirs = robot.pop("package_dirs", [])
+    folders = tuple(folder / str(each) for each in dirs) if isinstance(dirs, list) else ()
     files = _Files(folder, folders, robot.get("xacro_args") or {})
-    for holder, key, kind in list(path_places(held)):
+    for holder, key, kind in list(path_places(hashed)):
         if isinstance(holder[key], str):
             holder[key] = files.content(kind, holder[key])
-    return _hash_of(held)
+    return _hash_of(hashed)
 
 
 @cache
@@ -82,7 +81,7 @@ def package_hash() -> str:
 
 
 class _Files:
-    """What the files are that a problem names."""
+    """The contents of the files that a problem names."""
 
     def __init__(
         self, folder: Path, package_dirs: tuple[Path, ...], xacro_args: Mapping[str, object]
@@ -91,8 +90,8 @@ class _Files:
         self._xacro_args = json.dumps(xacro_args, default=str, sort_keys=True)
 
     def content(self, kind: str, name: str) -> str:
-        """Return a hash of what a file of a kind, named by a field, holds; or why there is none."""
-        found: dict[str, Callable[[], Path]] = {
+        """Return a hash of a file of a kind, named by a field, or the reason for its absence."""
+        search: dict[str, Callable[[], Path]] = {
             "srdf": lambda: find_description(name, self._folder, self._package_dirs),
             "limits_file": lambda: find_limits_file(name, self._folder, self._package_dirs),
             "preset": lambda: find_preset(name, self._folder),
@@ -101,12 +100,12 @@ class _Files:
         try:
             if kind == "urdf":
                 return self._robot(find_description(name, self._folder, self._package_dirs))
-            return _file_hash(found.get(kind, lambda: self._folder / name)())
+            return _file_hash(search.get(kind, lambda: self._folder / name)())
         except (TubePlannerError, OSError) as error:
             return f"{kind} cannot be read: {error}"
 
     def _robot(self, path: Path) -> str:
-        """Return a hash of a URDF, expanded if it is xacro's, and of its collision meshes."""
+        """Return a hash of a URDF, macros expanded, and of its collision meshes."""
         xml, meshes = _robot_parts(path, self._package_dirs, self._xacro_args, _stamp(path))
         return _hash_of(xml, [self._link_mesh(name, path) for name in meshes])
 
@@ -117,13 +116,13 @@ class _Files:
             return f"mesh cannot be read: {error}"
 
 
-@lru_cache(_FILES)
+@lru_cache(_MAX_FILES)
 def _robot_parts(
     path: Path, package_dirs: tuple[Path, ...], xacro_args: str, stamp: tuple[int, int]
 ) -> tuple[str, tuple[str, ...]]:
-    """Return what a URDF holds, and the names of its collision meshes.
+    """Return the text of a URDF, and the names of its collision meshes.
 
-    It is read again after a change; what a macro file includes only by the next process.
+    A changed file is read again; files that only a macro includes, by the next process.
     """
     xml = read_urdf(path, json.loads(xacro_args), package_dirs).xml
     meshes = ElementTree.fromstring(xml).iterfind(".//collision//mesh")
@@ -134,13 +133,13 @@ def _file_hash(path: Path) -> str:
     return _content_of(path, _stamp(path))
 
 
-@lru_cache(_FILES)
+@lru_cache(_MAX_FILES)
 def _content_of(path: Path, stamp: tuple[int, int]) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """Return when a file was last written [ns] and its size: another, and it is read again."""
+    """Return time of the last change [ns] and size of a file: if they differ, it is read again."""
     status = path.stat()
     return status.st_mtime_ns, status.st_size
 
@@ -150,22 +149,22 @@ def _hash_of(*parts: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
 
 
-# ---- A problem or a cycle as its file holds it, ready to travel to where it is planned.
+# ---- Documents of problems and cycles, ready for any process.
 
-# What robot and solids are made of; problems that agree in it share them.
+# The fields of robot and solids; problems that agree in them share both.
 _CELL = ("robot", "obstacles", "collision")
-_KEPT = 16
-_known: dict[str, PlanningProblem] = {}  # by the hash of their cells, the latest last
+_MAX_CELLS = 16
+_cells: dict[str, PlanningProblem] = {}  # by the hash of their cells, the latest last
 
 
 @dataclass(frozen=True)
 class PosedProblem:
-    """What a problem file or a cycle file holds, with all that it includes.
+    """The contents of a problem file or a cycle file, includes merged.
 
     Attributes:
-        document: As dictionaries and lists.
-        folder: Where its relative paths start.
-        name: What messages call it.
+        document: The contents, as dictionaries and lists.
+        folder: Folder of its relative paths.
+        name: Name in messages.
     """
 
     document: Any
@@ -178,11 +177,11 @@ class PosedProblem:
 
     @classmethod
     def read(cls, problem: str | Path, directory: str | Path = ".") -> "PosedProblem":
-        """Read a problem file or a cycle file, and what it includes.
+        """Read a problem file or a cycle file, and its includes.
 
         Args:
             problem: A path, or `example:ROBOT/NAME` for a bundled one.
-            directory: Where a relative path starts.
+            directory: Folder of a relative path.
 
         Raises:
             ProblemError: A file cannot be read, or files include each other in a circle.
@@ -191,7 +190,7 @@ class PosedProblem:
         return cls(ProblemLayers.read(path).merged, path.parent, f"{path.parent.name}/{path.stem}")
 
     def changed(self, changes: Mapping[str, Any] | None) -> "PosedProblem":
-        """Return it with other values by field path; None: the same ones.
+        """Return the document with other values by field path; None: the same values.
 
         Raises:
             ProblemError: A path leads nowhere.
@@ -201,11 +200,11 @@ class PosedProblem:
         return PosedProblem(document, self.folder, self.name)
 
     def content_hash(self, options: PlanOptions) -> str:
-        """Return a hash of all that its plan with some options depends on."""
+        """Return a hash of all inputs of its plan with some options."""
         return content_hash(self.document, self.folder, options)
 
     def load(self) -> PlanningProblem | Cycle:
-        """Return what it poses; robot and solids that this process knows are not built again.
+        """Return the problem or cycle; robot and solids that this process has are not built again.
 
         Raises:
             ProblemError: It contradicts its format, itself or its robot.
@@ -214,21 +213,13 @@ class PosedProblem:
         if is_cycle(self.document):
             return parse_cycle(self.document, self.folder, self.name)
         fields = check_problem_fields(self.document, self.name)
-        key = self._cell_hash
-        like = _known.get(key)
-        problem = build_problem(fields, self.folder, self.name, self.name, like=like)
-        _keep(key, problem)
-        return problem
-
-    @property
-    def _cell_hash(self) -> str:
         cell = {key: self.document[key] for key in _CELL if key in self.document}
-        return document_hash(cell, self.folder)
-
-
-def _keep(key: str, problem: PlanningProblem) -> None:
-    """Keep a problem for its robot and solids, and forget the one not used for longest."""
-    _known.pop(key, None)
-    _known[key] = problem
-    for oldest in list(_known)[:-_KEPT]:
-        _known.pop(oldest, None)
+        key = document_hash(cell, self.folder)
+        like = _cells.get(key)
+        problem = build_problem(fields, self.folder, self.name, self.name, like=like)
+        # Last in the cache, which drops its first: the cell not used for longest.
+        _cells.pop(key, None)
+        _cells[key] = problem
+        for oldest in list(_cells)[:-_MAX_CELLS]:
+            _cells.pop(oldest, None)
+        return problem

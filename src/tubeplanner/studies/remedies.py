@@ -11,25 +11,25 @@ from tubeplanner.studies.geometry_changes import clearance_changes, obstacle_cha
 from tubeplanner.studies.joint_changes import effort_changes, payload_changes
 from tubeplanner.text import json_value, short_repr
 
-# ---- What was found by planning with a change: a remedy, or how much room there is.
+# ---- Results: remedies and headrooms.
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """A single change that makes a problem possible: planning with it was certified.
+    """A single change with which an impossible problem was planned and certified.
 
     Attributes:
-        field: Path of what is changed.
-        before: Its value as it is.
-        after: Its value then.
-        unit: Of the value; empty: none.
-        duration: Of the certified motion with it [s].
+        field: Path of the changed field.
+        before: Value before the change.
+        after: Value after the change.
+        unit: Unit of the value; empty: none.
+        duration: Duration of the certified motion with the change [s].
         text: The change in words.
-        changes: Values by field path that make it, as `load_problem` takes them.
-        cost: The change over its scale: the value itself, 0.1 m or 0.1 rad.
-        too_little: The largest value that was tried and not enough; None: none was.
-        too_little_text: The same in words; empty: none was.
-        is_smallest: Whether that is within 5 % of the change.
+        changes: Values of the change by field path, as `load_problem` takes them.
+        cost: Size of the change over its scale: the value itself, 0.1 m or 0.1 rad.
+        too_little: The nearest value that was tried and not enough; None: none was.
+        too_little_text: `too_little` in words; empty: none was.
+        is_smallest: True if `too_little` is within 5 % of the change.
     """
 
     field: str
@@ -56,18 +56,19 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Room:
-    """How far one quantity of a problem may change for the worse until nothing is found any more.
+    """The headroom of one quantity: its largest change for the worse that leaves a motion.
 
     Attributes:
-        field: Path of what is changed.
-        before: Its value as it is.
-        after: The worst value with which a motion was certified; None: none was found.
-        unit: Of the value; empty: none.
-        duration: Of that motion [s]; None without one.
-        text: The room in words.
-        too_much: The mildest value with which none was found; None: all that was tried is possible.
-        too_much_text: The same in words; empty: all is.
-        is_exact: Whether that is within 5 % of the change.
+        field: Path of the changed field.
+        before: Value before the change.
+        after: The worst value with a certified motion; None: there is none.
+        unit: Unit of the value; empty: none.
+        duration: Duration of that motion [s]; None without a motion.
+        text: The headroom in words.
+        too_much: The mildest value without a motion; None: all values that were tried have a
+            motion.
+        too_much_text: `too_much` in words; empty if it is None.
+        is_exact: True if `too_much` is within 5 % of the change.
     """
 
     field: str
@@ -83,22 +84,22 @@ class Room:
     __repr__ = short_repr
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the room as JSON values; infinity is `.inf`."""
+        """Return the headroom as JSON values; infinity is `.inf`."""
         fields = asdict(self)
         first = {"field": self.field, "from": fields.pop("before"), "to": fields.pop("after")}
         return json_value({**first, **fields})
 
 
-# ---- The smallest single changes that make a problem possible, the likeliest tried first.
+# ---- Search for remedies: the smallest single changes, the likeliest tried first.
 
-_SIDE_BY_SIDE = 4  # brackets narrowed at a time, on however many processors: answers are the same
+_SIDE_BY_SIDE = 4  # brackets narrowed at a time; fixed, so that answers do not depend on processors
 
 
 class RemedySearch:
-    """Looks for remedies; may be stopped at any time, and has what was found until then."""
+    """A search for remedies; it may be stopped at any time and keeps its results so far."""
 
     def __init__(self, trials: Trials, tiers: Sequence[Sequence[Sequence[Change]]]) -> None:
-        """Take what plans, and the changes in question, as `in_order` returns them."""
+        """Set the trials, and the changes in tiers of groups, as `in_order` returns."""
         self._trials = trials
         self._tiers = [
             [[SizeBracket(change, helps=True) for change in group] for group in tier]
@@ -107,13 +108,13 @@ class RemedySearch:
         self._brackets = [one for tier in self._tiers for group in tier for one in group]
 
     def run(self) -> None:
-        """Try changes by their scale, then by as much as makes sense, and narrow what helps.
+        """Try changes by their scale, then by their largest size, and narrow those that help.
 
-        The least likely are tried only if nothing else helps. Quickly at first; then what helps is
-        looked at where it ends, and if nothing does, all is tried once more.
+        The least likely kinds are tried only if no other change helps. Trials are quick at first;
+        then the ends of brackets are tried thoroughly, and if no change helps, all changes.
 
         Raises:
-            TimeLimitReached: There is no time left.
+            TimeLimitReached: The time limit has passed.
             KeyboardInterrupt: Ctrl-C.
         """
         self._search_all(is_thorough=False)
@@ -123,15 +124,17 @@ class RemedySearch:
 
     @property
     def remedies(self) -> tuple[Remedy, ...]:
-        """What was found, the smallest for its scale first."""
+        """The remedies so far, the smallest for its scale first."""
         return tuple(map(_remedy, sorted(self._helpful, key=lambda bracket: bracket.cost)))
 
     @property
     def in_vain(self) -> tuple[str, ...]:
-        """Paths of what helps in no direction, by as much as makes sense."""
-        tried = [one for one in self._brackets if one.larger is None and one.is_done]
+        """Paths of fields that help in no direction, up to the largest sensible size."""
+        failed = [
+            bracket for bracket in self._brackets if bracket.larger is None and bracket.is_done
+        ]
         helpful = {bracket.change.field for bracket in self._helpful}
-        fields = dict.fromkeys(bracket.change.field for bracket in tried)
+        fields = dict.fromkeys(bracket.change.field for bracket in failed)
         return tuple(field for field in fields if field not in helpful)
 
     @property
@@ -155,43 +158,43 @@ class RemedySearch:
             self._narrow(is_thorough)
 
     def _narrow(self, is_thorough: bool) -> None:
-        """Narrow the brackets of what helps until all are done, always the smallest of them."""
+        """Narrow the brackets of helpful changes until all are done, the smallest first."""
         while sizes := open_sizes(self._helpful, is_thorough):
             smallest = sorted(sizes, key=lambda each: each[0].cost)[:_SIDE_BY_SIDE]
             try_sizes(self._trials, smallest, is_thorough)
 
 
 def _is_new(bracket: SizeBracket, size: float, is_thorough: bool) -> bool:
-    """Return whether nothing is known yet of a size, and of none beyond it that helps."""
+    """Return True if the size is beyond the failed size, and no size helps yet."""
     if bracket.larger is not None:
         return False
-    tried = bracket.smaller
-    return tried is None or size > tried.size or (is_thorough and not tried.is_thorough)
+    failed = bracket.smaller
+    return failed is None or size > failed.size or (is_thorough and not failed.is_thorough)
 
 
 def _remedy(bracket: SizeBracket) -> Remedy:
-    found, missed, change = bracket.larger, bracket.smaller, bracket.change
-    assert found is not None and found.duration is not None
+    enough, too_small, change = bracket.larger, bracket.smaller, bracket.change
+    assert enough is not None and enough.duration is not None
     return Remedy(
         field=change.field,
         before=change.before,
-        after=found.proposal.after,
+        after=enough.proposal.after,
         unit=change.unit,
-        duration=found.duration,
-        text=found.proposal.text + " would work" * change.is_switch,
-        changes=found.proposal.changes,
+        duration=enough.duration,
+        text=enough.proposal.text + " would work" * change.is_switch,
+        changes=enough.proposal.changes,
         cost=bracket.cost,
-        too_little=None if missed is None else missed.proposal.after,
-        too_little_text="" if missed is None else missed.proposal.brief,
+        too_little=None if too_small is None else too_small.proposal.after,
+        too_little_text="" if too_small is None else too_small.proposal.brief,
         is_smallest=bracket.is_done,
     )
 
 
-# ---- How much worse single quantities of a problem may become until nothing is found any more.
+# ---- Search for headroom: single quantities made worse until no motion results.
 
 
 def worsening_changes(question: Question) -> Iterator[Change]:
-    """Yield narrower radii, larger clearances and payloads, less effort, obstacles elsewhere."""
+    """Yield narrower radii, larger clearances and payloads, less effort, moved obstacles."""
     yield from radius_changes(question, -1)
     yield from clearance_changes(question, 1)
     yield from payload_changes(question, 1)
@@ -200,18 +203,18 @@ def worsening_changes(question: Question) -> Iterator[Change]:
 
 
 class RoomSearch:
-    """Looks for the room; may be stopped at any time, and has what was found until then."""
+    """A search for headrooms; it may be stopped at any time and keeps its results so far."""
 
     def __init__(self, trials: Trials, changes: Iterable[Change]) -> None:
-        """Take what plans, and the changes for the worse."""
+        """Set the trials, and the changes for the worse."""
         self._trials = trials
         self._brackets = [SizeBracket(change, helps=False) for change in changes]
 
     def run(self) -> None:
-        """Narrow the brackets of all changes in turns, quickly, then look where that ends.
+        """Narrow the brackets of all changes in turns, quickly, then thoroughly at their ends.
 
         Raises:
-            TimeLimitReached: There is no time left.
+            TimeLimitReached: The time limit has passed.
             KeyboardInterrupt: Ctrl-C.
         """
         for is_thorough in (False, True):
@@ -220,9 +223,9 @@ class RoomSearch:
 
     @property
     def rooms(self) -> tuple[Room, ...]:
-        """What was found, the least room for its scale first."""
-        known = [bracket for bracket in self._brackets if bracket.smaller or bracket.larger]
-        return tuple(map(_room, sorted(known, key=lambda bracket: bracket.cost)))
+        """The headrooms so far, the least for its scale first."""
+        tried = [bracket for bracket in self._brackets if bracket.smaller or bracket.larger]
+        return tuple(map(_room, sorted(tried, key=lambda bracket: bracket.cost)))
 
 
 def _room(bracket: SizeBracket) -> Room:

@@ -1,7 +1,7 @@
 """The tables of Suh & Bishop (1988), printed and from our code; the page of both.
 
 J. Robotic Systems 5(6), 497-525; Tables II to IV. Durations are in seconds, tolerances in metres;
-`NO_TUBE` stands for a tool that may go anywhere.
+`NO_TUBE` means an unbounded tool.
 """
 
 import math
@@ -35,8 +35,8 @@ class PrintedExample:
     """One of the five paths of Table II.
 
     Attributes:
-        conventional: Straight lines with stops [s].
-        phases: By tolerance [m]: the durations after phase 1 and after phase 2 [s].
+        conventional: Duration of straight lines with stops [s].
+        phases: Durations after phase 1 and after phase 2 [s], by tolerance [m].
         remark: A remark on the printed numbers; empty: none.
     """
 
@@ -47,14 +47,14 @@ class PrintedExample:
 
 @dataclass(frozen=True)
 class PrintedLine:
-    """A path of Table III or IV, which are about one line each.
+    """A path of Table III or IV, each about one line.
 
     Attributes:
-        example: The example of Table II whose line stands for it.
-        bang_bang: The least time on the line itself, if motors switch instantly [s].
-        smoothed: The same with the paper's cost of smoothness, 26 % [s].
-        durations: By tolerance [m] [s].
-        shown: The tolerances that its figures show [m].
+        example: The example of Table II with the same line.
+        bang_bang: Least time on the line, if motors switch instantly [s].
+        smoothed: `bang_bang` with the paper's cost of smoothness, 26 % [s].
+        durations: Durations [s], by tolerance [m].
+        shown: Tolerances of its figures [m].
         remark: A remark on the printed numbers.
     """
 
@@ -125,7 +125,7 @@ TABLE_FOUR = PrintedLine(
 FIGURE_SEVEN = MappingProxyType({0.01: 0.90, 0.02: 0.85, 0.03: 0.75})
 
 
-# ---- The tables of Suh & Bishop (1988) from our code: the published method, and the default one.
+# ---- The same tables from our code: the published method, and the default one.
 
 _METHODS = (SUH_BISHOP, REFINEMENT)
 CONVENTIONAL = "by the paper's constants"
@@ -138,11 +138,11 @@ class ReproducedCell:
     """A path at one tolerance, planned by the published method and by the default one.
 
     Attributes:
-        example: Of Table II, whose path it is.
-        radius: The tolerance [m]; infinite: no tube, and the elbow may bend either way.
-        problem: What was planned.
-        published: By the method as published.
-        default: By refinement.
+        example: Number of the example of Table II.
+        radius: Tolerance [m]; infinite: no tube, and free joint signs.
+        problem: The planned problem.
+        published: Result of the method as published.
+        default: Result of refinement.
     """
 
     example: int
@@ -175,16 +175,16 @@ class ReproducedPath:
     """The results of the schemes without a tube on an example's path.
 
     Attributes:
-        example: Of Table II.
-        trajectories: By scheme: the trajectory, or why there is none. "by the paper's constants":
-            straight lines with stops, at the speed and acceleration of Table I.
+        example: Number of the example of Table II.
+        trajectories: The trajectory, or the reason for its absence, by scheme. "by the paper's
+            constants": straight lines with stops, at the speed and acceleration of Table I.
     """
 
     example: int
     trajectories: dict[str, JointTrajectory | str]
 
     def duration(self, scheme: str) -> float | None:
-        """Return how long a scheme takes [s]; None where it has no trajectory."""
+        """Return the duration of a scheme [s]; None where it has no trajectory."""
         trajectory = self.trajectories[scheme]
         return None if isinstance(trajectory, str) else trajectory.duration
 
@@ -194,15 +194,15 @@ class Reproduction:
     """Tables II to IV from our code.
 
     Attributes:
-        cells: By example and tolerance [m].
-        paths: By example.
+        cells: The cells by example and tolerance [m].
+        paths: The paths by example.
     """
 
     cells: dict[tuple[int, float], ReproducedCell]
     paths: dict[int, ReproducedPath]
 
     def cell(self, example: int, radius: float) -> ReproducedCell:
-        """Return an example at a tolerance [m]."""
+        """Return the cell of an example at a tolerance [m]."""
         return self.cells[example, radius]
 
     def as_dict(self) -> dict[str, Any]:
@@ -217,7 +217,7 @@ class Reproduction:
 
 
 def reproduce(progress: Callable[[object], None] | None = None) -> Reproduction:
-    """Plan all that Suh & Bishop (1988) tabulate, by their method and by the default one.
+    """Plan all tabulated cells of Suh & Bishop (1988), by their method and by the default one.
 
     Args:
         progress: Called with each stage.
@@ -225,21 +225,22 @@ def reproduce(progress: Callable[[object], None] | None = None) -> Reproduction:
     Raises:
         KeyboardInterrupt: Ctrl-C.
     """
-    tell = progress or (lambda what: None)
+    report = progress or (lambda what: None)
     tabulated = _tabulated()
     cells = {}
     for number, (example, radius) in enumerate(tabulated, start=1):
-        where = f"example {example}, {_tolerance(radius)} ({number} of {len(tabulated)})"
-        cells[example, radius] = _cell(example, radius, _prefixed(tell, where))
+        tolerance = "no tube" if radius == NO_TUBE else f"{1000 * radius:.0f} mm"
+        stage = f"example {example}, {tolerance} ({number} of {len(tabulated)})"
+        cells[example, radius] = _cell(example, radius, _prefixed(report, stage))
     paths = {}
     for example in TABLE_TWO:
-        tell(f"example {example}, schemes without a tube")
+        report(f"example {example}, schemes without a tube")
         paths[example] = _path(example)
     return Reproduction(cells, paths)
 
 
 def paper_problem(example: int, radius: float) -> PlanningProblem:
-    """Return an example of Table II with a tolerance [m]; infinite: signs are free too."""
+    """Return an example of Table II with a tolerance [m]; infinite: with free joint signs."""
     problem = load_problem(f"example:two_link/paper_{example}_30mm")
     if radius == NO_TUBE:
         return problem.with_tube(Tube(problem.tube.points, _EVERYWHERE))
@@ -248,19 +249,15 @@ def paper_problem(example: int, radius: float) -> PlanningProblem:
 
 def _tabulated() -> list[tuple[int, float]]:
     """Return the examples and tolerances of all tables and figures, each once."""
-    found = [(number, radius) for number, row in TABLE_TWO.items() for radius in row.phases]
+    cells = [(number, radius) for number, row in TABLE_TWO.items() for radius in row.phases]
     for table in (TABLE_THREE, TABLE_FOUR):
-        found += [(table.example, radius) for radius in table.durations]
-    found += [(1, radius) for radius in FIGURE_SEVEN]
-    return sorted(set(found))
+        cells += [(table.example, radius) for radius in table.durations]
+    cells += [(1, radius) for radius in FIGURE_SEVEN]
+    return sorted(set(cells))
 
 
-def _tolerance(radius: float) -> str:
-    return "no tube" if radius == NO_TUBE else f"{1000 * radius:.0f} mm"
-
-
-def _prefixed(tell: Callable[[object], None], where: str) -> Callable[[Progress], None]:
-    return lambda what: tell(f"{where}: {what}")
+def _prefixed(report: Callable[[object], None], stage: str) -> Callable[[Progress], None]:
+    return lambda progress: report(f"{stage}: {progress}")
 
 
 def _cell(example: int, radius: float, progress: Callable[[Progress], None]) -> ReproducedCell:
@@ -276,7 +273,10 @@ def _cell(example: int, radius: float, progress: Callable[[Progress], None]) -> 
 
 def _path(example: int) -> ReproducedPath:
     problem = paper_problem(example, PATH_RADIUS)
-    trajectories: dict[str, JointTrajectory | str] = {CONVENTIONAL: _conventional(problem)}
+    branches = KnownBranches(problem, PlanningClock(None, None))
+    lines = tool_paths(problem, branches.by_rule(redundancy_rules(problem)[0]), arcs=False)
+    conventional = conventional_trajectory(problem.robot, lines, PAPER)
+    trajectories: dict[str, JointTrajectory | str] = {CONVENTIONAL: conventional}
     for name in BASELINES:
         try:
             trajectories[name] = judged_baseline(problem, name)[0].trajectory
@@ -285,14 +285,7 @@ def _path(example: int) -> ReproducedPath:
     return ReproducedPath(example, trajectories)
 
 
-def _conventional(problem: PlanningProblem) -> JointTrajectory:
-    """Return straight lines with stops at the speed and acceleration of Table I."""
-    branches = KnownBranches(problem, PlanningClock(None, None))
-    lines = tool_paths(problem, branches.by_rule(redundancy_rules(problem)[0]), arcs=False)
-    return conventional_trajectory(problem.robot, lines, PAPER)
-
-
-# ---- The tables of Suh & Bishop (1988) beside ours, as a page of Markdown.
+# ---- Both as a page of Markdown.
 
 _INTRODUCTION = """\
 # Suh & Bishop (1988), from our code
@@ -330,7 +323,7 @@ _PHASE_ONE, _PUBLISHED, _DEFAULT = "phase 1", "phase 2, published", "default"
 
 
 def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) -> str:
-    """Return the page.
+    """Return the page of Markdown.
 
     Args:
         reproduction: The results.
@@ -359,7 +352,7 @@ def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) ->
 
 
 def _on_examples() -> list[str]:
-    """Return the remarks on the printed numbers; one that is about several examples, once."""
+    """Return the remarks on the printed numbers; a remark on several examples once."""
     examples: dict[str, list[int]] = {}
     for number, row in TABLE_TWO.items():
         if row.remark:
@@ -440,11 +433,11 @@ def _table_of_line(reproduction: Reproduction, table: PrintedLine) -> str:
 
 
 def _line_itself(reproduction: Reproduction, table: PrintedLine) -> str:
-    """Return a sentence on motors that switch instantly, and on the cost of smoothness."""
+    """Return a sentence on instantly switching motors and the cost of smoothness."""
     path = reproduction.paths[table.example]
-    switched, smoothed = path.duration("bang-bang"), path.duration("smoothed-bang-bang")
+    bang_bang, smoothed = path.duration("bang-bang"), path.duration("smoothed-bang-bang")
     return (
-        f"Bang-bang on the line itself takes {_seconds(switched)} s (printed: "
+        f"Bang-bang on the line itself takes {_seconds(bang_bang)} s (printed: "
         f"{table.bang_bang:.2f} s), smoothed {_seconds(smoothed)} s (printed: {table.smoothed:.2f} "
         "s, of which 26 % are an estimate of what smoothness costs)."
     )

@@ -15,18 +15,18 @@ from tubeplanner.studies.problem_spec import PosedProblem
 from tubeplanner.task.field_changes import factor_of
 from tubeplanner.text import short_repr
 
-# ---- What a study varies: a field that takes some values, or any value between two.
+# ---- Axes: fields with some values, or with any value between two.
 
-_DIGITS = 12  # of values between two others: 0.015, where adding up gives 0.015000000000000001
+_DIGITS = 12  # of interpolated values: 0.015, where a sum gives 0.015000000000000001
 
 
 @dataclass(frozen=True)
 class Levels:
-    """Values that are given one by one.
+    """An axis of single values.
 
     Attributes:
-        path: Of the field; or "problem".
-        values: In their order.
+        path: Path of the field; or "problem".
+        values: The values in their order.
     """
 
     path: str
@@ -34,30 +34,30 @@ class Levels:
 
     @property
     def ends(self) -> Sequence[Any]:
-        """The values that show whether all can be set.
+        """The values that are checked: if these can be set, all can.
 
-        The first number or text, the first factor, and every list and map, as other fields may lead
-        into them.
+        They are the first number or text, the first factor, and every list and map, as other fields
+        may lead into them.
         """
         if isinstance(self.values, EvenValues):
             return self.values.interval.ends
         return tuple(_of_each_kind(self.values))
 
     def at(self, share: float) -> Any:
-        """Return the value at a share of the way, from 0 (included) to 1 (excluded)."""
+        """Return the value at a fraction of the axis, from 0 (included) to 1 (excluded)."""
         return self.values[int(share * len(self.values))]
 
 
 @dataclass(frozen=True)
 class Interval:
-    """Any value between two.
+    """An axis of any value between two.
 
     Attributes:
-        path: Of the field.
-        first: At 0.
-        last: At 1.
-        is_logarithmic: Whether equal steps are equal ratios.
-        is_factor: Whether values scale what the file gives.
+        path: Path of the field.
+        first: Value at 0.
+        last: Value at 1.
+        is_logarithmic: True if equal steps are equal ratios.
+        is_factor: True if values scale the value of the file.
     """
 
     path: str
@@ -68,11 +68,11 @@ class Interval:
 
     @property
     def ends(self) -> Sequence[Any]:
-        """The values that show whether all can be set."""
+        """The values that are checked: if these can be set, all can."""
         return self.at(0.0), self.at(1.0)
 
     def at(self, share: float) -> Any:
-        """Return the value at a share of the way, from 0 to 1."""
+        """Return the value at a fraction of the axis, from 0 to 1."""
         value: float
         if self.is_logarithmic:
             value = self.first * (self.last / self.first) ** share
@@ -83,17 +83,17 @@ class Interval:
         return f"x{value!r}" if self.is_factor else value
 
     def levels(self, count: int) -> Levels:
-        """Return so many of the values, first and last included."""
+        """Return an axis of `count` of the values, first and last included."""
         return Levels(self.path, EvenValues(self, count))
 
 
 @dataclass(frozen=True)
 class EvenValues(Sequence[Any]):
-    """Values between two others, made one by one: there may be millions.
+    """Values of an interval at equal steps, made one by one: there may be millions.
 
     Attributes:
-        interval: Between which.
-        length: How many, at least 2.
+        interval: The interval.
+        length: Number of values, at least 2.
     """
 
     interval: Interval
@@ -107,21 +107,21 @@ class EvenValues(Sequence[Any]):
     @overload
     def __getitem__(self, index: slice) -> Sequence[Any]: ...
     def __getitem__(self, index: int | slice) -> Any:
-        places = range(self.length)[index]
-        if isinstance(places, range):
-            return [self[place] for place in places]
-        return self.interval.at(places / (self.length - 1))
+        steps = range(self.length)[index]
+        if isinstance(steps, range):
+            return [self[step] for step in steps]
+        return self.interval.at(steps / (self.length - 1))
 
 
 Axis: TypeAlias = Levels | Interval
 
 
 def interval(path: str, first: Any, last: Any, *, is_logarithmic: bool) -> Interval:
-    """Return the values between two, numbers or factors such as "x0.5".
+    """Return the axis between two values, numbers or factors such as "x0.5".
 
     Raises:
-        ProblemError: They are the same, one is a factor and the other none, or one is not positive
-            where steps are ratios.
+        ProblemError: The values are equal, one is a factor and the other is not, or one is not
+            positive where steps are ratios.
     """
     factors = [factor_of(end) for end in (first, last)]
     is_factor = None not in factors
@@ -141,7 +141,7 @@ def interval(path: str, first: Any, last: Any, *, is_logarithmic: bool) -> Inter
 
 
 def _of_each_kind(values: Iterable[Any]) -> Iterable[Any]:
-    """Yield the first value without parts, the first factor, and all others."""
+    """Yield the first number or text, the first factor, and all lists and maps."""
     seen = set()
     for value in values:
         if not isinstance(value, list | dict):
@@ -152,18 +152,21 @@ def _of_each_kind(values: Iterable[Any]) -> Iterable[Any]:
         yield value
 
 
-# ---- The points of a study: which values go together.
+# ---- Points: combinations of values.
 
 MOST_POINTS = 10_000_000
 
 
 @dataclass(frozen=True)
 class Latin:
-    """A Latin hypercube: of as many equal parts of each axis as there are points, one in each.
+    """A Latin hypercube: each axis has as many equal parts as there are points, one point in each.
 
     Attributes:
-        count: How many points.
-        seed: Of the random numbers.
+        count: Number of points.
+        seed: Seed of the random numbers.
+
+    Raises:
+        ProblemError: On construction, for numbers out of their bounds.
     """
 
     count: int
@@ -181,8 +184,8 @@ class StudyPoint:
     """One point of a study.
 
     Attributes:
-        index: Which one, from 0.
-        values: By field path.
+        index: Index of the point.
+        values: Its values by field path.
     """
 
     index: int
@@ -190,21 +193,25 @@ class StudyPoint:
 
 
 class StudyPoints:
-    """All points, made one by one: of a grid, the last axis changes fastest."""
+    """The points of a study, made one by one; in a grid the last axis changes fastest."""
 
     def __init__(self, axes: Sequence[Axis], latin: Latin | None) -> None:
-        """Choose the points.
+        """Make the design.
 
         Args:
-            axes: What is varied.
-            latin: The design; None: a grid.
+            axes: The axes.
+            latin: The Latin hypercube; None: a grid.
 
         Raises:
             ProblemError: A grid has an axis without a count, or too many points.
         """
         self._axes = tuple(axes)
-        self._shares = None if latin is None else _latin_shares(latin, len(axes))
-        self._levels = () if latin else tuple(_of_grid(axis) for axis in axes)
+        self._fractions: FloatArray | None = None  # along each axis, shape (points, axes)
+        if latin is not None:
+            from scipy.stats.qmc import LatinHypercube  # takes a second to import
+
+            self._fractions = LatinHypercube(len(axes), rng=latin.seed).random(latin.count)
+        self._levels = () if latin else tuple(map(_grid_values, axes))
         self._count = math.prod(map(len, self._levels)) if latin is None else latin.count
         if self._count > MOST_POINTS:
             raise ProblemError(f"the grid has {self._count} points; at most {MOST_POINTS} can be")
@@ -222,50 +229,40 @@ class StudyPoints:
 
     def _values(self, index: int) -> list[tuple[str, Any]]:
         paths = [axis.path for axis in self._axes]
-        if self._shares is not None:
-            each = zip(self._axes, self._shares[index].tolist(), strict=True)
-            return [(axis.path, axis.at(share)) for axis, share in each]
+        if self._fractions is not None:
+            pairs = zip(self._axes, self._fractions[index].tolist(), strict=True)
+            return [(axis.path, axis.at(fraction)) for axis, fraction in pairs]
         values = []
         for levels in self._levels[::-1]:
-            index, place = divmod(index, len(levels))
-            values.append(levels[place])
+            index, k = divmod(index, len(levels))
+            values.append(levels[k])
         return list(zip(paths, values[::-1], strict=True))
 
 
-def _of_grid(axis: Axis) -> Sequence[Any]:
+def _grid_values(axis: Axis) -> Sequence[Any]:
     if isinstance(axis, Interval):
         raise ProblemError(f"{axis.path}: count is required in a grid: how many values")
     return axis.values
 
 
-def _latin_shares(latin: Latin, dimensions: int) -> FloatArray:
-    """Return shares of the way along each axis, shape (points, axes)."""
-    from scipy.stats.qmc import LatinHypercube  # takes a second to import
-
-    shares: FloatArray = LatinHypercube(dimensions, rng=latin.seed).random(latin.count)
-    return shares
-
-
-# ---- A study: problems, the fields in which they vary, and how every point is planned.
-
-PROBLEM = "problem"  # what the axis of several problems is called
+PROBLEM = "problem"  # path of the axis of several problems
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Many plans that belong together.
+    """A study: problems, axes, a design of points, and planning options.
 
     Attributes:
-        name: What figures call it.
-        problems: By their names.
-        axes: What is varied; the axis "problem" chooses among several problems.
-        latin: Which points; None: all of the grid.
-        options: How every point is planned.
-        files: It was read from.
+        name: Name in figures.
+        problems: Problems by their names.
+        axes: The axes; the axis "problem" chooses among several problems.
+        latin: The Latin hypercube; None: a grid.
+        options: Planning options of every point.
+        files: The files it was read from.
 
     Raises:
-        ProblemError: On construction: nothing is varied, a path leads nowhere, or to no number
-            where a factor is given, or the grid is too large.
+        ProblemError: On construction: there is no axis, a path leads nowhere, or to no number where
+            a factor is given, or the grid is too large.
     """
 
     name: str
@@ -287,13 +284,13 @@ class Study:
 
     @staticmethod
     def require(study: object) -> None:
-        """Raise ProblemError unless something is a study."""
+        """Raise ProblemError unless the argument is a study."""
         if not isinstance(study, Study):
             raise ProblemError(f"the study is {shown(study)}; give a Study, as load_study returns")
 
     @cached_property
     def points(self) -> StudyPoints:
-        """What is planned, in order."""
+        """The points, in order."""
         return StudyPoints(self.axes, self.latin)
 
     def posed(self, point: StudyPoint) -> PosedProblem:

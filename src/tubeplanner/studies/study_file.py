@@ -1,4 +1,4 @@
-"""The study file's format; load_study."""
+"""The study file: its format, and `load_study`."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -19,7 +19,7 @@ from tubeplanner.task.fields import Finite, Flag, Section, Version, no_flag
 from tubeplanner.task.problem_format import is_study, read_document, require_study
 from tubeplanner.task.validation import check_fields
 
-# ---- The study file's shape: fields, units, defaults. Other tools read it, so names never change.
+# ---- The format: fields, units, defaults. Other tools read it, so names never change.
 
 Count: TypeAlias = Annotated[int, BeforeValidator(no_flag), Field(strict=True)]
 
@@ -146,11 +146,11 @@ def study_schema() -> dict[str, Any]:
 
 
 def check_study_fields(data: object, source: str) -> StudyFields:
-    """Check the shape of a study given as nested dictionaries.
+    """Check the format of a study given as nested dictionaries.
 
     Args:
-        data: What a study file holds.
-        source: What messages call it.
+        data: Contents of a study file.
+        source: Its name in messages.
 
     Raises:
         ProblemError: A key is unknown, a value has the wrong type. The message names the field.
@@ -158,7 +158,7 @@ def check_study_fields(data: object, source: str) -> StudyFields:
     return check_fields(StudyFields, data, "a study is a map", source, None)
 
 
-# ---- Studies read from files.
+# ---- Reading.
 
 _Options = TypeVar("_Options")
 
@@ -168,49 +168,45 @@ def load_study(name: str | Path, directory: str | Path = ".") -> Study:
 
     Args:
         name: A path, or `example:ROBOT/NAME` for a bundled study.
-        directory: Where a relative path starts.
+        directory: Folder of a relative path.
 
     Raises:
         ProblemError: A file cannot be read or contradicts its format, or a field path leads
-            nowhere. Values that a problem refuses are no fault of the study: their rows say so.
+            nowhere. Values that make a problem invalid do not raise: the reason is in their rows.
     """
     path = find_problem(name, given_path("directory", directory))
     document = read_document(path, "study file")
     require_study(document, str(path))
-    given = check_study_fields(document, str(path)).study
+    fields = check_study_fields(document, str(path)).study
     try:
-        problems, latin = _problems(given, path.parent), _latin(given.design)
-        axes, options = _axes(given, problems), _options(given.options)
+        problems, latin = _problems(fields, path.parent), _latin(fields.design)
+        axes: list[Axis] = [_axis(field, values) for field, values in fields.vary.items()]
+        if isinstance(fields.problem, list):
+            axes.insert(0, Levels(PROBLEM, tuple(problems)))
+        options = _options(fields.options)
     except (ProblemError, OptionError) as error:
         raise ProblemError(f"{path}: study.{error}") from None
     try:
-        called = f"{path.resolve().parent.name}/{path.stem}"
+        title = f"{path.resolve().parent.name}/{path.stem}"
         files = [path, *(find_problem(name, path.parent) for name in problems)]
-        return Study(called, problems, axes, latin, options, files)
+        return Study(title, problems, axes, latin, options, files)
     except ProblemError as error:
         raise ProblemError(f"{path}: study.vary: {error}") from None
 
 
-def _problems(given: StudiedFields, folder: Path) -> dict[str, PosedProblem]:
-    names = given.problem if isinstance(given.problem, list) else [given.problem]
+def _problems(fields: StudiedFields, folder: Path) -> dict[str, PosedProblem]:
+    names = fields.problem if isinstance(fields.problem, list) else [fields.problem]
     if not names:
         raise ProblemError("problem: give at least one")
-    return {name: _problem(name, folder) for name in names}
-
-
-def _problem(name: str, folder: Path) -> PosedProblem:
-    try:
-        posed = PosedProblem.read(name, folder)
-    except ProblemError as error:
-        raise ProblemError(f"problem: {error}") from None
-    if is_study(posed.document):
-        raise ProblemError(f"problem: {name} is a study itself; name a problem or a cycle")
-    return posed
-
-
-def _axes(given: StudiedFields, problems: Mapping[str, PosedProblem]) -> list[Axis]:
-    chosen = [Levels(PROBLEM, tuple(problems))] if isinstance(given.problem, list) else []
-    return [*chosen, *(_axis(path, values) for path, values in given.vary.items())]
+    problems = {}
+    for name in names:
+        try:
+            problems[name] = PosedProblem.read(name, folder)
+        except ProblemError as error:
+            raise ProblemError(f"problem: {error}") from None
+        if is_study(problems[name].document):
+            raise ProblemError(f"problem: {name} is a study itself; name a problem or a cycle")
+    return problems
 
 
 def _axis(path: str, values: Any) -> Axis:
@@ -238,24 +234,24 @@ def _latin(design: Any) -> Latin | None:
         raise ProblemError(f"design: {error}") from None
 
 
-def _options(given: OptionFields) -> PlanOptions:
+def _options(fields: OptionFields) -> PlanOptions:
     try:
-        others = {**given.model_dump(), "suh_bishop": _made(SuhBishopOptions, given.suh_bishop)}
-        return PlanOptions(**others)
+        suh_bishop = _build(SuhBishopOptions, fields.suh_bishop)
+        return PlanOptions(**{**fields.model_dump(), "suh_bishop": suh_bishop})
     except OptionError as error:
         raise OptionError(f"options: {error}") from None
 
 
-def _made(kind: type[_Options], given: Mapping[str, Any]) -> _Options:
-    """Return options by their names; those that are options themselves, of maps."""
+def _build(kind: type[_Options], values: Mapping[str, Any]) -> _Options:
+    """Return options of values by name; a map becomes the options of its name."""
     defaults = {each.name: getattr(kind(), each.name) for each in fields(kind)}  # type: ignore[arg-type]
-    for name in given:
+    for name in values:
         if name not in defaults:
             raise OptionError(unknown_name("option", name, defaults))
-    made = {
-        name: _made(type(defaults[name]), value)
+    converted = {
+        name: _build(type(defaults[name]), value)
         if is_dataclass(defaults[name]) and isinstance(value, Mapping)
         else value
-        for name, value in given.items()
+        for name, value in values.items()
     }
-    return kind(**made)
+    return kind(**converted)

@@ -1,4 +1,4 @@
-"""Run_study: each point once, journaled; rows, table."""
+"""Run_study: each point planned once, with a journal; rows and table."""
 
 import csv
 import hashlib
@@ -27,35 +27,35 @@ from tubeplanner.studies.worker_processes import WorkerProcesses
 from tubeplanner.text import json_value, short_repr, value_text, without_formulas
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- One point of a study as its table has it, made where it is planned, so that little travels.
+# ---- Rows, made where points are planned, so that little travels.
 
 _HASH_DIGITS = 16
 
 
 @dataclass(frozen=True, eq=False)
 class StudyRow:
-    """One point of a study, and what became of it.
+    """One point of a study, and its plan.
 
     Attributes:
-        point: Which one, from 0.
-        values: By field path.
-        status: How planning ended; bad_input where the problem cannot be posed, crashed where its
+        point: Index of the point.
+        values: Its values by field path.
+        status: Status of the plan; bad_input where the problem is invalid, crashed where its
             process died or the program failed.
-        duration: Of the certified motion [s]; None if there is none.
-        shortest_duration: Of the shortest certified motion that was found [s]; likewise.
-        planning_time: Wall time from the loaded problem to the certified result [s]; None where
-            nothing was planned.
-        loading_time: Wall time of reading the problem [s]; None if that did not come to an end.
-        runs: How many runs were simulated; None unless robustness asks for it.
-        runs_failed: How many of them failed.
-        method: As of a `PlanResult`; None where nothing was planned.
-        message: One sentence: the answer, or why there is none.
-        where: In what place, if there is no answer.
-        notes: What else is worth knowing about the answer.
-        trajectory_hash: Of the motion's breakpoints and coefficients, bit by bit; None if there is
-            none.
-        key: Of what the point is: the contents of all its files, options, program; None if its
-            values cannot be set together.
+        duration: Duration of the certified motion [s]; None if there is none.
+        shortest_duration: Duration of the shortest certified motion [s]; None if there is none.
+        planning_time: Wall time from the loaded problem to the certified result [s]; None without a
+            plan.
+        loading_time: Wall time of reading the problem [s]; None if reading failed.
+        runs: Number of simulated runs; None unless robustness requires them.
+        runs_failed: Number of failed runs; None unless robustness requires them.
+        method: Method of the plan, as of `PlanResult`; None without a plan.
+        message: One sentence: the answer, or the reason for its absence.
+        where: Location of the failure; empty without one.
+        notes: Notes on the answer.
+        trajectory_hash: Hash of all bits of the motion's breakpoints and coefficients; None if
+            there is no motion.
+        key: Hash of all inputs of the point: contents of all its files, options, program; None if
+            its values cannot be set together.
     """
 
     point: int
@@ -83,14 +83,14 @@ class StudyRow:
         """Return the row of an answer.
 
         Args:
-            point: Which one.
-            values: By field path.
-            key: Of what the point is.
+            point: Index of the point.
+            values: Its values by field path.
+            key: Hash of all inputs of the point.
             answer: The other fields, as JSON values.
 
         Raises:
-            ValueError: The answer has other fields, or values of other types.
-            TypeError: Likewise, its place.
+            ValueError: The answer has unknown fields, or values of other types.
+            TypeError: Its place has unknown fields.
         """
         require_fields(cls, {"point": point, "values": {}, **answer})
         place: dict[str, Any] = {
@@ -120,11 +120,11 @@ def planned_answer(posed: PosedProblem, options: PlanOptions) -> dict[str, Any]:
     """Plan a problem or a cycle, and return its row as JSON values, without point and values.
 
     Args:
-        posed: Which one.
-        options: How.
+        posed: The problem or cycle.
+        options: Planning options.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C, also where there was something certified already.
+        KeyboardInterrupt: Ctrl-C, even if a certified motion was there already.
     """
     begin = time.perf_counter()
     loading_time = None
@@ -141,12 +141,12 @@ def planned_answer(posed: PosedProblem, options: PlanOptions) -> dict[str, Any]:
 
 
 def refused_answer(reason: str) -> dict[str, Any]:
-    """Return the answer of a point that cannot be posed, as JSON values."""
+    """Return the answer of a point with an invalid problem, as JSON values."""
     return _without_plan(PlanStatus.BAD_INPUT, reason)
 
 
 def crashed_answer(error: Exception) -> dict[str, Any]:
-    """Return the answer of a point whose process died, or at which the program failed."""
+    """Return the answer of a point whose process died or whose plan raised."""
     return _without_plan(PlanStatus.CRASHED, f"{type(error).__name__}: {error}")
 
 
@@ -173,7 +173,7 @@ def _of_result(result: PlanResult | CycleResult) -> dict[str, Any]:
 
 
 def _hash_of(result: PlanResult | CycleResult) -> str | None:
-    """Return a hash of every bit of a motion: the same only if it is the same motion."""
+    """Return a hash of every bit of a motion; None without a motion."""
     trajectory: JointTrajectory | None
     if isinstance(result, PlanResult):
         trajectory = result.trajectory
@@ -185,16 +185,16 @@ def _hash_of(result: PlanResult | CycleResult) -> str | None:
     return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()[:_HASH_DIGITS]
 
 
-# ---- What came of a study: its rows, as a table.
+# ---- Results: rows, as a table.
 
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """What came of a study.
+    """The rows of a study.
 
     Attributes:
         study: The study.
-        rows: Of every point that is done, in the order of the points.
+        rows: Rows of all finished points, in the order of the points.
         stopped_by: "interrupt" if Ctrl-C kept other points from being planned; None otherwise.
     """
 
@@ -206,12 +206,12 @@ class StudyResult:
 
     @property
     def succeeded(self) -> bool:
-        """Whether any point has a certified motion."""
+        """True if any point has a certified motion."""
         return any(row.duration is not None for row in self.rows)
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many rows have each status, the most frequent first."""
+        """Number of rows of each status, the most frequent first."""
         return dict(Counter(str(row.status) for row in self.rows).most_common())
 
     @property
@@ -229,7 +229,7 @@ class StudyResult:
         return {**about, "stopped_by": self.stopped_by, "rows": rows}
 
     def csv(self) -> str:
-        """Return the rows as CSV: a column for every field that is varied.
+        """Return the rows as CSV, with a column for every varied field.
 
         Lists and maps are written as JSON, places as text, notes with semicolons between them.
         """
@@ -246,7 +246,7 @@ class StudyResult:
         return without_formulas(stream.getvalue())
 
 
-# ---- Studies are run: every point planned once, in worker processes, and kept in a journal.
+# ---- Running: every point planned once, in worker processes, and kept in a journal.
 
 Answer = dict[str, Any]
 
@@ -260,13 +260,13 @@ def run_study(
 ) -> StudyResult:
     """Plan every point of a study, each from scratch, as `plan` does with the study's options.
 
-    Points that are the same to the last byte of their files are planned once.
+    Points that agree to the last byte of their files are planned once.
 
     Args:
         study: The study.
-        journal: A file that keeps every answer as soon as it is there. Answers that it has of
-            a former run are used: a run that was ended goes on. None: nothing is kept.
-        executor: What plans, any of `concurrent.futures`; None: a process for every processor.
+        journal: File that keeps every answer at once. Its answers of a former run are used: an
+            interrupted run goes on. None: no file.
+        executor: Any executor of `concurrent.futures`; None: a process for every processor.
         progress: Called with a `StudyProgress` whenever points are done.
 
     Returns:
@@ -275,23 +275,23 @@ def run_study(
 
     Raises:
         OutputError: The journal cannot be used or written.
-        ProblemError: The study is none.
-        OptionError: The executor broke, whoever plans has other files than this process had, or an
+        ProblemError: The study is no `Study`.
+        OptionError: The executor broke, a worker has other files than this process had, or an
             argument is of another kind.
         KeyboardInterrupt: Ctrl-C before the first point was done.
     """
     Study.require(study)
     require_callback(progress)
     require_executor(executor)
-    kept_in = None if journal is None else given_path("journal", journal)
+    path = None if journal is None else given_path("journal", journal)
     with ExitStack() as stack:
-        kept = None if kept_in is None else stack.enter_context(Journal(kept_in))
-        run = _Run(study, kept, progress or _silent)
+        answers = None if path is None else stack.enter_context(Journal(path))
+        run = _Run(study, answers, progress or (lambda what: None))
         work = partial(_answer, options=study.options)
         try:
             # Inside: Ctrl-C goes through it, which ends the processes.
             with WorkerProcesses() if executor is None else nullcontext(executor) as workers:
-                for done in run_many(work, run.asked(), workers):
+                for done in run_many(work, run.calls(), workers):
                     run.answered(done)
         except KeyboardInterrupt:
             if not (rows := run.rows()):
@@ -302,12 +302,12 @@ def run_study(
 
 @dataclass(frozen=True)
 class StudyProgress:
-    """How far a study has come.
+    """The progress of a study.
 
     Attributes:
-        done: How many points.
-        count: Of how many.
-        planned: How many of these were planned, not found in the journal.
+        done: Number of finished points.
+        count: Number of all points.
+        planned: Number of finished points that were planned, not read from the journal.
         elapsed: Wall time since the study began [s].
     """
 
@@ -323,7 +323,7 @@ class StudyProgress:
 
     @property
     def time_left(self) -> float | None:
-        """Wall time until all are done, at this rate [s]; None before the first."""
+        """Wall time until all are done, at the present rate [s]; None before the first."""
         return None if self.rate is None else (self.count - self.done) / self.rate
 
     def __str__(self) -> str:
@@ -335,22 +335,22 @@ class StudyProgress:
 
 
 class _Run:
-    """The answers of a study that come in, by the key of what was planned."""
+    """The answers of a study, by the key of the planned problem."""
 
     def __init__(
         self, study: Study, journal: Journal | None, progress: Callable[[object], None]
     ) -> None:
         self._study, self._journal, self._progress = study, journal, progress
-        self._keys: list[str | None] = []  # of the points so far
-        self._waiting: dict[str, list[int]] = {}  # the points of keys that are being planned
-        self._order: list[str] = []  # the keys as they were sent out
+        self._keys: list[str | None] = []  # of the points so far; None: refused
+        self._waiting: dict[str, list[int]] = {}  # points by key, while it is planned
+        self._order: list[str] = []  # keys in the order of the calls
         self._answers: dict[str, Answer] = {}
         self._refused: dict[int, Answer] = {}  # of points without a key
         self._begin = time.perf_counter()
         self._done = self._planned = 0
 
-    def asked(self) -> Iterator[tuple[str, PosedProblem]]:
-        """Yield keys and what is to be planned, point by point."""
+    def calls(self) -> Iterator[tuple[str, PosedProblem]]:
+        """Yield keys and problems to be planned, point by point."""
         self._note(0)
         for point in self._study.points:
             try:
@@ -364,7 +364,7 @@ class _Run:
             self._keys.append(key)
             if key in self._waiting:
                 self._waiting[key].append(point.index)
-            elif key in self._answers or self._is_kept(key):
+            elif key in self._answers or self._restored(key):
                 self._note(1)
             else:
                 self._waiting[key] = [point.index]
@@ -375,7 +375,7 @@ class _Run:
         """Keep an answer.
 
         Raises:
-            OptionError: It was not planned, as the files are others.
+            OptionError: It was not planned, as the files differ.
         """
         if isinstance(done.error, OptionError):
             raise done.error
@@ -390,20 +390,25 @@ class _Run:
         self._note(len(points))
 
     def rows(self) -> tuple[StudyRow, ...]:
-        """Return the rows of all points that are done."""
-        found = []
+        """Return the rows of all finished points."""
+        result = []
         for index, key in enumerate(self._keys):
             answer = self._refused.get(index) if key is None else self._answers.get(key)
             if answer is not None:
                 values = self._study.points[index].values
-                found.append(StudyRow.of(index, values, key, answer))
-        return tuple(found)
+                result.append(StudyRow.of(index, values, key, answer))
+        return tuple(result)
 
-    def _is_kept(self, key: str) -> bool:
-        """Return whether the journal has an answer, which is then taken."""
+    def _restored(self, key: str) -> bool:
+        """Take the answer of a key from the journal; return True if it has one."""
         if self._journal is None or key not in self._journal:
             return False
-        self._answers[key] = self._journal.made(key, _answer_of_study)
+
+        def checked(answer: Mapping[str, Any]) -> Answer:
+            StudyRow.of(0, {}, None, answer)
+            return dict(answer)
+
+        self._answers[key] = self._journal.made(key, checked)
         return True
 
     def _note(self, done: int) -> None:
@@ -412,13 +417,13 @@ class _Run:
         self._progress(StudyProgress(self._done, len(self._study.points), self._planned, elapsed))
 
 
-def _answer(asked: tuple[str, PosedProblem], options: PlanOptions) -> Answer:
-    """Plan what is of a key, and return its answer.
+def _answer(call: tuple[str, PosedProblem], options: PlanOptions) -> Answer:
+    """Return the answer of a problem with its key.
 
     Raises:
-        OptionError: It is not of that key.
+        OptionError: The problem has another key here.
     """
-    key, posed = asked
+    key, posed = call
     if posed.content_hash(options) != key:
         raise OptionError(
             f"{posed.name}: its files, or tubeplanner's own, are not what they were when the study "
@@ -427,19 +432,9 @@ def _answer(asked: tuple[str, PosedProblem], options: PlanOptions) -> Answer:
     return planned_answer(posed, options)
 
 
-def _answer_of_study(answer: Mapping[str, Any]) -> Answer:
-    """Return an answer once it is one; errors as `StudyRow.of`."""
-    StudyRow.of(0, {}, None, answer)
-    return dict(answer)
-
-
 def _in_words(seconds: float) -> str:
-    """Return a time as one says it: 40 s, 12 min, 3 h 20 min."""
+    """Return a time in words: 40 s, 12 min, 3 h 20 min."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     hours, minutes = divmod(round(seconds / 60), 60)
     return f"{hours} h {minutes} min" if hours else f"{minutes} min"
-
-
-def _silent(_: object) -> None:
-    return None

@@ -31,7 +31,7 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import require_problem
 from tubeplanner.text import json_value, short_repr, value_text, without_formulas
 
-# ---- The duration against the tolerance: one problem planned at several radii.
+# ---- Duration against tolerance: one problem planned at several radii.
 
 _SIDES = ("width", "height")  # of boxes, in the order of `Tube.cross_section`
 _SAME = 1e-3  # durations nearer to each other (relative) do not differ
@@ -42,14 +42,12 @@ class SweepRow:
     """One tolerance, and the result of planning with it.
 
     Attributes:
-        value: The radius of all segments [m], or the factor by which all radii, and the sides of
-            boxes, are scaled.
-        problem: The problem with that tolerance; None where it cannot be posed.
-        result: The result of planning; None where the problem cannot be posed.
-        message: One sentence: the answer, or why there is none.
+        value: The radius of all segments [m], or the factor of all radii and sides of boxes.
+        problem: The problem with that tolerance; None where it is invalid.
+        result: The result of planning; None where the problem is invalid.
+        message: One sentence: the answer, or the reason for its absence.
         elasticity: d ln T / d ln radius (of boxes, width and height) of all segments together, from
-            the sensitivities: the share
-            by which the duration falls, per share by which the tolerance grows; None if not known.
+            the sensitivities; None if not known.
         note: Further information about the answer; None: none.
     """
 
@@ -64,7 +62,7 @@ class SweepRow:
 
     @property
     def status(self) -> PlanStatus:
-        """How planning ended; bad_input where the problem cannot be posed."""
+        """Status of the plan; bad_input where the problem is invalid."""
         return PlanStatus.BAD_INPUT if self.result is None else self.result.status
 
     @property
@@ -74,7 +72,7 @@ class SweepRow:
 
     @property
     def slope(self) -> float | None:
-        """The change of the duration per unit of `value` [s/m, or s]; None if not known."""
+        """The derivative of the duration by `value` [s/m, or s]; None if not known."""
         if self.elasticity is None or self.duration is None:
             return None
         return self.elasticity * self.duration / self.value
@@ -116,7 +114,7 @@ class SweepResult:
 
     @property
     def succeeded(self) -> bool:
-        """Whether any tolerance has a certified trajectory."""
+        """True if any tolerance has a certified trajectory."""
         return any(row.duration is not None for row in self.rows)
 
     def as_dict(self) -> dict[str, Any]:
@@ -151,19 +149,20 @@ def sweep(
     """Plan a problem at several tolerances, each from scratch.
 
     Args:
-        problem: The planning problem, but for the radii.
+        problem: The planning problem; its radii are replaced.
         radii: Path tolerances, each for all segments [m]; either these or `scales`.
         scales: Factors for the problem's own radii and boxes.
-        options: How to plan.
+        options: Planning options.
         executor: As for `sweep_field`.
-        progress: Likewise.
+        progress: As for `sweep_field`.
 
     Returns:
         A row for every tolerance, the narrowest first. A tolerance that cannot be planned has the
         reason in its row. After Ctrl-C, the finished rows.
 
     Raises:
-        ProblemError: The problem is none, or has boxes, for which radii are no tolerances.
+        ProblemError: The problem is no `PlanningProblem`, or has boxes, for which radii are no
+            tolerances.
         OptionError: Not exactly one of radii and scales is given, one is no positive number, or an
             argument is of another kind.
         KeyboardInterrupt: Ctrl-C before the first tolerance was done.
@@ -174,16 +173,16 @@ def sweep(
     if scales is None:
         remedy = "sweep over factors (scales, --radius-scale), which scale its width and height"
         problem.tube.require_discs("a sweep over radii", remedy)
-    quantity, given = ("radius", radii) if scales is None else ("radius_scale", scales)
-    values = _values(quantity, given)
+    quantity, requested = ("radius", radii) if scales is None else ("radius_scale", scales)
+    values = _values(quantity, requested)
     work = partial(_tolerance_row, problem, quantity, given_options(options, PlanOptions).shortest)
-    called = f"tolerance {{}} of {len(values)}".format
-    rows, stopped_by = swept_rows(work, values, called, executor, progress)
+    label = f"tolerance {{}} of {len(values)}".format
+    rows, stopped_by = swept_rows(work, values, label, executor, progress)
     return SweepResult(problem, quantity, _noted(quantity, rows), stopped_by)
 
 
-def _values(quantity: str, given: object) -> list[float]:
-    values = given_row(quantity, given, "numbers")
+def _values(quantity: str, requested: object) -> list[float]:
+    values = given_row(quantity, requested, "numbers")
     if not values:
         raise OptionError(f"{quantity}: give at least one number")
     for value in values:
@@ -201,8 +200,8 @@ def _tolerance_row(
 ) -> SweepRow:
     tube = problem.tube
     try:
-        other = tube.with_radius(value) if quantity == "radius" else tube.scaled(value)
-        posed = problem.with_tube(other)
+        changed = tube.with_radius(value) if quantity == "radius" else tube.scaled(value)
+        posed = problem.with_tube(changed)
     except ProblemError as error:
         return SweepRow(value, None, None, str(error))
     result = plan(posed, options, progress)
@@ -211,29 +210,34 @@ def _tolerance_row(
     elasticities = [
         _by_whole_radius(sensitivity, posed.tube) for sensitivity in result.sensitivities
     ]
-    elasticity = (
-        sum(elasticities) + 0.0 if elasticities else None
-    )  # + 0.0: no minus in front of zero
+    # + 0.0: no minus in front of zero.
+    elasticity = sum(elasticities) + 0.0 if elasticities else None
     return SweepRow(value, posed, result, result.message, elasticity)
 
 
 def _noted(quantity: str, rows: Sequence[SweepRow]) -> tuple[SweepRow, ...]:
-    """Return rows, the narrowest first, with notes where a narrower one is faster."""
-    noted = []
+    """Return rows, the narrowest first, with notes where a narrower tube is faster."""
+    result = []
     for number, row in enumerate(rows):
-        faster = [each for each in rows[:number] if _is_faster(each, row)]
+        faster = [
+            narrow
+            for narrow in rows[:number]
+            if narrow.duration is not None
+            and row.duration is not None
+            and narrow.duration < (1 - _SAME) * row.duration
+        ]
         note = None
         if faster:
             note = (
                 f"slower than that at {quantity} {faster[-1].value:g}, which keeps to this tube "
                 "too: another local optimum"
             )
-        noted.append(replace(row, note=note))
-    return tuple(noted)
+        result.append(replace(row, note=note))
+    return tuple(result)
 
 
 def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
-    """Return an elasticity by the radius or side, tool radius included; nothing for joints."""
+    """Return the elasticity by radius or side, tool radius included; zero for limits of joints."""
     if sensitivity.limit not in ("radius", *_SIDES) or sensitivity.segment is None:
         return 0.0
     k = tube.segment_index(sensitivity.segment)
@@ -243,17 +247,7 @@ def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
     return float(sensitivity.elasticity * whole / (whole - tube.tool_radius))
 
 
-def _is_faster(narrow: SweepRow, wide: SweepRow) -> bool:
-    if narrow.duration is None or wide.duration is None:
-        return False
-    return narrow.duration < (1 - _SAME) * wide.duration
-
-
-# ---- The duration against any field of a problem file: one problem planned at several values of
-# it.
-#
-# Every value is planned from scratch, exactly as by `plan`: a row does not depend on its
-# neighbours.
+# ---- Duration against any field of a problem file.
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,10 +255,10 @@ class FieldRow:
     """One value of the field, and the result of planning with it.
 
     Attributes:
-        value: As it is given, such as 0.02, [0.02, 0.03] or "x0.5".
-        result: The result of planning; None where the problem cannot be posed.
-        message: One sentence: the answer, or why there is none.
-        loading_time: How long reading the problem took [s].
+        value: The value as given, such as 0.02, [0.02, 0.03] or "x0.5".
+        result: The result of planning; None where the problem is invalid.
+        message: One sentence: the answer, or the reason for its absence.
+        loading_time: Time of reading the problem [s].
     """
 
     value: Any
@@ -276,7 +270,7 @@ class FieldRow:
 
     @property
     def status(self) -> PlanStatus:
-        """How planning ended; bad_input where the problem cannot be posed."""
+        """Status of the plan; bad_input where the problem is invalid."""
         return PlanStatus.BAD_INPUT if self.result is None else self.result.status
 
     @property
@@ -286,28 +280,28 @@ class FieldRow:
 
     @property
     def shortest_duration(self) -> float | None:
-        """Duration of the shortest certified trajectory that was found [s]; None if none was."""
+        """Duration of the shortest certified trajectory [s]; None if there is none."""
         return None if self.result is None else self.result.shortest_duration
 
     @property
     def verdict(self) -> RunVerdict | None:
-        """What was seen of the answer in simulation; None unless robustness asks for it."""
+        """Verdict over the answer's simulated runs; None unless robustness requires them."""
         survival = None if self.result is None else self.result.survival
         return None if survival is None else survival.verdict
 
     @property
     def runs(self) -> int | None:
-        """How many runs were simulated; None unless robustness asks for it."""
+        """Number of simulated runs; None unless robustness requires them."""
         return None if self.verdict is None else self.verdict.runs
 
     @property
     def runs_failed(self) -> int | None:
-        """How many of them failed; likewise."""
+        """Number of failed runs; None unless robustness requires them."""
         return None if self.verdict is None else self.verdict.failed
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What else is worth knowing about the answer."""
+        """Notes on the answer."""
         return () if self.result is None else self.result.notes
 
     def as_dict(self) -> dict[str, Any]:
@@ -332,8 +326,8 @@ class FieldSweep:
     """The duration against a field.
 
     Attributes:
-        name: Of the problem.
-        path: Of the field, such as "robot.payload.mass".
+        name: Name of the problem.
+        path: Path of the field, such as "robot.payload.mass".
         rows: One per value, in the order given.
         stopped_by: "interrupt" if Ctrl-C kept other values from being planned; None otherwise.
     """
@@ -347,17 +341,17 @@ class FieldSweep:
 
     @property
     def succeeded(self) -> bool:
-        """Whether any value has a certified trajectory."""
+        """True if any value has a certified trajectory."""
         return any(row.duration is not None for row in self.rows)
 
     @property
     def is_simulated(self) -> bool:
-        """Whether any answer was executed in simulation."""
+        """True if any answer was executed in simulation."""
         return any(row.verdict is not None for row in self.rows)
 
     @property
     def varies_objective(self) -> bool:
-        """Whether the field is part of the objective, so that answers may not be the shortest."""
+        """True if the field is part of the objective: answers may not be the shortest."""
         return is_of_objective(self.path)
 
     def as_dict(self) -> dict[str, Any]:
@@ -396,11 +390,11 @@ def sweep_field(
 
     Args:
         problem: A path, or `example:ROBOT/NAME` for a bundled problem.
-        path: Of the field, as for `load_problem`.
-        values: What it is to be; "x0.5" scales every number there.
-        changes: Of other fields, made first.
-        options: How to plan.
-        executor: What plans, any of `concurrent.futures`; None: this process, value by value.
+        path: Path of the field, as for `load_problem`.
+        values: Values of the field; "x0.5" scales every number there.
+        changes: Values of other fields by path, set first.
+        options: Planning options.
+        executor: Any executor of `concurrent.futures`; None: this process, value by value.
         progress: Called as by `plan`, its stage with the value in front; with an executor, when a
             value is done.
 
@@ -417,21 +411,17 @@ def sweep_field(
     require_path(path)
     changes = {} if changes is None else changes
     require_changes(changes)
-    options = _options(path, given_options(options, PlanOptions))
+    options = given_options(options, PlanOptions)
+    if not is_of_objective(path):
+        options = options.shortest
+    elif options.slack is not None:
+        raise OptionError(f"{path} is varied and slack is given; leave out one of them")
     values = given_row("values", values, f"what {path} is to be")
     study = _study(problem, path, values, changes, options)
-    asked = ((value, study.posed(point)) for value, point in zip(values, study.points, strict=True))
-    called = f"value {{}} of {len(values)}".format
-    rows, stopped_by = swept_rows(partial(_field_row, options), asked, called, executor, progress)
+    items = ((value, study.posed(point)) for value, point in zip(values, study.points, strict=True))
+    label = f"value {{}} of {len(values)}".format
+    rows, stopped_by = swept_rows(partial(_field_row, options), items, label, executor, progress)
     return FieldSweep(study.name, path, tuple(rows), stopped_by)
-
-
-def _options(path: str, options: PlanOptions) -> PlanOptions:
-    if not is_of_objective(path):
-        return options.shortest
-    if options.slack is not None:
-        raise OptionError(f"{path} is varied and slack is given; leave out one of them")
-    return options
 
 
 def _study(
@@ -454,11 +444,11 @@ def _study(
 
 def _field_row(
     options: PlanOptions,
-    asked: tuple[Any, PosedProblem],
+    item: tuple[Any, PosedProblem],
     progress: Callable[[object], None] | None = None,
 ) -> FieldRow:
     """Return the row of a value, given with its problem; arguments as of `plan`."""
-    value, posed = asked
+    value, posed = item
     begin = time.perf_counter()
     if progress is not None:
         progress("loading robot and collision geometry")

@@ -1,4 +1,4 @@
-"""WorkerProcesses: an executor that loses one call per dead process; caller and worker."""
+"""WorkerProcesses: an executor that loses one call per dead process; the worker's program."""
 
 import os
 import pickle
@@ -10,7 +10,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from types import TracebackType
@@ -19,57 +19,11 @@ from typing import Any, TypeVar
 from tubeplanner.checks import WHOLE_NUMBER
 from tubeplanner.errors import OptionError
 
-# ---- What a worker process does: call by call, as `worker_processes` sends them, until it is left.
-
-_STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
-
-
-def serve(descriptor: int) -> None:
-    """Answer calls until nobody is left at the other end.
-
-    Args:
-        descriptor: Of the connection that calls come from.
-    """
-    # What libraries print is not to come between the lines of what the parent prints.
-    os.dup2(_STANDARD_ERROR, _STANDARD_OUTPUT)
-    with Connection(descriptor) as connection:
-        while True:
-            try:
-                call = connection.recv_bytes()
-                connection.send_bytes(_answer(call))
-            except (EOFError, ConnectionError):
-                return
-
-
-def _answer(call: bytes) -> bytes:
-    """Return whether a pickled call returned, and what it returned or raised, pickled."""
-    try:
-        work, arguments, named = pickle.loads(call)
-        return pickle.dumps((True, work(*arguments, **named)))
-    except Exception as error:
-        return pickle.dumps((False, _travelling(error)))
-
-
-def _travelling(error: Exception) -> Exception:
-    """Return an exception that can be pickled, with the place that it comes from as a note."""
-    error.add_note("".join(traceback.format_tb(error.__traceback__)))
-    try:
-        return _same_kind(pickle.loads(pickle.dumps(error)), error)
-    except Exception:  # its constructor takes other arguments, or it holds what cannot be pickled
-        return RuntimeError(f"{type(error).__name__}: {error}")
-
-
-def _same_kind(copy: object, error: Exception) -> Exception:
-    if type(copy) is not type(error):
-        raise TypeError(f"{type(error).__name__} becomes {type(copy).__name__}")
-    return error
-
-
-# ---- Calls in processes of their own, of which one that dies costs one call.
+# ---- The executor: a process that dies costs one call.
 #
 # The standard library's pool is broken for good once a process dies, with all calls that were on
 # their way, and its processes run the main script of the program again. Here every process has one
-# call at a time, so that it is known which one it died of, and begins with this package alone: no
+# call at a time, so that its death has one culprit, and begins with this package alone: no
 # `if __name__ == "__main__"` is needed.
 
 _R = TypeVar("_R")
@@ -82,26 +36,26 @@ serve({descriptor})
 
 
 class WorkerDied(Exception):
-    """The process that worked on a call ended without an answer, twice."""
+    """The process of a call ended without an answer, twice."""
 
 
 class WorkerProcesses(Executor):
-    """Processes that calls are sent to, each with one thread for linear algebra.
+    """Processes for calls, each with one thread for linear algebra.
 
     A call whose process dies is made once more in a new process, while no other call runs; if that
-    dies too, its future raises `WorkerDied`. What is called must be importable by name: it and its
-    arguments are pickled. Used in a `with` statement that ends by an exception, such as Ctrl-C, all
+    dies too, its future raises `WorkerDied`. The called function must be importable by name: it and
+    its arguments are pickled. If a `with` statement ends by an exception, such as Ctrl-C, all
     processes are ended at once.
     """
 
     def __init__(self, count: int | None = None) -> None:
-        """Start no process yet.
+        """Set the number of processes; the first call starts the first process.
 
         Args:
-            count: At most so many processes; None: as many as there are processors for this one.
+            count: Largest number of processes; None: the number of processors for this process.
 
         Raises:
-            OptionError: It is no whole number >= 1.
+            OptionError: The count is no whole number >= 1.
         """
         if count is not None and (not isinstance(count, WHOLE_NUMBER) or count < 1):
             raise OptionError(f"count of worker processes is {count!r}; give a whole number >= 1")
@@ -116,10 +70,10 @@ class WorkerProcesses(Executor):
         return f"<WorkerProcesses: {self.count}>"
 
     def submit(self, fn: Callable[..., _R], /, *args: Any, **kwargs: Any) -> "Future[_R]":
-        """Send a call to the next process that is free; it is pickled then.
+        """Send a call to the next free process; it is pickled then.
 
         Raises:
-            RuntimeError: It was shut down.
+            RuntimeError: The processes were shut down.
         """
         call = _Call((fn, args, kwargs))
         with self._lock:
@@ -136,14 +90,14 @@ class WorkerProcesses(Executor):
         """Take no more calls; end each process once its calls are done.
 
         Args:
-            wait: Whether to return only then.
-            cancel_futures: Whether to drop the calls that have not begun.
+            wait: True to return only then.
+            cancel_futures: True to drop the calls that have not begun.
         """
         with self._lock:
             if cancel_futures:
                 self._drop_waiting()
             self._closed = True
-            # Each time: those of the time before may have been dropped with what waited.
+            # In every shutdown: the Nones of a former one may have been dropped with waiting calls.
             for _ in self._threads:
                 self._calls.put(None)
         if wait:
@@ -151,7 +105,7 @@ class WorkerProcesses(Executor):
                 thread.join()
 
     def kill(self) -> None:
-        """End all processes now, whatever they work on."""
+        """End all processes at once."""
         self.shutdown(wait=False, cancel_futures=True)
         with self._lock:
             self._killed = True
@@ -186,12 +140,12 @@ class WorkerProcesses(Executor):
         self._end(worker)
 
     def _answered(self, call: "_Call", worker: "_Worker | None") -> "_Worker | None":
-        """Answer a call; return the process to go on with, if it lives."""
+        """Answer a call; return the process for the next call, if it lives."""
         pickled, how = call.pickled(), ""
         if pickled is None:
             return worker
-        for turn in (self._floor.with_others, self._floor.alone):
-            with turn():
+        for access in (self._floor.with_others, self._floor.alone):
+            with access():
                 try:
                     worker = worker or self._started()
                     call.answer(worker.ask(pickled))
@@ -207,7 +161,7 @@ class WorkerProcesses(Executor):
         """Return a new process.
 
         Raises:
-            _Dead: There can be none, or all are ended.
+            _Dead: It cannot be started, or all processes were ended.
         """
         with self._lock:
             if self._killed:
@@ -229,14 +183,14 @@ class WorkerProcesses(Executor):
 class _Call:
     """A function with its arguments, and the future of its answer.
 
-    Thousands may wait that share large arguments: none is pickled before its turn.
+    It is not pickled before it is sent: thousands of waiting calls may share large arguments.
     """
 
     def __init__(self, parts: tuple[Any, ...]) -> None:
         self._parts, self.future = parts, Future[Any]()
 
     def pickled(self) -> bytes | None:
-        """Return it, pickled; None if it cannot be, which its future then raises."""
+        """Return the call, pickled; None if that fails: then its future raises the reason."""
         try:
             return pickle.dumps(self._parts)
         except Exception as error:
@@ -244,7 +198,7 @@ class _Call:
             return None
 
     def answer(self, pickled: bytes) -> None:
-        """Hand on an answer."""
+        """Set the future from a pickled answer."""
         try:
             returned, value = pickle.loads(pickled)
         except Exception as error:
@@ -257,7 +211,7 @@ class _Call:
 
 
 class _Dead(Exception):
-    """A process has ended; `how` says in words by what."""
+    """A process has ended; `how` says in words by which signal or status."""
 
     def __init__(self, how: str) -> None:
         super().__init__(how)
@@ -283,27 +237,30 @@ class _Worker:
         """Return the answer to a call.
 
         Raises:
-            _Dead: The process ended before.
+            _Dead: The process ended before its answer.
         """
         try:
             self._connection.send_bytes(call)
             return self._connection.recv_bytes()
         except (EOFError, OSError):
             self.kill()
-            raise _Dead(_ending(self._process.wait())) from None
+            code = self._process.wait()
+            if code < 0:
+                raise _Dead(f"was ended by {signal.Signals(-code).name}") from None
+            raise _Dead(f"ended with status {code}") from None
 
     def kill(self) -> None:
-        """End it now."""
+        """End the process at once."""
         self._process.kill()
 
     def end(self) -> None:
-        """Leave it, so that it ends."""
+        """Close the connection, so that the process ends, and wait for that."""
         self._connection.close()
         self._process.wait()
 
 
 class _Floor:
-    """Whose turn it is: of many together, or of one alone."""
+    """Access to the processor: of many calls together, or of one alone."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -312,7 +269,7 @@ class _Floor:
 
     @contextmanager
     def with_others(self) -> Iterator[None]:
-        """Wait until nobody is alone or waits to be."""
+        """Wait until no call is alone or waits to be."""
         with self._changed:
             self._changed.wait_for(lambda: not self._one and not self._waiting)
             self._together += 1
@@ -325,7 +282,7 @@ class _Floor:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Wait until nobody else is there."""
+        """Wait until no other call runs."""
         with self._changed:
             self._waiting += 1
             self._changed.wait_for(lambda: not self._one and not self._together)
@@ -340,14 +297,48 @@ class _Floor:
 
 
 def processors() -> int:
-    """Return how many processors this process may use."""
+    """Return the number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-def _ending(code: int) -> str:
-    """Return in words how a process ended."""
-    if code < 0:
-        return f"was ended by {signal.Signals(-code).name}"
-    return f"ended with status {code}"
+# ---- The worker: answers call by call.
+
+_STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
+
+
+def serve(descriptor: int) -> None:
+    """Answer calls until the connection is closed.
+
+    Args:
+        descriptor: File descriptor of the connection.
+    """
+    # Output of libraries must not come between the lines of the parent's output.
+    os.dup2(_STANDARD_ERROR, _STANDARD_OUTPUT)
+    with Connection(descriptor) as connection:
+        while True:
+            try:
+                call = connection.recv_bytes()
+                connection.send_bytes(_answer(call))
+            except (EOFError, ConnectionError):
+                return
+
+
+def _answer(call: bytes) -> bytes:
+    """Return a pickled pair: True and the value of a pickled call, or False and its exception."""
+    try:
+        work, arguments, keywords = pickle.loads(call)
+        return pickle.dumps((True, work(*arguments, **keywords)))
+    except Exception as error:
+        return pickle.dumps((False, _travelling(error)))
+
+
+def _travelling(error: Exception) -> Exception:
+    """Return a picklable exception, with the traceback as a note."""
+    error.add_note("".join(traceback.format_tb(error.__traceback__)))
+    # Its constructor may take other arguments, or it may hold unpicklable values.
+    with suppress(Exception):
+        if type(pickle.loads(pickle.dumps(error))) is type(error):
+            return error
+    return RuntimeError(f"{type(error).__name__}: {error}")
