@@ -22,7 +22,7 @@ def is_number(value: object) -> bool:
 
 
 def are_numbers(values: object, count: int) -> bool:
-    """Return True if a list, tuple or array holds `count` finite real numbers in one row."""
+    """Return True if a list, tuple or array has `count` finite real numbers and no more."""
     is_array = isinstance(values, np.ndarray) and values.ndim == 1
     if not (is_array or isinstance(values, list | tuple)):
         return False

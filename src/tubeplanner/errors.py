@@ -19,7 +19,7 @@ class TubePlannerError(Exception):
     """Base of everything this package raises on purpose."""
 
     def __init__(self, message: str) -> None:
-        """Keep a message on one line; control characters in its names and paths become codes."""
+        """Keep a message; control characters in its names and paths become codes."""
         super().__init__(on_one_line(message))
 
     def within(self, source: str) -> Self:
@@ -50,7 +50,7 @@ class OutputError(TubePlannerError):
 
 
 def shown(value: object, most: int = MAX_SHOWN) -> str:
-    """Return the text of a value for a message: one printable line, cut after `most` characters."""
+    """Return the text of a value for a message: printable, cut after `most` characters."""
     if isinstance(value, str | bytes | list | tuple):
         value = value[: most + 1]  # the representation of a long row takes long
     try:
@@ -62,7 +62,7 @@ def shown(value: object, most: int = MAX_SHOWN) -> str:
 
 
 def on_one_line(text: str) -> str:
-    """Return a text on one line, with the codes of characters that a terminal would obey."""
+    """Return a text without line breaks, control characters replaced by their codes."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)

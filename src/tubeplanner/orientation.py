@@ -45,7 +45,7 @@ def rpy_of_matrix(matrix: FloatArray) -> tuple[float, float, float]:
 
 
 def _plane_rotation(angle: float, first: int, second: int) -> FloatArray:
-    """Return the rotation of one axis towards another."""
+    """Return the rotation (3, 3) by an angle [rad] from the first axis towards the second."""
     matrix = np.eye(3)
     matrix[first, first] = matrix[second, second] = np.cos(angle)
     matrix[second, first] = np.sin(angle)
@@ -114,7 +114,7 @@ def rotation_vector(matrix: FloatArray) -> FloatArray:
 
 
 def nearest_branch(v: FloatArray, near: FloatArray, components: BoolArray) -> FloatArray:
-    """Return rotation vectors [rad] of the same rotations, nearest to given ones, (..., 3).
+    """Return equivalent rotation vectors [rad] nearest to given vectors, shape (..., 3).
 
     A rotation by a about an axis is a rotation by 2 pi - a about the opposite axis. The latter is
     returned if it is nearer and its angle at most 3/2 pi.

@@ -219,7 +219,7 @@ class PlanningClock:
         return time.perf_counter() - self._begin
 
     def announce(self, progress: Progress) -> None:
-        """Call the callback with the progress; it may raise KeyboardInterrupt."""
+        """Call the callback with the progress; KeyboardInterrupt passes through."""
         self._stage = progress.stage
         if self._callback is not None:
             stage = ", ".join([*self._parts, progress.stage])
@@ -227,7 +227,7 @@ class PlanningClock:
 
     @contextmanager
     def within(self, part: str) -> Iterator[None]:
-        """Announce the stages inside with the name of a part before them: "route 1 of 3, ..."."""
+        """Announce the stages inside with the name of a part in front: "route 1 of 3, ..."."""
         self._parts.append(part)
         try:
             yield
@@ -250,12 +250,12 @@ class PlanningClock:
 
     @property
     def past_limit(self) -> str:
-        """Message that the time limit passed, with the stage that it ended."""
+        """Message that the time limit passed, with the stage of that time."""
         return f"the time limit of {self._limit:g} s passed before the end of: {self._stage}"
 
     @property
     def remaining(self) -> float:
-        """Wall time until the limit [s]; negative after it."""
+        """Wall time until the limit [s]; negative after the limit."""
         return self._limit - self.elapsed
 
     @property

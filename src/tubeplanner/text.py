@@ -72,7 +72,7 @@ def short_repr(instance: Any) -> str:
 
 
 def _brief(value: object) -> str:
-    """Return a value on one line: arrays by shape, many or long members by kind and count."""
+    """Return the short text of a value: arrays by shape, many or long members by kind and count."""
     if isinstance(value, np.ndarray):
         if value.size > _MAX_NUMBERS:
             return f"<array {value.shape}>"

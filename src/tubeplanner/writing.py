@@ -75,13 +75,13 @@ class StagedFile:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Remove the staged file unless it has replaced its target."""
+        """Remove the staged file unless the target is replaced."""
         if self._descriptor is not None:
             self._path.unlink(missing_ok=True)
             self._close()
 
     def write(self, data: bytes, mode: int | None = None) -> None:
-        """Write the content, and set the mode unless it is None.
+        """Write the content, and set the mode unless None.
 
         Raises:
             OSError: The content cannot be written.
@@ -141,7 +141,7 @@ def _new_file(path: Path) -> int:
 
 
 def _remove_left(path: Path, end: float) -> None:
-    """Remove the file of a killed process; for that of a live one, pause, and raise after `end`."""
+    """Remove the file of a killed process; while a live process has the file, pause until `end`."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     except FileNotFoundError:
@@ -253,7 +253,7 @@ def write_files(contents: Mapping[Path, bytes], folder: Path | None = None) -> N
 
 
 def _make_folder(folder: Path, undo: ExitStack) -> None:
-    """Make a folder unless it exists; undoing removes it while it is empty."""
+    """Make a missing folder; undoing removes the folder while empty."""
 
     def remove() -> None:
         with suppress(OSError):

@@ -76,7 +76,7 @@ class MoveFields(Section):
 
 
 def _plain(value: object) -> object:
-    """Raise unless a value is one that an event may set: one message for all alternatives."""
+    """Raise unless an event may set a value; the message is the same for all alternatives."""
     if not isinstance(value, str | bool | int | float | None):
         raise ValueError("it must be a text, a number, true or false")
     return value
@@ -113,7 +113,7 @@ _STEPS = {"event": EventFields, "attach": AttachFields, "detach": DetachFields}
 
 
 def _step_kind(step: Any) -> str | None:
-    """Return the name of a step's model, from the first key that is in one; None: no key is."""
+    """Return the name of a step's model, from the keys of the step; None: no key decides."""
     if isinstance(step, Section):
         return type(step).__name__
     keys = step if isinstance(step, dict) else {}

@@ -110,7 +110,7 @@ class CycleMotion:
 
 
 def cycle_motion(cycle: Cycle, legs: Sequence[LegMotion]) -> CycleMotion:
-    """Return the motion of all legs, with rests between them for the dwell of events.
+    """Return the motion of all legs, with rests for the dwells of events.
 
     Args:
         cycle: The cycle.

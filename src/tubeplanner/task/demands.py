@@ -62,7 +62,7 @@ class Contact:
 
 
 def pair_distances(given: Mapping[Names, float]) -> Mapping[Names, float]:
-    """Check clearances [m] by pairs of names, and return them.
+    """Return clearances [m] by pairs of names, checked.
 
     Raises:
         ProblemError: A number is negative or too large, or a key is no pair of names.

@@ -21,19 +21,17 @@ from tubeplanner.outcome import MARGIN_TOLERANCE, ContradictionError, Place
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.text import short_repr
 
-# ---- Joint values as users give them: in group order, or by joint name.
-
 
 def configuration_of(robot: RobotModel, what: str, values: Any) -> FloatArray:
-    """Return joint values given in group order or by name as an array (n,) [rad or m].
+    """Return a configuration (n,) [rad or m] from joint values in group order or by joint name.
 
     Args:
         robot: The arm.
-        what: What messages call them, such as "start".
+        what: Name of the values in messages, such as "start".
         values: n numbers, or a map from joint name to number.
 
     Raises:
-        ProblemError: They are not n finite numbers, or a name is unknown or missing.
+        ProblemError: The values are not n finite numbers, or a name is unknown or missing.
     """
     names = robot.joint_names
     if isinstance(values, Mapping):
@@ -61,22 +59,20 @@ def configuration_of(robot: RobotModel, what: str, values: Any) -> FloatArray:
     return q
 
 
-# ---- A start or goal as a pose of the tool.
-
-_ORTHONORMAL = 1e-6  # how far a rotation matrix may be from one, by rounding
+_ORTHONORMAL = 1e-6  # largest entry of R R^T - 1 by which a matrix still is a rotation
 
 
 @dataclass(frozen=True, eq=False)
 class ToolPose:
-    """A pose of the tool centre point, taken on the branch that the tube's joint ranges ask for.
+    """Pose of the tool centre point, on the branch of the tube's joint ranges.
 
     Attributes:
         placement: Shape (4, 4), base frame [m], as `placement_of` returns.
-        seed: Where inverse kinematics begins, (n,) in group order or a map by joint name [rad or
-            m]; None: at several configurations spread over the joint ranges.
+        seed: Start of inverse kinematics, (n,) in group order or a map by joint name [rad or m];
+            None: several configurations spread over the joint ranges.
 
     Raises:
-        ProblemError: On construction, if the placement is none.
+        ProblemError: On construction, if the placement is no rotation and translation.
     """
 
     placement: FloatArray
@@ -91,28 +87,28 @@ class ToolPose:
             raise _no_placement(self.placement) from None
         if placement.shape != (4, 4) or not (abs(placement) <= MAX_SIZE).all():
             raise _no_placement(self.placement)
-        turn = placement[:3, :3]
-        off = float(abs(turn @ turn.T - np.eye(3)).max())
-        if off > _ORTHONORMAL or np.linalg.det(turn) < 0 or (placement[3] != (0, 0, 0, 1)).any():
+        r = placement[:3, :3]
+        error = float(abs(r @ r.T - np.eye(3)).max())
+        if error > _ORTHONORMAL or np.linalg.det(r) < 0 or (placement[3] != (0, 0, 0, 1)).any():
             raise _no_placement(placement.tolist())
         object.__setattr__(self, "placement", placement)
 
     @property
     def position(self) -> FloatArray:
-        """Where the tool centre point is, shape (3,) [m]."""
+        """Position of the tool centre point, base frame, shape (3,) [m]."""
         return self.placement[:3, 3]
 
     @property
     def rotation(self) -> FloatArray:
-        """How its frame is turned, shape (3, 3)."""
+        """Rotation matrix of its frame, base frame, shape (3, 3)."""
         return self.placement[:3, :3]
 
     def errors(self, rotation: FloatArray, position: FloatArray) -> tuple[float, float]:
-        """Return how far a tool, turned by (3, 3) and at (3,), is from the pose: [m] and [rad]."""
-        turn = self.rotation.T @ rotation
-        # Of the angle, sine and cosine: either alone is blind somewhere.
-        twice_sine = np.linalg.norm((turn - turn.T)[[2, 0, 1], [1, 2, 0]])
-        angle = np.arctan2(twice_sine, np.trace(turn) - 1)
+        """Return distance [m] and angle [rad] of a tool's rotation (3, 3) and position (3,)."""
+        error = self.rotation.T @ rotation
+        # From sine and cosine: each alone is insensitive at some angles.
+        twice_sine = np.linalg.norm((error - error.T)[[2, 0, 1], [1, 2, 0]])
+        angle = np.arctan2(twice_sine, np.trace(error) - 1)
         return float(np.linalg.norm(position - self.position)), float(angle)
 
 
@@ -123,22 +119,18 @@ def _no_placement(value: object) -> ProblemError:
     )
 
 
-# ---- A goal that is a tool position, within a tolerance, instead of joints.
-
-
 @dataclass(frozen=True, eq=False)
 class GoalRegion:
-    """A ball in which the tool ends, in whichever configuration the answer ends in.
+    """Ball in which the tool centre point ends; the plan chooses the configuration.
 
     Attributes:
-        position: Its centre, shape (3,), base frame [m].
-        tolerance: Its radius [m]; 0: the tool ends at the centre.
-        rotation_tolerance: How far the tool may be turned there from the tube's last orientation:
-            one angle, or bounds on the three components of log(R_ref^T R) [rad]; None: as far as
-            the tube allows.
+        position: Centre, shape (3,), base frame [m].
+        tolerance: Radius [m]; 0: the tool ends at the centre.
+        rotation_tolerance: Bound on the rotation from the tube's last orientation: one angle, or
+            bounds on the three components of log(R_ref^T R) [rad]; None: the tube's.
 
     Raises:
-        ProblemError: On construction, if a value is none of these.
+        ProblemError: On construction, if a value is of another kind or out of its bounds.
     """
 
     position: FloatArray
@@ -148,7 +140,11 @@ class GoalRegion:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", _position(self.position))
+        if not are_numbers(self.position, 3):
+            raise ProblemError(
+                f"goal.position is {shown(self.position)}; give [x, y, z], finite numbers [m]"
+            )
+        object.__setattr__(self, "position", read_only(np.array(self.position, dtype=float)))
         if not is_number(self.tolerance) or not 0 <= self.tolerance <= MAX_SIZE:
             raise ProblemError(
                 f"goal.tolerance is {in_figures(self.tolerance)} m; 0 to {MAX_SIZE:g} m are "
@@ -160,15 +156,15 @@ class GoalRegion:
 
     @property
     def bounds_rotation(self) -> bool:
-        """Whether the tool may not be turned at will."""
+        """True if the rotation of the tool is bounded."""
         tolerance = self.rotation_tolerance
         return tolerance is not None and bool(np.isfinite(tolerance).any())
 
     def rotation(self, tube: Tube) -> RotationalTube | None:
-        """Return a tube's rotational part and, where the rotation is bounded here, one row more.
+        """Return the rotational part of a tube, with an added segment if the goal bounds rotation.
 
-        That is a segment beyond the last one whose reference is the last orientation. None where
-        all is free.
+        The segment lies beyond the last point; its reference is the last orientation. None if no
+        rotation is bounded.
         """
         if not self.bounds_rotation:
             return tube.rotation
@@ -182,15 +178,15 @@ class GoalRegion:
         )
 
     def margin(self, tool: FloatArray) -> float:
-        """Return how far inside the ball a tool (3,) is [m]."""
+        """Return the margin of a tool position (3,) to the ball's surface [m], positive inside."""
         return self.tolerance - self.distance(tool)
 
     def distance(self, tool: FloatArray) -> float:
-        """Return how far a tool (3,) is from the position [m]."""
+        """Return the distance of a tool position (3,) from the centre [m]."""
         return float(np.linalg.norm(tool - self.position))
 
     def nearest(self, tool: FloatArray, share: float = 1.0) -> FloatArray:
-        """Return the point (3,) nearest to a tool (3,) in the ball scaled by a share."""
+        """Return the point (3,) of the ball, its radius scaled, nearest to a tool position (3,)."""
         distance, allowed = self.distance(tool), share * self.tolerance
         if distance <= allowed:
             return tool
@@ -198,23 +194,12 @@ class GoalRegion:
         return nearest
 
 
-def _position(given: Any) -> FloatArray:
-    """Return a position (3,) [m].
-
-    Raises:
-        ProblemError: It is no list of three finite numbers.
-    """
-    if not are_numbers(given, 3):
-        raise ProblemError(f"goal.position is {shown(given)}; give [x, y, z], finite numbers [m]")
-    return read_only(np.array(given, dtype=float))
-
-
-# ---- A start or goal, whichever way it is stated.
+# ---- Start and goal of any kind.
 
 
 @dataclass(frozen=True, eq=False)
 class Seed:
-    """A start for the inverse kinematics of a reference point.
+    """Start of the inverse kinematics of a reference point.
 
     Attributes:
         joints: Shape (n,), group order [rad or m].
@@ -223,7 +208,7 @@ class Seed:
     joints: FloatArray
 
 
-# The values that problems and moves accept as their goal; a start is no region and not None.
+# Goals of problems and moves; a start is no region and not None.
 Goal: TypeAlias = FloatArray | Seed | ToolPose | GoalRegion | None
 
 
@@ -260,7 +245,7 @@ class Endpoint:
 
 
 def endpoint_of(value: Goal, point: FloatArray) -> Endpoint:
-    """Return the endpoint of a start or goal whose reference point (3,) [m] is given."""
+    """Return the endpoint of a start or goal with its reference point (3,) [m]."""
     if isinstance(value, Seed):
         return Endpoint("seed", seed=value.joints)
     if isinstance(value, ToolPose):
@@ -272,9 +257,6 @@ def endpoint_of(value: Goal, point: FloatArray) -> Endpoint:
     return Endpoint("joints", joints=value)
 
 
-# ---- What a problem's start and goal must keep: position limits, joint ranges, and their segments.
-
-
 @dataclass(frozen=True, eq=False)
 class EndChecks:
     """Checks of start and goal; each raises a `ContradictionError` with its place.
@@ -282,9 +264,9 @@ class EndChecks:
     Attributes:
         robot: The arm.
         tube: The tube; messages name its segments.
-        joined: The same, neighbouring segments that ask the same joined to one.
-        lower: Lower bounds of joints, by limits and ranges, shape (m, n) [rad or m].
-        upper: Upper bounds, likewise.
+        joined: The tube with equal neighbouring segments on one line joined.
+        lower: Lower bounds of joints from limits and joint ranges, shape (m, n) [rad or m].
+        upper: Upper bounds of joints from limits and joint ranges, shape (m, n) [rad or m].
     """
 
     robot: RobotModel
@@ -294,12 +276,10 @@ class EndChecks:
     upper: FloatArray
 
     def require_within_limits(self, what: str, q: FloatArray) -> None:
-        """Raise unless a configuration (n,), called `what`, is inside position limits."""
+        """Raise unless a configuration (n,), with a label, is inside position limits."""
         limits = self.robot.limits
-        low, high = (
-            limits.lower_position - MARGIN_TOLERANCE,
-            limits.upper_position + MARGIN_TOLERANCE,
-        )
+        low = limits.lower_position - MARGIN_TOLERANCE
+        high = limits.upper_position + MARGIN_TOLERANCE
         for joint in np.flatnonzero((q < low) | (q > high)):
             name = self.robot.joint_names[joint]
             raise ContradictionError(
@@ -311,7 +291,7 @@ class EndChecks:
             )
 
     def require_inside(self, end: str, q: FloatArray, segment: int) -> None:
-        """Raise unless a configuration (n,) keeps what its segment asks of joints and tool."""
+        """Raise unless a configuration (n,) is inside joint ranges and tube of its segment."""
         number = self.tube.segment_number(segment)
         lower, upper = self.lower[segment], self.upper[segment]
         rotation, tool = self.tube.tool_pose(self.robot, q[None])
@@ -331,12 +311,12 @@ class EndChecks:
     def require_tool_inside(
         self, end: str, rotation: FloatArray, tool: FloatArray, segment: int
     ) -> None:
-        """Raise unless a tool (1, 3, 3), (1, 3) is in its segment's region and turned as asked."""
+        """Raise unless rotation (1, 3, 3) and position (1, 3) of a tool are inside its segment."""
         self.require_in_region(end, f"{end}: the tool", tool[0], segment)
-        self._require_turned(end, rotation, tool, self.tube.segment_number(segment))
+        self._require_rotation_inside(end, rotation, tool, self.tube.segment_number(segment))
 
     def require_in_region(self, end: str, what: str, tool: FloatArray, segment: int) -> None:
-        """Raise unless a tool position (3,), called `what`, is in the region of a segment."""
+        """Raise unless a tool position (3,), with a label, is in the region of a segment."""
         margin = float(self.joined.margin(tool[None])[0, 0 if end == "start" else -1])
         if margin < -MARGIN_TOLERANCE:
             point = self.tube.points[segment + (end == "goal")]
@@ -349,19 +329,19 @@ class EndChecks:
                 self._place_of(end, number, tool),
             )
 
-    def _require_turned(
+    def _require_rotation_inside(
         self, end: str, rotation: FloatArray, tool: FloatArray, number: int
     ) -> None:
-        """Raise unless a tool is within the rotation tolerance of a segment called by a number."""
+        """Raise unless the rotation of a tool is within the tolerance of a numbered segment."""
         tube, joined = self.joined.rotation, 0 if end == "start" else -1
         if tube is None or tube.margin(rotation, tool, joined)[0] >= -MARGIN_TOLERANCE:
             return
         error = tube.error(rotation, tool, joined)[0]
-        turned = [*error.tolist(), float(np.linalg.norm(error))]
-        worst = int((abs(np.array(turned)) - tube.bounds[joined]).argmax())
+        errors = [*error.tolist(), float(np.linalg.norm(error))]
+        worst = int((abs(np.array(errors)) - tube.bounds[joined]).argmax())
         about = "" if worst == 3 else f" about {'xyz'[worst]} of the reference orientation"
         raise ContradictionError(
-            f"{end}: the tool is turned by {turned[worst]:.4g} rad{about}, where the rotation "
+            f"{end}: the tool is turned by {errors[worst]:.4g} rad{about}, where the rotation "
             f"tolerance of segment {number} is {tube.bounds[joined, worst]:.4g} rad; turn the "
             f"{end}, change tube.orientations[{number + (end == 'goal')}] or widen "
             f"tube.rotation_tolerance[{number}]",
@@ -369,6 +349,6 @@ class EndChecks:
         )
 
     def _place_of(self, end: str, number: int, tool: FloatArray) -> Place:
-        """Return the place of an end whose segment has a number, the tool at a point (3,)."""
+        """Return the place of an end in a numbered segment, the tool at a position (3,)."""
         point = self.tube.numbers[0 if end == "start" else -1]
         return Place(segment=number, point=int(point)).at(tool)

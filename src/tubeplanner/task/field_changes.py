@@ -154,13 +154,13 @@ def require_changes(changes: object) -> None:
 
 
 def factor_of(value: Any) -> float | None:
-    """Return the factor of a value such as `x0.5`; None: the value is no factor."""
+    """Return the factor of a value like `x0.5`; None: the value is no factor."""
     match = _FACTOR.fullmatch(value) if isinstance(value, str) else None
     return None if match is None else float(match[1])
 
 
 def is_of_objective(path: str) -> bool:
-    """Return True if a path leads to the objective, or into it."""
+    """Return True if a path leads to the objective or a field of the objective."""
     return path.split(".")[0] == "objective"
 
 
@@ -281,7 +281,7 @@ def _parsed(option: str, text: str, value: str) -> Any:
 
 
 def read_problem_fields(path: Path, changes: Mapping[str, Any] | None = None) -> ProblemFields:
-    """Read a problem file, YAML 1.2 or JSON, and the files that it includes.
+    """Read a problem file, YAML 1.2 or JSON, and the included files.
 
     Args:
         path: The file.

@@ -19,7 +19,7 @@ class Section(BaseModel):
 
 
 def no_flag(value: object) -> object:
-    """Raise if a number is true or false: Python takes them for 1 and 0."""
+    """Raise if a number is true or false: in Python these are 1 and 0."""
     if isinstance(value, bool):
         raise ValueError("true and false are no numbers")
     return value
@@ -83,7 +83,7 @@ class ClearanceFields(Section):
 
 
 def _number_or_map(value: object) -> object:
-    """Raise unless a clearance is a number or a map: one message for all alternatives."""
+    """Raise unless a clearance is a number or a map; the message is the same for both."""
     no_flag(value)
     if not isinstance(value, int | float | dict | ClearanceFields):
         raise ValueError("it must be a number, or a map with default, pairs, segments")

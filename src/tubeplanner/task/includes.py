@@ -38,7 +38,7 @@ def is_named(items: Any) -> bool:
 
 
 def _merged_items(below: list[Any], above: list[Any]) -> list[Any]:
-    """Return items merged by name; further items of one name, an error later, stay unmerged."""
+    """Return items merged by name; repeated names, an error later, stay unmerged."""
     first: dict[str, Any] = {}
     new = []
     names = {item["name"] for item in below}
@@ -57,7 +57,7 @@ _PACKAGE_PREFIX, _FILE_PREFIX = "package://", "file://"
 
 
 def move_paths(fields: Any, before: Path, after: Path) -> None:
-    """Change the relative paths of a problem from one folder to another.
+    """Change the relative paths of a problem to another folder.
 
     Names of bundled robots, presets and problems, `package://` names and absolute paths stay
     unchanged, as do values that are no path: the schema's check reports them.
@@ -194,7 +194,7 @@ class ProblemLayers:
 
     @property
     def merged(self) -> Any:
-        """Merged content of all documents, the later ones above."""
+        """Merged content of all documents, later documents above."""
         return reduce(merged_fields, self.documents)
 
     @property
@@ -262,7 +262,7 @@ def _included(data: Any, source: str) -> list[str]:
 
 
 def _require_part(document: Any, path: Path) -> None:
-    """Raise unless an included file is a problem file or a part of one."""
+    """Raise unless an included file is a problem file or a part of a problem file."""
     if not isinstance(document, dict):
         raise ProblemError(f"{path}: an included file is a map, as a problem file is")
     kind = document.get("format", PROBLEM_FORMAT)

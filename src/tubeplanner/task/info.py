@@ -21,15 +21,15 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import RobotFields
 from tubeplanner.task.problem_reader import load_problem, robot_arguments
 
-# ---- What is in a problem file: its robot, whatever limits are missing, and its task if it loads.
+# ---- Problem files.
 
 
 @dataclass(frozen=True)
 class SrdfInfo:
-    """What is in an SRDF.
+    """Content of an SRDF.
 
     Attributes:
-        states: Positions of joints by name of the state [rad or m].
+        states: Joint positions by name of the state and of the joint [rad or m].
         disabled_pairs: Pairs of links that may touch.
     """
 
@@ -37,19 +37,19 @@ class SrdfInfo:
     disabled_pairs: tuple[tuple[str, str], ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all of it as JSON values."""
+        """Return the content as JSON values."""
         return {"states": self.states, "disabled_pairs": self.disabled_pairs}
 
 
 @dataclass(frozen=True)
 class ProblemInfo:
-    """What is in a problem file.
+    """Content of a problem file.
 
     Attributes:
-        robot: Its robot.
-        srdf: What its SRDF has; None without one.
+        robot: The robot.
+        srdf: Content of the SRDF; None without an SRDF.
         problem: The problem; None if it does not load.
-        refused: Why it does not load; None if it does.
+        refused: Message of the error if the problem does not load; else None.
     """
 
     robot: RobotInfo
@@ -58,14 +58,14 @@ class ProblemInfo:
     refused: str | None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all of it as JSON values."""
+        """Return the content as JSON values."""
         srdf = None if self.srdf is None else self.srdf.as_dict()
         task = None if self.problem is None else _problem_task(self.problem)
         return {**self.robot.as_dict(), "srdf": srdf, "refused": self.refused, "task": task}
 
 
 def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> ProblemInfo:
-    """Return what is in a problem file.
+    """Return the content of a problem file, with its robot even if the problem does not load.
 
     Args:
         name: A path, or `example:ROBOT/NAME`.
@@ -87,10 +87,10 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
 
 
 def srdf_info(fields: RobotFields, folder: Path) -> SrdfInfo | None:
-    """Return what the SRDF of a robot's fields has, its path relative to a folder; None: no SRDF.
+    """Return the content of a robot's SRDF, its path relative to a folder; None without an SRDF.
 
     Raises:
-        RobotError: It cannot be read.
+        RobotError: The SRDF cannot be read.
     """
     if fields.srdf is None:
         return None
@@ -122,7 +122,7 @@ def _problem_task(problem: PlanningProblem) -> dict[str, Any]:
 
 
 def _end(problem: PlanningProblem, end: Endpoint) -> dict[str, Any]:
-    """Return the kind of an end, its joints or seed, and the tool's position, if known."""
+    """Return the kind of an end, its joints or seed, and the tool's position; None if unknown."""
     joints, tool = end.joints if end.pose is not None else end.seed, end.position
     if end.joints is not None:
         joints, tool = end.joints, problem.robot.tool_position(end.joints)
@@ -134,7 +134,7 @@ def _end(problem: PlanningProblem, end: Endpoint) -> dict[str, Any]:
 
 
 def _segment(problem: PlanningProblem, k: int) -> dict[str, Any]:
-    """Return one segment of the tube: its size, and what else it asks."""
+    """Return the number, size and conditions of a segment of the tube."""
     tube = problem.tube
     bound = None if tube.rotation is None else tube.rotation.bounds[k]
     speed = np.inf if tube.tool_speed is None else float(tube.tool_speed[k])
@@ -149,18 +149,18 @@ def _segment(problem: PlanningProblem, k: int) -> dict[str, Any]:
     }
 
 
-# ---- What is in a cycle file: its robot, whatever limits are missing, and its moves if it loads.
+# ---- Cycle files.
 
 
 @dataclass(frozen=True)
 class CycleInfo:
-    """What is in a cycle file.
+    """Content of a cycle file.
 
     Attributes:
-        robot: Its robot.
-        srdf: What its SRDF has; None without one.
+        robot: The robot.
+        srdf: Content of the SRDF; None without an SRDF.
         cycle: The cycle; None if it does not load.
-        refused: Why it does not load; None if it does.
+        refused: Message of the error if the cycle does not load; else None.
     """
 
     robot: RobotInfo
@@ -170,18 +170,18 @@ class CycleInfo:
 
     @property
     def problem(self) -> PlanningProblem | None:
-        """The planning problem of its first leg; None if it does not load."""
+        """Planning problem of the first leg; None if the cycle does not load."""
         return None if self.cycle is None else self.cycle.problem_from_anywhere(0)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all of it as JSON values."""
+        """Return the content as JSON values."""
         srdf = None if self.srdf is None else self.srdf.as_dict()
         task = None if self.cycle is None else _cycle_task(self.cycle)
         return {**self.robot.as_dict(), "srdf": srdf, "refused": self.refused, "cycle": task}
 
 
 def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> CycleInfo:
-    """Return what is in a cycle file.
+    """Return the content of a cycle file, with its robot even if the cycle does not load.
 
     Args:
         name: A path, or `example:ROBOT/NAME`.
@@ -219,7 +219,7 @@ def _cycle_task(cycle: Cycle) -> dict[str, Any]:
 
 
 def _leg(cycle: Cycle, k: int, leg: Leg) -> dict[str, Any]:
-    """Return what happens before a leg, its moves, and what is carried in it."""
+    """Return the rest before a leg, its moves, and its payload and attached solids."""
     payload = leg.robot.payload
     return {
         "before": [step_text(step) for step in leg.before.steps],

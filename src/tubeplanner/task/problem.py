@@ -37,75 +37,6 @@ from tubeplanner.task.endpoints import (
     endpoint_of,
 )
 
-# ---- The parts of which problems and cycles are made in Python, once they are what they must be.
-
-_FLAG = (bool, "True or False")
-_PARTS = {
-    "robot": (RobotModel, "a RobotModel, as load_robot returns"),
-    "tube": (Tube, "a Tube"),
-    "objective": (Objective | None, "an Objective"),
-    "robustness": (Robustness | None, "a Robustness"),
-    "payload": (Payload | None, "a Payload"),
-    "solid": (AttachedSolid | None, "an AttachedSolid"),
-    "name": (str, "text"),
-    "self_collision": _FLAG,
-    "closed": _FLAG,
-    "passes_through": _FLAG,
-    "leaves_obstacle": _FLAG,
-}
-_MEMBERS = {
-    "obstacles": (Obstacle, "Obstacle.box, .sphere, .cylinder, .capsule or .mesh"),
-    "attached": (AttachedSolid, "AttachedSolid"),
-    "ignore_collisions": (list | tuple, "pairs of names"),
-    "contacts": (Contact, "Contact"),
-}
-
-
-def require_parts(holder: object, *names: str, called: str = "") -> None:
-    """Raise ProblemError unless attributes of a problem, a cycle or a step are of their kind.
-
-    Args:
-        holder: It.
-        *names: The attributes.
-        called: What messages begin with.
-    """
-    for name in names:
-        kind, remedy = _PARTS[name]
-        if not isinstance(value := getattr(holder, name), kind):
-            raise ProblemError(f"{called}{name} is {shown(value)}; give {remedy}")
-
-
-def given_members(group: str, given: object, called: str = "") -> tuple[Any, ...]:
-    """Return a group of solids, contacts or pairs of names as a tuple; one alone is taken as such.
-
-    Args:
-        group: What it is called in a `PlanningProblem`.
-        given: The group.
-        called: What messages begin with.
-
-    Raises:
-        ProblemError: A member is of another kind.
-    """
-    kind, remedy = _MEMBERS[group]
-    members = tuple(given) if isinstance(given, Iterable) and _is_row(given) else (given,)
-    for k, member in enumerate(members):
-        is_pair = group == "ignore_collisions" and isinstance(member, kind)
-        if not isinstance(member, kind) or (is_pair and not _is_pair(member)):
-            raise ProblemError(f"{called}{group}[{k}] is {shown(member)}; give {remedy}")
-    return members
-
-
-def _is_row(given: object) -> bool:
-    """Return whether what seems iterable is so: an array without a shape is not."""
-    return getattr(given, "ndim", 1) > 0
-
-
-def _is_pair(member: Any) -> bool:
-    return len(member) == 2 and all(isinstance(name, str) for name in member)
-
-
-# ---- A planning problem: robot, tube, start, goal, obstacles; built in Python or read from a file.
-
 
 @dataclass(frozen=True, eq=False)
 class PlanningProblem:
@@ -113,29 +44,31 @@ class PlanningProblem:
 
     Attributes:
         robot: The arm.
-        tube: Where its tool may be.
+        tube: Region of the tool centre point.
         start: Configuration (n,) [rad or m] in group order, or a map by joint name, or a Seed, or a
             ToolPose.
-        goal: The same for the last point; None: whichever configuration the answer ends in, the
-            tool at the last point; a GoalRegion: likewise, the tool in a ball.
+        goal: The same for the last point. None: the tool at the last point, in a configuration
+            that the plan chooses; a GoalRegion: the tool in a ball, in such a configuration.
         obstacles: Solids in the base frame.
-        attached: Solids in the tool frame, carried along.
+        attached: Solids in the tool frame, carried by the tool.
         clearance: Least distance between any moving link and any obstacle [m]; segments of the tube
             may have others.
-        pair_clearances: By pairs of names of links or obstacles, instead of it [m].
+        pair_clearances: Clearances of pairs, by names of links or obstacles [m].
         contacts: Solids that may be nearer at start or goal.
-        self_collision: Whether links are checked against each other.
+        self_collision: True if links are checked against each other.
         ignore_collisions: Pairs of names of links or obstacles that may touch.
-        objective: What the answer is to be beside short.
-        period: A controller's [s]: duration and breakpoints are multiples of it; None: any.
-        robustness: Errors that the plan is to survive in simulation; None: none.
-        name: What messages and plots call it.
+        objective: Objective beside the shortest duration.
+        period: Of the controller [s]: duration and breakpoints are multiples of it; None: any.
+        robustness: Errors that the plan must survive in simulation; None: none.
+        name: Name in messages and plots.
+        joint_lower: Lower bounds of joints per segment, from limits and signs, (m, n) [rad or m].
+        joint_upper: Upper bounds of joints per segment, from limits and signs, (m, n) [rad or m].
 
     Raises:
         ProblemError: On construction, if start, goal or a seed break a limit, a sign, their
-            capsule or its rotation tolerance, a goal region is turned without orientations of the
-            tube, the tube names a joint that is not planned, a clearance is negative, a pair of
-            solids is not checked, or something is of another kind.
+            segment's region or rotation tolerance, a goal region bounds the rotation without
+            orientations of the tube, the tube names a joint outside the planning group, a
+            clearance is negative, a pair of solids is not checked, or a value is of another kind.
     """
 
     robot: RobotModel
@@ -173,8 +106,17 @@ class PlanningProblem:
             raise ProblemError(
                 f"clearance is {in_figures(self.clearance)} m; 0 to {MAX_SIZE:g} m are accepted"
             )
-        self._require_pairs()
-        self._require_timing()
+        self._keep("pair_clearances", pair_distances(self.pair_clearances))
+        if self.pair_clearances:
+            require_checked(self.collision, "clearance.pairs", self.pair_clearances)
+        if self.contacts:
+            require_checked(self.collision, "contacts", (each.links for each in self.contacts))
+        require_parts(self, "objective", "robustness")
+        if self.objective is not None and self.objective.minimise == ENERGY:
+            self.objective.energy_weights(self.robot)
+        if self.period is not None:
+            duration = None if self.objective is None else self.objective.duration
+            require_period(self.period, duration)
 
     def __repr__(self) -> str:
         robot, solids = self.robot, len(self.obstacles)
@@ -193,35 +135,35 @@ class PlanningProblem:
 
     @property
     def given_goal(self) -> FloatArray | Seed | ToolPose | None:
-        """The goal's configuration, its seed or its pose; None if it is open."""
+        """Configuration, seed or pose of the goal; None if the goal is open."""
         return None if self.endpoints[1].is_open else self.goal  # type: ignore[return-value]
 
     @property
     def open_goal(self) -> GoalRegion | None:
-        """The region of a goal whose configuration is open; None of others."""
+        """Region of an open goal; None if the goal is not open."""
         return self.endpoints[1].region
 
     @cached_property
     def rotation(self) -> RotationalTube | None:
-        """The tube's rotational part, and where the goal bounds the rotation, one row more."""
+        """Rotational part of the tube, with an added segment if the goal bounds the rotation."""
         return self.tube.rotation if self.open_goal is None else self.open_goal.rotation(self.tube)
 
     @property
     def collision(self) -> CollisionChecker:
-        """The robot's links and the obstacles, ready to be checked."""
+        """Checker of the robot's links and the obstacles."""
         return self.scene.checker
 
     @property
     def scene(self) -> CollisionScene:
-        """Robot and solids, shared by problems that differ in tube, start or goal alone."""
+        """Robot and solids; problems that differ in tube, start or goal alone share the scene."""
         assert self._scene is not None
         return self._scene
 
     @cached_property
     def distinct_joint_bounds(self) -> tuple[FloatArray, FloatArray, IntArray]:
-        """The different rows of `joint_lower` and `joint_upper`, and which each segment has.
+        """Different rows of `joint_lower` and `joint_upper`, and the row of each segment.
 
-        Lower and upper bounds, (u, n) each, and a row for each of m segments, (m,).
+        Lower and upper bounds, (u, n) each [rad or m], and the row of each of m segments, (m,).
         """
         both = np.hstack([self.joint_lower, self.joint_upper])
         rows, bounds_of = np.unique(both, axis=0, return_inverse=True)
@@ -232,21 +174,20 @@ class PlanningProblem:
 
     @property
     def solids(self) -> dict[str, Any]:
-        """What may collide, as arguments of another problem of this robot, which shares it."""
+        """Arguments of another problem of this robot that shares its solids."""
         names = ("obstacles", "attached", "self_collision", "ignore_collisions", "_scene")
         return {name: getattr(self, name) for name in names}
 
     @property
     def has_one_clearance(self) -> bool:
-        """Whether all links keep the same distance from all obstacles, in all segments."""
-        has_others = self.pair_clearances or self.contacts or self.tube.clearance is not None
-        return not has_others
+        """True if all links, obstacles and segments have the same clearance."""
+        return not (self.pair_clearances or self.contacts or self.tube.clearance is not None)
 
     @cached_property
     def joined(self) -> "PlanningProblem":
-        """The problem with neighbouring segments on one line that ask the same joined to one.
+        """Problem with equal, collinear neighbouring segments joined.
 
-        It is what is planned and judged. Itself, if there are none.
+        Planner and certificate take the joined problem. The problem itself if nothing is joined.
         """
         tube = self._joined_tube
         return self if tube is self.tube else replace(self, tube=tube)
@@ -263,7 +204,7 @@ class PlanningProblem:
 
     @staticmethod
     def require(problem: object) -> None:
-        """Raise ProblemError unless something is a planning problem."""
+        """Raise ProblemError unless a value is a PlanningProblem."""
         if not isinstance(problem, PlanningProblem):
             raise ProblemError(
                 f"the problem is {shown(problem)}; give a PlanningProblem, as load_problem returns"
@@ -274,7 +215,7 @@ class PlanningProblem:
 
         Args:
             tube: The other tube.
-            goal: Another goal (n,) to go with it; None: the same.
+            goal: Another goal (n,) [rad or m]; None: the same.
 
         Raises:
             ProblemError: As on construction: start or goal may lie outside the other tube.
@@ -282,7 +223,7 @@ class PlanningProblem:
         return replace(self, tube=tube, goal=self.goal if goal is None else goal)
 
     def along(self, tube: Tube, start: FloatArray | Seed | ToolPose) -> "PlanningProblem":
-        """Return the problem with another tube and start, the goal open; robot and solids shared.
+        """Return the problem with another tube and start and an open goal; the scene is shared.
 
         Raises:
             ProblemError: As on construction.
@@ -290,9 +231,9 @@ class PlanningProblem:
         return replace(self, tube=tube, start=start, goal=None)
 
     def farther_apart(self, by: float) -> "PlanningProblem":
-        """Return the problem with all clearances larger by a distance [m], contacts the same.
+        """Return the problem with all clearances larger by a distance [m], contacts unchanged.
 
-        Of links from each other only those that are given.
+        Between links, only the clearances of pairs.
         """
         tube, pairs = self.tube, self.pair_clearances.items()
         if tube.clearance is not None:
@@ -300,29 +241,11 @@ class PlanningProblem:
         wider = {names: clearance + by for names, clearance in pairs}
         return replace(self, tube=tube, clearance=self.clearance + by, pair_clearances=wider)
 
-    def _require_pairs(self) -> None:
-        """Keep clearances of pairs and contacts, once their solids are checked."""
-        self._keep("pair_clearances", pair_distances(self.pair_clearances))
-        if self.pair_clearances:
-            require_checked(self.collision, "clearance.pairs", self.pair_clearances)
-        if self.contacts:
-            pairs = (contact.links for contact in self.contacts)
-            require_checked(self.collision, "contacts", pairs)
-
-    def _require_timing(self) -> None:
-        """Raise unless objective and period are what they must be."""
-        require_parts(self, "objective", "robustness")
-        if self.objective is not None and self.objective.minimise == ENERGY:
-            self.objective.energy_weights(self.robot)
-        if self.period is not None:
-            duration = None if self.objective is None else self.objective.duration
-            require_period(self.period, duration)
-
     def _keep(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
 
     def _keep_scene(self) -> None:
-        """Keep the scene that was handed on, unless what it is made of was replaced."""
+        """Keep the scene of another problem unless its robot or solids were replaced."""
         scene = CollisionScene(
             self.robot,
             tuple(self.obstacles),
@@ -336,7 +259,7 @@ class PlanningProblem:
     def _checked_end(
         self, end: str, given: FloatArray | Seed | ToolPose, segment: int
     ) -> FloatArray | Seed | ToolPose:
-        """Return start or goal in group order, once it is inside limits and tube."""
+        """Return start or goal in group order; raise unless inside limits and tube."""
         if isinstance(given, ToolPose):
             seed = None if given.seed is None else self._checked_seed(end, given.seed)
             self._end_checks.require_tool_inside(
@@ -350,7 +273,7 @@ class PlanningProblem:
         return q
 
     def _require_goal_region(self, goal: GoalRegion) -> None:
-        """Raise unless a goal's ball is about a point of the last segment, and can be turned."""
+        """Raise unless a goal's centre is in the last segment, and its rotation has a reference."""
         last = self.tube.segment_count - 1
         self._end_checks.require_in_region("goal", "goal.position", goal.position, last)
         if goal.rotation_tolerance is not None and self.tube.orientations is None:
@@ -361,13 +284,13 @@ class PlanningProblem:
             )
 
     def _checked_seed(self, end: str, given: FloatArray) -> FloatArray:
-        """Return a seed in group order, once it is inside limits."""
+        """Return a seed in group order; raise unless inside limits."""
         seed = configuration_of(self.robot, f"{end}.seed", given)
         self._end_checks.require_within_limits(f"{end}.seed", seed)
         return seed
 
     def _keep_joint_bounds(self) -> None:
-        """Keep, per segment, the position limits cut with the tube's joint ranges: (m, n)."""
+        """Keep the intersection of position limits and the tube's joint ranges, (m, n)."""
         names, limits = self.robot.joint_names, self.robot.limits
         for ranges in self.tube.joint_ranges:
             for joint in ranges:
@@ -388,3 +311,66 @@ class PlanningProblem:
             )
         self._keep("joint_lower", read_only(lower))
         self._keep("joint_upper", read_only(upper))
+
+
+# ---- Checks of the parts of problems and cycles that are made in Python.
+
+_FLAG = (bool, "True or False")
+_PARTS = {
+    "robot": (RobotModel, "a RobotModel, as load_robot returns"),
+    "tube": (Tube, "a Tube"),
+    "objective": (Objective | None, "an Objective"),
+    "robustness": (Robustness | None, "a Robustness"),
+    "payload": (Payload | None, "a Payload"),
+    "solid": (AttachedSolid | None, "an AttachedSolid"),
+    "name": (str, "text"),
+    "self_collision": _FLAG,
+    "closed": _FLAG,
+    "passes_through": _FLAG,
+    "leaves_obstacle": _FLAG,
+}
+_MEMBERS = {
+    "obstacles": (Obstacle, "Obstacle.box, .sphere, .cylinder, .capsule or .mesh"),
+    "attached": (AttachedSolid, "AttachedSolid"),
+    "ignore_collisions": (list | tuple, "pairs of names"),
+    "contacts": (Contact, "Contact"),
+}
+
+
+def require_parts(holder: object, *names: str, called: str = "") -> None:
+    """Raise ProblemError unless attributes of a problem, a cycle or a step are of their kind.
+
+    Args:
+        holder: The problem, cycle or step.
+        *names: Names of the attributes.
+        called: Begin of the message.
+    """
+    for name in names:
+        kind, remedy = _PARTS[name]
+        if not isinstance(value := getattr(holder, name), kind):
+            raise ProblemError(f"{called}{name} is {shown(value)}; give {remedy}")
+
+
+def given_members(group: str, given: object, called: str = "") -> tuple[Any, ...]:
+    """Return a group of solids, contacts or pairs of names as a tuple; a single member alone too.
+
+    Args:
+        group: Name of the attribute of a `PlanningProblem`.
+        given: The group, or a single member.
+        called: Begin of the message.
+
+    Raises:
+        ProblemError: A member is of another kind.
+    """
+    kind, remedy = _MEMBERS[group]
+    members: tuple[Any, ...] = (given,)
+    # An array without dimensions is an Iterable, but cannot be iterated.
+    if isinstance(given, Iterable) and getattr(given, "ndim", 1) > 0:
+        members = tuple(given)
+    for k, member in enumerate(members):
+        is_valid = isinstance(member, kind)
+        if is_valid and group == "ignore_collisions":
+            is_valid = len(member) == 2 and all(isinstance(name, str) for name in member)
+        if not is_valid:
+            raise ProblemError(f"{called}{group}[{k}] is {shown(member)}; give {remedy}")
+    return members

@@ -265,7 +265,7 @@ class TubeFields(Section):
     @field_validator("radius")
     @classmethod
     def _required(cls, radius: object, info: ValidationInfo) -> object:
-        """Raise if the radius is missing, unless a file of points may have one."""
+        """Raise if the radius is missing, unless a file of points may have the radius."""
         has_other = isinstance(info.data.get("points"), str) or info.data.get("cross_section")
         if radius is None and not has_other:
             raise PydanticCustomError("missing", "it is required")
@@ -420,7 +420,7 @@ def check_problem_fields(
 
 
 def read_document(path: Path, what: str = "problem file") -> object:
-    """Return the content of a YAML or JSON file as dictionaries and lists; `what` is its label.
+    """Return the content of a YAML or JSON file, with a label, as dictionaries and lists.
 
     Raises:
         ProblemError: The file cannot be read or is malformed.

@@ -1,8 +1,8 @@
-"""Load_problem, parse_problem: fields to robot, solids, tube, endpoints, problem."""
+"""Problems from files and dictionaries: load_problem, parse_problem; their parts from fields."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration
 from tubeplanner.task.field_changes import checked_layers, read_problem_fields
 from tubeplanner.task.fields import (
     PoseFields,
+    Section,
     clearances_of,
     contacts_of,
     limits_of,
@@ -35,98 +36,298 @@ from tubeplanner.task.problem_format import (
     AttachedFields,
     EndpointFields,
     JointValues,
-    ObjectiveFields,
     ObstacleFields,
     ProblemFields,
     RobotFields,
-    RobustnessFields,
     TubeFields,
 )
 from tubeplanner.task.side_files import read_limits_file, read_points, read_preset
 from tubeplanner.trajectory.reader import read_trajectory
 
-# ---- Solids as problem files have them.
+_Value = TypeVar("_Value")
 
 
-def obstacle_of(
-    fields: ObstacleFields, directory: Path, folders: tuple[Path, ...], field: str | None = None
-) -> Obstacle:
-    """Return a solid as a file has it.
+def load_problem(
+    name: str | Path,
+    directory: str | Path = ".",
+    *,
+    reads_tube: bool = True,
+    changes: Mapping[str, Any] | None = None,
+) -> PlanningProblem:
+    """Read a problem file, its robot and its robot's collision geometry.
 
     Args:
-        fields: Of the file.
-        directory: Where its relative paths start.
-        folders: That hold the packages of `package://` names.
-        field: What messages call the field; None: an obstacle of its name.
+        name: A path, or `example:ROBOT/NAME` for a bundled problem.
+        directory: Where a relative path starts.
+        reads_tube: False: a tube of the file is ignored, the tool may be anywhere, and the goal may
+            be a tool position, the tube's last point.
+        changes: Other values by field path, such as `{"obstacles.wall.position": [0.6, 0, 0.2]}`;
+            "x0.5" scales every number below the path.
 
     Raises:
-        ProblemError: It has not exactly one shape, or a number is out of its bounds.
+        ProblemError: The file contradicts its format, itself or its robot.
+        RobotError: The robot cannot be planned with.
     """
-    field = field or f"obstacles: '{fields.name}'"
-    kinds = ("box", "sphere", "cylinder", "capsule", "mesh")
-    given = [kind for kind in kinds if getattr(fields, kind) is not None]
-    if len(given) != 1:
-        raise ProblemError(
-            f"{field} must have exactly one of {', '.join(kinds)}; "
-            f"it has {', '.join(given) or 'none'}"
-        )
+    path = find_problem(name, given_path("directory", directory))
+    label = f"{path.resolve().parent.name}/{path.stem}"
+    tube_of = None if reads_tube else _tube_anywhere
+    return build_problem(read_problem_fields(path, changes), path.parent, label, str(path), tube_of)
+
+
+def parse_problem(
+    data: Mapping[str, Any],
+    directory: str | Path = ".",
+    name: str = "problem",
+    *,
+    reads_tube: bool = True,
+    changes: Mapping[str, Any] | None = None,
+) -> PlanningProblem:
+    """Build a problem from the content of a problem file, as dictionaries and lists.
+
+    Args:
+        data: Content of a problem file.
+        directory: Where its relative paths start.
+        name: Name in messages and plots.
+        reads_tube: As for `load_problem`.
+        changes: As for `load_problem`.
+
+    Raises:
+        ProblemError: As `load_problem`.
+        RobotError: As `load_problem`.
+    """
+    tube_of = None if reads_tube else _tube_anywhere
+    folder = given_path("directory", directory)
+    layers = ProblemLayers.of(data, folder, name)
+    return build_problem(checked_layers(layers, changes), folder, name, name, tube_of)
+
+
+def build_problem(
+    fields: ProblemFields,
+    directory: Path,
+    name: str,
+    source: str,
+    tube_of: Callable[[ProblemFields, RobotModel, Path], Tube] | None = None,
+    like: PlanningProblem | None = None,
+) -> PlanningProblem:
+    """Build a problem from fields, with its collision geometry.
+
+    Args:
+        fields: Fields of a problem file.
+        directory: Where its relative paths start.
+        name: Name in messages and plots.
+        source: Begin of messages about the fields.
+        tube_of: Function that makes the tube; None: the tube of the file.
+        like: Problem whose robot and solids are shared; None: both are built.
+
+    Raises:
+        ProblemError: As `load_problem`.
+        RobotError: As `load_problem`.
+    """
     try:
-        placement = placement_of(fields.position, fields.rpy, fields.quaternion)
-    except ProblemError as error:
-        raise ProblemError(f"{field}: {error}") from None
-    if fields.mesh is not None:
-        try:
-            path = find_mesh(fields.mesh, directory / "the problem file", folders)
-            return Obstacle.mesh(fields.name, path, placement, fields.scale)
-        except RobotError as error:
-            raise ProblemError(f"{field}: {error}") from None
-    if fields.scale != 1.0:
-        raise ProblemError(f"{field}: scale belongs to a mesh alone; remove it")
-    sizes = getattr(fields, given[0])
-    if given[0] in ("cylinder", "capsule"):
-        return getattr(Obstacle, given[0])(fields.name, *sizes, placement)
-    return getattr(Obstacle, given[0])(fields.name, sizes, placement)
+        robot = robot_of(fields, directory) if like is None else like.robot
+        tube = (tube_of or _tube)(fields, robot, directory)
+        segments = int(tube.numbers[-1]) if tube_of is None else None
+        problem = PlanningProblem(
+            robot=robot,
+            tube=tube,
+            start=end_of("start", fields.start, fields, robot, directory),
+            goal=end_of("goal", fields.goal, fields, robot, directory),
+            **clearances_of(fields.clearance),
+            contacts=contacts_of(fields.contacts, segments),
+            **(solids_of(fields, robot, directory) if like is None else like.solids),
+            objective=_built(Objective, fields.objective),
+            period=fields.period,
+            robustness=_built(Robustness, fields.robustness),
+            name=name,
+        )
+        _ = problem.collision  # built here, so that planning starts with loaded geometry
+    except (ProblemError, RobotError) as error:
+        raise error.within(source) from None
+    return problem
 
 
-def attached_of(
-    fields: AttachedFields, directory: Path, folders: tuple[Path, ...], field: str | None = None
-) -> AttachedSolid:
-    """Return a solid that the tool carries, as a file has it; arguments as `obstacle_of`."""
-    field = field or f"robot.attached: '{fields.name}'"
-    solid = obstacle_of(fields, directory, folders, field)
-    return AttachedSolid(solid.name, solid.shapes, tuple(fields.touch_links), solid.contents)
+def _built(kind: type[_Value], fields: Section | None) -> _Value | None:
+    """Return the value of a kind with the arguments of fields; None without fields."""
+    return None if fields is None else kind(**fields.model_dump())
 
 
-# ---- A start or goal that a problem file gives without joint values: by a pose, a name or a file.
+# ---- The robot.
+
+
+def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
+    """Return the arm of a problem file whose relative paths start in a directory.
+
+    Raises:
+        RobotError: The robot cannot be planned with.
+    """
+    return load_robot(**robot_arguments(problem.robot, directory))
+
+
+def robot_arguments(fields: RobotFields, directory: Path) -> dict[str, Any]:
+    """Return the arguments of `load_robot` and `robot_info` for the arm of a problem file.
+
+    Raises:
+        RobotError: A number is out of its bounds, or a file of limits is missing or malformed.
+    """
+    return {
+        "urdf": fields.urdf,
+        "tool_frame": fields.tool_frame,
+        "joints": fields.joints,
+        "locked_joints": fields.locked_joints,
+        "tool_offset": ToolOffset(**fields.tool_offset.model_dump()),
+        "base": _built(BasePose, fields.base),
+        "gravity": fields.gravity,
+        "payload": _built(Payload, fields.payload),
+        "limits": _limit_layers(fields, directory),
+        "motors": motors_of(fields.motors),
+        "package_dirs": fields.package_dirs,
+        "xacro_args": fields.xacro_args,
+        "directory": directory,
+    }
+
+
+def _limit_layers(fields: RobotFields, directory: Path) -> list[LimitOverrides | LimitLayer]:
+    """Return the layers of limits, later layers above."""
+    folders = tuple(directory / folder for folder in fields.package_dirs)
+    layers: list[LimitOverrides | LimitLayer] = []
+    if fields.limits_file is not None:
+        layers.append(read_limits_file(find_limits_file(fields.limits_file, directory, folders)))
+    presets = [fields.preset] if isinstance(fields.preset, str) else fields.preset or []
+    layers += [read_preset(name, directory) for name in presets]
+    return [*layers, limits_of(fields.limits)]
+
+
+# ---- The tube.
+
+
+def points_of(fields: TubeFields, directory: Path) -> dict[str, Any]:
+    """Return points, radius and orientations of a tube, from its fields or its file of points.
+
+    Args:
+        fields: Fields of the tube.
+        directory: Where its relative paths start.
+
+    Raises:
+        ProblemError: Radius or orientations are in both, or the radius in neither.
+    """
+    arguments: dict[str, Any] = {"radius": fields.radius, "orientations": fields.orientations}
+    points: Any = fields.points
+    if isinstance(points, str):
+        file = read_points(directory / points)
+        for key, values in (("radius", file.radius), ("orientations", file.orientations)):
+            if values is not None and arguments[key] is not None:
+                raise ProblemError(
+                    f"tube.{key} is given, and {points} has it too; leave out one of them"
+                )
+            arguments[key] = arguments[key] if values is None else values
+        points = file.points
+    if arguments["radius"] is None and not fields.cross_section:
+        raise ProblemError(
+            f"tube.radius is required: give it here or as a column radius of {fields.points}"
+        )
+    return {"points": points, **arguments}
+
+
+def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
+    if fields.tube is None:
+        raise ProblemError(
+            "tube is required; `tubeplanner route` finds one from start, goal and obstacles"
+        )
+    if fields.goal is not None and None not in (fields.goal.position, fields.goal.seed):
+        raise ProblemError(
+            "goal.seed beside goal.position is for `tubeplanner route`, which finds joints for it; "
+            "in a tube they are open: leave out the seed"
+        )
+    arguments = fields.tube.model_dump() | points_of(fields.tube, directory)
+    return Tube(**arguments, clearance=segment_clearances(fields.clearance))
+
+
+def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
+    """Return the unbounded tube from the tool's position at the start to that at the goal."""
+    if segment_clearances(fields.clearance) is not None:
+        raise ProblemError(
+            "clearance.segments belongs to a tube, and one is to be found here; give "
+            "clearance.default, and clearance.pairs where it is not the same"
+        )
+    start = _tool_at("start", end_of("start", fields.start, fields, robot, directory), robot)
+    if fields.goal is None:
+        raise ProblemError("goal is required: joints, or the position of the tool")
+    goal = end_of("goal", fields.goal, fields, robot, directory)
+    if isinstance(goal, Seed | GoalRegion):
+        if fields.goal.position is None:
+            raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
+        return Tube.anywhere(start, np.array(fields.goal.position))
+    return Tube.anywhere(start, _tool_at("goal", goal, robot))
+
+
+def _tool_at(end: str, given: Any, robot: RobotModel) -> FloatArray:
+    """Return the tool's position (3,) [m] at a start or goal that is a configuration or a pose."""
+    if isinstance(given, Seed):
+        raise ProblemError(f"{end}.joints is required: a seed belongs to the first point of a tube")
+    if isinstance(given, ToolPose):
+        return given.position
+    return robot.tool_position(configuration_of(robot, end, given)[None])[0]
+
+
+# ---- Start and goal.
 
 _ALONE = ("pose", "group_state", "trajectory")
 _OTHERS = ("joints", "seed", "position")
 
 
+def end_of(
+    end: str,
+    given: EndpointFields | None,
+    fields: ProblemFields,
+    robot: RobotModel,
+    directory: Path,
+) -> Any:
+    """Return the argument start or goal of a `PlanningProblem`; None: an open goal.
+
+    Args:
+        end: Name of the end: start or goal.
+        given: Fields of the end.
+        fields: Fields of the problem file.
+        robot: The arm.
+        directory: Where its relative paths start.
+
+    Raises:
+        ProblemError: The fields have several ends or none, or name a state or file that does not
+            exist.
+    """
+    if given is None:
+        return None
+    if given.position is None and (given.tolerance or given.rotation_tolerance is not None):
+        key = "tolerance" if given.tolerance else "rotation_tolerance"
+        raise ProblemError(f"{end}.{key} is for goal.position, which is not given; leave it out")
+    named = named_endpoint(end, given, robot, _srdf(fields, directory), directory)
+    return _endpoint(end, given) if named is None else named
+
+
 def named_endpoint(
     end: str, fields: EndpointFields, robot: RobotModel, srdf: Path | None, directory: Path
 ) -> FloatArray | ToolPose | None:
-    """Return what a pose, a group state or a trajectory file gives for an end.
+    """Return the start or goal of a pose, a group state or a trajectory file.
 
     Args:
-        end: What messages call it: start or goal.
-        fields: What the problem file has for it.
+        end: Name of the end in messages: start or goal.
+        fields: Fields of the end.
         robot: The arm.
-        srdf: The file that has group states; None: there is none.
+        srdf: File with group states; None: there is none.
         directory: Where relative paths start.
 
     Returns:
-        A configuration (n,) [rad or m], a pose, or None if there is nothing of the three.
+        A configuration (n,) [rad or m], a pose, or None if the fields have none of the three.
 
     Raises:
-        ProblemError: More than one thing is given, or it does not give all joints.
+        ProblemError: The fields have more than one of them, or some joints have no value.
     """
-    given = [key for key in (*_ALONE, *_OTHERS) if getattr(fields, key) is not None]
-    if not set(_ALONE) & set(given):
+    keys = [key for key in (*_ALONE, *_OTHERS) if getattr(fields, key) is not None]
+    if not set(_ALONE) & set(keys):
         return None
-    if [key for key in given if key != "seed" or "pose" not in given] != given[:1]:
+    if [key for key in keys if key != "seed" or "pose" not in keys] != keys[:1]:
         raise ProblemError(
-            f"{end} takes one of joints, seed, {', '.join(_ALONE)}; it has {', '.join(given)} "
+            f"{end} takes one of joints, seed, {', '.join(_ALONE)}; it has {', '.join(keys)} "
             "(what an included file gives counts: null takes it away)"
         )
     if fields.pose is not None:
@@ -161,7 +362,7 @@ def _group_state(end: str, name: str, robot: RobotModel, srdf: Path | None) -> F
 
 
 def _last_configuration(what: str, path: Path, robot: RobotModel) -> FloatArray:
-    """Return where a trajectory file ends: exactly what its trajectory has at its duration."""
+    """Return the configuration (n,) at the end of a trajectory file."""
     try:
         trajectory = read_trajectory(path)
     except TrajectoryError as error:
@@ -172,291 +373,21 @@ def _last_configuration(what: str, path: Path, robot: RobotModel) -> FloatArray:
         raise ProblemError(
             f"{what}: {path} has no joint {', '.join(missing)}; its joints are {', '.join(columns)}"
         )
-    last: FloatArray = trajectory.position(trajectory.duration)
-    return last[[columns[name] for name in robot.joint_names]]
-
-
-# ---- Planning problems read from files and from nested dictionaries.
-
-
-def load_problem(
-    name: str | Path,
-    directory: str | Path = ".",
-    *,
-    reads_tube: bool = True,
-    changes: Mapping[str, Any] | None = None,
-) -> PlanningProblem:
-    """Read a problem file, its robot and its robot's collision geometry.
-
-    Args:
-        name: A path, or `example:ROBOT/NAME` for a bundled problem.
-        directory: Where a relative path starts.
-        reads_tube: False: whether the file has a tube or not, the tool may be anywhere, and the
-            goal may be a tool position, the tube's last point.
-        changes: Other values by field path, such as `{"obstacles.wall.position": [0.6, 0, 0.2]}`;
-            "x0.5" scales every number there.
-
-    Raises:
-        ProblemError: The file contradicts its format, itself or its robot.
-        RobotError: The robot cannot be planned with.
-    """
-    path = find_problem(name, given_path("directory", directory))
-    called = f"{path.resolve().parent.name}/{path.stem}"
-    tube_of = None if reads_tube else _tube_anywhere
-    return build_problem(
-        read_problem_fields(path, changes), path.parent, called, str(path), tube_of
-    )
-
-
-def parse_problem(
-    data: Mapping[str, Any],
-    directory: str | Path = ".",
-    name: str = "problem",
-    *,
-    reads_tube: bool = True,
-    changes: Mapping[str, Any] | None = None,
-) -> PlanningProblem:
-    """Build a problem from what a problem file holds, as dictionaries and lists.
-
-    Args:
-        data: The contents of a problem file.
-        directory: Where its relative paths start.
-        name: What messages and plots call it.
-        reads_tube: As for `load_problem`.
-        changes: As for `load_problem`.
-
-    Raises:
-        ProblemError: As `load_problem`.
-        RobotError: As `load_problem`.
-    """
-    tube_of = None if reads_tube else _tube_anywhere
-    folder = given_path("directory", directory)
-    layers = ProblemLayers.of(data, folder, name)
-    return build_problem(checked_layers(layers, changes), folder, name, name, tube_of)
-
-
-def build_problem(
-    fields: ProblemFields,
-    directory: Path,
-    name: str,
-    source: str,
-    tube_of: Callable[[ProblemFields, RobotModel, Path], Tube] | None = None,
-    like: PlanningProblem | None = None,
-) -> PlanningProblem:
-    """Build a problem of the fields of its file, with its collision geometry.
-
-    Args:
-        fields: What the file holds.
-        directory: Where its relative paths start.
-        name: What messages and plots call it.
-        source: What messages about its fields begin with.
-        tube_of: Makes the tube; None: it is the file's.
-        like: A problem of the same robot among the same solids, which are shared; None: they are
-            built.
-
-    Raises:
-        ProblemError: As `load_problem`.
-        RobotError: As `load_problem`.
-    """
-    try:
-        robot = robot_of(fields, directory) if like is None else like.robot
-        tube = (tube_of or _tube)(fields, robot, directory)
-        segments = int(tube.numbers[-1]) if tube_of is None else None
-        problem = PlanningProblem(
-            robot=robot,
-            tube=tube,
-            start=end_of("start", fields.start, fields, robot, directory),
-            goal=end_of("goal", fields.goal, fields, robot, directory),
-            **clearances_of(fields.clearance),
-            contacts=contacts_of(fields.contacts, segments),
-            **(solids_of(fields, robot, directory) if like is None else like.solids),
-            objective=_objective(fields.objective),
-            period=fields.period,
-            robustness=_robustness(fields.robustness),
-            name=name,
-        )
-        _ = problem.collision  # built here: planning starts from loaded geometry
-    except (ProblemError, RobotError) as error:
-        raise error.within(source) from None
-    return problem
-
-
-def solids_of(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict[str, Any]:
-    """Return the arguments of a problem on what may collide.
-
-    Raises:
-        ProblemError: A mesh cannot be read, or a solid contradicts itself.
-    """
-    folders = robot.package_dirs
-    return {
-        "obstacles": tuple(obstacle_of(each, directory, folders) for each in fields.obstacles),
-        "attached": tuple(attached_of(each, directory, folders) for each in fields.robot.attached),
-        "self_collision": fields.collision.self_,
-        "ignore_collisions": (*fields.collision.ignore, *_srdf_pairs(fields, robot, directory)),
-    }
-
-
-def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
-    """Return the arm of a problem file whose relative paths start in a directory.
-
-    Raises:
-        RobotError: It cannot be planned with.
-    """
-    return load_robot(**robot_arguments(problem.robot, directory))
-
-
-def points_of(fields: TubeFields, directory: Path) -> dict[str, Any]:
-    """Return points, radius and orientations, from the problem file or from its file of points.
-
-    Args:
-        fields: What the problem file holds.
-        directory: Where its relative paths start.
-
-    Raises:
-        ProblemError: One of them is given in neither, or in both.
-    """
-    given: dict[str, Any] = {"radius": fields.radius, "orientations": fields.orientations}
-    points: Any = fields.points
-    if isinstance(points, str):
-        read = read_points(directory / points)
-        for key, values in (("radius", read.radius), ("orientations", read.orientations)):
-            if values is not None and given[key] is not None:
-                raise ProblemError(
-                    f"tube.{key} is given, and {points} has it too; leave out one of them"
-                )
-            given[key] = given[key] if values is None else values
-        points = read.points
-    if given["radius"] is None and not fields.cross_section:
-        raise ProblemError(
-            f"tube.radius is required: give it here or as a column radius of {fields.points}"
-        )
-    return {"points": points, **given}
-
-
-def robot_arguments(fields: RobotFields, directory: Path) -> dict[str, Any]:
-    """Return the arguments by which `load_robot` and `robot_info` take the arm of a problem file.
-
-    Raises:
-        RobotError: A number is out of its bounds, or a file of limits is missing or malformed.
-    """
-    payload = None if fields.payload is None else Payload(**fields.payload.model_dump())
-    return {
-        "urdf": fields.urdf,
-        "tool_frame": fields.tool_frame,
-        "joints": fields.joints,
-        "locked_joints": fields.locked_joints,
-        "tool_offset": ToolOffset(**fields.tool_offset.model_dump()),
-        "base": None if fields.base is None else BasePose(**fields.base.model_dump()),
-        "gravity": fields.gravity,
-        "payload": payload,
-        "limits": _given_limits(fields, directory),
-        "motors": motors_of(fields.motors),
-        "package_dirs": fields.package_dirs,
-        "xacro_args": fields.xacro_args,
-        "directory": directory,
-    }
-
-
-def _given_limits(fields: RobotFields, directory: Path) -> list[LimitOverrides | LimitLayer]:
-    """Return what is given of limits, the later ones above."""
-    folders = tuple(directory / folder for folder in fields.package_dirs)
-    given: list[LimitOverrides | LimitLayer] = []
-    if fields.limits_file is not None:
-        given.append(read_limits_file(find_limits_file(fields.limits_file, directory, folders)))
-    presets = [fields.preset] if isinstance(fields.preset, str) else fields.preset or []
-    given += [read_preset(name, directory) for name in presets]
-    return [*given, limits_of(fields.limits)]
-
-
-def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
-    if fields.tube is None:
-        raise ProblemError(
-            "tube is required; `tubeplanner route` finds one from start, goal and obstacles"
-        )
-    if fields.goal is not None and None not in (fields.goal.position, fields.goal.seed):
-        raise ProblemError(
-            "goal.seed beside goal.position is for `tubeplanner route`, which finds joints for it; "
-            "in a tube they are open: leave out the seed"
-        )
-    clearance = segment_clearances(fields.clearance)
-    given = fields.tube.model_dump() | points_of(fields.tube, directory)
-    return Tube(**given, clearance=clearance)
-
-
-def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
-    """Return the tube that lets the tool be anywhere, from its start to its goal."""
-    if segment_clearances(fields.clearance) is not None:
-        raise ProblemError(
-            "clearance.segments belongs to a tube, and one is to be found here; give "
-            "clearance.default, and clearance.pairs where it is not the same"
-        )
-    start = _tool_at("start", end_of("start", fields.start, fields, robot, directory), robot)
-    if fields.goal is None:
-        raise ProblemError("goal is required: joints, or the position of the tool")
-    goal = end_of("goal", fields.goal, fields, robot, directory)
-    if isinstance(goal, Seed | GoalRegion):
-        if fields.goal.position is None:
-            raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
-        return Tube.anywhere(start, np.array(fields.goal.position))
-    return Tube.anywhere(start, _tool_at("goal", goal, robot))
-
-
-def _tool_at(end: str, given: Any, robot: RobotModel) -> FloatArray:
-    """Return where the tool is (3,) [m] at a start or goal that is a configuration or a pose."""
-    if isinstance(given, Seed):
-        raise ProblemError(f"{end}.joints is required: a seed belongs to the first point of a tube")
-    if isinstance(given, ToolPose):
-        return given.position
-    return robot.tool_position(configuration_of(robot, end, given)[None])[0]
-
-
-def _objective(fields: ObjectiveFields | None) -> Objective | None:
-    return None if fields is None else Objective(**fields.model_dump())
-
-
-def _robustness(fields: RobustnessFields | None) -> Robustness | None:
-    return None if fields is None else Robustness(**fields.model_dump())
-
-
-def end_of(
-    end: str,
-    given: EndpointFields | None,
-    fields: ProblemFields,
-    robot: RobotModel,
-    directory: Path,
-) -> Any:
-    """Return start or goal as a `PlanningProblem` takes it; None: it is left open.
-
-    Args:
-        end: Which of them: start or goal.
-        given: What the file has for it.
-        fields: All that the file holds.
-        robot: Its arm.
-        directory: Where its relative paths start.
-
-    Raises:
-        ProblemError: It is given in several ways or in none, or what it names is not there.
-    """
-    if given is None:
-        return None
-    if given.position is None and (given.tolerance or given.rotation_tolerance is not None):
-        which = "tolerance" if given.tolerance else "rotation_tolerance"
-        raise ProblemError(f"{end}.{which} is for goal.position, which is not given; leave it out")
-    named = named_endpoint(end, given, robot, _srdf(fields, directory), directory)
-    return _endpoint(end, given) if named is None else named
+    end = trajectory.position(trajectory.duration)
+    return end[[columns[name] for name in robot.joint_names]]
 
 
 def _endpoint(end: str, fields: EndpointFields) -> Any:
-    given = [key for key in ("joints", "seed") if getattr(fields, key) is not None]
-    if fields.position is not None and (end == "start" or "joints" in given):
-        why = "start takes joints" if end == "start" else "it is the one of goal.joints"
-        raise ProblemError(f"{end}.position is not to be given: {why}")
-    if fields.position is not None and not given:
+    keys = [key for key in ("joints", "seed") if getattr(fields, key) is not None]
+    if fields.position is not None and (end == "start" or "joints" in keys):
+        reason = "start takes joints" if end == "start" else "it is the one of goal.joints"
+        raise ProblemError(f"{end}.position is not to be given: {reason}")
+    if fields.position is not None and not keys:
         return GoalRegion(np.array(fields.position), fields.tolerance, fields.rotation_tolerance)
-    if len(given) != 1:
+    if len(keys) != 1:
         raise ProblemError(
             f"{end} takes either joints or seed (or pose, group_state, trajectory); it has "
-            f"{'both' if given else 'neither'}"
+            f"{'both' if keys else 'neither'}"
         )
     return _values(fields.joints) if fields.joints is not None else Seed(_values(fields.seed))
 
@@ -465,16 +396,80 @@ def _values(values: JointValues | None) -> Any:
     return values if isinstance(values, dict) else np.array(values, dtype=float)
 
 
-def _srdf_pairs(fields: ProblemFields, robot: RobotModel, directory: Path) -> list[tuple[str, str]]:
-    """Return the pairs that the SRDF allows to touch, of links that this robot has."""
-    path = _srdf(fields, directory)
-    if path is None:
-        return []
-    return [pair for pair in read_allowed_pairs(path) if set(pair) <= robot.link_body.keys()]
+# ---- Solids.
+
+
+def solids_of(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict[str, Any]:
+    """Return the arguments of a problem for its solids.
+
+    Raises:
+        ProblemError: A mesh cannot be read, or a solid contradicts itself.
+    """
+    folders = robot.package_dirs
+    obstacles = tuple(obstacle_of(each, directory, folders) for each in fields.obstacles)
+    attached = tuple(attached_of(each, directory, folders) for each in fields.robot.attached)
+    srdf = _srdf(fields, directory)
+    pairs = [] if srdf is None else read_allowed_pairs(srdf)
+    of_robot = [pair for pair in pairs if set(pair) <= robot.link_body.keys()]
+    return {
+        "obstacles": obstacles,
+        "attached": attached,
+        "self_collision": fields.collision.self_,
+        "ignore_collisions": (*fields.collision.ignore, *of_robot),
+    }
+
+
+def obstacle_of(
+    fields: ObstacleFields, directory: Path, folders: tuple[Path, ...], field: str | None = None
+) -> Obstacle:
+    """Return the solid of fields of a file.
+
+    Args:
+        fields: Fields of the solid.
+        directory: Where its relative paths start.
+        folders: Folders that hold the packages of `package://` names.
+        field: Name of the field in messages; None: an obstacle of its name.
+
+    Raises:
+        ProblemError: The fields have not exactly one shape, or a number is out of its bounds.
+    """
+    field = field or f"obstacles: '{fields.name}'"
+    kinds = ("box", "sphere", "cylinder", "capsule", "mesh")
+    shapes = [kind for kind in kinds if getattr(fields, kind) is not None]
+    if len(shapes) != 1:
+        raise ProblemError(
+            f"{field} must have exactly one of {', '.join(kinds)}; "
+            f"it has {', '.join(shapes) or 'none'}"
+        )
+    try:
+        placement = placement_of(fields.position, fields.rpy, fields.quaternion)
+    except ProblemError as error:
+        raise ProblemError(f"{field}: {error}") from None
+    if fields.mesh is not None:
+        try:
+            path = find_mesh(fields.mesh, directory / "the problem file", folders)
+            return Obstacle.mesh(fields.name, path, placement, fields.scale)
+        except RobotError as error:
+            raise ProblemError(f"{field}: {error}") from None
+    if fields.scale != 1.0:
+        raise ProblemError(f"{field}: scale belongs to a mesh alone; remove it")
+    sizes = getattr(fields, shapes[0])
+    if shapes[0] in ("cylinder", "capsule"):
+        return getattr(Obstacle, shapes[0])(fields.name, *sizes, placement)
+    return getattr(Obstacle, shapes[0])(fields.name, sizes, placement)
+
+
+def attached_of(
+    fields: AttachedFields, directory: Path, folders: tuple[Path, ...], field: str | None = None
+) -> AttachedSolid:
+    """Return the attached solid of fields of a file; arguments as `obstacle_of`."""
+    field = field or f"robot.attached: '{fields.name}'"
+    solid = obstacle_of(fields, directory, folders, field)
+    return AttachedSolid(solid.name, solid.shapes, tuple(fields.touch_links), solid.contents)
 
 
 def _srdf(fields: ProblemFields, directory: Path) -> Path | None:
-    """Return the path of the SRDF, if there is one."""
+    """Return the path of the SRDF; None without an SRDF."""
     if fields.robot.srdf is None:
         return None
     folders = tuple(directory / folder for folder in fields.robot.package_dirs)

@@ -164,7 +164,7 @@ def usual_contacts(
     ends_with: Sequence[str],
     end: FloatArray | None = None,
 ) -> tuple[Contact, ...]:
-    """Return contacts of solids attached or detached at an end, for pairs without one there.
+    """Return contacts of solids attached or detached at an end, for pairs without a contact.
 
     A carried solid may be as near to obstacles, and links to a standing solid, as they are at
     that end of the motion, if they overlap by less than 1 mm there. At an end of unknown

@@ -44,7 +44,7 @@ class _PresetFields(Section):
 
     @property
     def given(self) -> list[str]:
-        """Paths of the fields with values, such as "limits.velocity"."""
+        """Paths of the fields with values: "limits.velocity"."""
         return [
             f"{section}.{name}"
             for section, fields in (("limits", self.limits), ("motors", self.motors))
@@ -219,7 +219,7 @@ def _limits_of_joints(fields: _FileFields) -> LimitOverrides:
 
 
 def _value(where: str, joint: _JointFields, quantity: str, key: str) -> float | None:
-    """Return a limit of a joint; None if it is missing or switched off."""
+    """Return a limit of a joint; None: missing or switched off."""
     has: bool | None = getattr(joint, f"has_{quantity}_limits")
     value: float | None = getattr(joint, key)
     if has and value is None:
@@ -256,7 +256,8 @@ def read_points(path: Path) -> PointFile:
 
     The first line may name the columns: x, y, z, and optionally qx, qy, qz, qw and radius, in any
     order; without names they are in this order. A radius is that of the segment that begins at the
-    point. The last radius belongs to no segment: it is empty or repeats the one before.
+    point. The last radius belongs to no segment: it is empty or repeats the one before. Lines that
+    begin with # are comments.
 
     Raises:
         ProblemError: The file cannot be read, or a line is malformed; the message names file, line
@@ -264,7 +265,12 @@ def read_points(path: Path) -> PointFile:
     """
     try:
         text = read_text(path, _MAX_BYTES)
-        lines = [(k, row) for k, row in _rows(text) if any(cell.strip() for cell in row)]
+        rows = enumerate(csv.reader(text.splitlines(), skipinitialspace=True), 1)
+        lines = [
+            (k, row)
+            for k, row in rows
+            if any(cell.strip() for cell in row) and not row[0].startswith("#")
+        ]
     except (DocumentError, csv.Error) as error:
         raise ProblemError(f"tube.points: {path} cannot be read: {error}") from None
     if not lines:
@@ -279,12 +285,6 @@ def read_points(path: Path) -> PointFile:
     orientations = [list(row) for row in zip(*quaternions, strict=True)] if quaternions else None
     radius = _radius(path, columns["radius"]) if "radius" in columns else None
     return PointFile(points, orientations, radius)
-
-
-def _rows(text: str) -> list[tuple[int, list[str]]]:
-    """Return line numbers, from 1, and cells; lines that begin with # are comments."""
-    rows = csv.reader(text.splitlines(), skipinitialspace=True)
-    return [(k, row) for k, row in enumerate(rows, 1) if row and not row[0].startswith("#")]
 
 
 def _names(path: Path, first: list[str]) -> tuple[str, ...]:

@@ -20,27 +20,27 @@ from tubeplanner.task.endpoints import Endpoint, Goal, endpoint_of
 from tubeplanner.task.problem import given_members, require_parts
 from tubeplanner.text import require_name, short_repr
 
-# ---- The steps of a cycle: moves, and what happens at rest between them.
+# ---- Steps: moves, and events, attaching and detaching at rest between them.
 
-_LONGEST_DWELL = 1e5  # [s]
+_MAX_DWELL = 1e5  # [s]
 
 
 @dataclass(frozen=True, eq=False)
 class Move:
-    """A motion of the tool along a tube, from wherever the one before ended.
+    """Motion of the tool along a tube, from the end of the move before.
 
     Attributes:
         name: Unique in its cycle.
-        robot: The arm with this move's limits, and without what steps attach.
-        tube: Where its tool may be.
-        goal: As of a `PlanningProblem`; None, or a GoalRegion: a hand position alone, whose
+        robot: The arm with the limits of this move, without payloads and solids of steps.
+        tube: Region of the tool centre point.
+        goal: As of a `PlanningProblem`; None, or a GoalRegion: a tool position alone, whose
             configuration is chosen so that the cycle is short.
         clearance: Least distance between any moving link and any obstacle [m].
-        pair_clearances: By pairs of names of links, obstacles or attached solids, instead [m].
-        contacts: Solids that may be nearer at its start or end.
+        pair_clearances: Clearances of pairs, by names of links, obstacles or attached solids [m].
+        contacts: Solids that may be nearer at start or end of the move.
         ignore_collisions: Pairs of names that may touch.
-        objective: What the motion is to be beside short.
-        passes_through: Whether the arm does not stop where this move begins.
+        objective: Objective beside the shortest duration.
+        passes_through: True if the arm does not stop at the start of this move.
     """
 
     name: str
@@ -58,11 +58,10 @@ class Move:
 
     def __post_init__(self) -> None:
         require_name("the name of a move", self.name, ProblemError)
-        called = f"move '{self.name}': "
-        require_parts(self, "robot", "tube", "objective", "passes_through", called=called)
+        label = f"move '{self.name}': "
+        require_parts(self, "robot", "tube", "objective", "passes_through", called=label)
         for group in ("contacts", "ignore_collisions"):
-            members = given_members(group, getattr(self, group), called)
-            object.__setattr__(self, group, members)
+            object.__setattr__(self, group, given_members(group, getattr(self, group), label))
         object.__setattr__(self, "pair_clearances", pair_distances(self.pair_clearances))
 
     @property
@@ -72,18 +71,18 @@ class Move:
 
     @property
     def ends_openly(self) -> bool:
-        """Whether only the tool's position is given where it ends."""
+        """True if the move's end is a tool position alone."""
         return self.endpoint.is_open
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something else that happens while the arm is at rest: a gripper opens, a weld cools.
+    """Event while the arm is at rest: a gripper opens, a weld cools.
 
     Attributes:
-        name: What it is called.
-        setting: What it sets, for whoever reads the marks; None: nothing.
-        dwell: How long the arm stays [s].
+        name: Name of the event.
+        setting: Value that the event sets, for readers of the marks; None: nothing.
+        dwell: Time at rest [s].
     """
 
     name: str
@@ -94,21 +93,21 @@ class Event:
 
     def __post_init__(self) -> None:
         require_name("the name of an event", self.name, ProblemError)
-        if not is_number(self.dwell) or not 0 <= self.dwell <= _LONGEST_DWELL:
+        if not is_number(self.dwell) or not 0 <= self.dwell <= _MAX_DWELL:
             raise ProblemError(
                 f"event '{self.name}': dwell is {in_figures(self.dwell)} s; 0 to "
-                f"{_LONGEST_DWELL:g} s are accepted"
+                f"{_MAX_DWELL:g} s are accepted"
             )
 
 
 @dataclass(frozen=True, eq=False)
 class Attach:
-    """The tool takes something.
+    """Attaching of an object to the tool.
 
     Attributes:
-        name: Of an obstacle, which is taken as it stands then, or of what `solid` is.
-        payload: What it weighs; it adds to what the robot carries. None: nothing.
-        solid: Its shape in the tool frame; None: the obstacle's, or none at all.
+        name: Name of an obstacle, attached at its pose of that time, or of `solid`.
+        payload: Mass of the object, in addition to the robot's payload; None: no mass.
+        solid: Shape in the tool frame; None: the obstacle's shape, or none.
     """
 
     name: str
@@ -129,11 +128,11 @@ class Attach:
 
 @dataclass(frozen=True)
 class Detach:
-    """The tool lets something go.
+    """Detaching of an object from the tool.
 
     Attributes:
-        name: Of what was attached.
-        leaves_obstacle: Whether it stays in the cell, where it is then.
+        name: Name of the attached object.
+        leaves_obstacle: True if the object stays in the cell at its pose of that time.
     """
 
     name: str
@@ -149,7 +148,7 @@ class Detach:
 Step: TypeAlias = Move | Event | Attach | Detach
 
 
-# ---- What contradicts itself in a cycle's steps.
+# ---- Contradictions between steps.
 
 
 def require_consistent(
@@ -160,14 +159,14 @@ def require_consistent(
     closed: bool,
     period: float | None = None,
 ) -> None:
-    """Raise ProblemError, which names the step, if steps contradict each other.
+    """Raise ProblemError, with the name of the step, if steps contradict each other.
 
     Args:
-        steps: Of a cycle.
-        obstacles: That stand there at first.
-        attached: What is carried all along.
-        closed: Whether the cycle ends as it began.
-        period: A controller's [s], of which dwells are multiples; None: of none.
+        steps: Steps of a cycle.
+        obstacles: Obstacles before the first step.
+        attached: Solids carried during the whole cycle.
+        closed: True if the cycle ends as it began.
+        period: Of the controller [s], dwells being multiples of it; None: dwells are free.
     """
     for k, step in enumerate(steps):
         if not isinstance(step, Move | Event | Attach | Detach):
@@ -178,23 +177,28 @@ def require_consistent(
         if names.count(name) > 1:
             raise ProblemError(f"move '{name}': {names.count(name)} moves have this name")
     for before, move in pairwise(moves):
-        _require_one_arm(before, move)
+        for name in ("joint_names", "tool_frame"):
+            if getattr(before.robot, name) != getattr(move.robot, name):
+                raise ProblemError(
+                    f"move '{move.name}': its robot's {name} differs from the move's before; a "
+                    "cycle has one arm and one tool"
+                )
         _require_meeting(before, move)
     _require_dwells(steps, period)
-    held = _Held({obstacle.name for obstacle in obstacles}, {solid.name for solid in attached})
+    solids = _SolidNames({each.name for each in obstacles}, {each.name for each in attached})
     for step in steps:
-        held.require(step)
-    if closed and held.taken:
+        solids.apply(step)
+    if closed and solids.attached:
         raise ProblemError(
-            f"closed: '{held.taken[0]}' is still attached where the cycle ends and would be once "
-            "more where it begins; detach it, or leave closed out"
+            f"closed: '{solids.attached[0]}' is still attached where the cycle ends and would be "
+            "once more where it begins; detach it, or leave closed out"
         )
 
 
 def _require_dwells(steps: Sequence[Step], period: float | None) -> None:
-    """Raise unless every dwell is a multiple of the period, if there is a sensible one."""
+    """Raise unless every dwell is a multiple of the period."""
     if period is None or not is_number(period) or not period > 0:
-        return  # the moves' problems say what is wrong with it
+        return  # the problems of the moves report an invalid period
     for step in steps:
         if isinstance(step, Event) and not is_multiple(step.dwell, period):
             below, above = (round_to(step.dwell / period) * period for round_to in (floor, ceil))
@@ -204,45 +208,36 @@ def _require_dwells(steps: Sequence[Step], period: float | None) -> None:
             )
 
 
-def _require_one_arm(before: Move, move: Move) -> None:
-    for name in ("joint_names", "tool_frame"):
-        if getattr(before.robot, name) != getattr(move.robot, name):
-            raise ProblemError(
-                f"move '{move.name}': its robot's {name} differs from the move's before; a cycle "
-                "has one arm and one tool"
-            )
-
-
 def _require_meeting(before: Move, move: Move) -> None:
-    """Raise unless a move's tube begins where the tool is, as far as that is known."""
+    """Raise unless a move's tube begins at the known end of the move before."""
     end = before.endpoint
     tool = before.tube.points[-1] if end.position is None else end.position
     if end.joints is not None:
         tool = before.robot.tool_position(end.joints[None])[0]
     slack = 0.0 if end.region is None else end.region.tolerance
-    away = -float(move.tube.margin(tool[None])[0, 0])
-    if away > slack + MARGIN_TOLERANCE:
+    distance = -float(move.tube.margin(tool[None])[0, 0])
+    if distance > slack + MARGIN_TOLERANCE:
         raise ProblemError(
             f"move '{move.name}': tube.points[0] is {move.tube.points[0].tolist()} m, but move "
-            f"'{before.name}' ends at {np.round(tool, 4).tolist()} m, {away:.3g} m outside the "
+            f"'{before.name}' ends at {np.round(tool, 4).tolist()} m, {distance:.3g} m outside the "
             "first segment; begin where it ends"
         )
 
 
-class _Held:
-    """What stands and what is held, from step to step."""
+class _SolidNames:
+    """Names of obstacles and attached objects, from step to step."""
 
-    def __init__(self, standing: set[str], carried: set[str]) -> None:
-        self._standing, self._carried = standing, carried
-        self._has_shape: dict[str, bool] = {}
+    def __init__(self, obstacles: set[str], permanent: set[str]) -> None:
+        self._obstacles, self._permanent = obstacles, permanent
+        self._has_shape: dict[str, bool] = {}  # of attached objects
 
     @property
-    def taken(self) -> list[str]:
-        """What is attached now."""
+    def attached(self) -> list[str]:
+        """Names of the attached objects, in the order of attaching."""
         return list(self._has_shape)
 
-    def require(self, step: Step) -> None:
-        """Raise unless a step is possible now; then take it."""
+    def apply(self, step: Step) -> None:
+        """Apply a step, or raise if the step is impossible."""
         if isinstance(step, Attach):
             self._attach(step)
         elif isinstance(step, Detach):
@@ -250,30 +245,28 @@ class _Held:
 
     def _attach(self, step: Attach) -> None:
         here, name = f"attach '{step.name}'", step.name
-        if name in self._carried:
+        if name in self._permanent:
             raise ProblemError(f"{here}: the robot carries it all along; choose another name")
         if name in self._has_shape:
             raise ProblemError(f"{here}: it is attached already; detach it before")
-        if name in self._standing and step.solid is not None:
+        if name in self._obstacles and step.solid is not None:
             raise ProblemError(
                 f"{here}: shape is given, and there is an obstacle of this name, which is taken as "
                 "it stands; leave out the shape, or choose another name"
             )
-        if name not in self._standing and step.solid is None and step.payload is None:
-            known = sorted(self._standing)
-            raise ProblemError(
-                f"{here}: {unknown_name('obstacle', name, known)}; or give shape, payload or both"
-            )
-        self._has_shape[name] = name in self._standing or step.solid is not None
-        self._standing.discard(name)
+        if name not in self._obstacles and step.solid is None and step.payload is None:
+            message = unknown_name("obstacle", name, sorted(self._obstacles))
+            raise ProblemError(f"{here}: {message}; or give shape, payload or both")
+        self._has_shape[name] = name in self._obstacles or step.solid is not None
+        self._obstacles.discard(name)
 
     def _detach(self, step: Detach) -> None:
-        if step.name in self._carried:
+        if step.name in self._permanent:
             raise ProblemError(
                 f"detach '{step.name}': the robot carries it all along; attach it in a step instead"
             )
         if step.name not in self._has_shape:
-            held = unknown_name("attached name", step.name, self._has_shape)
-            raise ProblemError(f"detach '{step.name}': {held}")
+            message = unknown_name("attached name", step.name, self._has_shape)
+            raise ProblemError(f"detach '{step.name}': {message}")
         if self._has_shape.pop(step.name) and step.leaves_obstacle:
-            self._standing.add(step.name)
+            self._obstacles.add(step.name)

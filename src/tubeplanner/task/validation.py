@@ -105,7 +105,7 @@ def _keys(model: type[BaseModel]) -> list[str]:
 
 
 def _model_at(root: type[BaseModel], path: _Path) -> type[BaseModel]:
-    """Return the innermost model on a path; of several alternatives, the model named in it."""
+    """Return the innermost model on a path; of alternatives, the model that the path names."""
     model, alternatives = root, [root]
     for step in path:
         named = [each for each in alternatives if each.__name__ == step]

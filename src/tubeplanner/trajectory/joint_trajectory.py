@@ -63,7 +63,7 @@ class JointTrajectory:
     def __init__(
         self, joint_names: Sequence[str], breakpoints: object, coefficients: object
     ) -> None:
-        """Check the polynomials and copy them, read-only.
+        """Check and copy the polynomials, read-only.
 
         Raises:
             TrajectoryError: Shapes do not fit, a name is given twice or cannot be shown, a number
@@ -167,7 +167,7 @@ class JointTrajectory:
         return bound
 
     def sample(self, rate: float = 500.0) -> TrajectorySamples:
-        """Return samples at a rate [Hz], the last one at the duration.
+        """Return samples at a rate [Hz], the last sample at the duration.
 
         A regular sample closer than half a period to the end is left out.
 
@@ -345,7 +345,7 @@ class JointTrajectory:
 
 
 def concatenate(parts: Sequence[JointTrajectory]) -> JointTrajectory:
-    """Return trajectories of the same joints and degree as one trajectory, in their order."""
+    """Return the concatenation of trajectories of the same joints and degree."""
     starts = np.cumsum([0.0, *(part.duration for part in parts)])
     breakpoints = [np.zeros(1)]
     breakpoints += [

@@ -103,7 +103,7 @@ def part_of(trajectory: JointTrajectory, begin: float, end: float) -> JointTraje
 
 
 def joined(joint_names: Sequence[str], parts: Sequence[JointTrajectory]) -> JointTrajectory:
-    """Return one trajectory of parts in their order, all of the same joints in the same order.
+    """Return the trajectory of parts in their order, all of the same joints in the same order.
 
     Each part begins at the time at which its predecessor ends; positions need not meet.
     """

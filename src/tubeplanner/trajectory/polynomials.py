@@ -39,7 +39,7 @@ class PiecewisePolynomial:
         return value
 
     def derivative(self, order: int) -> "PiecewisePolynomial":
-        """Return the derivative of an order, with at least one row of coefficients."""
+        """Return the derivative of an order, with at least a row of coefficients."""
         coefficients = self.coefficients
         for _ in range(order):
             powers = np.arange(len(coefficients) - 1, 0, -1.0)

@@ -237,7 +237,7 @@ def _too_many_samples() -> TrajectoryError:
 
 
 def _number(value: Any, where: str, *places: object) -> float:
-    """Return a finite number; messages name it by `where`, its braces filled with `places`."""
+    """Return a finite number; `where`, its braces filled with `places`, names the number."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -329,7 +329,7 @@ def _from_samples(
 def joined_samples(
     joint_names: Sequence[str], time: FloatArray, known: Sequence[FloatArray]
 ) -> JointTrajectory:
-    """Return the trajectory with one polynomial between every two samples, as `hermite_pieces`.
+    """Return the trajectory with a polynomial between every two samples, as `hermite_pieces`.
 
     Args:
         joint_names: Names of the n joints.
@@ -469,7 +469,7 @@ def _names(joint: str, quantity: str) -> list[str]:
 
 
 def _time_column(header: Sequence[str], others: Collection[str]) -> str | None:
-    """Return the column of times, not one of the others; None: there is none."""
+    """Return the column of times; None: there is none."""
     times = [
         name for name in header if name not in others and name.lstrip(_TIME_MARKS).lower() in _TIMES
     ]
