@@ -146,7 +146,7 @@ def test_without_limits_on_effort_or_acceleration_nothing_is_said(cart):
 
 def test_many_pieces_are_braked_from_between_as_well(cart, monkeypatch):
     """Fewer instants to brake at than steps: those between run on to the next."""
-    monkeypatch.setattr("tubeplanner.certificate.other_speeds._MOST", 10)
+    monkeypatch.setattr("tubeplanner.certificate.other_speeds._MAX_BRAKING_STEPS", 10)
     pieces = [MOVE.between(k / 400, (k + 1) / 400) for k in range(400)]
     braking, (time, distance) = worst_braking(cart(), concatenate(pieces), 0.0), by_force(10.0)
     gap = DURATION / 20

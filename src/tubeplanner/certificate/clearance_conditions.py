@@ -1,9 +1,9 @@
 """Conditions on clearance from obstacles and between links, for all t.
 
 On a time interval the distance of a pair cannot fall below its value at the middle by more than
-the joints' travel allows. Intervals that could still hold the minimum are halved until none is
-left. The joints' travel is bounded by Bernstein coefficients. A direction that separates a pair
-does so in the neighbourhood too, so that most intervals need no exact distance.
+the joints' travel allows, which Bernstein coefficients bound. Intervals that could hold the minimum
+are halved until none remains. A direction that separates a pair does so in the neighbourhood too,
+so that most intervals need no exact distance.
 """
 
 from collections.abc import Callable
@@ -28,35 +28,231 @@ from tubeplanner.task.required_distances import NearEnd, RequiredDistances
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import bernstein_coefficients, halves
 
-# ---- The least distance of shapes beyond what is asked, for all t and not only at samples.
+# ---- Links against obstacles and against each other.
 
-# The least margin is bracketed to this share of itself, or to this length [m] where it is next to
-# nothing.
+
+def judge_obstacles(motion: JudgedMotion) -> JudgedCondition:
+    """Judge links against obstacles, for all t."""
+    checker = motion.problem.collision
+    columns = np.arange(len(checker.obstacle_pairs))
+    return _judge_clearance(motion, columns, "no link can meet an obstacle")
+
+
+def judge_self_collision(motion: JudgedMotion) -> JudgedCondition:
+    """Judge links against links, for all t."""
+    checker = motion.problem.collision
+    columns = np.arange(len(checker.obstacle_pairs), len(checker.pairs))
+    return _judge_clearance(motion, columns, "no pair of links is checked")
+
+
+def _judge_clearance(motion: JudgedMotion, columns: IntArray, not_asked: str) -> JudgedCondition:
+    """Judge the least distance of pairs of solids beyond the required distance.
+
+    Args:
+        motion: The motion.
+        columns: Indices of the checker's pairs, shape (P,).
+        not_asked: Coverage if there is no pair.
+    """
+    checker = motion.problem.collision
+    required = AskedDistances(motion).over
+    nearest = closest_approach(checker, motion.trajectory, columns, required)
+    if nearest is None:
+        if not checker.has_link_geometry:
+            not_asked = "the robot has no collision geometry: nothing could be checked"
+        return not_required("m", not_asked)
+    links, obstacle = checker.owners(nearest.pair)
+    place = Place(time=nearest.time, links=links, obstacle=obstacle)
+    return bracketed(nearest.lower_bound, nearest.margin, "m", place)
+
+
+class ClearanceMargin:
+    """A `SegmentMargin`: least distance of links beyond that required in each segment [m]."""
+
+    def __init__(self, problem: PlanningProblem, trajectory: JointTrajectory) -> None:
+        self._problem, self._trajectory = problem, trajectory
+        self._asked = asked_of_motion(problem, trajectory)
+        self._most = self._asked.by_segment.max(axis=0)
+
+    @property
+    def is_constant(self) -> bool:
+        """True if all segments require the same distances."""
+        return self._asked.is_constant
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Return the margins in all segments."""
+        tool, distance = self._at(time)
+        rows = [(distance - row).min(axis=1, initial=np.inf) for row in self._asked.by_segment]
+        margin = np.column_stack(rows)[:, self._asked.row_of]
+        for k in {near.segment for near in self._asked.near_ends}:
+            margin[:, k] = self._margin(np.full(len(time), k), tool, distance)
+        return margin
+
+    def within(self, segment: IntArray, time: FloatArray) -> FloatArray:
+        """Return the margins, each in its segment."""
+        return self._margin(segment, *self._at(time))
+
+    def _margin(self, segment: IntArray, tool: FloatArray, distance: FloatArray) -> FloatArray:
+        margin: FloatArray = (distance - self._asked.at(segment, tool)).min(axis=1, initial=np.inf)
+        return margin
+
+    def _at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions of the tool, (N, 3) [m], and lower bounds on distances, (N, P) [m].
+
+        The bounds are exact where they are below the requirement of some segment.
+        """
+        checker, q = self._problem.collision, self._trajectory.position(time)
+        rotation, position = checker.robot.body_poses(q)
+        distance = checker.sphere_distances(rotation, position, checker.pairs)
+        row, column = np.nonzero(distance < self._most)
+        boxes = checker.box_distances(rotation, position, row, checker.pairs[column])
+        near = boxes < self._most[column]
+        distance[row, column] = np.maximum(distance[row, column], boxes)
+        row, column = row[near], column[near]
+        closest = checker.closest_points(rotation, position, checker.pairs[column], row)
+        distance[row, column] = closest.distance
+        return checker.robot.tool_position(q), distance
+
+
+def clearance_margin(
+    problem: PlanningProblem, trajectory: JointTrajectory
+) -> ClearanceMargin | None:
+    """Return the margin of links' clearance; None if all segments require the same distances."""
+    margin = ClearanceMargin(problem, trajectory)
+    return None if margin.is_constant else margin
+
+
+# ---- Required distances of solids over intervals of time.
+
+# Parts of an interval this short, as a fraction, count as outside if they are not all inside.
+_MIN_WIDTH = 2.0**-40
+_SAME_TIME = 1e-12  # as a fraction of the duration: parts this near are merged
+
+
+def asked_of_motion(problem: PlanningProblem, trajectory: JointTrajectory) -> RequiredDistances:
+    """Return the distances that a problem requires between a trajectory's two ends."""
+    ends = trajectory.position(np.array([0.0, trajectory.duration]))
+    return RequiredDistances(problem, ends[0], ends[1])
+
+
+class AskedDistances:
+    """The distances that pairs must keep along a trajectory, by the judge's visits."""
+
+    def __init__(self, motion: JudgedMotion) -> None:
+        """Take the requirements of a motion and, where these vary, their times."""
+        self._asked = asked_of_motion(motion.problem, motion.trajectory)
+        if self._asked.is_constant:
+            return
+        visits = motion.visits
+        self._begin = np.array([visit.begin for visit in visits])
+        self._end = np.array([visit.end for visit in visits])
+        self._segment = np.array([visit.segment for visit in visits])
+        self._near = [(near, _times_near(motion, near)) for near in self._asked.near_ends]
+
+    def over(self, begin: FloatArray, end: FloatArray, pair: IntArray) -> FloatArray:
+        """Return the largest required distances of pairs (R,) from times to times (R,), (R,) [m].
+
+        At a switching time, the requirements of both segments count.
+        """
+        rows = self._asked.by_segment
+        if self._asked.is_constant:
+            return rows[0, pair]
+        first = np.minimum(np.searchsorted(self._end, begin), len(self._end) - 1)
+        last = np.maximum(np.searchsorted(self._begin, end, side="right") - 1, first)
+        inside = [(near, _within(times, begin, end)) for near, times in self._near]
+        most = np.full(len(pair), -np.inf)
+        for step in range(int((last - first).max(initial=0)) + 1):
+            segment = self._segment[np.minimum(first + step, last)]
+            required = rows[self._asked.row_of[segment], pair]
+            for near, is_inside in inside:
+                less = is_inside & (segment == near.segment) & near.pair[pair]
+                required = np.where(less, np.minimum(required, near.distance), required)
+            most = np.maximum(most, required)
+        return most
+
+
+@dataclass(frozen=True, eq=False)
+class _Times:
+    """Disjoint intervals of time in their order: begins and ends, each (I,) [s]."""
+
+    begin: FloatArray
+    end: FloatArray
+
+
+def _within(times: _Times, begin: FloatArray, end: FloatArray) -> BoolArray:
+    """Return a mask of intervals, from times (R,) to times (R,), inside any of `times`, (R,)."""
+    if len(times.begin) == 0:
+        return np.zeros(len(begin), dtype=bool)
+    before = np.searchsorted(times.begin, begin, side="right") - 1
+    within: BoolArray = (before >= 0) & (end <= times.end[np.maximum(before, 0)])
+    return within
+
+
+def _times_near(motion: JudgedMotion, near: NearEnd) -> _Times:
+    """Return the times at which the tool is surely near an end, in that end's segment.
+
+    The distance from a point is convex: over an interval it is nowhere more than at the worst of
+    the Bernstein coefficients.
+    """
+    visits = [visit for visit in motion.visits if visit.segment == near.segment]
+    return _merged(_parts_near(motion.tool, visits, near), motion.trajectory.duration)
+
+
+def _parts_near(tool: Enclosure, visits: list[Visit], near: NearEnd) -> FloatArray:
+    """Return intervals of time inside the distance of an end, in any order, shape (I, 2) [s]."""
+    parts = [np.empty((0, 2))]
+    interval, start, width, _ = visited_parts(tool, visits)
+    while len(interval):
+        hull = bernstein_coefficients(tool.coefficients[:, interval], start, width)
+        error = tool.error[interval, 0]
+        inside = np.linalg.norm(hull - near.tool, axis=2).max(axis=0) + error <= near.within
+        middle = hull.mean(axis=0)
+        spread = np.linalg.norm(hull - middle, axis=2).max(axis=0)
+        outside = np.linalg.norm(middle - near.tool, axis=1) - spread - error > near.within
+        shares = np.column_stack([start, start + width])[inside]
+        whole = tool.start[interval[inside], None], tool.width[interval[inside], None]
+        parts.append(whole[0] + whole[1] * shares)
+        # Halves of parts whose spread is below the tool's error would decide no more.
+        split = ~inside & ~outside & (width > _MIN_WIDTH) & (spread > error)
+        interval = np.repeat(interval[split], 2)
+        start, width = halves(start[split], width[split])
+    return np.concatenate(parts)
+
+
+def _merged(parts: FloatArray, duration: float) -> _Times:
+    """Return intervals (I, 2) in order, with adjacent intervals merged."""
+    parts = parts[np.argsort(parts[:, 0])]
+    gap = parts[1:, 0] - parts[:-1, 1] > _SAME_TIME * duration
+    first = np.concatenate([[True], gap])[: len(parts)]
+    last = np.concatenate([gap, [True]])[-len(parts) or len(gap) + 1 :]
+    return _Times(parts[first, 0], parts[last, 1])
+
+
+# ---- The least distance of shapes beyond the required distance, for all t.
+
+# The least margin is bracketed to this fraction of itself, or to this length [m] near zero.
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 5e-7
-# Intervals this short [s] are not halved: their bound counts as it stands.
+# Intervals this short [s] are not halved: their bounds count.
 _MIN_INTERVAL = 1e-7
-# After so many intervals, or so many times those it starts with, no more are halved: far beyond
-# what any sensible trajectory needs. Their bounds count as they stand, so that the answer stays
-# safe.
+# After this many intervals, or this multiple of the first ones, none is halved: far beyond the need
+# of any sensible trajectory. Their bounds count, so that the answer stays safe.
 _MAX_INTERVALS = 3_000_000
 _MAX_ROUNDS = 8
 _BATCH = 64  # distances evaluated before intervals are judged anew
-
-# What is asked of pairs over intervals of time: from begins, ends and pairs to distances.
+# Required distances of pairs over intervals of time: from begins, ends and pairs to distances.
 AskedOver: TypeAlias = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
 
 
 @dataclass(frozen=True)
 class ClosestApproach:
-    """Where a set of pairs comes nearest.
+    """The closest approach of a set of pairs.
 
     Attributes:
-        lower_bound: No distance beyond what is asked falls below it at any time [m].
-        margin: The least distance beyond what is asked that was found [m].
-        time: When [s].
+        lower_bound: Bound on all distances beyond the required ones, at any time [m].
+        margin: Least distance beyond the required one that was found [m].
+        time: Time of that distance [s].
         pair: Indices of the two shapes.
-        intervals: How many pairs and intervals were tested.
+        intervals: Number of tested intervals, each of a pair.
     """
 
     lower_bound: float
@@ -77,9 +273,9 @@ def closest_approach(
     Args:
         checker: The geometry.
         trajectory: In the group order of the checker's robot.
-        columns: Which of the checker's pairs, shape (P,).
-        asked: The most that is asked of pairs (R,) over intervals of time, from begins (R,) to ends
-            (R,) [m]; the nearer distances come to it, the finer they are resolved.
+        columns: Indices of the checker's pairs, shape (P,).
+        asked: Largest required distance of pairs (R,) over intervals of time, from begins (R,) to
+            ends (R,) [m]; the nearer distances come to it, the finer the resolution.
 
     Returns:
         The closest approach, or None if there are no pairs.
@@ -100,13 +296,13 @@ def closest_approach(
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Pairs on intervals that are still in question, all halved equally often.
+    """Pairs on undecided intervals, all halved equally often.
 
     Attributes:
-        node: Which interval, as piece * 2^level + number within the piece, shape (R,).
-        pair: Which pair, shape (R,).
-        direction: Along which the pair was last found apart, shape (R, 3).
-        level: How often the pieces have been halved.
+        node: Interval, as piece * 2^level + number within the piece, shape (R,).
+        pair: Index of the pair, shape (R,).
+        direction: The last direction that separated the pair, shape (R, 3).
+        level: Number of halvings of the pieces.
     """
 
     node: IntArray
@@ -123,7 +319,7 @@ class _Rows:
 
 
 class _Search:
-    """The intervals still in question, and the least distance beyond what is asked yet."""
+    """The least distance beyond the required one so far, and a bound on all decided intervals."""
 
     def __init__(
         self,
@@ -140,7 +336,7 @@ class _Search:
         self.intervals = 0
 
     def halve_until_settled(self) -> None:
-        """Bound every pair on every piece, halve what may hold the minimum, and repeat."""
+        """Bound every pair on every piece; halve intervals that may hold the minimum; repeat."""
         rows = self._beginning()
         most = max(_MAX_INTERVALS, _MAX_ROUNDS * len(rows.node))
         while len(rows.node):
@@ -154,7 +350,7 @@ class _Search:
             rows = replace(rows, direction=direction).halves(undecided & ~final)
 
     def _beginning(self) -> _Rows:
-        """Return all pairs on all pieces, with the directions that separate them at the start."""
+        """Return all pairs on all pieces, with separating directions at the start."""
         rotation, position = self._checker.robot.body_poses(self._trajectory.position(np.zeros(1)))
         distance, direction = self._checker.separations(rotation[0], position[0], self._pairs)
         count, pieces = len(self._pairs), len(self._trajectory.widths)
@@ -169,17 +365,17 @@ class _Search:
     def _lower_bounds(self, rows: _Rows) -> tuple[FloatArray, FloatArray]:
         """Return lower bounds of the rows' margins [m], (R,), and separating directions, (R, 3).
 
-        A margin is a distance less what is asked. From bounding spheres; where these do not settle
-        it, along the known directions; where neither does, exactly, with new directions.
+        A margin is a distance less the required distance. From bounding spheres; where these do not
+        decide, along the known directions; else exactly, with new directions.
         """
         nodes, interval = np.unique(rows.node, return_inverse=True)
         middle, travel, time, half = self._middles(nodes, rows.level)
         begin, end = (time - half)[interval], (time + half)[interval]
-        asked = self._asked(begin, end, self._columns[rows.pair])
+        required = self._asked(begin, end, self._columns[rows.pair])
         rotation, position = self._checker.robot.body_poses(middle)
         travelled = np.einsum("rn,rn->r", self._weights[rows.pair], travel[interval])
         spheres = self._checker.sphere_distances(rotation, position, self._pairs)
-        less = travelled + asked
+        less = travelled + required
         lower = spheres[interval, rows.pair] - less
         near = np.flatnonzero(lower < self._settled_above())
         bound = self._checker.separations_along(
@@ -202,7 +398,7 @@ class _Search:
         return lower, direction
 
     def _middles(self, node: IntArray, level: int) -> tuple[FloatArray, ...]:
-        """Return mid-interval configurations, the farthest joints get from them, times, halves."""
+        """Return mid-interval configurations, bounds on travel from there, times, half widths."""
         piece = node >> level
         width = self._trajectory.widths[piece] / 2**level
         start = (node - (piece << level)) * width
@@ -217,202 +413,3 @@ class _Search:
         if margin[least] < self.margin:
             self.margin = float(margin[least])
             self.time, self.pair = float(time[least]), int(pair[least])
-
-
-# ---- How far apart solids must be at any time of a trajectory, and over intervals of time.
-
-# Parts of an interval this short, as a share of it, count as outside if they are not all inside.
-_MIN_WIDTH = 2.0**-40
-_SAME_TIME = 1e-12  # as a share of the duration: parts this near are one
-
-
-def asked_of_motion(problem: PlanningProblem, trajectory: JointTrajectory) -> RequiredDistances:
-    """Return what a problem requires of a trajectory, which begins and ends where it does."""
-    ends = trajectory.position(np.array([0.0, trajectory.duration]))
-    return RequiredDistances(problem, ends[0], ends[1])
-
-
-class AskedDistances:
-    """The distances that pairs must keep along a trajectory, at the judge's hand-overs."""
-
-    def __init__(self, motion: JudgedMotion) -> None:
-        """Take what is asked of a motion; where it is not the same throughout, when what is."""
-        self._asked = asked_of_motion(motion.problem, motion.trajectory)
-        if self._asked.is_constant:
-            return
-        visits = motion.visits
-        self._begin = np.array([visit.begin for visit in visits])
-        self._end = np.array([visit.end for visit in visits])
-        self._segment = np.array([visit.segment for visit in visits])
-        self._near = [(near, _times_near(motion, near)) for near in self._asked.near_ends]
-
-    def over(self, begin: FloatArray, end: FloatArray, pair: IntArray) -> FloatArray:
-        """Return the most that is asked of pairs (R,) from some times to others (R,), (R,) [m].
-
-        At a hand-over, what both segments ask.
-        """
-        rows = self._asked.by_segment
-        if self._asked.is_constant:
-            return rows[0, pair]
-        first = np.minimum(np.searchsorted(self._end, begin), len(self._end) - 1)
-        last = np.maximum(np.searchsorted(self._begin, end, side="right") - 1, first)
-        inside = [(near, _within(times, begin, end)) for near, times in self._near]
-        most = np.full(len(pair), -np.inf)
-        for step in range(int((last - first).max(initial=0)) + 1):
-            segment = self._segment[np.minimum(first + step, last)]
-            asked = rows[self._asked.row_of[segment], pair]
-            for near, is_inside in inside:
-                less = is_inside & (segment == near.segment) & near.pair[pair]
-                asked = np.where(less, np.minimum(asked, near.distance), asked)
-            most = np.maximum(most, asked)
-        return most
-
-
-@dataclass(frozen=True, eq=False)
-class _Times:
-    """Disjoint intervals of time in their order: begins and ends, each (I,) [s]."""
-
-    begin: FloatArray
-    end: FloatArray
-
-
-def _within(times: _Times, begin: FloatArray, end: FloatArray) -> BoolArray:
-    """Return which intervals, from times (R,) to times (R,), lie in one of those, shape (R,)."""
-    if len(times.begin) == 0:
-        return np.zeros(len(begin), dtype=bool)
-    before = np.searchsorted(times.begin, begin, side="right") - 1
-    within: BoolArray = (before >= 0) & (end <= times.end[np.maximum(before, 0)])
-    return within
-
-
-def _times_near(motion: JudgedMotion, near: NearEnd) -> _Times:
-    """Return when the tool is surely within the distance of an end, in that end's segment.
-
-    The distance from a point is convex: over an interval it is nowhere more than at the worst of
-    the Bernstein coefficients.
-    """
-    visits = [visit for visit in motion.visits if visit.segment == near.segment]
-    return _merged(_parts_near(motion.tool, visits, near), motion.trajectory.duration)
-
-
-def _parts_near(tool: Enclosure, visits: list[Visit], near: NearEnd) -> FloatArray:
-    """Return intervals of time that lie within, in any order, shape (I, 2) [s]."""
-    found = [np.empty((0, 2))]
-    interval, start, width, _ = visited_parts(tool, visits)
-    while len(interval):
-        hull = bernstein_coefficients(tool.coefficients[:, interval], start, width)
-        error = tool.error[interval, 0]
-        inside = np.linalg.norm(hull - near.tool, axis=2).max(axis=0) + error <= near.within
-        middle = hull.mean(axis=0)
-        spread = np.linalg.norm(hull - middle, axis=2).max(axis=0)
-        outside = np.linalg.norm(middle - near.tool, axis=1) - spread - error > near.within
-        shares = np.column_stack([start, start + width])[inside]
-        whole = tool.start[interval[inside], None], tool.width[interval[inside], None]
-        found.append(whole[0] + whole[1] * shares)
-        # Halves of what spreads less than is known of the tool would tell no more.
-        split = ~inside & ~outside & (width > _MIN_WIDTH) & (spread > error)
-        interval = np.repeat(interval[split], 2)
-        start, width = halves(start[split], width[split])
-    return np.concatenate(found)
-
-
-def _merged(parts: FloatArray, duration: float) -> _Times:
-    """Return intervals (I, 2) in order, those that follow on each other as one."""
-    parts = parts[np.argsort(parts[:, 0])]
-    gap = parts[1:, 0] - parts[:-1, 1] > _SAME_TIME * duration
-    first = np.concatenate([[True], gap])[: len(parts)]
-    last = np.concatenate([gap, [True]])[-len(parts) or len(gap) + 1 :]
-    return _Times(parts[first, 0], parts[last, 1])
-
-
-# ---- Links against obstacles and against each other.
-
-
-def judge_obstacles(motion: JudgedMotion) -> JudgedCondition:
-    """Judge links against obstacles, for all t."""
-    checker = motion.problem.collision
-    columns = np.arange(len(checker.obstacle_pairs))
-    return _judge_clearance(motion, columns, "no link can meet an obstacle")
-
-
-def judge_self_collision(motion: JudgedMotion) -> JudgedCondition:
-    """Judge links against links, for all t."""
-    checker = motion.problem.collision
-    columns = np.arange(len(checker.obstacle_pairs), len(checker.pairs))
-    return _judge_clearance(motion, columns, "no pair of links is checked")
-
-
-def _judge_clearance(motion: JudgedMotion, columns: IntArray, not_asked: str) -> JudgedCondition:
-    """Judge the least distance of pairs of solids beyond what is asked.
-
-    Args:
-        motion: What is judged.
-        columns: Which of the checker's pairs, shape (P,).
-        not_asked: What is said if there is no pair.
-    """
-    checker = motion.problem.collision
-    asked = AskedDistances(motion).over
-    nearest = closest_approach(checker, motion.trajectory, columns, asked)
-    if nearest is None:
-        if not checker.has_link_geometry:
-            not_asked = "the robot has no collision geometry: nothing could be checked"
-        return not_required("m", not_asked)
-    links, obstacle = checker.owners(nearest.pair)
-    place = Place(time=nearest.time, links=links, obstacle=obstacle)
-    return bracketed(nearest.lower_bound, nearest.margin, "m", place)
-
-
-class ClearanceMargin:
-    """A `SegmentMargin`: how far links are apart beyond what each segment asks [m]."""
-
-    def __init__(self, problem: PlanningProblem, trajectory: JointTrajectory) -> None:
-        self._problem, self._trajectory = problem, trajectory
-        self._asked = asked_of_motion(problem, trajectory)
-        self._most = self._asked.by_segment.max(axis=0)
-
-    @property
-    def is_constant(self) -> bool:
-        """Whether all segments ask the same."""
-        return self._asked.is_constant
-
-    def at(self, time: FloatArray) -> FloatArray:
-        """Return what is left in all segments."""
-        tool, distance = self._at(time)
-        rows = [(distance - row).min(axis=1, initial=np.inf) for row in self._asked.by_segment]
-        left = np.column_stack(rows)[:, self._asked.row_of]
-        for k in {near.segment for near in self._asked.near_ends}:
-            left[:, k] = self._left(np.full(len(time), k), tool, distance)
-        return left
-
-    def within(self, segment: IntArray, time: FloatArray) -> FloatArray:
-        """Return what is left in one segment each."""
-        return self._left(segment, *self._at(time))
-
-    def _left(self, segment: IntArray, tool: FloatArray, distance: FloatArray) -> FloatArray:
-        left: FloatArray = (distance - self._asked.at(segment, tool)).min(axis=1, initial=np.inf)
-        return left
-
-    def _at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return where the tool is, (N, 3), and lower bounds on distances, (N, P) [m].
-
-        These are exact where they are less than some segment asks: more does not matter.
-        """
-        checker, q = self._problem.collision, self._trajectory.position(time)
-        rotation, position = checker.robot.body_poses(q)
-        distance = checker.sphere_distances(rotation, position, checker.pairs)
-        row, column = np.nonzero(distance < self._most)
-        boxes = checker.box_distances(rotation, position, row, checker.pairs[column])
-        near = boxes < self._most[column]
-        distance[row, column] = np.maximum(distance[row, column], boxes)
-        row, column = row[near], column[near]
-        closest = checker.closest_points(rotation, position, checker.pairs[column], row)
-        distance[row, column] = closest.distance
-        return checker.robot.tool_position(q), distance
-
-
-def clearance_margin(
-    problem: PlanningProblem, trajectory: JointTrajectory
-) -> ClearanceMargin | None:
-    """Return the margin of links' clearance; None where all segments ask the same."""
-    margin = ClearanceMargin(problem, trajectory)
-    return None if margin.is_constant else margin

@@ -1,4 +1,4 @@
-"""Verify_cycle: each leg by `verify`, and the junctions."""
+"""Verify_cycle: the judge of whole cycles, each leg by `verify`, and the junctions."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -26,18 +26,16 @@ from tubeplanner.task.legs import Rest
 from tubeplanner.task.steps import Event
 from tubeplanner.trajectory.parts import part_of
 
-# ---- The judgement of a cycle: a certificate of every move, and what must hold where they meet.
-
 
 @dataclass(frozen=True)
 class CycleCertificate:
     """The judgement of the motion of a cycle.
 
     Attributes:
-        moves: By name; moves that run without a stop have one together, under each name.
-        seams: By what happens there and when: conditions by name.
-        refused: Moves that begin where their problem has no place, by name, and why.
-        tolerance: How far below zero margins may lie.
+        moves: Certificates by name; moves that run without a stop share a certificate.
+        seams: Conditions by name, at each junction, by its name.
+        refused: Reasons by name of the moves whose start their problem refuses.
+        tolerance: Largest violation that counts as none.
     """
 
     moves: Mapping[str, Certificate]
@@ -54,20 +52,20 @@ class CycleCertificate:
 
     @property
     def passed(self) -> bool:
-        """Whether every condition of every move and seam holds."""
+        """True if every condition of every move and seam holds."""
         return not self.failures()
 
     def failures(self) -> list[str]:
-        """Return what does not hold, as "MOVE: CONDITION" or "SEAM: CONDITION"."""
-        found = [f"{move}: start" for move in self.refused]
-        found += [f"{move}: {c}" for move, each in self.moves.items() for c in each.failures()]
+        """Return the failed conditions, as "MOVE: CONDITION" or "SEAM: CONDITION"."""
+        failures = [f"{move}: start" for move in self.refused]
+        failures += [f"{move}: {c}" for move, each in self.moves.items() for c in each.failures()]
         for seam, conditions in self.seams.items():
             failed = [n for n, each in conditions.items() if not each.holds(self.tolerance)]
-            found += [f"{seam}: {name}" for name in failed]
-        return found
+            failures += [f"{seam}: {name}" for name in failed]
+        return failures
 
     def describe(self, failure: str) -> str:
-        """Return one line about something that does not hold, as `failures` calls it."""
+        """Return a line about a failure, named as in `failures`."""
         where, name = failure.rsplit(": ", 1)
         if where in self.refused:
             return f"{where}: {self.refused[where]}"
@@ -78,7 +76,7 @@ class CycleCertificate:
         return f"{where}: {name}: margin {condition.margin:.3g}{unit} ({condition.coverage})"
 
     def place(self, failure: str) -> Place:
-        """Return where something does not hold, as `failures` calls it; it names the move."""
+        """Return the location of a failure, named as in `failures`, with the move."""
         where, name = failure.rsplit(": ", 1)
         if where in self.refused:
             return Place(move=where)
@@ -88,11 +86,15 @@ class CycleCertificate:
     def as_dict(self) -> dict[str, Any]:
         """Return the certificate as JSON values."""
         moves = {name: certificate.as_dict() for name, certificate in self.moves.items()}
+        refused = {
+            name: {"passed": False, "refused": why, "conditions": {}}
+            for name, why in self.refused.items()
+        }
         tolerance = {"absolute": self.tolerance.absolute, "relative": self.tolerance.relative}
         return {
             "passed": self.passed,
             "tolerance": tolerance,
-            "moves": {**moves, **{name: _refusal(why) for name, why in self.refused.items()}},
+            "moves": {**moves, **refused},
             "seams": {
                 seam: {name: each.as_dict(self.tolerance) for name, each in conditions.items()}
                 for seam, conditions in self.seams.items()
@@ -100,26 +102,19 @@ class CycleCertificate:
         }
 
 
-def _refusal(why: str) -> dict[str, Any]:
-    return {"passed": False, "refused": why, "conditions": {}}
-
-
-# ---- The judge of whole cycles: every leg by `verify`, and the seams between them.
-
-
 def verify_cycle(
     cycle: Cycle, motion: CycleMotion, tolerance: Tolerance | None = None
 ) -> CycleCertificate:
     """Judge the motion of a cycle.
 
-    Every leg is judged as the motion of its planning problem, the cell as the motion itself leaves
-    it. Where it rests, it must stay where it is for as long as events take, and the motors must
-    hold the arm with and without what is taken or let go.
+    Every leg is judged as the motion of its planning problem, in the cell as the motion itself
+    leaves it. At junctions the arm must stay in its configuration for as long as events take, and
+    the motors must hold the arm with and without the parts that are taken or let go.
 
     Args:
         cycle: The cycle.
         motion: Its motion.
-        tolerance: How far below zero margins may lie; None: as for our own trajectories.
+        tolerance: Largest violation that counts as none; None: as for our own trajectories.
 
     Raises:
         ProblemError: The cycle is none.
@@ -145,10 +140,10 @@ def verify_cycle(
 
 
 def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance) -> Certificate:
-    """Return the certificate of a leg, its times those of the whole motion.
+    """Return the certificate of a leg, with times of the whole motion.
 
     Raises:
-        ProblemError: It begins where its problem has no place.
+        ProblemError: The leg's problem refuses its start.
     """
     begin, end = motion.leg_times[k]
     problem = cycle.problem(k, motion.seams[: k + 2])
@@ -165,7 +160,7 @@ def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance)
 def _judged_seams(
     cycle: Cycle, motion: CycleMotion
 ) -> Iterator[tuple[str, Mapping[str, JudgedCondition]]]:
-    """Yield the conditions of every seam, after what it is called."""
+    """Yield name and conditions of every seam."""
     names = ["start", *(leg.name for leg in cycle.legs), "end"]
     times = [0.0, *(time for leg in motion.leg_times for time in leg), motion.trajectory.duration]
     for k, name in enumerate(pairwise(names)):
@@ -179,11 +174,13 @@ def _judged_seams(
             },
         )
     if cycle.closed:
-        yield "closed", {"continuity": _judged_return(cycle, motion)}
+        off, end = abs(motion.seams[-1] - motion.seams[0]), motion.trajectory.duration
+        gap = _judged_gap(cycle.robot, off, end, "the end against the start")
+        yield "closed", {"continuity": gap}
 
 
 def _judged_stay(motion: CycleMotion, seam: int, begin: float, end: float) -> JudgedCondition:
-    """Judge how far joints move at a seam, between two times [s], where they must not at all."""
+    """Judge the travel of joints at a seam, between two times [s], where none may move."""
     legs = motion.legs
     stops = [leg.position(leg.duration) for leg in legs[:seam][-1:]]
     starts = [leg.position(0.0) for leg in legs[seam : seam + 1]]
@@ -197,12 +194,12 @@ def _judged_stay(motion: CycleMotion, seam: int, begin: float, end: float) -> Ju
     if len(travelled) < 2:
         return not_required("rad", "the arm does not dwell here")
     places = np.array([*stops, *starts])
-    moved = (abs(places - places[0]) + travelled).max(axis=0)
-    return _judged_gap(motion.cycle.robot, moved, begin, FOR_ALL_TIMES)
+    farthest = (abs(places - places[0]) + travelled).max(axis=0)
+    return _judged_gap(motion.cycle.robot, farthest, begin, FOR_ALL_TIMES)
 
 
 def _judged_dwell(motion: CycleMotion, seam: int) -> JudgedCondition:
-    """Judge whether the arm rests at a seam for as long as each event takes."""
+    """Judge the time that the arm rests at a seam, against the dwell of each event."""
     cycle = motion.cycle
     first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:seam])
     spans = motion.step_times[first:]
@@ -218,7 +215,7 @@ def _judged_dwell(motion: CycleMotion, seam: int) -> JudgedCondition:
 
 
 def _judged_hold(rest: Rest, q: FloatArray, time: float) -> JudgedCondition:
-    """Judge whether the motors hold the arm in a configuration (n,), whatever it carries there."""
+    """Judge the motors' efforts at rest in a configuration (n,), with every load carried there."""
     arms = list(dict.fromkeys(rest.arms))
     margins = np.array([_hold_margin(arm, q) for arm in arms])
     if np.isinf(margins).all():
@@ -230,21 +227,15 @@ def _judged_hold(rest: Rest, q: FloatArray, time: float) -> JudgedCondition:
 
 
 def _hold_margin(arm: RobotModel, q: FloatArray) -> FloatArray:
-    """Return which share of each motor's effort is left at rest, shape (n,)."""
+    """Return the fraction of each motor's effort limit that is free at rest, shape (n,)."""
     effort = arm.gravity_effort(q)
     allowed = np.where(effort > 0, arm.limits.effort_at(q, 1), arm.limits.effort_at(q, -1))
     margin: FloatArray = np.where(np.isfinite(allowed), 1 - abs(effort) / allowed, np.inf)
     return margin
 
 
-def _judged_return(cycle: Cycle, motion: CycleMotion) -> JudgedCondition:
-    """Judge whether the motion ends in the configuration in which it begins."""
-    off = abs(motion.seams[-1] - motion.seams[0])
-    return _judged_gap(cycle.robot, off, motion.trajectory.duration, "the end against the start")
-
-
 def _judged_gap(robot: RobotModel, gap: FloatArray, time: float, coverage: str) -> JudgedCondition:
-    """Return the judgement of how far joints are, (n,) [rad or m], from where they must be."""
+    """Judge gaps of joints, (n,) [rad or m], by the largest."""
     joint = int(gap.argmax())
     unit = "rad" if robot.revolute[joint] else "m"
     place = Place(time=time, joint=robot.joint_names[joint])

@@ -15,20 +15,20 @@ from tubeplanner.trajectory.polynomials import restricted
 
 @dataclass(frozen=True, eq=False)
 class DirectedEfforts:
-    """R intervals, each of one joint, in which it moves one way and no table has a corner.
+    """R intervals, each of a joint that moves without reversal and passes no corner of a table.
 
     Polynomials of a time that runs from 0 to 1 over each interval, highest power first, (N, R). At
-    a reversal one interval ends and the next begins: both one-sided limits belong to one.
+    a reversal one interval ends and the next begins, so that both one-sided limits are covered.
 
     Attributes:
-        joint: Whose it is, shape (R,).
+        joint: Index of the joint, shape (R,).
         start: Shape (R,) [s].
         width: Shape (R,) [s].
         position: Of the joint [rad or m].
-        velocity: Likewise [rad/s or m/s].
-        effort: With friction as it is given [N m or N].
-        unsure: By how much friction may change it, never negative [N m or N].
-        error: How far the effort may be from its polynomial, shape (R,) [N m or N].
+        velocity: Of the joint [rad/s or m/s].
+        effort: With nominal friction [N m or N].
+        unsure: Uncertainty of the effort by that of friction, never negative [N m or N].
+        error: Bound on the distance of the effort from its polynomial, shape (R,) [N m or N].
     """
 
     joint: IntArray
@@ -41,7 +41,7 @@ class DirectedEfforts:
     error: FloatArray
 
     def most(self, way: float) -> FloatArray:
-        """Return the most that the effort may be forwards (1) or backwards (-1), (N, R)."""
+        """Return upper bounds on the effort forwards (1) or backwards (-1), polynomials (N, R)."""
         most = way * self.effort + self.unsure
         most[-1] += self.error
         return most
@@ -49,14 +49,14 @@ class DirectedEfforts:
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """Parts of an enclosure's intervals, R of them, shape (R,) each.
+    """R parts of an enclosure's intervals, shape (R,) each.
 
     Attributes:
-        joint: Whose it is.
-        interval: Of the enclosure.
-        piece: Of the trajectory.
-        start: Where it starts in the interval, from 0 to 1.
-        end: Where it ends, likewise.
+        joint: Index of the joint.
+        interval: Index of the enclosure's interval.
+        piece: Index of the trajectory's piece.
+        start: Start of the part in the interval, from 0 to 1.
+        end: End of the part in the interval, from 0 to 1.
     """
 
     joint: IntArray
@@ -80,7 +80,7 @@ def directed_efforts(
         trajectory: In the robot's joint order.
         smooth: Its efforts without Coulomb friction.
         stretches: Of the trajectory.
-        joints: Which ones, shape (k,).
+        joints: Indices of the joints, shape (k,).
     """
     instants = _instants(robot, trajectory, stretches, joints)
     parts = _parts(trajectory, smooth, instants, joints)
@@ -103,12 +103,12 @@ def directed_efforts(
 def _friction(
     motors: JointMotors, joint: IntArray, direction: FloatArray, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return Coulomb friction, (R,), and by how much all friction may be more or less, (N, R).
+    """Return Coulomb friction, (R,), and the uncertainty of all friction, (N, R) [N m or N].
 
     Args:
         motors: Of n joints.
-        joint: Whose friction it is, shape (R,).
-        direction: Of all joints then, shape (R, n).
+        joint: Index of the joint, shape (R,).
+        direction: Of all joints at that time, shape (R, n).
         velocity: Of the joint, polynomials (N, R).
     """
     row = np.arange(len(joint))
@@ -122,23 +122,23 @@ def _friction(
 def _instants(
     robot: RobotModel, trajectory: JointTrajectory, stretches: DirectedStretches, joints: IntArray
 ) -> SignChanges:
-    """Return where joints reverse and where they pass corners of their effort limits."""
+    """Return the instants at which joints reverse or pass corners of their effort limits."""
     inside = stretches.start > 0
-    found = [(stretches.joint[inside], stretches.piece[inside], stretches.start[inside])]
+    instants = [(stretches.joint[inside], stretches.piece[inside], stretches.start[inside])]
     for table in robot.limits.effort_ranges:
         beyond = np.repeat(trajectory.coefficients[:, :, [table.joint]], len(table.position), 2)
         beyond[-1] -= table.position
         passed = sign_changes(beyond, trajectory.widths)
-        found.append((np.full(len(passed.piece), table.joint), passed.piece, passed.share))
-    joint, piece, share = (np.concatenate(column) for column in zip(*found, strict=True))
-    asked = np.isin(joint, joints)
-    return SignChanges(joint[asked], piece[asked], share[asked])
+        instants.append((np.full(len(passed.piece), table.joint), passed.piece, passed.share))
+    joint, piece, share = (np.concatenate(column) for column in zip(*instants, strict=True))
+    counts = np.isin(joint, joints)
+    return SignChanges(joint[counts], piece[counts], share[counts])
 
 
 def _parts(
     trajectory: JointTrajectory, smooth: Enclosure, instants: SignChanges, joints: IntArray
 ) -> _Parts:
-    """Return every interval for each joint, cut at its instants."""
+    """Return every interval for each joint, cut at the joint's instants."""
     begin, widths = trajectory.breakpoints, trajectory.widths
     pieces = np.searchsorted(begin, smooth.start + smooth.width / 2, side="right") - 1
     count = len(pieces)
@@ -162,6 +162,6 @@ def _on(rows: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
 
 
 def _of_one_degree(*polynomials: FloatArray) -> list[FloatArray]:
-    """Return polynomials (degree+1, R) with as many rows as the highest has."""
+    """Return polynomials (degree+1, R) padded to the highest degree."""
     most = max(map(len, polynomials))
     return [np.pad(rows, ((most - len(rows), 0), (0, 0))) for rows in polynomials]

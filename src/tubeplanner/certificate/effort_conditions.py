@@ -21,94 +21,34 @@ from tubeplanner.outcome import Place
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.trajectory.polynomials import maxima, peak_magnitudes
 
-# ---- The largest share of their limits that enclosed quantities of the joints use.
-
-
-def judged_peak(
-    motion: JudgedMotion, quantity: Enclosure, limit: FloatArray, closeness: float
-) -> JudgedCondition:
-    """Judge the magnitudes of a quantity of every joint against limits.
-
-    Args:
-        motion: Whose quantity it is.
-        quantity: c = n.
-        limit: Shape (n,), infinite where there is none, but not everywhere.
-        closeness: What errors, as shares of the limits, leave the condition decided.
-    """
-    bounded = np.flatnonzero(np.isfinite(limit))
-    used = quantity.coefficients[:, :, bounded] / limit[bounded]
-    error = quantity.error[:, bounded].max(axis=0) / limit[bounded]
-    peaks = peak_magnitudes(used, np.ones_like(quantity.width))
-    above = peaks.value + error
-    worst = int(above.argmax())
-    interval = peaks.piece[worst]
-    time = quantity.start[interval] + peaks.local_time[worst] * quantity.width[interval]
-    coverage = FOR_ALL_TIMES
-    if error[worst] > closeness:
-        coverage = undecided(1 - float(peaks.value[worst]), RELATIVE)
-    place = Place(time=float(time), joint=motion.robot.joint_names[bounded[worst]])
-    return JudgedCondition(1 - float(above[worst]), RELATIVE, place, coverage)
-
-
-# ---- The largest share of limits that joints use which move one way at a time.
-
-
-def judged_both_ways(
-    motion: JudgedMotion, efforts: DirectedEfforts, excess: FloatArray, unit: FloatArray
-) -> JudgedCondition:
-    """Judge efforts that must not exceed what is allowed.
-
-    Args:
-        motion: Whose efforts they are.
-        efforts: On R intervals.
-        excess: What they have above it forwards and backwards, errors included: polynomials as
-            those of `efforts`, shape (2, N, R) [N m or N].
-        unit: What margins are relative to, shape (R,) [N m or N].
-    """
-    used = excess / unit
-    used[:, -1] += 1.0  # `maxima` resolves shares of the value, which must not be 0
-    rows = np.concatenate(list(used), axis=1)[:, :, None]
-    peak = maxima(rows, np.ones(rows.shape[1]))
-    worst = int(peak.piece[0]) % len(unit)
-    margin, error = 1 - float(peak.value[0]), float(efforts.error[worst] / unit[worst])
-    coverage = FOR_ALL_TIMES
-    if error > EFFORT_ENCLOSURE:
-        coverage = undecided(margin + error, RELATIVE)
-    time = efforts.start[worst] + peak.local_time[0] * efforts.width[worst]
-    place = Place(time=float(time), joint=motion.robot.joint_names[efforts.joint[worst]])
-    return JudgedCondition(margin, RELATIVE, place, coverage)
-
-
-# ---- Effort limits.
-
 
 def judge_effort(motion: JudgedMotion) -> JudgedCondition:
     """Judge the effort limits, by polynomials that enclose the efforts.
 
-    Margins are relative to the most that a joint has anywhere and in any direction. Where it
-    reverses, what it needs on either side counts; at the start and the goal, on the side of the
+    Margins are relative to the largest effort limit of a joint at any position in any direction.
+    Where a joint reverses, efforts on both sides count; at start and goal, on the side of the
     motion.
     """
     limit = motion.robot.limits.effort
     if not np.isfinite(limit).any():
         return not_required(RELATIVE, "no joint has this limit")
     directed = _depends_on_direction(motion.robot) & np.isfinite(limit)
-    plain, asked = np.where(directed, np.inf, limit), []
+    plain, judged = np.where(directed, np.inf, limit), []
     if np.isfinite(plain).any():
-        asked.append(judged_peak(motion, motion.smooth_efforts, plain, EFFORT_ENCLOSURE))
+        judged.append(judged_peak(motion, motion.smooth_efforts, plain, EFFORT_ENCLOSURE))
     if directed.any():
-        asked.append(_judge_directed(motion, directed))
-    return min(asked, key=lambda each: each.margin or 0.0)
+        judged.append(_judge_directed(motion, directed))
+    return min(judged, key=lambda each: each.margin or 0.0)
 
 
 def _depends_on_direction(robot: RobotModel) -> BoolArray:
-    """Return which joints have more than a smooth effort and one limit, shape (n,)."""
+    """Return a mask of joints with friction by direction or a limit by position, shape (n,)."""
     motors = robot.motors
-    found = (motors.backwards_friction > 0) | (motors.forwards_friction > 0)
+    mask = (motors.backwards_friction > 0) | (motors.forwards_friction > 0)
     if motors.friction_uncertainty > 0:
-        found |= motors.viscous_friction > 0
-    found[[table.joint for table in robot.limits.effort_ranges]] = True
-    return found
+        mask |= motors.viscous_friction > 0
+    mask[[table.joint for table in robot.limits.effort_ranges]] = True
+    return mask
 
 
 def _judge_directed(motion: JudgedMotion, which: BoolArray) -> JudgedCondition:
@@ -134,14 +74,11 @@ def _effort_allowed(robot: RobotModel, efforts: DirectedEfforts, way: float) -> 
     return allowed
 
 
-# ---- Torque-speed lines of the motors: the faster they turn, the less effort they have.
-
-
 def judge_motor_curve(motion: JudgedMotion) -> JudgedCondition:
     """Judge the torque-speed lines, by polynomials that enclose the efforts.
 
-    Margins are relative to the saturation efforts. Both ways count: a motor that brakes has more
-    than its saturation effort.
+    Margins are relative to the saturation efforts. Both directions count: a motor that brakes has
+    more than its saturation effort.
     """
     motors = motion.robot.motors
     if not motors.has_curve.any():
@@ -154,15 +91,84 @@ def judge_motor_curve(motion: JudgedMotion) -> JudgedCondition:
     return judged_both_ways(motion, efforts, excess, saturation)
 
 
-# ---- Where joints reverse, and how far Coulomb friction jumps there, in words.
+def judged_both_ways(
+    motion: JudgedMotion, efforts: DirectedEfforts, excess: FloatArray, unit: FloatArray
+) -> JudgedCondition:
+    """Judge efforts against the allowed efforts, forwards and backwards.
+
+    Args:
+        motion: The motion.
+        efforts: Its efforts on R intervals.
+        excess: Excess over the allowed efforts forwards and backwards, errors included: polynomials
+            as those of `efforts`, shape (2, N, R) [N m or N].
+        unit: The efforts that margins are relative to, shape (R,) [N m or N].
+    """
+    used = excess / unit
+    used[:, -1] += 1.0  # `maxima` resolves fractions of the value, which must not be 0
+    rows = np.concatenate(list(used), axis=1)[:, :, None]
+    peak = maxima(rows, np.ones(rows.shape[1]))
+    worst = int(peak.piece[0]) % len(unit)
+    margin, error = 1 - float(peak.value[0]), float(efforts.error[worst] / unit[worst])
+    coverage = FOR_ALL_TIMES
+    if error > EFFORT_ENCLOSURE:
+        coverage = undecided(margin + error, RELATIVE)
+    time = efforts.start[worst] + peak.local_time[0] * efforts.width[worst]
+    place = Place(time=float(time), joint=motion.robot.joint_names[efforts.joint[worst]])
+    return JudgedCondition(margin, RELATIVE, place, coverage)
+
+
+# Error of enclosed rates, as a fraction of their limits: tighter than the certificate's tolerance,
+# so that the planner may use most of that.
+_RATE_ENCLOSURE = 1e-8
+
+
+def judge_effort_rate(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the rates of the efforts inside all pieces, by polynomials that enclose the rates.
+
+    Jumps of efforts at breakpoints are left to the continuity condition. Coulomb friction jumps
+    where joints reverse, whatever the motion: the coverage says how often and how far.
+    """
+    limit = motion.robot.limits.effort_rate
+    if not np.isfinite(limit).any():
+        return not_required(RELATIVE, "no joint has this limit")
+    rates = enclosed_effort_rates(motion.robot, motion.trajectory, _RATE_ENCLOSURE * limit)
+    judged = judged_peak(motion, rates, limit, _RATE_ENCLOSURE)
+    jumps = friction_jumps(motion, np.isfinite(limit))
+    return replace(judged, coverage=f"{judged.coverage}; {jumps}") if jumps else judged
+
+
+def judged_peak(
+    motion: JudgedMotion, quantity: Enclosure, limit: FloatArray, closeness: float
+) -> JudgedCondition:
+    """Judge the magnitudes of a quantity of every joint against limits.
+
+    Args:
+        motion: The motion.
+        quantity: The quantity of its joints, c = n.
+        limit: Shape (n,), infinite where there is none, but not everywhere.
+        closeness: Largest error, as a fraction of the limit, of a decided condition.
+    """
+    bounded = np.flatnonzero(np.isfinite(limit))
+    used = quantity.coefficients[:, :, bounded] / limit[bounded]
+    error = quantity.error[:, bounded].max(axis=0) / limit[bounded]
+    peaks = peak_magnitudes(used, np.ones_like(quantity.width))
+    above = peaks.value + error
+    worst = int(above.argmax())
+    interval = peaks.piece[worst]
+    time = quantity.start[interval] + peaks.local_time[worst] * quantity.width[interval]
+    coverage = FOR_ALL_TIMES
+    if error[worst] > closeness:
+        coverage = undecided(1 - float(peaks.value[worst]), RELATIVE)
+    place = Place(time=float(time), joint=motion.robot.joint_names[bounded[worst]])
+    return JudgedCondition(1 - float(above[worst]), RELATIVE, place, coverage)
 
 
 def friction_jumps(motion: JudgedMotion, joints: BoolArray) -> str:
-    """Return how often friction jumps, and the most at which place; empty where there is none.
+    """Return a sentence with number, size and place of friction's jumps; empty without friction.
 
     Args:
-        motion: Of joints that may reverse.
-        joints: Whose friction counts, shape (n,).
+        motion: The motion.
+        joints: True for joints whose friction counts, shape (n,).
     """
     robot, trajectory, stretches = motion.robot, motion.trajectory, motion.stretches
     motors = robot.motors
@@ -186,25 +192,3 @@ def friction_jumps(motion: JudgedMotion, joints: BoolArray) -> str:
         f"Coulomb friction, which is apart, jumps at {len(at)} reversal{'s'[: len(at) > 1]}, by "
         f"at most {jump[joint]:.3g} {unit} ({place})"
     )
-
-
-# ---- Limits on how fast the efforts change.
-
-# How closely the rates are enclosed, as a share of their limits: tighter than the certificate's
-# tolerance, so that the planner may use most of it.
-_RATE_ENCLOSURE = 1e-8
-
-
-def judge_effort_rate(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the rates of the efforts inside all pieces, by polynomials that enclose them.
-
-    Where efforts jump, at breakpoints, that is the continuity's to judge. Coulomb friction jumps
-    where joints reverse, whatever the motion: the coverage says how often and how far.
-    """
-    limit = motion.robot.limits.effort_rate
-    if not np.isfinite(limit).any():
-        return not_required(RELATIVE, "no joint has this limit")
-    rates = enclosed_effort_rates(motion.robot, motion.trajectory, _RATE_ENCLOSURE * limit)
-    judged = judged_peak(motion, rates, limit, _RATE_ENCLOSURE)
-    jumps = friction_jumps(motion, np.isfinite(limit))
-    return replace(judged, coverage=f"{judged.coverage}; {jumps}") if jumps else judged

@@ -1,10 +1,10 @@
 """Majorants and enclosures of tool pose and joint efforts, for all t.
 
-A trajectory in joint space is polynomial, what follows from it is not. Here, every vector of the
+A trajectory in joint space is polynomial, tool pose and efforts are not. Here, every vector of the
 recursive Newton-Euler algorithm is replaced by a power series whose coefficients bound the norms of
-its own ("majorants" in the sense of Cauchy): sums and products of vectors become sums and products
-of series, and a vector fixed in a turning body obeys x' = w x x. Whatever the directions, no Taylor
-coefficient of the real quantity on the interval is larger.
+the vector's own ("majorants" in the sense of Cauchy): sums and products of vectors become sums and
+products of series, and a vector fixed in a turning body obeys x' = w x x. Whatever the directions,
+no Taylor coefficient of the real quantity on the interval is larger.
 
 Time runs from 0 to 1 over each of I intervals; a series is an array (order+1, I).
 """
@@ -27,18 +27,152 @@ from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
+# ---- Polynomials that enclose the position and the orientation of the tool, for all t.
+
+
+@dataclass(frozen=True, eq=False)
+class EnclosedPose:
+    """Position and orientation of the tool, over the same I intervals.
+
+    Attributes:
+        tool: Position of the tool centre point, c = 3 [m].
+        rotation: Rotation matrix, row by row, c = 9; no column is farther off than the error.
+        speed: Bound on the speed, shape (I,) [m/s].
+        acceleration: Bound on the norm of the acceleration, shape (I,) [m/s^2].
+        spin: Bound on the angular velocity, shape (I,) [rad/s].
+        spin_rate: Bound on the angular acceleration, shape (I,) [rad/s^2].
+    """
+
+    tool: Enclosure
+    rotation: Enclosure
+    speed: FloatArray
+    acceleration: FloatArray
+    spin: FloatArray
+    spin_rate: FloatArray
+
+
+def enclosed_tool(
+    robot: RobotModel, tube: Tube, trajectory: JointTrajectory, tolerance: float
+) -> Enclosure:
+    """Return the tool centre point's position, c = 3 [m].
+
+    Args:
+        robot: The arm.
+        tube: The tube in whose frame the tool counts.
+        trajectory: In the robot's joint order.
+        tolerance: Largest norm of the error [m], the same for all components.
+    """
+
+    def position(q: FloatArray) -> FloatArray:
+        return tube.tool_pose(robot, q)[1]
+
+    def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
+        return np.stack([tool_majorant(robot, joints).position] * 3, axis=2)
+
+    return enclosed(trajectory, Quantity(0, position, majorant), np.full(3, tolerance))
+
+
+def enclosed_pose(
+    robot: RobotModel,
+    tube: Tube,
+    trajectory: JointTrajectory,
+    tolerance: float,
+    rotation_tolerance: float,
+) -> EnclosedPose:
+    """Return position and orientation of the tool centre point.
+
+    Args:
+        robot: The arm.
+        tube: The tube in whose frame the tool counts.
+        trajectory: In the robot's joint order.
+        tolerance: Largest error of the position [m].
+        rotation_tolerance: Largest error of a column of the rotation matrix.
+    """
+
+    def values(q: FloatArray) -> FloatArray:
+        rotation, position = tube.tool_pose(robot, q)
+        return np.hstack([position, rotation.reshape(-1, 9)])
+
+    def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
+        tool = tool_majorant(robot, joints)
+        return np.stack([tool.position] * 3 + [tool.axis] * 9, axis=2)
+
+    tolerances = np.repeat([tolerance, rotation_tolerance], [3, 9])
+    pose = enclosed(trajectory, Quantity(0, values, majorant), tolerances)
+    tool, rotation = (
+        Enclosure(pose.start, pose.width, pose.coefficients[:, :, part], pose.error[:, part])
+        for part in (slice(3), slice(3, 12))
+    )
+    piece = np.searchsorted(trajectory.breakpoints, pose.start, "right") - 1
+    local = pose.start - trajectory.breakpoints[piece]
+    rates = tool_majorant(robot, joint_bounds(trajectory, piece, local, pose.width, 3))
+    return EnclosedPose(
+        tool,
+        rotation,
+        speed=rates.position[1] / pose.width,
+        acceleration=2 * rates.position[2] / pose.width**2,
+        spin=rates.spin[0] / pose.width,
+        spin_rate=rates.spin[1] / pose.width**2,
+    )
+
+
+# ---- Polynomials that enclose the joint efforts and their rates, for all t.
+#
+# The terms of the effort law are listed once. Values and bounds between values are sums over that
+# list, so that no term can be in the values and not in the bounds.
+
+
+def effort_terms(robot: RobotModel) -> Mapping[str, Quantity]:
+    """Return the smooth terms of the effort law by name, c = n each [N m or N].
+
+    Their values add up to `inverse_dynamics`: the motors' efforts without Coulomb friction.
+    """
+
+    def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
+        bodies = rigid_body_majorant(robot, joints, width)
+        return bodies + motor_majorant(robot, joints, width)
+
+    return {"rigid bodies and motors": Quantity(2, robot.inverse_dynamics, majorant)}
+
+
+def enclosed_efforts(
+    robot: RobotModel, trajectory: JointTrajectory, tolerance: FloatArray
+) -> Enclosure:
+    """Return the joint efforts, c = n [N m or N].
+
+    Args:
+        robot: The arm.
+        trajectory: In the robot's joint order.
+        tolerance: Largest errors, shape (n,) [N m or N].
+    """
+    return enclosed(trajectory, total(effort_terms(robot).values()), tolerance)
+
+
+def enclosed_effort_rates(
+    robot: RobotModel, trajectory: JointTrajectory, tolerance: FloatArray
+) -> Enclosure:
+    """Return the rates of the joint efforts inside the pieces, c = n [N m/s or N/s].
+
+    Args:
+        robot: The arm.
+        trajectory: In the robot's joint order.
+        tolerance: Largest errors, shape (n,) [N m/s or N/s].
+    """
+    return enclosed_rate(trajectory, total(effort_terms(robot).values()), tolerance)
+
+
 # ---- Bounds on the Taylor coefficients of a trajectory's tool pose and joint efforts.
 
 
 @dataclass(frozen=True, eq=False)
 class _BodyMotion:
-    """Majorants of one body.
+    """Majorants of a body.
 
     Attributes:
         spin: Angular velocity.
         unit: A vector of length one that is fixed in the body.
-        link: From the origin of the body that carries it to its own.
-        origin: Its origin in the base frame; the value itself may be any constant off.
+        link: Vector from the origin of the parent body to the body's own.
+        origin: Origin of the body in the base frame; the value itself may be any constant off.
     """
 
     spin: FloatArray
@@ -54,7 +188,7 @@ class ToolMajorant:
     Attributes:
         position: Of the tool centre point [m]; the first row has no meaning.
         axis: Of a unit vector fixed in the tool, such as each of its axes.
-        spin: Of its angular velocity [rad per interval], one order shorter.
+        spin: Of the angular velocity [rad per interval], one order shorter.
     """
 
     position: FloatArray
@@ -74,12 +208,12 @@ def tool_majorant(robot: RobotModel, joints: FloatArray) -> ToolMajorant:
 
 
 def point_majorant(robot: RobotModel, joints: FloatArray, body: int, reach: float) -> FloatArray:
-    """Return bounds on the Taylor coefficients of the course of a point that moves with a body.
+    """Return bounds on the Taylor coefficients of a point that moves with a body.
 
     Args:
         robot: The arm.
         joints: Bounds on the Taylor coefficients of the joint positions, shape (order+1, I, n).
-        body: Which one.
+        body: Index of the body.
         reach: Distance of the point from the body's origin [m].
 
     Returns:
@@ -90,7 +224,7 @@ def point_majorant(robot: RobotModel, joints: FloatArray, body: int, reach: floa
 
 
 def motor_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) -> FloatArray:
-    """Return bounds on the Taylor coefficients of what rotors and viscous friction take.
+    """Return bounds on the Taylor coefficients of the efforts for rotors and viscous friction.
 
     Args:
         robot: The arm.
@@ -132,7 +266,7 @@ def rigid_body_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray
             moment = moment + moments[child] + _product(bodies[child].link, forces[child])
         forces[i], moments[i] = force, moment
     efforts = np.zeros((len(joints) - 2, joints.shape[1], robot.joint_count))
-    share = abs(robot.body_rules[0])  # of a body's effort that its joint feels
+    share = abs(robot.body_rules[0])  # of a body's effort that its joint takes
     for i in range(1, robot.body_count):
         joint, axis = robot.body_joints[i], bodies[robot.body_parents[i]].unit
         load = moments[i] if robot.body_turns[i] else forces[i]
@@ -141,9 +275,9 @@ def rigid_body_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray
 
 
 def derivative(a: FloatArray, times: int = 1) -> FloatArray:
-    """Return the derivative of series (orders, I, ...), one coefficient shorter each time.
+    """Return the `times`-th derivative of series (orders, I, ...), shorter by as many coefficients.
 
-    With respect to the intervals' own time: real rates are this over the widths [s].
+    With respect to the intervals' own time: the real rate is this over the widths [s].
     """
     for _ in range(times):
         a = (np.arange(1, len(a)) * a[1:].T).T
@@ -179,143 +313,9 @@ def _product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _turning(spin: FloatArray) -> FloatArray:
-    """Return the series of a unit vector that obeys x' = spin x, one coefficient longer."""
+    """Return the series of a unit vector that obeys x' = spin x, longer by a coefficient."""
     unit = np.zeros((len(spin) + 1, spin.shape[1]))
     unit[0] = 1.0
     for k in range(len(spin)):
         unit[k + 1] = np.einsum("ki,ki->i", spin[: k + 1], unit[k::-1]) / (k + 1)
     return unit
-
-
-# ---- Polynomials that enclose the position and the orientation of the tool, for all t.
-
-
-@dataclass(frozen=True, eq=False)
-class EnclosedPose:
-    """Where the tool is and how it is turned, over the same I intervals.
-
-    Attributes:
-        tool: Position of the tool centre point, c = 3 [m].
-        rotation: Its rotation matrix, row by row, c = 9; every column is off by at most the error.
-        speed: No part of an interval is faster, shape (I,) [m/s].
-        acceleration: Bound on the norm, shape (I,) [m/s^2].
-        spin: Bound on the angular velocity, shape (I,) [rad/s].
-        spin_rate: Bound on the angular acceleration, shape (I,) [rad/s^2].
-    """
-
-    tool: Enclosure
-    rotation: Enclosure
-    speed: FloatArray
-    acceleration: FloatArray
-    spin: FloatArray
-    spin_rate: FloatArray
-
-
-def enclosed_tool(
-    robot: RobotModel, tube: Tube, trajectory: JointTrajectory, tolerance: float
-) -> Enclosure:
-    """Return the tool centre point's position, c = 3 [m].
-
-    Args:
-        robot: The arm.
-        tube: The tube in whose frame the tool counts.
-        trajectory: In the robot's joint order.
-        tolerance: How large the error may be [m]: its norm, the same for all components.
-    """
-
-    def position(q: FloatArray) -> FloatArray:
-        return tube.tool_pose(robot, q)[1]
-
-    def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
-        return np.stack([tool_majorant(robot, joints).position] * 3, axis=2)
-
-    return enclosed(trajectory, Quantity(0, position, majorant), np.full(3, tolerance))
-
-
-def enclosed_pose(
-    robot: RobotModel,
-    tube: Tube,
-    trajectory: JointTrajectory,
-    tolerance: float,
-    rotation_tolerance: float,
-) -> EnclosedPose:
-    """Return position and orientation of the tool centre point.
-
-    Args:
-        robot: The arm.
-        tube: The tube in whose frame the tool counts.
-        trajectory: In the robot's joint order.
-        tolerance: How large the position's error may be [m].
-        rotation_tolerance: How large the error of a column of the rotation matrix may be.
-    """
-
-    def values(q: FloatArray) -> FloatArray:
-        rotation, position = tube.tool_pose(robot, q)
-        return np.hstack([position, rotation.reshape(-1, 9)])
-
-    def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
-        tool = tool_majorant(robot, joints)
-        return np.stack([tool.position] * 3 + [tool.axis] * 9, axis=2)
-
-    tolerances = np.repeat([tolerance, rotation_tolerance], [3, 9])
-    pose = enclosed(trajectory, Quantity(0, values, majorant), tolerances)
-    tool, rotation = (
-        Enclosure(pose.start, pose.width, pose.coefficients[:, :, part], pose.error[:, part])
-        for part in (slice(3), slice(3, 12))
-    )
-    piece = np.searchsorted(trajectory.breakpoints, pose.start, "right") - 1
-    local = pose.start - trajectory.breakpoints[piece]
-    rates = tool_majorant(robot, joint_bounds(trajectory, piece, local, pose.width, 3))
-    return EnclosedPose(
-        tool,
-        rotation,
-        speed=rates.position[1] / pose.width,
-        acceleration=2 * rates.position[2] / pose.width**2,
-        spin=rates.spin[0] / pose.width,
-        spin_rate=rates.spin[1] / pose.width**2,
-    )
-
-
-# ---- Polynomials that enclose the joint efforts and their rates, for all t.
-#
-# The terms of the effort law are listed once. Its values and the bounds on what lies between them
-# are sums over that list, so that no term can be in the one and not in the other.
-
-
-def effort_terms(robot: RobotModel) -> Mapping[str, Quantity]:
-    """Return the smooth terms of the effort law by name, c = n each [N m or N].
-
-    Their values add up to `inverse_dynamics`: all that the motors give, but for Coulomb friction.
-    """
-
-    def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
-        moved = rigid_body_majorant(robot, joints, width)
-        return moved + motor_majorant(robot, joints, width)
-
-    return {"rigid bodies and motors": Quantity(2, robot.inverse_dynamics, majorant)}
-
-
-def enclosed_efforts(
-    robot: RobotModel, trajectory: JointTrajectory, tolerance: FloatArray
-) -> Enclosure:
-    """Return the joint efforts, c = n [N m or N].
-
-    Args:
-        robot: The arm.
-        trajectory: In the robot's joint order.
-        tolerance: How large the errors may be, shape (n,) [N m or N].
-    """
-    return enclosed(trajectory, total(effort_terms(robot).values()), tolerance)
-
-
-def enclosed_effort_rates(
-    robot: RobotModel, trajectory: JointTrajectory, tolerance: FloatArray
-) -> Enclosure:
-    """Return how fast the joint efforts change inside the pieces, c = n [N m/s or N/s].
-
-    Args:
-        robot: The arm.
-        trajectory: In the robot's joint order.
-        tolerance: How large the errors may be, shape (n,) [N m/s or N/s].
-    """
-    return enclosed_rate(trajectory, total(effort_terms(robot).values()), tolerance)

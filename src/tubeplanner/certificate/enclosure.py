@@ -1,16 +1,16 @@
 """Polynomial enclosures of quantities along a trajectory, for all t: theorem and rounding.
 
-On each of I intervals the quantity is interpolated at Chebyshev points. What the polynomial misses
-between them is bounded by the majorant of the next Taylor coefficient, T:
+On each of I intervals the quantity is interpolated at Chebyshev points. The polynomial's error
+between these points is bounded by the majorant of the next Taylor coefficient, T:
 
     |f(u) - P(u)| <= T max |product of (u - u_i)| = T 2 / 4^N
 
 for N points on an interval of width one (Davis, "Interpolation and Approximation", 1963, theorem
 3.1.1). Intervals are halved until that is negligible. Rounding errors, some 1e-12, are not bounded.
-The polynomial's derivative misses no more of the quantity's than T max |derivative of that product|
+The error of the polynomial's derivative is at most T max |derivative of that product|
 = T 4 N^2 / 4^N (Shadrin, "Error bounds for Lagrange interpolation", 1995).
 
-What is enclosed is a `Quantity`: its values, and a majorant made from the series of `majorants`.
+A `Quantity` gives values, and a majorant made from the series of `enclosed_quantities`.
 """
 
 from collections.abc import Callable, Iterable
@@ -30,17 +30,17 @@ _NODE_PRODUCT = 2.0 / 4.0**_POINTS
 _SLOPE_OF_PRODUCT = 4.0 * _POINTS**2 / 4.0**_POINTS
 # From values at the nodes to coefficients, highest power first.
 _FIT = np.linalg.inv(np.vander(_NODES))
-# A trajectory that is not enclosed after so many intervals is left as it is: its errors are large.
+# After this many intervals none is halved any more: the errors of such a trajectory stay large.
 _MAX_INTERVALS = 200_000
 _MIN_WIDTH = 1e-9  # [s]
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """What follows from the joints of a trajectory at every instant: c components.
+    """A function of the joints of a trajectory at every instant, of c components.
 
     Attributes:
-        derivatives: How many derivatives of the joint positions it depends on.
+        derivatives: Number of derivatives of the joint positions that it depends on.
         values: From joint positions and these derivatives, each (N, n), to the values, (N, c).
         majorant: From bounds on the Taylor coefficients of the joint positions over I intervals,
             shape (orders, I, n), in widths of the intervals, and from these widths (I,) [s], to
@@ -53,7 +53,7 @@ class Quantity:
 
 
 def total(terms: Iterable[Quantity]) -> Quantity:
-    """Return the sum of quantities: no term has values without bounds on them, or the reverse."""
+    """Return the sum of quantities: values and majorants are sums over the same terms."""
     terms = tuple(terms)
     highest = max(term.derivatives for term in terms)
 
@@ -77,7 +77,7 @@ class Enclosure:
         start: Start of each interval, shape (I,) [s].
         width: Width of each interval, shape (I,) [s].
         coefficients: Shape (N, I, c), highest power first.
-        error: How far the quantity may be from the polynomials, shape (I, c).
+        error: Bound on the distance of the quantity from the polynomials, shape (I, c).
     """
 
     start: FloatArray
@@ -99,12 +99,12 @@ class Enclosure:
 
 
 def enclosed(trajectory: JointTrajectory, quantity: Quantity, tolerance: FloatArray) -> Enclosure:
-    """Halve intervals until the interpolation's error is below the tolerance everywhere.
+    """Return polynomials on intervals halved until their errors are within the tolerance.
 
     Args:
         trajectory: Of n joints.
-        quantity: What is enclosed.
-        tolerance: How large the errors of its components may be, shape (c,).
+        quantity: The quantity to enclose.
+        tolerance: Largest errors of its components, shape (c,).
     """
 
     def missed(majorant: FloatArray, width: FloatArray) -> FloatArray:
@@ -116,14 +116,14 @@ def enclosed(trajectory: JointTrajectory, quantity: Quantity, tolerance: FloatAr
 def enclosed_rate(
     trajectory: JointTrajectory, quantity: Quantity, tolerance: FloatArray
 ) -> Enclosure:
-    """Enclose likewise the time derivative of a quantity, inside the trajectory's pieces.
+    """Return the enclosure of a quantity's time derivative, inside the trajectory's pieces.
 
-    Where it jumps, at breakpoints, both sides are enclosed.
+    Where the derivative jumps, at breakpoints, both sides are enclosed.
 
     Args:
         trajectory: Of n joints.
-        quantity: Whose derivative is enclosed.
-        tolerance: How large the errors of its components may be, shape (c,) [per s].
+        quantity: The quantity whose derivative is enclosed.
+        tolerance: Largest errors of the derivative's components, shape (c,) [per s].
     """
 
     def missed(majorant: FloatArray, width: FloatArray) -> FloatArray:
@@ -142,14 +142,14 @@ def _interpolated(
     tolerance: FloatArray,
     missed_of: Callable[[FloatArray, FloatArray], FloatArray],
 ) -> Enclosure:
-    """Return a quantity's polynomials on intervals so short that nothing more is missed.
+    """Return a quantity's polynomials on intervals that are short enough for a tolerance.
 
     Args:
         trajectory: Of n joints.
-        quantity: What is interpolated.
-        tolerance: How much may be missed, shape (c,).
+        quantity: The quantity to interpolate.
+        tolerance: Largest errors, shape (c,).
         missed_of: From the majorants of the next Taylor coefficients, (I, c), and the widths of the
-            intervals (I,) [s] to what is missed, (I, c).
+            intervals (I,) [s] to bounds on the errors, (I, c).
     """
     orders = _POINTS + 1 + quantity.derivatives
     pieces = len(trajectory.widths)
@@ -192,10 +192,10 @@ def joint_bounds(
 
     Args:
         trajectory: Of n joints.
-        piece: The piece that each interval is in: int, shape (I,).
+        piece: Index of the piece that holds each interval, shape (I,).
         start: Start of each interval in its piece, shape (I,) [s].
         width: Width of each interval, shape (I,) [s].
-        orders: How many coefficients, from the constant one.
+        orders: Number of coefficients, from the constant.
 
     Returns:
         Shape (orders, I, n).
@@ -215,7 +215,7 @@ def _states(
     width: FloatArray,
     derivatives: int,
 ) -> list[FloatArray]:
-    """Return positions and so many derivatives at the nodes of all intervals, each (I N, n).
+    """Return positions and their first derivatives at the nodes of all intervals, each (I N, n).
 
     Evaluated piece by piece, so that no rounding of times crosses a breakpoint.
     """

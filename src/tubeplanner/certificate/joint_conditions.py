@@ -27,7 +27,157 @@ from tubeplanner.trajectory.polynomials import (
     peak_magnitudes,
 )
 
-# ---- Where polynomials of the joints come nearest to their bounds, exactly.
+
+def judge_position(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the position limits, exactly."""
+    limits = motion.robot.limits
+    least = range_margin(motion.trajectory, limits.lower_position, limits.upper_position)
+    if least is None:
+        return not_required("rad", "no joint has position limits")
+    place = Place(time=least.time, joint=least.joint)
+    return JudgedCondition(least.margin, motion.position_unit(least.joint), place, FOR_ALL_TIMES)
+
+
+def judge_velocity(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the velocity limits, exactly, and the limits that depend on positions."""
+    constant = _judge_derivative(motion, 1, motion.robot.limits.velocity)
+    by_position = velocity_by_position_left(motion)
+    required = [each for each in (constant, by_position) if each.margin is not None]
+    return min(required, key=lambda each: each.margin or 0.0, default=constant)
+
+
+def judge_acceleration(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the acceleration limits, exactly."""
+    return _judge_derivative(motion, 2, motion.robot.limits.acceleration)
+
+
+def judge_jerk(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the jerk limits, exactly."""
+    return _judge_derivative(motion, 3, motion.robot.limits.jerk)
+
+
+def _judge_derivative(motion: JudgedMotion, order: int, limit: FloatArray) -> JudgedCondition:
+    """Judge a derivative of the positions against limits (n,), infinite where there is none."""
+    bounded = np.flatnonzero(np.isfinite(limit))
+    if len(bounded) == 0:
+        return not_required(RELATIVE, "no joint has this limit")
+    trajectory = motion.trajectory
+    used = trajectory.derivative_coefficients(order)[:, :, bounded] / limit[bounded]
+    peak = highest(peak_magnitudes(used, trajectory.widths), trajectory)
+    place = Place(time=peak.time, joint=motion.robot.joint_names[bounded[peak.column]])
+    return JudgedCondition(1 - peak.value, RELATIVE, place, FOR_ALL_TIMES)
+
+
+def judge_joint_signs(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the segments' joint ranges, exactly between the switching times."""
+    lower, upper = motion.tube.ranges_of(motion.robot.joint_names)
+    margins = []
+    for visits in _visits_by_range(motion):
+        segment, begin = visits[0].segment, visits[0].begin
+        part = motion.trajectory.between(begin, visits[-1].end)
+        least = range_margin(part, lower[segment], upper[segment])
+        if least is not None:
+            margins.append((least._replace(time=begin + least.time), visits))
+    if not margins:
+        return not_required("rad", "no segment has joint signs")
+    worst, visits = min(margins, key=lambda item: item[0].margin)
+    segment = next((v.segment for v in visits if worst.time <= v.end), visits[-1].segment)
+    place = Place(worst.time, worst.joint, motion.segment_number(segment, worst.time))
+    return JudgedCondition(worst.margin, motion.position_unit(worst.joint), place, FOR_ALL_TIMES)
+
+
+def _visits_by_range(motion: JudgedMotion) -> list[list[Visit]]:
+    """Return the visits, grouped where neighbours' segments have the same joint ranges."""
+    ranges = np.hstack(motion.tube.ranges_of(motion.robot.joint_names))
+    groups = groupby(motion.visits, key=lambda visit: ranges[visit.segment].tobytes())
+    return [list(visits) for _, visits in groups]
+
+
+def judge_start(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the start of the trajectory."""
+    return _judge_end(motion, 0, 0.0)
+
+
+def judge_goal(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the end of the trajectory."""
+    goal, duration = motion.problem.endpoints[1], motion.trajectory.duration
+    if goal.kind != "position" or (region := goal.region) is None:
+        return _judge_end(motion, -1, duration)
+    tool = motion.robot.tool_position(motion.trajectory.position(duration)[None])[0]
+    coverage = f"tool within {region.tolerance:g} m of the goal's position"
+    return JudgedCondition(region.margin(tool), "m", Place(time=duration), coverage)
+
+
+def _judge_end(motion: JudgedMotion, index: int, time: float) -> JudgedCondition:
+    """Judge start or goal against its configuration or pose, or else the reference point.
+
+    Args:
+        motion: The motion.
+        index: 0 for the start, -1 for the goal.
+        time: The time at that end [s].
+    """
+    q, end = motion.trajectory.position(time), motion.problem.endpoints[index]
+    if end.pose is not None:
+        rotation, position = (part[0] for part in motion.robot.tool_pose(q[None]))
+        distance, angle = end.pose.errors(rotation, position)
+        unit, worst = ("m", distance) if distance >= angle else ("rad", angle)
+        return JudgedCondition(0.0 - worst, unit, Place(time=time), "tool at its pose")
+    if end.joints is None:
+        tool = motion.robot.tool_position(q[None])[0]
+        error = float(np.linalg.norm(tool - motion.tube.points[index]))
+        return JudgedCondition(0.0 - error, "m", Place(time=time), "tool at the reference point")
+    off = abs(q - end.joints)
+    joint = motion.robot.joint_names[int(off.argmax())]
+    place = Place(time=time, joint=joint)
+    return JudgedCondition(
+        0.0 - float(off.max()), motion.position_unit(joint), place, FOR_ALL_TIMES
+    )
+
+
+def judge_rest(motion: JudgedMotion) -> JudgedCondition:
+    """Judge velocity and acceleration at both ends, relative to their largest values."""
+    worst, place = 0.0, Place()
+    for order in (1, 2):
+        values = motion.piece_ends(order)
+        ends = np.array([values[0, 0], values[1, -1]])
+        share = abs(ends) / motion.largest_rates[order]
+        if share.max() > worst:
+            end, joint = np.unravel_index(int(share.argmax()), share.shape)
+            time = float(motion.trajectory.breakpoints[-end])
+            worst = float(share.max())
+            place = Place(time=time, joint=motion.robot.joint_names[joint])
+    return JudgedCondition(0.0 - worst, RELATIVE, place, FOR_ALL_TIMES)
+
+
+def judge_continuity(motion: JudgedMotion) -> JudgedCondition:
+    """Judge jumps of position, or of velocity and acceleration relative to their largest values.
+
+    All jumps of a joint add up: otherwise many small jumps could skip any part of its path. The
+    worst sum is reported, each measured by its own tolerance, at its largest jump.
+    """
+    sums = [JudgedCondition(0.0, RELATIVE, Place(), FOR_ALL_TIMES)]
+    for order in range(3):
+        values = motion.piece_ends(order)
+        jumps = abs(values[0, 1:] - values[1, :-1])
+        if jumps.size == 0:
+            continue
+        if order > 0:
+            jumps = jumps / motion.largest_rates[order]
+        total = jumps.sum(axis=0)
+        worst = int(total.argmax())
+        joint = motion.robot.joint_names[worst]
+        time = float(motion.trajectory.breakpoints[jumps[:, worst].argmax() + 1])
+        unit = motion.position_unit(joint) if order == 0 else RELATIVE
+        place = Place(time=time, joint=joint)
+        sums.append(JudgedCondition(0.0 - float(total[worst]), unit, place, FOR_ALL_TIMES))
+
+    def in_tolerances(condition: JudgedCondition) -> float:
+        return (condition.margin or 0.0) / max(motion.tolerance.of(condition.unit), 1e-300)
+
+    return min(sums, key=in_tolerances)
+
+
+# ---- Nearest approaches of joint polynomials to their bounds, exactly.
 
 
 class Highest(NamedTuple):
@@ -36,7 +186,7 @@ class Highest(NamedTuple):
     Attributes:
         value: In the unit of the polynomials.
         time: From the trajectory's begin [s].
-        column: Which extremum it is.
+        column: Index of the extremum.
     """
 
     value: float
@@ -88,53 +238,12 @@ def range_margin(
     return JointMargin(-worst.value, worst.time, trajectory.joint_names[joints[worst.column]])
 
 
-# ---- Position limits.
-
-
-def judge_position(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the position limits, exactly."""
-    limits = motion.robot.limits
-    least = range_margin(motion.trajectory, limits.lower_position, limits.upper_position)
-    if least is None:
-        return not_required("rad", "no joint has position limits")
-    place = Place(time=least.time, joint=least.joint)
-    return JudgedCondition(least.margin, motion.position_unit(least.joint), place, FOR_ALL_TIMES)
-
-
-# ---- Joint ranges of the segments.
-
-
-def judge_joint_signs(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the segments' joint ranges, exactly between the switching times."""
-    lower, upper = motion.tube.ranges_of(motion.robot.joint_names)
-    found = []
-    for visits in _visits_by_range(motion):
-        segment, begin = visits[0].segment, visits[0].begin
-        part = motion.trajectory.between(begin, visits[-1].end)
-        least = range_margin(part, lower[segment], upper[segment])
-        if least is not None:
-            found.append((least._replace(time=begin + least.time), visits))
-    if not found:
-        return not_required("rad", "no segment has joint signs")
-    worst, visits = min(found, key=lambda item: item[0].margin)
-    segment = next((v.segment for v in visits if worst.time <= v.end), visits[-1].segment)
-    place = Place(worst.time, worst.joint, motion.segment_number(segment, worst.time))
-    return JudgedCondition(worst.margin, motion.position_unit(worst.joint), place, FOR_ALL_TIMES)
-
-
-def _visits_by_range(motion: JudgedMotion) -> list[list[Visit]]:
-    """Return the visits, neighbours together whose segments have the same joint ranges."""
-    ranges = np.hstack(motion.tube.ranges_of(motion.robot.joint_names))
-    found = groupby(motion.visits, key=lambda visit: ranges[visit.segment].tobytes())
-    return [list(visits) for _, visits in found]
-
-
 # ---- Velocity limits that fall towards the ends of joints' ranges, exactly.
 #
-# Towards an end at a distance g, a joint's velocity v keeps v <= max(0, sqrt(2 d g) - o). What that
-# leaves is the larger one of two concave functions of g and v, sqrt(2 d g) - o - v and -v. On a
-# piece of a polynomial both are polynomials of time, g and v lie in the hull of their Bernstein
-# coefficients, and each function is nowhere less than at the worst of these.
+# Towards an end at a distance g, a joint's velocity v keeps v <= max(0, sqrt(2 d g) - o). The
+# margin is the larger of two concave functions of g and v, sqrt(2 d g) - o - v and -v. On a piece g
+# and v are polynomials of time and lie in the hull of their Bernstein coefficients, and each
+# function is nowhere less than at the worst of these.
 
 _RESOLUTION = 1e-9  # of the largest velocity
 _MIN_WIDTH = 2.0**-40  # of a piece
@@ -143,15 +252,15 @@ _MAX_ROWS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class _Approaches:
-    """Motions of joints towards an end of their range, A of them: upwards, then downwards.
+    """A motions of joints towards an end of their ranges: upwards, then downwards.
 
     Attributes:
         joint: Shape (A,).
         deceleration: Shape (A,) [rad/s^2 or m/s^2].
         offset: Shape (A,) [rad/s or m/s].
-        largest: What margins are relative to, shape (A,) [rad/s or m/s].
+        largest: The velocity that margins are relative to, shape (A,) [rad/s or m/s].
         distance: From the end, as polynomials (degree+1, pieces, A) [rad or m].
-        velocity: Towards the end, likewise, of the same degree [rad/s or m/s].
+        velocity: Towards the end, as polynomials of the same degree [rad/s or m/s].
     """
 
     joint: IntArray
@@ -164,7 +273,7 @@ class _Approaches:
     def left(
         self, distance: FloatArray, velocity: FloatArray, which: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return both functions as shares, (K, R), of approaches (R,); -inf beyond the end."""
+        """Return both functions, relative, (K, R), of approaches (R,); -inf beyond the end."""
         with np.errstate(invalid="ignore"):
             root = np.sqrt(2 * self.deceleration[which] * distance) - self.offset[which]
         near = np.where(distance >= 0, root - velocity, -np.inf)
@@ -174,8 +283,8 @@ class _Approaches:
 def velocity_by_position_left(motion: JudgedMotion) -> JudgedCondition:
     """Judge the velocity limits that depend on positions, for all t.
 
-    Margins are relative to the joint's velocity limit or, where it has none, to the velocity from
-    which it would stop over its whole range.
+    Margins are relative to the joint's velocity limit or, where there is none, to the velocity from
+    which the joint would stop over its whole range.
     """
     if not motion.robot.limits.velocity_by_position:
         return not_required(RELATIVE, "no joint has such a limit")
@@ -212,7 +321,7 @@ def _approaches(robot: RobotModel, trajectory: JointTrajectory) -> _Approaches:
 def _least_left(
     approaches: _Approaches, trajectory: JointTrajectory
 ) -> tuple[float, float, float, int]:
-    """Return a lower bound on the least margin, one that is attained, when [s], and whose it is."""
+    """Return lower bound and attained value of the least margin, its time [s], its approach."""
     pieces, count = approaches.distance.shape[1:]
     piece, which = np.repeat(np.arange(pieces), count), np.tile(np.arange(count), pieces)
     start, width = np.zeros(len(piece)), trajectory.widths[piece]
@@ -242,130 +351,3 @@ def _least_left(
 def _hull(rows: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
     """Return the Bernstein coefficients of R polynomials (degree+1, R) on intervals."""
     return bernstein_coefficients(rows[:, :, None], start, width)[:, :, 0]
-
-
-# ---- Limits on velocity, acceleration and jerk of the joints.
-
-
-def judge_velocity(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the velocity limits, exactly, and those that depend on positions."""
-    constant = _judge_derivative(motion, 1, motion.robot.limits.velocity)
-    by_position = velocity_by_position_left(motion)
-    asked = [each for each in (constant, by_position) if each.margin is not None]
-    return min(asked, key=lambda each: each.margin or 0.0, default=constant)
-
-
-def judge_acceleration(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the acceleration limits, exactly."""
-    return _judge_derivative(motion, 2, motion.robot.limits.acceleration)
-
-
-def judge_jerk(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the jerk limits, exactly."""
-    return _judge_derivative(motion, 3, motion.robot.limits.jerk)
-
-
-def _judge_derivative(motion: JudgedMotion, order: int, limit: FloatArray) -> JudgedCondition:
-    """Judge a derivative of the positions against limits (n,), infinite where there is none."""
-    bounded = np.flatnonzero(np.isfinite(limit))
-    if len(bounded) == 0:
-        return not_required(RELATIVE, "no joint has this limit")
-    trajectory = motion.trajectory
-    used = trajectory.derivative_coefficients(order)[:, :, bounded] / limit[bounded]
-    peak = highest(peak_magnitudes(used, trajectory.widths), trajectory)
-    place = Place(time=peak.time, joint=motion.robot.joint_names[bounded[peak.column]])
-    return JudgedCondition(1 - peak.value, RELATIVE, place, FOR_ALL_TIMES)
-
-
-# ---- Jumps between the pieces of a trajectory.
-
-
-def judge_continuity(motion: JudgedMotion) -> JudgedCondition:
-    """Judge jumps of position, or of velocity and acceleration relative to their largest values.
-
-    All jumps of a joint add up: many small ones would otherwise let it skip any part of its path.
-    The worst sum is reported, each measured by its own tolerance, at its largest jump.
-    """
-    found = [JudgedCondition(0.0, RELATIVE, Place(), FOR_ALL_TIMES)]
-    for order in range(3):
-        values = motion.piece_ends(order)
-        jumps = abs(values[0, 1:] - values[1, :-1])
-        if jumps.size == 0:
-            continue
-        if order > 0:
-            jumps = jumps / motion.largest_rates[order]
-        total = jumps.sum(axis=0)
-        worst = int(total.argmax())
-        joint = motion.robot.joint_names[worst]
-        time = float(motion.trajectory.breakpoints[jumps[:, worst].argmax() + 1])
-        unit = motion.position_unit(joint) if order == 0 else RELATIVE
-        place = Place(time=time, joint=joint)
-        found.append(JudgedCondition(0.0 - float(total[worst]), unit, place, FOR_ALL_TIMES))
-    return min(found, key=lambda condition: _in_tolerances(motion, condition))
-
-
-def _in_tolerances(motion: JudgedMotion, condition: JudgedCondition) -> float:
-    """Return a margin as a multiple of the tolerance that it is judged by."""
-    return (condition.margin or 0.0) / max(motion.tolerance.of(condition.unit), 1e-300)
-
-
-# ---- Start and goal.
-
-
-def judge_start(motion: JudgedMotion) -> JudgedCondition:
-    """Judge where the trajectory begins."""
-    return _judge_end(motion, 0, 0.0)
-
-
-def judge_goal(motion: JudgedMotion) -> JudgedCondition:
-    """Judge where the trajectory ends."""
-    goal, duration = motion.problem.endpoints[1], motion.trajectory.duration
-    if goal.kind != "position" or (region := goal.region) is None:
-        return _judge_end(motion, -1, duration)
-    tool = motion.robot.tool_position(motion.trajectory.position(duration)[None])[0]
-    coverage = f"tool within {region.tolerance:g} m of the goal's position"
-    return JudgedCondition(region.margin(tool), "m", Place(time=duration), coverage)
-
-
-def _judge_end(motion: JudgedMotion, index: int, time: float) -> JudgedCondition:
-    """Judge start or goal against its configuration or pose, or else the reference point.
-
-    Args:
-        motion: The motion.
-        index: 0 for the start, -1 for the goal.
-        time: The time at that end [s].
-    """
-    q, end = motion.trajectory.position(time), motion.problem.endpoints[index]
-    if end.pose is not None:
-        rotation, position = (part[0] for part in motion.robot.tool_pose(q[None]))
-        away, turned = end.pose.errors(rotation, position)
-        unit, worst = ("m", away) if away >= turned else ("rad", turned)
-        return JudgedCondition(0.0 - worst, unit, Place(time=time), "tool at its pose")
-    if end.joints is None:
-        tool = motion.robot.tool_position(q[None])[0]
-        error = float(np.linalg.norm(tool - motion.tube.points[index]))
-        return JudgedCondition(0.0 - error, "m", Place(time=time), "tool at the reference point")
-    off = abs(q - end.joints)
-    joint = motion.robot.joint_names[int(off.argmax())]
-    place = Place(time=time, joint=joint)
-    return JudgedCondition(
-        0.0 - float(off.max()), motion.position_unit(joint), place, FOR_ALL_TIMES
-    )
-
-
-# ---- Rest at both ends.
-
-
-def judge_rest(motion: JudgedMotion) -> JudgedCondition:
-    """Judge velocity and acceleration at both ends, relative to their largest values."""
-    worst, place = 0.0, Place()
-    for order in (1, 2):
-        values = motion.piece_ends(order)
-        ends = np.array([values[0, 0], values[1, -1]])
-        share = abs(ends) / motion.largest_rates[order]
-        if share.max() > worst:
-            end, joint = np.unravel_index(int(share.argmax()), share.shape)
-            time = float(motion.trajectory.breakpoints[-end])
-            worst = float(share.max())
-            place = Place(time=time, joint=motion.robot.joint_names[joint])
-    return JudgedCondition(0.0 - worst, RELATIVE, place, FOR_ALL_TIMES)

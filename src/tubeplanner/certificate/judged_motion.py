@@ -27,17 +27,17 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.parts import DirectedStretches, directed_stretches
 from tubeplanner.trajectory.polynomials import peak_magnitudes
 
-# ---- One condition of a certificate: its margin, its place, what the margin covers.
+# ---- A condition of a certificate: margin, location, coverage.
 
 FOR_ALL_TIMES = "for all t"
 RELATIVE = "relative"
-# Bounds farther apart than this, absolute [m] and as a share of the margin, are left undecided.
+# Bounds farther apart than this, absolute [m] and as a fraction of the margin, are undecided.
 _UNDECIDED_LENGTH, _UNDECIDED_SHARE = 1e-6, 0.05
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far below zero a margin may lie.
+    """The largest violation that counts as none: a margin may lie this far below zero.
 
     Attributes:
         absolute: For margins in m, rad and s, >= 0.
@@ -54,7 +54,7 @@ class Tolerance:
                 raise OptionError(f"tolerance: {name} is {shown(value)}, not in [0, 1)")
 
     def of(self, unit: str) -> float:
-        """Return the tolerance that belongs to a unit."""
+        """Return the tolerance of margins with a unit."""
         return self.relative if unit == RELATIVE else self.absolute
 
 
@@ -64,13 +64,13 @@ FOREIGN_TOLERANCE = Tolerance(1e-4, 1e-3)
 
 @dataclass(frozen=True)
 class JudgedCondition:
-    """One condition of a certificate.
+    """A judged condition of a certificate.
 
     Attributes:
         margin: Distance to a violation: negative where violated, None where the condition does not
             apply.
         unit: "m", "rad" or "relative"; "s" where a cycle rests.
-        where: Where the margin is smallest.
+        where: Location of the smallest margin.
         coverage: "for all t", and whether that is undecided because bounds stayed apart; or why
             there is no margin; or what was compared.
     """
@@ -81,7 +81,7 @@ class JudgedCondition:
     coverage: str
 
     def holds(self, tolerance: Tolerance) -> bool:
-        """Return whether the condition holds, or does not apply."""
+        """Return True if the condition holds or does not apply."""
         return self.margin is None or self.margin >= -tolerance.of(self.unit)
 
     def as_dict(self, tolerance: Tolerance) -> dict[str, Any]:
@@ -106,8 +106,8 @@ def bracketed(margin: float, attained: float, unit: str, where: Place) -> Judged
     Args:
         margin: Lower bound of the margin.
         attained: A margin that the trajectory has, in the same unit.
-        unit: "m" or "rad".
-        where: Where the margin is smallest.
+        unit: "m", "rad" or "relative".
+        where: Location of the smallest margin.
     """
     allowed = max(_UNDECIDED_LENGTH, _UNDECIDED_SHARE * abs(attained))
     coverage = FOR_ALL_TIMES if margin >= attained - allowed else undecided(attained, unit)
@@ -119,28 +119,26 @@ def undecided(attained: float, unit: str) -> str:
     return f"{FOR_ALL_TIMES}, undecided: the margin found is {attained:.3g} {unit}"
 
 
-# ---- A trajectory that is judged, and what several conditions need to know of it.
+# ---- A judged trajectory, and the quantities that several conditions share.
 
-# How closely efforts are enclosed, as a share of their limits: tighter than the certificate's
-# tolerance, so that the planner may use most of it.
+# Errors of enclosures are tighter than the certificate's tolerance, so that the planner may use
+# most of that: of efforts as a fraction of their limits, of the tool [m].
 EFFORT_ENCLOSURE = 1e-8
-_STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as standing still
-# How closely the tool is enclosed [m]: tighter than the certificate's tolerance, so that the
-# planner may use most of it.
 _TOOL_ENCLOSURE = 1e-7
+_STILL_SHARE = 1e-6  # a joint slower than this fraction of the fastest counts as standing still
 # Where the rotation is judged too: an error of the tool is one of its reference orientation.
 _POSE_ENCLOSURE, _ROTATION_ENCLOSURE = 1e-8, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedMotion:
-    """A problem, a trajectory, and what follows from both; computed once, when it is asked for.
+    """A problem, a trajectory, and quantities of both, each computed once at its first use.
 
     Attributes:
-        problem: Its neighbouring segments on one line joined.
+        problem: With neighbouring segments on the same line joined.
         trajectory: In the robot's joint order.
-        tolerance: How far below zero margins may lie.
-        further: What further conditions segments ask, as for `segment_margins`.
+        tolerance: Largest violation that counts as none.
+        further: Makers of further margins of segments, as for `segment_margins`.
     """
 
     problem: PlanningProblem
@@ -155,12 +153,12 @@ class JudgedMotion:
 
     @property
     def tube(self) -> Tube:
-        """Where its tool may be."""
+        """The tube of the problem."""
         return self.problem.tube
 
     @cached_property
     def pose(self) -> EnclosedPose | None:
-        """The tool's path and orientation, if the tube bounds the orientation."""
+        """The tool's path and orientation; None if the tube leaves the orientation free."""
         if self.tube.rotation is None:
             return None
         tolerances = _POSE_ENCLOSURE, _ROTATION_ENCLOSURE
@@ -175,18 +173,17 @@ class JudgedMotion:
 
     @property
     def rotation(self) -> Enclosure | None:
-        """The tool's rotation matrix, c = 9, if the tube bounds it."""
+        """The tool's rotation matrix, c = 9; None if the tube leaves the rotation free."""
         return None if self.pose is None else self.pose.rotation
 
     @cached_property
     def visits(self) -> list[Visit]:
-        """The trajectory's share of each segment that it visits."""
-        known = (self.problem, self.trajectory, self.tool, self.rotation)
-        return tube_visits(*known, self.further)
+        """The visits of segments, in the order of time."""
+        return tube_visits(self.problem, self.trajectory, self.tool, self.rotation, self.further)
 
     @cached_property
     def stretches(self) -> DirectedStretches:
-        """When joints move which way."""
+        """The intervals in which joints move without reversal, and their directions."""
         return directed_stretches(self.trajectory)
 
     @cached_property
@@ -197,23 +194,24 @@ class JudgedMotion:
 
     def efforts_of(self, joints: IntArray) -> DirectedEfforts:
         """Return the efforts of some joints, shape (k,), with Coulomb friction."""
-        known = (self.robot, self.trajectory, self.smooth_efforts, self.stretches)
-        return directed_efforts(*known, joints)
+        return directed_efforts(
+            self.robot, self.trajectory, self.smooth_efforts, self.stretches, joints
+        )
 
     @cached_property
     def largest_rates(self) -> dict[int, FloatArray]:
         """The largest velocity (1) and acceleration (2) of each joint by order, each (n,).
 
-        In rad/s and rad/s^2, or with m. A joint that all but stands still is measured by the
-        others: its own rounding errors are not jumps.
+        In rad/s and rad/s^2, or with m. The rates of a joint that nearly stands still are raised to
+        a fraction of the others', so that its rounding errors are no jumps.
         """
-        found = {}
+        rates = {}
         for order in (1, 2):
             coefficients = self.trajectory.derivative_coefficients(order)
             largest = peak_magnitudes(coefficients, self.trajectory.widths).value
             overall = float(largest.max())
-            found[order] = np.maximum(largest, _STILL_SHARE * overall if overall > 0 else 1.0)
-        return found
+            rates[order] = np.maximum(largest, _STILL_SHARE * overall if overall > 0 else 1.0)
+        return rates
 
     def piece_ends(self, order: int) -> FloatArray:
         """Return a derivative at the start and the end of every piece, shape (2, pieces, n)."""
@@ -227,10 +225,10 @@ class JudgedMotion:
         return "rad" if self.robot.revolute[self.robot.joint_names.index(joint)] else "m"
 
     def segment_number(self, segment: int, time: float) -> int:
-        """Return what messages call a segment; where parts are joined, the one at a time [s]."""
+        """Return a segment's number in messages; of joined segments, the part at a time [s]."""
         tool = self.robot.tool_position(self.trajectory.position(time)[None])[0]
         return self.tube.segment_number(segment, tool)
 
     def place_in_segment(self, segment: int, time: float) -> Place:
-        """Return the place at a time [s], with the segment as messages call it."""
+        """Return the location at a time [s], with the segment's number in messages."""
         return Place(time=time, segment=self.segment_number(segment, time))

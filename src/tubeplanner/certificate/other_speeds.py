@@ -12,18 +12,72 @@ from tubeplanner.robot.model import RobotModel, effort_rate, gravity_effort_rate
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.parts import directed_stretches
 
-# ---- Short steps along a trajectory, in none of which anything jumps.
+
+@dataclass(frozen=True)
+class SlowerRun:
+    """The margin of a limit in a slower run.
+
+    Attributes:
+        condition: Name of the limit in the certificate.
+        margin: 1 less the used fraction of the limit.
+        speed: Speed of the run: 1 is the trajectory's own, 0 stands for arbitrarily slow.
+        where: Location on the trajectory, in its own time.
+    """
+
+    condition: str
+    margin: float
+    speed: float
+    where: Place
+
+
+@dataclass(frozen=True)
+class Braking:
+    """Bounds on time and distance in which an arm can come to rest along its path.
+
+    Attributes:
+        time: Upper bound on the shortest time, whenever the arm begins to brake [s].
+        distance: Upper bound on the path length of the tool centre point [m].
+        where: Location at which braking begins for the largest distance.
+    """
+
+    time: float
+    distance: float
+    where: Place
+
+
+class OtherSpeeds:
+    """Slower runs and braking of a trajectory, computed at the first use.
+
+    Of most certificates nobody asks for either. Pickles and copies can compute both.
+    """
+
+    def __init__(self, robot: RobotModel, trajectory: JointTrajectory, tolerance: float) -> None:
+        """Take a trajectory in the robot's joint order; limits may be exceeded by a tolerance."""
+        self._arguments = (robot, trajectory, tolerance)
+
+    @cached_property
+    def slower(self) -> SlowerRun | None:
+        """The tightest slower run, as `tightest_slower_run`."""
+        return tightest_slower_run(*self._arguments[:2])
+
+    @cached_property
+    def braking(self) -> Braking | None:
+        """The bounds on braking, as `worst_braking`."""
+        return worst_braking(*self._arguments)
+
+
+# ---- Short steps along a trajectory, without jumps inside.
 
 
 @dataclass(frozen=True, eq=False)
 class PathSteps:
-    """S steps, one after the other; polynomial pieces end and joints turn round between them.
+    """S consecutive steps of a trajectory: pieces end and joints reverse only between steps.
 
     Attributes:
-        trajectory: Whose they are.
-        piece: The piece that each is in, shape (S,).
-        local: Where steps start and end, in that piece's own time, shape (2, S) [s].
-        direction: Which way joints move: 1, -1 or 0, shape (S, n).
+        trajectory: The trajectory.
+        piece: Index of the piece that holds each step, shape (S,).
+        local: Starts and ends of the steps, in the piece's own time, shape (2, S) [s].
+        direction: Signs of the joints' velocities: 1, -1 or 0, shape (S, n).
     """
 
     trajectory: JointTrajectory
@@ -39,22 +93,22 @@ class PathSteps:
 
     @property
     def start(self) -> FloatArray:
-        """When they start, shape (S,) [s]."""
+        """Start times, shape (S,) [s]."""
         start: FloatArray = self.trajectory.breakpoints[self.piece] + self.local[0]
         return start
 
     def at_ends(self, order: int) -> FloatArray:
         """Return a derivative of an order from 0 to 3 at starts, then at ends: (2 S, n).
 
-        As it is inside the step, where it jumps at its end.
+        At jumps, the one-sided limit from inside the step.
         """
         return self.trajectory.within(np.tile(self.piece, 2), self.local.ravel(), order)
 
     def part(self, begin: int, end: int) -> "PathSteps":
-        """Return the steps from one to before another."""
-        chosen = slice(begin, end)
+        """Return the steps from `begin` to before `end`."""
+        rows = slice(begin, end)
         return PathSteps(
-            self.trajectory, self.piece[chosen], self.local[:, chosen], self.direction[chosen]
+            self.trajectory, self.piece[rows], self.local[:, rows], self.direction[rows]
         )
 
 
@@ -63,8 +117,8 @@ def path_steps(trajectory: JointTrajectory, count: int, per_piece: int) -> PathS
 
     Args:
         trajectory: Any.
-        count: How many there are at least.
-        per_piece: How many every piece has at least.
+        count: Least number of steps.
+        per_piece: Least number of steps in every piece.
     """
     pieces = len(trajectory.widths)
     each = max(per_piece, -(-count // pieces))
@@ -81,22 +135,22 @@ def path_steps(trajectory: JointTrajectory, count: int, per_piece: int) -> PathS
 # ---- Limits on efforts and accelerations along a trajectory's path, one side each, at any speed.
 #
 # Run along its path at the speed p, 1 being the trajectory's own, and with the rate p' of that
-# speed, a trajectory q(t) has the velocities q' p and the accelerations q'' p^2 + q' p'. Efforts
-# then are gravity and Coulomb friction, which stay, viscous friction with p, inertia with p^2 and
-# with p'.
+# speed, a trajectory q(t) has the velocities q' p and the accelerations q'' p^2 + q' p'. Of the
+# efforts, gravity and Coulomb friction are constant, viscous friction grows with p, inertia with
+# p^2 and p'.
 
 _WAYS = (1.0, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class LimitSides:
-    """R sides of limits at N places: a limit holds while what is used of it is at most 1.
+    """R sides of limits at N samples: a limit holds while its used fraction is at most 1.
 
-    That is static + linear p + square p^2 + change p'.
+    The used fraction is static + linear p + square p^2 + change p'.
 
     Attributes:
-        condition: What each is called in the certificate, R names.
-        joint: Whose it is, shape (R,).
+        condition: Names in the certificate, R of them.
+        joint: Index of the joint, shape (R,).
         static: Shape (N, R).
         linear: Shape (N, R).
         square: Shape (N, R).
@@ -112,7 +166,7 @@ class LimitSides:
 
     @classmethod
     def joined(cls, parts: Sequence["LimitSides"]) -> "LimitSides":
-        """Return the sides of all parts, at the same places."""
+        """Return the sides of all parts, at the same samples."""
         names = ("static", "linear", "square", "change")
         return cls(
             sum((part.condition for part in parts), ()),
@@ -124,7 +178,7 @@ class LimitSides:
 def effort_sides(robot: RobotModel, steps: PathSteps) -> LimitSides:
     """Return the limits on efforts and the torque-speed lines at the ends of S steps: N = 2 S.
 
-    Friction is the worst that its uncertainty lets it be.
+    Friction is the worst within its uncertainty.
 
     Args:
         robot: The arm.
@@ -163,7 +217,7 @@ def acceleration_sides(robot: RobotModel, steps: PathSteps) -> LimitSides:
 
 
 def _allowed(robot: RobotModel, q: FloatArray, way: float) -> FloatArray:
-    """Return the most effort along (1) or against (-1) the joints at positions (N, n): (N, n)."""
+    """Return effort limits along (1) or against (-1) the joints at positions (N, n): (N, n)."""
     allowed = np.tile(robot.limits.effort, (len(q), 1))
     for limit in robot.limits.effort_ranges:
         allowed[:, limit.joint] = limit.allowed(q[:, limit.joint], way)
@@ -173,13 +227,95 @@ def _allowed(robot: RobotModel, q: FloatArray, way: float) -> FloatArray:
 def _shares(
     condition: str, limited: BoolArray, used: tuple[FloatArray, ...], allowed: FloatArray
 ) -> LimitSides:
-    """Return sides of those joints that are limited, of n, as shares of what is allowed."""
+    """Return the sides of limited joints (n,), as fractions of the allowed values."""
     joint = np.flatnonzero(limited)
     shares = (part[:, joint] / allowed[:, joint] for part in used)
     return LimitSides((condition,) * len(joint), joint, *shares)
 
 
-# ---- How soon an arm comes to rest along its own path, from wherever on it.
+# ---- Slower runs: motors that suffice at full speed may not at a lower speed.
+#
+# Efforts over the speed p from 0 to 1 are quadratics in p, their rates cubics. Where inertia takes
+# load off a motor, as that of a falling arm, the largest effort is at rest or between.
+
+_STEPS, _STEPS_PER_PIECE = 2000, 20
+_AT_ONCE = 4000  # steps, for memory
+
+
+def tightest_slower_run(robot: RobotModel, trajectory: JointTrajectory) -> SlowerRun | None:
+    """Return the slower run with the least margin in effort, torque-speed line or effort rate.
+
+    Exact over speeds; over time at samples: at least 2,000, and 20 in every piece, on both sides of
+    breakpoints and reversals.
+
+    Args:
+        robot: The arm.
+        trajectory: In its joint order.
+
+    Returns:
+        None if nothing limits efforts.
+    """
+    steps = path_steps(trajectory, _STEPS, _STEPS_PER_PIECE)
+    parts = range(0, len(steps.piece), _AT_ONCE)
+    runs = [_tightest(robot, steps.part(begin, begin + _AT_ONCE)) for begin in parts]
+    return min((run for run in runs if run is not None), key=lambda run: run.margin, default=None)
+
+
+def _tightest(robot: RobotModel, steps: PathSteps) -> SlowerRun | None:
+    sides = effort_sides(robot, steps)
+    rates = _rate_polynomials(robot, steps)
+    none = np.zeros_like(sides.static)
+    smooth = np.stack([sides.static, sides.linear, sides.square, none])
+    limited = np.flatnonzero(np.isfinite(robot.limits.effort_rate))
+    names = sides.condition + ("effort_rate",) * rates.shape[2]
+    joint = np.concatenate([sides.joint, limited, limited])
+    if not names:
+        return None
+    used, speed = highest_up_to_one(np.concatenate([smooth, rates], axis=2))
+    end, row = np.unravel_index(int(used.argmax()), used.shape)
+    time = (steps.start + np.array([[0.0], [1.0]]) * steps.width).ravel()[end]
+    where = Place(time=float(time), joint=robot.joint_names[joint[row]])
+    return SlowerRun(names[row], 1 - float(used[end, row]), float(speed[end, row]), where)
+
+
+def _rate_polynomials(robot: RobotModel, steps: PathSteps) -> FloatArray:
+    """Return the used fractions of limits on effort rates, by power of the speed: (4, N, R).
+
+    With nominal viscous friction, as in the certificate.
+    """
+    limit = robot.limits.effort_rate
+    joints = np.flatnonzero(np.isfinite(limit))
+    if len(joints) == 0:
+        return np.zeros((4, 2 * len(steps.piece), 0))
+    q, v, a, jerk = (steps.at_ends(order) for order in range(4))
+    gravity, friction = gravity_effort_rate(robot, q, v), robot.motors.viscous_friction * a
+    inertia = effort_rate(robot, q, v, a, jerk) - gravity - friction
+    ways = [way * np.stack([0 * gravity, gravity, friction, inertia]) for way in (1.0, -1.0)]
+    return np.concatenate([way[:, :, joints] / limit[joints] for way in ways], axis=2)
+
+
+def highest_up_to_one(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the largest values of cubics for arguments from 0 to 1, and these arguments, (...).
+
+    Args:
+        coefficients: Lowest power first, shape (4, ...).
+    """
+    _, one, two, three = coefficients
+    # Zeros of the derivative; candidates outside, or that do not exist, are clipped to an end.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(np.maximum(two**2 - 3 * one * three, 0.0))
+        sum_ = -(two + np.copysign(root, two))
+        turns = np.nan_to_num(np.clip([sum_ / (3 * three), one / sum_], 0.0, 1.0))
+    argument = np.concatenate([np.zeros_like(turns[:1]), np.ones_like(turns[:1]), turns])
+    value = np.zeros_like(argument)
+    for row in coefficients[::-1]:
+        value = value * argument + row
+    best = value.argmax(axis=0)[None]
+    highest = np.take_along_axis(value, best, axis=0)[0]
+    return highest, np.take_along_axis(argument, best, axis=0)[0]
+
+
+# ---- Braking to rest along the trajectory's own path, from any point of it.
 #
 # The state is the place on the trajectory and the speed p at which its time runs, 1 before the arm
 # brakes. From every place, p^2 is lowered over the steps of a grid as steeply as the limits allow,
@@ -187,24 +323,9 @@ def _shares(
 # control of robotic manipulators along specified paths", 1985). A step keeps one p', which suits
 # the limits at both its ends.
 
-_STEP = 1e-3  # [s]; at most, unless that makes too many
-_FEWEST, _MOST = 1000, 20_000
+_STEP = 1e-3  # [s]: longest step, unless that makes too many
+_MIN_BRAKING_STEPS, _MAX_BRAKING_STEPS = 1000, 20_000
 _TANGENT, _CHORD = 0.5, 1.0
-
-
-@dataclass(frozen=True)
-class Braking:
-    """Within what time and way an arm can come to rest along its path.
-
-    Attributes:
-        time: An upper bound on the shortest time, whenever the arm begins to brake [s].
-        distance: Likewise of the way that the tool centre point takes [m].
-        where: Where it begins to brake if it takes the longest way.
-    """
-
-    time: float
-    distance: float
-    where: Place
 
 
 def worst_braking(
@@ -219,23 +340,24 @@ def worst_braking(
     Args:
         robot: The arm.
         trajectory: In its joint order, itself within the limits, at rest at both ends.
-        tolerance: How much of each limit may be used beyond it.
+        tolerance: Fraction by which each limit may be exceeded.
 
     Returns:
         None if nothing limits efforts and accelerations.
     """
-    count = np.clip(np.ceil(trajectory.duration / _STEP), _FEWEST, _MOST)
+    count = np.ceil(trajectory.duration / _STEP)
+    count = np.clip(count, _MIN_BRAKING_STEPS, _MAX_BRAKING_STEPS)
     steps = path_steps(trajectory, int(count), 1)
     sides = LimitSides.joined([effort_sides(robot, steps), acceleration_sides(robot, steps)])
     if len(sides.joint) == 0:
         return None
     width, length = steps.width, _tool_lengths(robot, steps)
-    every = -(-len(width) // (2 * _MOST))
+    every = -(-len(width) // (2 * _MAX_BRAKING_STEPS))
     starts = np.arange(0, len(width), every)
     table = np.stack([1 + tolerance - sides.static, sides.linear, sides.square, sides.change])
     with np.errstate(divide="ignore", invalid="ignore"):  # a side that nothing takes from
         time, distance = _rests(table.reshape(4, 2, len(width), -1), width, length, starts)
-    # Whoever wants to brake after the start before it, runs on until then.
+    # Braking that begins between two starts runs on to the next of these.
     time[1:] += np.add.reduceat(width, starts)[:-1]
     distance[1:] += np.add.reduceat(length, starts)[:-1]
     begins = steps.start[starts]
@@ -246,7 +368,7 @@ def worst_braking(
 
 
 def _tool_lengths(robot: RobotModel, steps: PathSteps) -> FloatArray:
-    """Return the way of the tool centre point in every step, (S,) [m]."""
+    """Return the path lengths of the tool centre point in all steps, (S,) [m]."""
     jacobian = robot.tool_jacobian(steps.at_ends(0))[1][:, :3]
     speed = np.linalg.norm(np.einsum("nij,nj->ni", jacobian, steps.at_ends(1)), axis=1)
     length: FloatArray = speed.reshape(2, -1).mean(axis=0) * steps.width
@@ -256,9 +378,9 @@ def _tool_lengths(robot: RobotModel, steps: PathSteps) -> FloatArray:
 def _rests(
     sides: FloatArray, width: FloatArray, length: FloatArray, starts: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return time and way to rest of those who brake from the start of given steps, each (K,).
+    """Return times and distances to rest of runs that brake from the start of steps (K,), (K,).
 
-    Who cannot brake at some place could have run on to the end of the trajectory.
+    A run that cannot brake at some sample counts as one that runs on to the end of the trajectory.
     """
     bounds = np.stack([np.cumsum(part[::-1])[::-1][starts] for part in (width, length)])
     run, step = np.arange(len(starts)), starts
@@ -284,17 +406,17 @@ def _rests(
 def _steepest(
     sides: FloatArray, width: FloatArray, square: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the least mean p' over a step for each of K runs, and where there is one: (K,).
+    """Return the least mean p' over a step for each of K runs, and a mask of its existence: (K,).
 
-    p' changes evenly over p's way; before rest, where that fails, it stays.
+    p' changes evenly along the step; where that fails, and before rest, p' is constant.
 
     Args:
-        sides: What is left at p = 0, and what p, p^2 and p' take, at both ends: (4, 2, K, R).
+        sides: Slack at p = 0, and the factors of p, p^2 and p', at both ends: (4, 2, K, R).
         width: Of the steps, shape (K,) [s].
         square: p^2 at their starts, shape (K,).
     """
     change = sides[3]
-    at_start, at_end, by_square = _left(sides, width, square)
+    at_start, at_end, by_square = _slack(sides, width, square)
     first, is_first = _least(change[0], at_start)
     last, is_last = _least(change[1] + by_square, at_end - by_square * first[:, None])
     rate, is_possible = (first + last) / 2, is_first & is_last
@@ -309,162 +431,38 @@ def _steepest(
 def _steady(
     sides: FloatArray, width: FloatArray, square: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the least p' that suits both ends of a step, as `_steepest`."""
-    left, change = sides[0], sides[3]
-    at_start, at_end, by_square = _left(sides, width, square)
-    taken = np.hstack([change[0], change[1] + 2 * by_square])
-    rate, is_possible = _least(taken, np.hstack([at_start, at_end]))
-    # Those who rest before the end are asked what they would be at rest there.
-    at_rest = np.hstack([at_start, left[1]])
+    """Return the least constant p' within the limits at both ends of a step, as `_steepest`."""
+    slack, change = sides[0], sides[3]
+    at_start, at_end, by_square = _slack(sides, width, square)
+    factors = np.hstack([change[0], change[1] + 2 * by_square])
+    rate, is_possible = _least(factors, np.hstack([at_start, at_end]))
+    # For runs that rest before the end, the limits at the end count at rest.
+    at_rest = np.hstack([at_start, slack[1]])
     harder, can_rest = _least(np.hstack([change[0], change[1]]), at_rest)
     to_rest = -square / (2 * width)
     rests = is_possible & (rate <= to_rest)
     return np.where(rests, np.minimum(harder, to_rest), rate), is_possible & (can_rest | ~rests)
 
 
-def _left(
+def _slack(
     sides: FloatArray, width: FloatArray, square: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what p leaves at both ends if it stays, and what p' takes of it at the end.
+    """Return the slack at both ends at constant p, and the factor of p' at the end by p^2.
 
-    That is by p^2, which grows over the step by its width times both ends' p'. The root of it is
-    below its tangent at the start and, as p falls, above its chord from zero.
+    p^2 grows over the step by the width times the sum of both ends' p'. The root of p^2 is below
+    its tangent at the start and, as p falls, above its chord from zero.
     """
-    left, linear, quadratic, _ = sides
+    slack, linear, quadratic, _ = sides
     p = np.sqrt(square)[:, None]
-    at_start, at_end = left - linear * p - quadratic * square[:, None]
+    at_start, at_end = slack - linear * p - quadratic * square[:, None]
     bend = np.where(linear[1] > 0, _TANGENT, _CHORD) * linear[1] / p
     return at_start, at_end, width[:, None] * (quadratic[1] + bend)
 
 
-def _least(taken: FloatArray, left: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the least p' with taken p' <= left in all C columns, (K,), and if it is at most 0."""
-    ratio = left / taken
-    least = np.where(taken < 0, ratio, -np.inf).max(axis=1)
-    most = np.where(taken > 0, ratio, 0.0).min(axis=1)
-    is_blocked = ((taken == 0) & (left < 0)).any(axis=1)
+def _least(factor: FloatArray, slack: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the least p' with factor p' <= slack in all C columns, and masks of p' <= 0: (K,)."""
+    ratio = slack / factor
+    least = np.where(factor < 0, ratio, -np.inf).max(axis=1)
+    most = np.where(factor > 0, ratio, 0.0).min(axis=1)
+    is_blocked = ((factor == 0) & (slack < 0)).any(axis=1)
     return least, (least <= np.minimum(most, 0.0)) & ~is_blocked
-
-
-# ---- Whether a trajectory can be run slower: where motors that suffice at full speed do not.
-#
-# Efforts over the speed p from 0 to 1 are quadratics in p, their rates cubics. Where inertia takes
-# load off a motor, as that of an arm that falls, the most is needed at rest or somewhere between.
-
-_STEPS, _STEPS_PER_PIECE = 2000, 20
-_AT_ONCE = 4000  # steps, for memory
-
-
-@dataclass(frozen=True)
-class SlowerRun:
-    """What one slower run leaves of one limit.
-
-    Attributes:
-        condition: The limit, as the certificate calls it.
-        margin: 1 minus the used share of it.
-        speed: How fast the trajectory is run: 1 is as fast as it is, 0 stands for as slowly as you
-            like.
-        where: Of the trajectory, in its own time.
-    """
-
-    condition: str
-    margin: float
-    speed: float
-    where: Place
-
-
-def tightest_slower_run(robot: RobotModel, trajectory: JointTrajectory) -> SlowerRun | None:
-    """Return the slower run with the least margin in effort, torque-speed line or effort rate.
-
-    Of speeds it is the exact one; of the trajectory 2,000 samples are looked at, and 20 of every
-    piece, both sides of breakpoints and of where joints turn round.
-
-    Args:
-        robot: The arm.
-        trajectory: In its joint order.
-
-    Returns:
-        None if nothing limits efforts.
-    """
-    steps = path_steps(trajectory, _STEPS, _STEPS_PER_PIECE)
-    parts = range(0, len(steps.piece), _AT_ONCE)
-    found = [_tightest(robot, steps.part(begin, begin + _AT_ONCE)) for begin in parts]
-    return min((run for run in found if run is not None), key=lambda run: run.margin, default=None)
-
-
-def _tightest(robot: RobotModel, steps: PathSteps) -> SlowerRun | None:
-    sides = effort_sides(robot, steps)
-    rates = _rate_polynomials(robot, steps)
-    none = np.zeros_like(sides.static)
-    smooth = np.stack([sides.static, sides.linear, sides.square, none])
-    limited = np.flatnonzero(np.isfinite(robot.limits.effort_rate))
-    names = sides.condition + ("effort_rate",) * rates.shape[2]
-    joint = np.concatenate([sides.joint, limited, limited])
-    if not names:
-        return None
-    used, speed = highest_up_to_one(np.concatenate([smooth, rates], axis=2))
-    end, row = np.unravel_index(int(used.argmax()), used.shape)
-    time = (steps.start + np.array([[0.0], [1.0]]) * steps.width).ravel()[end]
-    where = Place(time=float(time), joint=robot.joint_names[joint[row]])
-    return SlowerRun(names[row], 1 - float(used[end, row]), float(speed[end, row]), where)
-
-
-def _rate_polynomials(robot: RobotModel, steps: PathSteps) -> FloatArray:
-    """Return the used shares of limits on effort rates, by power of the speed: (4, N, R).
-
-    As the certificate judges them: viscous friction as it is given.
-    """
-    limit = robot.limits.effort_rate
-    joints = np.flatnonzero(np.isfinite(limit))
-    if len(joints) == 0:
-        return np.zeros((4, 2 * len(steps.piece), 0))
-    q, v, a, jerk = (steps.at_ends(order) for order in range(4))
-    gravity, friction = gravity_effort_rate(robot, q, v), robot.motors.viscous_friction * a
-    inertia = effort_rate(robot, q, v, a, jerk) - gravity - friction
-    ways = [way * np.stack([0 * gravity, gravity, friction, inertia]) for way in (1.0, -1.0)]
-    return np.concatenate([way[:, :, joints] / limit[joints] for way in ways], axis=2)
-
-
-def highest_up_to_one(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the largest values of cubics for arguments from 0 to 1, and at which, each (...).
-
-    Args:
-        coefficients: Lowest power first, shape (4, ...).
-    """
-    _, one, two, three = coefficients
-    # Where the derivative vanishes; any candidate outside, or none at all, is moved to an end.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        root = np.sqrt(np.maximum(two**2 - 3 * one * three, 0.0))
-        sum_ = -(two + np.copysign(root, two))
-        turns = np.nan_to_num(np.clip([sum_ / (3 * three), one / sum_], 0.0, 1.0))
-    argument = np.concatenate([np.zeros_like(turns[:1]), np.ones_like(turns[:1]), turns])
-    value = np.zeros_like(argument)
-    for row in coefficients[::-1]:
-        value = value * argument + row
-    best = value.argmax(axis=0)[None]
-    highest = np.take_along_axis(value, best, axis=0)[0]
-    return highest, np.take_along_axis(argument, best, axis=0)[0]
-
-
-# ---- What is known of a trajectory at other speeds than its own: found when it is asked for.
-
-
-class OtherSpeeds:
-    """A trajectory run slower, and brought to rest. Certificates are many: those who read it pay.
-
-    So it is where they travel: what is pickled or copied can be asked there.
-    """
-
-    def __init__(self, robot: RobotModel, trajectory: JointTrajectory, tolerance: float) -> None:
-        """Take a trajectory in the robot's joint order, and by how much limits may be exceeded."""
-        self._given = (robot, trajectory, tolerance)
-
-    @cached_property
-    def slower(self) -> SlowerRun | None:
-        """The tightest slower run, as `tightest_slower_run`."""
-        return tightest_slower_run(*self._given[:2])
-
-    @cached_property
-    def braking(self) -> Braking | None:
-        """How it comes to rest, as `worst_braking`."""
-        return worst_braking(*self._given)

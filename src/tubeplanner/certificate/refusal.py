@@ -14,7 +14,7 @@ _REMEDY = "move the reference points or choose another configuration"
 
 
 def refusal(problem: PlanningProblem, certificate: Certificate) -> Infeasible | None:
-    """Return why a certificate refuses a trajectory, or None if it passed."""
+    """Return the reason of a failed certificate, or None if the certificate passed."""
     failures = certificate.failures()
     if not failures:
         return None
@@ -42,15 +42,18 @@ def require_free(
 
     Args:
         problem: The planning problem.
-        name: What the configuration is called: start, goal or another place.
+        name: Name of the configuration in the message: start, goal or another place.
         q: Shape (n,).
-        required: What is required of all pairs there, shape (P,) [m]; None: as at start or goal.
-        is_given: Whether every trajectory has it: there is none for certain then.
+        required: Required distances of all pairs, shape (P,) [m]; None: as at start or goal.
+        is_given: True if every trajectory has the configuration: then a refusal is a proof.
 
     Raises:
         Infeasible: Status tube_blocked.
     """
-    required = _required_at_end(problem, name, q) if required is None else required
+    if required is None:
+        segment = 0 if name == "start" else problem.tube.segment_count - 1
+        tool = problem.robot.tool_position(q[None])
+        required = RequiredDistances(problem, q, q).at(np.array([segment]), tool)[0]
     margins = clear_by(problem, q, required)
     if not (margins < -Tolerance().absolute).any():
         return
@@ -73,8 +76,16 @@ def require_free(
     raise refused.replaced(proved=is_given, starts=0 if is_given else 1, configuration=q)
 
 
+def clear_by(problem: PlanningProblem, q: FloatArray, required: FloatArray) -> FloatArray:
+    """Return the clearances (P,) [m] in a configuration (n,): distances less `required` (P,)."""
+    checker = problem.collision
+    rotation, position = problem.robot.body_poses(q[None])
+    distance: FloatArray = checker.distances(rotation[0], position[0], checker.pairs)
+    return distance - required
+
+
 def _away(problem: PlanningProblem, q: FloatArray, pair: int, missing: float) -> str:
-    """Return how far to move a pair's obstacle along which axis, so that this pair is clear."""
+    """Return the shift of a pair's obstacle along an axis that makes the pair clear, in words."""
     checker = problem.collision
     rotation, position = problem.robot.body_poses(q[None])
     closest = checker.closest_points(rotation, position, checker.pairs[pair][None])
@@ -86,26 +97,11 @@ def _away(problem: PlanningProblem, q: FloatArray, pair: int, missing: float) ->
     return f"by {1000 * missing / abs(direction[k]):.3g} mm in {sign}{'xyz'[k]}"
 
 
-def clear_by(problem: PlanningProblem, q: FloatArray, required: FloatArray) -> FloatArray:
-    """Return how much farther apart than required (P,) all pairs are in a configuration (n,)."""
-    checker = problem.collision
-    rotation, position = problem.robot.body_poses(q[None])
-    distance: FloatArray = checker.distances(rotation[0], position[0], checker.pairs)
-    return distance - required
-
-
-def _required_at_end(problem: PlanningProblem, name: str, q: FloatArray) -> FloatArray:
-    """Return what is required of all pairs at start or goal, shape (P,) [m]."""
-    segment = 0 if name == "start" else problem.tube.segment_count - 1
-    asked, tool = RequiredDistances(problem, q, q), problem.robot.tool_position(q[None])
-    return asked.at(np.array([segment]), tool)[0]
-
-
 def _blocked(
     problem: PlanningProblem, place: Place, margin: float, when: str, remedy: str = _REMEDY
 ) -> Infeasible:
-    """Say which links are where, and how deep or how near."""
-    links, asked = place.links or (), problem.clearance
+    """Return the refusal with links, obstacle, and depth or distance."""
+    links, clearance = place.links or (), problem.clearance
     if not problem.has_one_clearance:
         pair = (*links, place.obstacle) if place.obstacle else links
         message = (
@@ -119,17 +115,17 @@ def _blocked(
             "or list the pair in collision.ignore if it may touch"
         )
         return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
-    distance = 1000 * (margin + asked)
-    if asked and distance > _TOUCHING:
-        remedy += f", or clearance {1000 * asked:g} -> {_floored(distance)} mm"
+    distance = 1000 * (margin + clearance)
+    if clearance and distance > _TOUCHING:
+        remedy += f", or clearance {1000 * clearance:g} -> {_floored(distance)} mm"
     deed = "touches" if abs(distance) < _TOUCHING else f"reaches {-distance:.1f} mm into"
     deed = f"comes within {distance:.1f} mm of" if distance >= _TOUCHING else deed
-    wanted = f" (clearance {1000 * asked:g} mm)" if asked else ""
-    message = f"'{links[0]}' {deed} '{place.obstacle}'{wanted} {when}; {remedy}"
+    condition = f" (clearance {1000 * clearance:g} mm)" if clearance else ""
+    message = f"'{links[0]}' {deed} '{place.obstacle}'{condition} {when}; {remedy}"
     return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
 
 
 def _floored(value: float) -> str:
-    """Return a positive value in three figures, none above it."""
+    """Return a positive value rounded down to three figures."""
     digits = 2 - int(np.floor(np.log10(value)))
     return f"{np.floor(value * 10.0**digits) / 10.0**digits:g}"

@@ -42,70 +42,96 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import halves
 
-# ---- The tool in the tube.
-
 
 def judge_tube(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the tool's place in the tube, segment by segment or in their union."""
+    """Judge the tool's position in the tube, segment by segment or in their union."""
     least = least_margin(motion.tube, motion.tool, motion.visits)
     place = motion.place_in_segment(least.segment, least.time)
     return bracketed(least.lower_bound, least.attained, "m", place)
 
 
-# ---- Compulsory points.
-
-
 def judge_points(motion: JudgedMotion) -> JudgedCondition:
-    """Judge compulsory points, each at an instant when one of its two segments is the current."""
-    known = (motion.problem, motion.trajectory, motion.tool, motion.visits, motion.rotation)
-    found = passages(*known, motion.further)
-    if not found:
+    """Judge compulsory points, each at an instant when either of its segments is current."""
+    passed = passages(
+        *(motion.problem, motion.trajectory, motion.tool, motion.visits, motion.rotation),
+        further=motion.further,
+    )
+    if not passed:
         return not_required("m", "no point is to be passed")
-    worst = min(found, key=lambda passage: passage.margin)
+    worst = min(passed, key=lambda passage: passage.margin)
     place = Place(time=worst.time, point=int(motion.tube.numbers[worst.point]))
     return JudgedCondition(worst.margin, "m", place, "at the instant that is nearest")
 
 
-# ---- How far inside the rotation tolerances a trajectory stays, for all t.
+# ---- The tool's orientation, against the reference and at the goal.
+
+
+def judge_rotation(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the tool's orientation, segment by segment and at the goal."""
+    along, at_goal = _judge_along(motion), _judge_at_goal(motion)
+    if along.margin is None or at_goal.margin is None:
+        return along if at_goal.margin is None else at_goal
+    return min(along, at_goal, key=lambda condition: condition.margin or 0.0)
+
+
+def _judge_along(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the orientation against the tube's tolerances."""
+    if motion.tube.rotation is None or motion.pose is None:
+        return not_required("rad", "the tool's orientation is free")
+    least = least_rotation_margin(motion.tube.rotation, motion.pose, motion.visits)
+    if least is None:
+        return not_required("rad", "free in every segment visited")
+    place = motion.place_in_segment(least.segment, least.time)
+    return bracketed(least.lower_bound, least.attained, "rad", place)
+
+
+def _judge_at_goal(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the last orientation against the goal's tolerance."""
+    goal, duration = motion.problem.open_goal, motion.trajectory.duration
+    if goal is None or not goal.bounds_rotation or motion.problem.rotation is None:
+        return not_required("rad", "the goal bounds no rotation")
+    rotation, tool = motion.tube.tool_pose(motion.robot, motion.trajectory.position(duration)[None])
+    margin = motion.problem.rotation.margin(rotation, tool, motion.tube.segment_count)[0]
+    return JudgedCondition(float(margin), "rad", Place(time=duration), "at the goal")
+
+
+# ---- The margin inside the rotation tolerances, for all t.
 #
 # On an interval of width w, a curve lies within w^2 / 8 max |x''| of the chord between its ends.
-# The
-# curve here is the rotation vector v of the tool against its reference, with dv/dt = J(v) s and
+# The curve here is the rotation vector v of the tool against its reference, with dv/dt = J(v) s and
 # s = w_tool - E^T turn du/dt (see `RotationalTube.error_jacobian`), so that
 #
 #     |v''| <= g (|w_tool'| + |turn| (|u''| + |s| |u'|)) + g g' |s|^2
 #
 # with the norms g of J and g' of its change, which grow with the angle only. Where the nearest
-# point
-# of the segment passes an end of it, u' jumps: that term is bounded by its size alone, to first
-# order. Halving brings the bounds together.
+# point of the segment passes an end of it, u' jumps: that term is bounded by its size alone, to
+# first order. Halving brings the bounds together.
 #
 # An angle that goes on beyond pi is the rotation vector's other branch, of which every component
-# and
-# the length are smaller: following the curve beyond pi can only overestimate them.
+# and the length are smaller: following the curve beyond pi can only overestimate them.
 
-# The least margin is bracketed to this share of itself, or to this angle [rad] near zero.
+# The least margin is bracketed to this fraction of itself, or to this angle [rad] near zero.
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 2e-7
 _ALL = np.ones(3, dtype=bool)
 _MIN_WIDTH = 2.0**-40  # of an interval
 _MAX_ROWS = 1_000_000
-# A part in which the rotation vector could move farther than this is halved unseen [rad].
+# A part in which the rotation vector could move farther than this [rad] is halved without a bound.
 _MAX_MOVE = 0.3
 _MAX_GAIN = float(turning_gain(np.array(np.pi + _MAX_MOVE)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """R parts of intervals, each in one segment.
+    """R parts of intervals, each in a segment.
 
     Attributes:
         interval: Index of the interval, shape (R,).
         start: In the interval's local time, shape (R,).
-        width: The same.
+        width: In the interval's local time, shape (R,).
         segment: Index of the tube's segment, shape (R,).
         vector: Rotation vectors at both ends, shape (2, R, 3) [rad].
-        share: Of the segment, not clipped, at both ends, shape (2, R).
+        share: Fraction of the segment, not clipped, at both ends, shape (2, R).
     """
 
     interval: IntArray
@@ -119,7 +145,7 @@ class _Parts:
 def least_rotation_margin(
     tube: RotationalTube, pose: EnclosedPose, visits: list[Visit]
 ) -> LeastMargin | None:
-    """Return how far inside the rotation bounds the tool stays during its visits, for all t.
+    """Return the least margin of the tool's rotation during visits, for all t.
 
     None if no segment visited bounds the rotation.
     """
@@ -156,7 +182,7 @@ def _first_parts(tube: RotationalTube, pose: EnclosedPose, visits: list[Visit]) 
 
 
 def _halves(tube: RotationalTube, pose: EnclosedPose, parts: _Parts, rows: BoolArray) -> _Parts:
-    """Return the two halves of some of the parts, one after the other."""
+    """Return the two halves of each selected part, in turn."""
     interval, segment = parts.interval[rows], parts.segment[rows]
     start, width = halves(parts.start[rows], parts.width[rows])
     middle = _vector_at(tube, pose, interval, segment, start[1::2])
@@ -188,7 +214,7 @@ def _vector_at(
     segment: IntArray,
     local: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return rotation vectors (R, 3) [rad] and shares of segments (R,) at times in intervals."""
+    """Return rotation vectors (R, 3) [rad] and fractions of segments (R,) at local times (R,)."""
     tool = pose.tool.within(interval, local)
     rotation = pose.rotation.within(interval, local).reshape(-1, 3, 3)
     u = tube.projection(tool, segment)
@@ -207,12 +233,12 @@ def _chord_distance(
     parts: _Parts,
     angle: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how far from its chord the rotation vector may be, and its error, each (R,) [rad].
+    """Return bounds on the rotation vector's distance from its chord and error, (R,) [rad] each.
 
     Args:
         tube: Reference orientations and bounds.
-        pose: The trajectory.
-        parts: Where.
+        pose: Enclosures of the tool's pose.
+        parts: Parts of their intervals.
         angle: The larger of the angles at the two ends, shape (R,) [rad].
     """
     width = parts.width * pose.tool.width[parts.interval]
@@ -240,42 +266,10 @@ def _chord_distance(
     return np.where(move <= _MAX_MOVE, distance, np.inf), error
 
 
-# ---- The tool's orientation against the reference, and at the end against what the goal asks.
+# ---- The speeds of the tool, segment by segment, and of points that move with the arm's links.
 
-
-def judge_rotation(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the tool's orientation, segment by segment and at the goal."""
-    along, at_goal = _judge_along(motion), _judge_at_goal(motion)
-    if along.margin is None or at_goal.margin is None:
-        return along if at_goal.margin is None else at_goal
-    return min(along, at_goal, key=lambda condition: condition.margin or 0.0)
-
-
-def _judge_along(motion: JudgedMotion) -> JudgedCondition:
-    """Judge it against the tube's tolerances."""
-    if motion.tube.rotation is None or motion.pose is None:
-        return not_required("rad", "the tool's orientation is free")
-    least = least_rotation_margin(motion.tube.rotation, motion.pose, motion.visits)
-    if least is None:
-        return not_required("rad", "free in every segment visited")
-    place = motion.place_in_segment(least.segment, least.time)
-    return bracketed(least.lower_bound, least.attained, "rad", place)
-
-
-def _judge_at_goal(motion: JudgedMotion) -> JudgedCondition:
-    """Judge the last orientation against the goal's tolerance."""
-    goal, duration = motion.problem.open_goal, motion.trajectory.duration
-    if goal is None or not goal.bounds_rotation or motion.problem.rotation is None:
-        return not_required("rad", "the goal bounds no rotation")
-    rotation, tool = motion.tube.tool_pose(motion.robot, motion.trajectory.position(duration)[None])
-    margin = motion.problem.rotation.margin(rotation, tool, motion.tube.segment_count)[0]
-    return JudgedCondition(float(margin), "rad", Place(time=duration), "at the goal")
-
-
-# ---- The speed of the tool, segment by segment.
-
-# How closely the velocity is enclosed, as a share of the least limit: tighter than the
-# certificate's tolerance, so that the planner may use most of it.
+# Error of enclosed velocities, as a fraction of the least limit: tighter than the certificate's
+# tolerance, so that the planner may use most of that.
 _ENCLOSURE = 1e-8
 
 
@@ -297,7 +291,7 @@ def judge_tool_speed(motion: JudgedMotion) -> JudgedCondition:
 
 
 class ToolSpeedMargin:
-    """A `SegmentMargin`: how much of each segment's limit the tool's speed leaves, relative."""
+    """A `SegmentMargin`: 1 less the tool's speed as a fraction of each segment's limit."""
 
     def __init__(
         self, problem: PlanningProblem, trajectory: JointTrajectory, limit: FloatArray
@@ -306,13 +300,13 @@ class ToolSpeedMargin:
         self._trajectory, self._limit = trajectory, limit
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Return what is left in all segments."""
+        """Return the margins in all segments."""
         return 1 - self._speed(time)[:, None] / self._limit
 
     def within(self, segment: IntArray, time: FloatArray) -> FloatArray:
-        """Return what is left in one segment each."""
-        left: FloatArray = 1 - self._speed(time) / self._limit[segment]
-        return left
+        """Return the margins, each in its segment."""
+        margin: FloatArray = 1 - self._speed(time) / self._limit[segment]
+        return margin
 
     def _speed(self, time: FloatArray) -> FloatArray:
         trajectory = self._trajectory
@@ -324,7 +318,7 @@ class ToolSpeedMargin:
 def tool_speed_margin(
     problem: PlanningProblem, trajectory: JointTrajectory
 ) -> ToolSpeedMargin | None:
-    """Return the margin of the tool's speed; None where no segment limits it."""
+    """Return the margin of the tool's speed; None where no segment limits the speed."""
     limit = _limits(problem)
     return ToolSpeedMargin(problem, trajectory, limit) if np.isfinite(limit).any() else None
 
@@ -332,8 +326,8 @@ def tool_speed_margin(
 def _limits(problem: PlanningProblem) -> FloatArray:
     """Return the limit in each segment, the robot's own included, shape (m,) [m/s]."""
     own = np.full(problem.tube.segment_count, problem.robot.limits.tool_speed)
-    asked = problem.tube.tool_speed
-    return own if asked is None else np.minimum(own, asked)
+    of_tube = problem.tube.tool_speed
+    return own if of_tube is None else np.minimum(own, of_tube)
 
 
 def _velocity(robot: RobotModel) -> Quantity:
@@ -349,12 +343,6 @@ def _velocity(robot: RobotModel) -> Quantity:
     return Quantity(1, values, majorant)
 
 
-# ---- The speeds of points that move with the arm's links.
-
-# How closely velocities are enclosed, as a share of their limits: tighter than the certificate's
-# tolerance, so that the planner may use most of it.
-
-
 def judge_point_speed(motion: JudgedMotion) -> JudgedCondition:
     """Judge the speeds of points, by polynomials that enclose their velocities."""
     points = motion.robot.limits.point_speed
@@ -365,7 +353,7 @@ def judge_point_speed(motion: JudgedMotion) -> JudgedCondition:
 
 
 def _judged(motion: JudgedMotion, k: int, point: PointSpeed) -> JudgedCondition:
-    """Judge the speed of one point, from the begin to the end: no segment has a say in it."""
+    """Judge the speed of a point from start to end: no segment limits point speeds."""
     limit, whole = point.speed, [Visit(0, 0.0, motion.trajectory.duration)]
     tolerance = np.full(3, _ENCLOSURE * limit)
     velocity = enclosed(motion.trajectory, _point_velocity(motion.robot, point), tolerance)
@@ -387,8 +375,8 @@ def _point_velocity(robot: RobotModel, point: PointSpeed) -> Quantity:
         rotation, position = robot.body_poses(q)
         place = rotation[:, body] @ in_body[:3] + position[:, body]
         carriers = np.full(len(q), body)
-        moved = robot.point_jacobian(rotation, position, carriers, place)
-        return np.einsum("nij,nj->ni", moved, v)
+        jacobian = robot.point_jacobian(rotation, position, carriers, place)
+        return np.einsum("nij,nj->ni", jacobian, v)
 
     def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
         reach = float(np.linalg.norm(in_body[:3]))

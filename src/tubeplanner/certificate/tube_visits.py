@@ -23,7 +23,7 @@ _MIN_SAMPLES = 2000
 _MIN_SAMPLES_PER_PIECE = 20
 _SWITCHING_TOLERANCE = 1e-10  # [s]
 _GOLDEN = (np.sqrt(5) - 1) / 2
-# The least margin is bracketed to this share of itself, or to this length [m] near zero.
+# The least margin is bracketed to this fraction of itself, or to this length [m] near zero.
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 2e-7
 _MIN_WIDTH = 2.0**-40  # of an interval
@@ -32,7 +32,7 @@ _MAX_ROWS = 1_000_000
 
 @dataclass(frozen=True)
 class Visit:
-    """One tube segment's share of a trajectory.
+    """The interval of a trajectory in a tube segment.
 
     Attributes:
         segment: Index of the segment.
@@ -47,12 +47,12 @@ class Visit:
 
 @dataclass(frozen=True)
 class Passage:
-    """How a compulsory point is passed.
+    """The passage of a compulsory point.
 
     Attributes:
         point: Index of the point.
-        time: When it is passed the nearest [s].
-        margin: How far inside the ball about it the tool is then [m].
+        time: Time of the nearest passage [s].
+        margin: Margin of the tool inside the ball about the point at that time [m].
     """
 
     point: int
@@ -62,14 +62,14 @@ class Passage:
 
 @dataclass(frozen=True)
 class LeastMargin:
-    """Where the tool comes nearest to a bound, on its place or its rotation, or farthest out.
+    """The least margin of a quantity during visits: the tool's position, rotation or velocity.
 
     Attributes:
-        lower_bound: The margin never falls below it [m or rad].
-        attained: The least margin that was found [m or rad].
-        time: When [s].
-        segment: In which segment.
-        intervals: How many intervals were tested.
+        lower_bound: Lower bound on the margin at all times [m, rad or relative].
+        attained: The least margin that was found [m, rad or relative].
+        time: Time of that margin [s].
+        segment: Index of the segment at that time.
+        intervals: Number of intervals tested.
     """
 
     lower_bound: float
@@ -86,17 +86,17 @@ def tube_visits(
     rotation: Enclosure | None = None,
     further: tuple[MarginMaker, ...] = (),
 ) -> list[Visit]:
-    """Return visits that cover the whole trajectory, one after the other.
+    """Return consecutive visits that cover the whole trajectory.
 
-    Switching times are chosen to leave the largest margins of all that segments ask, and so that
-    compulsory points are passed. If the tube is to be visited in order, every segment is
-    visited once; else, as often as needed.
+    Switching times leave the largest margins of all conditions of segments, and let compulsory
+    points be passed. If the tube is to be visited in order, every segment is visited once; else, as
+    often as needed.
 
     Args:
         problem: The planning problem.
         trajectory: The trajectory.
-        tool: Its tool's position.
-        rotation: Its tool's rotation matrix; needed where the tube bounds the rotation.
+        tool: Enclosed position of the tool.
+        rotation: Enclosed rotation matrix of the tool; needed where the tube bounds the rotation.
         further: As for `segment_margins`.
     """
     fit = _Fit(problem, trajectory, tool, rotation, further)
@@ -129,11 +129,11 @@ def tube_visits(
 def ordered_switching_samples(values: FloatArray, passing: dict[int, FloatArray]) -> IntArray:
     """Return the best switching samples; others, if only these let compulsory points be passed.
 
-    Not at the cost of another condition that holds: what is missed is the point.
+    Not at the cost of another condition that holds: then the point is missed.
 
     Args:
-        values: How well each of N samples keeps all that each of m segments asks, shape (N, m).
-        passing: How far inside the ball about each compulsory point samples are, (N,), by index.
+        values: Least margins of all conditions at N samples in m segments, shape (N, m).
+        passing: Margins of the samples inside the ball about each compulsory point, (N,), by index.
 
     Returns:
         As `best_switching_samples`, shape (m-1,).
@@ -154,7 +154,7 @@ def _worst_visit(samples: IntArray, values: FloatArray) -> float:
 
 
 def _worst_passing(samples: IntArray, passing: dict[int, FloatArray]) -> float:
-    """Return by how much the worst point is passed during the two segments beside it [m]."""
+    """Return the margin of the worst point, passed during the two segments beside the point [m]."""
     ends = [0, *samples.tolist(), None]
     last = {k: None if ends[k + 1] is None else ends[k + 1] + 1 for k in passing}
     return min(float(margin[ends[k - 1] : last[k]].max()) for k, margin in passing.items())
@@ -168,33 +168,33 @@ def passages(
     rotation: Enclosure | None = None,
     further: tuple[MarginMaker, ...] = (),
 ) -> list[Passage]:
-    """Return where the tool passes each compulsory point the nearest, at an instant that counts.
+    """Return the nearest passage of each compulsory point, at an instant that counts.
 
-    It counts if one of the two segments beside the point is the current one or, if segments are
-    visited at will, may be. What is found is a lower bound of the margin: at that instant it is so.
+    An instant counts if either segment beside the point is current or, if segments are visited at
+    will, may be. The margin is a lower bound, attained at that instant.
 
     Args:
         problem: The planning problem.
         trajectory: The trajectory.
-        tool: Its tool's position.
-        visits: Its visits, as `tube_visits` returns them.
+        tool: Enclosed position of the tool.
+        visits: From `tube_visits`.
         rotation: As for `tube_visits`.
-        further: Likewise.
+        further: As for `tube_visits`.
     """
     fit = _Fit(problem, trajectory, tool, rotation, further)
     time = fit.sample_times()
-    found = []
+    nearest = []
     for k in problem.tube.compulsory_points.tolist():
         low, high = 0.0, trajectory.duration
         if problem.tube.visit == "ordered":
             low, high = visits[k - 1].begin, visits[k].end
         inside = np.unique(np.concatenate([[low], time[(time > low) & (time < high)], [high]]))
-        found.append(fit.best_passage(k, inside))
-    return found
+        nearest.append(fit.best_passage(k, inside))
+    return nearest
 
 
 def least_margin(tube: Tube, tool: Enclosure, visits: list[Visit]) -> LeastMargin:
-    """Return how far inside the regions the tool stays during its visits, for all t."""
+    """Return the least margin of the tool inside the regions during its visits, for all t."""
     return least_concave_margin(tool, visits, tube.regions.margin, np.ones(tube.segment_count))
 
 
@@ -214,8 +214,8 @@ def least_concave_margin(
     Args:
         vector: Of three components.
         visits: Of the trajectory.
-        margin_of: From vectors (N, R, 3) and one segment per column (R,) to margins (N, R).
-        slope: How much the margin may change with the vector in each segment, at most, shape (m,).
+        margin_of: From vectors (N, R, 3) and a segment per column (R,) to margins (N, R).
+        slope: Bound on the margin's rate of change with the vector in each segment, shape (m,).
     """
     interval, start, width, segment = visited_parts(vector, visits)
     attained, time, worst_segment = np.inf, 0.0, 0
@@ -256,7 +256,7 @@ def visited_parts(
 
 
 class _Fit:
-    """How well a trajectory keeps all that each segment asks, at any time."""
+    """Margins of all conditions of segments on a trajectory, at any time."""
 
     def __init__(
         self,
@@ -286,14 +286,14 @@ class _Fit:
         return np.minimum.reduce([margin.at(time) for margin in self._margins])
 
     def passing_margin(self, k: int, time: FloatArray) -> FloatArray:
-        """Return how far inside the ball about point k the tool is at times (N,), (N,) [m]."""
+        """Return the tool's margins inside the ball about point k at times (N,), (N,) [m]."""
         radius = self._tube.effective_radius[k - 1 : k + 1].min()
-        away = np.linalg.norm(self._tool.at(time) - self._tube.points[k], axis=1)
-        margin: FloatArray = radius - away
+        distance = np.linalg.norm(self._tool.at(time) - self._tube.points[k], axis=1)
+        margin: FloatArray = radius - distance
         return margin
 
     def best_passage(self, k: int, time: FloatArray) -> Passage:
-        """Return how a compulsory point is passed the nearest, at or between times (N,) [s]."""
+        """Return the nearest passage of a compulsory point, at or between times (N,) [s]."""
 
         def margin(t: FloatArray) -> FloatArray:
             inside = self.passing_margin(k, t)
@@ -307,19 +307,19 @@ class _Fit:
         if around[0] < around[2]:
             candidates.append(float(_highest(margin, around[:1], around[2:])[0]))
         margins = margin(np.array(candidates))
-        # Where the tool really is; the enclosure is off by next to nothing.
+        # The tool itself may be off its enclosure by this error.
         error = float(self._tool.error.max())
         return Passage(k, candidates[margins.argmax()], float(margins.max()) - error)
 
     def best_times(
         self, pairs: tuple[IntArray, IntArray], low: FloatArray, high: FloatArray
     ) -> FloatArray:
-        """Return when, between two times each, the worse of two segments' margins is largest.
+        """Return the times in intervals at which the worse of two segments' margins is largest.
 
         Args:
-            pairs: The segments before and those after the switching times, each (H,).
-            low: The times to look from, shape (H,) [s].
-            high: And to.
+            pairs: The segments before and after the switching times, each (H,).
+            low: Starts of the intervals, shape (H,) [s].
+            high: Ends of the intervals, shape (H,) [s].
 
         Returns:
             Shape (H,) [s].
@@ -331,18 +331,18 @@ class _Fit:
 
         candidates = np.array([low, high, _highest(worse, low, high)])
         best = np.array([worse(time) for time in candidates]).argmax(axis=0)
-        found: FloatArray = candidates[best, np.arange(len(low))]
-        return found
+        times: FloatArray = candidates[best, np.arange(len(low))]
+        return times
 
     def _in(self, segment: IntArray, time: FloatArray) -> FloatArray:
-        """Return the margins as `at`, each for one segment at one time, shape (N,)."""
+        """Return the margins as `at`, each in its segment, shape (N,)."""
         return np.minimum.reduce([margin.within(segment, time) for margin in self._margins])
 
 
 def _highest(
     function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """Return where a function of times is highest, of all H intervals at once, shape (H,) [s].
+    """Return the times at which a function is highest, in H intervals at once, shape (H,) [s].
 
     By golden sections (Kiefer, "Sequential minimax search for a maximum", 1953).
     """

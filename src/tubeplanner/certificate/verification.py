@@ -1,4 +1,4 @@
-"""Verify: the list of conditions and the Certificate."""
+"""Verify: the independent judge of trajectories, its conditions and the Certificate."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
@@ -43,8 +43,7 @@ from tubeplanner.geometry.collision_checker import LeftOutPair
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- The conditions of a certificate: their names, in its order, and what judges each.
-
+# The conditions of a certificate in its order, and the function that judges each.
 JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyType(
     {
         "position": judge_position,
@@ -69,29 +68,27 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
     }
 )
 CONDITION_NAMES = tuple(JUDGED)
-# Of those that segments ask, what the judge's switching times must know beside tool and joints.
+# Margins of segments, beside those of tool and joints, by which switching times are chosen.
 SEGMENT_MARGINS: tuple[MarginMaker, ...] = (tool_speed_margin, clearance_margin)
 
 
-# ---- A certificate: every condition a trajectory must meet, with margin, place and coverage.
-
 # Limits that a slower run keeps if the trajectory does.
-_KEPT_SLOWER = ("velocity", "acceleration", "jerk", "tool_speed", "point_speed")
-# What a bound on braking starts from.
-_BRAKED_FROM = frozenset(
+_SPEED_LIMITS = ("velocity", "acceleration", "jerk", "tool_speed", "point_speed")
+# Conditions that a bound on braking presupposes.
+_BRAKING_CONDITIONS = frozenset(
     ("velocity", "acceleration", "effort", "motor_curve", "rest", "continuity")
 )
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """The judgement of one trajectory.
+    """The judgement of a trajectory: all conditions with margins, locations and coverage.
 
     Attributes:
         conditions: By name, in the order of `CONDITION_NAMES`.
-        tolerance: How far below zero margins may lie.
-        left_out: Pairs of solids that were not checked against each other, and why.
-        other_speeds: What is known of the trajectory at other speeds; None: nothing.
+        tolerance: Largest violation that counts as none.
+        left_out: Pairs of solids that were not checked against each other, with the reasons.
+        other_speeds: The trajectory at other speeds; None: not known.
     """
 
     conditions: Mapping[str, JudgedCondition]
@@ -112,16 +109,16 @@ class Certificate:
         )
 
     def __repr__(self) -> str:
-        asked = [name for name, each in self.conditions.items() if each.margin is not None]
+        required = [name for name, each in self.conditions.items() if each.margin is not None]
         failed = self.failures()
         return (
             f"<Certificate {'fails ' + ', '.join(failed) if failed else 'passed'}: "
-            f"{len(asked)} of {len(self.conditions)} conditions required>"
+            f"{len(required)} of {len(self.conditions)} conditions required>"
         )
 
     @property
     def passed(self) -> bool:
-        """Whether every condition holds."""
+        """True if every condition holds."""
         return not self.failures()
 
     def failures(self) -> list[str]:
@@ -134,7 +131,7 @@ class Certificate:
 
     @property
     def slower(self) -> bool | None:
-        """Whether the trajectory keeps all limits at any lower speed, None if that is not known.
+        """True if the trajectory keeps all limits at any lower speed; None if not known.
 
         Informative: `passed` does not depend on it.
         """
@@ -142,10 +139,10 @@ class Certificate:
 
     @property
     def slower_failure(self) -> SlowerRun | None:
-        """The slower run that breaks a limit most; None if none does, or that is not known."""
+        """A slower run that breaks a limit; None if no slower run does, or if not known."""
         if self.other_speeds is None:
             return None
-        for name in _KEPT_SLOWER:
+        for name in _SPEED_LIMITS:
             condition = self.conditions[name]
             if not condition.holds(self.tolerance):
                 return SlowerRun(name, condition.margin or 0.0, 1.0, condition.where)
@@ -156,17 +153,17 @@ class Certificate:
 
     @property
     def braking(self) -> Braking | None:
-        """How soon the arm comes to rest along its path; informative.
+        """Bounds on time and distance of braking along the path; informative.
 
-        None where nothing limits efforts and accelerations, or the trajectory itself is outside of
-        limits that braking starts from, or it is not known.
+        None where nothing limits efforts and accelerations, where the trajectory itself fails a
+        condition that the bound presupposes, or if not known.
         """
-        if self.other_speeds is None or not _BRAKED_FROM.isdisjoint(self.failures()):
+        if self.other_speeds is None or not _BRAKING_CONDITIONS.isdisjoint(self.failures()):
             return None
         return self.other_speeds.braking
 
     def describe(self, name: str) -> str:
-        """Return one line about a condition: margin, unit, place."""
+        """Return a line about a condition: margin, unit, location."""
         condition = self.conditions[name]
         if condition.margin is None:
             return f"{name}: not required ({condition.coverage})"
@@ -196,12 +193,6 @@ class Certificate:
         }
 
 
-# ---- The independent judge: does a trajectory solve the problem?
-#
-# It uses robot, tube, collision geometry and the trajectory's polynomials, and nothing of the code
-# that made the trajectory.
-
-
 def verify(
     problem: PlanningProblem,
     trajectory: JointTrajectory,
@@ -209,10 +200,13 @@ def verify(
 ) -> Certificate:
     """Judge a trajectory.
 
+    Uses robot, tube, collision geometry and the trajectory's polynomials, and nothing of the code
+    that made the trajectory.
+
     Args:
         problem: The planning problem.
         trajectory: Of the problem's joints, in any order.
-        tolerance: How far below zero margins may lie; default: 1e-6 m, rad and relative.
+        tolerance: Largest violation that counts as none; default: 1e-6 m, rad and relative.
 
     Raises:
         ProblemError: The problem is none.
@@ -230,7 +224,7 @@ def verify(
 
 
 def judged_visits(problem: PlanningProblem, trajectory: JointTrajectory) -> list[Visit]:
-    """Return when a trajectory is in which segment, as `verify` judges it.
+    """Return the visits of segments by a trajectory, as in `verify`.
 
     Args:
         problem: The planning problem; the segments are those of `PlanningProblem.joined`.
