@@ -8,7 +8,7 @@ from small_cycle import SMALL
 from studied import Here
 
 from tubeplanner.cli import compare as comparison_report
-from tubeplanner.cli import explain as explain_command
+from tubeplanner.cli import console
 from tubeplanner.cli import info as info_command
 from tubeplanner.cli import place as place_command
 from tubeplanner.cli import plan as plan_outputs
@@ -76,12 +76,11 @@ def here(monkeypatch):
     """Commands plan in this process; the list has what their workers were to be."""
     calls = []
 
-    def workers(executor):
-        return lambda *arguments: calls.append(arguments) or nullcontext(executor)
+    def workers(*arguments):
+        calls.append(arguments)
+        return nullcontext(Here())
 
-    monkeypatch.setattr(explain_command, "workers_of", workers(None))
-    for module in (place_command, study_command):
-        monkeypatch.setattr(module, "workers_of", workers(Here()))
+    monkeypatch.setattr(console, "workers_of", workers)
     return calls
 
 

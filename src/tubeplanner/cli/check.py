@@ -10,18 +10,7 @@ import click
 from tubeplanner.certificate.cycle_verification import CycleCertificate, verify_cycle
 from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE, Tolerance
 from tubeplanner.certificate.verification import Certificate, verify
-from tubeplanner.cli.console import (
-    AS_JSON,
-    INFEASIBLE,
-    INPUT,
-    SET,
-    SUCCESS,
-    empty_report,
-    load_either_timed,
-    print_json,
-    say,
-    shown_progress,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.report import (
     certificate_text,
     cycle_check_text,
@@ -42,119 +31,21 @@ from tubeplanner.task.cycle_motion import CycleMotion, motion_of_file, move_rows
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 
-# ---- The controllers that `check --for` knows.
-
 _JTC = "jtc"
 CONTROLLERS = (*FRANKA_ARMS, _JTC)
 
 
-def judged_by(name: str, problem: PlanningProblem, file: TrajectoryFile) -> ControllerVerdict:
-    """Return what a controller makes of a trajectory file.
-
-    Args:
-        name: One of `CONTROLLERS`.
-        problem: The planning problem.
-        file: The trajectory.
-
-    Raises:
-        OptionError: There is no such controller, or it is for another arm.
-        TrajectoryError: The trajectory moves other joints.
-    """
-    if name not in CONTROLLERS:
-        raise OptionError(f"--for: {unknown_name('controller', name, CONTROLLERS)}")
-    if name == _JTC:
-        return judged_by_jtc(name, problem, file)
-    return judged_by_franka(name, problem.robot, file.trajectory, franka_limits(name))
-
-
-# ---- What `check` makes of the trajectory file of a cycle.
-
-
-@dataclass(frozen=True, eq=False)
-class CheckedCycle:
-    """The motion of a cycle from a file, and its judgement.
-
-    Attributes:
-        motion: The motion.
-        certificate: Of it.
-        certificate_time: Wall time that judging took [s].
-        notes: What else is to be known of the file.
-    """
-
-    motion: CycleMotion
-    certificate: CycleCertificate
-    certificate_time: float
-    notes: tuple[str, ...]
-
-    @property
-    def message(self) -> str:
-        """What is said of the trajectory, without the full stop."""
-        told: dict[str, str] = {}
-        for failure in self.certificate.failures():
-            reason = self.certificate.describe(failure)
-            told.setdefault(reason.partition(": ")[2], reason)  # moves without a stop fail together
-        reasons = "; ".join(told.values())
-        return f"fails: {reasons}" if reasons else "passes every condition"
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the JSON object, loading_time still absent."""
-        motion, failures = self.motion, self.certificate.failures()
-        status = "certificate_failed" if failures else "success"
-        where = self.certificate.place(failures[0]) if failures else Place()
-        return {
-            **empty_report(status, f"the trajectory {self.message}", where.as_dict()),
-            "duration": motion.trajectory.duration,
-            "certificate_time": self.certificate_time,
-            **peaks_as_dict(trajectory_peaks(motion.cycle.robot, motion.trajectory)),
-            "moves": move_rows(motion),
-            "marks": [mark.as_dict() for mark in motion.marks],
-            "build": LIBRARY.build,
-            "notes": list(self.notes),
-            "certificate": self.certificate.as_dict(),
-            "controller": None,
-        }
-
-    def text(self) -> str:
-        """Return what is printed otherwise, but for the last line."""
-        return cycle_check_text(self.motion, self.certificate, self.notes)
-
-
-def checked_cycle(
-    cycle: Cycle, path: Path, file: TrajectoryFile, tolerance: Tolerance
-) -> CheckedCycle:
-    """Judge the trajectory of a file as the motion of a cycle.
-
-    Args:
-        cycle: The cycle.
-        path: The file.
-        file: What it holds.
-        tolerance: How far below zero margins may lie.
-
-    Raises:
-        TrajectoryError: It has no marks, or others than the cycle's steps, or other joints.
-    """
-    motion = motion_of_file(cycle, path, file)
-    begin = time.perf_counter()
-    certificate = verify_cycle(cycle, motion, tolerance)
-    spent = time.perf_counter() - begin
-    notes = (*notes_on_cycle_file(cycle, file), *robot_notes(cycle.robot))
-    return CheckedCycle(motion, certificate, spent, notes)
-
-
-# ---- The command `check`: judge a trajectory file.
-
-
 @click.command()
 @click.argument("problem")
-@click.argument("trajectory", type=INPUT)
+@click.argument("trajectory", type=console.INPUT)
 @click.option("--tolerance", help="ABS[,REL]: how far below zero margins may lie.")
 @click.option(
     "--for",
     "controller",
     help="Also what a controller enforces: fr3, fer (Franka), jtc (JointTrajectoryController).",
 )
-@SET
-@AS_JSON
+@console.SET
+@console.AS_JSON
 def check(
     problem: str,
     trajectory: Path,
@@ -164,47 +55,43 @@ def check(
     as_json: bool,
 ) -> int:
     """Judge the TRAJECTORY file against PROBLEM, or against a whole cycle."""
-    asked = _tolerance(tolerance)
-    with shown_progress() as enter:
-        loaded, loading_time = load_either_timed(problem, enter, changes)
+    user_tolerance = _tolerance(tolerance)
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_either_timed(problem, enter, changes)
         read = read_trajectory_file(trajectory, loaded.robot.joint_names)
-        limits = asked or (Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE)
+        own = Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE
+        margins = user_tolerance or own
         if isinstance(loaded, Cycle):
-            _refuse_controller(controller)
+            if controller is not None:
+                raise OptionError(
+                    f"--for {controller} judges the motion of a problem; of a cycle leave it out, "
+                    "and check moves as problems of their own"
+                )
             enter("certificate")
-            checked = checked_cycle(loaded, trajectory, read, limits)
+            checked = checked_cycle(loaded, trajectory, read, margins)
             return _say_checked(trajectory, checked, loading_time, as_json)
         verdict = None if controller is None else judged_by(controller, loaded, read)
         enter("certificate")
         begin = time.perf_counter()
-        certificate = verify(loaded, read.trajectory, limits)
+        certificate = verify(loaded, read.trajectory, margins)
         certificate_time = time.perf_counter() - begin
     message = _message(certificate, verdict)
     if as_json:
         times = {"certificate_time": certificate_time, "loading_time": loading_time}
-        print_json(_report(loaded, read, certificate, verdict) | times)
+        console.print_json(_report(loaded, read, certificate, verdict) | times)
     else:
         _print(loaded, read, certificate, verdict)
-        say(f"{trajectory} ({read.trajectory.duration:.4f} s) {message}.")
-    return SUCCESS if certificate.passed and _accepted(verdict) else INFEASIBLE
+        console.say(f"{trajectory} ({read.trajectory.duration:.4f} s) {message}.")
+    return console.SUCCESS if certificate.passed and _accepted(verdict) else console.INFEASIBLE
 
 
-def _refuse_controller(controller: str | None) -> None:
-    if controller is not None:
-        raise OptionError(
-            f"--for {controller} judges the motion of a problem; of a cycle leave it out, and "
-            "check moves as problems of their own"
-        )
-
-
-def _say_checked(path: Path, checked: CheckedCycle, loading_time: float, as_json: bool) -> int:
-    """Print the judgement of a cycle's motion; return the exit status."""
-    if as_json:
-        print_json({**checked.as_dict(), "loading_time": loading_time})
-    else:
-        say(checked.text())
-        say(f"{path} ({checked.motion.trajectory.duration:.4f} s) {checked.message}.")
-    return SUCCESS if checked.certificate.passed else INFEASIBLE
+def _tolerance(text: str | None) -> Tolerance | None:
+    if text is None:
+        return None
+    try:
+        return Tolerance(*(float(word) for word in text.split(",")))
+    except (TypeError, ValueError):
+        raise OptionError(f"--tolerance '{text}' is not ABS or ABS,REL") from None
 
 
 def _accepted(verdict: ControllerVerdict | None) -> bool:
@@ -212,7 +99,7 @@ def _accepted(verdict: ControllerVerdict | None) -> bool:
 
 
 def _message(certificate: Certificate, verdict: ControllerVerdict | None) -> str:
-    """Return what is said of the trajectory, without the full stop."""
+    """Return the judgement as a predicate of a sentence, without the full stop."""
     reasons = "; ".join(certificate.describe(name) for name in certificate.failures())
     message = f"fails: {reasons}" if reasons else "passes every condition"
     if verdict is None:
@@ -238,7 +125,7 @@ def _report(
         message += f": {verdict.gravest.error}: {verdict.gravest.message}"
     where = _where(certificate, verdict).as_dict()
     return {
-        **empty_report("success" if passed else "certificate_failed", message, where),
+        **console.empty_report("success" if passed else "certificate_failed", message, where),
         "duration": read.trajectory.duration,
         **peaks_as_dict(trajectory_peaks(problem.robot, read.trajectory)),
         "build": LIBRARY.build,
@@ -249,15 +136,15 @@ def _report(
 
 
 def _where(certificate: Certificate, verdict: ControllerVerdict | None) -> Place:
-    """Return where the first condition fails, or else the controller first minds something."""
+    """Return the place of the first failed condition, else of the controller's gravest error."""
     failures = certificate.failures()
     if failures:
         return certificate.conditions[failures[0]].where
     if verdict is None or verdict.gravest is None:
         return Place()
-    minded = verdict.gravest
-    time = minded.time if minded.first_time is None else minded.first_time
-    return Place(time=time, joint=minded.joint)
+    gravest = verdict.gravest
+    time = gravest.time if gravest.first_time is None else gravest.first_time
+    return Place(time=time, joint=gravest.joint)
 
 
 def _print(
@@ -267,17 +154,112 @@ def _print(
     verdict: ControllerVerdict | None,
 ) -> None:
     peaks = trajectory_peaks(problem.robot, read.trajectory)
-    say(*peaks_lines(problem.robot, peaks), certificate_text(certificate), sep="\n")
-    say(other_speeds_line(certificate))
+    console.say(*peaks_lines(problem.robot, peaks), certificate_text(certificate), sep="\n")
+    console.say(other_speeds_line(certificate))
     lines = [f"note: {note}" for note in _notes(problem, read, certificate)]
     lines += [] if verdict is None else verdict.lines()
-    say(*lines, sep="\n", end="\n" if lines else "")
+    console.say(*lines, sep="\n", end="\n" if lines else "")
 
 
-def _tolerance(text: str | None) -> Tolerance | None:
-    if text is None:
-        return None
-    try:
-        return Tolerance(*(float(word) for word in text.split(",")))
-    except (TypeError, ValueError):
-        raise OptionError(f"--tolerance '{text}' is not ABS or ABS,REL") from None
+def judged_by(name: str, problem: PlanningProblem, file: TrajectoryFile) -> ControllerVerdict:
+    """Return the verdict of a controller on a trajectory file.
+
+    Args:
+        name: An entry of `CONTROLLERS`.
+        problem: The planning problem.
+        file: The trajectory.
+
+    Raises:
+        OptionError: The controller is unknown, or for another arm.
+        TrajectoryError: The trajectory moves other joints.
+    """
+    if name not in CONTROLLERS:
+        raise OptionError(f"--for: {unknown_name('controller', name, CONTROLLERS)}")
+    if name == _JTC:
+        return judged_by_jtc(name, problem, file)
+    return judged_by_franka(name, problem.robot, file.trajectory, franka_limits(name))
+
+
+# ---- The trajectory file of a cycle.
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedCycle:
+    """The motion of a cycle from a file, and its certificate.
+
+    Attributes:
+        motion: The motion.
+        certificate: Its certificate.
+        certificate_time: Wall time of the certificate [s].
+        notes: Sentences on the file and the robot.
+    """
+
+    motion: CycleMotion
+    certificate: CycleCertificate
+    certificate_time: float
+    notes: tuple[str, ...]
+
+    @property
+    def message(self) -> str:
+        """The judgement as a predicate of a sentence, without the full stop."""
+        by_condition: dict[str, str] = {}
+        for failure in self.certificate.failures():
+            reason = self.certificate.describe(failure)
+            # Moves without a stop fail together: the first names them.
+            by_condition.setdefault(reason.partition(": ")[2], reason)
+        reasons = "; ".join(by_condition.values())
+        return f"fails: {reasons}" if reasons else "passes every condition"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the JSON object, loading_time still absent."""
+        motion, failures = self.motion, self.certificate.failures()
+        status = "certificate_failed" if failures else "success"
+        where = self.certificate.place(failures[0]) if failures else Place()
+        return {
+            **console.empty_report(status, f"the trajectory {self.message}", where.as_dict()),
+            "duration": motion.trajectory.duration,
+            "certificate_time": self.certificate_time,
+            **peaks_as_dict(trajectory_peaks(motion.cycle.robot, motion.trajectory)),
+            "moves": move_rows(motion),
+            "marks": [mark.as_dict() for mark in motion.marks],
+            "build": LIBRARY.build,
+            "notes": list(self.notes),
+            "certificate": self.certificate.as_dict(),
+            "controller": None,
+        }
+
+    def text(self) -> str:
+        """Return the printed text, without the last line."""
+        return cycle_check_text(self.motion, self.certificate, self.notes)
+
+
+def checked_cycle(
+    cycle: Cycle, path: Path, file: TrajectoryFile, tolerance: Tolerance
+) -> CheckedCycle:
+    """Judge the trajectory of a file as the motion of a cycle.
+
+    Args:
+        cycle: The cycle.
+        path: The file.
+        file: Its contents.
+        tolerance: Bound on negative margins.
+
+    Raises:
+        TrajectoryError: The file has no marks, or others than the cycle's steps, or other joints.
+    """
+    motion = motion_of_file(cycle, path, file)
+    begin = time.perf_counter()
+    certificate = verify_cycle(cycle, motion, tolerance)
+    certificate_time = time.perf_counter() - begin
+    notes = (*notes_on_cycle_file(cycle, file), *robot_notes(cycle.robot))
+    return CheckedCycle(motion, certificate, certificate_time, notes)
+
+
+def _say_checked(path: Path, checked: CheckedCycle, loading_time: float, as_json: bool) -> int:
+    """Print the judgement of a cycle's motion; return the exit status."""
+    if as_json:
+        console.print_json({**checked.as_dict(), "loading_time": loading_time})
+    else:
+        console.say(checked.text())
+        console.say(f"{path} ({checked.motion.trajectory.duration:.4f} s) {checked.message}.")
+    return console.SUCCESS if checked.certificate.passed else console.INFEASIBLE

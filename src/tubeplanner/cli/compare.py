@@ -8,27 +8,7 @@ import click
 from rich.table import Table
 
 from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition
-from tubeplanner.cli.console import (
-    AS_JSON,
-    FOLDER,
-    INFEASIBLE,
-    OTHERS_NOT_TRIED,
-    PATH,
-    SET,
-    SLACK,
-    SUCCESS,
-    empty_report,
-    load_timed,
-    nowhere,
-    print_json,
-    require_ending,
-    require_used,
-    say,
-    say_files,
-    shown_progress,
-    table_bytes,
-    write_answer,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import fits, rendered, terminal
 from tubeplanner.output.figures.figure_files import figure_file, require_figure
@@ -47,15 +27,17 @@ _MANY = 999.5  # [%]: from here on three digits would be a power of ten
 @click.command()
 @click.argument("problem")
 @click.option("--methods", help="Such as refinement,bang-bang  [default: all].")
-@click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
-@click.option("--plot", "figure", type=PATH, help="Figure (PNG, PDF or SVG).")
+@click.option("-o", "--output", type=console.PATH, help="Table (CSV or JSON, by its ending).")
+@click.option("--plot", "figure", type=console.PATH, help="Figure (PNG, PDF or SVG).")
 @click.option(
-    "--trajectories", type=FOLDER, help="Folder for every trajectory (JSON), certified or not."
+    "--trajectories",
+    type=console.FOLDER,
+    help="Folder for every trajectory (JSON), certified or not.",
 )
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
-@SLACK
-@SET
-@AS_JSON
+@console.SLACK
+@console.SET
+@console.AS_JSON
 def compare(
     problem: str,
     methods: str | None,
@@ -72,31 +54,31 @@ def compare(
     Exit status 0 if any of them has a certified trajectory; the others say which conditions fail.
     """
     options = PlanOptions(quality=quality, slack=slack)
-    require_used(changes, slack)
+    console.require_used(changes, slack)
     names = None if methods is None else [name.strip() for name in methods.split(",")]
     outputs = [path for path in (output, figure) if path is not None]
-    require_ending(output, "-o", (".csv", ".json"))
+    console.require_ending(output, "-o", (".csv", ".json"))
     require_figure(figure, "--plot")
     require_writable(outputs, [Path(problem)])
     if trajectories is not None:
         require_writable(
             [trajectories / "trajectory.json" if trajectories.is_dir() else trajectories]
         )
-    with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter, changes)
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_timed(problem, enter, changes)
         require_writable(outputs, [loaded.robot.urdf.path])
         result = compare_methods(loaded, names, options=options, progress=enter)
         outputs += _write_comparison(result, output, figure, trajectories)
     certified = sum(row.certified for row in result.rows)
     message = f"{certified} of {len(result.rows)} certified"
-    message += OTHERS_NOT_TRIED if result.stopped_by else ""
+    message += console.OTHERS_NOT_TRIED if result.stopped_by else ""
     if as_json:
-        report = empty_report("success" if certified else "no_trajectory", message, nowhere())
-        print_json({**report, "loading_time": loading_time, **result.as_dict()})
+        report = console.empty_report("success" if certified else "no_trajectory", message)
+        console.print_json({**report, "loading_time": loading_time, **result.as_dict()})
     else:
-        say(comparison_text(result), message, sep="\n")
-        say_files(outputs, "-o TABLE.csv", "--plot", "--trajectories")
-    return SUCCESS if certified else INFEASIBLE
+        console.say(comparison_text(result), message, sep="\n")
+        console.say_files(outputs, "-o TABLE.csv", "--plot", "--trajectories")
+    return console.SUCCESS if certified else console.INFEASIBLE
 
 
 def _write_comparison(
@@ -106,16 +88,16 @@ def _write_comparison(
     hold_interrupts()
     contents: dict[Path, bytes] = {}
     if output is not None:
-        contents[output] = table_bytes(result, output)
+        contents[output] = console.table_bytes(result, output)
     if figure is not None:
         contents[figure] = figure_file(plot_comparison(result), figure)
     trajectories = {} if folder is None else _trajectory_files(result, folder)
-    write_answer({**contents, **trajectories}, folder)
+    console.write_answer({**contents, **trajectories}, folder)
     return list(trajectories)
 
 
 def _trajectory_files(result: Comparison, folder: Path) -> dict[Path, bytes]:
-    """Return every trajectory as a trajectory file that says whether it is certified."""
+    """Return the contents of a trajectory file for each row, with the verdict and its failures."""
     files = {}
     for row in result.rows:
         if row.trajectory is not None:
@@ -128,7 +110,7 @@ def _trajectory_files(result: Comparison, folder: Path) -> dict[Path, bytes]:
 def comparison_text(result: Comparison) -> str:
     """Return a comparison as a table and the rows' messages, as wide as the terminal.
 
-    In a narrow terminal measures are left out, the last ones first.
+    In a narrow terminal the last measures are left out.
     """
     for count in range(len(_MEASURED), -1, -1):
         table = _table(result, count)
@@ -139,11 +121,11 @@ def comparison_text(result: Comparison) -> str:
         names = ", ".join(_MEASURED[count:])
         lines.append(f"left out, the terminal being narrow: {names}; -o TABLE.csv has all")
     lines += [f"{row.method}: {row.message}" for row in result.rows]
-    return "\n".join(_broken(line) for line in lines)
+    return "\n".join(map(_wrapped, lines))
 
 
 def _table(result: Comparison, count: int) -> Table:
-    """Return a comparison as a table with so many of the measures."""
+    """Return a comparison as a table with the first `count` of the measures."""
     table = Table(title=f"{result.problem.name}: methods compared", title_justify="left")
     table.add_column("method", no_wrap=True)
     table.add_column("duration", justify="right", no_wrap=True)
@@ -157,35 +139,35 @@ def _table(result: Comparison, count: int) -> Table:
 
 
 def _verdict(row: ComparisonRow) -> str:
-    """Return what is said of a row's certificate, a failed condition on a line."""
+    """Return the certificate's verdict on a row, a failed condition on each line."""
     if row.duration is None:
         return str(row.status).replace("_", " ")
-    failed = [f"{name} {_excess(found)}" for name, found in row.failures.items()]
+    failed = [f"{name} {_excess(condition)}" for name, condition in row.failures.items()]
     return "FAILS: " + ",\n".join(failed) if failed else "passes"
 
 
 def _measures(row: ComparisonRow) -> list[str]:
     """Return the cells of `_MEASURED`."""
-    spent, measured = f"{row.planning_time:.2f} s", row.measures
-    if measured is None:
-        return [spent]
-    jerk = "unbounded" if measured.peak_jerk is None else f"{measured.peak_jerk:.2g}"
-    shares = (f"{100 * share:.0f} %" for share in (measured.at_limit, measured.tube_use))
-    return [spent, measured.smoothness, jerk, *shares]
+    time, measures = f"{row.planning_time:.2f} s", row.measures
+    if measures is None:
+        return [time]
+    jerk = "unbounded" if measures.peak_jerk is None else f"{measures.peak_jerk:.2g}"
+    fractions = (f"{100 * value:.0f} %" for value in (measures.at_limit, measures.tube_use))
+    return [time, measures.smoothness, jerk, *fractions]
 
 
 def _excess(condition: JudgedCondition) -> str:
-    """Return by how much a trajectory violates a condition, with its unit."""
-    missed = -(condition.margin or 0.0)
+    """Return the violation of a condition, with its unit."""
+    excess = -(condition.margin or 0.0)
     if condition.unit != RELATIVE:
-        return f"{missed:.3g} {condition.unit}"
-    percent = 100 * missed
+        return f"{excess:.3g} {condition.unit}"
+    percent = 100 * excess
     return f"{percent:.3g} %" if percent < _MANY else f"{percent:.0f} %"
 
 
-def _broken(line: str) -> str:
-    """Return a line, broken between words and indented there if it is wider than the terminal."""
+def _wrapped(line: str) -> str:
+    """Return a line, wrapped between words if wider than the terminal."""
     width = terminal().width
-    if len(line) <= width:
+    if len(line) <= width:  # unchanged, with its runs of spaces
         return line
     return fill(line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)

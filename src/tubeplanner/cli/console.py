@@ -1,6 +1,6 @@
-"""Common to commands: options, exit status, progress, output, written answers, workers.
+"""Common parts of commands: options, exit status, progress, output, files of an answer, workers.
 
-What loads NumPy is imported when it is called, as `cli` imports this module.
+Modules that load NumPy are imported inside functions, as the group of commands imports this module.
 """
 
 import json
@@ -24,13 +24,12 @@ if TYPE_CHECKING:
     from tubeplanner.task.cycle import Cycle
     from tubeplanner.task.problem import PlanningProblem
 
-# ---- What commands share: options, exit status, progress on a terminal, JSON on standard output.
+# ---- Options and their checks; exit status.
 
 SUCCESS, INFEASIBLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
-_MAX_MESSAGE = 5000  # [characters]
 PATH = click.Path(path_type=Path, dir_okay=False)
-INPUT = click.Path(path_type=Path)  # whoever reads it says what is wrong, in one line
+INPUT = click.Path(path_type=Path)  # the reader of the file reports faults, in one line
 FOLDER = click.Path(path_type=Path, file_okay=False)
 SLACK = click.option(
     "--slack",
@@ -48,14 +47,14 @@ PACKAGE_DIR = click.option(
 )
 
 
-def _changes(context: click.Context, option: click.Parameter, given: tuple[str, ...]) -> Any:
-    """Return the values of an option's uses by their field paths."""
-    if not given:
+def _changes(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> Any:
+    """Return the values of --set by field path."""
+    if not texts:
         return {}
     from tubeplanner.task.field_changes import parse_change
 
     changes: dict[str, Any] = {}
-    for text in given:
+    for text in texts:
         path, value = parse_change("--set", text)
         if path in changes:
             raise OptionError(f"--set {path} is given twice; give it once")
@@ -74,24 +73,65 @@ SET = click.option(
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
+def _say_version(context: click.Context, option: click.Parameter, requested: bool) -> Any:
+    if not requested or context.resilient_parsing:
+        return
+    from tubeplanner.native.library import LIBRARY
+
+    say(f"tubeplanner {__version__}, {LIBRARY.build}")
+    context.exit()
+
+
+VERSION = click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_say_version,
+    help="Print the version, whether it runs natively, and why not.",
+)
+
+
+def processes_option(default: str) -> Callable[[Any], Any]:
+    """Return the option --processes; `default` describes the behaviour without the option."""
+    return click.option(
+        "--processes",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help=f"Plan in so many processes [{default}].",
+    )
+
+
 def require_ending(path: Path | None, option: str, endings: tuple[str, ...]) -> None:
-    """Check that the name of an output file, if there is one, ends as an option needs.
+    """Raise unless the name of an output file is None or has an allowed ending.
 
     Raises:
-        OptionError: It does not.
+        OptionError: The ending is not allowed.
     """
     if path is not None and path.suffix.lower() not in endings:
         raise OptionError(f"{option} {path}: name a file that ends in {' or '.join(endings)}")
 
 
 def require_page(path: Path | None) -> None:
-    """Check that the name of a page ends like one.
+    """Raise unless the name of a page is None or ends in .html or .htm.
 
     Raises:
-        OptionError: It is not.
+        OptionError: The ending is another.
     """
     if path is not None and path.suffix.lower() not in (".html", ".htm"):
         raise OptionError(f"--html {path}: a page is written; name a file that ends in .html")
+
+
+def require_used(changes: Iterable[str], slack: float | None) -> None:
+    """Raise OptionError if --set changes an objective that the shortest motions ignore."""
+    from tubeplanner.task.field_changes import is_of_objective
+
+    for path in changes:
+        if is_of_objective(path) and slack is None:
+            raise OptionError(f"--set {path}: without --slack the shortest motions are planned")
+
+
+# ---- Loading and progress.
 
 
 def load_timed(
@@ -101,7 +141,7 @@ def load_timed(
     *,
     reads_tube: bool = True,
 ) -> "tuple[PlanningProblem, float]":
-    """Return a problem, changed at some field paths, and the time [s] that reading it took."""
+    """Return a problem with changes by field path, and the loading time [s]."""
     begin = time.perf_counter()
     enter("loading robot and collision geometry")
     from tubeplanner.task.problem_reader import load_problem
@@ -113,7 +153,7 @@ def load_timed(
 def load_either_timed(
     name: str, enter: Callable[[object], None], changes: Mapping[str, Any]
 ) -> "tuple[PlanningProblem | Cycle, float]":
-    """Return a problem or a cycle as `load_timed` does, whichever the file is."""
+    """Return the problem or cycle of a file, changed by field path, and the loading time [s]."""
     begin = time.perf_counter()
     enter("loading robot and collision geometry")
     from tubeplanner.task.cycle_file import load_problem_or_cycle
@@ -126,7 +166,7 @@ def load_either_timed(
 def shown_progress() -> Iterator[Callable[[object], None]]:
     """Yield a function that shows the stage and the time so far on a terminal's standard error.
 
-    Entering a stage also raises a Ctrl-C that a library swallowed, as trimesh does when imported.
+    The function also raises a Ctrl-C that a library swallowed, as trimesh does when imported.
     """
     with interrupts_remembered() as raise_pending:
         if not sys.stderr.isatty():
@@ -135,27 +175,30 @@ def shown_progress() -> Iterator[Callable[[object], None]]:
         from rich.console import Console
         from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-        # As it is: brackets in names are no markup.
-        columns = (
-            SpinnerColumn(),
-            TimeElapsedColumn(),
-            TextColumn("{task.fields[stage]}", markup=False),
-        )
-        with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-            whole = shown.add_task("", total=None, stage="")
+        # Without markup: brackets in names are no tags.
+        stage_column = TextColumn("{task.fields[stage]}", markup=False)
+        columns = (SpinnerColumn(), TimeElapsedColumn(), stage_column)
+        with Progress(*columns, console=Console(stderr=True), transient=True) as display:
+            task = display.add_task("", total=None, stage="")
 
             def enter(progress: object) -> None:
                 raise_pending()
-                shown.update(whole, stage=f"{progress} ...")
+                display.update(task, stage=f"{progress} ...")
 
             yield enter
 
 
-def fail(status: str, message: str, as_json: bool, code: int, **known: Any) -> int:
-    """Report why a run ends without an answer, with other fields of JSON; return exit status."""
+# ---- Output: JSON, lines, files. From the first line on, Ctrl-C no longer ends the run.
+
+OTHERS_NOT_TRIED = "; interrupted, the others were not tried"
+_MAX_MESSAGE = 5000  # [characters]
+
+
+def fail(status: str, message: str, as_json: bool, code: int, **fields: Any) -> int:
+    """Report the reason of a run without an answer, with more fields if JSON; return exit code."""
     message = printable(message)
     if as_json:
-        print_json({**empty_report(status, message, nowhere()), **known})
+        print_json({**empty_report(status, message), **fields})
     else:
         hold_interrupts()
         print(f"tubeplanner: {message}", file=sys.stderr)
@@ -163,15 +206,15 @@ def fail(status: str, message: str, as_json: bool, code: int, **known: Any) -> i
 
 
 def printable(message: str) -> str:
-    """Return a message on one line that a terminal shows as it is, cut where it is very long."""
+    """Return a message as a single printable line, shortened if very long."""
     text = on_one_line(message[:_MAX_MESSAGE])
     return text if len(message) <= _MAX_MESSAGE else text + " ..."
 
 
 def say(*values: object, sep: str = " ", end: str = "\n") -> None:
-    """Print what a run answers; from here on, Ctrl-C no longer makes it look interrupted.
+    """Print the answer of a run, and hold Ctrl-C from here on.
 
-    Characters that a terminal would obey, as names may hold them, are printed as their codes.
+    Control characters, which names may contain, are printed as codes.
     """
     hold_interrupts()
     lines = sep.join(map(str, values)).split("\n")
@@ -179,17 +222,25 @@ def say(*values: object, sep: str = " ", end: str = "\n") -> None:
 
 
 def say_unwritten(*options: str) -> None:
-    """Print one line that says which options would have written an answer."""
+    """Print a line with the options that would have written the answer."""
     say(f"nothing written; to keep the answer, give {' or '.join(options)}")
 
 
-def empty_report(status: str, message: str, where: dict[str, Any]) -> dict[str, Any]:
-    """Return the JSON object of a run, numbers still absent."""
+def say_files(written: list[Path], *options: str) -> None:
+    """Print the written files, one a line; without files, the options that would write some."""
+    if written:
+        say(*written, sep="\n")
+    else:
+        say_unwritten(*options)
+
+
+def empty_report(status: str, message: str, where: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Return the JSON object of a run without its numbers; by default, its place is empty."""
     numbers = ("duration", "phase1_duration", "planning_time", "certificate_time", "loading_time")
     return {
         "status": status,
         "message": message,
-        "where": where,
+        "where": Place().as_dict() if where is None else where,
         "proved": None,
         "starts_tried": None,
         **dict.fromkeys(numbers),
@@ -198,58 +249,31 @@ def empty_report(status: str, message: str, where: dict[str, Any]) -> dict[str, 
     }
 
 
-def nowhere() -> dict[str, Any]:
-    """Return the place of a run without one, as JSON values."""
-    return Place().as_dict()
-
-
 def print_json(fields: dict[str, Any], indent: int | None = None) -> None:
-    """Print the one JSON object of a run."""
+    """Print the JSON object of a run."""
     say(json.dumps(fields, allow_nan=False, indent=indent))
 
 
-# ---- The files of an answer, written by a command.
-#
-# Commands hold Ctrl-C back before they draw an answer that took its time. Those whose work is to
-# draw enter a stage before they write: it raises a Ctrl-C that a library swallowed, and that may
-# have spoiled what it drew.
-
-OTHERS_NOT_TRIED = "; interrupted, the others were not tried"
-
-
 def write_answer(contents: Mapping[Path, bytes], folder: Path | None = None) -> None:
-    """Write the files of an answer; from here on, Ctrl-C no longer makes it look interrupted.
+    """Write all files of an answer or none, and hold Ctrl-C from here on.
+
+    A command whose work takes long holds Ctrl-C before it draws. A command that only draws enters a
+    stage before it writes: this raises a Ctrl-C that a library swallowed, which may have spoiled
+    the picture.
 
     Args:
-        contents: As for `write_files`: all are written, or none.
-        folder: Likewise.
+        contents: As for `write_files`.
+        folder: As for `write_files`.
 
     Raises:
-        OutputError: They could not be written.
+        OutputError: A file cannot be written.
     """
     hold_interrupts()
     write_files(contents, folder)
 
 
-def say_files(written: list[Path], *options: str) -> None:
-    """Print the files that were written, each on its line, or which options write some."""
-    if written:
-        say(*written, sep="\n")
-    else:
-        say_unwritten(*options)
-
-
-def require_used(changes: Iterable[str], slack: float | None) -> None:
-    """Raise if an objective is set that counts for nothing, as marks are the shortest durations."""
-    from tubeplanner.task.field_changes import is_of_objective
-
-    for path in changes:
-        if is_of_objective(path) and slack is None:
-            raise OptionError(f"--set {path}: without --slack the shortest motions are planned")
-
-
 class _Table(Protocol):
-    """A result of several plans, such as that of a sweep or of a study."""
+    """A result of several plans, such as a sweep or a study."""
 
     def csv(self) -> str: ...
 
@@ -257,33 +281,26 @@ class _Table(Protocol):
 
 
 def table_bytes(result: _Table, path: Path) -> bytes:
-    """Return a table as its file holds it: CSV or JSON, by the ending."""
+    """Return the contents of a table's file: CSV or JSON, by the ending."""
     if path.suffix.lower() == ".csv":
         return result.csv().encode()
     return (json.dumps(result.as_dict(), allow_nan=False) + "\n").encode()
 
 
-# ---- What plans many problems for a command: processes of this machine, or a Dask cluster.
-
-
-def processes_option(default: str) -> Callable[[Any], Any]:
-    """Return the option --processes; `default` says in words what holds without it."""
-    return click.option(
-        "--processes",
-        type=click.IntRange(min=1),
-        metavar="N",
-        help=f"Plan in so many processes [{default}].",
-    )
-
-
 @contextmanager
 def workers_of(processes: int | None, scheduler: str | None = None) -> Iterator[Executor]:
-    """Yield what plans: so many processes of this machine; None: one per processor.
+    """Yield the executor of plans: processes of this machine, or workers of a Dask scheduler.
 
-    Or the workers of a Dask scheduler, which go on when they are not needed any more.
+    Processes are killed in the end, whatever they work on; the workers of a scheduler are not. A
+    single process is not this one either: answers are the same bits for any number of processes,
+    each with one thread for linear algebra.
 
-    In the end they are ended, whatever they work on. One process is not this one either: answers
-    are the same bits for any number of processes, each with one thread for linear algebra.
+    Args:
+        processes: Their number; None: one per processor.
+        scheduler: Address of a Dask scheduler, if any.
+
+    Raises:
+        OptionError: Both arguments are given.
     """
     from tubeplanner.studies.dask_executor import dask_executor
     from tubeplanner.studies.worker_processes import WorkerProcesses
@@ -301,25 +318,3 @@ def workers_of(processes: int | None, scheduler: str | None = None) -> Iterator[
             yield workers
         finally:
             workers.kill()
-
-
-# ---- The option `--version`: which version runs, and which build of it.
-
-
-def _say_version(context: click.Context, option: click.Parameter, asked: bool) -> Any:
-    if not asked or context.resilient_parsing:
-        return
-    from tubeplanner.native.library import LIBRARY
-
-    say(f"tubeplanner {__version__}, {LIBRARY.build}")
-    context.exit()
-
-
-VERSION = click.option(
-    "--version",
-    is_flag=True,
-    expose_value=False,
-    is_eager=True,
-    callback=_say_version,
-    help="Print the version, whether it runs natively, and why not.",
-)

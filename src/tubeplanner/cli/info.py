@@ -11,19 +11,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from tubeplanner.cli.console import (
-    AS_JSON,
-    PACKAGE_DIR,
-    PATH,
-    SET,
-    TOOL_FRAME,
-    empty_report,
-    nowhere,
-    print_json,
-    say,
-    shown_progress,
-    write_answer,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.report import rendered
 from tubeplanner.errors import OptionError
 from tubeplanner.output.figures.figure_files import figure_file, require_figure
@@ -48,18 +36,18 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Move
 from tubeplanner.writing import require_writable
 
-# ---- The command that says what is in a robot or a problem, and what it lacks.
-
 _PROBLEM_ENDINGS = (".yaml", ".yml", ".json")
+_TABLED = ("position", "velocity", "effort", "acceleration", "jerk")
+_MAX_NAMES = 12  # joints or links in a line
 
 
 @click.command()
 @click.argument("robot", metavar="ROBOT|PROBLEM")
-@TOOL_FRAME
-@PACKAGE_DIR
-@click.option("--plot", type=PATH, help="Arm with its frames named (PNG, PDF or SVG).")
-@SET
-@AS_JSON
+@console.TOOL_FRAME
+@console.PACKAGE_DIR
+@click.option("--plot", type=console.PATH, help="Arm with its frames named (PNG, PDF or SVG).")
+@console.SET
+@console.AS_JSON
 def info(
     robot: str,
     tool_frame: str | None,
@@ -77,49 +65,50 @@ def info(
     require_figure(plot, "--plot")
     if plot is not None:
         require_writable([plot], [Path(robot)])
-    with shown_progress() as enter:
+    with console.shown_progress() as enter:
         enter("reading robot")
         if is_problem(robot):
             if package_dirs:
                 raise OptionError("--package-dir is for a URDF; a problem has robot.package_dirs")
             frame = {} if tool_frame is None else {"robot.tool_frame": tool_frame}
             read = cycle_info if is_cycle_file(robot) else problem_info
-            found: RobotInfo | ProblemInfo | CycleInfo = read(robot, changes | frame)
+            contents: RobotInfo | ProblemInfo | CycleInfo = read(robot, changes | frame)
         else:
             if changes:
                 raise OptionError(f"--set changes a problem file; {robot} is a robot")
-            found = robot_info(robot, tool_frame, package_dirs=package_dirs)
+            contents = robot_info(robot, tool_frame, package_dirs=package_dirs)
         if plot is not None:
             enter("picture")
-            picture = _picture(found, plot)
+            arm = contents.arm if isinstance(contents, RobotInfo) else contents.robot.arm
+            problem = None if isinstance(contents, RobotInfo) else contents.problem
+            picture = figure_file(plot_robot(arm, shown_configuration(arm, problem)), plot)
             enter("writing")
-            write_answer({plot: picture})
+            console.write_answer({plot: picture})
     if as_json:
-        fields = _finite(found.as_dict())
+        fields = _finite(contents.as_dict())
         message = f"{fields['name']}: {len(fields['missing'])} things missing"
-        report = empty_report("success", message, nowhere())
-        print_json({**report, **fields, "plot": None if plot is None else str(plot)})
+        report = console.empty_report("success", message)
+        console.print_json({**report, **fields, "plot": None if plot is None else str(plot)})
         return
-    say(_as_text(found))
+    if isinstance(contents, CycleInfo):
+        console.say(cycle_text(contents))
+    elif isinstance(contents, ProblemInfo):
+        console.say(problem_text(contents))
+    else:
+        console.say(robot_text(contents))
     if plot is not None:
-        say(f"plot: {plot}")
+        console.say(f"plot: {plot}")
 
 
 def is_problem(name: str) -> bool:
-    """Return whether a name is that of a problem rather than of a robot."""
+    """Return True if a name is a problem's, False if a robot's."""
     if name.startswith(EXAMPLE_PREFIX):
         return "/" in name
     return Path(name).suffix.lower() in _PROBLEM_ENDINGS
 
 
-def _picture(found: RobotInfo | ProblemInfo | CycleInfo, path: Path) -> bytes:
-    problem = None if isinstance(found, RobotInfo) else found.problem
-    arm = found.arm if isinstance(found, RobotInfo) else found.robot.arm
-    return figure_file(plot_robot(arm, shown_configuration(arm, problem)), path)
-
-
 def _finite(value: Any) -> Any:
-    """Return JSON values, null for what is infinite."""
+    """Return JSON values with None in place of infinite numbers."""
     if isinstance(value, Mapping):
         return {str(key): _finite(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
@@ -127,24 +116,15 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _as_text(found: RobotInfo | ProblemInfo | CycleInfo) -> str:
-    if isinstance(found, CycleInfo):
-        return cycle_text(found)
-    return problem_text(found) if isinstance(found, ProblemInfo) else robot_text(found)
-
-
-# ---- What is in a robot or a problem, as text for a terminal.
-
-_TABLED = ("position", "velocity", "effort", "acceleration", "jerk")
-_NAMED_AT_MOST = 12  # joints or links in one line
+# ---- The contents of a robot, as text.
 
 
 def robot_text(info: RobotInfo) -> str:
-    """Return what is in a robot as text."""
+    """Return the contents of a robot as text."""
     frame = info.tool_frame
-    found = "" if info.tool_frame_is_given else ", the end of the longest chain"
+    choice = "" if info.tool_frame_is_given else ", the end of the longest chain"
     lines = [
-        f"{info.name}: {len(info.joints)} joints to {frame}{found}",
+        f"{info.name}: {len(info.joints)} joints to {frame}{choice}",
         f"URDF: {info.path}",
         _joint_table(info.joints),
         "units: rad and m, N m and N, s",
@@ -157,20 +137,9 @@ def robot_text(info: RobotInfo) -> str:
         *_frame_lines(info),
         *_base_lines(info),
         *(f"note: {note}" for note in info.notes),
-        *_missing_lines(info.missing),
+        "missing:" if info.missing else "nothing is missing: it can be planned",
+        *(f"  {each}" for each in info.missing),
     ]
-    return "\n".join(lines)
-
-
-def problem_text(info: ProblemInfo) -> str:
-    """Return what is in a problem as text."""
-    lines = [robot_text(info.robot)]
-    if info.srdf is not None:
-        lines += srdf_lines(info.srdf)
-    if info.problem is not None:
-        lines += _task_lines(info.problem)
-    if info.refused is not None:
-        lines.append(f"the problem does not load: {info.refused}")
     return "\n".join(lines)
 
 
@@ -197,27 +166,24 @@ def _limit(limit: SourcedValue) -> str:
 
 
 def _source_lines(joints: Sequence[JointInfo]) -> list[str]:
-    """Return where the limits of each quantity come from."""
+    """Return the sources of the limits, a line for each quantity."""
     lines = []
     for quantity in LIMITS:
         by_source: dict[str, list[str]] = defaultdict(list)
         for joint in joints:
             by_source[joint.limits[quantity].source].append(joint.name)
         if quantity in _TABLED or list(by_source) != ["none"]:
-            lines.append(f"{quantity} from: {_by_source(by_source)}")
+            sources = list(by_source)
+            if len(sources) > 1:
+                sources = [f"{source} ({_listed(own)})" for source, own in by_source.items()]
+            lines.append(f"{quantity} from: {'; '.join(sources)}")
     return lines
 
 
-def _by_source(names: Mapping[str, Sequence[str]]) -> str:
-    if len(names) == 1:
-        return next(iter(names))
-    return "; ".join(f"{source} ({_listed(own)})" for source, own in names.items())
-
-
 def _listed(names: Sequence[str]) -> str:
-    more = len(names) - _NAMED_AT_MOST
-    shown = ", ".join(names[:_NAMED_AT_MOST])
-    return shown if more <= 0 else f"{shown} and {more} more"
+    more = len(names) - _MAX_NAMES
+    listed = ", ".join(names[:_MAX_NAMES])
+    return listed if more <= 0 else f"{listed} and {more} more"
 
 
 def _motor_lines(joints: Sequence[JointInfo]) -> list[str]:
@@ -230,7 +196,7 @@ def _motor_lines(joints: Sequence[JointInfo]) -> list[str]:
 
 
 def _other_joint_lines(others: Sequence[OtherJoint]) -> list[str]:
-    """Return the joints that are not planned, those locked at one place in one line."""
+    """Return the joints that are not planned, a line for each follower and each locked value."""
     lines, locked = [], defaultdict(list)
     for joint in others:
         if joint.follows is None:
@@ -239,12 +205,12 @@ def _other_joint_lines(others: Sequence[OtherJoint]) -> list[str]:
             rule = f"{joint.multiplier:g} times {joint.follows}"
             offset = f" plus {joint.position:g}" if joint.position else ""
             lines.append(f"{joint.name} follows: {rule}{offset}")
-    lines += [f"locked at {where:g}: {_listed(names)}" for where, names in locked.items()]
+    lines += [f"locked at {position:g}: {_listed(names)}" for position, names in locked.items()]
     return lines
 
 
 def _link_table(links: Sequence[LinkInfo]) -> list[str]:
-    """Return the links that have mass or geometry as a table; nothing if none has."""
+    """Return the links with mass or geometry as a table; no line if there is no link."""
     table = Table(title="links with mass or geometry", title_justify="left")
     table.add_column("link")
     table.add_column("mass [kg]", justify="right")
@@ -288,22 +254,31 @@ def _base_lines(info: RobotInfo) -> list[str]:
     base = info.arm.base
     if base is None:
         return []
-    turn = "not turned"
+    rotation = "not turned"
     if base.rpy is not None:
-        turn = f"rpy {_numbers(base.rpy)} rad"
+        rotation = f"rpy {_numbers(base.rpy)} rad"
     elif base.quaternion is not None:
-        turn = f"quaternion {_numbers(base.quaternion)}"
-    return [f"base: {info.arm.urdf.root} stands at {_numbers(base.position)} m, {turn}"]
+        rotation = f"quaternion {_numbers(base.quaternion)}"
+    return [f"base: {info.arm.urdf.root} stands at {_numbers(base.position)} m, {rotation}"]
 
 
-def _missing_lines(missing: Sequence[str]) -> list[str]:
-    if not missing:
-        return ["nothing is missing: it can be planned"]
-    return ["missing:", *(f"  {each}" for each in missing)]
+# ---- The contents of a problem, as text.
+
+
+def problem_text(info: ProblemInfo) -> str:
+    """Return the contents of a problem as text."""
+    lines = [robot_text(info.robot)]
+    if info.srdf is not None:
+        lines += srdf_lines(info.srdf)
+    if info.problem is not None:
+        lines += _task_lines(info.problem)
+    if info.refused is not None:
+        lines.append(f"the problem does not load: {info.refused}")
+    return "\n".join(lines)
 
 
 def srdf_lines(srdf: SrdfInfo) -> list[str]:
-    """Return what an SRDF has."""
+    """Return the named configurations of an SRDF, and its number of pairs that may touch."""
     states = [
         f"state {name}: " + ", ".join(f"{joint} {q:.4g}" for joint, q in values.items())
         for name, values in srdf.states.items()
@@ -334,12 +309,12 @@ def _task_lines(problem: PlanningProblem) -> list[str]:
 
 
 def bare(solid: object) -> str:
-    """Return how a solid shows itself, without its type."""
+    """Return the repr of a solid without its type."""
     return repr(solid).strip("<>").split(" ", 1)[1]
 
 
 def end_line(problem: PlanningProblem, name: str, end: Endpoint) -> str:
-    """Return how an end of a problem's motion is given, behind what it is called."""
+    """Return the start or the goal of a problem, behind its name."""
     if (pose := end.pose) is not None:
         return f"{name}: by inverse kinematics, tool centre point at {_numbers(pose.position)} m"
     if (ball := end.region) is not None:
@@ -369,7 +344,7 @@ def _segment_table(problem: PlanningProblem) -> str:
 
 
 def _conditions(problem: PlanningProblem, k: int) -> str:
-    """Return what a segment asks beside its radius."""
+    """Return the conditions of a segment beside its radius."""
     tube, parts = problem.tube, []
     if tube.rotation is not None and np.isfinite(tube.rotation.bounds[k]).any():
         parts.append(f"rotation within {_numbers(tube.rotation.bounds[k])}")
@@ -377,8 +352,7 @@ def _conditions(problem: PlanningProblem, k: int) -> str:
         parts.append(f"tool speed {tube.tool_speed[k]:g}")
     if tube.clearance is not None and np.isfinite(tube.clearance[k]):
         parts.append(f"clearance {tube.clearance[k]:g}")
-    ranges = tube.joint_ranges[k].items()
-    parts += [f"{name} {_range(*bounds)}" for name, bounds in ranges]
+    parts += [f"{name} {_range(*bounds)}" for name, bounds in tube.joint_ranges[k].items()]
     return "; ".join(parts)
 
 
@@ -388,11 +362,11 @@ def _range(lower: float, upper: float) -> str:
     return f"<= {upper:.4g}" if np.isinf(lower) else f"in [{lower:.4g}, {upper:.4g}]"
 
 
-# ---- What is in a cycle, as text for a terminal.
+# ---- The contents of a cycle, as text.
 
 
 def cycle_text(info: CycleInfo) -> str:
-    """Return what is in a cycle as text."""
+    """Return the contents of a cycle as text."""
     lines = [robot_text(info.robot)]
     if info.srdf is not None:
         lines += srdf_lines(info.srdf)
@@ -429,9 +403,9 @@ def _step_table(cycle: Cycle) -> str:
     for k, leg in enumerate(cycle.legs):
         _add_rest(table, leg.before)
         for move in leg.moves:
-            goal = _goal(cycle, move)
-            cells = (escape(move.name), str(move.tube.numbers[-1]), _length(move), goal)
-            table.add_row(*cells, escape(_carried(cycle, k, leg)))
+            length = np.linalg.norm(np.diff(move.tube.points, axis=0), axis=1).sum()
+            cells = (escape(move.name), str(move.tube.numbers[-1]), f"{length:.4g} m")
+            table.add_row(*cells, _goal(cycle, move), escape(_carried(cycle, k, leg)))
     _add_rest(table, cycle.after)
     return rendered(table)
 
@@ -439,10 +413,6 @@ def _step_table(cycle: Cycle) -> str:
 def _add_rest(table: Table, rest: Rest) -> None:
     if rest.steps:
         table.add_row(escape(f"at rest: {rest_text(rest)}"), "", "", "", "")
-
-
-def _length(move: Move) -> str:
-    return f"{np.linalg.norm(np.diff(move.tube.points, axis=0), axis=1).sum():.4g} m"
 
 
 def _goal(cycle: Cycle, move: Move) -> str:
@@ -453,7 +423,7 @@ def _goal(cycle: Cycle, move: Move) -> str:
 
 
 def _carried(cycle: Cycle, k: int, leg: Leg) -> str:
-    """Return what is carried in leg k."""
+    """Return the payload and the attached solids of leg k."""
     payload, solids = leg.robot.payload, cycle.problem_from_anywhere(k).attached
     parts = [] if payload is None else [f"{payload.mass:g} kg"]
     return ", ".join([*parts, *(solid.name for solid in solids)]) or "nothing"

@@ -1,6 +1,6 @@
 """Ctrl-C: remembered while the program starts, held while an answer is written.
 
-SIGTERM, by which schedulers and containers end a program, is the same as Ctrl-C.
+SIGTERM, by which schedulers and containers end a program, is treated as Ctrl-C.
 """
 
 import signal
@@ -14,12 +14,12 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 @dataclass
 class _Interrupts:
-    """What came of Ctrl-C in the run that is going on.
+    """The signals of the current run.
 
     Attributes:
-        pressed: One number for each time.
-        held: Those since the answer was begun; None: it is not.
-        depth: How many `interrupts_remembered` are around.
+        pressed: Numbers of the signals before the answer.
+        held: Numbers of the signals since the answer was begun; None: it is not begun.
+        depth: Number of enclosing `interrupts_remembered`.
     """
 
     pressed: list[int] = field(default_factory=list)
@@ -31,7 +31,7 @@ _run = _Interrupts()
 
 
 def interrupts_noted() -> None:
-    """From here on, remember Ctrl-C for the next `interrupts_remembered`, and go on."""
+    """Remember Ctrl-C from here on, for the next `interrupts_remembered`, without an exception."""
     _set_handlers(lambda number, _: _run.pressed.append(number))
 
 
@@ -54,7 +54,7 @@ def interrupts_remembered() -> Iterator[Callable[[], None]]:
             previous = _set_handlers(interrupt)
         yield _raise_pending
     except Exception:
-        # What becomes of a library that was interrupted while it was imported is no error.
+        # A library that was interrupted during its import may raise anything: that is no error.
         _raise_pending()
         raise
     finally:
@@ -68,10 +68,10 @@ def interrupts_remembered() -> Iterator[Callable[[], None]]:
 
 
 def hold_interrupts() -> list[int]:
-    """From here to the end of the run, keep Ctrl-C waiting: an answer is given whole.
+    """Hold Ctrl-C from here to the end of the run, so that the answer is complete.
 
     Returns:
-        What came since the first call.
+        Numbers of the signals since the first call; the list grows with each signal.
     """
     if _run.held is None:
         held: list[int] = []
@@ -88,9 +88,9 @@ def _raise_pending() -> None:
 
 
 def _set_handlers(handler: Any) -> dict[signal.Signals, Any]:
-    """Let a handler take Ctrl-C; return those before, none where it could not be set.
+    """Set the handler of Ctrl-C; return the former handlers.
 
-    Outside the main thread signals do not come anyway.
+    Outside the main thread, where signals do not arrive, nothing is set and returned.
     """
     try:
         return {number: signal.signal(number, handler) for number in SIGNALS}

@@ -8,16 +8,7 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from tubeplanner.cli.console import (
-    AS_JSON,
-    SET,
-    empty_report,
-    load_timed,
-    nowhere,
-    print_json,
-    say,
-    shown_progress,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.report import rendered
 from tubeplanner.geometry.collision_checker import LinkCover, link_covers
 from tubeplanner.task.problem import PlanningProblem
@@ -25,29 +16,29 @@ from tubeplanner.task.problem import PlanningProblem
 
 @click.command()
 @click.argument("problem")
-@SET
-@AS_JSON
+@console.SET
+@console.AS_JSON
 def links(problem: str, changes: dict[str, Any], as_json: bool) -> None:
     """List the links of PROBLEM's robot: how far their collision shapes stand off their geometry.
 
     Then the pairs of links and obstacles that are not checked against each other, and why.
     """
-    with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter, changes)
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_timed(problem, enter, changes)
         enter("covers of links")
         covers = link_covers(loaded.collision)
     left_out = loaded.collision.left_out
     if as_json:
         message = f"{len(covers)} links, {len(left_out)} pairs left out"
-        fields = empty_report("success", message, nowhere()) | {"loading_time": loading_time}
+        fields = console.empty_report("success", message) | {"loading_time": loading_time}
         listed = {"links": [asdict(each) for each in covers]}
-        print_json({**fields, **listed, "left_out": [asdict(pair) for pair in left_out]})
+        console.print_json({**fields, **listed, "left_out": [asdict(pair) for pair in left_out]})
         return
-    say(links_text(loaded, covers))
+    console.say(links_text(loaded, covers))
 
 
 def links_text(problem: PlanningProblem, covers: Sequence[LinkCover]) -> str:
-    """Return how closely links are covered as a table, and the pairs that are left out."""
+    """Return the cover errors of links as a table, and the pairs that are not checked."""
     table = Table(title=f"{problem.name}: links and their convex covers", title_justify="left")
     table.add_column("link")
     for heading in ("shapes", "stand off by", "where others come near", "by"):

@@ -1,7 +1,7 @@
 """The lazy group of commands; one line for any error; robots, schema.
 
 A command's module is imported when the command is called. NumPy is not imported before, here or in
-`console`: a report of bad usage or of Ctrl-C needs none.
+`console`: a report of bad usage or of Ctrl-C does not need NumPy.
 
 Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usage; 130 interrupted.
 """
@@ -16,18 +16,7 @@ from pathlib import Path
 
 import click
 
-from tubeplanner.cli.console import (
-    AS_JSON,
-    BAD_INPUT,
-    INTERRUPTED,
-    SUCCESS,
-    VERSION,
-    empty_report,
-    fail,
-    nowhere,
-    print_json,
-    say,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts, interrupts_remembered
 from tubeplanner.errors import OptionError, TubePlannerError
 from tubeplanner.outcome import ContradictionError
@@ -54,35 +43,37 @@ def main(arguments: Sequence[str]) -> int:
             status = cli.main(list(arguments), "tubeplanner", standalone_mode=False)
             hold_interrupts()
             sys.stdout.flush()
-        return int(status or SUCCESS)
+        return int(status or console.SUCCESS)
     except click.ClickException as error:
         if as_json:
-            return fail("bad_input", error.format_message(), as_json, BAD_INPUT)
+            return console.fail("bad_input", error.format_message(), as_json, console.BAD_INPUT)
         error.show()
-        return BAD_INPUT
+        return console.BAD_INPUT
     except ContradictionError as error:
-        known = {"where": error.place.as_dict(), "proved": error.proved}
-        return fail("bad_input", str(error), as_json, BAD_INPUT, **known)
+        fields = {"where": error.place.as_dict(), "proved": error.proved}
+        return console.fail("bad_input", str(error), as_json, console.BAD_INPUT, **fields)
     except TubePlannerError as error:
-        return fail("bad_input", str(error), as_json, BAD_INPUT)
+        return console.fail("bad_input", str(error), as_json, console.BAD_INPUT)
     except (KeyboardInterrupt, click.Abort):
         message = "interrupted before there was an answer"
-        return fail("interrupted", message, as_json, INTERRUPTED)
+        return console.fail("interrupted", message, as_json, console.INTERRUPTED)
     except Exception as error:  # the last resort: a user gets one line, never a traceback
         if isinstance(error, OSError) and error.errno == ENOSPC:
-            # Files name themselves: it is standard output, which a report does not fit into either.
+            # Errors of files name the file: this is standard output, too full for a JSON report.
             message = f"standard output cannot be written: {error.strerror}; make room"
-            return fail("bad_input", message, as_json=False, code=BAD_INPUT)
+            return console.fail("bad_input", message, as_json=False, code=console.BAD_INPUT)
         kind = type(error).__name__
         message = f"internal error, please report it with the problem file: {kind}: {error}"
-        return fail("bad_input", message, as_json, BAD_INPUT)
+        return console.fail("bad_input", message, as_json, console.BAD_INPUT)
 
 
 class _LazyCommands(MutableMapping[str, click.Command]):
-    """Commands by name; the module of each is imported when the command is first looked up."""
+    """Commands by name; the module of each is imported when the command is first looked up.
+
+    A command is the function of its name in its module.
+    """
 
     def __init__(self, modules: dict[str, str]) -> None:
-        """Take the module of each command, where a function of its name defines it."""
         self._commands: dict[str, str | click.Command] = {**modules}
 
     def __getitem__(self, name: str) -> click.Command:
@@ -153,7 +144,7 @@ _COMMANDS = {
     commands=_LazyCommands(_COMMANDS),
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-@VERSION
+@console.VERSION
 def cli() -> None:
     """Plan a smooth, certified trajectory of a robot arm whose tool stays in a tube.
 
@@ -163,7 +154,7 @@ def cli() -> None:
 
 
 @cli.command()
-@AS_JSON
+@console.AS_JSON
 def robots(as_json: bool) -> None:
     """List what `example:` finds: problems, cycles, studies, robots; and presets of limits."""
     problems, cycles = list(bundled_problems()), list(bundled_cycles())
@@ -171,20 +162,20 @@ def robots(as_json: bool) -> None:
     if as_json:
         fields = {"robots": example_robot_names(), "problems": problems, "cycles": cycles}
         fields |= {"studies": list(bundled_studies()), "presets": list(presets)}
-        print_json({**empty_report("success", "names for example:", nowhere()), **fields})
+        console.print_json({**console.empty_report("success", "names for example:"), **fields})
         return
-    say("Problems (example:ROBOT/NAME):")
-    say(*(f"  example:{name}" for name in problems), sep="\n")
-    say("Cycles (example:ROBOT/NAME):")
-    say(*(f"  example:{name}" for name in cycles), sep="\n")
-    say("Studies (example:ROBOT/NAME):")
-    say(*(f"  example:{name}" for name in bundled_studies()), sep="\n")
-    say("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
+    console.say("Problems (example:ROBOT/NAME):")
+    console.say(*(f"  example:{name}" for name in problems), sep="\n")
+    console.say("Cycles (example:ROBOT/NAME):")
+    console.say(*(f"  example:{name}" for name in cycles), sep="\n")
+    console.say("Studies (example:ROBOT/NAME):")
+    console.say(*(f"  example:{name}" for name in bundled_studies()), sep="\n")
+    console.say("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
     bundled = bundled_robots()
     for name in example_robot_names():
-        say(f"  example:{name}{'  (bundled)' if name in bundled else ''}")
-    say("Presets of limits and motors (robot.preset: NAME), sources in the file:")
-    say(*(f"  {name}  {path}" for name, path in presets.items()), sep="\n")
+        console.say(f"  example:{name}{'  (bundled)' if name in bundled else ''}")
+    console.say("Presets of limits and motors (robot.preset: NAME), sources in the file:")
+    console.say(*(f"  {name}  {path}" for name, path in presets.items()), sep="\n")
 
 
 @cli.command()
@@ -199,5 +190,5 @@ def schema(cycle: bool, of_study: bool, json: bool) -> None:
 
     if cycle and of_study:
         raise OptionError("schema takes either --cycle or --study")
-    made = study_schema if of_study else cycle_schema if cycle else problem_schema
-    print_json(made(), indent=2)
+    make_schema = study_schema if of_study else cycle_schema if cycle else problem_schema
+    console.print_json(make_schema(), indent=2)

@@ -8,21 +8,7 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from tubeplanner.cli.console import (
-    AS_JSON,
-    INFEASIBLE,
-    PATH,
-    SET,
-    SUCCESS,
-    empty_report,
-    load_timed,
-    nowhere,
-    print_json,
-    say,
-    say_unwritten,
-    shown_progress,
-    write_answer,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import rendered
 from tubeplanner.errors import OptionError
@@ -41,7 +27,7 @@ from tubeplanner.writing import require_writable
 
 @click.command()
 @click.argument("problem")
-@click.option("-o", "--output", type=PATH, help="Problem file with the measured tube.")
+@click.option("-o", "--output", type=console.PATH, help="Problem file with the measured tube.")
 @click.option(
     "--max-radius", type=float, default=0.2, show_default=True, help="No radius is larger [m]."
 )
@@ -56,8 +42,8 @@ from tubeplanner.writing import require_writable
     show_default=True,
     help="Refuse a tube of more: each takes one to two seconds.",
 )
-@SET
-@AS_JSON
+@console.SET
+@console.AS_JSON
 def measure(
     problem: str,
     output: Path | None,
@@ -77,53 +63,43 @@ def measure(
         raise OptionError("--configurations compares and writes no file; leave out one of them")
     if configurations:
         return _compare(problem, options, changes, as_json)
-    return _measure(problem, options, changes, output, as_json)
-
-
-def _measure(
-    problem: str,
-    options: MeasureOptions,
-    changes: dict[str, Any],
-    output: Path | None,
-    as_json: bool,
-) -> int:
     outputs = [] if output is None else [output]
     require_writable(outputs, [Path(problem)])
-    with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter, changes)
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_timed(problem, enter, changes)
         source = find_problem(problem, Path())
         require_writable(outputs, [*ProblemLayers.read(source).files, loaded.robot.urdf.path])
         result = measure_tube(loaded, options, enter)
     if output is not None and result.problem is not None:
         hold_interrupts()
         contents = with_other_tube(source, output, result.problem.tube, changes)
-        write_answer({output: contents})
+        console.write_answer({output: contents})
     if as_json:
-        fields = {**empty_report("", "", nowhere()), **result.as_dict()}
-        print_json({**fields, "loading_time": loading_time})
+        fields = {**console.empty_report("", ""), **result.as_dict()}
+        console.print_json({**fields, "loading_time": loading_time})
     else:
-        say(measurement_text(loaded, result, loading_time))
+        console.say(measurement_text(loaded, result, loading_time))
         if output is not None and result.succeeded:
-            say(f"problem: {output}")
+            console.say(f"problem: {output}")
         elif result.succeeded:
-            say_unwritten("-o PROBLEM.yaml")
-    return SUCCESS if result.succeeded else INFEASIBLE
+            console.say_unwritten("-o PROBLEM.yaml")
+    return console.SUCCESS if result.succeeded else console.INFEASIBLE
 
 
 def _compare(problem: str, options: MeasureOptions, changes: dict[str, Any], as_json: bool) -> int:
-    with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter, changes)
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_timed(problem, enter, changes)
         survey = survey_patterns(loaded, options, enter)
     if as_json:
-        fields = {**empty_report("", "", nowhere()), **survey.as_dict()}
-        print_json({**fields, "loading_time": loading_time})
+        fields = {**console.empty_report("", ""), **survey.as_dict()}
+        console.print_json({**fields, "loading_time": loading_time})
     else:
-        say(patterns_text(loaded, survey))
-    return SUCCESS if survey.suggested is not None else INFEASIBLE
+        console.say(patterns_text(loaded, survey))
+    return console.SUCCESS if survey.suggested is not None else console.INFEASIBLE
 
 
 def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_time: float) -> str:
-    """Return a measured tube as a table of what limits each radius and range, and the counts."""
+    """Return a measured tube as a table of its bounds and their causes, and the sample counts."""
     lines = [
         f"{problem.name}: {problem.robot.name}, loaded in {loading_time:.2f} s, measured in "
         f"{result.measuring_time:.1f} s"
@@ -148,20 +124,20 @@ def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_
 
 
 def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
-    """Return what is bounded, by how much, and what limits it there."""
-    ended: dict[str | None, list[str]] = {}
+    """Return rows of a bound, its value and its causes; the radius, then the joint ranges."""
+    causes: dict[str | None, list[str]] = {}
     for binding in segment.bindings:
         side = "" if binding.bound == "radius" else f"{binding.bound}: "
         place = replace(binding.place, joint=None, segment=None)
-        ended.setdefault(binding.place.joint, []).append(f"{side}{place}")
-    rows = [("radius", f"{1000 * segment.radius:.1f} mm", "; ".join(ended.get(None, [])))]
+        causes.setdefault(binding.place.joint, []).append(f"{side}{place}")
+    rows = [("radius", f"{1000 * segment.radius:.1f} mm", "; ".join(causes.get(None, [])))]
     for name, (lower, upper) in segment.joint_ranges.items():
-        rows.append((name, f"[{lower:.3f}, {upper:.3f}]", "; ".join(ended.get(name, []))))
+        rows.append((name, f"[{lower:.3f}, {upper:.3f}]", "; ".join(causes.get(name, []))))
     return rows
 
 
 def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
-    """Return sign patterns as a table, and the suggested one."""
+    """Return sign patterns as a table, and the suggested pattern."""
     table = Table(title=f"{problem.name}: configurations by segment", title_justify="left")
     for heading in ("segment", "signs", "reachable", "free", "radius up to", "why not"):
         table.add_column(heading)

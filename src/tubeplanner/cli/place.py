@@ -9,24 +9,7 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from tubeplanner.cli.console import (
-    AS_JSON,
-    INFEASIBLE,
-    PATH,
-    SET,
-    SLACK,
-    SUCCESS,
-    empty_report,
-    nowhere,
-    print_json,
-    processes_option,
-    require_ending,
-    say,
-    say_unwritten,
-    shown_progress,
-    workers_of,
-    write_answer,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import rendered
 from tubeplanner.errors import OptionError
@@ -41,9 +24,8 @@ from tubeplanner.studies.placement_rows import Placement
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.writing import require_writable
 
-# ---- The command that looks for the place of a robot in its cell.
-
-_NONE = "none"
+_NONE = "none"  # a value of --stands-on
+_MAX_REASONS = 12
 
 
 @click.command()
@@ -64,10 +46,10 @@ _NONE = "none"
 @click.option(
     "-o",
     "--output",
-    type=PATH,
+    type=console.PATH,
     help="Problem file with the best place; beside it, with .jsonl, the journal.",
 )
-@click.option("--plot", "figure", type=PATH, help="Map of the places (PNG, PDF or SVG).")
+@click.option("--plot", "figure", type=console.PATH, help="Map of the places (PNG, PDF or SVG).")
 @click.option(
     "--quality",
     default="balanced",
@@ -77,10 +59,10 @@ _NONE = "none"
 @click.option(
     "--points", type=int, default=300, show_default=True, help="About how many places the grid has."
 )
-@processes_option("one per processor")
-@SLACK
-@SET
-@AS_JSON
+@console.processes_option("one per processor")
+@console.SLACK
+@console.SET
+@console.AS_JSON
 def place(
     problem: str,
     region: str,
@@ -102,105 +84,83 @@ def place(
     answer is kept in a journal: run the same command again, and it goes on.
     """
     options = PlaceOptions(points, quality, slack)
-    bounds, names = _bounds(region), _names(stands_on)
+    try:
+        bounds = [float(word) for word in region.split(",")]
+    except ValueError:
+        raise OptionError(
+            f"--region '{region}' is no list of numbers with commas between"
+        ) from None
+    supports = () if stands_on == (_NONE,) else stands_on or None
     source = find_problem(problem, Path())
     journal = None if output is None else output.with_suffix(".jsonl")
-    _require_usable(source, output, journal, figure)
+    console.require_ending(output, "-o", (".yaml", ".yml", ".json"))
+    require_figure(figure, "--plot")
+    outputs = [path for path in (output, journal, figure) if path is not None]
+    require_writable(outputs, ProblemLayers.read(source).files)
     begin = time.perf_counter()
-    with shown_progress() as enter, workers_of(processes) as workers:
-        found = search(
+    with console.shown_progress() as enter, console.workers_of(processes) as workers:
+        placement = search(
             problem,
             bounds,
-            stands_on=names,
+            stands_on=supports,
             changes=changes,
             options=options,
             executor=workers,
             journal=journal,
             progress=enter,
         )
-    written = _write(found, source, output, figure, changes)
+    written = _write(placement, source, output, figure, changes)
     if journal is not None:
         written["journal"] = journal
-    _answer(found, written, time.perf_counter() - begin, as_json)
-    return SUCCESS if found.succeeded else INFEASIBLE
-
-
-def _require_usable(
-    source: Path, output: Path | None, journal: Path | None, figure: Path | None
-) -> None:
-    """Raise unless the files can be written, and are none of those that are read."""
-    require_ending(output, "-o", (".yaml", ".yml", ".json"))
-    require_figure(figure, "--plot")
-    outputs = [path for path in (output, journal, figure) if path is not None]
-    require_writable(outputs, ProblemLayers.read(source).files)
-
-
-def _answer(found: Placement, written: dict[str, Path], search_time: float, as_json: bool) -> None:
-    """Print what was found and which files were written."""
+    search_time = time.perf_counter() - begin
     if as_json:
-        status = "success" if found.succeeded else "no_trajectory"
-        planned = {} if found.result is None else found.result.as_dict()
-        report = {**empty_report(status, "", nowhere()), **planned, **found.as_dict()}
+        status = "success" if placement.succeeded else "no_trajectory"
+        result = {} if placement.result is None else placement.result.as_dict()
+        report = {**console.empty_report(status, ""), **result, **placement.as_dict()}
         files = {kind: str(path) for kind, path in written.items()}
-        print_json({**report, "search_time": search_time, "files": files})
-        return
-    say(placement_text(found))
-    for kind, path in written.items():
-        say(f"{kind}: {path}")
-    if not written:
-        say_unwritten("-o BEST.yaml", "--plot")
-
-
-def _bounds(text: str) -> list[float]:
-    try:
-        return [float(word) for word in text.split(",")]
-    except ValueError:
-        raise OptionError(f"--region '{text}' is no list of numbers with commas between") from None
-
-
-def _names(given: tuple[str, ...]) -> tuple[str, ...] | None:
-    """Return names of obstacles; None: nothing is said of them."""
-    if given == (_NONE,):
-        return ()
-    return given or None
+        console.print_json({**report, "search_time": search_time, "files": files})
+    else:
+        console.say(placement_text(placement))
+        for kind, path in written.items():
+            console.say(f"{kind}: {path}")
+        if not written:
+            console.say_unwritten("-o BEST.yaml", "--plot")
+    return console.SUCCESS if placement.succeeded else console.INFEASIBLE
 
 
 def _write(
-    found: Placement,
+    placement: Placement,
     source: Path,
     output: Path | None,
     figure: Path | None,
     changes: dict[str, Any],
 ) -> dict[str, Path]:
-    """Write the requested files, or none; return them by what they are."""
+    """Write all requested files or none; return the files by kind."""
     hold_interrupts()
     contents: dict[Path, bytes] = {}
     written = {}
-    if output is not None and found.succeeded:
-        contents[output] = with_placement(source, output, found.changes, changes)
+    if output is not None and placement.succeeded:
+        contents[output] = with_placement(source, output, placement.changes, changes)
         written["problem"] = output
     if figure is not None:
-        contents[figure] = figure_file(plot_placement(found), figure)
+        contents[figure] = figure_file(plot_placement(placement), figure)
         written["map"] = figure
-    write_answer(contents)
+    console.write_answer(contents)
     return written
 
 
-# ---- Where a robot is to stand, as text for a terminal.
-
-_MOST_REASONS = 12
-
-
 def placement_text(found: Placement) -> str:
-    """Return the places given and found, what was tried, and why places have no motion."""
+    """Return counts of the places, reasons of places without motion, the given and best place."""
     grid = set(found.grid.stands)
     on_grid = sum(row.stand in grid for row in found.rows)
-    known = f", {found.restored} of them from the journal" if found.restored else ""
+    restored = f", {found.restored} of them from the journal" if found.restored else ""
+    duration = found.given.duration
+    outcome = found.given.message if duration is None else f"{duration:.4f} s"
     lines = [
-        f"{found.problem.name}: {len(found.rows)} places tried, {on_grid} on the grid{known}; "
+        f"{found.problem.name}: {len(found.rows)} places tried, {on_grid} on the grid{restored}; "
         f"{found.feasible_count} have a motion",
         *_reason_lines(found),
-        f"as given: {_stand_words(found.given.stand)}: {_given_words(found)}",
+        f"as given: {_pose_words(found.given.stand)}: {outcome}",
         _best_line(found),
     ]
     if found.stopped_by is not None:
@@ -208,38 +168,32 @@ def placement_text(found: Placement) -> str:
     return "\n".join(lines)
 
 
-def _best_line(found: Placement) -> str:
-    if found.best is None or found.duration is None:
-        return found.message
-    gain = found.gain
-    words = ""
-    if gain is not None:
-        words = f", {abs(gain):.1%} {'less' if gain >= 0 else 'more'} than as given"
-    return f"best: {_stand_words(found.best.stand)}: {found.duration:.4f} s{words}"
-
-
-def _given_words(found: Placement) -> str:
-    duration = found.given.duration
-    return found.given.message if duration is None else f"{duration:.4f} s"
-
-
-def _stand_words(stand: Stand) -> str:
-    x, y, z = (f"{value:.4g}" for value in stand[:3])
-    return f"[{x}, {y}, {z}] m, yaw {stand.yaw:.4g} rad ({degrees(stand.yaw):.1f} deg)"
-
-
-def _reason_lines(found: Placement) -> list[str]:
-    """Return a table of why places have no motion, the most frequent reason first."""
-    if not found.reasons:
+def _reason_lines(placement: Placement) -> list[str]:
+    """Return a table of reasons of places without motion, the most frequent first."""
+    if not placement.reasons:
         return []
     table = Table(title="places without a motion", title_justify="left")
     table.add_column("places", justify="right")
     table.add_column("reason")
     table.add_column("for example")
-    for reason, count, example in found.reasons[:_MOST_REASONS]:
+    for reason, count, example in placement.reasons[:_MAX_REASONS]:
         table.add_row(str(count), escape(reason), escape(example))
     lines = [rendered(table)]
-    if hidden := found.reasons[_MOST_REASONS:]:
+    if hidden := placement.reasons[_MAX_REASONS:]:
         places = sum(count for _, count, _ in hidden)
         lines.append(f"and {places} places for {len(hidden)} other reasons")
     return lines
+
+
+def _pose_words(stand: Stand) -> str:
+    x, y, z = (f"{value:.4g}" for value in stand[:3])
+    return f"[{x}, {y}, {z}] m, yaw {stand.yaw:.4g} rad ({degrees(stand.yaw):.1f} deg)"
+
+
+def _best_line(placement: Placement) -> str:
+    if placement.best is None or placement.duration is None:
+        return placement.message
+    gain, comparison = placement.gain, ""
+    if gain is not None:
+        comparison = f", {abs(gain):.1%} {'less' if gain >= 0 else 'more'} than as given"
+    return f"best: {_pose_words(placement.best.stand)}: {placement.duration:.4f} s{comparison}"

@@ -1,7 +1,6 @@
 """`plan`: problem or cycle, output files.
 
-What draws is imported when a figure or page is asked for: it loads parts of SciPy that plans do
-without.
+Figures and pages are imported only on request: they load parts of SciPy that plans do not need.
 """
 
 from collections.abc import Sequence
@@ -11,21 +10,7 @@ from typing import Any
 
 import click
 
-from tubeplanner.cli.console import (
-    AS_JSON,
-    INFEASIBLE,
-    PATH,
-    SET,
-    SLACK,
-    SUCCESS,
-    load_either_timed,
-    print_json,
-    require_page,
-    say,
-    say_unwritten,
-    shown_progress,
-    write_answer,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import cycle_plan_text, plan_text
 from tubeplanner.errors import OptionError
@@ -48,96 +33,26 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.writing import require_writable
 
-# ---- The output files of a plan.
-
-
-@dataclass(frozen=True)
-class PlanOutputs:
-    """The output files of a plan.
-
-    Attributes:
-        files: With the trajectory.
-        plot: With a figure (PNG, PDF or SVG); None: none.
-        html: With a page; likewise.
-    """
-
-    files: TrajectoryFiles
-    plot: Path | None
-    html: Path | None
-
-    def paths(self) -> list[tuple[str, Path]]:
-        """Return the requested files: kind and path."""
-        asked = {
-            "trajectory": self.files.json,
-            "CSV": self.files.csv,
-            "ROS": self.files.ros,
-            "plot": self.plot,
-            "view": self.html,
-        }
-        return [(kind, path) for kind, path in asked.items() if path is not None]
-
-    def require_usable(self, *inputs: str | Path) -> None:
-        """Raise if a file could not be written, before any work is done."""
-        require_figure(self.plot, "--plot")
-        require_page(self.html)
-        require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
-
-    def require_names(self, joint_names: Sequence[str]) -> None:
-        """Raise if a file cannot hold the names of the joints, before any work is done."""
-        if self.files.csv is not None:
-            require_no_formula(joint_names)
-
-    def write(
-        self, problem: PlanningProblem, method: str, trajectory: JointTrajectory
-    ) -> tuple[str, ...]:
-        """Write all files, or none of them; return notes about them."""
-        contents, notes = self.files.contents(trajectory, problem, method)
-        if self.plot:
-            from tubeplanner.output.figures.trajectory_figures import plot_trajectory
-
-            contents[self.plot] = figure_file(plot_trajectory(problem, trajectory), self.plot)
-        if self.html:
-            from tubeplanner.output.page.viewer import view as view_scene
-
-            contents[self.html] = view_scene(problem, trajectory, names=[method]).html.encode()
-        write_answer(contents)
-        return notes
-
-    def write_cycle(self, method: str, motion: CycleMotion) -> tuple[str, ...]:
-        """Write all files of a cycle's motion, or none of them; return notes about them."""
-        contents, notes = cycle_contents(self.files, motion, method)
-        if self.plot:
-            from tubeplanner.output.figures.trajectory_figures import plot_cycle
-
-            contents[self.plot] = figure_file(plot_cycle(motion.cycle, motion), self.plot)
-        if self.html:
-            from tubeplanner.output.page.cycle_page import view_cycle
-
-            contents[self.html] = view_cycle(motion.cycle, [motion], [method]).html.encode()
-        write_answer(contents)
-        return notes
-
-
-# ---- The command that plans a problem or a whole cycle.
-
 
 @click.command()
 @click.argument("problem")
-@click.option("-o", "--output", type=PATH, help="Trajectory file (JSON).")
-@click.option("--csv", type=PATH, help="Samples as CSV.")
-@click.option("--ros", type=PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
+@click.option("-o", "--output", type=console.PATH, help="Trajectory file (JSON).")
+@click.option("--csv", type=console.PATH, help="Samples as CSV.")
+@click.option("--ros", type=console.PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
 @click.option("--rate", type=float, help="Samples per second [1/period, or else 500].")
-@click.option("--plot", type=PATH, help="Figure (PNG, PDF or SVG).")
-@click.option("--html", type=PATH, help="The trajectory in 3D, one page that works offline.")
+@click.option("--plot", type=console.PATH, help="Figure (PNG, PDF or SVG).")
+@click.option(
+    "--html", type=console.PATH, help="The trajectory in 3D, one page that works offline."
+)
 @click.option(
     "--method", help="refinement [default], branch-and-bound, stop-at-corners or suh-bishop."
 )
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
-@SLACK
+@console.SLACK
 @click.option("--time-left", is_flag=True, help="Report the path's least time, bang-bang.")
-@SET
-@AS_JSON
+@console.SET
+@console.AS_JSON
 def plan(
     problem: str,
     output: Path | None,
@@ -162,8 +77,8 @@ def plan(
     outputs = PlanOutputs(TrajectoryFiles(output, csv, ros, rate), plot, html)
     outputs.require_usable(problem)
     interrupted = False
-    with shown_progress() as enter:
-        loaded, loading_time = load_either_timed(problem, enter, changes)
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_either_timed(problem, enter, changes)
         outputs.require_usable(problem, loaded.robot.urdf.path)
         outputs.require_names(loaded.robot.joint_names)
         answer = planned(loaded, options, enter, with_minimum=time_left)
@@ -174,14 +89,14 @@ def plan(
             interrupted = bool(held)
     if as_json:
         fields = {**answer.as_dict(), "loading_time": loading_time}
-        print_json(fields | ({"stopped_by": "interrupt"} if interrupted else {}))
+        console.print_json(fields | ({"stopped_by": "interrupt"} if interrupted else {}))
     else:
-        say(answer.text(loading_time))
+        console.say(answer.text(loading_time))
         for kind, path in outputs.paths() if succeeded else ():
-            say(f"{kind}: {path}")
+            console.say(f"{kind}: {path}")
         if succeeded and not outputs.paths():
-            say_unwritten("-o T.json", "--csv", "--ros", "--plot", "--html")
-    return SUCCESS if succeeded else INFEASIBLE
+            console.say_unwritten("-o T.json", "--csv", "--ros", "--plot", "--html")
+    return console.SUCCESS if succeeded else console.INFEASIBLE
 
 
 def planned(
@@ -194,13 +109,13 @@ def planned(
     """Plan a problem or a cycle.
 
     Args:
-        loaded: Which one.
-        options: How.
-        enter: As of `plan`.
-        with_minimum: Whether to report the least time for the path, of a problem.
+        loaded: The problem or cycle.
+        options: Options of the plan.
+        enter: Progress callback, as of `plan`.
+        with_minimum: True to report the least time for the path, of a problem.
 
     Raises:
-        OptionError: That is asked of a cycle.
+        OptionError: `with_minimum` for a cycle.
     """
     if not isinstance(loaded, Cycle):
         return PlannedProblem(loaded, plan_problem(loaded, options, enter), with_minimum)
@@ -219,26 +134,26 @@ class PlannedProblem:
     Attributes:
         problem: The problem.
         result: Its result.
-        with_minimum: Whether to report the least time for the path.
+        with_minimum: True to report the least time for the path.
     """
 
     problem: PlanningProblem
     result: PlanResult
     with_minimum: bool
 
-    def written(self, outputs: PlanOutputs) -> "PlannedProblem":
-        """Write the answer to files; return the same with notes about them."""
+    def written(self, outputs: "PlanOutputs") -> "PlannedProblem":
+        """Write the answer to files; return the answer with notes on the files."""
         assert self.result.trajectory is not None
         notes = outputs.write(self.problem, self.result.method, self.result.trajectory)
         return replace(self, result=replace(self.result, notes=(*self.result.notes, *notes)))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what is printed as JSON."""
+        """Return the JSON object, loading_time still absent."""
         minimum = self.result.path_minimum if self.with_minimum else None
         return {**self.result.as_dict(), "path_minimum": minimum}
 
     def text(self, loading_time: float) -> str:
-        """Return what is printed otherwise; loading took so long [s]."""
+        """Return the printed text, with the loading time [s]."""
         return plan_text(self.problem, self.result, loading_time, with_minimum=self.with_minimum)
 
 
@@ -254,18 +169,85 @@ class PlannedCycle:
     cycle: Cycle
     result: CycleResult
 
-    def written(self, outputs: PlanOutputs) -> "PlannedCycle":
-        """Write the answer to files; return the same with notes about them."""
+    def written(self, outputs: "PlanOutputs") -> "PlannedCycle":
+        """Write the answer to files; return the answer with notes on the files."""
         assert self.result.motion is not None
         notes = outputs.write_cycle(self.result.method, self.result.motion)
         return replace(self, result=replace(self.result, notes=(*self.result.notes, *notes)))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what is printed as JSON."""
+        """Return the JSON object, loading_time still absent."""
         motion = self.result.motion
         peaks = None if motion is None else trajectory_peaks(self.cycle.robot, motion.trajectory)
         return {**self.result.as_dict(), **peaks_as_dict(peaks), "path_minimum": None}
 
     def text(self, loading_time: float) -> str:
-        """Return what is printed otherwise; loading took so long [s]."""
+        """Return the printed text, with the loading time [s]."""
         return cycle_plan_text(self.cycle, self.result, loading_time)
+
+
+@dataclass(frozen=True)
+class PlanOutputs:
+    """The output files of a plan.
+
+    Attributes:
+        files: With the trajectory.
+        plot: With a figure (PNG, PDF or SVG); None: none.
+        html: With a page; None: none.
+    """
+
+    files: TrajectoryFiles
+    plot: Path | None
+    html: Path | None
+
+    def paths(self) -> list[tuple[str, Path]]:
+        """Return the requested files: kind and path."""
+        paths = {
+            "trajectory": self.files.json,
+            "CSV": self.files.csv,
+            "ROS": self.files.ros,
+            "plot": self.plot,
+            "view": self.html,
+        }
+        return [(kind, path) for kind, path in paths.items() if path is not None]
+
+    def require_usable(self, *inputs: str | Path) -> None:
+        """Raise if a file cannot be written, before any work is done."""
+        require_figure(self.plot, "--plot")
+        console.require_page(self.html)
+        require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
+
+    def require_names(self, joint_names: Sequence[str]) -> None:
+        """Raise if a file cannot hold the names of the joints, before any work is done."""
+        if self.files.csv is not None:
+            require_no_formula(joint_names)
+
+    def write(
+        self, problem: PlanningProblem, method: str, trajectory: JointTrajectory
+    ) -> tuple[str, ...]:
+        """Write all files or none; return notes on the files."""
+        contents, notes = self.files.contents(trajectory, problem, method)
+        if self.plot:
+            from tubeplanner.output.figures.trajectory_figures import plot_trajectory
+
+            contents[self.plot] = figure_file(plot_trajectory(problem, trajectory), self.plot)
+        if self.html:
+            from tubeplanner.output.page.viewer import view as view_scene
+
+            contents[self.html] = view_scene(problem, trajectory, names=[method]).html.encode()
+        console.write_answer(contents)
+        return notes
+
+    def write_cycle(self, method: str, motion: CycleMotion) -> tuple[str, ...]:
+        """Write all files of a cycle's motion or none; return notes on the files."""
+        contents, notes = cycle_contents(self.files, motion, method)
+        if self.plot:
+            from tubeplanner.output.figures.trajectory_figures import plot_cycle
+
+            contents[self.plot] = figure_file(plot_cycle(motion.cycle, motion), self.plot)
+        if self.html:
+            from tubeplanner.output.page.cycle_page import view_cycle
+
+            contents[self.html] = view_cycle(motion.cycle, [motion], [method]).html.encode()
+        console.write_answer(contents)
+        return notes

@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 # ---- Plans and certificates as text for a terminal.
 
 _WIDTH_OF_A_FILE, _VERY_WIDE = 160, 10_000  # [characters]
-# Rounding errors of the machine are shown as zero.
-_NOTHING = 1e-10
+_ROUNDING = 1e-10  # smaller margins are shown as zero
 _SENSITIVITIES_SHOWN = 3
 
 
@@ -48,7 +47,7 @@ def plan_text(
         problem: The planning problem.
         result: Its result.
         loading_time: [s].
-        with_minimum: Whether to report the least time for the path, if motors switch instantly.
+        with_minimum: True to report the least time for the path, if motors switch instantly.
     """
     robot = problem.robot
     lines = [
@@ -65,13 +64,10 @@ def plan_text(
         lines.append(certificate_text(result.certificate))
         lines += left_out_lines(result.certificate)
     lines.append(f"{result.status}: {result.message}")
-    dearest = [
-        str(sensitivity)
-        for sensitivity in result.sensitivities[:_SENSITIVITIES_SHOWN]
-        if sensitivity.saved > 0
-    ]
-    if dearest:
-        lines.append(f"10 % more would save: {'; '.join(dearest)}")
+    largest = result.sensitivities[:_SENSITIVITIES_SHOWN]
+    savings = [str(sensitivity) for sensitivity in largest if sensitivity.saved > 0]
+    if savings:
+        lines.append(f"10 % more would save: {'; '.join(savings)}")
     if with_minimum:
         lines += _minimum_lines(problem, result)
     lines += [f"note: {note}" for note in result.notes]
@@ -90,36 +86,36 @@ def plan_text(
 
 
 def _minimum_lines(problem: PlanningProblem, result: "PlanResult") -> list[str]:
-    """Return a line on what motors that switch instantly would save on the path, if it is known."""
+    """Return a line on the path's least time, with motors that switch instantly, if computed."""
     if result.path_minimum is None or not result.duration:
         return []
-    left = 100 * max(1 - result.path_minimum / result.duration, 0.0)
+    saving = 100 * max(1 - result.path_minimum / result.duration, 0.0)
     line = "time left on this path: motors that switch instantly would take"
     if not problem.robot.motors.has_less_at_speed:
-        return [f"{line} {result.path_minimum:.4f} s, {left:.1f} % less"]
+        return [f"{line} {result.path_minimum:.4f} s, {saving:.1f} % less"]
     return [
-        f"{line} at most {result.path_minimum:.4f} s, at least {left:.1f} % less ({NOT_PROVED})"
+        f"{line} at most {result.path_minimum:.4f} s, at least {saving:.1f} % less ({NOT_PROVED})"
     ]
 
 
 def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
-    """Return a trajectory's peaks, and which limits to give where nothing bounds them.
+    """Return a line of a trajectory's peaks, and a line of missing limits if there are any.
 
     Args:
         robot: The arm.
-        peaks: Of a trajectory.
+        peaks: Peaks of a trajectory.
     """
     lines = [f"peaks: {peaks}"]
     free = {quantity: robot.limits.unlimited(quantity) for quantity in ("acceleration", "jerk")}
-    named = [quantity for quantity, joints in free.items() if len(joints) > 0]
-    if named:
+    unlimited = [quantity for quantity, joints in free.items() if len(joints) > 0]
+    if unlimited:
         joints = np.union1d(free["acceleration"], free["jerk"])
-        whose = ", ".join(robot.joint_names[joint] for joint in joints)
-        of_some = f" of {whose}" if len(joints) < robot.joint_count else ""
+        names = ", ".join(robot.joint_names[joint] for joint in joints)
+        of_some = f" of {names}" if len(joints) < robot.joint_count else ""
         lines.append(
-            f"nothing limits {' or '.join(named)}{of_some}; for a motion that a machine can "
+            f"nothing limits {' or '.join(unlimited)}{of_some}; for a motion that a machine can "
             "follow, give the robot's own as "
-            + " and ".join(f"robot.limits.{quantity}" for quantity in named)
+            + " and ".join(f"robot.limits.{quantity}" for quantity in unlimited)
             + "".join(f", or robot.preset: {name}" for name in fitting_presets(robot))
         )
     return lines
@@ -127,9 +123,7 @@ def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
 
 def certificate_text(certificate: Certificate) -> str:
     """Return a certificate as a table, as wide as the terminal."""
-    table = Table(title="Certificate", title_justify="left")
-    for heading in ("condition", "margin", "holds", "where", "coverage"):
-        table.add_column(heading, justify="right" if heading == "margin" else "left")
+    table = _condition_table("Certificate")
     for name, condition in certificate.conditions.items():
         table.add_row(name, *condition_cells(condition, certificate.tolerance))
     return rendered(table)
@@ -139,31 +133,38 @@ def condition_cells(condition: JudgedCondition, tolerance: Tolerance) -> tuple[s
     """Return margin, verdict, place and coverage of a condition as cells of a table."""
     if condition.margin is None:
         return "", "not required", "", condition.coverage
-    shown = 0.0 if abs(condition.margin) < _NOTHING else condition.margin
-    percent = condition.unit == RELATIVE
-    margin = f"{100 * shown:.3g} %" if percent else f"{shown:.3g} {condition.unit}"
+    margin = 0.0 if abs(condition.margin) < _ROUNDING else condition.margin
+    is_relative = condition.unit == RELATIVE
+    figures = f"{100 * margin:.3g} %" if is_relative else f"{margin:.3g} {condition.unit}"
     verdict = "yes" if condition.holds(tolerance) else "NO"
-    return margin, verdict, escape(str(condition.where)), condition.coverage
+    return figures, verdict, escape(str(condition.where)), condition.coverage
+
+
+def _condition_table(title: str) -> Table:
+    table = Table(title=title, title_justify="left")
+    for heading in ("condition", "margin", "holds", "where", "coverage"):
+        table.add_column(heading, justify="right" if heading == "margin" else "left")
+    return table
 
 
 def other_speeds_line(certificate: Certificate) -> str:
-    """Return one line on how soon the arm comes to rest, and on slower runs."""
-    said = []
+    """Return a line on the longest braking to rest, and on slower runs."""
+    parts = []
     braking = certificate.braking
     if braking is not None:
-        said.append(
+        parts.append(
             f"brakes to rest within {braking.time:.3f} s and {1000 * braking.distance:.0f} mm of "
             f"the tool's path (longest from {braking.where})"
         )
     failure = certificate.slower_failure
     if failure is None:
-        said.append("slower runs keep all limits")
+        parts.append("slower runs keep all limits")
     else:
-        said.append(
+        parts.append(
             f"slower runs break limits: {failure.condition}, margin {100 * failure.margin:.3g} % "
             f"at {100 * failure.speed:.3g} % of the speed ({failure.where})"
         )
-    return "; ".join(said)
+    return "; ".join(parts)
 
 
 def left_out_lines(certificate: Certificate) -> list[str]:
@@ -182,20 +183,19 @@ def rendered(table: Table) -> str:
 
 
 def fits(table: Table) -> bool:
-    """Return whether a table's columns fit next to each other without breaking a line more."""
+    """Return True if a table's columns fit beside each other without more line breaks."""
     return Console(width=_VERY_WIDE).measure(table).maximum <= terminal().width
 
 
 def terminal() -> Console:
-    """Return where text is printed, with its width; plain, as `say` prints codes as text."""
+    """Return the console of text, with its width; without colour, as `say` prints codes as text."""
     width = None if sys.stdout.isatty() else _WIDTH_OF_A_FILE
     return Console(width=width, color_system=None)
 
 
 # ---- Plans and certificates of cycles as text for a terminal.
 
-# Less is no gain that shared configurations are praised for [s].
-_LEAST_GAIN = 1e-4
+_MIN_GAIN = 1e-4  # [s]; smaller gains by configurations chosen together are not reported
 
 
 def cycle_plan_text(cycle: Cycle, result: "CycleResult", loading_time: float) -> str:
@@ -215,8 +215,8 @@ def cycle_plan_text(cycle: Cycle, result: "CycleResult", loading_time: float) ->
         f"(certificate {result.certificate_time:.2f} s), method {result.method}"
     )
     if motion is not None:
-        prices = [_dearest(*each) for each in zip(cycle.legs, result.legs, strict=True)]
-        lines.append(_timetable(motion, "10 % more saves most", prices))
+        savings = [_largest_saving(*each) for each in zip(cycle.legs, result.legs, strict=True)]
+        lines.append(_timetable(motion, "10 % more saves most", savings))
     if result.certificate is not None:
         lines.append(_certificate_text(result.certificate))
     lines += [f"{result.status}: {result.message}", *_gain_lines(result)]
@@ -236,7 +236,7 @@ def cycle_check_text(
     Args:
         motion: The motion.
         certificate: Its certificate.
-        notes: What else is to be known of its file.
+        notes: Sentences on its file and the robot.
     """
     cycle = motion.cycle
     verdicts = [_verdict(certificate, leg) for leg in cycle.legs]
@@ -251,21 +251,21 @@ def cycle_check_text(
     )
 
 
-def _timetable(motion: CycleMotion, heading: str, said: Sequence[str]) -> str:
-    """Return when moves and rests begin, and what is said of each leg, below a heading."""
+def _timetable(motion: CycleMotion, heading: str, leg_texts: Sequence[str]) -> str:
+    """Return a table of moves and dwells with their times, and a text on each leg."""
     table = Table(title="Moves", title_justify="left")
     for name in ("begins", "takes"):
         table.add_column(name, justify="right", no_wrap=True)
     for name in ("what", heading):
         table.add_column(name)
     cycle, end = motion.cycle, 0.0
-    for leg, about in zip(cycle.legs, said, strict=True):
+    for leg, text in zip(cycle.legs, leg_texts, strict=True):
         begin = motion.move_times[leg.moves[0].name][0]
         _add_rest(table, leg.before, end, begin)
         for k, move in enumerate(leg.moves):
             begin, end = motion.move_times[move.name]
-            last = about if k == 0 else f"with {leg.moves[0].name}"
-            table.add_row(*_span(begin, end), escape(move.name), escape(last))
+            cell = text if k == 0 else f"with {leg.moves[0].name}"
+            table.add_row(*_span(begin, end), escape(move.name), escape(cell))
     _add_rest(table, cycle.after, end, motion.trajectory.duration)
     return rendered(table)
 
@@ -279,25 +279,25 @@ def _span(begin: float, end: float) -> tuple[str, str]:
     return f"{begin:.4f} s", f"{end - begin:.4f} s"
 
 
-def _dearest(leg: Leg, plan: "LegPlan") -> str:
-    """Return which limit costs a leg most; nothing if none costs anything."""
-    found = max(plan.result.sensitivities, key=lambda each: each.saved, default=None)
-    if found is None or found.saved <= 0:
+def _largest_saving(leg: Leg, plan: "LegPlan") -> str:
+    """Return the limit of a leg's largest saving; empty if no limit saves time."""
+    largest = max(plan.result.sensitivities, key=lambda each: each.saved, default=None)
+    if largest is None or largest.saved <= 0:
         return ""
-    if found.segment is None or len(leg.moves) == 1:
-        return str(found)
-    move, segment = leg.move_of(found.segment)
-    return f"{move.name}: {replace(found, segment=segment, last_segment=None)}"
+    if largest.segment is None or len(leg.moves) == 1:
+        return str(largest)
+    move, segment = leg.move_of(largest.segment)
+    return f"{move.name}: {replace(largest, segment=segment, last_segment=None)}"
 
 
 def _gain_lines(result: "CycleResult") -> list[str]:
-    """Return what more of each limit would save, and what configurations in common did."""
-    lines, dearest = [], [each for each in result.sensitivities if each.saved > 0]
-    if dearest:
-        listed = "; ".join(str(each) for each in dearest[:_SENSITIVITIES_SHOWN])
+    """Return lines on the savings of limits, and on the gain of configurations chosen together."""
+    lines, savings = [], [each for each in result.sensitivities if each.saved > 0]
+    if savings:
+        listed = "; ".join(str(each) for each in savings[:_SENSITIVITIES_SHOWN])
         lines.append(f"10 % more would save, over the cycle: {listed}")
     shortest, alone = result.shortest_duration, result.greedy_duration
-    if shortest is not None and alone is not None and alone - shortest > _LEAST_GAIN:
+    if shortest is not None and alone is not None and alone - shortest > _MIN_GAIN:
         lines.append(
             f"configurations between moves chosen together save {alone - shortest:.4f} s: moves "
             f"planned alone, one after the other, take {alone:.4f} s at the shortest, these "
@@ -307,7 +307,7 @@ def _gain_lines(result: "CycleResult") -> list[str]:
 
 
 def _verdict(certificate: CycleCertificate, leg: Leg) -> str:
-    """Return whether a leg passes, and else what it fails."""
+    """Return the verdict on a leg, with its failed conditions."""
     name = leg.moves[0].name
     if name in certificate.refused:
         return f"FAILS: {certificate.refused[name]}"
@@ -316,40 +316,34 @@ def _verdict(certificate: CycleCertificate, leg: Leg) -> str:
 
 
 def _certificate_text(certificate: CycleCertificate) -> str:
-    """Return the tightest of each condition over all moves, all that fail, and the seams."""
-    judged = list({id(each): each for each in certificate.moves.values()}.values())
+    """Return tables of the conditions of moves and junctions: failures, or else the tightest."""
+    # Moves of a leg share a certificate.
+    certificates = list({id(each): each for each in certificate.moves.values()}.values())
     moves = _condition_table("Certificate: each condition where it is tightest")
-    for name in CONDITION_NAMES if judged else ():
-        for condition in _told([each.conditions[name] for each in judged], certificate):
+    for name in CONDITION_NAMES if certificates else ():
+        for condition in _decisive([each.conditions[name] for each in certificates], certificate):
             moves.add_row(name, *condition_cells(condition, certificate.tolerance))
     seams = _condition_table("Seams, where the arm is at rest: each condition where it is tightest")
     of_seams = [(n, c, seam) for seam, own in certificate.seams.items() for n, c in own.items()]
     for name in dict.fromkeys(name for name, _, _ in of_seams):
         named = {id(c): seam for n, c, seam in of_seams if n == name}
-        for condition in _told([c for n, c, _ in of_seams if n == name], certificate):
+        for condition in _decisive([c for n, c, _ in of_seams if n == name], certificate):
             cells = condition_cells(condition, certificate.tolerance)
             seams.add_row(escape(f"{name}: {named[id(condition)]}"), *cells)
     return "\n".join(rendered(table) for table in (moves, seams))
 
 
-def _told(
+def _decisive(
     conditions: Sequence[JudgedCondition], certificate: CycleCertificate
 ) -> list[JudgedCondition]:
-    """Return those of one condition, of all legs, that are told: what fails, or the tightest."""
-    failing = [each for each in conditions if not each.holds(certificate.tolerance)]
-    asked = [each for each in conditions if each.margin is not None]
-    return failing or [min(asked or conditions, key=lambda each: each.margin or 0.0)]
-
-
-def _condition_table(title: str) -> Table:
-    table = Table(title=title, title_justify="left")
-    for heading in ("condition", "margin", "holds", "where", "coverage"):
-        table.add_column(heading, justify="right" if heading == "margin" else "left")
-    return table
+    """Return the failed cases of a condition, or else its tightest case."""
+    failed = [each for each in conditions if not each.holds(certificate.tolerance)]
+    required = [each for each in conditions if each.margin is not None]
+    return failed or [min(required or conditions, key=lambda each: each.margin or 0.0)]
 
 
 def _geometry_lines(cycle: Cycle) -> list[str]:
-    """Return a note where nothing is checked against obstacles."""
+    """Return a note if obstacles are not checked, as the robot has no collision geometry."""
     problem = cycle.problem_from_anywhere(0)
     if not cycle.obstacles or problem.collision.has_link_geometry:
         return []

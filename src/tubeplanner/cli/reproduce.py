@@ -4,17 +4,7 @@ from pathlib import Path
 
 import click
 
-from tubeplanner.cli.console import (
-    AS_JSON,
-    FOLDER,
-    SUCCESS,
-    empty_report,
-    nowhere,
-    print_json,
-    say,
-    shown_progress,
-    write_answer,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.output.figures.figure_files import figure_file
 from tubeplanner.output.figures.paper_figures import FIGURES
@@ -29,12 +19,12 @@ PAGE = "the_paper.md"
 @click.option(
     "-o",
     "--output",
-    type=FOLDER,
+    type=console.FOLDER,
     default=Path("the_paper"),
     show_default=True,
     help="Folder for the page and its figures.",
 )
-@AS_JSON
+@console.AS_JSON
 def reproduce(output: Path, as_json: bool) -> int:
     """Plan what Suh & Bishop (1988) tabulate: their tables and figures beside the printed values.
 
@@ -44,7 +34,7 @@ def reproduce(output: Path, as_json: bool) -> int:
     page = output / PAGE
     written = [page, *(output / file for file in files.values())]
     require_writable(written if output.is_dir() else [output])
-    with shown_progress() as enter:
+    with console.shown_progress() as enter:
         reproduction = reproduce_tables(enter)
         enter("drawing")
         hold_interrupts()
@@ -52,10 +42,10 @@ def reproduce(output: Path, as_json: bool) -> int:
         for name, (_, draw) in FIGURES.items():
             path = output / f"{name}.png"
             contents[path] = figure_file(draw(reproduction), path)
-        write_answer(contents, output)
+        console.write_answer(contents, output)
     if as_json:
-        report = empty_report("success", f"{len(reproduction.cells)} cases", nowhere())
-        print_json({**report, **reproduction.as_dict(), "page": str(page)})
+        report = console.empty_report("success", f"{len(reproduction.cells)} cases")
+        console.print_json({**report, **reproduction.as_dict(), "page": str(page)})
     else:
-        say(*contents, sep="\n")
-    return SUCCESS
+        console.say(*contents, sep="\n")
+    return console.SUCCESS

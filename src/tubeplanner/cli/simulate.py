@@ -9,20 +9,7 @@ from typing import Any
 
 import click
 
-from tubeplanner.cli.console import (
-    AS_JSON,
-    INPUT,
-    PATH,
-    SET,
-    empty_report,
-    load_either_timed,
-    print_json,
-    require_page,
-    say,
-    say_unwritten,
-    shown_progress,
-    write_answer,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.execution.cycle_verdict import HandoverErrors, JudgedCycle, judged_cycle
 from tubeplanner.execution.mujoco_model import require_mujoco
@@ -40,8 +27,6 @@ from tubeplanner.task.demands import Robustness
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 from tubeplanner.writing import require_writable
-
-# ---- The command `simulate`: execute a trajectory with arms that differ from the model.
 
 _ERRORS = {
     "mass": "Relative error of masses.",
@@ -62,6 +47,27 @@ _PLANNED = (
 )
 
 
+_NAMES = {
+    "tube": "beyond the tube [m]",
+    "rotation": "beyond the rotation tolerance [rad]",
+    "points": "beyond compulsory points [m]",
+    "tracking": "a joint from the plan [rad or m]",
+    "tool_tracking": "the tool from the plan [m]",
+    "position": "beyond position limits [rad or m]",
+    "velocity": "velocity, share of its limit",
+    "obstacles": "distance from obstacles [m]",
+    "self_collision": "distance between links [m]",
+}
+# Columns of the moves of a cycle, and their quantities.
+_QUANTITIES = {
+    "beyond tube [m]": "tube",
+    "obstacles [m]": "obstacles",
+    "tool off [m]": "tool_tracking",
+}
+_LIMIT = "at limit [%]"
+_HANDOVERS = ("off, worst [m]", "median [m]", "turned [rad]", "speed [m/s]")
+
+
 def _error_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for name, text in reversed(_ERRORS.items()):
         command = click.option(f"--{name.replace('_', '-')}", type=float, help=text)(command)
@@ -70,15 +76,15 @@ def _error_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @click.command()
 @click.argument("problem")
-@click.argument("trajectory", type=INPUT)
+@click.argument("trajectory", type=console.INPUT)
 @click.option("--runs", type=int, default=50, show_default=True, help="How many arms.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Which ones.")
 @click.option("--controller", help="computed-torque (the default), feedforward-pd or pd.")
 @_error_options
-@click.option("--plot", type=PATH, help="Figure (PNG, PDF or SVG).")
-@click.option("--html", type=PATH, help="The runs in 3D, one page that works offline.")
-@SET
-@AS_JSON
+@click.option("--plot", type=console.PATH, help="Figure (PNG, PDF or SVG).")
+@click.option("--html", type=console.PATH, help="The runs in 3D, one page that works offline.")
+@console.SET
+@console.AS_JSON
 def simulate(
     problem: str,
     trajectory: Path,
@@ -100,39 +106,34 @@ def simulate(
     pictures = _Pictures(plot, html)
     pictures.require_usable(problem, trajectory)
     require_mujoco()
-    given: dict[str, Any] = {**errors, "controller": controller}
-    given = {name: value for name, value in given.items() if value is not None}
-    _ = Robustness(**given)  # wrong ones are refused before anything is loaded
+    options: dict[str, Any] = {**errors, "controller": controller}
+    options = {name: value for name, value in options.items() if value is not None}
+    robustness = Robustness(**options)  # wrong options are refused before anything is loaded
     draw = Draw(runs, seed)
-    with shown_progress() as enter:
-        loaded, loading_time = load_either_timed(problem, enter, changes)
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_either_timed(problem, enter, changes)
         pictures.require_usable(problem, trajectory, loaded.robot.urdf.path)
         file = read_trajectory_file(trajectory, loaded.robot.joint_names)
+        if not isinstance(loaded, Cycle):
+            robustness = replace(loaded.robustness or Robustness(), **options)
+        simulation = _Simulation(trajectory, file, robustness, draw, pictures, enter)
         if isinstance(loaded, Cycle):
-            asked = Robustness(**given)
-            seen = _Simulation(trajectory, file, asked, draw, pictures, enter).of_cycle(loaded)
+            answer = simulation.of_cycle(loaded)
         else:
-            asked = replace(loaded.robustness or Robustness(), **given)
-            seen = _Simulation(trajectory, file, asked, draw, pictures, enter).of_motion(loaded)
+            answer = simulation.of_motion(loaded)
     if as_json:
         more = {"duration": file.trajectory.duration, "loading_time": loading_time}
-        print_json(seen.report | more | {"notes": seen.notes} | pictures.as_dict())
+        console.print_json(answer.report | more | {"notes": answer.notes} | pictures.as_dict())
     else:
-        said = [f"note: {note}" for note in seen.notes]
-        say(*seen.lines, *said, *(f"{kind}: {path}" for kind, path in pictures.paths), sep="\n")
+        lines = [*answer.lines, *(f"note: {note}" for note in answer.notes)]
+        console.say(*lines, *(f"{kind}: {path}" for kind, path in pictures.paths), sep="\n")
         if not pictures.paths:
-            say_unwritten("--plot", "--html")
-
-
-def _counted(enter: Callable[[object], None], stage: str, most: int) -> Callable[[], None]:
-    """Return what enters a stage with how often it was called, of so many times."""
-    done = count(1)
-    return lambda: enter(f"{stage} {min(next(done), most)} of {most}")
+            console.say_unwritten("--plot", "--html")
 
 
 @dataclass(frozen=True)
 class _Pictures:
-    """The files that are asked for."""
+    """The requested files."""
 
     plot: Path | None
     html: Path | None
@@ -140,33 +141,33 @@ class _Pictures:
     @property
     def paths(self) -> list[tuple[str, Path]]:
         """Kinds and paths."""
-        asked = {"plot": self.plot, "view": self.html}
-        return [(kind, path) for kind, path in asked.items() if path is not None]
+        paths = {"plot": self.plot, "view": self.html}
+        return [(kind, path) for kind, path in paths.items() if path is not None]
 
     def as_dict(self) -> dict[str, str | None]:
         """Return the fields as JSON values."""
         return {name: None if path is None else str(path) for name, path in vars(self).items()}
 
     def require_usable(self, *inputs: str | Path) -> None:
-        """Raise if a file could not be written, before any work is done."""
+        """Raise if a file cannot be written, before any work is done."""
         require_figure(self.plot, "--plot")
-        require_page(self.html)
+        console.require_page(self.html)
         require_writable([path for _, path in self.paths], [Path(path) for path in inputs])
 
     def write(self, figure: Callable[[], Any], page: Callable[[], View]) -> None:
-        """Make and write all files, or none of them."""
+        """Make and write all files or none."""
         hold_interrupts()
         contents: dict[Path, bytes] = {}
         if self.plot is not None:
             contents[self.plot] = figure_file(figure(), self.plot)
         if self.html is not None:
             contents[self.html] = page().html.encode()
-        write_answer(contents)
+        console.write_answer(contents)
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """What is told of a simulation: a JSON object, times still absent, lines, and notes."""
+class _Answer:
+    """The answer of a simulation: a JSON object, times still absent, lines, and notes."""
 
     report: dict[str, Any]
     lines: list[str]
@@ -175,7 +176,7 @@ class _Seen:
 
 @dataclass(frozen=True)
 class _Simulation:
-    """Executes, judges and draws what a trajectory file holds."""
+    """Executes, judges and draws the motion of a trajectory file."""
 
     path: Path
     file: TrajectoryFile
@@ -184,7 +185,7 @@ class _Simulation:
     pictures: _Pictures
     enter: Callable[[object], None]
 
-    def of_motion(self, problem: PlanningProblem) -> _Seen:
+    def of_motion(self, problem: PlanningProblem) -> _Answer:
         """Simulate the motion of a problem."""
         motion, errors = self.file.trajectory, self.errors
         notes = notes_on_file(problem, self.file, failed=False)
@@ -197,9 +198,9 @@ class _Simulation:
             lambda: plot_execution(problem, motion, execution, judged),
             lambda: view(problem, motion, names=["plan"], execution=execution),
         )
-        return _Seen(execution_report(judged), execution_lines(judged), notes)
+        return _Answer(execution_report(judged), execution_lines(judged), notes)
 
-    def of_cycle(self, cycle: Cycle) -> _Seen:
+    def of_cycle(self, cycle: Cycle) -> _Answer:
         """Simulate the motion of a cycle."""
         motion = motion_of_file(cycle, self.path, self.file)
         notes = notes_on_cycle_file(cycle, self.file)
@@ -211,15 +212,19 @@ class _Simulation:
             lambda: view_cycle(cycle, [motion], ["plan"], execution=execution),
         )
         lines, report = cycle_execution_lines(judged), cycle_execution_report(judged)
-        return _Seen(report, lines, notes + [_PLANNED] * bool(judged.handovers))
+        return _Answer(report, lines, notes + [_PLANNED] * bool(judged.handovers))
 
     def _moving(self) -> Callable[[], None]:
         periods = ceil(self.file.trajectory.duration / self.errors.control_period)
-        return _counted(self.enter, f"{self.draw.runs} runs, control period", periods)
+        return self._counter(f"{self.draw.runs} runs, control period", periods)
 
     def _judging(self, legs: int) -> Callable[[], None]:
-        most = self.draw.runs * legs
-        return _counted(self.enter, "tolerances and clearance, run", most)
+        return self._counter("tolerances and clearance, run", self.draw.runs * legs)
+
+    def _counter(self, stage: str, total: int) -> Callable[[], None]:
+        """Return a callback that enters a stage with its number of calls."""
+        numbers = count(1)
+        return lambda: self.enter(f"{stage} {min(next(numbers), total)} of {total}")
 
     def _draw(self, figure: Callable[[], Any], page: Callable[[], View]) -> None:
         if self.pictures.paths:
@@ -227,43 +232,35 @@ class _Simulation:
             self.pictures.write(figure, page)
 
 
-# ---- What was seen in the runs of an execution, as text for a terminal and as JSON values.
-
-_NAMES = {
-    "tube": "beyond the tube [m]",
-    "rotation": "beyond the rotation tolerance [rad]",
-    "points": "beyond compulsory points [m]",
-    "tracking": "a joint from the plan [rad or m]",
-    "tool_tracking": "the tool from the plan [m]",
-    "position": "beyond position limits [rad or m]",
-    "velocity": "velocity, share of its limit",
-    "obstacles": "distance from obstacles [m]",
-    "self_collision": "distance between links [m]",
-}
+# ---- The runs of a motion, as text for a terminal and as JSON values.
 
 
 def execution_report(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     """Return the JSON object of some runs, times still absent."""
     seen = seen_fields(judged)
     return {
-        **empty_report("success", str(run_verdict(judged)), seen["seen"]["tube"]["worst"]["place"]),
+        **console.empty_report(
+            "success", str(run_verdict(judged)), seen["seen"]["tube"]["worst"]["place"]
+        ),
         **seen,
     }
 
 
 def seen_fields(judged: Sequence[JudgedRun]) -> dict[str, Any]:
-    """Return what was seen in some runs, as JSON values."""
-    found = summaries(judged)
+    """Return the verdict and the summaries of some runs, as JSON values."""
     return {
         "verdict": run_verdict(judged).as_dict(),
         "saturated": [run.saturated for run in judged],
         "excursions": [run.tube.value for run in judged],
-        "seen": {name: None if one is None else one.as_dict() for name, one in found.items()},
+        "seen": {
+            name: None if summary is None else summary.as_dict()
+            for name, summary in summaries(judged).items()
+        },
     }
 
 
 def execution_lines(judged: Sequence[JudgedRun]) -> list[str]:
-    """Return what was seen in some runs, line by line, the verdict last."""
+    """Return the summaries of some runs, line by line, the verdict last."""
     lines = [f"{'seen in ' + str(len(judged)) + ' runs':38}{'worst':>12}{'median':>12}  where"]
     for name, summary in summaries(judged).items():
         if summary is not None:
@@ -274,16 +271,7 @@ def execution_lines(judged: Sequence[JudgedRun]) -> list[str]:
     return [*lines, f"{'time with a motor at its limit [%]':38}{share}", f"{run_verdict(judged)}"]
 
 
-# ---- What was seen in the runs of a cycle, as text for a terminal and as JSON values.
-
-# Of every move: columns, and what is in them.
-_QUANTITIES = {
-    "beyond tube [m]": "tube",
-    "obstacles [m]": "obstacles",
-    "tool off [m]": "tool_tracking",
-}
-_LIMIT = "at limit [%]"
-_HANDOVERS = ("off, worst [m]", "median [m]", "turned [rad]", "speed [m/s]")
+# ---- The runs of a cycle, as text for a terminal and as JSON values.
 
 
 def cycle_execution_report(judged: JudgedCycle) -> dict[str, Any]:
@@ -297,9 +285,9 @@ def cycle_execution_report(judged: JudgedCycle) -> dict[str, Any]:
 
 
 def cycle_execution_lines(judged: JudgedCycle) -> list[str]:
-    """Return what was seen in the runs of a cycle, line by line, the verdict last.
+    """Return the summaries of the runs of a cycle, line by line, the verdict last.
 
-    First the whole, then the worst of every move, and of the tool where something changes hands.
+    First of the cycle, then the worst of each move, and of the tool at each handover.
     """
     *quantities, verdict = execution_lines(judged.runs)
     lines = [*quantities, "", _row("move, the worst of it", ["failed", *_QUANTITIES, _LIMIT])]
@@ -311,18 +299,19 @@ def cycle_execution_lines(judged: JudgedCycle) -> list[str]:
 
 
 def _move_cells(runs: Sequence[JudgedRun]) -> list[str]:
-    found, verdict = summaries(runs), run_verdict(runs)
-    worst = [found[name] for name in _QUANTITIES.values()]
-    shown = ["-" if one is None else f"{one.worst.value:.4g}" for one in worst]
+    by_name, verdict = summaries(runs), run_verdict(runs)
+    columns = [by_name[name] for name in _QUANTITIES.values()]
+    worst = ["-" if column is None else f"{column.worst.value:.4g}" for column in columns]
     saturated = f"{100 * max(run.saturated for run in runs):.3g}"
-    return [f"{verdict.failed} of {verdict.runs}", *shown, saturated]
+    return [f"{verdict.failed} of {verdict.runs}", *worst, saturated]
 
 
 def _handover_cells(errors: HandoverErrors) -> list[str]:
-    found = errors.as_dict()
-    names = ("distance", "angle", "speed")
-    worst, turned, fast = (f"{found[name]['worst']:.3g}" for name in names)
-    return [worst, f"{found['distance']['median']:.3g}", turned, fast]
+    values = errors.as_dict()
+    distance, angle, speed = (
+        f"{values[name]['worst']:.3g}" for name in ("distance", "angle", "speed")
+    )
+    return [distance, f"{values['distance']['median']:.3g}", angle, speed]
 
 
 def _row(name: str, cells: Sequence[str]) -> str:

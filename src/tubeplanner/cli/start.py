@@ -1,7 +1,6 @@
 """Begin and end of the program: streams, Ctrl-C during import.
 
-Nothing is imported here before Ctrl-C is taken care of; what the system does before, such as
-starting Python itself, is not in our hands.
+Nothing is imported here before Ctrl-C is handled. A Ctrl-C while Python itself starts cannot be.
 """
 
 import signal
@@ -19,7 +18,7 @@ def run() -> None:
     _silence_libraries()
     _silence_callbacks()
     status = main(sys.argv[1:])
-    # All is written: from here on, Ctrl-C has nothing to end.
+    # The answer is written: from here on, Ctrl-C has nothing to end.
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     sys.exit(status)
@@ -28,7 +27,7 @@ def run() -> None:
 def _prepare_streams() -> None:
     import os
 
-    # A reader that stops reading ends the process as it ends every other one in a pipe.
+    # A reader that stops reading ends this process like any other process of a pipe.
     if hasattr(signal, "SIGPIPE"):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     for name in ("stdout", "stderr"):
@@ -39,7 +38,7 @@ def _prepare_streams() -> None:
 
 
 def _silence_libraries() -> None:
-    """Leave out what the libraries warn of: it means nothing to a user of the commands."""
+    """Suppress the warnings of libraries, which mean nothing to a user of the commands."""
     import logging
     import os
     import warnings
@@ -51,9 +50,9 @@ def _silence_libraries() -> None:
 
 
 def _silence_callbacks() -> None:
-    """Print nothing of a Ctrl-C that met what Python calls by itself, such as a finalizer.
+    """Suppress the report of a Ctrl-C in a callback of Python itself, such as a finalizer.
 
-    Its exception ends there; that it was pressed is remembered.
+    The exception ends there; the signal is remembered.
     """
     report = sys.unraisablehook
 

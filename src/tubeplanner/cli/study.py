@@ -9,23 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.checks import in_figures, is_number
-from tubeplanner.cli.console import (
-    AS_JSON,
-    INFEASIBLE,
-    PATH,
-    SUCCESS,
-    empty_report,
-    nowhere,
-    print_json,
-    processes_option,
-    require_ending,
-    say,
-    say_unwritten,
-    shown_progress,
-    table_bytes,
-    workers_of,
-    write_answer,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import rendered
 from tubeplanner.output.figures.figure_files import figure_file, require_figure
@@ -36,7 +20,8 @@ from tubeplanner.task.field_changes import factor_of
 from tubeplanner.text import value_text
 from tubeplanner.writing import require_writable
 
-# ---- The command that runs a study: its table, its journal, its figure.
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+_MAX_REASONS = 12
 
 
 @click.command()
@@ -44,17 +29,17 @@ from tubeplanner.writing import require_writable
 @click.option(
     "-o",
     "--output",
-    type=PATH,
+    type=console.PATH,
     help="Table (CSV or JSON, by its ending); beside it, with .jsonl, the journal.",
 )
-@click.option("--plot", "figure", type=PATH, help="Figure (PNG, PDF or SVG).")
-@processes_option("one per processor")
+@click.option("--plot", "figure", type=console.PATH, help="Figure (PNG, PDF or SVG).")
+@console.processes_option("one per processor")
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
     help="Plan by the workers of a Dask scheduler, such as tcp://10.0.0.1:8786.",
 )
-@AS_JSON
+@console.AS_JSON
 def study(
     study: str,
     output: Path | None,
@@ -69,40 +54,33 @@ def study(
     after Ctrl-C, a crash or a power failure, and it goes on. Exit status 0 if any point has a
     certified motion; the other rows say why not.
     """
-    require_ending(output, "-o", (".csv", ".json"))
+    console.require_ending(output, "-o", (".csv", ".json"))
     require_figure(figure, "--plot")
     journal = None if output is None else output.with_suffix(".jsonl")
     outputs = [path for path in (output, journal, figure) if path is not None]
     require_writable(outputs, [Path(study)])
-    with shown_progress() as enter:
+    with console.shown_progress() as enter:
         begin = time.perf_counter()
         enter("reading the study")
         loaded = load_study(study)
         require_writable(outputs, loaded.files)
         loading_time = time.perf_counter() - begin
-        with workers_of(processes, scheduler) as workers:
+        with console.workers_of(processes, scheduler) as workers:
             result = run_study(loaded, journal=journal, executor=workers, progress=enter)
-        _write(result, output, figure)
+        hold_interrupts()
+        contents = {} if output is None else {output: console.table_bytes(result, output)}
+        if figure is not None:
+            contents[figure] = figure_file(plot_study(result), figure)
+        console.write_answer(contents)
     message = _message(result, journal)
     if as_json:
         status = "success" if result.succeeded else "no_trajectory"
-        report = {**empty_report(status, message, nowhere()), "loading_time": loading_time}
-        print_json({**report, **result.as_dict()})
+        report = {**console.empty_report(status, message), "loading_time": loading_time}
+        console.print_json({**report, **result.as_dict()})
     else:
-        say(study_text(result), message, sep="\n")
-        say(*outputs, sep="\n") if outputs else say_unwritten("-o TABLE.csv", "--plot")
-    return SUCCESS if result.succeeded else INFEASIBLE
-
-
-def _write(result: StudyResult, output: Path | None, figure: Path | None) -> None:
-    """Write the table and the figure, or neither."""
-    hold_interrupts()
-    contents: dict[Path, bytes] = {}
-    if output is not None:
-        contents[output] = table_bytes(result, output)
-    if figure is not None:
-        contents[figure] = figure_file(plot_study(result), figure)
-    write_answer(contents)
+        console.say(study_text(result), message, sep="\n")
+        console.say_files(outputs, "-o TABLE.csv", "--plot")
+    return console.SUCCESS if result.succeeded else console.INFEASIBLE
 
 
 def _message(result: StudyResult, journal: Path | None) -> str:
@@ -111,27 +89,22 @@ def _message(result: StudyResult, journal: Path | None) -> str:
     message = f"{planned} of {done} points have a certified motion"
     if result.stopped_by is None:
         return message
-    go_on = "run the same command again to go on" if journal else "nothing is kept without -o"
-    return f"{message}; interrupted, {count - done} of {count} are left: {go_on}"
-
-
-# ---- What came of a study, as text for a terminal.
-
-_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-_MOST_REASONS = 12
+    remedy = "run the same command again to go on" if journal else "nothing is kept without -o"
+    return f"{message}; interrupted, {count - done} of {count} are left: {remedy}"
 
 
 def study_text(result: StudyResult) -> str:
-    """Return how many points ended how, why the others have no plan, and the shortest."""
+    """Return a table of statuses and reasons with their counts, and the shortest motion."""
     name, count = result.study.name, len(result.study.points)
     table = Table(title=f"{name}: {count} points", title_justify="left")
     table.add_column("status")
     table.add_column("points", justify="right")
     table.add_column("for example")
-    for status, example, points in _groups(result.rows)[:_MOST_REASONS]:
+    groups = _groups(result.rows)
+    for status, example, points in groups[:_MAX_REASONS]:
         table.add_row(status, str(points), escape(example))
     lines = [rendered(table)]
-    if hidden := _groups(result.rows)[_MOST_REASONS:]:
+    if hidden := groups[_MAX_REASONS:]:
         points = sum(points for *_, points in hidden)
         lines.append(f"and {points} points for {len(hidden)} other reasons")
     if (shortest := result.shortest) is not None:
@@ -140,13 +113,13 @@ def study_text(result: StudyResult) -> str:
 
 
 def _groups(rows: tuple[StudyRow, ...]) -> list[tuple[str, str, int]]:
-    """Return statuses with an example and a count; reasons that differ in numbers are the same."""
+    """Return statuses with an example and a count; reasons that differ in numbers are merged."""
     groups: dict[tuple[str, str], list[StudyRow]] = {}
     for row in rows:
         reason = "" if row.duration is not None else _NUMBER.sub("#", row.message)
         groups.setdefault((str(row.status), reason), []).append(row)
     ordered = sorted(groups.items(), key=lambda group: (group[0][0] != "success", -len(group[1])))
-    return [(status, _example(found), len(found)) for (status, _), found in ordered]
+    return [(status, _example(group), len(group)) for (status, _), group in ordered]
 
 
 def _example(rows: list[StudyRow]) -> str:
@@ -161,7 +134,7 @@ def _values_of(row: StudyRow) -> str:
 
 
 def _in_figures(value: object) -> str:
-    """Return a value as a sentence has it: numbers and factors in six digits."""
+    """Return the text of a value: numbers and factors in six digits."""
     factor = factor_of(value)
     if factor is not None:
         return f"x{factor:g}"

@@ -10,28 +10,7 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from tubeplanner.cli.console import (
-    AS_JSON,
-    INFEASIBLE,
-    OTHERS_NOT_TRIED,
-    PATH,
-    SET,
-    SLACK,
-    SUCCESS,
-    empty_report,
-    load_timed,
-    nowhere,
-    print_json,
-    processes_option,
-    require_ending,
-    require_used,
-    say,
-    say_files,
-    shown_progress,
-    table_bytes,
-    workers_of,
-    write_answer,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.cli.report import rendered
 from tubeplanner.errors import OptionError
@@ -56,13 +35,13 @@ from tubeplanner.writing import require_writable
     multiple=True,
     help="Values of any field, such as robot.payload.mass=0,2,5 or tube.radius=x0.5,x1.",
 )
-@click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
-@click.option("--plot", "figure", type=PATH, help="Figure (PNG, PDF or SVG).")
+@click.option("-o", "--output", type=console.PATH, help="Table (CSV or JSON, by its ending).")
+@click.option("--plot", "figure", type=console.PATH, help="Figure (PNG, PDF or SVG).")
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
-@processes_option("this one, value by value")
-@SLACK
-@SET
-@AS_JSON
+@console.processes_option("this one, value by value")
+@console.SLACK
+@console.SET
+@console.AS_JSON
 def sweep(
     problem: str,
     radius: str | None,
@@ -85,36 +64,38 @@ def sweep(
         raise OptionError("sweep takes either --radius or --radius-scale or --vary")
     options = PlanOptions(quality=quality, slack=slack)
     outputs = [path for path in (output, figure) if path is not None]
-    require_ending(output, "-o", (".csv", ".json"))
+    console.require_ending(output, "-o", (".csv", ".json"))
     require_figure(figure, "--plot")
     require_writable(outputs, [Path(problem)])
     result: SweepResult | FieldSweep
-    with shown_progress() as enter, _sweepers(processes) as workers:
+    # By default this process plans.
+    executor: AbstractContextManager[Executor | None]
+    executor = nullcontext() if processes is None else console.workers_of(processes)
+    with console.shown_progress() as enter, executor as workers:
         if variations:
             result = _swept_field(problem, variations, changes, options, workers, enter)
             loading_time = sum(row.loading_time for row in result.rows)
         else:
-            require_used(changes, slack)
+            console.require_used(changes, slack)
             radii, scales = _numbers("--radius", radius), _numbers("--radius-scale", radius_scale)
-            loaded, loading_time = load_timed(problem, enter, changes)
+            loaded, loading_time = console.load_timed(problem, enter, changes)
             require_writable(outputs, [loaded.robot.urdf.path])
             result = sweep_problem(
                 *(loaded, radii), scales=scales, options=options, executor=workers, progress=enter
             )
         _write_sweep(result, output, figure)
     status = "success" if result.succeeded else "no_trajectory"
-    message = (
-        f"{sum(row.duration is not None for row in result.rows)} of {len(result.rows)} planned"
-    )
-    message += OTHERS_NOT_TRIED if result.stopped_by else ""
+    planned = sum(row.duration is not None for row in result.rows)
+    message = f"{planned} of {len(result.rows)} planned"
+    message += console.OTHERS_NOT_TRIED if result.stopped_by else ""
     if as_json:
-        report = {**empty_report(status, message, nowhere()), "loading_time": loading_time}
-        print_json({**report, **result.as_dict()})
+        report = {**console.empty_report(status, message), "loading_time": loading_time}
+        console.print_json({**report, **result.as_dict()})
     else:
         text = field_sweep_text(result) if isinstance(result, FieldSweep) else sweep_text(result)
-        say(text, message, sep="\n")
-        say_files(outputs, "-o TABLE.csv", "--plot")
-    return SUCCESS if result.succeeded else INFEASIBLE
+        console.say(text, message, sep="\n")
+        console.say_files(outputs, "-o TABLE.csv", "--plot")
+    return console.SUCCESS if result.succeeded else console.INFEASIBLE
 
 
 def _swept_field(
@@ -125,12 +106,12 @@ def _swept_field(
     executor: Executor | None,
     progress: Callable[[object], None],
 ) -> FieldSweep:
-    """Return a sweep over the one field that is varied."""
+    """Return a sweep over the varied field."""
     if len(variations) > 1:
         raise OptionError(f"--vary {variations[1]}: a sweep varies one field; leave out the others")
     path, values = parse_variation("--vary", variations[0])
     if not is_of_objective(path):
-        require_used(changes, options.slack)
+        console.require_used(changes, options.slack)
     return sweep_field(
         *(problem, path, values),
         changes=changes,
@@ -140,22 +121,15 @@ def _swept_field(
     )
 
 
-def _sweepers(processes: int | None) -> AbstractContextManager[Executor | None]:
-    """Return what plans a sweep; without a number, this process."""
-    return nullcontext() if processes is None else workers_of(processes)
-
-
 def _write_sweep(
     result: SweepResult | FieldSweep, output: Path | None, figure: Path | None
 ) -> None:
     hold_interrupts()
-    contents: dict[Path, bytes] = {}
-    if output is not None:
-        contents[output] = table_bytes(result, output)
+    contents = {} if output is None else {output: console.table_bytes(result, output)}
     if figure is not None:
-        drawn = plot_field_sweep(result) if isinstance(result, FieldSweep) else plot_sweep(result)
-        contents[figure] = figure_file(drawn, figure)
-    write_answer(contents)
+        picture = plot_field_sweep(result) if isinstance(result, FieldSweep) else plot_sweep(result)
+        contents[figure] = figure_file(picture, figure)
+    console.write_answer(contents)
 
 
 def _numbers(option: str, text: str | None) -> list[float] | None:
@@ -179,12 +153,12 @@ def sweep_text(result: SweepResult) -> str:
         if row.result is None or row.duration is None:
             table.add_row(value, "", "", "", f"{row.status}: {escape(row.message)}")
             continue
-        saved = (
-            "" if row.elasticity is None else f"{abs(100 * row.elasticity * row.duration):.2g} ms"
-        )
+        saving = ""
+        if row.elasticity is not None:
+            saving = f"saves {abs(100 * row.elasticity * row.duration):.2g} ms"
         message = f"certified, {row.result.method}" + (f"; {row.note}" if row.note else "")
-        times = (f"{row.duration:.4f} s", saved and f"saves {saved}")
-        table.add_row(value, *times, f"{row.result.planning_time:.2f} s", message)
+        times = (f"{row.duration:.4f} s", saving, f"{row.result.planning_time:.2f} s")
+        table.add_row(value, *times, message)
     return rendered(table)
 
 
@@ -205,12 +179,12 @@ def field_sweep_text(result: FieldSweep) -> str:
             continue
         durations = [row.duration, *[row.shortest_duration] * result.varies_objective]
         cells = [f"{duration:.4f} s" for duration in durations]
-        seen = "" if row.verdict is None else f"{row.verdict.failed} of {row.verdict.runs}"
-        cells += [*[seen] * result.is_simulated, f"{row.result.planning_time:.2f} s"]
+        failures = "" if row.verdict is None else f"{row.verdict.failed} of {row.verdict.runs}"
+        cells += [*[failures] * result.is_simulated, f"{row.result.planning_time:.2f} s"]
         table.add_row(value, *cells, f"certified, {row.result.method}")
-    whose: dict[str, list[str]] = {}
+    by_note: dict[str, list[str]] = {}
     for row in result.rows:
         for note in row.notes:
-            whose.setdefault(note, []).append(value_text(row.value))
-    notes = [f"note ({', '.join(values)}): {note}" for note, values in whose.items()]
+            by_note.setdefault(note, []).append(value_text(row.value))
+    notes = [f"note ({', '.join(values)}): {note}" for note, values in by_note.items()]
     return "\n".join([rendered(table), *notes])

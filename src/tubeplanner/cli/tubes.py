@@ -7,22 +7,7 @@ from typing import Any
 
 import click
 
-from tubeplanner.cli.console import (
-    AS_JSON,
-    INFEASIBLE,
-    INPUT,
-    PATH,
-    SET,
-    SUCCESS,
-    empty_report,
-    load_timed,
-    nowhere,
-    print_json,
-    say,
-    say_unwritten,
-    shown_progress,
-    write_answer,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.errors import OptionError
 from tubeplanner.output.files.new_problem_files import read_cell, taught_problem
@@ -37,7 +22,7 @@ from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.trajectory.reader import read_trajectory_file
 from tubeplanner.writing import require_writable
 
-_OUTPUT = click.option("-o", "--output", type=PATH, help="Problem file with the tube.")
+_OUTPUT = click.option("-o", "--output", type=console.PATH, help="Problem file with the tube.")
 _MAX_RADIUS = click.option(
     "--max-radius", type=float, default=0.2, show_default=True, help="No radius is larger [m]."
 )
@@ -63,10 +48,12 @@ _SEED = click.option("--seed", type=int, default=1, show_default=True, help="Of 
 @_SAMPLES
 @click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
 @click.option(
-    "--measured", type=PATH, help="Problem file with the measured tube, in which nothing collides."
+    "--measured",
+    type=console.PATH,
+    help="Problem file with the measured tube, in which nothing collides.",
 )
-@SET
-@AS_JSON
+@console.SET
+@console.AS_JSON
 def route(
     problem: str,
     output: Path | None,
@@ -93,23 +80,25 @@ def route(
     require_ompl()
     outputs = [path for path in (output, measured) if path is not None]
     require_writable(outputs, [Path(problem)])
-    with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter, changes, reads_tube=False)
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_timed(problem, enter, changes, reads_tube=False)
         source = find_problem(problem, Path())
         require_writable(outputs, [*ProblemLayers.read(source).files, loaded.robot.urdf.path])
         answer = find_route(loaded, options, enter)
-    found = {output: answer.found, measured: answer.measured}
-    written = _write(read_fields(source, changes), source.parent, found)
+    tubes = {output: answer.found, measured: answer.measured}
+    written = _write(read_fields(source, changes), source.parent, tubes)
+    if measured is not None and answer.succeeded and answer.measured is None:
+        note = f"{measured} was not written: there is no measured tube"
+        answer = replace(answer, notes=(*answer.notes, note))
     files = {"problem": output, "measured": measured}
-    noted = _noted(answer, measured)
-    return _print_answer(loaded.name, noted, loading_time, files, written, as_json)
+    return _print_answer(loaded.name, answer, loading_time, files, written, as_json)
 
 
 @click.command()
-@click.argument("trail", type=INPUT)
+@click.argument("trail", type=console.INPUT)
 @click.option("--urdf", help="Robot description: a path, package://PKG/... or example:NAME.")
 @click.option("--tool-frame", help="Link that carries the tool.")
-@click.option("--obstacles", type=PATH, help="File with obstacles, as in a problem file.")
+@click.option("--obstacles", type=console.PATH, help="File with obstacles, as in a problem file.")
 @click.option("--problem", "template", help="Problem file to take all but the tube and ends from.")
 @_OUTPUT
 @click.option(
@@ -125,8 +114,8 @@ def route(
 @_MAX_RADIUS
 @_SAMPLES
 @_SEED
-@SET
-@AS_JSON
+@console.SET
+@console.AS_JSON
 def teach(
     trail: Path,
     urdf: str | None,
@@ -161,7 +150,7 @@ def teach(
     require_writable(outputs, inputs)
     read = read_trajectory_file(trail)
     cell = read_cell(urdf, tool_frame, obstacles, template, changes)
-    with shown_progress() as enter:
+    with console.shown_progress() as enter:
         enter("loading robot and collision geometry")
         loaded, recorded = taught_problem(cell, read, str(trail))
         require_writable(outputs, [loaded.robot.urdf.path])
@@ -170,34 +159,26 @@ def teach(
     return _print_answer(loaded.name, answer, None, {"problem": output}, written, as_json)
 
 
-def _require_none_of(changes: Iterable[str], found: tuple[str, ...], source: str) -> None:
-    """Raise if something is set that a command does not read, as it finds it elsewhere."""
+def _require_none_of(changes: Iterable[str], unread: tuple[str, ...], source: str) -> None:
+    """Raise OptionError if --set changes a field that the command does not read."""
     for path in changes:
-        if path.split(".")[0] in found:
-            raise OptionError(f"--set {path}: {source} gives {', '.join(found)}; leave it out")
+        if path.split(".")[0] in unread:
+            raise OptionError(f"--set {path}: {source} gives {', '.join(unread)}; leave it out")
 
 
 def _write(
-    fields: Any, folder: Path, found: Mapping[Path | None, PlannedTube | None]
+    fields: Any, folder: Path, tubes: Mapping[Path | None, PlannedTube | None]
 ) -> list[Path]:
-    """Write the problems that were found to the files that are asked for; return these files."""
+    """Write the problems of tubes to the requested files; return the written files."""
     hold_interrupts()
     contents = {
         path: with_problem(fields, folder, path, tube.problem)
-        for path, tube in found.items()
+        for path, tube in tubes.items()
         if path is not None and tube is not None
     }
     if contents:
-        write_answer(contents)
+        console.write_answer(contents)
     return list(contents)
-
-
-def _noted(answer: TubeAnswer, measured: Path | None) -> TubeAnswer:
-    """Return an answer that tells of the file of a measured tube if it has none for it."""
-    if measured is None or not answer.succeeded or answer.measured is not None:
-        return answer
-    note = f"{measured} was not written: there is no measured tube"
-    return replace(answer, notes=(*answer.notes, note))
 
 
 def _print_answer(
@@ -208,32 +189,34 @@ def _print_answer(
     written: list[Path],
     as_json: bool,
 ) -> int:
-    """Print an answer and which of the files by kind were written; return the exit status."""
-    kept = {kind: path for kind, path in files.items() if path in written}
+    """Print an answer and the written files by kind; return the exit status."""
+    by_kind = {kind: path for kind, path in files.items() if path in written}
     if as_json:
-        fields = {**empty_report("", "", nowhere()), **answer.as_dict()}
-        problem = str(kept["problem"]) if "problem" in kept else None
-        print_json({**fields, "loading_time": loading_time, "problem": problem})
+        fields = {**console.empty_report("", ""), **answer.as_dict()}
+        problem = str(by_kind["problem"]) if "problem" in by_kind else None
+        console.print_json({**fields, "loading_time": loading_time, "problem": problem})
     else:
-        say(tube_text(name, answer))
-        for kind, path in kept.items():
-            say(f"{kind}: {path}")
-        if answer.succeeded and not kept:
-            say_unwritten("-o PROBLEM.yaml")
-    return SUCCESS if answer.succeeded else INFEASIBLE
+        console.say(tube_text(name, answer))
+        for kind, path in by_kind.items():
+            console.say(f"{kind}: {path}")
+        if answer.succeeded and not by_kind:
+            console.say_unwritten("-o PROBLEM.yaml")
+    return console.SUCCESS if answer.succeeded else console.INFEASIBLE
 
 
 def tube_text(name: str, answer: TubeAnswer) -> str:
     """Return the result of a search for a tube as text.
 
     Args:
-        name: Of the problem.
-        answer: Its result.
+        name: Name of the problem.
+        answer: The result.
     """
     lines = [f"{name}: searched for {answer.search_time:.1f} s"]
     if answer.compared:
-        listed = ", ".join("none" if one is None else f"{one:.3f} s" for one in answer.compared)
-        lines.append(f"trajectories along the routes compared: {listed}")
+        listed = [
+            "none" if duration is None else f"{duration:.3f} s" for duration in answer.compared
+        ]
+        lines.append(f"trajectories along the routes compared: {', '.join(listed)}")
     if answer.found is not None:
         tube = answer.found.problem.tube
         for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):

@@ -6,21 +6,7 @@ from typing import Any
 
 import click
 
-from tubeplanner.cli.console import (
-    AS_JSON,
-    INPUT,
-    PATH,
-    SET,
-    SUCCESS,
-    empty_report,
-    load_either_timed,
-    nowhere,
-    print_json,
-    require_page,
-    say,
-    shown_progress,
-    write_answer,
-)
+from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.output.figures.figure_files import figure_file, require_figure
 from tubeplanner.output.figures.trajectory_figures import plot_cycle, plot_trajectory
@@ -37,16 +23,16 @@ from tubeplanner.output.page.viewer import view as view_problem
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import motion_of_file
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
+from tubeplanner.trajectory.reader import read_trajectory_file
 from tubeplanner.writing import require_writable
 
 
 @click.command()
 @click.argument("problem")
-@click.argument("trajectories", type=INPUT, nargs=-1, metavar="[TRAJECTORY]...")
-@click.option("--html", type=PATH, help="Write one page that works offline; open nothing.")
-@SET
-@AS_JSON
+@click.argument("trajectories", type=console.INPUT, nargs=-1, metavar="[TRAJECTORY]...")
+@click.option("--html", type=console.PATH, help="Write one page that works offline; open nothing.")
+@console.SET
+@console.AS_JSON
 def view(
     problem: str,
     trajectories: tuple[Path, ...],
@@ -59,42 +45,42 @@ def view(
     Notes say whether each motion passes under PROBLEM, and what differs if it was made for another.
     Of a cycle all moves are on one time line, with what happens between them.
     """
-    require_page(html)
+    console.require_page(html)
     if html is not None:
         require_writable([html], [Path(problem), *trajectories])
-    with shown_progress() as enter:
-        loaded, _ = load_either_timed(problem, enter, changes)
+    with console.shown_progress() as enter:
+        loaded, _ = console.load_either_timed(problem, enter, changes)
         if isinstance(loaded, Cycle):
-            shown = _shown_cycle(loaded, trajectories, enter)
+            motion_view = _cycle_view(loaded, trajectories, enter)
         else:
-            shown = _shown(loaded, trajectories, enter)
-        page = shown.html.encode()
+            motion_view = _problem_view(loaded, trajectories, enter)
+        page = motion_view.html.encode()
         enter("writing")
         if html is None:
             hold_interrupts()
-            path, opened = shown.open()
+            path, opened = motion_view.open()
         else:
-            write_answer({html: page})
+            console.write_answer({html: page})
             path, opened = html, True
     message = f"view: {path}"
     if not opened:
         message += " (no browser could be opened; open this file in one)"
     if as_json:
-        print_json(
+        console.print_json(
             {
-                **empty_report("success", message, nowhere()),
+                **console.empty_report("success", message),
                 "html": str(path),
-                "notes": shown.scene.notes,
+                "notes": motion_view.scene.notes,
             }
         )
         return
-    say(*(f"note: {note}" for note in shown.scene.notes), message, sep="\n")
+    console.say(*(f"note: {note}" for note in motion_view.scene.notes), message, sep="\n")
 
 
-def _shown(
+def _problem_view(
     problem: PlanningProblem, paths: tuple[Path, ...], enter: Callable[[object], None]
 ) -> View:
-    """Return the view of a problem and the motions of files, each judged."""
+    """Return the view of a problem and the motions of files, with their certificates as notes."""
     files = [read_trajectory_file(path, problem.robot.joint_names) for path in paths]
     named, notes = dict(zip(names_of_files(paths), files, strict=True)), []
     for k, (name, file) in enumerate(named.items()):
@@ -106,8 +92,8 @@ def _shown(
     return view_problem(problem, *motions, names=list(named), notes=notes, empty_handed=other)
 
 
-def _shown_cycle(cycle: Cycle, paths: tuple[Path, ...], enter: Callable[[object], None]) -> View:
-    """Return the view of a cycle and its motions of files, each judged."""
+def _cycle_view(cycle: Cycle, paths: tuple[Path, ...], enter: Callable[[object], None]) -> View:
+    """Return the view of a cycle and the motions of files, with their certificates as notes."""
     files = [read_trajectory_file(path, cycle.robot.joint_names) for path in paths]
     motions = [motion_of_file(cycle, *pair) for pair in zip(paths, files, strict=True)]
     names, notes = names_of_files(paths), []
@@ -120,12 +106,15 @@ def _shown_cycle(cycle: Cycle, paths: tuple[Path, ...], enter: Callable[[object]
 
 @click.command()
 @click.argument("problem")
-@click.argument("trajectory", type=INPUT)
+@click.argument("trajectory", type=console.INPUT)
 @click.option(
-    "-o", "--output", type=PATH, help="Figure (PNG, PDF or SVG) [default: beside TRAJECTORY]."
+    "-o",
+    "--output",
+    type=console.PATH,
+    help="Figure (PNG, PDF or SVG) [default: beside TRAJECTORY].",
 )
-@SET
-@AS_JSON
+@console.SET
+@console.AS_JSON
 def plot(
     problem: str, trajectory: Path, output: Path | None, changes: dict[str, Any], as_json: bool
 ) -> int:
@@ -136,33 +125,26 @@ def plot(
     target = output or trajectory.with_suffix(".png")
     require_figure(target, "-o")
     require_writable([target], [trajectory, Path(problem)])
-    with shown_progress() as enter:
-        loaded, loading_time = load_either_timed(problem, enter, changes)
+    with console.shown_progress() as enter:
+        loaded, loading_time = console.load_either_timed(problem, enter, changes)
         require_writable([target], [loaded.robot.urdf.path])
         read = read_trajectory_file(trajectory, loaded.robot.joint_names)
         enter("drawing")
-        notes, figure = _drawn(loaded, trajectory, read, target)
+        if isinstance(loaded, Cycle):
+            figure = plot_cycle(loaded, motion_of_file(loaded, trajectory, read))
+            notes = notes_on_cycle_file(loaded, read)
+        else:
+            figure = plot_trajectory(loaded, read.trajectory)
+            notes = notes_on_file(loaded, read, failed=False)
+        picture = figure_file(figure, target)
         enter("writing")
-        write_answer({target: figure})
+        console.write_answer({target: picture})
     duration = read.trajectory.duration
     if as_json:
-        report = empty_report("success", "drawn, not judged", nowhere())
+        report = console.empty_report("success", "drawn, not judged")
         more = {"duration": duration, "loading_time": loading_time, "notes": notes}
-        print_json({**report, **more, "plot": str(target)})
+        console.print_json({**report, **more, "plot": str(target)})
     else:
-        say(*(f"note: {note}" for note in notes), sep="\n", end="\n" if notes else "")
-        say(f"plot: {target} ({duration:.4f} s)")
-    return SUCCESS
-
-
-def _drawn(
-    loaded: PlanningProblem | Cycle, path: Path, read: TrajectoryFile, target: Path
-) -> tuple[list[str], bytes]:
-    """Return what else is to be known of a trajectory file, and its figure."""
-    if isinstance(loaded, Cycle):
-        figure = plot_cycle(loaded, motion_of_file(loaded, path, read))
-        notes = notes_on_cycle_file(loaded, read)
-    else:
-        figure = plot_trajectory(loaded, read.trajectory)
-        notes = notes_on_file(loaded, read, failed=False)
-    return notes, figure_file(figure, target)
+        console.say(*(f"note: {note}" for note in notes), sep="\n", end="\n" if notes else "")
+        console.say(f"plot: {target} ({duration:.4f} s)")
+    return console.SUCCESS
