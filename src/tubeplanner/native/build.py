@@ -38,56 +38,57 @@ _COMPILERS = ("c++", "g++", "clang++")
 
 
 def compiler(environment: Mapping[str, str] = os.environ) -> tuple[str, ...] | None:
-    """Return the command of the C++ compiler, None if there is none or none is wanted.
+    """Return the command of the C++ compiler; None without a compiler.
 
     Args:
-        environment: TUBEPLANNER_BUILD is "zig" for that of the package ziglang, "none" for none;
-            else CXX names it, and else it is the first of c++, g++ and clang++ that there is.
+        environment: TUBEPLANNER_BUILD is "zig" for the compiler of the package ziglang, "none" for
+            no compiler; else CXX names it, and else it is the first of c++, g++ and clang++ on the
+            path.
 
     Raises:
-        ValueError: TUBEPLANNER_BUILD is neither of those.
+        ValueError: TUBEPLANNER_BUILD has another value.
     """
-    wanted = environment.get("TUBEPLANNER_BUILD", "")
-    if wanted == "zig":
+    value = environment.get("TUBEPLANNER_BUILD", "")
+    if value == "zig":
         return (sys.executable, "-m", "ziglang", "c++")
-    if wanted == "none":
+    if value == "none":
         return None
-    if wanted:
-        raise ValueError(f"TUBEPLANNER_BUILD is {wanted!r}; give zig, none, or do not set it")
+    if value:
+        raise ValueError(f"TUBEPLANNER_BUILD is {value!r}; give zig, none, or do not set it")
     if environment.get("CXX"):
         return tuple(shlex.split(environment["CXX"]))
-    found = filter(None, (shutil.which(name) for name in _COMPILERS))
-    return next(((path,) for path in found), None)
+    paths = filter(None, (shutil.which(name) for name in _COMPILERS))
+    return next(((path,) for path in paths), None)
 
 
 def source_files() -> list[Path]:
-    """Return the sources that are compiled, each a job."""
+    """Return the compiled source files."""
     return sorted(SOURCES.glob("*.cpp"))
 
 
 def source_key() -> str:
-    """Return what tells these sources from others."""
-    found = hashlib.sha256()
+    """Return a hash of the sources, headers included."""
+    key = hashlib.sha256()
     for path in sorted(SOURCES.iterdir()):
         if path.suffix in (".cpp", ".h"):
-            found.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return found.hexdigest()[:16]
+            key.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return key.hexdigest()[:16]
 
 
 def library_path(level: str, folder: Path = FOLDER) -> Path:
-    """Return where the library of a level is."""
+    """Return the path of the library for a level of processors."""
     return folder / f"numerics-{level}.so"
 
 
 def build(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) -> list[Path]:
-    """Compile the library for every level; return the files, none if there is no compiler.
+    """Compile the library for every level; return the files, none without a compiler.
 
     Args:
-        folder: Where to.
+        folder: Folder of the libraries.
         environment: As for `compiler`.
 
     Raises:
-        RuntimeError: The compiler does not start, or refused the sources; the message is its own.
+        RuntimeError: The compiler does not start, or failed; the message is the compiler's.
     """
     command = compiler(environment)
     if command is None:
@@ -96,21 +97,14 @@ def build(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) ->
     for level in LEVELS:
         target = library_path(level, folder)
         partial = target.with_name(f".{target.name}.tmp")
-        named = (f'-DTUBEPLANNER_SOURCES="{source_key()}"', f'-DTUBEPLANNER_LEVEL="{level}"')
-        by = f'-DTUBEPLANNER_COMPILER="{_kind(command)}"'
-        files = map(str, source_files())
-        arguments = [
-            *command,
-            *_FLAGS,
-            *_processor(command, level),
-            *named,
-            by,
-            *files,
-            "-o",
-            str(partial),
-        ]
+        definitions = (
+            f'-DTUBEPLANNER_SOURCES="{source_key()}"',
+            f'-DTUBEPLANNER_LEVEL="{level}"',
+            f'-DTUBEPLANNER_COMPILER="{_kind(command)}"',
+        )
+        flags = (*_FLAGS, *_processor(command, level), *definitions)
         try:
-            _run(arguments)
+            _run([*command, *flags, *map(str, source_files()), "-o", str(partial)])
         except RuntimeError:
             partial.unlink(missing_ok=True)
             raise
@@ -129,7 +123,7 @@ def _run(arguments: list[str]) -> None:
 
 
 def _processor(command: tuple[str, ...], level: str) -> tuple[str, ...]:
-    """Return what a compiler is told about the processor."""
+    """Return the compiler's flags for a level of processors."""
     if _kind(command) == "zig":  # its names are its own, and without one it takes this processor
         return (f"-mcpu={level.replace('-', '_')}",)
     return () if level == "baseline" else (f"-march={level}",)

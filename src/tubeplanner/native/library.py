@@ -1,4 +1,4 @@
-"""The library as built, argument types of its functions; None without a build.
+"""The native library, if it was built, and the argument types of its functions.
 
 TUBEPLANNER_PURE=1 leaves it out; TUBEPLANNER_BASELINE=1 takes the code for any processor of the
 kind, as an older one would.
@@ -17,11 +17,11 @@ from tubeplanner.native.build import LEVELS, library_path, source_key
 
 @dataclass(frozen=True)
 class NativeLibrary:
-    """What was loaded.
+    """The library or the reason for its absence.
 
     Attributes:
         functions: The library; None: it is left out.
-        build: What was built by what, or why it is left out.
+        build: Compiler and level of processors, or the reason for leaving it out.
     """
 
     functions: ctypes.CDLL | None
@@ -32,16 +32,16 @@ _Place = ctypes.c_char * 0
 
 
 class Doubles:
-    """The type of arguments that are contiguous arrays of doubles, which may be written to."""
+    """The type of arguments that are contiguous arrays of doubles."""
 
     dtype: np.dtype[Any] = np.dtype(np.float64)
 
     @classmethod
     def from_param(cls, array: Any) -> Any:
-        """Return what passes the address of an array; None of None.
+        """Return an object that passes the address of an array; None for None.
 
         Raises:
-            TypeError: It is of another type, or not contiguous.
+            TypeError: The array is of another type, or not contiguous.
         """
         if array is None:
             return None
@@ -51,7 +51,7 @@ class Doubles:
             return _Place.from_buffer(array)  # as `ctypes.data`, in a third of its time
         except ValueError as error:
             raise cls._refused(array) from error
-        except TypeError as error:  # it is not to be written to
+        except TypeError as error:  # a read-only array
             if not array.flags.c_contiguous:
                 raise cls._refused(array) from error
             return ctypes.c_void_p(array.ctypes.data)
@@ -74,28 +74,27 @@ class Bytes(Doubles):
 
 
 def native_function(name: str, *arguments: Any, returns: Any = None) -> Callable[..., Any] | None:
-    """Return a function of the library; None: it is left out.
+    """Return a function of the library; None without the library.
 
     Args:
-        name: Its own.
-        arguments: Their types: `Doubles`, `Integers`, `Bytes`, ctypes' numbers.
-        returns: Likewise.
+        name: Name of the function.
+        arguments: Types of its arguments: `Doubles`, `Integers`, `Bytes`, ctypes' numbers.
+        returns: Type of its result.
     """
     if LIBRARY.functions is None:
         return None
-    function = getattr(LIBRARY.functions, name)
+    function: Any = getattr(LIBRARY.functions, name)
     function.argtypes, function.restype = arguments, returns
-    found: Callable[..., Any] = function
-    return found
+    result: Callable[..., Any] = function
+    return result
 
 
 def _loaded() -> NativeLibrary:
     if os.environ.get("TUBEPLANNER_PURE", "") not in ("", "0"):
         return NativeLibrary(None, "pure Python (TUBEPLANNER_PURE is set)")
     if not library_path("baseline").exists():
-        return NativeLibrary(
-            None, "pure Python (no native library was compiled at the installation)"
-        )
+        message = "pure Python (no native library was compiled at the installation)"
+        return NativeLibrary(None, message)
     try:
         library = ctypes.CDLL(str(library_path("baseline")))
         is_newer = library.tubeplanner_runs_v3() and not os.environ.get("TUBEPLANNER_BASELINE")

@@ -1,11 +1,4 @@
-"""Substitute tubes: narrower about a smoother path, wider for coarse knots.
-
-A scan's points lie scattered about the path that was meant, some before those that they follow, and
-a drawing may bend more sharply than its tube is wide. No fast motion follows every such bend, nor
-need it: the tube has room for a smoother path. Where every point is moved by at most d, whatever is
-within r - d of a new segment is within r of the old one: between two segments, distances lie
-between those at their ends. So segments keep their order, their numbers and what they ask.
-"""
+"""Substitute tubes: narrower about a smoother path, wider for coarse knots."""
 
 from dataclasses import replace
 
@@ -19,15 +12,20 @@ from tubeplanner.optimizer.phased_spline import KnotGrid
 from tubeplanner.optimizer.segment_chains import sharpest_bend, smoothed_turns
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- A narrower tube inside a tube, about a smoother path, for paths that bend within their
-# radius.
+# ---- A narrower tube inside a tube, about a smoother path, where a path bends within its radius.
+#
+# A scan's points scatter about the intended path, some behind their predecessors, and a drawing may
+# bend more sharply than its tube is wide. Fast motions need not follow every such bend: a smoother
+# path fits in the tube. Where every point moves by at most d, points within r - d of a new segment
+# are within r of the old one: between two segments, distances lie between those at their ends. So
+# segments keep their order, their numbers and their conditions.
 
-# By what shares of the radius points may move; the first that leaves no bends sharper than this
-# [rad over the length of a radius], or the last that takes away a tenth of them at least.
+# Shares of the radius by which points may move; the first that leaves no bends sharper than this
+# [rad over the length of a radius], or the last that reduces the sharpest by a tenth at least.
 _ROOMS, _GENTLE, _SMOOTHER = (0.5, 0.8), 1.0, 0.9
-# A given start or goal may be so far from its reference point, in radii, or there is no such tube.
+# Largest distance of a given start or goal from its reference point, in radii.
 _MOST_AT_ENDS = 0.9
-# Beyond it a path over some radii turns back: not by noise, and the tool must go there [rad].
+# A larger turn of a path over some radii is no noise, and the tool must go there [rad].
 _BACKWARDS = np.radians(150)
 # Of the splitting method; distances settle to a thousandth of the room.
 _STEPS, _COUPLING, _OVERSHOOT = 200, 0.1, 1.6
@@ -37,19 +35,19 @@ _SHORTEST_STEP = 0.3  # of the usual one
 def smoother_problem(problem: PlanningProblem) -> PlanningProblem | None:
     """Return a problem whose tube lies inside a problem's and bends less; None if there is none.
 
-    Its segments are those of the problem, and whatever keeps its tube keeps the problem's: but for
-    points that count as turning back by noise alone, which need not be passed there, and rotations,
-    which are compared at other points of the segments. Boxes have none: about a path that bends
-    otherwise, they would be turned otherwise.
+    It has the same segments, and a motion inside its tube is inside the problem's: but for points
+    that count as turning back by noise alone, which it need not pass, and rotations, which are
+    compared at other points of the segments. Boxes have none: about another path, they would have
+    another orientation.
     """
     if problem.tube.is_box.any():
         return None
     best, least = None, _SMOOTHER * sharpest_bend(problem.tube)
     for room in _ROOMS:
-        found = _with_room(problem, room)
-        bend = np.inf if found is None else sharpest_bend(found.tube)
+        candidate = _with_room(problem, room)
+        bend = np.inf if candidate is None else sharpest_bend(candidate.tube)
         if bend < least:
-            best, least = found, _SMOOTHER * bend
+            best, least = candidate, _SMOOTHER * bend
         if bend <= _GENTLE:
             break
     return best
@@ -63,14 +61,14 @@ def _with_room(problem: PlanningProblem, share: float) -> PlanningProblem | None
     if (at_ends > _MOST_AT_ENDS * radius[[0, -1]]).any():
         return None
     room = share * np.minimum(np.append(radius, np.inf), np.append(np.inf, radius))
-    is_kept = _turns_back(tube)
-    room[is_kept] = 0.0
+    is_fixed = _turns_back(tube)
+    room[is_fixed] = 0.0
     room[[0, -1]] = 0.0
-    given = tube.points.copy()
-    given[[0, -1]] = ends
-    points = smoothed(given, room, is_kept)
-    moved = np.linalg.norm(points - tube.points, axis=1)
-    narrower = tube.radius - np.maximum(moved[:-1], moved[1:])
+    old = tube.points.copy()
+    old[[0, -1]] = ends
+    points = smoothed(old, room, is_fixed)
+    shift = np.linalg.norm(points - tube.points, axis=1)
+    narrower = tube.radius - np.maximum(shift[:-1], shift[1:])
     try:
         smoother = replace(tube, points=points, radius=narrower)
         if smoother.segment_count != tube.segment_count:
@@ -82,15 +80,15 @@ def _with_room(problem: PlanningProblem, share: float) -> PlanningProblem | None
 
 
 def smoothed(points: FloatArray, room: FloatArray, is_free: BoolArray) -> FloatArray:
-    """Return points near others with the least sum of squared curvatures, about.
+    """Return points near others with about the least sum of squared curvatures.
 
     By the alternating direction method of multipliers (Boyd et al., "Distributed optimization and
-    statistical learning", 2011, section 5), which takes turns between bending and distance.
+    statistical learning", 2011, section 5), which alternates between bending and distance.
 
     Args:
         points: Shape (N, 3) [m].
-        room: How far each may be moved, shape (N,) [m].
-        is_free: Whether the path may bend there at no cost, shape (N,).
+        room: Largest shift of each point, shape (N,) [m].
+        is_free: Whether the path may bend at each point at no cost, shape (N,).
     """
     from scipy.sparse.linalg import splu
 
@@ -98,19 +96,19 @@ def smoothed(points: FloatArray, room: FloatArray, is_free: BoolArray) -> FloatA
     solve = splu(bending.tocsc()).solve
     near, dual = points.copy(), np.zeros_like(points)
     for _ in range(_STEPS):
-        wanted = _OVERSHOOT * solve(_COUPLING * (near - dual)) + (1 - _OVERSHOOT) * near + dual
-        away = wanted - points
+        target = _OVERSHOOT * solve(_COUPLING * (near - dual)) + (1 - _OVERSHOOT) * near + dual
+        away = target - points
         distance = np.linalg.norm(away, axis=1)
         near = points + away * np.minimum(1.0, room / np.maximum(distance, 1e-15))[:, None]
-        dual = wanted - near
+        dual = target - near
     return near
 
 
 def _bending(points: FloatArray, is_free: BoolArray) -> sparse.csr_matrix:
     """Return the matrix (N, N) of the sum of squared curvatures over a path.
 
-    Of usual spacing, so that its scale is that of distances. None counts as far shorter: noise
-    makes some of them so.
+    Spacings count in medians, so that its scale is that of distances, and as no less than a part of
+    one: noise makes some of them far shorter.
     """
     count = len(points)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -122,7 +120,7 @@ def _bending(points: FloatArray, is_free: BoolArray) -> sparse.csr_matrix:
 
 
 def _ends(problem: PlanningProblem) -> FloatArray:
-    """Return where the tool starts and ends, shape (2, 3) [m]: at the points, if by a seed."""
+    """Return the tool positions at start and goal, (2, 3) [m]; the tube's ends for seeds."""
     ends = problem.tube.points[[0, -1]].copy()
     for row, end in enumerate(problem.endpoints):
         if end.joints is not None:
@@ -133,26 +131,26 @@ def _ends(problem: PlanningProblem) -> FloatArray:
 
 
 def _turns_back(tube: Tube) -> BoolArray:
-    """Return at which compulsory points the path turns back for more than some radii, (m+1,)."""
+    """Return True for compulsory points where the path turns back over some radii, (m+1,)."""
     turns_back = np.zeros(tube.segment_count + 1, dtype=bool)
     compulsory = tube.compulsory_points
     turns_back[compulsory] = smoothed_turns(tube)[compulsory - 1] > _BACKWARDS
     return turns_back
 
 
-# ---- A tube as wide as knots are coarse: a few cubics cannot follow a narrow one, and need not
-# yet.
+# ---- A tube as wide as knots are coarse: a few cubics cannot follow a narrow one.
 
 # The radius is at least this share of a knot interval's part of the segment.
 _INTERVAL_SHARE = 0.2
-# At a corner it is at most this share of what touches both legs at the end of the shorter one.
+# At a corner it is at most this share of the radius of the circle that touches both legs at the end
+# of the shorter one.
 _CORNER_SHARE = 0.1
 
 
 def widened_radius(tube: Tube, grid: KnotGrid) -> FloatArray:
-    """Return radii (m,) [m] of a tube that splines on some knots can follow.
+    """Return radii (m,) [m] of a tube that splines on a knot grid can follow.
 
-    Where the tube turns sharply it is hardly widened: else the spline would leave out the turn.
+    Near sharp corners the tube is hardly widened: else the spline would leave out the corner.
     """
     axis = np.diff(tube.points, axis=0)
     length = np.linalg.norm(axis, axis=1)
@@ -163,13 +161,13 @@ def widened_radius(tube: Tube, grid: KnotGrid) -> FloatArray:
     interval_of = np.repeat(interval, [len(chain) for chain in grid.chains])
     widest = np.append(np.append(np.inf, _corner_radius(axis, length)), np.inf)
     widest = np.minimum(widest[:-1], widest[1:])
-    wanted = np.minimum(_INTERVAL_SHARE * interval_of, widest)
-    widened: FloatArray = np.maximum(tube.effective_radius, wanted)
+    coarse = np.minimum(_INTERVAL_SHARE * interval_of, widest)
+    widened: FloatArray = np.maximum(tube.effective_radius, coarse)
     return widened
 
 
 def _corner_radius(axis: FloatArray, length: FloatArray) -> FloatArray:
-    """Return what the corners between segments (m, 3) allow, shape (m-1,) [m].
+    """Return the largest radius at the corners between segments (m, 3), shape (m-1,) [m].
 
     A circle that touches both legs at a distance d from the corner has the radius d tan(phi / 2),
     phi being the angle between the legs.

@@ -1,9 +1,4 @@
-"""Variables of a step: free control points, their bounds, columns common to legs.
-
-Those at rest at both ends are fixed. If the goal is open, its control points move as one, and the
-tool keeps its position there, or stays in the goal's ball. If the start is where another motion
-ends, its control points move as one too.
-"""
+"""Variables of a step: free control points, their bounds, columns shared by legs."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,13 +14,17 @@ from tubeplanner.optimizer.sampled_spline import SampledSpline
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.polynomials import REST_POINTS
 
-# ---- Which control points of a spline an optimiser may move, and how far.
+# ---- The control points that may move, and their bounds.
+#
+# The control points at rest at both ends are fixed. If the goal is open, its control points move as
+# one, and the tool keeps its position there, or stays in the goal's ball. If the start is the end
+# of another motion, its control points move as one too.
 
 FIXED = -1
 # Directions in which the joints at the goal move the tool by less than this [m/rad] are left free.
 _MIN_GAIN = 1e-6
 _TOOL_TOLERANCE = 3e-7  # [m], near where the arm loses a direction too
-_SAMPLES, _SEED = 5, 0  # configurations looked at for redundant joints
+_SAMPLES, _SEED = 5, 0  # configurations in the test for redundant joints
 
 
 class ControlVariables:
@@ -34,15 +33,15 @@ class ControlVariables:
     Attributes:
         column: The variable of every control point, -1 where it is fixed, shape (K,).
         lower: Bounds of the variables, shape (F, n) [rad or m].
-        upper: Likewise.
+        upper: Bounds of the variables, shape (F, n) [rad or m].
     """
 
     def __init__(
         self, problem: PlanningProblem, grid: KnotGrid, *, start_moves: bool = False
     ) -> None:
-        """Take the problem's joint ranges and its goal, given or open, and whether its start moves.
+        """Take a problem, the knots of its splines, and whether its start moves.
 
-        What the start must keep is up to the motion that ends there.
+        The conditions on a start that moves are those of the motion that ends there.
         """
         self._problem, self._grid, self._start_moves = problem, grid, start_moves
         self._goal = problem.open_goal
@@ -50,7 +49,7 @@ class ControlVariables:
             self._goal.tolerance > 0 or _is_redundant(problem)
         )
         self.column = self._columns(grid.control_point_count)
-        # Which control points move, with which variables; and one point of each variable.
+        # Control points that move, their variables, and the first point of each variable.
         self._moving = moving = np.flatnonzero(self.column != FIXED)
         self._own = self.column[moving]
         self._first = moving[np.unique(self._own, return_index=True)[1]]
@@ -63,17 +62,17 @@ class ControlVariables:
         np.minimum.at(self.upper, self._own, upper[moving])
 
     def of(self, control_points: FloatArray) -> FloatArray:
-        """Return the variables that control points (K, n) have, shape (F, n)."""
+        """Return the variables of control points (K, n), shape (F, n)."""
         return control_points[self._first]
 
     def before(self, intervals: IntArray) -> IntArray:
-        """Return how many variables are before the ends of so many knot intervals (S,), (S,)."""
+        """Return the number of variables before the ends of knot intervals (S,), shape (S,)."""
         so_far = np.maximum.accumulate(self.column + 1)
         before: IntArray = so_far[intervals + DEGREE // 2]
         return before
 
     def change(self, step: FloatArray) -> FloatArray:
-        """Return how control points change with a step of the variables (F, n), shape (K, n)."""
+        """Return the change of control points, (K, n), by a step of the variables (F, n)."""
         change = np.zeros((len(self.column), step.shape[1]))
         change[self._moving] = step[self._own]
         return change
@@ -93,7 +92,7 @@ class ControlVariables:
 
     @property
     def goal_moves(self) -> bool:
-        """Whether the goal is open and leaves joints something to choose."""
+        """True if the goal is open and has a tolerance or redundant joints."""
         return self._goal_moves
 
     def tie(self, following: "ControlVariables") -> None:
@@ -107,16 +106,16 @@ class ControlVariables:
         """Return control points (K, n) after a step (F, n), the tool still at an open goal.
 
         Args:
-            control_points: Before, shape (K, n).
+            control_points: Before the step, shape (K, n).
             step: Of the variables, shape (F, n).
-            start: The configuration where the start, if it moves, is to be then, shape (n,).
+            start: The configuration of a start that moves, after the step, shape (n,).
 
         Returns:
             None if the tool cannot be kept there.
         """
         points = control_points + self.change(step)
-        # Spread over the whole motion: at an end alone, on its short knot intervals, the little
-        # that is missing would be a leap of the jerk.
+        # Corrections are spread over the whole motion: at an end alone, on its short knot
+        # intervals, they would be jumps of the jerk.
         if start is not None:
             points += (1 - self._share_of_goal)[:, None] * (start - points[0])
             points[:REST_POINTS] = start
@@ -145,16 +144,13 @@ class ControlVariables:
         return q
 
     def move(self, at: SampledSpline) -> BoolArray:
-        """Return whether a step can change the position at samples of a spline, shape (N,)."""
+        """Return True for samples of a spline whose position a step can change, shape (N,)."""
         free = self.column[at.first[:, None] + np.arange(DEGREE + 1)] != FIXED
         by_control: BoolArray = (free & (at.basis[0] != 0)).any(axis=1)
         return by_control | at.by_switching[:, 0].any(axis=(0, 2))
 
     def held(self, control_points: FloatArray) -> FloatArray:
-        """Return the joint directions (r, n) that would move the tool away from an open goal.
-
-        None where it has a tolerance.
-        """
+        """Return the joint directions (r, n) that move the tool off a goal; r = 0 in a ball."""
         joints = control_points.shape[1]
         if not self._goal_moves or self._goal is None or self._goal.tolerance > 0:
             return np.zeros((0, joints))
@@ -169,18 +165,16 @@ class ControlVariables:
         return column
 
     def _control_bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return joint bounds of the control points, (K, n): those of all phases they belong to.
+        """Return joint bounds of the control points, (K, n), by all phases that they belong to.
 
         A spline lies in the hull of its control points, so the bounds hold for all t.
         """
         shape = (self._grid.control_point_count, self._problem.robot.joint_count)
         lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
-        joint_lower, joint_upper = self._problem.joint_lower, self._problem.joint_upper
         # Where joints may hardly move, rows lead to no better trajectory.
-        least, most = approachable_range(self._problem)
         joint_lower, joint_upper = (
-            np.clip(least, joint_lower, joint_upper),
-            np.clip(most, joint_lower, joint_upper),
+            np.clip(bound, self._problem.joint_lower, self._problem.joint_upper)
+            for bound in approachable_range(self._problem)
         )
         first = 0
         for shares, chain in zip(self._grid.shares, self._grid.chains, strict=True):
@@ -193,9 +187,9 @@ class ControlVariables:
 
 
 def _minimum_jerk(count: int) -> FloatArray:
-    """Return how far K control points are along a minimum-jerk course, from 0 to 1, shape (K,).
+    """Return the values of a minimum-jerk course from 0 to 1 at K control points, shape (K,).
 
-    Their places in time are about those of the knots, clustered at both ends.
+    Their times are about those of the knots, clustered at both ends.
     """
     even = (np.arange(count) - (REST_POINTS - 1)) / (count - 2 * REST_POINTS + 1)
     x = (1 - np.cos(np.pi * np.clip(even, 0.0, 1.0))) / 2
@@ -203,29 +197,29 @@ def _minimum_jerk(count: int) -> FloatArray:
 
 
 def _is_redundant(problem: PlanningProblem) -> bool:
-    """Return whether joints can move while the tool stays where it is, nearly everywhere."""
+    """Return True if joints can move with the tool's position fixed, nearly everywhere."""
     joints = problem.robot.joint_count
     q = np.random.default_rng(_SEED).uniform(-1.0, 1.0, (_SAMPLES, joints))
     _, jacobian = problem.robot.tool_jacobian(q)
     return int(np.linalg.matrix_rank(jacobian[:, :3], tol=_MIN_GAIN).max()) < joints
 
 
-# ---- Which variables of the program of all legs are each leg's: legs share those of tied ends.
+# ---- The program's variables of each leg: legs share those of tied ends.
 #
 # In the order of time, as the solver likes it: the configurations of all legs, and between them the
 # switching times between short phases, which count only near there. Then, as they count everywhere,
 # the configuration in which a cycle closes, the other switching times, every leg's eta and its
 # elastic variable.
 
-# What a row of a cubic counts: so many configurations, if no switching time stands between them.
+# A row of a cubic couples so many configurations, if no switching time stands between them.
 _CONFIGURATIONS = 4
-# Else those of the own phase, and so many more; it counts the switching times that are nearer than
-# so many intervals on either side.
+# Else those of its own phase, and so many more; and the switching times that are nearer than so
+# many intervals on either side.
 _BESIDE, _NEAR = 2, 3
 
 
 class LegShape(NamedTuple):
-    """What may change in a leg.
+    """Numbers of a leg's variables.
 
     Attributes:
         configurations: Number F of variable configurations.
@@ -233,7 +227,7 @@ class LegShape(NamedTuple):
         switches: Number S of switching times.
         intervals: Of the phases beside each switching time, the number of knot intervals of the
             longer one, shape (S,); None: every switching time counts everywhere.
-        behind: How many configurations are before each switching time, shape (S,); likewise.
+        behind: Number of configurations before each switching time, shape (S,); None likewise.
     """
 
     configurations: int
@@ -244,18 +238,16 @@ class LegShape(NamedTuple):
 
     @property
     def is_among(self) -> BoolArray:
-        """Whether each switching time is to stand among the configurations, shape (S,)."""
+        """True for switching times that stand among the configurations, shape (S,)."""
         if self.intervals is None:
             return np.zeros(self.switches, dtype=bool)
         longest = min([0, *np.unique(self.intervals).tolist()], key=self._reach)
         return self.intervals <= longest
 
     def _reach(self, longest: int) -> int:
-        """Return how many variables each one is coupled with: time goes with its square.
+        """Return the number of variables that a variable is coupled with: time goes as its square.
 
-        Args:
-            longest: Switching times beside phases of at most so many intervals stand among the
-                configurations.
+        Switching times beside phases of at most `longest` intervals stand among the configurations.
         """
         assert self.intervals is not None
         others = int((self.intervals > longest).sum())
@@ -265,14 +257,14 @@ class LegShape(NamedTuple):
 
 
 def shared_columns(legs: Sequence[LegShape], is_tied: Sequence[bool]) -> tuple[IntArray, ...]:
-    """Return the program's variable for all that may change in every leg, shape (V,) each.
+    """Return the program's variables of every leg, shape (V,) each.
 
-    A leg counts its configurations first, then switching times, eta, elastic.
+    Each in the leg's own order: configurations, switching times, eta, elastic variable.
 
     Args:
         legs: The legs.
-        is_tied: Whether each leg's last configuration is the first one of the next, after the last
-            leg that of the first.
+        is_tied: Whether each leg's last configuration is the first of the next leg, the first leg
+            being next to the last.
     """
     numbers, count = _numbers(legs, is_tied)
     joints = legs[0].joints
@@ -293,7 +285,7 @@ def shared_columns(legs: Sequence[LegShape], is_tied: Sequence[bool]) -> tuple[I
 
 
 def _numbers(legs: Sequence[LegShape], is_tied: Sequence[bool]) -> tuple[list[IntArray], int]:
-    """Return the numbers of every leg's configurations among all, and how many there are."""
+    """Return the numbers of every leg's configurations among all, and their count."""
     count, numbers = 0, []
     for k, leg in enumerate(legs):
         is_behind = k > 0 and is_tied[k - 1]
@@ -303,7 +295,7 @@ def _numbers(legs: Sequence[LegShape], is_tied: Sequence[bool]) -> tuple[list[In
 
 
 def _before(leg: LegShape, numbers: IntArray, count: int) -> IntArray:
-    """Return the configurations that switching times stand before; the count: behind all, (S,)."""
+    """Return the configuration after each switching time, (S,); `count`: behind all others."""
     before = np.full(leg.switches, count)
     if leg.behind is not None and leg.configurations:
         following = np.append(numbers, numbers[-1] + 1)
@@ -312,7 +304,7 @@ def _before(leg: LegShape, numbers: IntArray, count: int) -> IntArray:
 
 
 def _closed(numbers: Sequence[IntArray]) -> list[IntArray]:
-    """Return configurations' numbers, the first one being the last one, and that the last."""
+    """Return configurations' numbers with the first and the last equal, the last of all."""
     last = int(numbers[-1][-1])
     closed = [own - 1 for own in numbers]
     closed[0][0] = closed[-1][-1] = last - 1

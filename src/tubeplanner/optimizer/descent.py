@@ -1,12 +1,4 @@
-"""Descent: trust region, feasible steps, accepted iterates of one or more legs.
-
-A linear program ends at the corners of its box. Where motors are not at their limits, corners are
-worth hardly more than what lies within, but what the linearization leaves out grows with the square
-of the step's rates: Coriolis and centrifugal efforts. That much is added to the cost.
-(Lewis & Wright, "A proximal method for composite minimization", 2016.)
-
-Both are measured by the size of the motion: in a tube of a millimetre, a step of 1e-4 rad is large.
-"""
+"""Descent: trust region, feasible steps, accepted iterates of one or more legs."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -22,15 +14,21 @@ from tubeplanner.optimizer.spline_constraints import Iterate
 from tubeplanner.optimizer.step_block import Block, Step
 from tubeplanner.optimizer.step_program import StepProgram, step_program
 
-# ---- How far the next step may go: a box, and a damping of its rates.
+# ---- The trust region: a box, and a damping of the step's rates.
+#
+# A linear program ends at the corners of its box. Where motors are not at their limits, corners are
+# worth hardly more than points within, but the error of the linearization (Coriolis and centrifugal
+# efforts) grows with the square of the step's rates: the damping adds that square to the cost.
+# (Lewis & Wright, "A proximal method for composite minimization", 2016.) Box and damping are
+# measured by the size of the motion: in a tube of a millimetre, a step of 1e-4 rad is large.
 
 # A motion in which some joint moves farther than this is as large as any [rad or m].
 _LARGE_MOTION = 0.3
 MIN_RADIUS, _MAX_RADIUS = 1e-4, 1.0
 _POOR, _FAIR, _DECENT, _GOOD = 0.1, 0.3, 0.5, 0.7
 _NEARLY_AT_RADIUS = 0.8
-# Damping is at least doubled after a step that gained little, up to this share of what the step's
-# cost was off by, and divided after one that gained what it should.
+# Damping is at least doubled after a step that gained little, up to this share of the error of the
+# step's predicted cost, and divided after a step that gained what it should.
 _SHARE_OF_ERROR = 0.2
 _MORE, _LESS = 2.0, 5.0
 # In a tube of a millimetre, a damping of 1e7 is a useful one: only beyond all use it is the end.
@@ -42,13 +40,13 @@ _MOST_RELAXED = 2
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a step.
+    """Predicted and actual gain of a step, as shares of T^2, and its size.
 
     Attributes:
-        predicted: What it should have gained.
-        linear: What it did as the linear program gave it.
-        gain: What it did in the end.
-        size: The radius of the smallest trust region, in units, that has room for the step.
+        predicted: Gain that the linearization predicts.
+        linear: Gain of the linear program's step.
+        gain: Gain of the step after its correction.
+        size: The radius of the smallest trust region, in units, that contains the step.
         squared_rates: As in `StepCost.squared_rates`.
     """
 
@@ -66,7 +64,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class TrustRegion:
-    """How far a step may go.
+    """Radius and damping of the next step.
 
     Attributes:
         radius: Largest change of a control point, in units.
@@ -87,24 +85,24 @@ class TrustRegion:
 
     @property
     def has_collapsed(self) -> bool:
-        """Whether no step is left to be tried."""
+        """True if radius or damping has reached its bound: the descent ends."""
         return self.radius < MIN_RADIUS or self.damping > _MAX_DAMPING
 
     @property
     def may_relax(self) -> bool:
-        """Whether a step may have gained little because it was damped, and that is worth a try."""
+        """True if damping may have limited the gain and has not been relaxed too often."""
         return self.damping * self.unit**2 > _HOLDS_BACK and self.times_relaxed < _MOST_RELAXED
 
     def relaxed(self) -> "TrustRegion":
-        """Return the region with far less damping, to see what steps gain then."""
+        """Return the region with far less damping, to see the gain of steps then."""
         return replace(self, damping=self.damping / _RELAXED, times_relaxed=self.times_relaxed + 1)
 
     def smaller(self) -> "TrustRegion":
-        """Return the region after a step that could not be made or contradicts itself."""
+        """Return the region after a step that is infeasible or predicts a loss."""
         return replace(self, radius=0.4 * self.radius)
 
     def after(self, outcome: Outcome) -> "TrustRegion":
-        """Return the region after a step."""
+        """Return the region after a step with an outcome."""
         return replace(self, radius=self._next_radius(outcome), damping=self._next_damping(outcome))
 
     def _next_radius(self, outcome: Outcome) -> float:
@@ -126,7 +124,7 @@ class TrustRegion:
 
 
 def motion_unit(motions: Iterable[FloatArray]) -> float:
-    """Return what steps of splines are measured in [rad or m]: 1, or less if all hardly move.
+    """Return the unit of the trust radius [rad or m]: 1, or less if all joints hardly move.
 
     Args:
         motions: Control points of every spline, shape (K, n).
@@ -135,27 +133,26 @@ def motion_unit(motions: Iterable[FloatArray]) -> float:
     return min(farthest / _LARGE_MOTION, 1.0) or 1.0
 
 
-# ---- The steps that keep the constraints of one or more legs: programs solved until nothing is
-# broken.
+# ---- Steps of one or more legs: programs solved until their steps break no constraint.
 #
-# What a step breaks that its program was not given is given to the next program.
+# Constraints that a step breaks and its program lacked join the next program.
 
 _MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
 STEP_TOLERANCE = 1e-4  # of a step's cost
-# Where solutions go on from the last one, what a step this rough breaks joins at once.
+# Where solutions go on from the last one, constraints that a step this rough breaks join at once.
 _ROUGH = 0.05
 
 
 class StepSearch:
-    """The search for the steps of legs, all at once."""
+    """The search for the steps of all legs, in one program."""
 
     def __init__(self, legs: Sequence[Linearization], columns: Sequence[IntArray]) -> None:
-        """Take the legs' linearizations, and which variables each has: see `StepProgram`."""
+        """Take the linearization and, as in `step_program`, the columns of every leg."""
         self._legs, self._columns = legs, columns
         self._program: StepProgram | None = None
 
     def solve(self) -> tuple[Step, ...] | None:
-        """Return the step of every leg, or None if there is none."""
+        """Return the step of every leg, or None if the program has no solution."""
         slack, steps = [leg.plain for leg in self._legs], None
         self._program = program = step_program(self._blocks(slack), self._columns)
         if program.goes_on:
@@ -164,7 +161,7 @@ class StepSearch:
                 program.join(self._blocks(slack))
         for _ in range(_MAX_ROUNDS):
             better = program.solve(STEP_TOLERANCE)
-            if better is None:  # what there was before leaves something to the correction
+            if better is None:  # the step before may break rows; the correction mends some
                 break
             steps = better
             if not self._absorb(steps):
@@ -173,7 +170,7 @@ class StepSearch:
         return steps
 
     def solve_closely(self, tolerance: float) -> tuple[Step, ...] | None:
-        """Return the steps to a finer tolerance, after `solve`; None if there are none."""
+        """Return the steps to a finer tolerance, after `solve`; None without a solution."""
         assert self._program is not None
         self._program.join(self._blocks([leg.plain for leg in self._legs]))
         return self._program.solve(tolerance)
@@ -181,32 +178,32 @@ class StepSearch:
     def solve_again(
         self, steps: Sequence[Step], trials: Sequence[Iterate], slack: Sequence[FloatArray]
     ) -> tuple[Step, ...] | None:
-        """Return steps that are corrected by what the first ones left out: curvature.
+        """Return steps corrected for the curvature of the constraints; None without a solution.
 
         Args:
             steps: The first step of every leg.
-            trials: Where they led.
+            trials: The iterate after it.
             slack: Of every leg's rows there, by their numbers.
         """
         program = self._program
         if program is None:
             return None
         legs = list(zip(self._legs, steps, trials, slack, strict=True))
-        corrected = [leg.corrected(step, trial, left) for leg, step, trial, left in legs]
+        corrected = [leg.corrected(step, trial, own) for leg, step, trial, own in legs]
         program.correct(self._blocks(corrected))
         others = program.solve(STEP_TOLERANCE)
         for _ in range(_MAX_CORRECTIONS - 1):
             if others is None:
                 break
-            tried = zip(self._legs, others, corrected, steps, strict=True)
-            if not any([leg.absorb_bent(o, own, step.elastic) for leg, o, own, step in tried]):
+            each = zip(self._legs, others, corrected, steps, strict=True)
+            if not any([leg.absorb_bent(o, own, step.elastic) for leg, o, own, step in each]):
                 break
             program.join(self._blocks(corrected))
             others = program.solve(STEP_TOLERANCE)
         return others
 
     def _absorb(self, steps: Sequence[Step]) -> bool:
-        """Add what steps break to the legs' linearizations; return whether there is some."""
+        """Add the constraints that steps break to the linearizations; True if there are some."""
         return any([leg.absorb(step) for leg, step in zip(self._legs, steps, strict=True)])
 
     def _blocks(self, slack: Sequence[Slack]) -> list[Block]:
@@ -215,23 +212,23 @@ class StepSearch:
 
 # ---- Shortening one or more legs by sequential linear programs with a trust region.
 #
-# Legs that follow each other may be tied: where one ends the next begins, wherever that is best for
-# the sum of their durations. What a leg gains counts by its share of that sum.
+# Consecutive legs may be tied: one begins where the other ends, wherever that is best for the sum
+# of their durations. A leg's gain counts by the leg's share of that sum.
 
 # Steps that gain less than this share of the prediction get a second-order correction.
 _GOOD_RATIO = 0.3
-# Those that gain less than this share in the end are not made.
+# Steps that gain less than this share of the prediction after the correction are rejected.
 _WORTH_A_MOVE = 0.02
 # A step that should lose this share of T^2 obeys planes of two segments that contradict each other.
 _CONTRADICTION = 5e-4
-# Steps that leave less than this share of what was broken mend it, if not at once.
+# Steps that leave less than this share of the violation mend it, if not at once.
 _MENDED = 0.9
 FIRST_PENALTY, MAX_PENALTY = 3.0, 1e4
 
 
 @dataclass(frozen=True, eq=False)
 class Remembered:
-    """What the last step's program needed beyond what was near: numbers of rows, and planes."""
+    """Constraints of the last step's program that were not near: numbers of rows, and planes."""
 
     rows: IntArray
     planes: tuple[Planes, ...]
@@ -241,7 +238,7 @@ _NOTHING = Remembered(np.zeros(0, dtype=np.int64), ())
 
 
 class Leg(Protocol):
-    """What the descent asks of a leg."""
+    """A leg as the descent uses it."""
 
     def linearized(
         self, current: Iterate, trust: TrustRegion, penalty: float, remembered: Remembered
@@ -254,13 +251,13 @@ class Leg(Protocol):
         ...
 
     def moved(self, current: Iterate, step: Step, start: FloatArray | None) -> Iterate | None:
-        """Return where a step leads, a start that moves to a configuration; None if nowhere."""
+        """Return the iterate after a step, its moved start at (n,) if given; None if infeasible."""
         ...
 
     def gains(
         self, current: Iterate, trial: Iterate, step: Step, penalty: float
     ) -> tuple[float, float]:
-        """Return what a step should have gained, and what it did, in shares of T^2."""
+        """Return the predicted and the actual gain of a step, as shares of T^2."""
         ...
 
     def slack(self, current: Iterate, trial: Iterate, step: Step) -> FloatArray:
@@ -272,23 +269,23 @@ class Leg(Protocol):
         ...
 
     def radius_of(self, current: Iterate, step: Step, unit: float) -> float:
-        """Return the radius of the smallest trust region, in units, that has room for a step."""
+        """Return the radius of the smallest trust region, in units, that contains a step."""
         ...
 
     def after(self, step: Step) -> None:
-        """Take note of a step that the program found."""
+        """Record a solution of the step's program."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Improved:
-    """Where an improvement ended.
+    """Iterates and state at the end of a descent.
 
     Attributes:
         iterates: The trajectories of the least sum of durations.
         trust: The next step's trust region.
         penalty: Weight of the elastic constraints.
-        has_ended: Whether it ended by itself, not after the steps that it was given.
+        has_ended: Whether the descent converged before the largest number of steps.
     """
 
     iterates: tuple[Iterate, ...]
@@ -304,7 +301,7 @@ class Improved:
 
 
 class _Linearized:
-    """All legs at their trajectories to first order: steps, and what becomes of them."""
+    """All legs at their trajectories to first order: steps, trials and gains."""
 
     def __init__(
         self,
@@ -315,30 +312,27 @@ class _Linearized:
         penalty: float,
         remembered: Sequence[Remembered],
     ) -> None:
-        """Linearize legs, see `Descent`; what is remembered is of the last step's programs."""
         self._legs, self._is_tied, self._currents = legs, is_tied, currents
         self._penalty = penalty
         durations = np.array([current.duration for current in currents])
         self._weights = (durations / durations.sum()).tolist()
         each = zip(legs, currents, remembered, self._weights, strict=True)
         self._linear = [
-            leg.linearized(current, trust, penalty, known).weighted(weight)
-            for leg, current, known, weight in each
+            leg.linearized(current, trust, penalty, own).weighted(weight)
+            for leg, current, own, weight in each
         ]
         columns = shared_columns([linear.shape for linear in self._linear], is_tied)
         self._search = StepSearch(self._linear, columns)
 
     def solve(self) -> tuple[Step, ...] | None:
-        """Return the step of every leg, or None if there is none."""
         return self._search.solve()
 
     def remembered(self, steps: Sequence[Step]) -> tuple[Remembered, ...]:
-        """Return what steps needed beyond what was near."""
         each = zip(self._linear, steps, strict=True)
         return tuple(Remembered(linear.added, linear.binding(step)) for linear, step in each)
 
     def moved(self, steps: Sequence[Step]) -> tuple[Iterate, ...] | None:
-        """Return where steps lead, tied ends agreeing; None if one leads nowhere."""
+        """Return the iterates after steps, tied ends agreeing; None if a leg has none."""
         each = list(zip(self._legs, self._currents, steps, strict=True))
         starts: list[FloatArray | None] = [None] * len(each)
         for k, (leg, current, step) in enumerate(each):
@@ -356,19 +350,19 @@ class _Linearized:
         return tuple(trials)
 
     def gains(self, trials: Sequence[Iterate], steps: Sequence[Step]) -> tuple[float, float]:
-        """Return what steps should have gained, and what they did: shares of T^2, weighted."""
+        """Return the predicted and the actual gain of steps: shares of T^2, weighted."""
         predicted, gain = 0.0, 0.0
         each = zip(self._weights, self._legs, self._currents, trials, steps, strict=True)
         for weight, leg, current, trial, step in each:
-            expected, found = leg.gains(current, trial, step, self._penalty)
+            expected, actual = leg.gains(current, trial, step, self._penalty)
             predicted += weight * expected
-            gain += weight * found
+            gain += weight * actual
         return predicted, gain
 
     def corrected(
         self, steps: Sequence[Step], trials: tuple[Iterate, ...], gain: float
     ) -> tuple[tuple[Iterate, ...], float]:
-        """Return trials, or better ones corrected for the constraints' curvature.
+        """Return trials and gain, of steps corrected for the constraints' curvature if better.
 
         (Second-order correction: Nocedal & Wright, "Numerical Optimization", 2006, section 18.3.)
         """
@@ -389,7 +383,6 @@ class _Linearized:
         return sum(weight * leg.squared_rates(own, step) for weight, leg, own, step in each)
 
     def radius_of(self, steps: Sequence[Step], unit: float) -> float:
-        """Return the radius of the smallest trust region, in units, that has room for steps."""
         each = zip(self._legs, self._currents, steps, strict=True)
         return max(leg.radius_of(current, step, unit) for leg, current, step in each)
 
@@ -398,7 +391,7 @@ class Descent:
     """The optimisation of splines, each on a knot grid of its own."""
 
     def __init__(self, legs: Sequence[Leg], is_tied: Sequence[bool]) -> None:
-        """Prepare it.
+        """Take legs.
 
         Args:
             legs: The legs.
@@ -416,15 +409,16 @@ class Descent:
         max_steps: int,
         checkpoint: Callable[[tuple[Iterate, ...]], None],
     ) -> Improved:
-        """Return trajectories with a smaller sum of durations, if there are some.
+        """Return trajectories with a smaller sum of durations, or the first ones.
 
         Args:
-            currents: Where to start.
+            currents: The first iterates.
             trust: The first trust region; its unit is that of the trajectories.
             penalty: First weight of the elastic constraints.
-            min_gain: A step that should gain less than this share of T^2 ends it, or two that do.
-            max_steps: So many steps end it too.
-            checkpoint: Called with all iterates; it may raise to end the work.
+            min_gain: The descent ends when a step should gain less than this share of T^2, or two
+                accepted steps in a row gain less.
+            max_steps: Largest number of steps.
+            checkpoint: Called with all iterates after each step; it may raise to end the work.
         """
         unit = motion_unit(current.spline.control_points for current in currents)
         trust = replace(trust, unit=unit)
@@ -433,11 +427,11 @@ class Descent:
             linear = _Linearized(self._legs, self._is_tied, currents, trust, penalty, remembered)
             steps = linear.solve()
             remembered = remembered if steps is None else linear.remembered(steps)
-            tried = None if steps is None else self._tried(linear, steps, unit)
-            if steps is None or tried is None:
+            result = None if steps is None else self._tried(linear, steps, unit)
+            if steps is None or result is None:
                 trust = trust.smaller()
                 continue
-            trials, outcome = tried
+            trials, outcome = result
             if any(map(_mends_nothing, currents, steps)):
                 penalty = min(4 * penalty, MAX_PENALTY)
             if outcome.ratio > _WORTH_A_MOVE:
@@ -455,7 +449,10 @@ class Descent:
     def _tried(
         self, linear: _Linearized, steps: tuple[Step, ...], unit: float
     ) -> tuple[tuple[Iterate, ...], Outcome] | None:
-        """Return where steps lead, corrected if they gain little; None if they cannot be made."""
+        """Return the iterates after steps, corrected if they gain little, and their outcome.
+
+        None if a step is infeasible or its program contradicts itself.
+        """
         trials = linear.moved(steps)
         if trials is None:
             return None
@@ -472,10 +469,10 @@ class Descent:
 
 
 def _mends_nothing(current: Iterate, step: Step) -> bool:
-    """Return whether a step leaves nearly all broken that was, or breaks more.
+    """Return True if a step leaves nearly all of the violation, or adds to it.
 
-    Then a higher penalty may be wanted. What mends a part is held back by its region: a higher
-    penalty would mend no more, and drown the duration. (After Byrd, Nocedal & Waltz, "Steering
-    exact penalty methods for nonlinear programming", 2008.)
+    Then a higher penalty may help. A step that mends a part is limited by its trust region: a
+    higher penalty would mend no more, and drown the duration. (After Byrd, Nocedal & Waltz,
+    "Steering exact penalty methods for nonlinear programming", 2008.)
     """
     return step.elastic > max(BROKEN, _MENDED * current.excess)

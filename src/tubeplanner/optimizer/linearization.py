@@ -1,8 +1,7 @@
 """Linearization: the constraints of a leg to first order.
 
-Rows that are far away and tangent planes of regions are added where a step turns out to break
-them, so that what a step predicts is inside the convex set that the regions are, not inside a few
-planes about it.
+Far rows and tangent planes of regions are added where a step breaks them, so that its prediction is
+inside the convex regions themselves, not inside a few planes about them.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,12 +25,12 @@ _BINDING = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """What a program gets at once.
+    """Constraints of the first program.
 
     Attributes:
-        rows: Whether it gets each row, shape (R,).
+        rows: Whether it has each row, shape (R,).
         planes: Of every kind of regions.
-        ignored: The samples of every kind of regions whose planes it never gets, shape (N,).
+        ignored: Of every kind of regions, whether no program has planes of a sample, shape (N,).
     """
 
     rows: BoolArray
@@ -45,10 +44,10 @@ class _Part:
 
     Attributes:
         rows: The rows.
-        is_elastic: 1 for those that may be violated, else 0, shape (R,).
+        is_elastic: 1 for rows that may be violated, else 0, shape (R,).
         limit: Numbers of their limits, shape (R,).
         index: Their own numbers, -1 for planes, shape (R,).
-        slack: Returns their slack (R,), given that of all rows and by how much vectors are bent.
+        slack: Returns their slack (R,) from `Slack.rows` and `Slack.bends`.
     """
 
     rows: SparseRows
@@ -60,11 +59,11 @@ class _Part:
 
 @dataclass(frozen=True, eq=False)
 class Slack:
-    """What slack a program's rows have.
+    """The slack of all rows and planes.
 
     Attributes:
         rows: Of all rows, shape (R,).
-        bends: By how much the vectors of every kind of regions are bent.
+        bends: Corrections of the vectors of every kind of regions, shape (N, 3).
     """
 
     rows: FloatArray
@@ -88,15 +87,15 @@ class Linearization:
         quadratic: Quadratic,
         penalty: float,
     ) -> None:
-        """Set it up.
+        """Take the constraints and the cost of a step.
 
         Args:
             current: The trajectory.
             rows: All constraints but regions, and 1 for those that may be violated, else 0.
-            given: Those that the first program gets.
-            variables: What may change.
-            bounds: Where a step must stay.
-            quadratic: Its cost.
+            given: The constraints of the first program.
+            variables: The variable control points.
+            bounds: Of the step.
+            quadratic: Cost of the step.
             penalty: Weight of the elastic constraints.
         """
         self._current, self._variables, self._bounds = current, variables, bounds
@@ -111,7 +110,7 @@ class Linearization:
 
     @property
     def added(self) -> IntArray:
-        """Numbers of the rows that were not near but turned out to be broken."""
+        """Numbers of the rows that steps broke, beyond those of the first program."""
         return self._rows.index[self._active & ~self._near]
 
     def weighted(self, weight: float) -> "Linearization":
@@ -123,7 +122,7 @@ class Linearization:
 
     @property
     def shape(self) -> LegShape:
-        """How much may change."""
+        """Numbers of the leg's variables."""
         configurations, joints = self._bounds.lower.shape
         grid, switches = self._current.spline.grid, len(self._bounds.switching)
         intervals = grid.intervals_of_phases
@@ -138,19 +137,19 @@ class Linearization:
         return Slack(self._rows.slack, bends)
 
     def block(self, slack: Slack, extra: FloatArray | float = 0.0) -> Block:
-        """Return what a program is given, with a slack; its rows may have some more."""
+        """Return the leg's block of a program, with a slack and some extra slack of its rows."""
         rows = [part.rows for part in self._parts]
-        found = [part.slack(slack.rows, slack.bends) for part in self._parts]
-        given = np.concatenate([np.zeros(0), *found]) + extra
-        return Block(rows, given, self._bounds, self._quadratic, self.penalty)
+        by_part = [part.slack(slack.rows, slack.bends) for part in self._parts]
+        total = np.concatenate([np.zeros(0), *by_part]) + extra
+        return Block(rows, total, self._bounds, self._quadratic, self.penalty)
 
     @property
     def elastic_rows(self) -> FloatArray:
-        """1 for a program's rows that may be violated, else 0."""
+        """1 for rows of the program that may be violated, else 0."""
         return np.concatenate([np.zeros(0), *(part.is_elastic for part in self._parts)])
 
     def limits(self) -> tuple[IntArray, IntArray]:
-        """Return the limits of a program's rows, and their own numbers, -1 for planes."""
+        """Return the numbers of limits of the program's rows, and of the rows, -1 for planes."""
         limit, index = (
             np.concatenate([getattr(part, name) for part in self._parts])
             for name in ("limit", "index")
@@ -158,7 +157,7 @@ class Linearization:
         return limit, index
 
     def binding(self, step: Step) -> tuple[Planes, ...]:
-        """Return the planes, of every kind of regions, that a step ends at."""
+        """Return the planes, of every kind of regions, that bind a step."""
         return tuple(
             planes.where(regions.slack(planes, vector - regions.vector) < _BINDING - step.elastic)
             for regions, planes, vector in zip(
@@ -167,50 +166,48 @@ class Linearization:
         )
 
     def absorb(self, step: Step) -> bool:
-        """Add rows and planes that a step breaks; return whether there are some."""
+        """Add rows and planes that a step breaks; return True if there are some."""
         broken = np.flatnonzero((self._slack_after(step) < -BROKEN) & ~self._active)
         self._give(broken)
         return self._add_planes(self._after(step), step.elastic) or len(broken) > 0
 
     def corrected(self, step: Step, trial: Iterate, slack: FloatArray) -> Slack:
-        """Return the slack that makes up for what a first step left out: curvature.
+        """Return the slack corrected for curvature, the error of a first step's prediction.
 
-        Planes are added where that step led outside.
+        Planes are added where the trial is outside.
 
         Args:
             step: The first step.
-            trial: Where it led.
+            trial: The iterate after it.
             slack: The rows' slack there, by their numbers.
         """
         rows = self._rows
-        left = self._slack_after(step) - self._is_elastic * step.elastic
+        predicted = self._slack_after(step) - self._is_elastic * step.elastic
         bends = [
             there.vector - vector
             for there, vector in zip(trial.regions, self._after(step), strict=True)
         ]
         self._add_planes([regions.vector for regions in trial.regions], step.elastic)
-        return Slack(rows.slack + slack[rows.index] - left, bends)
+        return Slack(rows.slack + slack[rows.index] - predicted, bends)
 
     def absorb_bent(self, step: Step, slack: Slack, elastic: float) -> bool:
-        """Add planes that a corrected step breaks; return whether there are some.
+        """Add planes that a corrected step breaks; return True if there are some.
 
         Args:
-            step: That step.
-            slack: What it was corrected by.
-            elastic: How far outside vectors may be.
+            step: The corrected step.
+            slack: Its corrected slack.
+            elastic: Allowed distance outside, in radii.
         """
         after = zip(self._after(step), slack.bends, strict=True)
         return self._add_planes([vector + bend for vector, bend in after], elastic)
 
     def _give(self, which: IntArray) -> None:
-        """Give rows to the next program."""
         if len(which):
             self._active[which] = True
             own, is_elastic = self._rows.where(which), self._is_elastic[which]
             self._add(own, is_elastic, lambda slack, _: slack[which])
 
     def _give_planes(self, kind: int, planes: Planes) -> None:
-        """Give planes of a kind of regions to the next program."""
         if len(planes):
             regions, is_elastic = self._current.regions[kind], np.ones(len(planes))
             own = regions.rows(planes)
@@ -226,15 +223,15 @@ class Linearization:
         self._parts.append(_Part(own, is_elastic, rows.limit, rows.index, slack))
 
     def _add_planes(self, vectors: list[FloatArray], elastic: float) -> bool:
-        """Add tangent planes where vectors are outside; return whether some are."""
-        found = []
+        """Add tangent planes where vectors are outside; return True if there are some."""
+        added = []
         for kind, (regions, vector) in enumerate(zip(self._current.regions, vectors, strict=True)):
             planes = regions.planes_where_outside(vector, elastic)
             fresh = planes.where(~self._ignored[kind][planes.sample])
             self._give_planes(kind, fresh)
-            found.append(fresh)
-        self._planes = tuple(starmap(Planes.and_also, zip(self._planes, found, strict=True)))
-        return any(len(planes) for planes in found)
+            added.append(fresh)
+        self._planes = tuple(starmap(Planes.and_also, zip(self._planes, added, strict=True)))
+        return any(len(planes) for planes in added)
 
     def _after(self, step: Step) -> list[FloatArray]:
         """Return the regions' vectors after a step, to first order."""
@@ -242,7 +239,7 @@ class Linearization:
         return [regions.after(control, step.switching) for regions in self._current.regions]
 
     def _slack_after(self, step: Step) -> FloatArray:
-        """Return the slack that a step leaves to all rows, to first order."""
+        """Return the slack of all rows after a step, to first order."""
         rows = self._rows
         change = self._variables.change(step.control)
         used = used_by_step(rows, change, step.switching, step.duration)

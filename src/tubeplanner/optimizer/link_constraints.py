@@ -1,8 +1,4 @@
-"""Clearance constraints at samples of small distance.
-
-Of shapes that lie on each other many corners are equally near. The nearest points of both tell of
-one of them alone: a step that turns a shape about it brings another corner nearer.
-"""
+"""Clearance constraints of links, at samples of a spline where they come close."""
 
 from copy import copy
 from dataclasses import dataclass, replace
@@ -29,9 +25,12 @@ from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import NearEnd, RequiredDistances, in_contact
 
-# ---- How far single corners of a shape are from a plane that bounds another one.
+# ---- Distances of single corners of a shape from a plane that bounds another shape.
+#
+# Of shapes that lie on each other many corners are equally near. The nearest points belong to one
+# corner: a step that rotates the shape about it brings another corner nearer.
 
-CORNERS = 4  # of a shape that are looked at
+CORNERS = 4  # of a shape with distances of their own
 # Corners that are farther than the nearest by more than this do not count [m].
 _NEAR = 0.005
 
@@ -43,18 +42,19 @@ def of_corners(
     closest: ClosestPoints,
     corner: IntArray,
 ) -> ClosestPoints:
-    """Return where pairs are closest, some at a corner of the smaller shape.
+    """Return the closest points of pairs, some of them at a corner of the smaller shape.
 
     Args:
         checker: The shapes.
         poses: Of all bodies, rotation (E, bodies, 3, 3) and position (E, bodies, 3) [m].
         pairs: Shape (E, 2).
-        closest: Where the pairs are closest.
-        corner: Which of the nearest corners, in the order of the shape's vertices, from 0 to 3;
-            -1: where the pair is closest.
+        closest: The closest points of the pairs.
+        corner: Number of the corner among the nearest, in the order of the shape's vertices, from
+            0 to 3; -1: the closest points stay. Shape (E,).
     """
-    found = [value.copy() for value in (closest.distance, closest.first, closest.second)]
-    distance, first, second = found
+    distance, first, second = (
+        values.copy() for values in (closest.distance, closest.first, closest.second)
+    )
     for row in np.flatnonzero(corner >= 0):
         shapes = [checker.shapes[index] for index in pairs[row]]
         smaller = int(np.argmin([each.shape.bounding_radius for each in shapes]))
@@ -63,39 +63,39 @@ def of_corners(
         towards = closest.direction[row] if smaller == 1 else -closest.direction[row]
         height = corners @ towards
         nearest = np.sort(np.argsort(height, kind="stable")[:CORNERS])
-        chosen = nearest[min(int(corner[row]), len(nearest) - 1)]
-        more = float(height[chosen] - height.min())
+        vertex = nearest[min(int(corner[row]), len(nearest) - 1)]
+        more = float(height[vertex] - height.min())
         if more > _NEAR:
             continue
         distance[row] += more
         apart = distance[row] + sum(each.shape.radius for each in shapes)
         own, other = (second, first) if smaller == 1 else (first, second)
-        own[row], other[row] = corners[chosen], corners[chosen] - apart * towards
+        own[row], other[row] = corners[vertex], corners[vertex] - apart * towards
     return replace(closest, distance=distance, first=first, second=second)
 
 
-# ---- How far apart solids must be along a spline, as something that changes smoothly with it.
+# ---- Required distances along a spline, smooth in its configurations.
 #
-# Where solids are in contact at start or goal, less is asked while the tool is near. That ends at
-# once; here it rises to what is asked farther away, late and steeply, so that a step sees it
-# coming.
+# Where solids are in contact at start or goal, a smaller distance is required while the tool is
+# near. That ends with a jump; here the required distance rises to its full value, late and steeply,
+# so that the linearization sees the rise.
 
-# What is required rises with the square of the distance from the end, and is all there at this
-# share of the way: between samples a path cuts the corner that is there. Higher powers cost less
-# time, by .1 % where solids leave each other at a small angle, but steps do not find their way.
+# The required distance rises with the square of the distance from the end, and is complete at this
+# share of the range: between samples a path cuts the corner there. Higher powers cost less time, by
+# .1 % where solids leave each other at a small angle, but steps do not find their way.
 _RISEN_AT = 0.93
-# They leave each other at once, by this share of the mean slope: motions along each other are not
-# certain to stay clear between samples.
+# It rises from the end on, by this share of the mean slope: motions of solids along each other are
+# not certain to stay clear between samples.
 _LEAVING = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class AimedDistances:
-    """What is aimed at for E pairs, each in a configuration of its own.
+    """Distances that steps aim at for E pairs, each in a configuration of its own.
 
     Attributes:
         distance: Shape (E,) [m].
-        change: Its derivative by the joints, shape (E, n) [m/rad or 1].
+        change: Derivatives of the distances by the joints, shape (E, n) [m/rad or 1].
         strict: Added to the excess, shape (E,).
     """
 
@@ -105,21 +105,21 @@ class AimedDistances:
 
 
 class DistancesAlong:
-    """What is required of pairs at samples of a spline."""
+    """Required distances of P pairs at samples of a spline."""
 
     def __init__(self, problem: PlanningProblem, ends: FloatArray, room: float) -> None:
-        """Take what a problem requires of motions from a configuration to another.
+        """Take a problem and the ends of its motions.
 
         Args:
             problem: The planning problem.
-            ends: Both configurations, shape (2, n).
-            room: What is required of obstacles in addition [m].
+            ends: Start and goal configuration, shape (2, n).
+            room: Additional distance from obstacles [m].
         """
         self._problem = problem
         self._required = RequiredDistances(problem, ends[0], ends[1], room)
 
     def at(self, grid: KnotGrid, samples: Samples, q: FloatArray) -> FloatArray:
-        """Return what is required at samples in configurations (N, n), shape (N, P) [m]."""
+        """Return required distances at samples in configurations (N, n), shape (N, P) [m]."""
         rows = self._required.by_segment
         if self._required.is_constant:
             return np.broadcast_to(rows[0], (len(q), rows.shape[1]))
@@ -130,7 +130,7 @@ class DistancesAlong:
     def of_pairs(
         self, grid: KnotGrid, samples: Samples, q: FloatArray, pair: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return what is required of a pair at each sample, and how that changes with the joints.
+        """Return the required distance of a pair at each sample, and its derivative.
 
         Args:
             grid: Of the spline.
@@ -139,7 +139,7 @@ class DistancesAlong:
             pair: Of the P pairs, shape (N,).
 
         Returns:
-            Distances (N,) [m] and their derivatives (N, n) [m/rad or 1].
+            Distances (N,) [m] and their derivatives by the joints (N, n) [m/rad or 1].
         """
         change = np.zeros(q.shape)
         if self._required.is_constant:
@@ -164,12 +164,12 @@ class DistancesAlong:
         return np.where(beside, every, required), change
 
     def at_ends(self, ends: FloatArray) -> FloatArray:
-        """Return what is required at start and, if it is given too, at goal, (1 or 2, P) [m]."""
+        """Return required distances at the start and, if in `ends`, the goal, (1 or 2, P) [m]."""
         segments = np.array([0, self._problem.tube.segment_count - 1])[: len(ends)]
         return self._required.at(segments, self._problem.robot.tool_position(ends))
 
     def _risen(self, segment: IntArray, tool: FloatArray) -> FloatArray:
-        """Return what is required in segments (N,) of tools (N, 3), shape (N, P) [m]."""
+        """Return required distances in segments (N,) with the tool at (N, 3), shape (N, P) [m]."""
         full = self._required.by_segment[self._required.row_of[segment]]
         required = full.copy()
         for near in self._required.near_ends:
@@ -181,10 +181,10 @@ class DistancesAlong:
 
 
 def _risen_share(near: NearEnd, tool: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return which share of what is more required farther away is required of tools (N, 3).
+    """Return the share of the rise that is required with the tool at (N, 3), and its derivative.
 
-    From 0 at the end to 1, and more where all of it is required, shape (N,), and its derivative by
-    the tool, shape (N, 3) [1/m].
+    The share is 0 at the end, 1 where the rise is complete and more beyond, shape (N,); its
+    derivative by the tool has shape (N, 3) [1/m].
     """
     away, length = tool - near.tool, _RISEN_AT * near.within
     distance = np.linalg.norm(away, axis=1)
@@ -195,41 +195,41 @@ def _risen_share(near: NearEnd, tool: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _segments(grid: KnotGrid, samples: Samples) -> tuple[IntArray, IntArray]:
-    """Return each sample's segment, and at a hand-over the other one, else the same: both (N,)."""
+    """Return each sample's segment and, at a switching time, its neighbour's: both (N,)."""
     own = segments_of_pieces(grid)[samples.interval]
     first = np.array([chain.start for chain in grid.chains])
-    moved = np.where(samples.share == 0, -1, np.where(samples.share == 1, 1, 0))
-    beside = first[np.clip(samples.phase + moved, 0, len(first) - 1)]
-    is_inner: BoolArray = (moved != 0) & (samples.phase + moved >= 0)
-    is_inner &= samples.phase + moved < len(first)
+    offset = np.where(samples.share == 0, -1, np.where(samples.share == 1, 1, 0))
+    beside = first[np.clip(samples.phase + offset, 0, len(first) - 1)]
+    is_inner: BoolArray = (offset != 0) & (samples.phase + offset >= 0)
+    is_inner &= samples.phase + offset < len(first)
     return own, np.where(is_inner, beside, own)
 
 
-# ---- Links clear of obstacles and of each other, at the samples of a spline where they come close.
+# ---- Clearances of links from obstacles and each other, where they come close along a spline.
 
 # The unit of the rows [m], as the radius is for the tube.
 _UNIT = 0.05
-# Steps aim at this much more than what is required, unless start or goal have less [m].
+# Steps aim at this much more than the required distance, unless start or goal have less [m].
 _INNER_MARGIN = INNER_MARGIN * _UNIT
-# Half of what a certificate tolerates, in units: solids that touch at start or goal have no room.
+# Half of the certificate's tolerance, in units: solids that touch at start or goal have no slack.
 _ROUNDING = MARGIN_TOLERANCE / 2 / _UNIT
-# Pairs that come closer than this beyond what is required are watched [m].
+# Pairs that come closer than this beyond the required distance are watched [m].
 _WATCHED = 0.01
-_PER_INTERVAL = 4  # samples looked at
-# Samples of a pair closer than this share of their spacing count as one; requested ones nearly
+_PER_INTERVAL = 4  # samples
+# Samples of a pair closer than this share of their spacing count as one; requested samples nearly
 # always count.
 _SAME_SHARE, _SAME_SHARE_ASKED = 0.3, 1e-3
 
 
 class LinkConstraints:
-    """The pairs of shapes that must stay apart, and where along the spline they are watched."""
+    """The pairs of shapes that must stay apart, and the samples at which they are watched."""
 
     def __init__(self, problem: PlanningProblem, room: float = 0.0) -> None:
         """Watch no pairs yet.
 
         Args:
             problem: The planning problem.
-            room: What is to stay free from obstacles, beyond what is asked [m].
+            room: Clearance from obstacles, beyond the required distance [m].
         """
         checker = problem.collision
         self._problem, self._checker, self._room = problem, checker, room
@@ -244,11 +244,10 @@ class LinkConstraints:
         self._along: tuple[FloatArray, DistancesAlong] | None = None
 
     def at(self, spline: PhasedSpline) -> "EvaluatedLinks":
-        """Return the pairs that are watched, at a spline."""
+        """Return the watched pairs at a spline."""
         at = sampled(spline, self._samples)
-        rotation, position = self._problem.robot.body_poses(at.position)
+        poses = self._problem.robot.body_poses(at.position)
         pairs = self._pairs[self._pair]
-        poses = rotation, position
         closest = self._checker.closest_points(*poses, pairs)
         closest = of_corners(self._checker, poses, pairs, closest, self._corner)
         spare = self._spare[self._pair]
@@ -260,15 +259,15 @@ class LinkConstraints:
         return EvaluatedLinks(self._problem, at, pairs, aim, *poses, closest)
 
     def on_other_knots(self, spline: PhasedSpline, other: PhasedSpline) -> "LinkConstraints":
-        """Return the same for a spline on other knots, watched where they were."""
-        moved = copy(self)
+        """Return the constraints for a spline on other knots, with samples at the same times."""
+        result = copy(self)
         times = self._samples.times(spline.switching_times)
-        moved._samples = other.grid.samples_at(other.switching_times, times)
-        moved._seen = None
-        return moved
+        result._samples = other.grid.samples_at(other.switching_times, times)
+        result._seen = None
+        return result
 
     def look(self, spline: PhasedSpline) -> bool:
-        """Watch pairs where they come closest; return whether a new one is too close."""
+        """Watch pairs at local minima of their clearance; return True if a new one is too close."""
         if len(self._pairs) == 0:
             return False
         samples = spline.grid.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
@@ -301,14 +300,12 @@ class LinkConstraints:
         clearance: FloatArray,
         same_share: float,
     ) -> bool:
-        """Watch pairs at samples that are not watched yet; return whether one is too close."""
-        switching_times = spline.switching_times
-        known, new = self._samples.times(switching_times), samples.times(switching_times)
-        spacing = (
-            np.diff(spline.grid.breakpoints(switching_times))[samples.interval] / _PER_INTERVAL
-        )
+        """Watch pairs at samples that are not watched yet; return True if one is too close."""
+        times = spline.switching_times
+        old, new = self._samples.times(times), samples.times(times)
+        spacing = np.diff(spline.grid.breakpoints(times))[samples.interval] / _PER_INTERVAL
         same = (pair[:, None] == self._pair) & (
-            abs(new[:, None] - known) < same_share * spacing[:, None]
+            abs(new[:, None] - old) < same_share * spacing[:, None]
         )
         fresh = np.flatnonzero(~same.any(axis=1))
         self._set_spare(spline, np.unique(pair[fresh]))
@@ -323,31 +320,31 @@ class LinkConstraints:
         return bool(too_close.any())
 
     def _required(self, spline: PhasedSpline) -> DistancesAlong:
-        """Return what is required along splines that begin and end where this one does."""
+        """Return the required distances along splines with the ends of a spline; cached."""
         ends = spline.control_points[[0, -1]]
         if self._along is None or not np.array_equal(self._along[0], ends):
             self._along = ends.copy(), DistancesAlong(self._problem, ends, self._room)
         return self._along[1]
 
     def _set_spare(self, spline: PhasedSpline, pairs: IntArray) -> None:
-        """Set what is aimed at beyond what is required: a little, where start and goal have it."""
+        """Set the spare distance beyond the required one: a little, where start and goal allow."""
         pairs = pairs[np.isnan(self._spare[pairs])]
         ends = spline.control_points[[0] if self._problem.endpoints[1].is_open else [0, -1]]
         rotation, position = self._problem.robot.body_poses(ends)
-        found = [
+        distances = [
             self._checker.distances(*pose, self._pairs[pairs])
             for pose in zip(rotation, position, strict=True)
         ]
         required = self._required(spline).at_ends(ends)[:, pairs]
-        there = np.min(found - required, axis=0) - 1e-6
-        spare = self._spare.copy()  # what another object has stays as it is
+        there = np.min(distances - required, axis=0) - 1e-6
+        spare = self._spare.copy()  # objects from `on_other_knots` share the array
         spare[pairs] = np.clip(there, 0.0, _INNER_MARGIN)
         self._spare = spare
 
     def _still_apart(self, q: FloatArray) -> FloatArray:
         """Return lower bounds of the distances (N, P) [m] at configurations on these knots.
 
-        By how far they have moved since the last look.
+        From the motion since the last look, times the weights of the joints.
         """
         if self._seen is None:
             return np.full((len(q), len(self._pairs)), -np.inf)
@@ -355,14 +352,13 @@ class LinkConstraints:
         bounds: FloatArray = distance - abs(q - seen) @ self._approach.T
         return bounds
 
-    def _distances(self, q: FloatArray, known: FloatArray, required: FloatArray) -> FloatArray:
-        """Return distances of all pairs at configurations along a spline, shape (N, P).
+    def _distances(self, q: FloatArray, bounds: FloatArray, required: FloatArray) -> FloatArray:
+        """Return distances of all pairs at configurations along a spline, shape (N, P) [m].
 
-        Those beyond what is watched are lower bounds: known ones, from spheres, or along the
-        direction that separates the pair at a configuration near by.
+        Distances of pairs too far to be watched are lower bounds: the known ones, from spheres, or
+        along the direction that separates the pair at a configuration near by.
         """
-        matters = required + _WATCHED
-        return near_distances(self._checker, q, self._pairs, matters, known)
+        return near_distances(self._checker, q, self._pairs, required + _WATCHED, bounds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,10 +369,10 @@ class EvaluatedLinks:
         problem: The planning problem.
         at: The spline at those instants.
         pairs: Indices of the shapes, shape (E, 2).
-        aim: What is aimed at.
+        aim: The distances that steps aim at.
         rotation: Of all bodies, shape (E, bodies, 3, 3).
-        position: Likewise, shape (E, bodies, 3) [m].
-        closest: Where the pairs are closest.
+        position: Of all bodies, shape (E, bodies, 3) [m].
+        closest: The closest points of the pairs.
     """
 
     is_elastic: ClassVar[bool] = True
@@ -391,21 +387,31 @@ class EvaluatedLinks:
 
     @cached_property
     def excess(self) -> FloatArray:
-        """By how much pairs are closer than they may be, in units of 5 cm, shape (E,)."""
+        """Violation of each pair's distance, in units of 5 cm, shape (E,)."""
         return self.aim.strict - self._slack
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
-        """Return the slack of all rows, in whatever duration, shape (E,)."""
+        """Return the slack of all rows, the same for every duration, shape (E,)."""
         return self._slack
 
     @property
     def row_count(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         return len(self.pairs)
+
+    def rows(self, duration: float, size: StepSize | None) -> Rows:
+        """Return rows that keep the pairs apart.
+
+        Args:
+            duration: T [s], without effect.
+            size: Largest step; rows that it cannot break are left out. None: all rows.
+        """
+        limit = np.full(len(self.pairs), NO_LIMIT)
+        return plane_rows(self.at, self._by_joint, self._slack[:, None], limit, size)
 
     @cached_property
     def _by_joint(self) -> FloatArray:
-        """How the use of the distances changes with the joints, shape (E, 1, n)."""
+        """Derivatives of the used distances by the joints, shape (E, 1, n)."""
         gradient = self.problem.collision.distance_gradient(
             self.rotation, self.position, self.pairs, self.closest
         )
@@ -414,16 +420,6 @@ class EvaluatedLinks:
 
     @property
     def _slack(self) -> FloatArray:
-        """By how much pairs are farther apart than is aimed at, in units of 5 cm, shape (E,)."""
+        """Distance of the pairs beyond the one aimed at, in units of 5 cm, shape (E,)."""
         slack: FloatArray = (self.closest.distance - self.aim.distance) / _UNIT
         return slack
-
-    def rows(self, duration: float, size: StepSize | None) -> Rows:
-        """Return rows that keep the pairs apart, in whatever duration.
-
-        Args:
-            duration: T [s].
-            size: Of the step; rows that it cannot break are left out. None: all rows.
-        """
-        limit = np.full(len(self.pairs), NO_LIMIT)
-        return plane_rows(self.at, self._by_joint, self._slack[:, None], limit, size)

@@ -1,7 +1,6 @@
 """Measures of a motion of fixed duration: energy, work, smoothness.
 
-It is what measures are taken of: values there, and how they change with the control points and the
-switching times. There are M intervals, n joints and S switching times that may move.
+M knot intervals, n joints, S switching times that may move, I quantities of a sample.
 """
 
 from collections.abc import Mapping
@@ -24,7 +23,7 @@ from tubeplanner.trajectory.joint_trajectory import from_spline
 
 # ---- A motion run in a given duration, at the beginning, middle and end of every knot interval.
 
-# Control points that count from the beginning of an interval to that of the next.
+# Number of control points that count from the beginning of an interval to that of the next.
 POINTS = DEGREE + 2
 # Beginning, middle and end; the integral by Simpson's rule.
 _SAMPLES = 3
@@ -32,11 +31,11 @@ SIMPSON = np.array([1.0, 4.0, 1.0]) / 6
 
 
 class IntervalMotion:
-    """A motion, interval by interval.
+    """A motion by intervals.
 
     Attributes:
         run_in: The duration [s].
-        path: The arm at the samples that are watched.
+        path: The arm at the watched samples.
     """
 
     def __init__(self, current: Iterate, run_in: float) -> None:
@@ -47,11 +46,11 @@ class IntervalMotion:
         self._switching_times = current.spline.switching_times
         grid = current.spline.grid
         self._intervals, self._switches = grid.interval_count, grid.switch_count
-        # Two per interval and the end, of those that are watched.
+        # Of the watched samples, two per interval and the end.
         every = 2 * self._intervals
         self._which = np.append(np.arange(every), every + len(grid.shares) - 1)
         self._places = 2 * np.arange(self._intervals)[:, None] + np.arange(_SAMPLES)
-        self._known: dict[JointEffort, tuple[FloatArray, FloatArray]] = {}
+        self._cached: dict[JointEffort, tuple[FloatArray, FloatArray]] = {}
 
     @cached_property
     def elapsed(self) -> FloatArray:
@@ -60,50 +59,50 @@ class IntervalMotion:
 
     @cached_property
     def elapsed_by_switching(self) -> FloatArray:
-        """Shape (M, 2, S)."""
+        """Derivatives of `elapsed` by the switching times, shape (M, 2, S)."""
         return np.diff(self.at_samples(self._samples.times_by_switching(self._switches)), axis=1)
 
     @property
     def width(self) -> FloatArray:
-        """Of the intervals, as shares of the duration, shape (M,)."""
+        """Widths of the intervals, as shares of the duration, shape (M,)."""
         return self.elapsed[:, 0] + self.elapsed[:, 1]
 
     @property
     def width_by_switching(self) -> FloatArray:
-        """Shape (M, S)."""
+        """Derivatives of `width` by the switching times, shape (M, S)."""
         return self.elapsed_by_switching[:, 0] + self.elapsed_by_switching[:, 1]
 
     def effort(self, effort: JointEffort) -> FloatArray:
-        """Return efforts in their limits, shape (M, 3, I)."""
+        """Return efforts as shares of their limits, shape (M, 3, I)."""
         return self.at_samples(effort.used(self.path).at(1 / self.run_in))
 
     def effort_derivatives(self, effort: JointEffort) -> tuple[FloatArray, FloatArray]:
-        """Return how they change, as `chained` does; kept for measures of the same efforts."""
-        if effort not in self._known:
-            self._known[effort] = self.chained(effort.by_path(self.path, 1 / self.run_in))
-        return self._known[effort]
+        """Return the derivatives of `effort` as `chained` does; cached for other measures."""
+        if effort not in self._cached:
+            self._cached[effort] = self.chained(effort.by_path(self.path, 1 / self.run_in))
+        return self._cached[effort]
 
     def jerk(self, jerk: JointRate) -> FloatArray:
-        """Return the jerks in one second, in their limits, shape (M, I)."""
+        """Return the jerks in one second, as shares of their limits, shape (M, I)."""
         return jerk.used(self._rates[1]).at(1.0)[: self._intervals]
 
     def jerk_derivatives(self, jerk: JointRate) -> tuple[FloatArray, FloatArray]:
-        """Return how they change: by control points (M, I, 5, n), by switching times (M, I, S)."""
+        """Return the derivatives of `jerk`: (M, I, 5, n) and (M, I, S) as in `chained`."""
         at, path = self._rates
         control, switching = at.chained(jerk.by_path(path, 1.0))
         control, switching = control[: self._intervals], switching[: self._intervals]
         return np.pad(control, ((0, 0), (0, 0), (0, 1), (0, 0))), switching
 
     def at_samples(self, watched: FloatArray) -> FloatArray:
-        """Return what is known of the watched samples (N, ...), by interval, (M, 3, ...)."""
+        """Return values at the watched samples (N, ...), by interval, shape (M, 3, ...)."""
         placed: FloatArray = watched[self._which][self._places]
         return placed
 
     def chained(self, by_path: Mapping[int, FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Return how I quantities of each sample change.
+        """Return the derivatives of I quantities of each sample.
 
         Args:
-            by_path: Their derivatives, as of `SampledSpline.chained`.
+            by_path: By the path, as for `SampledSpline.chained`.
 
         Returns:
             By the control points of the interval and the next, (M, 3, I, 5, n), and by the
@@ -113,8 +112,8 @@ class IntervalMotion:
         control = self.at_samples(control)
         placed = np.zeros((*control.shape[:3], POINTS, control.shape[4]))
         placed[:, :2, :, :-1] = control[:, :2]
-        # The end of an interval counts on the next one's control points; the last one is of the
-        # last interval itself.
+        # The end of an interval depends on the control points of the next interval; the last end,
+        # on those of its own.
         placed[:-1, 2, :, 1:] = control[:-1, 2]
         placed[-1, 2, :, :-1] = control[-1, 2]
         return placed, self.at_samples(switching)
@@ -125,18 +124,19 @@ class IntervalMotion:
         return self._at.evaluation_points
 
 
-# ---- What a motion in a given duration is measured by, and what a step makes of that.
+# ---- Measures of a motion in a given duration, and their convex models for a step.
 
 
 @dataclass(frozen=True, eq=False)
 class MeasureModel:
-    """A share of a measure near a motion, as a function of R residuals in each knot interval.
+    """A multiple of a measure near a motion, as a function of R residuals in each knot interval.
 
     Attributes:
         curvature: Its second derivatives by the residuals, >= 0, shape (M, R).
-        slope: Its first ones, shape (M, R).
-        control: The residuals' by the control points of the interval and the next, (M, R, 5 n).
-        switching: Theirs by the switching times, shape (M, R, S).
+        slope: Its first derivatives by the residuals, shape (M, R).
+        control: The residuals' derivatives by the control points of the interval and the next,
+            shape (M, R, 5 n).
+        switching: The residuals' derivatives by the switching times, shape (M, R, S).
     """
 
     curvature: FloatArray
@@ -148,7 +148,7 @@ class MeasureModel:
     def of(
         curvature: FloatArray, slope: FloatArray, control: FloatArray, switching: FloatArray
     ) -> "MeasureModel":
-        """Return that of residuals (M, ...) with derivatives (M, ..., 5, n) and (M, ..., S)."""
+        """Return the model of residuals (M, ...) with derivatives (M, ..., 5, n), (M, ..., S)."""
         rows = len(curvature), curvature[0].size
         return MeasureModel(
             curvature.reshape(rows),
@@ -167,14 +167,14 @@ class MeasureModel:
 
 
 class Measure(Protocol):
-    """One measure of motions: the sum of what every knot interval adds to it."""
+    """One measure of motions: a sum over knot intervals."""
 
     def total(self, motion: IntervalMotion) -> float:
         """Return the measure, >= 0."""
         ...
 
     def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
-        """Return a share of the measure near a motion."""
+        """Return the model of a multiple of the measure near a motion."""
         ...
 
 
@@ -182,15 +182,15 @@ class Measure(Protocol):
 Weighted = tuple[tuple[float, Measure], ...]
 
 
-# ---- What a motion takes from its motors: energy, and mechanical work.
+# ---- Energy and mechanical work of the motors.
 
-# Beside the power of a motion that is spread evenly, this share is rounded off where power begins.
+# The kink of positive power at 0 is rounded off over this share of the motion's mean power.
 _ROUNDED = 0.5
 _NOTHING = 1e-9
 
 
 class Energy:
-    """The integral of the weighted squared efforts: what currents heat."""
+    """The integral of the weighted squared efforts: heat of the currents."""
 
     def __init__(self, weights: FloatArray) -> None:
         """Take the weights of the squared efforts, (n,), >= 0."""
@@ -203,7 +203,7 @@ class Energy:
         return float((self._squared(motion) ** 2).sum())
 
     def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
-        """Return a share of it near a motion; residuals are what is squared."""
+        """Return the model of a multiple near a motion; residuals are the scaled efforts."""
         residual, scale = self._squared(motion), _scale(motion)
         control, switching = motion.effort_derivatives(self._effort)
         wider = motion.width_by_switching / (2 * motion.width[:, None])
@@ -220,13 +220,13 @@ class Energy:
 
 
 class Work:
-    """The integral of the power that motors put in; what braking gives back is lost."""
+    """The integral of the motors' positive power; braking gives nothing back."""
 
     def __init__(self, joints: int, nominal: float) -> None:
         """Take scales.
 
         Args:
-            joints: How many there are.
+            joints: Number of joints.
             nominal: About the work of a motion [J].
         """
         self._effort = JointEffort(np.ones(joints), with_coulomb_friction=True)
@@ -238,10 +238,11 @@ class Work:
         return float((added + np.hypot(added, rounded)).sum() / 2)
 
     def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
-        """Return a share of it near a motion; residuals are what samples add or give back.
+        """Return the model of a multiple near a motion.
 
-        And the sums of efforts and velocities. Power is their product, a difference of two squares:
-        that of the sum curves upwards. (The convex-concave procedure: Yuille & Rangarajan, 2003.)
+        Residuals are the work of samples, and the sums of efforts and velocities. Power is the
+        product of these, a difference of two squares: the square of the sum is its convex part.
+        (The convex-concave procedure: Yuille & Rangarajan, 2003.)
         """
         added, rounded = self._added(motion)
         size = np.hypot(added, rounded)
@@ -262,13 +263,13 @@ class Work:
         return MeasureModel.stacked([power, both])
 
     def _added(self, motion: IntervalMotion) -> tuple[FloatArray, FloatArray]:
-        """Return the work that samples stand for, (M, 3, n), and how much of it is rounded off."""
+        """Return the work of samples, and the width over which its kink is rounded, (M, 3, n)."""
         power = motion.effort(self._effort) * motion.at_samples(motion.path.by_path[1])
         rounded = self._rounded / len(power) * SIMPSON[:, None]
         return power * _scale(motion) ** 2, np.broadcast_to(rounded, power.shape)
 
     def _power_by_path(self, motion: IntervalMotion) -> dict[int, FloatArray]:
-        """Return how power changes with the path, (N, n, n) each."""
+        """Return the derivatives of power by the path, (N, n, n) each."""
         path, speed = motion.path, 1 / motion.run_in
         velocity = path.by_path[1]
         by_path = dict(self._effort.by_path(path, speed))
@@ -278,7 +279,7 @@ class Work:
         return by_path
 
     def _sum_by_path(self, motion: IntervalMotion) -> dict[int, FloatArray]:
-        """Return how sums of efforts and velocities, in units of equal size, do: likewise."""
+        """Return the derivatives of sums of efforts and velocities, scaled to equal size."""
         path, speed = motion.path, 1 / motion.run_in
         efforts, velocities = self._effort.used(path).at(speed), path.by_path[1]
         unit = np.sqrt(_size(efforts) / _size(velocities))[:, None]
@@ -288,7 +289,7 @@ class Work:
 
 
 def _scale(motion: IntervalMotion) -> FloatArray:
-    """Return the square root of the time that samples stand for, (M, 3, 1)."""
+    """Return the square roots of the samples' weights in the integral, (M, 3, 1)."""
     return np.sqrt(motion.width[:, None] * SIMPSON)[:, :, None]
 
 
@@ -297,17 +298,16 @@ def _size(values: FloatArray) -> FloatArray:
     return np.sqrt((values**2).mean(axis=0)) + _NOTHING
 
 
-# ---- How smooth a motion is: three measures, each seeing what the others do not.
+# ---- Smoothness: three measures.
 #
-# The total variation of the efforts sees how often motors switch, their rates how fast, and jerk
-# what joints of little inertia do. Rates and jerks count with the fourth power, for their peaks,
+# The total variation of the efforts sees how often motors switch, the effort rates how fast, and
+# jerk sees joints of little inertia. Rates and jerks count with the fourth power, for their peaks,
 # which are at both ends.
 
 # Weights of the logarithms: of effort rate and jerk to the fourth power, variation between them.
 _WEIGHTS = (0.25, 1.0, 0.175)
-_ROUNDED_CHANGE = (
-    0.01  # changes of effort below this share of the limit count for less in the variation
-)
+# Changes of effort below this share of the limit count for less in the variation.
+_ROUNDED_CHANGE = 0.01
 # Joints that hardly move count as if they moved this share of the farthest.
 _LEAST_TRAVEL = 0.05
 _LOOKS = 200
@@ -334,7 +334,7 @@ class EffortRate:
     """The integral of the efforts' rates to the fourth power."""
 
     def __init__(self, effort: JointEffort) -> None:
-        """Take what efforts are shares of."""
+        """Take the efforts, as shares of limits."""
         self._effort = effort
 
     def total(self, motion: IntervalMotion) -> float:
@@ -342,7 +342,7 @@ class EffortRate:
         return float((self._raised(motion) ** 4).sum())
 
     def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
-        """Return a share of it near a motion; residuals are what is raised to the fourth power."""
+        """Return the model of a multiple near a motion; residuals are the scaled rates."""
         rate, elapsed = self._raised(motion), motion.elapsed[:, :, None]
         scale = elapsed**-0.75
         faster = (-0.75 * rate / elapsed)[..., None] * motion.elapsed_by_switching[:, :, None]
@@ -363,7 +363,7 @@ class EffortVariation:
     """The total variation of the efforts, rounded where they hardly change."""
 
     def __init__(self, effort: JointEffort) -> None:
-        """Take what efforts are shares of."""
+        """Take the efforts, as shares of limits."""
         self._effort = effort
 
     def total(self, motion: IntervalMotion) -> float:
@@ -372,21 +372,18 @@ class EffortVariation:
         return float((np.sqrt(change**2 + _ROUNDED_CHANGE**2) - _ROUNDED_CHANGE).sum())
 
     def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
-        """Return a share of it near a motion, as reweighted squares; residuals are the changes."""
+        """Return the model of a multiple, as reweighted squares; residuals are the changes."""
         change = _changes(motion, self._effort)
         rounded = np.sqrt(change**2 + _ROUNDED_CHANGE**2)
-        return MeasureModel.of(
-            share / rounded,
-            share * change / rounded,
-            *_change_derivatives(motion, self._effort),
-        )
+        derivatives = _change_derivatives(motion, self._effort)
+        return MeasureModel.of(share / rounded, share * change / rounded, *derivatives)
 
 
 class Jerk:
     """The integral of the jerks to the fourth power."""
 
     def __init__(self, jerk: JointRate) -> None:
-        """Take what jerks are shares of."""
+        """Take the jerks, as shares of limits."""
         self._jerk = jerk
 
     def total(self, motion: IntervalMotion) -> float:
@@ -394,7 +391,7 @@ class Jerk:
         return float((self._raised(motion) ** 4).sum())
 
     def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
-        """Return a share of it near a motion; residuals are what is raised to the fourth power."""
+        """Return the model of a multiple near a motion; residuals are the scaled jerks."""
         jerk, width = self._raised(motion), motion.width[:, None]
         root = width**0.25
         control, switching = motion.jerk_derivatives(self._jerk)
@@ -412,28 +409,27 @@ class Jerk:
 
 
 def _changes(motion: IntervalMotion, effort: JointEffort) -> FloatArray:
-    """Return by how much efforts change from sample to sample, shape (M, 2, I)."""
+    """Return the changes of efforts from sample to sample, shape (M, 2, I)."""
     return np.diff(motion.effort(effort), axis=1)
 
 
 def _change_derivatives(
     motion: IntervalMotion, effort: JointEffort
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how these changes change, (M, 2, I, 5, n) and (M, 2, I, S)."""
+    """Return the derivatives of `_changes`, (M, 2, I, 5, n) and (M, 2, I, S)."""
     control, switching = motion.effort_derivatives(effort)
     return np.diff(control, axis=1), np.diff(switching, axis=1)
 
 
 def _nominal_efforts(problem: PlanningProblem, at: SampledSpline, run_in: float) -> FloatArray:
-    """Return the efforts that changes are shares of, (n,): limits, or what the motion takes."""
+    """Return the scales of the efforts, (n,): limits, or else the largest of the motion."""
     limit = problem.robot.limits.effort
-    position, velocity, acceleration = at.by_x[:3]
-    taken = problem.robot.inverse_dynamics(position, velocity / run_in, acceleration / run_in**2)
-    most = abs(taken).max(axis=0)
+    q, v, a = at.by_x[:3]
+    most = abs(problem.robot.inverse_dynamics(q, v / run_in, a / run_in**2)).max(axis=0)
     return np.where(np.isfinite(limit), limit, np.where(most > 0, most, 1.0))
 
 
-# ---- What motions of a problem are measured by, as its objective says.
+# ---- The measures of a problem's objective.
 
 # Weight of the logarithm of energy or work, and the share of smoothness beside it: joints that cost
 # nothing would wiggle, and efforts chatter where that costs next to nothing.
@@ -442,7 +438,7 @@ _LEAST_WORK = 1e-9  # [J]
 
 
 def objective_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: float) -> Weighted:
-    """Return the measures, with the weights of their logarithms.
+    """Return the measures of the problem's objective, with the weights of their logarithms.
 
     Args:
         problem: The planning problem.

@@ -1,8 +1,4 @@
-"""PhasedSpline: cubic B-splines over phases of tube segments, native and NumPy basis.
-
-Knots are given as samples are: by phase and share of it, the end included. Every function returns
-None if the library is left out.
-"""
+"""PhasedSpline: cubic B-splines over phases of tube segments, native and NumPy basis."""
 
 from ctypes import c_int64
 from dataclasses import dataclass
@@ -15,7 +11,10 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.native.library import Doubles, Integers, native_function
 from tubeplanner.trajectory.polynomials import BSpline, basis_functions
 
-# ---- Cubic splines over phases at samples, compiled: weights, values, changes by switching times.
+# ---- Native cubic splines: weights, derivatives by switching times, values.
+#
+# Knots are given as samples are: by phase and share of it, the end included. Every function returns
+# None without the native library.
 
 Knots: TypeAlias = tuple[IntArray, FloatArray]
 Places: TypeAlias = tuple[IntArray, FloatArray, IntArray]
@@ -35,7 +34,7 @@ def cubic_weights(switching_times: FloatArray, knots: Knots, samples: Places) ->
 
     Args:
         switching_times: Ends of the phases, shape (m+1,).
-        knots: Phases and shares of the M+1 knots, the last one the end.
+        knots: Phases and shares of the M+1 knots, the end included.
         samples: Phases, shares and knot intervals of N samples.
     """
     if _weights is None:
@@ -49,18 +48,18 @@ def cubic_weights(switching_times: FloatArray, knots: Knots, samples: Places) ->
 def cubic_by_switching(
     switching_times: FloatArray, knots: Knots, samples: Places, control: FloatArray, switches: int
 ) -> tuple[FloatArray, IntArray] | None:
-    """Return how positions and derivatives change with inner switching times.
+    """Return the derivatives of positions and their derivatives by inner switching times.
 
     Args:
         switching_times: As for `cubic_weights`.
-        knots: Likewise.
-        samples: Likewise.
+        knots: As for `cubic_weights`.
+        samples: As for `cubic_weights`.
         control: Control points, shape (K, n).
         switches: Number G of the inner switching times.
 
     Returns:
-        Shape (G, 4, N, n), and which switching times change each sample: the first and the one
-        after the last, shape (N, 2).
+        Shape (G, 4, N, n), and the range of switching times that move each sample: the first and
+        the one after the last, shape (N, 2).
     """
     if _by_switching is None:
         return None
@@ -73,11 +72,11 @@ def cubic_by_switching(
 
 
 def cubic_values(weights: FloatArray, first: IntArray, control: FloatArray) -> FloatArray | None:
-    """Return the values that weights (orders, N, 4) give, shape (orders, N, n).
+    """Return the weighted sums of control points, shape (orders, N, n).
 
     Args:
-        weights: Of four control points at each of N samples.
-        first: The first of these, shape (N,).
+        weights: Of four control points at each of N samples, shape (orders, N, 4).
+        first: The first of the four, shape (N,).
         control: Control points, shape (K, n).
     """
     if _values is None:
@@ -90,8 +89,7 @@ def cubic_values(weights: FloatArray, first: IntArray, control: FloatArray) -> F
     return values
 
 
-# ---- Cubic B-splines of joint positions over phases, each in some tube segments; their ends may
-# move.
+# ---- Cubic B-splines of joint positions over phases, each in one or more tube segments.
 #
 # Time x runs from 0 to 1. Phase k lies between the switching times k and k+1; its knots sit at
 # fixed shares of it, and so do samples: when a switching time moves, they move with it. Joints are
@@ -123,14 +121,14 @@ class Samples:
 
     def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
         """Return the weights of four control points in position and derivatives, (4, N, 4)."""
-        found = None
+        weights = None
         if not np.iscomplexobj(switching_times):
-            found = cubic_weights(switching_times, grid.places, self.places)
-        return self._by_recursion(grid, switching_times) if found is None else found
+            weights = cubic_weights(switching_times, grid.places, self.places)
+        return self._by_recursion(grid, switching_times) if weights is None else weights
 
     @cached_property
     def places(self) -> Places:
-        """What functions of the native library take."""
+        """Phases, shares and knot intervals, for functions of the native library."""
         return self.phase, self.share, self.interval
 
     def and_also(self, other: "Samples") -> "Samples":
@@ -146,7 +144,7 @@ class Samples:
         return Samples(self.phase[keep], self.share[keep], self.interval[keep])
 
     def times_by_switching(self, count: int) -> FloatArray:
-        """Return the times' derivatives by so many inner switching times, shape (N, count)."""
+        """Return the derivatives of the times by `count` inner switching times, (N, count)."""
         ends = np.arange(1, count + 1)
         before = (self.phase[:, None] == ends) * (1 - self.share[:, None])
         after = (self.phase[:, None] == ends - 1) * self.share[:, None]
@@ -154,14 +152,14 @@ class Samples:
         return derivatives
 
     def times(self, switching_times: FloatArray) -> FloatArray:
-        """Return their times x for switching times (m+1,), shape (N,)."""
+        """Return the times x of the samples for switching times (m+1,), shape (N,)."""
         times: FloatArray = (
             switching_times[self.phase] + np.diff(switching_times)[self.phase] * self.share
         )
         return times
 
     def _by_recursion(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
-        """Return the weights, which are those of a cubic, from those at the knot before."""
+        """Return the weights by Taylor's formula, exact for cubics, from the knot before."""
         at_knots = _at_knots(grid, switching_times.tobytes(), switching_times.dtype.char)
         value, first, second, third = at_knots[:, self.interval]
         behind = self.times(switching_times) - grid.breakpoints(switching_times)[self.interval]
@@ -176,12 +174,12 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class KnotGrid:
-    """Where the knots of a spline over phases are.
+    """The knots of a spline over phases.
 
     Attributes:
         shares: Per phase, the knots' shares of it, from 0 to 1, both included.
         chains: The tube's segments of every phase; one each if not given.
-        is_fixed: Whether switching times stay where they are.
+        is_fixed: Whether switching times are fixed.
     """
 
     shares: tuple[FloatArray, ...]
@@ -221,7 +219,7 @@ class KnotGrid:
 
     @cached_property
     def places(self) -> Knots:
-        """All knots' phases and shares of these, without repeating those at the ends, (M+1,)."""
+        """Phases and shares of all knots, without repeating those at the ends, (M+1,) each."""
         counts = self.intervals_of_phases
         phase = np.repeat(np.arange(len(counts)), counts)
         share = np.concatenate([*(share[:-1] for share in self.shares), [1.0]])
@@ -256,17 +254,15 @@ class KnotGrid:
     def phase_ends(self) -> Samples:
         """Return a sample at the end of every phase."""
         count = len(self.shares)
-        last = np.cumsum([len(share) - 1 for share in self.shares]) - 1
-        return Samples(np.arange(count), np.ones(count), last)
+        return Samples(np.arange(count), np.ones(count), np.cumsum(self.intervals_of_phases) - 1)
 
 
 def segments_of_pieces(grid: KnotGrid) -> IntArray:
     """Return the tube segment of each knot interval, shape (M,).
 
-    In a chain, the first: its segments ask the same of the arm.
+    In a chain, the first: its segments have the same conditions on the arm.
     """
-    first = [chain.start for chain in grid.chains]
-    return np.repeat(first, [len(shares) - 1 for shares in grid.shares])
+    return np.repeat([chain.start for chain in grid.chains], grid.intervals_of_phases)
 
 
 @lru_cache(maxsize=32)  # of several kinds of samples, and while switching times stay
@@ -279,7 +275,7 @@ def _at_knots(grid: KnotGrid, switching_times: bytes, kind: str) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class VelocityHull:
-    """The control points of a spline's derivative: its velocity stays between them for all x.
+    """The control points of a spline's derivative: the velocity stays in their hull for all x.
 
     (Piegl & Tiller, "The NURBS Book", 1997, equation 3.8.)
 
@@ -295,7 +291,7 @@ class VelocityHull:
         return np.minimum(np.arange(self.count - 1), self.count - DEGREE - 1)
 
     def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
-        """Return the weights of four control points, (2, K-1, 4): none for position."""
+        """Return the weights of four control points, (2, K-1, 4): zero for position."""
         knots, number = grid.knots(switching_times), np.arange(self.count - 1)
         weight = DEGREE / (knots[DEGREE + 1 : -1] - knots[1 : -DEGREE - 1])
         place = number - self.first
@@ -312,15 +308,15 @@ def basis_by_switching(
 ) -> FloatArray:
     """Return the weights' derivatives by the switching times that may move, (m-1, orders, N, 4).
 
-    By complex steps, which take nothing away: to rounding (Squire & Trapp, "Using complex variables
-    to estimate derivatives of real functions", 1998).
+    By complex steps, which subtract nothing: exact to rounding (Squire & Trapp, "Using complex
+    variables to estimate derivatives of real functions", 1998).
     """
-    moved = switching_times + 1j * _IMAGINARY_STEP * np.eye(len(switching_times))
+    steps = switching_times + 1j * _IMAGINARY_STEP * np.eye(len(switching_times))
     columns = range(1, grid.switch_count + 1)
-    found = [evaluation_points.basis(grid, moved[column]).imag for column in columns]
-    if not found:
+    derivatives = [evaluation_points.basis(grid, steps[column]).imag for column in columns]
+    if not derivatives:
         return np.zeros((0, *evaluation_points.basis(grid, switching_times).shape))
-    return np.stack(found) / _IMAGINARY_STEP
+    return np.stack(derivatives) / _IMAGINARY_STEP
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,7 +324,7 @@ class PhasedSpline:
     """A spline over phases with its control points, without a duration.
 
     Attributes:
-        grid: Where the knots are.
+        grid: The knots.
         switching_times: Ends of the phases in time x, from 0 to 1, shape (m+1,).
         control_points: Shape (K, n).
     """
@@ -338,28 +334,27 @@ class PhasedSpline:
     control_points: FloatArray
 
     def end_directions(self, samples: Samples, slow: FloatArray) -> FloatArray:
-        """Return which way joints leave the start or approach the goal, by sign, shape (N, n).
+        """Return the signs of the velocities of joints near start and goal, shape (N, n).
 
-        That is known as long as the control points of the velocity have one sign, but looked at no
-        farther than to where they are first not slow; where they reverse before, in the first knot
-        interval alone, and in the last.
+        The sign holds while the control points of the velocity have one sign, up to the first that
+        is not slow; where they reverse before, in the first knot interval alone, and in the last.
 
         Args:
-            samples: Where; nan at samples farther inside.
-            slow: Below which velocity joints are slow, shape (n,) [rad or m per unit of x].
+            samples: N samples; nan at samples farther inside.
+            slow: Largest velocity of slow joints, shape (n,) [rad or m per unit of x].
         """
         velocity, last = self._velocity_points(), self.grid.interval_count - 1
-        found = np.full((len(samples.interval), len(slow)), np.nan)
-        for way, interval in ((1, samples.interval), (-1, last - samples.interval)):
-            known = _known_direction(velocity[::way], slow)
-            is_known = known[np.minimum(interval, len(known) - 1)]
-            found = np.where(is_known, np.sign(velocity[::way][0]), found)
-        return found
+        signs = np.full((len(samples.interval), len(slow)), np.nan)
+        for step, interval in ((1, samples.interval), (-1, last - samples.interval)):
+            has_sign = _has_first_sign(velocity[::step], slow)
+            is_near = has_sign[np.minimum(interval, len(has_sign) - 1)]
+            signs = np.where(is_near, np.sign(velocity[::step][0]), signs)
+        return signs
 
     def _velocity_points(self) -> FloatArray:
-        """Return the control points of the velocity but for those at both ends, which vanish.
+        """Return the control points of the velocity without those at both ends, which vanish.
 
-        In a knot interval, counted from either end, those up to the same number count.
+        The velocity in knot interval k, counted from either end, depends on the first k+1 of them.
         """
         knots = self.grid.knots(self.switching_times)
         spans = (knots[1 + DEGREE : -1] - knots[1 : -1 - DEGREE]) / DEGREE
@@ -371,8 +366,8 @@ class PhasedSpline:
         return BSpline(self.grid.knots(self.switching_times), self.control_points, DEGREE)
 
 
-def _known_direction(velocity: FloatArray, slow: FloatArray) -> BoolArray:
-    """Return up to which control points (L, n) a joint moves as at the first, until it is fast."""
+def _has_first_sign(velocity: FloatArray, slow: FloatArray) -> BoolArray:
+    """Return True for control points (L, n) with the sign of the first, up to the first fast."""
     fast, first = abs(velocity) >= slow, np.sign(velocity[0])
     onward = np.logical_and.accumulate(np.sign(velocity) == first, axis=0)
     already = np.logical_or.accumulate(fast, axis=0)

@@ -24,7 +24,7 @@ from tubeplanner.optimizer.sampled_spline import SampledSpline
 from tubeplanner.optimizer.segment_chains import OrderedSegments
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- Vectors that must stay in regions, at samples of a spline: the tool's position, its rotation.
+# ---- Vectors in regions, at samples of a spline: the tool's position or its rotation vector.
 
 # A prediction may leave the region by this share of its extent.
 _OUTSIDE = 0.002
@@ -35,9 +35,9 @@ class Planes:
     """P supporting planes of regions.
 
     Attributes:
-        sample: Whose region, shape (P,).
+        sample: The sample in whose region, shape (P,).
         normal: Unit vectors, outward, shape (P, 3).
-        segment: Whose region they hold beside the sample's own, shape (P,).
+        segment: The segment whose region they contain beside the sample's own, shape (P,).
     """
 
     sample: IntArray
@@ -64,20 +64,19 @@ class Planes:
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedRegions:
-    """The regions at N samples of a spline, and the vectors that must stay in them.
+    """The vectors at N samples of a spline, and the region of each.
 
     Attributes:
         at: The spline at the samples.
         vector: Shape (N, 3) [m or rad].
-        derivative: Returns what the vectors change by with the joints, shape (N, 3, n).
+        derivative: Returns the vectors' derivatives by the joints, shape (N, 3, n).
         regions: Of all segments.
         segment: The samples' own, shape (N,).
-        segments_of: Returns what they would be for other vectors (N, 3).
-        in_chain: Whether samples pass from one segment to another by themselves, shape (N,).
+        segments_of: Returns the samples' segments for other vectors (N, 3).
+        in_chain: Whether a sample's segment follows from its vector, shape (N,).
         margin: The share of the radii that stays unused, shape (N,).
         numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
-        is_crossed: Whether a step may lead from one side to the other: then all planes count as
-            near.
+        is_crossed: Whether a step may cross the whole region: then all planes count as near.
     """
 
     at: SampledSpline
@@ -93,7 +92,7 @@ class EvaluatedRegions:
 
     @cached_property
     def excess(self) -> FloatArray:
-        """How far the vectors are outside the narrowed regions, as a share of them, shape (N,)."""
+        """Distance of the vectors outside the narrowed regions, in radii, shape (N,)."""
         return self._excess_of(self.vector, self.segment)
 
     @cached_property
@@ -112,11 +111,11 @@ class EvaluatedRegions:
     def planes_where_outside(self, vector: FloatArray, elastic: float) -> Planes:
         """Return the tangent planes at other vectors (N, 3) that are outside.
 
-        Those of a sample in a chain are its planes of the segment that it would then be in.
+        A sample in a chain gets the plane of the segment that it would then be in.
 
         Args:
             vector: The other vectors.
-            elastic: So many radii outside is allowed.
+            elastic: Allowed distance outside, in radii.
         """
         segment = self.segments_of(vector)
         outside = np.flatnonzero(self._excess_of(vector, segment) > elastic + _OUTSIDE)
@@ -124,7 +123,7 @@ class EvaluatedRegions:
         planes = Planes(outside, self.regions.outward(vector[outside], segment), segment)
         if len(planes) == 0:
             return planes
-        # Those that hold the sample's present region too may be farther out than the vectors.
+        # Planes that contain the sample's present region too may be farther out than the vectors.
         return planes.where(self.slack(planes, vector - self.vector) < -elastic)
 
     def after(self, control: FloatArray, switching: FloatArray) -> FloatArray:
@@ -135,32 +134,22 @@ class EvaluatedRegions:
             switching: Change of the inner switching times, shape (m-1,).
         """
         change = self.at.change(control, switching)
-        moved: FloatArray = self.vector + np.einsum("nij,nj->ni", self._by_joint, change)
-        return moved
+        after: FloatArray = self.vector + np.einsum("nij,nj->ni", self._by_joint, change)
+        return after
 
     def slack(self, planes: Planes, bend: FloatArray | None = None) -> FloatArray:
-        """Return how far behind planes the vectors are, in radii, shape (P,).
+        """Return the distance of the vectors behind planes, in radii, shape (P,).
 
         Args:
             planes: The planes.
             bend: Added to the vectors, shape (N, 3).
         """
         vector = self.vector if bend is None else self.vector + bend
-        at, normal = planes.sample, planes.normal
-        extents = (self._extent(planes), self.regions.extent(normal, planes.segment))
-        axes, known = (self.regions.begin, self.regions.end), (at, normal, planes.segment)
-        slack = plane_slack(known, vector, axes, self.segment, self.margin, extents)
+        own = (planes.sample, planes.normal, planes.segment)
+        extents = (self._extent(planes), self.regions.extent(planes.normal, planes.segment))
+        axes = (self.regions.begin, self.regions.end)
+        slack = plane_slack(own, vector, axes, self.segment, self.margin, extents)
         return self._slack(planes, vector) if slack is None else slack
-
-    def _slack(self, planes: Planes, vector: FloatArray) -> FloatArray:
-        at, normal = planes.sample, planes.normal
-        beyond = np.minimum(
-            np.einsum("pi,pi->p", normal, (vector - self._begin)[at]),
-            np.einsum("pi,pi->p", normal, (vector - self._end)[at]),
-        )
-        extent = self._extent(planes)
-        slack: FloatArray = 1 - self.margin[at] - beyond / extent + self._farther(planes, extent)
-        return slack
 
     def rows(self, planes: Planes) -> Rows:
         """Return rows that keep the vectors behind planes; they have no numbers."""
@@ -183,23 +172,28 @@ class EvaluatedRegions:
     def _by_joint(self) -> FloatArray:
         return self.derivative()
 
-    @cached_property
-    def _begin(self) -> FloatArray:
-        return self.regions.begin[self.segment]
-
-    @cached_property
-    def _end(self) -> FloatArray:
-        return self.regions.end[self.segment]
-
     def _extent(self, planes: Planes) -> FloatArray:
-        """Return how far the samples' own regions reach beyond their axes, (P,)."""
+        """Return the extent of the samples' own regions beyond their axes, (P,)."""
         return self.regions.extent(planes.normal, self.segment[planes.sample])
 
-    def _farther(self, planes: Planes, extent: FloatArray) -> FloatArray:
-        """Return how much farther out planes must be to hold another segment's region too, (P,).
+    @cached_property
+    def _axis_ends(self) -> tuple[FloatArray, FloatArray]:
+        return self.regions.begin[self.segment], self.regions.end[self.segment]
 
-        As a share of the extent of the samples' own. The sample may be in either, so that both are
-        held.
+    def _slack(self, planes: Planes, vector: FloatArray) -> FloatArray:
+        at, normal, (begin, end) = planes.sample, planes.normal, self._axis_ends
+        beyond = np.minimum(
+            np.einsum("pi,pi->p", normal, (vector - begin)[at]),
+            np.einsum("pi,pi->p", normal, (vector - end)[at]),
+        )
+        extent = self._extent(planes)
+        slack: FloatArray = 1 - self.margin[at] - beyond / extent + self._farther(planes, extent)
+        return slack
+
+    def _farther(self, planes: Planes, extent: FloatArray) -> FloatArray:
+        """Return the shift of planes that also contain another segment's region, (P,).
+
+        As a share of the extent of the samples' own: the sample may be in either region.
         """
         farther = np.zeros(len(planes))
         both = np.flatnonzero(planes.segment != self.segment[planes.sample])
@@ -212,7 +206,7 @@ class EvaluatedRegions:
         return farther
 
     def _reach(self, normal: FloatArray, segment: IntArray, at: IntArray) -> FloatArray:
-        """Return how far samples' narrowed regions, in some segments, reach along normals."""
+        """Return max n.p over the narrowed regions of samples, in some segments, shape (P,)."""
         axis_ends = (self.regions.begin[segment], self.regions.end[segment])
         farthest = np.maximum(*(np.einsum("pi,pi->p", normal, end) for end in axis_ends))
         extent = self.regions.extent(normal, segment)
@@ -224,7 +218,7 @@ class EvaluatedRegions:
         return excess
 
 
-# ---- The tool in the region of its segment and at compulsory points, at samples of a spline.
+# ---- The tool in the region of its segment and at compulsory points.
 
 
 def evaluated_tube(
@@ -240,7 +234,7 @@ def evaluated_tube(
     Args:
         at: The spline at the samples.
         path: The arm there.
-        segments: Those that the samples may be in.
+        segments: The segments of the samples.
         regions: Of all segments.
         margin: The share of the regions that stays unused, shape (m,).
         numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
@@ -266,7 +260,7 @@ def evaluated_points(
     margin: float,
     numbers: IntArray,
 ) -> EvaluatedRegions:
-    """Return the balls about compulsory points that the tool must be in at switching times.
+    """Return the balls about compulsory points, for the tool at switching times.
 
     A ball is a capsule without length. The tool is in it as it passes on to the next segment.
 
@@ -281,7 +275,7 @@ def evaluated_points(
     points, radius = tube.compulsory_points, regions.radius
     narrower = points - (radius[points - 1] < radius[points])
     place, own = tube.points[points], np.arange(len(points))
-    # The ball's tolerance is what gives the extent along the segment: that of its end.
+    # The ball's tolerance is the one that gives the region's extent along the segment.
     kind = regions.kind(regions.faces(narrower)[0], narrower)
     return EvaluatedRegions(
         at,
@@ -296,7 +290,7 @@ def evaluated_points(
     )
 
 
-# ---- The tool's orientation within its segment's tolerance, at samples of a spline.
+# ---- The tool's orientation within its segment's tolerance.
 #
 # Bounds on the three components of the rotation vector are planes; a bound on the angle is a ball.
 
@@ -327,18 +321,18 @@ class EvaluatedRotation:
 
     @property
     def excess(self) -> FloatArray:
-        """How far components are beyond the narrowed bounds, in bounds, shape (N,)."""
+        """Excess of components over the narrowed bounds, in bounds, shape (N,)."""
         excess: FloatArray = (abs(self._error) / self._bounds).max(axis=1) - (1 - self.margin)
         return excess
 
     @property
     def bounds_components(self) -> bool:
-        """Whether a component is bounded in some sample's segment."""
+        """True if a component is bounded in some sample's segment."""
         return bool(np.isfinite(self._bounds).any())
 
     @property
     def bounds_angle(self) -> bool:
-        """Whether the angle is."""
+        """True if the angle is bounded in some sample's segment."""
         return bool(np.isfinite(self.tube.bounds[self.segment, 3]).any())
 
     def angle(self) -> EvaluatedRegions:
@@ -360,8 +354,8 @@ class EvaluatedRotation:
         """Return rows that keep the components of the rotation vector within their bounds.
 
         Args:
-            duration: T [s], whatever it is.
-            size: Of the step; rows that it cannot break are left out. None: all rows.
+            duration: T [s], without effect.
+            size: Largest step; rows that it cannot break are left out. None: all rows.
         """
         bounds = np.hstack([self._bounds, self._bounds])
         by_side = np.matmul(_SIDES, self._by_joint) / bounds[:, :, None]
@@ -370,11 +364,11 @@ class EvaluatedRotation:
 
     @property
     def row_count(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         return len(_SIDES) * len(self.segment)
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
-        """Return the slack of all rows that `rows` numbers, in whatever duration."""
+        """Return the slack of all rows that `rows` numbers, the same for every duration."""
         return self._slack
 
     @property
@@ -394,14 +388,14 @@ class EvaluatedRotation:
 
     @cached_property
     def _by_joint(self) -> FloatArray:
-        """What they change by with the joints, shape (N, 3, n)."""
+        """Derivatives of the rotation vectors by the joints, shape (N, 3, n)."""
         jacobian = self.path.tool_jacobian
         return self.tube.error_jacobian(*self.path.tool_pose, jacobian, self.segment)[1]
 
 
-# ---- The tool in the ball of its goal, and turned as that asks, at the end of a spline.
+# ---- The tool in the ball and the rotation tolerance of its goal, at the end of a spline.
 
-# As the problem file calls them.
+# Named as in the problem file.
 _BALL, _ROTATION = LimitKey("tolerance"), LimitKey("rotation_tolerance")
 # Towards the faces, edges and corners of a cube.
 _CORNERS = [np.array(corner) for corner in product((-1.0, 0.0, 1.0), repeat=3) if any(corner)]
@@ -409,18 +403,18 @@ _AROUND = tuple(corner / np.linalg.norm(corner) for corner in _CORNERS)
 
 
 class _Balls(Capsules):
-    """Balls, with planes all around from the beginning.
+    """Balls with a polyhedron of planes from the beginning.
 
-    Steps are larger than they: tangent planes where each try leaves them would take too many.
+    Steps are larger than the balls: tangent planes alone, one after each step, would be too many.
     """
 
     def faces(self, segment: IntArray) -> Sequence[FloatArray]:
-        """Return the normals of a polyhedron around."""
+        """Return the normals of the polyhedron."""
         return [np.tile(normal, (len(segment), 1)) for normal in _AROUND]
 
 
 def goal_keys(problem: PlanningProblem) -> list[LimitKey]:
-    """Return the keys of the tolerances that an open goal has."""
+    """Return the keys of the tolerances of an open goal; none for others."""
     goal = problem.open_goal
     if goal is None:
         return []
@@ -433,7 +427,7 @@ def evaluated_ball(
     path: PathSamples,
     numbers: Mapping[LimitKey, int],
 ) -> list[EvaluatedRegions]:
-    """Return the ball that the tool must end in, a capsule without length, if there is one.
+    """Return the ball of the goal, a capsule without length, or nothing.
 
     Args:
         problem: The planning problem.
@@ -466,7 +460,7 @@ def evaluated_turn(
     path: PathSamples,
     numbers: Mapping[LimitKey, int],
 ) -> list[EvaluatedRotation]:
-    """Return the tool's rotation at the end, if the goal bounds it; arguments as for the ball."""
+    """Return the bound on the rotation at the goal, or nothing; arguments as for the ball."""
     goal, beyond = problem.open_goal, problem.tube.segment_count
     if goal is None or not goal.bounds_rotation:
         return []

@@ -1,12 +1,11 @@
 """Rows: linear constraints on a step, each scaled by its limit; speed limits as rows.
 
-What may change are the control points C of a spline, its inner switching times s, and its squared
-duration y = T^2, by the relative step eta = dy / y. A row says: control . dC + switching . ds +
-duration eta <= slack.
+A step changes the control points C of a spline, its inner switching times s, and its squared
+duration y = T^2, by eta = dy / y. A row is: control . dC + switching . ds + duration eta <= slack.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, Protocol
 
@@ -19,7 +18,7 @@ from tubeplanner.optimizer import sampled_spline as native
 from tubeplanner.optimizer.phased_spline import DEGREE
 from tubeplanner.optimizer.sampled_spline import SampledSpline
 
-# ---- Linear constraints on a step of the optimiser, each divided by its own limit.
+# ---- Linear constraints on a step, each divided by its own limit.
 
 # Rows with less slack than this are kept, however short the step.
 _CLOSE = 0.3
@@ -53,8 +52,8 @@ class Rows:
         switching: Shape (R, m-1).
         duration: Shape (R,).
         slack: Shape (R,).
-        limit: Number of the limit that the row stands for; -1 for none, shape (R,).
-        index: Number of the row among all that its constraints have, shape (R,).
+        limit: Number of the row's limit; -1 for none, shape (R,).
+        index: Number of the row among all rows of its constraints, shape (R,).
     """
 
     first: IntArray
@@ -73,12 +72,11 @@ class Rows:
         return Rows(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
 
     def numbered_from(self, first: int) -> "Rows":
-        """Return the rows with other numbers, the first of which is given."""
-        own = (self.first, self.control, self.switching, self.duration, self.slack, self.limit)
-        return Rows(*own, first + self.index)
+        """Return the rows with `first` added to their numbers."""
+        return replace(self, index=first + self.index)
 
     def reach(self, size: StepSize) -> FloatArray:
-        """Return how far a step can move each row, shape (R,)."""
+        """Return the largest change of each row by a step, shape (R,)."""
         return _reach(self.control, self.switching, size)
 
 
@@ -101,16 +99,16 @@ def sided_rows(
 ) -> Rows:
     """Return the rows of I quantities at N samples: sign * quantity <= 1 for all signs.
 
-    They are numbered by side, sample and quantity.
+    Rows are numbered by side, sample and quantity.
 
     Args:
         at: The spline at the samples.
-        by_path: The quantities' derivatives by its own, by order, each (N, I, n).
+        by_path: The quantities' derivatives by the path's, by order, each (N, I, n).
         used: The quantities, shape (N, I).
-        duration: What eta adds: as much with the sign of the side, (N, I), and less on every side.
+        duration: Derivatives by eta: (a, b), with a of shape (N, I), for sign * a - b.
         limit: Number of each quantity's limit, shape (N, I).
         signs: Of the sides.
-        size: Rows that no step of this size can break are left out; None: none.
+        size: Largest step; rows that it cannot break are left out. None: all rows.
     """
     slack = 1 - np.multiply.outer(signs, used)
     index, control, switching = _breakable(at, by_path, slack, signs, _CLOSE, size)
@@ -138,10 +136,10 @@ def plane_rows(
 
     Args:
         at: The spline at the samples.
-        by_joint: What the planes' use changes by with the joints, shape (N, P, n).
-        slack: How far inside the planes each sample is, shape (N, P); inf where there is none.
+        by_joint: Derivatives of the used slack by the joints, shape (N, P, n).
+        slack: Of each sample and plane, shape (N, P); inf where there is no plane.
         limit: Number of each sample's limit, shape (N,).
-        size: Rows that no step of this size can break are left out; None: none.
+        size: Largest step; rows that it cannot break are left out. None: all rows.
     """
     index, control, switching = _breakable(at, {0: by_joint}, slack[None], (1.0,), -np.inf, size)
     sample = index // slack.shape[1]
@@ -154,7 +152,7 @@ def plane_rows(
 def used_by_step(
     rows: Rows, control_change: FloatArray, switching: FloatArray, duration: float
 ) -> FloatArray:
-    """Return what a step uses of the slack of rows, shape (R,).
+    """Return the slack of rows that a step uses, shape (R,).
 
     Args:
         rows: The rows.
@@ -166,8 +164,8 @@ def used_by_step(
     used = native.used_by_step(rows.first, (rows.control, rows.switching, rows.duration), step)
     if used is not None:
         return used
-    taken = control_change[rows.first[:, None] + np.arange(DEGREE + 1)]
-    used = np.einsum("rkj,rkj->r", rows.control, taken)
+    changes = control_change[rows.first[:, None] + np.arange(DEGREE + 1)]
+    used = np.einsum("rkj,rkj->r", rows.control, changes)
     used += rows.switching @ switching + rows.duration * duration
     return used
 
@@ -180,25 +178,25 @@ def _breakable(
     little: float,
     size: StepSize | None,
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return which rows a step can break or have little slack, and their derivatives.
+    """Return the rows that a step can break or that have little slack, and their derivatives.
 
     Args:
         at: The spline at N samples.
-        by_path: Derivatives of I quantities of each, by order, each (N, I, n).
+        by_path: Derivatives of I quantities of each sample, by order, each (N, I, n).
         slack: Shape (S, N, I).
-        signs: Of the quantities, by side, S of them.
-        little: Rows with less slack are among them anyhow.
-        size: Of the step; None: all rows with a finite slack are.
+        signs: Of the quantities on the S sides.
+        little: Rows with less slack are included for every step.
+        size: Largest step; None: all rows with a finite slack.
 
     Returns:
-        Their places in the slack, shape (R,), and how they change with control points, (R, 4, n),
-        and with switching times, (R, m-1).
+        The rows' flat indices in the slack, shape (R,), and their derivatives by control points,
+        (R, 4, n), and switching times, (R, m-1).
     """
     sizes = None if size is None else (little, size.control, size.switching)
-    found = native.near_rows(at.changes, by_path, slack, signs, sizes)
-    if found is not None:
-        return found
-    # What takes a chain rule is left to rows that a bound on the reach does not rule out.
+    result = native.near_rows(at.changes, by_path, slack, signs, sizes)
+    if result is not None:
+        return result
+    # The chain rule costs most: a bound on the reach rules out most rows before.
     reach = np.inf if size is None else np.maximum(little, _farthest(at, by_path, size))
     side, sample, quantity = near = np.nonzero(slack < reach)
     own = {order: by[sample, quantity, None] for order, by in by_path.items()}
@@ -213,7 +211,7 @@ def _breakable(
 
 
 def _farthest(at: SampledSpline, by_path: Mapping[int, FloatArray], size: StepSize) -> FloatArray:
-    """Return what the reach of quantities (N, I) is at most, without the chain rule."""
+    """Return an upper bound of the reach of quantities, (N, I), without the chain rule."""
     orders = list(by_path)
     by_step = size.control * abs(at.basis[orders]).sum(axis=-1)
     most = abs(at.by_switching[:, orders]).max(axis=-1, initial=0.0)
@@ -224,31 +222,27 @@ def _farthest(at: SampledSpline, by_path: Mapping[int, FloatArray], size: StepSi
 
 
 def _reach(control: FloatArray, switching: FloatArray, size: StepSize) -> FloatArray:
-    found = native.row_reach(control, switching, (size.control, size.switching))
-    if found is not None:
-        return found
+    result = native.row_reach(control, switching, (size.control, size.switching))
+    if result is not None:
+        return result
     reach: FloatArray = size.control * abs(control).sum(axis=(-2, -1))
     return reach + abs(switching) @ size.switching
 
 
-# ---- What every constraint at samples of a spline tells the optimiser, but for regions.
+# ---- Constraints at samples of a spline, as rows.
 
 
 class EvaluatedRows(Protocol):
-    """A constraint at samples of a spline: rows, and their slack at another spline.
-
-    Attributes:
-        is_elastic: Whether it may be violated on the way, at a penalty.
-    """
+    """A constraint, other than a region, at samples of a spline."""
 
     @property
     def is_elastic(self) -> bool:
-        """Whether it may be violated on the way, at a penalty."""
+        """True if iterates may violate the constraint at a penalty."""
         ...
 
     @property
     def row_count(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         ...
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:
@@ -256,15 +250,15 @@ class EvaluatedRows(Protocol):
 
         Args:
             duration: T [s].
-            size: Of the step; rows that it cannot break are left out. None: all rows.
+            size: Largest step; rows that it cannot break are left out. None: all rows.
         """
         ...
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
-        """Return the slack of all rows that `rows` numbers, here, for rows made elsewhere.
+        """Return the slack at this spline of the rows that another spline's `rows` numbers.
 
         Args:
-            duration: The duration that those were made for [s].
+            duration: The duration of those rows [s].
             squared_duration: The new squared duration, as a multiple of the old one.
         """
         ...
@@ -272,9 +266,9 @@ class EvaluatedRows(Protocol):
 
 # ---- Limits on the speed of a spline at samples, as rows.
 #
-# What a limit asks, sum of c_k s^k <= 1 with s = 1/T, is multiplied by the highest power of T: so
-# the terms that bring it about, inertia and jerk, do not change with y = T^2, and the rows of
-# efforts and accelerations are exact in y.
+# A limit, sum of c_k s^k <= 1 with s = 1/T, is multiplied by the highest power of T: so the terms
+# of that power, inertia and jerk, do not change with y = T^2, and the rows of efforts and
+# accelerations are exact in y.
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,16 +303,11 @@ class EvaluatedSpeedLimit:
 
     @property
     def row_count(self) -> int:
-        """How many rows there are."""
+        """Number of rows."""
         return len(self.limit.signs) * int(np.prod(self._used.shape))
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:
-        """Return the rows of all sides, of the spline run in T seconds.
-
-        Args:
-            duration: T [s].
-            size: Of the step; rows that it cannot break are left out. None: all rows.
-        """
+        """Return the rows of all sides, of the spline run in T seconds; see `EvaluatedRows`."""
         used = self._used.at(1 / duration)
         limit = np.broadcast_to(self.numbers[self.limit.key_of(self.path)], used.shape)
         by_duration = (self._by_duration(duration), self._used.degree / 2)
@@ -326,12 +315,7 @@ class EvaluatedSpeedLimit:
         return sided_rows(self.at, by_path, used, by_duration, limit, signs, size)
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
-        """Return the slack of all rows that `rows` numbers, here, for rows made elsewhere.
-
-        Args:
-            duration: The duration that those were made for [s].
-            squared_duration: The new squared duration, as a multiple of the old one.
-        """
+        """Return the slack at this spline of another spline's rows; see `EvaluatedRows`."""
         degree, longer = self._used.degree, squared_duration**0.5
         powers = self._used.terms
         used = self._used.weighted({k: duration**-k * longer ** (degree - k) for k in powers})
@@ -339,13 +323,13 @@ class EvaluatedSpeedLimit:
 
     @property
     def rise(self) -> FloatArray:
-        """What slack the rows gain by a relative rise of their limits, by number."""
+        """The slack that rows gain by a relative rise of their limits, by number."""
         allowed = self._used.allowed
         by_side = np.ones(self._used.shape) if allowed is None else allowed
         return np.tile(by_side.ravel(), len(self.limit.signs))
 
     def _by_path(self, duration: float) -> Mapping[int, FloatArray]:
-        """Return how the quantities change with position and its derivatives by x."""
+        """Return the quantities' derivatives by position and its derivatives by x."""
         if duration not in self._changes:
             self._changes[duration] = self.limit.by_path(self.path, 1 / duration)
         return self._changes[duration]
@@ -355,6 +339,6 @@ class EvaluatedSpeedLimit:
         return self.limit.used(self.path)
 
     def _by_duration(self, duration: float) -> FloatArray:
-        """Return how the quantities, times the highest power of T, change with y, shape (N, I)."""
+        """Return the derivatives by eta, in T^degree, of the quantities times T^degree, (N, I)."""
         degree, powers = self._used.degree, self._used.terms
         return self._used.weighted({k: duration**-k * (degree - k) / 2 for k in powers})

@@ -1,7 +1,4 @@
-"""SampledSpline: a spline at samples, its derivatives by control points and switching times.
-
-Every function returns None if the library is left out.
-"""
+"""SampledSpline: a spline at samples, its derivatives by control points and switching times."""
 
 from collections.abc import Mapping
 from ctypes import c_double, c_int64
@@ -24,21 +21,22 @@ from tubeplanner.optimizer.phased_spline import (
     cubic_values,
 )
 
-# ---- Rows of linear constraints on a spline's step, compiled: chained, chosen by reach,
-# multiplied.
+# ---- Native rows of linear constraints on a spline's step: chain rule, choice by reach, products.
+#
+# Every function returns None without the native library.
 
 _ORDERS = range(4)
 
 
 @dataclass(frozen=True, eq=False)
 class SplineChange:
-    """How a spline changes at N samples.
+    """Derivatives of a spline at N samples.
 
     Attributes:
         weights: Of the four control points that count, shape (orders, N, 4).
         by_switching: Derivatives by G switching times, shape (G, orders, N, n).
-        moved: The first switching time for which these are not zero, and the one after the last,
-            by sample, shape (N, 2); None: any.
+        moved: The range of switching times with derivatives other than zero, the first and the one
+            after the last, by sample, shape (N, 2); None: all.
     """
 
     weights: FloatArray
@@ -66,20 +64,23 @@ _used = native_function(
 def chained_rows(
     spline: SplineChange, by_path: Mapping[int, FloatArray], sample: IntArray, entry: IntArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return how quantities change with control points, (R, 4, n), and switching times, (R, G).
+    """Return the derivatives of quantities by control points, (R, 4, n), and switching times.
 
     Args:
         spline: The spline.
-        by_path: The quantities' derivatives by its own, by order, each (..., n).
-        sample: Where each quantity is, shape (R,).
-        entry: Its place among the derivatives, counted through, shape (R,).
+        by_path: The quantities' derivatives by the spline's, by order, each (..., n).
+        sample: The sample of each quantity, shape (R,).
+        entry: Flat index of each quantity among the derivatives, shape (R,).
+
+    Returns:
+        Derivatives by control points, (R, 4, n), and by switching times, (R, G).
     """
     if _chained is None:
         return None
-    found = _rows(spline, len(sample))
+    result = _empty_rows(spline, len(sample))
     places = (np.ascontiguousarray(sample), np.ascontiguousarray(entry))
-    _chained(*_given(spline, by_path), len(sample), *places, *found)
-    return found
+    _chained(*_arguments(spline, by_path), len(sample), *places, *result)
+    return result
 
 
 def near_rows(
@@ -89,28 +90,28 @@ def near_rows(
     signs: tuple[float, ...],
     size: tuple[float, float, FloatArray] | None,
 ) -> tuple[IntArray, FloatArray, FloatArray] | None:
-    """Return the rows that have less slack than what a step can change them by.
+    """Return the rows that a step can break or that have little slack.
 
     Args:
         spline: The spline.
         by_path: Derivatives of I quantities of each sample, by order, each (N, I, n).
         slack: Shape (S, N, I).
-        signs: Of the quantities, by side, S of them.
-        size: The slack that is little anyhow, and how far a step moves a control point and every
-            switching time; None: any slack but infinite is less.
+        signs: Of the quantities on the S sides.
+        size: Little slack, and the largest step of control points and of every switching time;
+            None: all rows with a finite slack.
 
     Returns:
-        The places among the slack, counted through, (R,), how the rows change with control points,
-        (R, 4, n), and with switching times, (R, G).
+        The rows' flat indices in the slack, (R,), and their derivatives by control points,
+        (R, 4, n), and by switching times, (R, G).
     """
     if _near is None:
         return None
-    control, switching = _rows(spline, slack.size)
+    control, switching = _empty_rows(spline, slack.size)
     index = np.empty(slack.size, dtype=np.int64)
     little, control_size, switching_size = size or (0.0, 0.0, None)
     slack, sides = np.ascontiguousarray(slack), (len(signs), np.array(signs))
     count = _near(
-        *(*_given(spline, by_path), slack.shape[2], *sides, slack),
+        *(*_arguments(spline, by_path), slack.shape[2], *sides, slack),
         *(little, control_size, switching_size, index, control, switching),
     )
     return index[:count], control[:count], switching[:count]
@@ -119,20 +120,20 @@ def near_rows(
 def row_reach(
     control: FloatArray, switching: FloatArray, size: tuple[float, FloatArray]
 ) -> FloatArray | None:
-    """Return how far a step moves rows at most, shape (R,).
+    """Return the largest change of rows by a step, shape (R,).
 
     Args:
-        control: The rows, shape (R, 4, n).
-        switching: Likewise, shape (R, G).
-        size: How far it moves a control point and every switching time.
+        control: Derivatives by control points, shape (R, 4, n).
+        switching: Derivatives by switching times, shape (R, G).
+        size: Largest step of control points and of every switching time.
     """
     if _reach is None:
         return None
-    found = np.empty(len(control))
+    reach = np.empty(len(control))
     width = control.shape[1] * control.shape[2]
     by_switching = (switching.shape[1], np.ascontiguousarray(switching), size[1])
-    _reach(len(control), width, np.ascontiguousarray(control), size[0], *by_switching, found)
-    return found
+    _reach(len(control), width, np.ascontiguousarray(control), size[0], *by_switching, reach)
+    return reach
 
 
 def used_by_step(
@@ -155,8 +156,8 @@ def used_by_step(
     return used
 
 
-def _given(spline: SplineChange, by_path: Mapping[int, FloatArray]) -> tuple[Any, ...]:
-    """Return what the library is given of a spline and derivatives by its own."""
+def _arguments(spline: SplineChange, by_path: Mapping[int, FloatArray]) -> tuple[Any, ...]:
+    """Return the library's arguments for a spline and derivatives by the spline's."""
     orders, samples, _ = spline.weights.shape
     switches, joints = spline.by_switching.shape[0], spline.by_switching.shape[3]
     by = [np.ascontiguousarray(by_path[k]) if k in by_path else None for k in _ORDERS]
@@ -164,12 +165,12 @@ def _given(spline: SplineChange, by_path: Mapping[int, FloatArray]) -> tuple[Any
     return samples, joints, orders, switches, *own, *by
 
 
-def _rows(spline: SplineChange, count: int) -> tuple[FloatArray, FloatArray]:
+def _empty_rows(spline: SplineChange, count: int) -> tuple[FloatArray, FloatArray]:
     switches, joints = spline.by_switching.shape[0], spline.by_switching.shape[3]
     return np.empty((count, 4, joints)), np.empty((count, switches))
 
 
-# ---- A spline at samples, and how it changes with its control points and switching times.
+# ---- A spline at samples, and its derivatives by control points and switching times.
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,16 +206,14 @@ class SampledSpline:
 
     @cached_property
     def changes(self) -> SplineChange:
-        """How the spline changes with control points and switching times."""
+        """Derivatives by control points and switching times."""
         spline, points = self.spline, self.evaluation_points
         grid, times, control = spline.grid, spline.switching_times, spline.control_points
-        found = None
         if isinstance(points, Samples):
-            found = cubic_by_switching(
-                times, grid.places, points.places, control, grid.switch_count
-            )
-        if found is not None:
-            return SplineChange(self.basis, *found)
+            arguments = (times, grid.places, points.places, control, grid.switch_count)
+            result = cubic_by_switching(*arguments)
+            if result is not None:
+                return SplineChange(self.basis, *result)
         basis = basis_by_switching(points, grid, times)
         switches, orders, count, _ = basis.shape
         weights = basis.reshape(switches * orders, count, DEGREE + 1)
@@ -223,7 +222,7 @@ class SampledSpline:
         return SplineChange(self.basis, by_switching, None)
 
     def change(self, control: FloatArray, switching: FloatArray) -> FloatArray:
-        """Return how positions change with a step, to first order, shape (N, n).
+        """Return the change of positions by a step, to first order, shape (N, n).
 
         Args:
             control: Change of the control points, shape (K, n).
@@ -237,11 +236,11 @@ class SampledSpline:
     def chained(
         self, by_path: Mapping[int, FloatArray], samples: IntArray | slice = slice(None)
     ) -> tuple[FloatArray, FloatArray]:
-        """Return how I quantities of each sample change with control points and switching times.
+        """Return the derivatives of I quantities of each sample by a step, by the chain rule.
 
         Args:
             by_path: Their derivatives by position (0) and by its derivatives by x, each (N, I, n).
-            samples: Whose quantities they are, if not those of all samples.
+            samples: The samples of the quantities, if not all.
 
         Returns:
             By the four control points that count, (N, I, 4, n), and by the inner switching times,
@@ -250,10 +249,10 @@ class SampledSpline:
         quantities, joints = next(iter(by_path.values())).shape[1:]
         which = np.arange(len(self.first))[samples]
         entry = np.arange(len(which) * quantities)
-        found = chained_rows(self.changes, by_path, np.repeat(which, quantities), entry)
-        if found is None:
+        rows = chained_rows(self.changes, by_path, np.repeat(which, quantities), entry)
+        if rows is None:
             return self._chained(by_path, samples)
-        control, switching = found
+        control, switching = rows
         return (
             control.reshape(len(which), quantities, DEGREE + 1, joints),
             switching.reshape(len(which), quantities, len(self.by_switching)),
@@ -285,10 +284,9 @@ def _basis(
 
 
 def _values(basis: FloatArray, first: IntArray, control_points: FloatArray) -> FloatArray:
-    """Return what weights (orders, N, 4) of control points give, shape (orders, N, n)."""
-    found = cubic_values(basis, first, control_points)
-    if found is not None:
-        return found
-    taken = control_points[first[:, None] + np.arange(DEGREE + 1)]
-    values: FloatArray = np.matmul(basis[:, :, None], taken)[:, :, 0]
+    """Return the sums of control points with weights (orders, N, 4), shape (orders, N, n)."""
+    values = cubic_values(basis, first, control_points)
+    if values is None:
+        four = control_points[first[:, None] + np.arange(DEGREE + 1)]
+        values = np.matmul(basis[:, :, None], four)[:, :, 0]
     return values

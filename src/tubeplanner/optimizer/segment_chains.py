@@ -18,10 +18,10 @@ from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.optimizer.phased_spline import Samples
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- Which tube segments make up a phase: one, or a chain of short ones that turn little.
+# ---- The tube segments of a phase: one, or a chain of short ones that turn little.
 
-# What a chain ignores of a corner, in radii: the sag of the path there over one spacing of samples,
-# of which there are about this many.
+# Corners in a chain are at most so sharp, in radii: the sag of the path there over one spacing of
+# about so many samples.
 _SAMPLES = 200
 _KINK = 0.02
 # Up to so many corners all end a phase; of more, only the sharper ones, and at most so many.
@@ -31,16 +31,18 @@ _WINDOW = 3.0
 
 
 def tube_chains(problem: PlanningProblem) -> tuple[range, ...]:
-    """Return the segments of every phase: one after the other, all of the tube's."""
-    is_end = _is_corner(problem.tube) | _conditions_change(problem.tube)
-    is_end[problem.tube.compulsory_points - 1] = True
+    """Return the segments of every phase, in order, all of the tube's."""
+    tube = problem.tube
+    is_end = _is_corner(tube)
+    is_end |= np.array([a != b for a, b in pairwise(tube.conditions)], dtype=bool)
+    is_end[tube.compulsory_points - 1] = True
     ends = 1 + np.flatnonzero(is_end)
-    bounds = [0, *ends.tolist(), problem.tube.segment_count]
+    bounds = [0, *ends.tolist(), tube.segment_count]
     return tuple(range(begin, end) for begin, end in pairwise(bounds))
 
 
 def largest_kink(tube: Tube, chains: tuple[range, ...], spacing: float) -> float:
-    """Return how far a path leaves the chains' capsules between samples inside, at most, in radii.
+    """Return the largest distance outside chains between samples inside, in radii.
 
     On the inner side of a corner the tool is farthest from both legs where it passes from one to
     the other.
@@ -56,13 +58,14 @@ def largest_kink(tube: Tube, chains: tuple[range, ...], spacing: float) -> float
 
 
 def sharpest_bend(tube: Tube, chains: tuple[range, ...] = ()) -> float:
-    """Return by how much a path turns over the length of a radius, at most [rad].
+    """Return the largest turn of a path over the length of a radius [rad].
 
-    To and fro count as one: it is the inverse of the radius of curvature, in radii, or noise.
+    Turns in opposite directions add up: the result is the inverse of the radius of curvature, in
+    radii, or noise.
 
     Args:
         tube: The tube.
-        chains: The segments of every phase, if only what lies within counts.
+        chains: The segments of every phase, if only turns within them count.
     """
     turns = _turns(tube)
     turns[[chain.stop - 1 for chain in chains[:-1]]] = 0.0
@@ -87,7 +90,7 @@ def smoothed_turns(tube: Tube) -> FloatArray:
 
 
 def _is_corner(tube: Tube) -> BoolArray:
-    """Return whether each inner reference point is a corner that ends a phase, shape (m-1,)."""
+    """Return True for inner reference points that are corners and end a phase, shape (m-1,)."""
     kinks = _kinks(tube, _spacing(tube), np.minimum(_turns(tube), smoothed_turns(tube)))
     is_corner: BoolArray = kinks >= (_KINK if len(kinks) > _MANY_CORNERS else 0.0)
     if is_corner.sum() > _MANY_CORNERS:
@@ -96,18 +99,13 @@ def _is_corner(tube: Tube) -> BoolArray:
     return is_corner
 
 
-def _conditions_change(tube: Tube) -> BoolArray:
-    """Return where the conditions on the arm are others, shape (m-1,)."""
-    return np.array([before != after for before, after in pairwise(tube.conditions)], dtype=bool)
-
-
 def _spacing(tube: Tube) -> float:
-    """Return about how far apart samples are [m]."""
+    """Return the approximate spacing of samples [m]."""
     return float(arc_lengths(tube.points)[-1]) / _SAMPLES
 
 
 def _kinks(tube: Tube, spacing: float, turn: FloatArray) -> FloatArray:
-    """Return how far samples cut the inner reference points, in radii, shape (m-1,).
+    """Return the sag of chords between samples at inner reference points, in radii, (m-1,).
 
     A chord of a length d over a turn by a small angle passes it at d / 4 times the angle, at most.
     """
@@ -131,33 +129,32 @@ def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
     return angles
 
 
-# ---- Which segment of its chain each sample of a spline belongs to: in order, and as near as can
-# be.
+# ---- The segment of each sample in its chain: in order, and as near as possible.
 #
-# The judge asks for segments one after the other too: the tool may not skip back where a path comes
+# The certificate requires the segments in order too: the tool may not skip back where a path comes
 # near itself, and a closed path begins in its first segment and ends in its last. Nor may it leave
-# segments out, though that is not seen at samples: each of them may be near some segment or other.
+# segments out, though samples do not show that: each of them may be near another segment.
 
 # The tool takes a short cut between two samples if it leaves out so many radii more of the path
-# than it moves. Segments left out count from so many radii away, if they are farther than the
+# than it moves. Omitted segments count from so many radii away, if they are farther than the
 # samples' own, by this factor: so the program sees them before the tool has left them.
 _SHORT_CUT, _FAR, _FARTHER = 0.5, 0.3, 1.1
 _NO_SQUARE = 1e-30  # [m^2]
-# What segments that are asked for count at least, in radii.
+# Least distance of requested segments, in radii.
 _LEAST_SHARE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class OrderedSegments:
-    """The segments of N samples of a spline, wherever the tool is.
+    """The segments of N samples of a spline, as a function of the tool's positions.
 
     Attributes:
         points: Reference points, shape (m+1, 3) [m].
         radius: Of the segments, shape (m,) [m].
         chains: The segments of every phase.
         samples: The samples, in any order.
-        is_asked: Which segments are given a sample wherever the tool is, shape (m,): of those that
-            it missed, which samples do not tell. None: no segment.
+        is_asked: Whether a segment gets a sample wherever the tool is, shape (m,): the segments
+            that it missed between samples. None: no segment.
     """
 
     points: FloatArray
@@ -168,30 +165,31 @@ class OrderedSegments:
 
     @cached_property
     def in_chain(self) -> BoolArray:
-        """Whether the phases of the samples have several segments, shape (N,)."""
+        """True for samples whose phase has several segments, shape (N,)."""
         several = np.array([len(chain) > 1 for chain in self.chains])
         in_chain: BoolArray = several[self.samples.phase]
         return in_chain
 
     def at(self, tool: FloatArray) -> IntArray:
-        """Return the samples' segments if the tool is at some places (N, 3), shape (N,)."""
+        """Return the samples' segments with the tool at (N, 3), shape (N,)."""
         segment = np.array([chain.start for chain in self.chains])[self.samples.phase]
         for chain, members in self._members:
             segment[members] += self._passage(tool, chain, members).segments()
         return segment
 
     def missed(self, tool: FloatArray) -> BoolArray:
-        """Return which segments of chains no sample is in if the tool is at (N, 3), shape (m,)."""
+        """Return True for segments of chains with no sample inside, the tool at (N, 3); (m,)."""
         missed = np.zeros(len(self.radius), dtype=bool)
         for chain, members in self._members:
             missed[chain.start : chain.stop] = self._passage(tool, chain, members).missed()
         return missed
 
     def _passage(self, tool: FloatArray, chain: range, members: IntArray) -> "_Passage":
-        here = slice(chain.start, chain.stop)
-        points, radius = self.points[chain.start : chain.stop + 1], self.radius[here]
-        asked = np.zeros(len(chain), dtype=bool) if self.is_asked is None else self.is_asked[here]
-        return _Passage(tool[members], points, radius, asked)
+        own, is_asked = slice(chain.start, chain.stop), np.zeros(len(chain), dtype=bool)
+        if self.is_asked is not None:
+            is_asked = self.is_asked[own]
+        points = self.points[chain.start : chain.stop + 1]
+        return _Passage(tool[members], points, self.radius[own], is_asked)
 
     @cached_property
     def _members(self) -> list[tuple[range, IntArray]]:
@@ -206,10 +204,10 @@ class OrderedSegments:
 
 
 def ordered_choice(cost: FloatArray) -> IntArray:
-    """Return the cheapest never decreasing choice that begins with the first and ends at the last.
+    """Return the cheapest non-decreasing choice from the first at the first sample to the last.
 
     Args:
-        cost: What each of m choices costs each of N samples, shape (N, m); finite.
+        cost: Of each of m choices at each of N samples, shape (N, m); finite.
 
     Returns:
         The choices, shape (N,).
@@ -232,13 +230,13 @@ def ordered_choice(cost: FloatArray) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class _Passage:
-    """How the tool passes a chain's segments.
+    """The tool's passage through a chain of m segments.
 
     Attributes:
-        tool: Where it is at N samples, in the order of time, shape (N, 3) [m].
+        tool: Tool positions at N samples, in the order of time, shape (N, 3) [m].
         points: The chain's reference points, shape (m+1, 3) [m].
         radius: Of its segments, shape (m,) [m].
-        is_asked: Which of them get a sample in any case, shape (m,).
+        is_asked: Whether a segment gets a sample in any case, shape (m,).
     """
 
     tool: FloatArray
@@ -247,16 +245,16 @@ class _Passage:
     is_asked: BoolArray
 
     def missed(self) -> BoolArray:
-        """Return in which segments the tool never is, shape (m,)."""
+        """Return True for segments with no sample inside, shape (m,)."""
         missed: BoolArray = self._square.min(axis=0) > self.radius**2
         return missed
 
     def segments(self) -> IntArray:
         """Return the samples' segments, in order, shape (N,).
 
-        The nearest in order leave out whole bends where the tool is as near to what follows. So
-        where it takes short cuts, what is left out has a price too, by its distance from the line
-        between two samples. If it still is far off, one of the two belongs to it.
+        The nearest segments in order leave out whole bends where the tool is as near to later
+        segments. So where it takes short cuts, omitted segments have a cost too, by their distance
+        from the line between two samples. If one is still far off, it gets one of the two samples.
         """
         cost = (self._square / self.radius**2) ** 2
         choice = ordered_choice(cost)
@@ -264,50 +262,50 @@ class _Passage:
             return choice  # as a rule
         choice = ordered_choice_paying(cost, (self._square_from_lines() / self.radius**2) ** 2)
         farthest, share = self._left_out(choice)
-        has_moved = np.zeros(len(choice), dtype=bool)
-        has_moved[[0, -1]] = True  # these stay in the first segment and the last
+        is_fixed = np.zeros(len(choice), dtype=bool)
+        is_fixed[[0, -1]] = True  # these stay in the first segment and the last
         for step in np.argsort(-share, kind="stable")[: np.count_nonzero(share)]:
             segment = farthest[step]
             nearer = step + np.argsort(self._square[step : step + 2, segment], kind="stable")
-            free = nearer[~has_moved[nearer]][:1]
-            choice[free], has_moved[free] = segment, True
+            free = nearer[~is_fixed[nearer]][:1]
+            choice[free], is_fixed[free] = segment, True
         return choice
 
     @cached_property
     def _square(self) -> FloatArray:
-        """The samples' squared distances from the segments, shape (N, m) [m^2]."""
+        """Squared distances of the samples from the segments, shape (N, m) [m^2]."""
         return _squared_distances(self.tool, self.points[:-1], self.points[1:])
 
     @cached_property
     def _along(self) -> FloatArray:
-        """How far along the path the reference points are, shape (m+1,) [m]."""
+        """Arc lengths of the reference points, shape (m+1,) [m]."""
         return arc_lengths(self.points)
 
     def _square_from_lines(self) -> FloatArray:
         """Return squared distances of segments from the lines between samples, (N-1, m) [m^2].
 
-        To the ends of either: no more is needed where one of both is short.
+        Between the ends of one and the other: enough where one of both is short.
         """
         from_points = _squared_distances(self.points, self.tool[:-1], self.tool[1:]).T
         from_samples = np.minimum(self._square[:-1], self._square[1:])
         return np.minimum(from_samples, np.minimum(from_points[:, :-1], from_points[:, 1:]))
 
     def _left_out(self, choice: IntArray) -> tuple[IntArray, FloatArray]:
-        """Return of the segments that short cuts leave out the farthest, and how far off it is.
+        """Return the farthest segment that each short cut leaves out, and its distance.
 
         Returns:
             For every step between two samples, both of shape (N-1,): the segment, and its distance
-            in radii from the line between them; 0 where none is left out that counts.
+            in radii from the line between them; 0 where no omitted segment counts.
         """
         farthest, share = np.zeros(len(choice) - 1, dtype=np.int64), np.zeros(len(choice) - 1)
         left_out = self._along[choice[1:]] - self._along[choice[:-1] + 1]
-        moved = np.linalg.norm(np.diff(self.tool, axis=0), axis=1)
+        travel = np.linalg.norm(np.diff(self.tool, axis=0), axis=1)
         own = np.sqrt(self._square[np.arange(len(choice)), choice]) / self.radius[choice]
         beside = np.maximum(own[:-1], own[1:])
         several = np.diff(choice) > 1
-        asked = np.concatenate([[0], np.cumsum(self.is_asked)])
-        leaves_asked = several & (asked[choice[1:]] > asked[choice[:-1] + 1])
-        for step in np.flatnonzero((several & (left_out > moved)) | leaves_asked):
+        asked_before = np.concatenate([[0], np.cumsum(self.is_asked)])
+        leaves_asked = several & (asked_before[choice[1:]] > asked_before[choice[:-1] + 1])
+        for step in np.flatnonzero((several & (left_out > travel)) | leaves_asked):
             segments = np.arange(choice[step] + 1, choice[step + 1])
             line = self.tool[step : step + 2]
             between = self.points[segments[0] : segments[-1] + 2]
@@ -317,7 +315,7 @@ class _Passage:
             away = np.sqrt(square) / self.radius[segments]
             worst = int(away.argmax())
             segment, distance = segments[worst], away[worst]
-            is_short_cut = left_out[step] > moved[step] + _SHORT_CUT * self.radius[segment]
+            is_short_cut = left_out[step] > travel[step] + _SHORT_CUT * self.radius[segment]
             is_far = distance > 1 or distance > max(_FAR, _FARTHER * beside[step])
             if is_short_cut and is_far:
                 farthest[step], share[step] = segment, distance
@@ -329,12 +327,11 @@ class _Passage:
 
 
 def ordered_choice_paying(cost: FloatArray, passing: FloatArray) -> IntArray:
-    """Return the cheapest ordered choice if what is left out between two samples has a price.
+    """Return the cheapest ordered choice with a cost of choices left out between two samples.
 
     Args:
         cost: As in `ordered_choice`.
-        passing: What a choice costs if it lies between those of a sample and the next, shape
-            (N-1, m).
+        passing: Cost of a choice between those of a sample and the next, shape (N-1, m).
 
     Returns:
         The choices, shape (N,).
@@ -345,9 +342,9 @@ def ordered_choice_paying(cost: FloatArray, passing: FloatArray) -> IntArray:
     best, every = cost[0], np.arange(choices)
     origin = np.empty((count - 1, choices), dtype=np.int64)
     for step, paid in enumerate(np.cumsum(passing, axis=1)):
-        left = best - paid  # from j to k > j it takes paid[k - 1] - paid[j]
-        least = np.minimum.accumulate(left)
-        cheapest = np.maximum.accumulate(np.where(left <= least, every, 0))
+        unpaid = best - paid  # from j to k > j it takes paid[k - 1] - paid[j]
+        least = np.minimum.accumulate(unpaid)
+        cheapest = np.maximum.accumulate(np.where(unpaid <= least, every, 0))
         onward = np.concatenate([[np.inf], (least + paid)[:-1]])
         moves = onward < best
         origin[step] = np.where(moves, np.concatenate([[0], cheapest[:-1]]), every)

@@ -1,8 +1,4 @@
-"""SequentialProgram: one leg on one knot grid; costs of its limits.
-
-They hold for the least change. Where the steps that a limit bars from all hardly use it, as next to
-a start on a tolerance, others bar them at once: where multipliers say much, a rise is tried.
-"""
+"""SequentialProgram: one leg on one knot grid; costs of its limits."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,13 +28,17 @@ from tubeplanner.optimizer.step_objective import ShortestDuration, StepCost, Ste
 from tubeplanner.optimizer.step_program import step_program
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- What each limit costs, by the multipliers of a leg's linear program.
+# ---- Cost of each limit, by the multipliers of a leg's linear program.
+#
+# Multipliers hold for infinitesimal changes. Where the steps that a limit bars hardly use it, as
+# next to a start on a tolerance, other limits bar them at once: where a multiplier is large, the
+# program is solved with a rise of the limit.
 
-# Where elastic rows cost more than this share of their penalty, multipliers say little else: then
-# so many times what they are violated by is allowed, or this much.
+# Where elastic rows cost more than this share of their penalty, multipliers tell the penalty: then
+# so many times their violation is allowed, or this much.
 _SHARE_OF_PENALTY, _SPARE_SHARE, _LEAST_SPARE = 0.5, 2.0, 1e-5
-# The rise that is tried. (Beside such a start, multipliers of a tolerance said 0.3 to 400 where
-# rises of 0.1 % to 10 % gained nothing. Steps of the program have room for this one.)
+# The rise. (Beside such a start, multipliers of a tolerance said 0.3 to 400 where rises of 0.1 % to
+# 10 % gained nothing. Steps of the program have room for this one.)
 _RISE = 0.03
 _TOLERANCE = 1e-6  # of the solution, absolute and relative
 
@@ -46,25 +46,25 @@ _TOLERANCE = 1e-6  # of the solution, absolute and relative
 def limit_costs(
     linear: Linearization, plausible: FloatArray, rise: FloatArray
 ) -> FloatArray | None:
-    """Return what each limit costs, shape (L,): d ln T^2 by its relative rise.
+    """Return the cost of each limit, shape (L,): d ln T^2 by its relative rise.
 
     Args:
         linear: The constraints to first order.
-        plausible: Up to which cost of each limit multipliers are believed, shape (L,).
-        rise: What slack a relative rise of its limit adds to each row, by the rows' numbers; to
-            planes it adds all.
+        plausible: Largest cost of each limit at which multipliers are believed, shape (L,).
+        rise: Slack of each row per relative rise of its limit, by the rows' numbers; of planes, 1.
 
     Returns:
-        None where multipliers tell the penalty alone: something stays violated.
+        None if constraints stay violated: multipliers tell the penalty alone.
     """
     step = _exact_step(linear)
     if step is None or step.elastic > BROKEN:
         return None
     limit, index = linear.limits()
     gained = np.where(index >= 0, rise[index], 1.0)
-    known = slice(len(step.multipliers))  # what was added since is no part of the program
-    costs, named = np.zeros(len(plausible)), limit[known] >= 0
-    np.add.at(costs, limit[known][named], np.maximum(step.multipliers * gained[known], 0.0)[named])
+    count = len(step.multipliers)  # rows that were added later are not in the program
+    costs, has_limit = np.zeros(len(plausible)), limit[:count] >= 0
+    by_row = np.maximum(step.multipliers * gained[:count], 0.0)
+    np.add.at(costs, limit[:count][has_limit], by_row[has_limit])
     for k in np.flatnonzero(costs > plausible):
         risen = _solved(linear, _TOLERANCE, _RISE * gained * (limit == k))
         if risen is not None:
@@ -73,10 +73,9 @@ def limit_costs(
 
 
 def _exact_step(linear: Linearization) -> Step | None:
-    """Return the step to the finer tolerance, once it is known what counts.
+    """Return the step to the finer tolerance, or to the usual one if the solver fails.
 
-    Where the solver does not get there, as near as steps are elsewhere. If something stays
-    violated, by next to nothing, that much is allowed: else multipliers tell the penalty.
+    If elastic rows stay slightly violated, that much is allowed: else multipliers tell the penalty.
     """
     search = StepSearch([linear], shared_columns([linear.shape], [False]))
     steps = search.solve()
@@ -100,13 +99,13 @@ def _solved(
     return None if steps is None else steps[0]
 
 
-# ---- Shortening a trajectory on one knot grid: what the descent asks of one leg.
+# ---- Shortening a trajectory on one knot grid: one leg of a descent.
 #
 # The unknowns are the control points, the switching times and the squared duration. After every
 # step the duration is made exact by time scaling, so that each iterate keeps all limits at its
 # samples; tube and clearances are elastic.
 
-# Rows are given to the solver if they are this near, or a part of the trust region away.
+# The first program has the rows that are this near, or a part of the trust region away.
 _NEAR, _NEAR_SHARE = 0.03, 0.03
 _LARGEST_DURATION_STEP = 1.0
 # Phases change by at most this share of their width, and of the trust region.
@@ -114,7 +113,7 @@ _MAX_WIDTH_SHARE, _WIDTH_SHARE = 0.3, 8.0
 # For the multipliers: a small trust region, hardly any quadratic part.
 _MULTIPLIER_TRUST = TrustRegion(0.02, 0.0)
 _MULTIPLIER_SMOOTHING = 1e-3
-# Up to these costs they are believed: d ln T^2 by a relative rise is 2 at most for a velocity.
+# Largest costs that are believed: d ln T^2 by a relative rise is 2 at most for a velocity.
 # (Of a tolerance that the start is on, multipliers said 0.15 where a rise gained nothing.)
 _PLAUSIBLE_OF_SPEED, _PLAUSIBLE_OF_TUBE = 2.0, 0.1
 
@@ -125,7 +124,7 @@ class SequentialProgram:
     Attributes:
         constraints: The constraints of the splines.
         grid: The splines' knots.
-        variables: What may change.
+        variables: The variable control points.
     """
 
     def __init__(
@@ -139,16 +138,16 @@ class SequentialProgram:
         *,
         start_moves: bool = False,
     ) -> None:
-        """Prepare it.
+        """Set up constraints, variables and cost.
 
         Args:
             problem: The planning problem.
             grid: The splines' knots.
-            links: What is watched of the links already.
+            links: The constraints on links, with the pairs that are watched already.
             radius: Of the tube's segments, if not their own, shape (m,) [m].
-            objective: What steps are to gain; None: a shorter duration.
+            objective: Gain that steps aim at; None: a shorter duration.
             room: The share of the tube's regions that stays unused, shape (m,); None: none.
-            start_moves: Whether the start is tied to where another leg ends.
+            start_moves: Whether the start is tied to the end of another leg.
         """
         self._objective: StepObjective = objective or ShortestDuration()
         radius = problem.tube.effective_radius if radius is None else radius
@@ -161,7 +160,7 @@ class SequentialProgram:
         self._cost = StepCost(self.variables, grid, problem.robot.joint_count)
 
     def iterate(self, spline: PhasedSpline) -> Iterate:
-        """Return a trajectory with its cost, its control points moved into the joints' bounds."""
+        """Return the iterate of a spline, its control points clipped to the joints' bounds."""
         points = self.variables.within_bounds(spline.control_points)
         return self.constraints.at(PhasedSpline(self.grid, spline.switching_times, points))
 
@@ -175,16 +174,7 @@ class SequentialProgram:
         max_steps: int,
         checkpoint: Callable[[Iterate], None] = lambda iterate: None,
     ) -> Improved:
-        """Return a shorter trajectory, if there is one.
-
-        Args:
-            current: Where to start.
-            trust: The first trust region.
-            penalty: First weight of the elastic constraints.
-            min_gain: A step that should gain less than this share of T^2 ends it, or two that do.
-            max_steps: So many steps end it too.
-            checkpoint: Called with every iterate; it may raise to end the work.
-        """
+        """Return a shorter trajectory, or the first one; see `Descent.improved`."""
         descent = Descent((self,), (False,))
         return descent.improved(
             (current,),
@@ -196,29 +186,26 @@ class SequentialProgram:
         )
 
     def elasticities(self, current: Iterate) -> dict[LimitKey, float]:
-        """Return d ln T / d ln p of a spline as short as it can be made, for every limit p.
+        """Return d ln T / d ln p of an optimal spline, for every limit p: none is positive.
 
-        From the multipliers of its linear program: half of what a limit's rows cost, as their
-        objective is the relative change of T^2.
-
-        Returns:
-            By the limits on the speed and the tube's tolerances. None of them is positive.
+        Half of the cost of a limit's rows, as their objective is the relative change of T^2. Empty
+        if constraints stay violated.
         """
-        # What the answer itself is outside of the margins costs nothing.
+        # The answer's own violation of the margins costs nothing.
         current = replace(current, regions=tuple(map(_holding, current.regions)))
         rows, is_elastic = self.constraints.rows(current, None)
         rows = replace(rows, slack=np.maximum(rows.slack, 0.0))
-        # Nor does what variables hardly move, such as a start on its tolerance.
-        # An open goal stays, unless it has tolerances of its own, which cost something too.
+        # An open goal is fixed, unless it has tolerances, which have a cost too.
         has_tolerances = bool(goal_keys(self._problem))
         bounds = self._bounds(current, _MULTIPLIER_TRUST, goal_moves=has_tolerances)
         size = StepSize(_MULTIPLIER_TRUST.largest_change, bounds.switching)
+        # Samples that variables hardly move, such as a start on its tolerance, cost nothing.
         still = tuple(self._hardly_move(regions, size) for regions in current.regions)
-        given = (rows.slack < _NEAR) & (self._reach(rows, size) + abs(rows.duration) > 0)
+        near = (rows.slack < _NEAR) & (self._reach(rows, size) + abs(rows.duration) > 0)
         linear = Linearization(
             current,
             (rows, is_elastic),
-            Given(given, _near_planes(current, still), still),
+            Given(near, _near_planes(current, still), still),
             self.variables,
             bounds,
             self._cost.quadratic(current.spline).times(_MULTIPLIER_SMOOTHING),
@@ -236,7 +223,7 @@ class SequentialProgram:
         return dict(zip(keys, -costs / 2 * share, strict=True))
 
     def _hardly_move(self, regions: EvaluatedRegions, size: StepSize) -> BoolArray:
-        """Return which samples a step moves by less than what the merit function ignores, (N,)."""
+        """Return True for samples that a step moves less than the merit function ignores, (N,)."""
         planes = regions.planes
         reach = np.full(len(regions.vector), np.inf)
         reach[planes.sample] = 0.0
@@ -244,7 +231,7 @@ class SequentialProgram:
         return (reach < MERIT_TOLERANCE) | ~self.variables.move(regions.at)
 
     def _reach(self, rows: Rows, size: StepSize) -> FloatArray:
-        """Return how far a step of the variables can move each row, shape (R,)."""
+        """Return the largest change of each row by a step of the variables, shape (R,)."""
         is_free = self.variables.column[rows.first[:, None] + np.arange(DEGREE + 1)] != FIXED
         return replace(rows, control=rows.control * is_free[:, :, None]).reach(size)
 
@@ -255,7 +242,7 @@ class SequentialProgram:
     def moved(
         self, current: Iterate, step: Step, start: FloatArray | None = None
     ) -> Iterate | None:
-        """Return where a step leads, a start that moves to a configuration; None if nowhere."""
+        """Return the iterate after a step, its moved start at (n,) if given; None if infeasible."""
         points = self.variables.moved(current.spline.control_points, step.control, start)
         if points is None:
             return None
@@ -267,14 +254,14 @@ class SequentialProgram:
     def gains(
         self, current: Iterate, trial: Iterate, step: Step, penalty: float
     ) -> tuple[float, float]:
-        """Return what a step should have gained, and what it did, in shares of T^2."""
-        before, expected, found = (
+        """Return the predicted and the actual gain of a step, as shares of T^2."""
+        before, expected, actual = (
             max(excess - self._objective.ignored_excess, 0.0)
             for excess in (current.excess, step.elastic, trial.excess)
         )
         predicted = self._objective.predicted_gain(current, step)
         gain = self._objective.gain(current, trial)
-        return predicted + penalty * (before - expected), gain + penalty * (before - found)
+        return predicted + penalty * (before - expected), gain + penalty * (before - actual)
 
     def slack(self, current: Iterate, trial: Iterate, step: Step) -> FloatArray:
         """Return the slack of a linearization's rows after a step, by their numbers."""
@@ -285,9 +272,9 @@ class SequentialProgram:
         return self._cost.squared_rates(current.spline, step.control, step.switching)
 
     def radius_of(self, current: Iterate, step: Step, unit: float) -> float:
-        """Return the radius of the smallest trust region, in units, that has room for a step.
+        """Return the radius of the smallest trust region, in units, that contains a step.
 
-        Phases that hardly have a width let a step fail as control points do.
+        Relative changes of the widths of phases count too: steps fail by them as by control points.
         """
         farthest = float(abs(step.control).max(initial=0.0)) / unit
         widths = np.diff(current.spline.switching_times)[: len(step.switching) + 1]
@@ -295,7 +282,7 @@ class SequentialProgram:
         return max(farthest, float(abs(changes / widths).max()) / _WIDTH_SHARE)
 
     def after(self, step: Step) -> None:
-        """Take note of a step that the program found."""
+        """Record a solution of the step's program."""
         self._objective.after(step)
 
     def linearized(
@@ -310,49 +297,43 @@ class SequentialProgram:
         planes = _near_planes(current, none)
         if remembered.planes:
             planes = tuple(starmap(Planes.and_also, zip(planes, remembered.planes, strict=True)))
+        regularization = self._cost.quadratic(current.spline, trust.damping)
         return Linearization(
             current,
             (rows, is_elastic),
             Given(near | np.isin(rows.index, remembered.rows), planes, none),
             self.variables,
             bounds,
-            self._objective.cost(
-                current,
-                self.variables,
-                self._cost.quadratic(current.spline, trust.damping),
-            ),
+            self._objective.cost(current, self.variables, regularization),
             penalty,
         )
 
     def _bounds(self, current: Iterate, trust: TrustRegion, *, goal_moves: bool = True) -> Bounds:
-        """Return the bounds of a step."""
         widths = np.diff(current.spline.switching_times)
         widths *= min(_MAX_WIDTH_SHARE, _WIDTH_SHARE * trust.radius)
         switching = np.minimum(np.cumsum(widths)[:-1], np.cumsum(widths[::-1])[-2::-1])
-        switching = switching[: self.grid.switch_count]
         points = current.spline.control_points
-        now, joints = self.variables.of(points), points.shape[1]
-        held = self.variables.held(points)
+        now, held = self.variables.of(points), self.variables.held(points)
         return Bounds(
             np.clip(self.variables.lower - now, -trust.largest_change, 0.0),
             np.clip(self.variables.upper - now, 0.0, trust.largest_change),
-            switching,
+            switching[: self.grid.switch_count],
             widths,
             (self._objective.least_duration_step, _LARGEST_DURATION_STEP),
-            held if goal_moves or len(held) == 0 else np.eye(joints),
+            held if goal_moves or len(held) == 0 else np.eye(points.shape[1]),
         )
 
 
 def _holding(regions: EvaluatedRegions) -> EvaluatedRegions:
-    """Return regions that hold their vectors, with less margin where they did not."""
+    """Return regions that contain their vectors, with less margin where they did not."""
     return replace(regions, margin=regions.margin - np.maximum(regions.excess, 0.0))
 
 
 def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Planes, ...]:
-    """Return the planes of every kind of regions that are near, but for some samples'."""
-    found = []
-    for regions, left_out in zip(current.regions, ignored, strict=True):
+    """Return the near planes of every kind of regions, without those of ignored samples."""
+    near = []
+    for regions, is_ignored in zip(current.regions, ignored, strict=True):
         planes = regions.planes
         is_near = (regions.slack(planes) < _NEAR) | regions.is_crossed
-        found.append(planes.where(is_near & ~left_out[planes.sample]))
-    return tuple(found)
+        near.append(planes.where(is_near & ~is_ignored[planes.sample]))
+    return tuple(near)

@@ -1,4 +1,4 @@
-"""SplineConstraints: all constraints at samples, with added samples."""
+"""SplineConstraints: all constraints of a spline at samples, and the samples added to them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ from tubeplanner.optimizer.sampled_spline import SampledSpline, sampled
 from tubeplanner.optimizer.segment_chains import OrderedSegments, largest_kink
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- What a tube's tolerances are called among the limits.
+# ---- Keys of a tube's tolerances among the limits.
 
 
 def tolerance_keys(tube: Tube) -> list[LimitKey]:
@@ -67,18 +67,19 @@ def rotation_keys(tube: Tube) -> list[LimitKey]:
     return [LimitKey("rotation", segment=k) for k in range(tube.segment_count)]
 
 
-# ---- All constraints of a spline at samples, with samples added where necessary.
+# ---- All constraints of a spline at samples.
 
 # Samples per knot interval. Accelerations are straight lines there and jerks constant; other limits
 # than these and velocities depend on the configuration.
 _RATE_SAMPLES = np.zeros(1)
 _CONFIGURATION_SAMPLES = np.arange(2) / 2
-_JERK_SAMPLES = np.arange(3) / 2  # at knots, where jerks jump, those of both sides
+_JERK_SAMPLES = np.arange(3) / 2  # at knots, where jerks jump, on both sides
 _TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
 # Where samples are added to the tube's on either side of an instant, in their spacings.
 _BESIDE = np.array([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75])
-# Samples may lie this much farther apart than on average; and what their kinks may take, in radii.
+# Samples may lie this much farther apart than on average; and the largest margin for kinks between
+# them, in radii.
 _UNEVEN, _MOST_FOR_KINKS = 2, 0.03
 # Over about so many knot intervals the Coulomb friction of one direction is blended into the
 # other's: first, and in the end.
@@ -89,21 +90,22 @@ _HIGHER, _HIGHER_IN_A_GIVEN_DURATION = 1.001, 1.0002
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """A spline and what it costs.
+    """A spline, its duration, and its constraints at samples.
 
     Attributes:
         spline: Control points and switching times.
         squared_duration: The least T^2 that the limits allow at the samples [s^2].
         duration: T in which it is run [s].
-        excess: How far tool or links violate their constraints, >= 0: of the tool in
-            radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
-        limits: What it was computed from: the limits on its speed.
-        regions: Likewise, the tool's position and the angle of its rotation, if that is bounded.
-        rotations: Likewise, the components of its rotation, where they are bounded.
-        links: Likewise.
+        excess: Largest violation by tool or links, >= 0: of the tool in radii or rotation
+            tolerances beyond the narrowed tube, of links in units of 5 cm.
+        limits: The limits on its speed.
+        regions: The regions of the tool's position, and of its rotation angle where bounded.
+        rotations: The bounds on the components of the tool's rotation, where there are some.
+        links: The watched pairs of links.
         watched: The spline and the arm at two samples per knot interval, at the end of every phase,
-            and at samples that were added.
-        rates: Likewise, at the beginning of every knot interval and at the end of every phase.
+            and at added samples.
+        rates: The spline and the arm at the beginning of every knot interval and the end of every
+            phase.
     """
 
     spline: PhasedSpline
@@ -119,7 +121,7 @@ class Iterate:
 
     @property
     def constraints(self) -> tuple[EvaluatedRows, ...]:
-        """All but regions, in the order in which their rows are numbered."""
+        """All constraints but regions, in the order in which their rows are numbered."""
         return (*self.limits, *self.rotations, self.links)
 
     @property
@@ -129,7 +131,7 @@ class Iterate:
 
 
 class SplineConstraints:
-    """What splines on one knot grid must keep.
+    """All constraints of splines on one knot grid.
 
     Attributes:
         keys: Of all limits, in the order of their numbers.
@@ -149,14 +151,13 @@ class SplineConstraints:
         Args:
             problem: The planning problem.
             grid: The splines' knots.
-            links: What is watched of the links already.
+            links: The constraints on links, with the pairs that are watched already.
             radius: Of the tube's segments, shape (m,) [m].
             run_in: The duration in which splines are run [s]; None: the least that limits allow.
             room: The share of the tube's regions that stays unused, shape (m,); None: none.
         """
         self._run_in, self._blended = run_in, BLENDED
         self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
-        self._has_reversals = problem.robot.motors.has_coulomb_friction
         limits = speed_limits(problem)
         self._goal_keys = goal_keys(problem)
         of_speed = [key for limit in limits for key in limit.keys]
@@ -183,29 +184,29 @@ class SplineConstraints:
         self._passing_samples = ends.where(np.searchsorted(stops, problem.tube.compulsory_points))
         self._last_sample = ends.where(np.array([len(grid.chains) - 1]))
         self._dense_samples = grid.samples(_DENSE_SAMPLES)
-        # Of the segments of chains, those that are asked for whatever is nearest to samples.
+        # Of the segments of chains, those that get a sample wherever the tool is.
         self._is_asked = np.zeros(problem.tube.segment_count, dtype=bool)
 
     def blend(self, intervals: float) -> bool:
-        """Blend friction over so many knot intervals from now on; return if that is a change."""
-        has_changed = self._has_reversals and intervals != self._blended
+        """Blend friction over a number of knot intervals; return True if that is a change."""
+        has_changed = self._problem.robot.motors.has_coulomb_friction and intervals != self._blended
         self._blended = intervals
         return has_changed
 
     def links_on(self, spline: PhasedSpline, other: PhasedSpline) -> LinkConstraints:
-        """Return what is watched of a spline's links, for the same spline on other knots."""
+        """Return the constraints on a spline's links, for the same spline on other knots."""
         return self._links.on_other_knots(spline, other)
 
     def at(self, spline: PhasedSpline) -> Iterate:
-        """Return a spline with what it costs at the samples."""
+        """Return a spline with its constraints at the samples."""
         return self._at(spline, self._watched_samples, self._tube_samples)
 
     def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
-        """Return the rows of all but regions, and 1 for those that may be violated, else 0.
+        """Return the rows of all constraints but regions, and 1 for elastic ones, else 0.
 
         Args:
             current: The spline.
-            size: Of the step; rows that it cannot break are left out. None: all rows.
+            size: Largest step; rows that it cannot break are left out. None: all rows.
         """
         parts, elastic, count = [], [], 0
         for constraint in current.constraints:
@@ -216,17 +217,17 @@ class SplineConstraints:
         return stacked(parts), np.concatenate(elastic)
 
     def rise(self, current: Iterate) -> FloatArray:
-        """Return what slack rows gain by a relative rise of their limits, by their numbers."""
+        """Return the slack that rows gain by a relative rise of their limits, by their numbers."""
         others = current.constraints[len(current.limits) :]
         counts = [np.ones(constraint.row_count) for constraint in others]
         return np.concatenate([*(limit.rise for limit in current.limits), *counts])
 
     def slack(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
-        """Return the slack that a trial has, by the numbers of the rows at a spline.
+        """Return the slack at a trial of a spline's rows, by their numbers.
 
         Args:
-            current: The spline whose rows are meant.
-            trial: The spline at which to evaluate them.
+            current: The spline.
+            trial: The spline after a step.
             squared_duration: The trial's, as a multiple of the spline's.
         """
         duration = current.duration
@@ -235,16 +236,16 @@ class SplineConstraints:
         )
 
     def look_for_links(self, spline: PhasedSpline) -> bool:
-        """Watch links where they come close; return whether some are too close and were not."""
+        """Watch links where they come close; return True if a new pair is too close."""
         return self._links.look(spline)
 
     def between_samples(self, spline: PhasedSpline) -> Iterate:
-        """Return a spline with what it costs between samples too."""
+        """Return a spline with its constraints at dense samples."""
         dense = self._dense_samples
         return self._at(spline, dict.fromkeys(self._watched_samples, dense), dense)
 
     def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
-        """Return a spline's cost between samples too, and whether samples had to be added."""
+        """Return a spline with its constraints at dense samples, and whether samples were added."""
         has_more = self.look_for_links(current.spline)
         worst, dense = self.between_samples(current.spline), self._dense_samples
         tube, *_ = worst.regions
@@ -265,7 +266,7 @@ class SplineConstraints:
         return worst, has_more or len(outside) > 0
 
     def _ask_for_missed(self, tool: FloatArray) -> bool:
-        """Ask for the segments that the tool is in at no dense sample; return if one is new."""
+        """Ask for the segments that the tool misses at dense samples; return True if one is new."""
         points, chains = self._problem.tube.points, self._grid.chains
         segments = OrderedSegments(points, self._radius, chains, self._dense_samples)
         missed = segments.missed(tool) & ~self._is_asked
@@ -273,24 +274,20 @@ class SplineConstraints:
         return bool(missed.any())
 
     def add_samples(self, spline: PhasedSpline, x: float) -> None:
-        """Add samples of everything at an instant, from 0 to 1.
+        """Add samples of all constraints at an instant x from 0 to 1.
 
-        Of the tube, some on either side too: at a corner, samples before and after the instant may
-        be in one segment each, and what lies between them in neither.
+        The tube gets some on either side too: at a corner, samples before and after the instant may
+        be in one segment each, and the motion between them in neither.
         """
-        samples = self.watch(spline, np.array([x]))
-        beside = np.clip(x + _BESIDE * self._dense_spacing(spline, samples), 0.0, 1.0)
-        around = self._grid.samples_at(spline.switching_times, beside)
+        samples, times = self.watch(spline, np.array([x])), spline.switching_times
+        width = np.diff(self._grid.breakpoints(times))[samples.interval[0]]
+        spacing = float(width / (len(_DENSE_SAMPLES) - 1))
+        around = self._grid.samples_at(times, np.clip(x + _BESIDE * spacing, 0.0, 1.0))
         self._tube_samples = self._tube_samples.and_also(samples).and_also(around)
         self._links.look_at(spline, samples)
 
-    def _dense_spacing(self, spline: PhasedSpline, sample: Samples) -> float:
-        """Return the time between the samples between which nothing is looked at, near a sample."""
-        ends = self._grid.breakpoints(spline.switching_times)
-        return float(np.diff(ends)[sample.interval[0]] / (len(_DENSE_SAMPLES) - 1))
-
     def watch(self, spline: PhasedSpline, x: FloatArray) -> Samples:
-        """Add samples of limits on the speed at instants (N,) from 0 to 1; return them."""
+        """Add samples of limits on the speed at instants (N,) from 0 to 1; return the samples."""
         samples = self._grid.samples_at(spline.switching_times, x)
         for with_jerk, watched in self._watched_samples.items():
             self._watched_samples[with_jerk] = watched.and_also(samples)
@@ -299,32 +296,31 @@ class SplineConstraints:
     def _at(
         self, spline: PhasedSpline, watched: Mapping[bool, Samples], tube_samples: Samples
     ) -> Iterate:
-        """Return an iterate from limits that depend on the configuration, and the tube, there."""
-        known = _Known(self._problem, spline, self._radius, self._blended, self._is_asked)
+        """Return an iterate with limits that depend on the configuration, and the tube, there."""
+        arm = _ArmAlong(self._problem, spline, self._radius, self._blended, self._is_asked)
         limits = tuple(
-            EvaluatedSpeedLimit(limit, *known.at(self._points(limit, watched)), numbers)
+            EvaluatedSpeedLimit(limit, *arm.at(self._points(limit, watched)), numbers)
             for limit, numbers in self._limits
         )
-        regions, rotations = self._tool_at(known, tube_samples)
+        regions, rotations = self._tool_at(arm, tube_samples)
         links = self._links.at(spline)
-        found = [part.excess.max(initial=0.0) for part in regions]
-        found += [part.excess.max(initial=0.0) for part in rotations]
+        elastic: list[EvaluatedRegions | EvaluatedRotation | EvaluatedLinks]
+        elastic = [*regions, *rotations, links]
         squared_duration = max(float(limit.squared_durations.max()) for limit in limits)
         return Iterate(
             spline,
             squared_duration,
             self._run_in or float(np.sqrt(squared_duration)),
-            float(max(*found, links.excess.max(initial=0.0))),
+            max(float(part.excess.max(initial=0.0)) for part in elastic),
             limits,
             regions,
             rotations,
             links,
-            known.at(watched[False]),
-            known.at(self._rate_samples),
+            arm.at(watched[False]),
+            arm.at(self._rate_samples),
         )
 
     def _points(self, limit: SpeedLimit, watched: Mapping[bool, Samples]) -> EvaluationPoints:
-        """Return where a limit is looked at."""
         if not isinstance(limit, JointRate):
             return watched[_depends_on_jerk(limit)]
         return self._hull if limit.order == RATES["velocity"] else self._rate_samples
@@ -333,27 +329,29 @@ class SplineConstraints:
         return np.array([self._numbers[key] for key in keys])
 
     def _tool_at(
-        self, known: "_Known", samples: Samples
+        self, arm: "_ArmAlong", samples: Samples
     ) -> tuple[tuple[EvaluatedRegions, ...], tuple[EvaluatedRotation, ...]]:
         """Return the constraints of tube and goal on the tool, as in an iterate."""
         tube = self._problem.tube
-        at, path = known.at(samples)
-        segments = known.segments_of(samples)
+        at, path = arm.at(samples)
+        segments = arm.segments_of(samples)
         regions, numbers = self._regions, self._tolerances
         evaluated = [evaluated_tube(at, path, segments, regions, self._margin, numbers)]
-        turned = []
+        rotations = []
         if tube.rotation is not None:
             own = self._rotation_tolerances
-            turned = [EvaluatedRotation(tube.rotation, at, path, INNER_MARGIN, own, path.segment)]
+            rotations = [
+                EvaluatedRotation(tube.rotation, at, path, INNER_MARGIN, own, path.segment)
+            ]
         if self._goal_keys:
-            there = known.at(self._last_sample)
+            there = arm.at(self._last_sample)
             evaluated += evaluated_ball(self._problem, *there, self._numbers)
-            turned += evaluated_turn(self._problem, *there, self._numbers)
-        evaluated += [rotation.angle() for rotation in turned if rotation.bounds_angle]
+            rotations += evaluated_turn(self._problem, *there, self._numbers)
+        evaluated += [rotation.angle() for rotation in rotations if rotation.bounds_angle]
         if len(tube.compulsory_points):
-            there = known.at(self._passing_samples)
+            there = arm.at(self._passing_samples)
             evaluated.append(evaluated_points(tube, *there, regions, INNER_MARGIN, numbers))
-        return tuple(evaluated), tuple(each for each in turned if each.bounds_components)
+        return tuple(evaluated), tuple(each for each in rotations if each.bounds_components)
 
     @cached_property
     def _tolerances(self) -> IntArray:
@@ -370,7 +368,7 @@ class SplineConstraints:
         return self._numbers_of(rotation_keys(self._problem.tube))
 
 
-class _Known:
+class _ArmAlong:
     """A spline at points, and the arm there: each evaluated once."""
 
     def __init__(
@@ -400,13 +398,12 @@ class _Known:
 
     def _friction(self, at: SampledSpline, samples: Samples) -> CoulombFriction:
         rate, motors = at.by_x[1], self._problem.robot.motors
-        # Widely blended friction is to lead somewhere: the more of it is exact, the less it does.
+        # Widely blended friction guides the first steps: the more of it is exact, the less it does.
         share = self._blended_share if self._is_last else 0.0
         ends = self._spline.end_directions(samples, share * abs(rate).max(axis=0))
         return blended_friction(motors, rate, ends, self._blended_share)
 
     def segments_of(self, samples: Samples) -> OrderedSegments:
-        """Return the segments that samples may be in."""
         points, chains = self._problem.tube.points, self._spline.grid.chains
         return OrderedSegments(points, self._radius, chains, samples, self._is_asked)
 
@@ -419,13 +416,13 @@ def _depends_on_jerk(limit: SpeedLimit) -> bool:
 
 
 def _margin_for_kinks(tube: Tube, grid: KnotGrid) -> float:
-    """Return how far inside, in radii, samples must be for what they miss at a chain's kinks."""
+    """Return the margin, in radii, for the motion between samples at a chain's kinks."""
     spacing = arc_lengths(tube.points)[-1] / (grid.interval_count * (len(_DENSE_SAMPLES) - 1))
     kink = largest_kink(tube, grid.chains, _UNEVEN * spacing)
     return min(kink, _MOST_FOR_KINKS)
 
 
 def _peaks(values: FloatArray, floor: float) -> IntArray:
-    """Return which samples above a floor are no lower than their neighbours."""
+    """Return the samples above a floor that are no lower than their neighbours."""
     padded = np.concatenate([[-np.inf], values, [-np.inf]])
     return np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]) & (values > floor))

@@ -1,11 +1,4 @@
-"""Refinement on ever finer knots; second stage at fixed duration; sensitivities.
-
-The paper's phase 2 moves its knots along discretised gradients and doubles them (Suh & Bishop
-1988). Here, sequential linear programs shorten a spline over phases, one per tube segment, on few
-knots; then its knot intervals are divided, which does not change it, and it is shortened again.
-Links are watched where they come close. On the finest knots, samples are added where a constraint
-is violated between them.
-"""
+"""Refinement on ever finer knots; sensitivities; second stage at fixed duration."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -38,23 +31,29 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 from tubeplanner.trajectory.parts import common_stretches
 
 # ---- Phase 2: path and speed optimised together, from coarse to fine knots.
+#
+# The paper's phase 2 moves its knots along discretised gradients and doubles them (Suh & Bishop
+# 1988). Here, sequential linear programs shorten a spline over phases, one per tube segment or
+# chain of them, on few knots; then its knot intervals are divided, which does not change it, and it
+# is shortened again. Links are watched where they come close. On the finest knots, samples are
+# added where a constraint is violated between them.
 
 # Radii of trust regions, in their units.
 _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.1, 0.02
 _MIN_LAST_TRUST = 0.002
 _GAIN, _LAST_GAIN = 5e-4, 2e-4
 _MAX_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 60, 3, 8
-_NEAR_TRUST = 0.01  # from where nearly nothing is left to be done
+_NEAR_TRUST = 0.01  # of a start that is nearly an answer
 # On coarse knots, links that came close during the search keep this much clearance.
 _MAX_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
 # Links that ended clear on fine knots were never this deep on coarse ones (1,856 runs: 0.0073).
 _HOPELESS = 0.05
-# Links that get out of something on more knots do so in half as many steps.
+# Links that leave an obstacle on more knots do so in half as many steps.
 _STEPS_TO_GET_OUT = 15
-# Links that pass through something between samples are this deep in it where samples are added
-# (110 problems with a solution: 0.027 at most, once). So often, they do not get round it.
+# Links that pass through an obstacle between samples are this deep in it where samples are added
+# (110 problems with a solution: 0.027 at most, once). After so many times, they stay in it.
 _DODGED, _MAX_DODGES = 0.2, 3
-# So many knot intervals are enough to go round something.
+# Splines with so many knot intervals can go round an obstacle.
 _MANY_INTERVALS = 16
 # The exchange of samples ends when violations between them are below this share of T^2.
 _BETWEEN_SAMPLES = 0.003
@@ -72,15 +71,15 @@ class Refinement:
         *,
         widens: bool = True,
     ) -> None:
-        """Prepare it.
+        """Take a problem and a start.
 
         Args:
             problem: The planning problem; segments are visited in order.
-            start: Where to start; its phases are the tube's segments.
-            divisions: Into how many parts every knot interval is divided, in each round.
+            start: The first spline; its phases are the tube's segments or chains of them.
+            divisions: Number of parts of every knot interval after each round.
             checkpoint: Called with the duration [s] after every step; it may raise to end the work.
-            widens: Whether coarse knots get a tube as wide as they are coarse, and what stays
-                outside of that is given up.
+            widens: Whether coarse knots get a tube as wide as they are coarse; links that are deep
+                in an obstacle there end the refinement.
         """
         self._problem, self._start, self._divisions = problem, start, divisions
         self._widens = widens
@@ -93,48 +92,48 @@ class Refinement:
 
     @property
     def gave_up(self) -> bool:
-        """Whether it ended early, links too deep in something."""
+        """True if refinement ended early, links too deep in an obstacle."""
         return self._gave_up
 
     @property
     def problem(self) -> PlanningProblem:
-        """What is refined."""
+        """The planning problem."""
         return self._problem
 
     @property
     def has_spline(self) -> bool:
-        """Whether there is a trajectory yet."""
+        """True if there is a trajectory."""
         return self._best is not None
 
     @property
     def spline(self) -> PhasedSpline:
-        """The best so far, or else the least infeasible one."""
+        """The best spline so far; the last one if none was feasible."""
         if self._best is None:
             raise RuntimeError("refinement has not run")
         return self._best.spline
 
     @property
     def trajectory(self) -> JointTrajectory:
-        """That spline as a trajectory that takes one second."""
+        """`spline` as a trajectory of one second."""
         return from_spline(self._problem.robot.joint_names, self.spline.bspline())
 
     @property
     def segments(self) -> IntArray:
-        """The tube segment of each polynomial piece of that trajectory, shape (pieces,)."""
+        """The tube segment of each polynomial piece of `trajectory`, shape (pieces,)."""
         return segments_of_pieces(self.spline.grid)
 
     def run(self) -> bool:
-        """Refine to the finest knots, or until it turns out to be hopeless; return True.
+        """Refine to the finest knots, or until links turn out to stay in obstacles; return True.
 
         Raises:
-            Infeasible: Status no_trajectory: there was nothing to start from.
+            Infeasible: Status no_trajectory: the motors cannot hold the start.
         """
         spline, trust, links = self._start, _FIRST_TRUST, LinkConstraints(self._problem)
         for level, parts in enumerate(self._divisions, 1):
             is_last = level == len(self._divisions)
             self._begin_level(spline.grid, links, widens=self._widens)
             self._program.constraints.look_for_links(spline)
-            # The fewest knots may be too few to go round something: a last try has some more.
+            # The fewest knots may be too few to go round an obstacle: a last try has some more.
             is_decisive = is_last and has_enough_knots(spline.grid)
             is_second_of_last_try = level > 1 and is_decisive and not self._widens
             steps = _STEPS_TO_GET_OUT if is_second_of_last_try else _MAX_STEPS
@@ -166,7 +165,6 @@ class Refinement:
         return True
 
     def _begin_level(self, grid: KnotGrid, links: LinkConstraints, *, widens: bool) -> None:
-        """Begin anew on other knots, in a tube that suits them if it is to be widened."""
         own = self._problem.tube.effective_radius
         self._radius = widened_radius(self._problem.tube, grid) if widens else own
         self._program = SequentialProgram(self._problem, grid, links, self._radius)
@@ -174,16 +172,16 @@ class Refinement:
         self._penalty, self._trust = FIRST_PENALTY, TrustRegion(_FIRST_TRUST)
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
-        """Continue with samples where a certificate fails; return whether there was anything to do.
+        """Continue with samples where a certificate fails; return False without such samples.
 
-        There is nothing to do if the best trajectory is infeasible at the present samples.
+        False, too, if the best trajectory is infeasible at the present samples, or links are deep
+        in an obstacle at the new ones.
 
         Args:
             certificate: Of the best trajectory, scaled to the limits.
             duration: Of that trajectory [s].
         """
-        found = [certificate.conditions[name].where for name in certificate.failures()]
-        times = [place.time for place in found if place.time is not None]
+        times = _failure_times(certificate)
         if self._best is None or self._best.excess > MERIT_TOLERANCE or not times:
             return False
         spline = self._best.spline
@@ -197,7 +195,7 @@ class Refinement:
         return True
 
     def elasticities(self) -> dict[LimitKey, float]:
-        """Return d ln T / d ln p for every limit p, as `SequentialProgram.elasticities`."""
+        """Return d ln T / d ln p for every limit p: see `SequentialProgram.elasticities`."""
         if self._best is None:
             return {}
         spline, program = self._best.spline, self._program
@@ -206,22 +204,22 @@ class Refinement:
         return program.elasticities(program.iterate(spline))
 
     def _on_coarse_knots(self, spline: PhasedSpline, trust: float, max_steps: int) -> Iterate:
-        """Return a trajectory that is about the shortest, links not yet clear between samples."""
-        found = self._improved(self._begun(spline), trust, _GAIN, max_steps)
+        """Return about the shortest trajectory, links not yet clear between samples."""
+        result = self._improved(self._begun(spline), trust, _GAIN, max_steps)
         for _ in range(_MAX_COARSE_ROUNDS):
-            if _has_settled_inside(found):
+            if _has_settled_inside(result):
                 break
-            if not self._program.constraints.look_for_links(found.iterate.spline):
+            if not self._program.constraints.look_for_links(result.iterate.spline):
                 break
-            again = self._program.iterate(found.iterate.spline)
-            found = self._improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND)
-        return found.iterate
+            again = self._program.iterate(result.iterate.spline)
+            result = self._improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND)
+        return result.iterate
 
     def _improved(
         self, current: Iterate, radius: float, min_gain: float, max_steps: int
     ) -> Improved:
-        """Return a shorter trajectory; the penalty and damping it took are the next one's first."""
-        found = self._program.improved(
+        """Return a shorter trajectory; the next descent begins with its penalty and damping."""
+        result = self._program.improved(
             current,
             replace(self._trust, radius=radius),
             self._penalty,
@@ -229,43 +227,34 @@ class Refinement:
             max_steps=max_steps,
             checkpoint=self._checkpoint,
         )
-        self._penalty, self._trust = found.penalty, found.trust
-        return found
+        self._penalty, self._trust = result.penalty, result.trust
+        return result
 
     def _begun(self, spline: PhasedSpline) -> Iterate:
-        """Return a trajectory on the program's knots.
+        return _first_iterate(self._program, spline, "refinement")
 
-        Raises:
-            Infeasible: The motors cannot hold it: there is nothing to start from.
-        """
-        iterate = self._program.iterate(spline)
-        if not np.isfinite(iterate.squared_duration):
-            message = "refinement has no trajectory to start from"
-            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
-        return iterate
-
-    def _exchange(self, found: Improved) -> None:
-        """Keep the best trajectory between samples too, adding samples where they are missing."""
+    def _exchange(self, result: Improved) -> None:
+        """Set the best trajectory between samples too, adding samples where constraints fail."""
         best, dodges = None, 0
         if self._program.constraints.blend(BLENDED):
-            again = self._program.iterate(found.iterate.spline)
-            found = replace(found, iterates=(again,), has_ended=False)
+            again = self._program.iterate(result.iterate.spline)
+            result = replace(result, iterates=(again,), has_ended=False)
         for _ in range(_MAX_ROUNDS):
-            dense, has_more = self._program.constraints.look_between_samples(found.iterate)
+            dense, has_more = self._program.constraints.look_between_samples(result.iterate)
             inside = dense.excess <= MERIT_TOLERANCE
             if inside and (best is None or dense.squared_duration < best.squared_duration):
                 best = dense
-            near = dense.squared_duration < (1 + _BETWEEN_SAMPLES) * found.iterate.squared_duration
-            if inside and found.has_ended and (near or not has_more):
+            near = dense.squared_duration < (1 + _BETWEEN_SAMPLES) * result.iterate.squared_duration
+            if inside and result.has_ended and (near or not has_more):
                 break
-            again = self._program.iterate(found.iterate.spline)
+            again = self._program.iterate(result.iterate.spline)
             dodges += _dodged(again)
-            if best is None and (_has_settled_inside(found) or dodges == _MAX_DODGES):
+            if best is None and (_has_settled_inside(result) or dodges == _MAX_DODGES):
                 self._gave_up = True
                 break
-            trust = min(max(2 * found.trust.radius, _MIN_LAST_TRUST), _LAST_TRUST)
-            found = self._improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
-        self._best = best or found.iterate
+            trust = min(max(2 * result.trust.radius, _MIN_LAST_TRUST), _LAST_TRUST)
+            result = self._improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
+        self._best = best or result.iterate
 
     def _checkpoint(self, iterate: Iterate) -> None:
         is_widened = (self._radius > self._problem.tube.effective_radius).any()
@@ -275,49 +264,62 @@ class Refinement:
 
 
 def has_enough_knots(grid: KnotGrid) -> bool:
-    """Return whether splines can go round something, so that links that are not clear stay so."""
+    """Return True if splines can go round an obstacle: links that are in it then stay in it."""
     return grid.interval_count >= _MANY_INTERVALS
 
 
 def _is_hopeless(coarse: Iterate) -> bool:
-    """Return whether links are deeper in something on coarse knots than fine ones can mend."""
+    """Return True if links are deeper in an obstacle on coarse knots than fine ones can mend."""
     return bool(coarse.links.excess.max(initial=0.0) > _HOPELESS)
 
 
-def _has_settled_inside(found: Improved) -> bool:
-    """Return whether links stay in something at the samples there are: more of them ask more."""
-    return found.has_ended and _is_hopeless(found.iterate)
+def _has_settled_inside(result: Improved) -> bool:
+    """Return True if links stay in an obstacle at the present samples: more samples ask more."""
+    return result.has_ended and _is_hopeless(result.iterate)
 
 
 def _dodged(again: Iterate) -> bool:
-    """Return whether links are deep in something at samples that there were not before."""
+    """Return True if links are deep in an obstacle at new samples: they passed between the old."""
     return bool(again.links.excess.max(initial=0.0) > _DODGED)
 
 
-# ---- What each tolerance and each motor costs: the sensitivities of a refined trajectory.
+def _failure_times(certificate: Certificate) -> list[float]:
+    locations = [certificate.conditions[name].where for name in certificate.failures()]
+    return [location.time for location in locations if location.time is not None]
+
+
+def _first_iterate(program: SequentialProgram, spline: PhasedSpline, stage: str) -> Iterate:
+    """Return a spline on a program's knots; raise Infeasible if the motors cannot hold it."""
+    iterate = program.iterate(spline)
+    if not np.isfinite(iterate.squared_duration):
+        message = f"{stage} has no trajectory to start from"
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+    return iterate
+
+
+# ---- The sensitivities of a refined trajectory: the cost of each tolerance and each motor.
 
 _RISE = 0.1  # the rise of a limit for which `saved` holds
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What one limit costs, with start, goal and all other limits fixed.
+    """Cost of one limit, with start, goal and all other limits fixed.
 
     A goal with tolerances is not fixed: it stays within them.
 
     Attributes:
-        limit: "effort" (both directions together), "effort_rate" (likewise),
-            "velocity", "acceleration", "jerk", "radius",
-            "velocity_by_position", "tool_speed", "point_speed", "rotation", "width" or "height"
-            of a box, or "tolerance" or "rotation_tolerance" of the goal.
-        joint: Whose limit; None for a segment's, a point's or the goal's.
-        segment: Which segment's, the first of those that count as one; None for other limits.
+        limit: "effort" and "effort_rate" (both directions together), "velocity", "acceleration",
+            "jerk", "velocity_by_position", "tool_speed", "point_speed", "radius", "rotation",
+            "width" or "height" of a box, or "tolerance" or "rotation_tolerance" of the goal.
+        joint: Name of the joint; None for a limit of a segment, a point or the goal.
+        segment: Number of the segment, or of the first part of a divided one; None for others.
         elasticity: d ln T / d ln limit, at most 0: the relative change of the duration per relative
             rise of the limit.
-        saved: What 10 % more would save [s], to first order.
-        last_segment: The last of those; None for other limits.
-        link: Whose point; None for other limits.
-        point: Index of the point among those whose speed is limited; None for other limits.
+        saved: Duration that 10 % more would save [s], to first order.
+        last_segment: Number of the last part; None for others.
+        link: Link of the point; None for others.
+        point: Index of the point among those whose speed is limited; None for others.
     """
 
     limit: str
@@ -341,49 +343,50 @@ class Sensitivity:
 def limit_sensitivities(
     problem: PlanningProblem, refinement: Refinement, duration: float
 ) -> tuple[Sensitivity, ...]:
-    """Return what every limit costs, largest first.
+    """Return the cost of every limit, largest saving first.
 
     Args:
         problem: The planning problem.
         refinement: The finished refinement.
         duration: Of the answer [s].
     """
-    found = []
+    sensitivities = []
     for key, elasticity in refinement.elasticities().items():
         joint = None if key.joint is None else problem.robot.joint_names[key.joint]
         first, last = (None, None) if key.segment is None else _numbers(problem.tube, key.segment)
         saved = -elasticity * _RISE * duration
-        named = (key.link, key.point)
-        found.append(Sensitivity(key.kind, joint, first, elasticity, saved, last, *named))
-    return tuple(sorted(found, key=lambda sensitivity: -sensitivity.saved))
+        own = (key.kind, joint, first, elasticity, saved, last, key.link, key.point)
+        sensitivities.append(Sensitivity(*own))
+    return tuple(sorted(sensitivities, key=lambda sensitivity: -sensitivity.saved))
 
 
 def _numbers(tube: Tube, segment: int) -> tuple[int, int]:
-    """Return what messages call the first and the last of a segment's parts."""
+    """Return the numbers of the segment, in messages, at both ends of one of the tube's."""
     begin, end = (tube.points[segment + k] for k in (0, 1))
     return tube.segment_number(segment, begin), tube.segment_number(segment, end)
 
 
-# ---- The second stage: of all motions near the shortest, the best one in a given duration.
+# ---- The second stage: of all motions near the shortest, the best by the problem's objective.
 #
-# What is best the problem's objective says: the smoothest, or the one that saves most. It begins
-# with the shortest one, on its knots, and keeps most of the room that this leaves free in the tube
-# and from obstacles.
+# The objective is smoothness, energy or work, in a given duration. The second stage begins with the
+# shortest motion, on its knots, and keeps most of the clearance that this has in the tube and from
+# obstacles.
 
 _FIRST_DAMPING = 1e-3
 _SMOOTHING_TRUST, _LEAST_TRUST = 0.01, 0.002  # in units of the trust region
 _PENALTY = 1.0
 _SMOOTHING_GAIN = 5e-4
 _SMOOTHING_STEPS, _SMOOTHING_ROUNDS = 4, 8
-# Aimed at is this share less than the duration that it may take, for peaks between samples: between
-# these, a part of what it may take longer. Peaks that are looked at stay this far below for others.
+# For peaks between samples, the second stage aims at this share less than the longest duration:
+# between the first two, a part of the time gained over the shortest motion. Peaks at dense samples
+# stay the last share below, for peaks between those.
 _LEAST_RESERVE, _MOST_RESERVE, _RESERVE_SHARE = 1e-4, 2.5e-4, 0.25
 _BETWEEN_LOOKS = 5e-5
-# Over so many knot intervals Coulomb friction is blended: reversals move with what is saved. These
-# are between samples, and have sharper peaks.
+# Coulomb friction is blended over so many knot intervals, as reversals move during the descent.
+# They lie between samples, and have sharper peaks.
 _BLENDED, _MOST_AT_REVERSALS = 8.0, 7e-4
-# What the shortest motion left free may become smaller by this share of the radius; and by this
-# share of the distance from obstacles, of which no more than so much counts [m].
+# The shortest motion's slack in the tube may shrink by this share of the radius; its clearance by
+# this share, of which no more than so much counts [m].
 _LESS_ROOM, _LESS_CLEARANCE, _MOST_CLEARANCE = 0.05, 0.1, 0.02
 
 
@@ -398,13 +401,13 @@ class SecondStage:
         clearance: float,
         checkpoint: Callable[[float], None] = lambda duration: None,
     ) -> None:
-        """Prepare it.
+        """Take a problem and its shortest motion.
 
         Args:
             problem: The planning problem; segments are visited in order.
             spline: The shortest motion.
-            longest: How long a better one may take [s].
-            clearance: What that leaves free from obstacles, beyond what is asked [m].
+            longest: Longest duration of a better motion [s].
+            clearance: Clearance of the shortest motion from obstacles, beyond the required one [m].
             checkpoint: Called with the duration [s] after every step; it may raise to end the work.
         """
         self._problem, self._start, self._longest = problem, spline, longest
@@ -419,11 +422,11 @@ class SecondStage:
         run_in = longest * (1 - reserve)
         measures = objective_measures(problem, spline, run_in)
         self._objective = MeasuredObjective(measures, run_in)
-        kept = (1 - _LESS_CLEARANCE) * min(max(clearance, 0.0), _MOST_CLEARANCE)
+        min_clearance = (1 - _LESS_CLEARANCE) * min(max(clearance, 0.0), _MOST_CLEARANCE)
         self._program = SequentialProgram(
             problem,
             spline.grid,
-            LinkConstraints(problem, kept),
+            LinkConstraints(problem, min_clearance),
             objective=self._objective,
             room=_room(problem, dense) - _LESS_ROOM,
         )
@@ -434,47 +437,46 @@ class SecondStage:
 
     @property
     def gave_up(self) -> bool:
-        """Whether it ended early: never."""
+        """False: the second stage never ends early."""
         return False
 
     @property
     def has_spline(self) -> bool:
-        """Whether there is a better motion yet."""
+        """True if there is a better motion."""
         return self._best is not None
 
     @property
     def trajectory(self) -> JointTrajectory:
-        """The best so far, as a trajectory that takes one second."""
+        """The best motion so far, as a trajectory of one second."""
         return from_spline(self._problem.robot.joint_names, self._found.spline.bspline())
 
     @property
     def segments(self) -> IntArray:
-        """The tube segment of each polynomial piece of that trajectory, shape (pieces,)."""
+        """The tube segment of each polynomial piece of `trajectory`, shape (pieces,)."""
         return segments_of_pieces(self._found.spline.grid)
 
     def run(self) -> bool:
-        """Make the motion as good as it can be; return whether there is one.
+        """Improve the motion; return True if there is an answer.
 
         Raises:
-            Infeasible: Status no_trajectory: the motors cannot hold it.
+            Infeasible: Status no_trajectory: the motors cannot hold the shortest motion.
         """
         constraints, start = self._program.constraints, self._start
         constraints.look_for_links(start)
         first = TrustRegion(_SMOOTHING_TRUST, _FIRST_DAMPING)
-        # Where that asks for more time than there is, friction is blended as in the first stage.
+        # Where wide blending needs more time than there is, friction is blended as in refinement.
         return self._improved(self._begun(start), first) or (
             constraints.blend(BLENDED) and self._improved(self._begun(start), first)
         )
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
-        """Continue with samples where a certificate fails; return whether there is an answer.
+        """Continue with samples where a certificate fails; return True if there is an answer.
 
         Args:
-            certificate: Of the best motion, as long as it may take.
+            certificate: Of the best motion in the longest duration.
             duration: Of that motion [s].
         """
-        found = [certificate.conditions[name].where for name in certificate.failures()]
-        times = [place.time for place in found if place.time is not None]
+        times = _failure_times(certificate)
         spline = self._found.spline
         for time in times:
             self._program.constraints.add_samples(spline, time / duration)
@@ -488,16 +490,12 @@ class SecondStage:
         return self._best
 
     def _begun(self, spline: PhasedSpline) -> Iterate:
-        iterate = self._program.iterate(spline)
-        if not np.isfinite(iterate.squared_duration):
-            message = "the second stage has no trajectory to start from"
-            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
-        return iterate
+        return _first_iterate(self._program, spline, "the second stage")
 
     def _improved(self, current: Iterate, trust: TrustRegion) -> bool:
-        """Keep the best motion, adding samples and links where they are missing."""
+        """Set the best motion, adding samples and links where constraints fail; True if any."""
         for _ in range(_SMOOTHING_ROUNDS):
-            found = self._program.improved(
+            result = self._program.improved(
                 current,
                 trust,
                 self._penalty,
@@ -505,18 +503,19 @@ class SecondStage:
                 max_steps=_SMOOTHING_STEPS,
                 checkpoint=lambda iterate: self._checkpoint(self._longest),
             )
-            self._penalty = found.penalty
-            inside = self._looked_at(found.iterate)
-            if inside and (self._best is None or self._is_better(found.iterate)):
-                self._best = found.iterate
-            if inside and found.has_ended:
+            self._penalty = result.penalty
+            value = self._objective.value
+            inside = self._looked_at(result.iterate)
+            if inside and (self._best is None or value(result.iterate) < value(self._best)):
+                self._best = result.iterate
+            if inside and result.has_ended:
                 break
-            current = self._begun(found.iterate.spline)
-            trust = replace(found.trust, radius=max(found.trust.radius, _LEAST_TRUST))
+            current = self._begun(result.iterate.spline)
+            trust = replace(result.trust, radius=max(result.trust.radius, _LEAST_TRUST))
         return self._best is not None
 
     def _looked_at(self, iterate: Iterate) -> bool:
-        """Return whether a motion is an answer between samples too; add some where it is not."""
+        """Return True if a motion is an answer between samples too; add samples where it fails."""
         dense, _ = self._program.constraints.look_between_samples(iterate)
         if dense.excess > MERIT_TOLERANCE:
             return False
@@ -526,10 +525,10 @@ class SecondStage:
         return self._has_time_with_friction(dense.spline, longest)
 
     def _has_time_with_friction(self, spline: PhasedSpline, longest: float) -> bool:
-        """Return whether a duration is enough by exact time scaling; if not, watch all reversals.
+        """Return True if a duration is enough by exact time scaling; if not, watch all reversals.
 
-        Blended friction asks for more than that, and between samples, where efforts are steep, may
-        miss what a reversal needs.
+        Blended friction asks for more than the exact one, and between samples, where efforts are
+        steep, may miss the peak at a reversal.
         """
         shape = from_spline(self._problem.robot.joint_names, spline.bspline())
         segments = segments_of_pieces(spline.grid)
@@ -543,14 +542,11 @@ class SecondStage:
         self._program.constraints.watch(spline, begin[stretches.start > 0])
         return False
 
-    def _is_better(self, iterate: Iterate) -> bool:
-        return self._objective.value(iterate) < self._objective.value(self._found)
-
 
 def _room(problem: PlanningProblem, dense: Iterate) -> FloatArray:
-    """Return the share of the tube's regions that a motion leaves free, by segment, (m,).
+    """Return the share of the tube's regions that a motion leaves unused, by segment, (m,).
 
-    None beside compulsory points, about which there is a region of another kind.
+    0 beside compulsory points, about which there is a region of another kind.
     """
     tube, regions = problem.tube, dense.regions[0]
     room = np.ones(tube.segment_count)

@@ -18,20 +18,20 @@ from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.polynomials import REST_POINTS, fitted_control_points, times_between
 
-# ---- Where refinement starts: a spline along the reference branch, and one knot grid from another.
+# ---- First splines along the reference branch, and splines on other knots.
 
-# Of a phase, if there are several: as many as give this sum, at most so many.
+# Fewest knot intervals of a phase, if there are several: as many as give this sum, at most so many.
 _FEWEST_IN_ALL, _FEWEST = 12, 3
 _FIT_POINTS_PER_INTERVAL = 5
-# How many intervals are tried for chains, until the tool is less than so many radii outside.
+# Numbers of intervals for chains, in turn, until the tool is less than so many radii outside.
 _INTERVALS, _ENOUGH = (12, 16, 24, 32, 48, 64, 96, 128), 0.5
 _FIT_SAMPLES = np.arange(3) / 3
-# Control points that the fit leaves open are pulled to the joint line by this weight.
+# Control points that the fit does not determine are pulled to the joint line by this weight.
 _DRAW = 1e-8
 # Joints may move while the tool hardly does: a radian counts as this many metres of travel.
 _TRAVEL_PER_RADIAN = 0.05
-# Where the goal is at the last corner, the arm has nothing to do in the last phase. A phase of less
-# width than the first gets the second: the knots of one without any would lie at one instant.
+# Where the goal is at the last corner, the arm stands still in the last phase. A phase of less
+# width than the first value gets the second: its knots must not coincide.
 _STILL, _STILL_WIDTH = 1e-6, 1e-3
 
 
@@ -40,13 +40,13 @@ def sufficient_start(
 ) -> PhasedSpline:
     """Return a spline along the branch with as many knots as its chains need.
 
-    In a chain no switching time takes knots to where the path bends, and coarse knots would lead
-    the tool past whole segments.
+    In a chain no switching time moves knots to bends of the path, and coarse knots would lead the
+    tool past whole segments.
 
     Args:
         problem: The planning problem.
         branch: The arm along the reference path.
-        intervals: About how many knot intervals it has at least.
+        intervals: Least number of knot intervals, approximately.
     """
     spline = starting_spline(problem, branch, intervals)
     for more in _INTERVALS:
@@ -67,7 +67,7 @@ def starting_spline(
     Args:
         problem: The planning problem.
         branch: The arm along the reference path.
-        intervals: About how many knot intervals it has.
+        intervals: Number of knot intervals, approximately.
     """
     q = np.concatenate(branch.segments)
     tool = problem.robot.tool_position(q)
@@ -85,8 +85,8 @@ def starting_spline(
     grid = knot_grid(switching_times, intervals, chains)
     apart = np.concatenate([[True], np.diff(travel) > 0])
     times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
-    wanted = np.interp(times, x, covered)
-    path = np.array([np.interp(wanted, travel[apart], column[apart]) for column in q.T]).T
+    course = np.interp(times, x, covered)
+    path = np.array([np.interp(course, travel[apart], column[apart]) for column in q.T]).T
     return _fitted(grid, switching_times, times, path, branch.start, branch.goal)
 
 
@@ -105,7 +105,7 @@ def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
 
 
 def on_knots(spline: PhasedSpline, grid: KnotGrid, switching_times: FloatArray) -> PhasedSpline:
-    """Return the spline on other knots that is nearest to one."""
+    """Return the spline on other knots that is nearest to a spline."""
     times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
     ends = spline.control_points[[0, -1]]
     return _fitted(grid, switching_times, times, spline.bspline()(times), *ends)
@@ -116,11 +116,11 @@ def knot_grid(
 ) -> KnotGrid:
     """Return knots clustered at both ends of the spline, as Chebyshev points are.
 
-    There the arm at rest begins to move, and its acceleration needs the finest steps.
+    There the arm starts from rest or stops, and its acceleration needs the finest steps.
 
     Args:
         switching_times: Ends of the phases, from 0 to 1, shape (P+1,).
-        intervals: About how many knot intervals there are in all.
+        intervals: Number of knot intervals in all, approximately.
         chains: The segments of every phase; one each if not given.
     """
     angle = np.arccos(1 - 2 * switching_times)
@@ -136,7 +136,7 @@ def knot_grid(
 
 
 def _with_width(switching_times: FloatArray) -> FloatArray:
-    """Return switching times (P+1,) from 0 to 1 with some width of every phase."""
+    """Return switching times (P+1,) from 0 to 1 with no phase of zero width."""
     widths = np.diff(switching_times)
     is_still = widths < _STILL
     if not is_still.any():
@@ -148,7 +148,7 @@ def _with_width(switching_times: FloatArray) -> FloatArray:
 
 
 def _excess_in_chains(problem: PlanningProblem, spline: PhasedSpline) -> float:
-    """Return how far the tool is outside its segments' capsules in chains, in radii."""
+    """Return the largest distance of the tool outside its segments in chains, in radii."""
     if all(len(chain) == 1 for chain in spline.grid.chains):
         return 0.0
     tube, samples = problem.tube, spline.grid.samples(_FIT_SAMPLES)
@@ -172,16 +172,16 @@ def _fitted(
     return PhasedSpline(grid, switching_times, points)
 
 
-# ---- Where refinement ended, and the start that it makes for a problem that has changed a little.
+# ---- The last refined motion as the start of a changed problem.
 
 
 @dataclass(frozen=True, eq=False)
 class RefinedMotion:
-    """Where refinement ended.
+    """The result of a refinement.
 
     Attributes:
-        problem: What was refined: the planning problem, or a smoother one inside of its tube.
-        is_smoother: Whether it was that.
+        problem: The planning problem, or a smoother one inside its tube.
+        is_smoother: Whether `problem` is the smoother one.
         spline: The motion, without its duration.
     """
 
@@ -190,9 +190,9 @@ class RefinedMotion:
     spline: PhasedSpline
 
     def suited(self, changed: PlanningProblem) -> PlanningProblem | None:
-        """Return what is to be refined of a changed problem, likewise; None if all is different.
+        """Return a changed problem, or the smoother one inside its tube, if the motion suits it.
 
-        The motion suits it if it has the same joints, and phases of the same segments.
+        The motion suits a problem with the same joints, and phases of the same segments; else None.
         """
         if changed.robot.joint_names != self.problem.robot.joint_names:
             return None
@@ -204,35 +204,35 @@ class RefinedMotion:
     def shifted(self, changed: PlanningProblem) -> PhasedSpline:
         """Return the motion from a changed problem's start to its goal, on the same knots.
 
-        At switching times the tool moves as far as the reference points have; between them, joints
-        move by a smooth blend.
+        At switching times the tool is shifted by as much as the reference points; between them,
+        joints are shifted by a smooth blend.
 
         Args:
-            changed: What the motion suits.
+            changed: From `suited`.
 
         Raises:
-            Infeasible: Status unreachable: the arm does not reach a point from where it was.
+            Infeasible: Status unreachable: the arm does not reach a point from the old one.
         """
         q = self.spline.bspline()(self.spline.switching_times)
-        wanted = q.copy()
+        target = q.copy()
         start, goal = changed.endpoints
-        wanted[0] = end_configuration(changed, start, 0)
+        target[0] = end_configuration(changed, start, 0)
         points = [chain.stop for chain in self.spline.grid.chains]
         for k, point in enumerate(points, start=1):
             is_last = k == len(points)
-            moved = changed.tube.points[point] - self.problem.tube.points[point]
+            shift = changed.tube.points[point] - self.problem.tube.points[point]
             tool = changed.robot.tool_position(q[k : k + 1])[0]
             if is_last and goal.region is not None:
-                wanted[k] = _reached(changed, point, goal.region.nearest(tool), q[k])
+                target[k] = _reached(changed, point, goal.region.nearest(tool), q[k])
             elif is_last:
-                wanted[k] = end_configuration(changed, goal, -1)
-            elif moved.any():
-                wanted[k] = _reached(changed, point, tool + moved, q[k])
-        control_points = self.spline.control_points + self._blend(wanted - q)
+                target[k] = end_configuration(changed, goal, -1)
+            elif shift.any():
+                target[k] = _reached(changed, point, tool + shift, q[k])
+        control_points = self.spline.control_points + self._blend(target - q)
         return PhasedSpline(self.spline.grid, self.spline.switching_times, control_points)
 
     def _blend(self, shift: FloatArray) -> FloatArray:
-        """Return how control points (K, n) follow what shifts the ends of the phases, (P+1, n)."""
+        """Return the shift of control points (K, n) by that of the ends of the phases, (P+1, n)."""
         grid, ends = self.spline.grid, self.spline.switching_times
         knots, count = grid.knots(ends), grid.control_point_count
         times = np.mean([knots[k : k + count] for k in range(1, DEGREE + 1)], axis=0)
@@ -247,26 +247,26 @@ class RefinedMotion:
 def _reached(
     problem: PlanningProblem, point: int, target: FloatArray, near: FloatArray
 ) -> FloatArray:
-    """Return a configuration (n,) near another with the tool at a target, turned as it was."""
+    """Return a configuration (n,) near another with the tool at a target, its rotation kept."""
     segment = point - 1
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
-    wanted = wanted_at(problem, target, segment, near)
-    found = solve_position(problem.robot, target, near, lower, upper, rotation=wanted)
-    if found.error > MARGIN_TOLERANCE / 2:
+    rotation = wanted_at(problem, target, segment, near)
+    result = solve_position(problem.robot, target, near, lower, upper, rotation=rotation)
+    if result.error > MARGIN_TOLERANCE / 2:
         message = f"the last motion does not lead to reference point {problem.tube.numbers[point]}"
         raise Infeasible(PlanStatus.UNREACHABLE, message, Place().at(target))
-    return found.q
+    return result.q
 
 
 # ---- Knots at multiples of a controller's period, so that its samples are the motion itself.
 
 
 def on_periodic_knots(spline: PhasedSpline, periods: int) -> PhasedSpline:
-    """Return nearly the same spline, all knots at multiples of a share of its duration.
+    """Return nearly the same spline, all knots at multiples of a period.
 
     Args:
         spline: The spline.
-        periods: How many periods its duration has, at least as many as the spline has phases.
+        periods: Number of periods of its duration, at least its number of phases.
     """
     ends = _apart(spline.switching_times * periods, periods)
     breakpoints = np.round(spline.grid.breakpoints(spline.switching_times) * periods).astype(int)
@@ -281,9 +281,9 @@ def on_periodic_knots(spline: PhasedSpline, periods: int) -> PhasedSpline:
 
 
 def _filled(places: IntArray, intervals: int) -> IntArray:
-    """Return places, the widest intervals between them halved until there are so many.
+    """Return integer knots, the widest intervals halved until there are so many.
 
-    Where knots were closer than a period, several fell onto one.
+    Knots that were closer than a period coincide after rounding.
     """
     while len(places) - 1 < intervals:
         widths = np.diff(places)
@@ -295,7 +295,7 @@ def _filled(places: IntArray, intervals: int) -> IntArray:
 
 
 def _apart(times: FloatArray, last: int) -> IntArray:
-    """Return whole numbers near increasing times from 0 to the last, no two the same."""
+    """Return distinct integers near increasing times from 0 to the last."""
     count = len(times)
     places = np.round(times).astype(int)
     for k in range(1, count):

@@ -1,4 +1,7 @@
-"""Block: rows, bounds and cost of one leg in a step's program, as sparse entries."""
+"""Block: rows, bounds and cost of one leg in a step's program, as sparse entries.
+
+V variables of a leg: F configurations of n joints, m-1 switching times, eta, elastic variable.
+"""
 
 from collections.abc import Iterator, Sequence
 from ctypes import c_int64
@@ -11,12 +14,12 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.native.library import LIBRARY, Doubles, Integers, native_function
 from tubeplanner.optimizer.rows import Rows
 
-# ---- Symmetric matrices by their entries, some of which may stand at one place: they are summed.
+# ---- Symmetric matrices by their entries.
 
 
 @dataclass(frozen=True, eq=False)
 class SymmetricEntries:
-    """A symmetric matrix; entries off the diagonal stand on both of its sides.
+    """A symmetric matrix by entries on both sides of its diagonal; equal places are summed.
 
     Attributes:
         row: Shape (E,).
@@ -31,7 +34,7 @@ class SymmetricEntries:
     size: int
 
     def times(self, factor: float) -> "SymmetricEntries":
-        """Return a multiple."""
+        """Return a multiple of the matrix."""
         return replace(self, value=self.value * factor)
 
     def plus(self, other: "SymmetricEntries") -> "SymmetricEntries":
@@ -43,7 +46,7 @@ class SymmetricEntries:
         return SymmetricEntries(row, column, value, self.size)
 
     def among(self, variables: IntArray, size: int) -> "SymmetricEntries":
-        """Return the matrix over more variables (size,), its own being those that are given."""
+        """Return the matrix over `size` variables, the numbers of its own being given."""
         return SymmetricEntries(variables[self.row], variables[self.column], self.value, size)
 
     def product(self, x: FloatArray) -> FloatArray:
@@ -60,12 +63,12 @@ class SymmetricEntries:
 
 
 def merged_entries(row: IntArray, column: IntArray, size: int) -> tuple[IntArray, ...]:
-    """Return the different places of entries, rows and columns, and each entry's among them."""
+    """Return rows and columns of the distinct places of entries, and each entry's place number."""
     keys, place = np.unique(column.astype(np.int64) * size + row, return_inverse=True)
     return keys % size, keys // size, place
 
 
-# ---- What the program of one step asks of one leg: its rows, its bounds and its cost.
+# ---- Rows, bounds and cost of one leg in the program of one step.
 
 _compressed = native_function(
     "compressed_rows",
@@ -80,12 +83,12 @@ _compressed = native_function(
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
-    """What a step costs, but for the elastic variable.
+    """Cost of a step without the elastic variable.
 
     Attributes:
-        hessian: Over all that may change, shape (V, V).
+        hessian: Shape (V, V).
         gradient: Over configurations and switching times, shape (V-2,).
-        duration: What eta costs.
+        duration: Cost of eta.
     """
 
     hessian: SymmetricEntries
@@ -103,13 +106,13 @@ class Quadratic:
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Where the step must stay.
+    """Bounds on a step.
 
     Attributes:
-        lower: Of the variable configurations, shape (F, n).
-        upper: Likewise.
+        lower: Of the configurations, shape (F, n).
+        upper: Of the configurations, shape (F, n).
         switching: Largest steps of the switching times, shape (m-1,).
-        widths: Largest changes of the phases between them, shape (m,).
+        widths: Largest changes of the widths of phases, shape (m,).
         duration: Smallest and largest eta.
         held: Directions in which the last variable must not move, shape (r, n).
     """
@@ -124,13 +127,13 @@ class Bounds:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The solution of a linear program.
+    """The solution of a program for one leg.
 
     Attributes:
-        control: Shape (F, n).
-        switching: Shape (switching_times,).
+        control: Of the configurations, shape (F, n).
+        switching: Of the switching times, shape (m-1,).
         duration: eta.
-        elastic: By how much elastic rows are broken at most.
+        elastic: Largest violation of elastic rows.
         multipliers: Of the rows, shape (R,).
     """
 
@@ -143,12 +146,12 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class SparseRows:
-    """R rows over all that may change, compressed.
+    """R compressed rows over the variables.
 
     Attributes:
-        data: Their entries, row after row, shape (entries,).
-        column: Where they are, shape (entries,).
-        count: How many entries each row has, shape (R,).
+        data: Entries, row after row, shape (entries,).
+        column: Their columns, shape (entries,).
+        count: Number of entries of each row, shape (R,).
     """
 
     data: FloatArray
@@ -162,25 +165,27 @@ class SparseRows:
             yield SparseRows(self.data[begin:end], self.column[begin:end], np.array([end - begin]))
 
 
+_NO_ROWS = SparseRows(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+
+
 def stacked_rows(parts: Sequence[SparseRows]) -> SparseRows:
     """Return several sets of rows as one."""
     if len(parts) == 1:
         return parts[0]
-    nothing = np.zeros(0, dtype=np.int64)
-    none = SparseRows(np.zeros(0), nothing, nothing)
     names = ("data", "column", "count")
-    return SparseRows(*(np.concatenate([getattr(p, n) for p in (none, *parts)]) for n in names))
+    parts = (_NO_ROWS, *parts)
+    return SparseRows(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """What a program asks of one leg, over all that may change there: z, eta, elastic.
+    """One leg in a program, over z (configurations and switching times), eta, elastic.
 
     Attributes:
-        rows: The constraints, R of them in all, from `sparse_rows`.
-        slack: Theirs, shape (R,).
-        bounds: Where the step must stay.
-        quadratic: The step's cost.
+        rows: The constraints, R rows in all, from `sparse_rows`.
+        slack: Of the rows, shape (R,).
+        bounds: Of the step.
+        quadratic: Cost of the step.
         penalty: Weight of the elastic variable.
     """
 
@@ -198,49 +203,57 @@ class Block:
 
     @property
     def lower(self) -> FloatArray:
-        """The least of all that may change, shape (V,)."""
+        """Lower bounds of the variables, shape (V,)."""
         own = self.bounds
         return np.concatenate([own.lower.ravel(), -own.switching, [own.duration[0], 0.0]])
 
     @property
     def upper(self) -> FloatArray:
-        """The largest of all that may change, shape (V,)."""
+        """Upper bounds of the variables, shape (V,)."""
         own = self.bounds
         return np.concatenate([own.upper.ravel(), own.switching, [own.duration[1], np.inf]])
 
     @property
     def widths(self) -> FloatArray:
-        """The largest changes of the phases, if switching times may move, shape (m,) or (0,)."""
+        """Largest changes of the phases, (m,); none, (0,), if switching times are fixed."""
         return self.bounds.widths if len(self.bounds.switching) else np.zeros(0)
 
     @property
     def width_changes(self) -> SparseRows:
-        """How the phases change."""
-        return _width_changes(len(self.bounds.switching), self.bounds.lower.size)
+        """Changes of the phases' widths by the switching times, as rows.
+
+        A phase grows with the time that ends it, and shrinks with the one that begins it.
+        """
+        switches = len(self.bounds.switching)
+        if switches == 0:
+            return _NO_ROWS
+        counts = np.concatenate([[1], np.full(switches - 1, 2), [1]])
+        column = self.bounds.lower.size + np.repeat(np.arange(switches), 2)
+        return SparseRows(np.tile([1.0, -1.0], switches), column, counts)
 
     @property
     def held(self) -> SparseRows:
-        """What must not move."""
+        """The held directions of the last configuration, as rows."""
         count, n = self.bounds.held.shape
         size = self.bounds.lower.size
         column = np.tile(np.arange(size - n, size), count)
         return SparseRows(self.bounds.held.ravel(), column, np.full(count, n))
 
     def step(self, x: FloatArray, multipliers: FloatArray) -> Step:
-        """Return the step that values of all that may change (V,) stand for."""
-        shape = self.bounds.lower.shape
-        size = self.bounds.lower.size
-        return Step(x[:size].reshape(shape), x[size:-2], float(x[-2]), float(x[-1]), multipliers)
+        """Return the step with values (V,) of the variables."""
+        lower = self.bounds.lower
+        control, switching = x[: lower.size].reshape(lower.shape), x[lower.size : -2]
+        return Step(control, switching, float(x[-2]), float(x[-1]), multipliers)
 
 
 def sparse_rows(rows: Rows, is_elastic: FloatArray, column: IntArray, free: int) -> SparseRows:
-    """Return rows over all that may change.
+    """Return rows over the variables.
 
     Args:
         rows: R constraints.
         is_elastic: 1 for rows that may be violated at a penalty, else 0, shape (R,).
-        column: The variable of every control point, -1 where it is fixed, shape (K,).
-        free: How many variables there are.
+        column: The configuration of every control point, -1 where it is fixed, shape (K,).
+        free: Number F of configurations.
     """
     if LIBRARY.functions is not None:
         entries = (rows.first, rows.control, rows.switching, rows.duration, is_elastic)
@@ -260,19 +273,6 @@ def sparse_rows(rows: Rows, is_elastic: FloatArray, column: IntArray, free: int)
     return SparseRows(data[keep], columns[keep], keep.sum(axis=1))
 
 
-def _width_changes(switches: int, first: int) -> SparseRows:
-    """Return how the phases' widths change with the switching times, that begin at a column.
-
-    A phase grows with the time that ends it, and shrinks with the one that begins it.
-    """
-    if switches == 0:
-        nothing = np.zeros(0, dtype=np.int64)
-        return SparseRows(np.zeros(0), nothing, nothing)
-    counts = np.concatenate([[1], np.full(switches - 1, 2), [1]])
-    column = first + np.repeat(np.arange(switches), 2)
-    return SparseRows(np.tile([1.0, -1.0], switches), column, counts)
-
-
 def compressed_rows(
     first: IntArray,
     control: FloatArray,
@@ -282,19 +282,19 @@ def compressed_rows(
     variable: IntArray,
     free: int,
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the entries of R rows over all that may change, but for zeros.
+    """Return the non-zero entries of R rows over the variables; needs the native library.
 
     Args:
         first: The first control point that counts, shape (R,).
-        control: By the four that do, shape (R, 4, n).
+        control: By the four control points that count, shape (R, 4, n).
         switching: By switching times, shape (R, m-1).
         duration: By eta, shape (R,).
-        is_elastic: What the elastic variable gives, shape (R,).
-        variable: Of every control point, -1 where it is fixed, shape (K,).
-        free: How many variables there are.
+        is_elastic: By the elastic variable, but for the sign, shape (R,).
+        variable: The configuration of every control point, -1 where it is fixed, shape (K,).
+        free: Number F of configurations.
 
     Returns:
-        How many each row has (R,), their columns and values, row after row.
+        Number of entries of each row (R,), their columns and values, row after row.
     """
     (rows, weights, joints), switches = control.shape, switching.shape[1]
     most = rows * (weights * joints + switches + 2)
@@ -302,9 +302,9 @@ def compressed_rows(
     arrays = (np.ascontiguousarray(part) for part in (control, switching, duration, is_elastic))
     own = np.ascontiguousarray(first, dtype=np.int64)
     sizes = (rows, weights, joints, switches, free)
-    known = np.ascontiguousarray(variable, dtype=np.int64)
+    variables = np.ascontiguousarray(variable, dtype=np.int64)
     assert _compressed is not None  # the caller asks LIBRARY first
-    end = _compressed(*sizes, own, *arrays, known, count, column, value)
+    end = _compressed(*sizes, own, *arrays, variables, count, column, value)
     return count, column[:end], value[:end]
 
 
@@ -313,11 +313,11 @@ def compressed_rows(
 
 @dataclass(frozen=True, eq=False)
 class JointBlocks:
-    """What a program asks of all legs.
+    """The blocks of all legs over the program's variables.
 
     Attributes:
         blocks: One of each leg.
-        columns: Which of the program's variables each leg's V are, shape (V,).
+        columns: The program's variables that are each leg's, shape (V,).
     """
 
     blocks: Sequence[Block]
@@ -351,12 +351,12 @@ class JointBlocks:
 
     @cached_property
     def _is_one_alone(self) -> bool:
-        """Whether a leg alone has the program's variables in their order."""
+        """True if one leg alone has the program's variables in their order."""
         return np.array_equal(self.columns[0], np.arange(self.size))
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """The least and the largest of all variables: where legs share one, those of both."""
+        """Lower and upper bounds of the variables; a shared variable has those of both legs."""
         if self._is_one_alone:
             return self.blocks[0].lower, self.blocks[0].upper
         lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
@@ -372,12 +372,12 @@ class JointBlocks:
 
     @property
     def width_changes(self) -> list[SparseRows]:
-        """How all phases change, of each leg."""
+        """Changes of the phases' widths, as rows of each leg."""
         return [self.over_all(block.width_changes, k) for k, block in enumerate(self.blocks)]
 
     @property
     def held(self) -> list[SparseRows]:
-        """What must not move, of each leg."""
+        """Held directions, as rows of each leg."""
         return [self.over_all(block.held, k) for k, block in enumerate(self.blocks)]
 
     def over_all(self, rows: SparseRows, leg: int) -> SparseRows:

@@ -1,4 +1,4 @@
-"""Objective of a step: duration or a measure; damping, proximity."""
+"""Objective of a step: duration or measures; smoothing, proximity and damping."""
 
 from typing import Protocol
 
@@ -14,7 +14,7 @@ from tubeplanner.optimizer.step_block import Quadratic, Step, SymmetricEntries, 
 
 # ---- The convex quadratic part of a step's cost: smoothing, proximity and damping.
 
-# Weights of third differences, against wiggles of joints that do not matter, and of the step.
+# Weights of third differences, against wiggles of joints without effect, and of the step.
 _SMOOTHING = 1e-5
 _PROXIMITY = 1e-3
 # Of switching times, eta and the elastic variable: next to none.
@@ -27,12 +27,12 @@ class StepCost:
     """The quadratic costs of steps on one knot grid."""
 
     def __init__(self, variables: ControlVariables, grid: KnotGrid, joints: int) -> None:
-        """Prepare it.
+        """Find the pattern of the Hessian.
 
         Args:
-            variables: What may change.
+            variables: The variable control points.
             grid: The splines' knots.
-            joints: How many there are.
+            joints: Number of joints.
         """
         self._variables, self._intervals = variables, grid.interval_count
         self._weight = 2 * _SMOOTHING * grid.interval_count**5 / 250_000
@@ -57,11 +57,10 @@ class StepCost:
             for value, other in ((still, _OTHERS), (damped, 0.0))
         )
         self._size = count * joints + others
-        # Of every phase, how its width changes with the switching times at its ends.
         self._switches, self._first_switch = grid.switch_count, count * joints
 
     def quadratic(self, spline: PhasedSpline, damping: float = 0.0) -> Quadratic:
-        """Return the cost at a spline, squared rates weighted with a damping."""
+        """Return the cost of steps from a spline, squared rates weighted with a damping."""
         value = self._still + damping * self._damped
         hessian = SymmetricEntries(self._row, self._column, value, self._size)
         if damping and self._switches:
@@ -79,27 +78,27 @@ class StepCost:
     def squared_rates(self, spline: PhasedSpline, step: FloatArray, switching: FloatArray) -> float:
         """Return the integral of the squared rates of a step, run in one second.
 
-        Nearly: knots are taken as evenly spaced, and so is the motion where phases change widths.
+        About: knots count as evenly spaced, and so does the motion where phases change widths.
 
         Args:
-            spline: Before.
+            spline: The spline before the step.
             step: Of the variables, shape (F, n).
             switching: Of the switching times, shape (S,).
         """
-        found = self._squared_rates(self._variables.change(step))
+        rates = self._squared_rates(self._variables.change(step))
         if self._switches:
             changes = np.diff(switching, prepend=0.0, append=0.0)
-            found += self._squared_rates(spline.control_points) * float(
+            rates += self._squared_rates(spline.control_points) * float(
                 (changes**2 / np.diff(spline.switching_times)).sum()
             )
-        return found
+        return rates
 
     def _squared_rates(self, control_points: FloatArray) -> float:
         rates = np.diff(control_points, axis=0)
         return self._intervals * float(np.vdot(rates, rates))
 
     def _of_widths(self, spline: PhasedSpline, damping: float) -> SymmetricEntries:
-        """Return the squared rates of a motion whose phases change their widths, weighted."""
+        """Return the weighted squared rates from changing widths of phases, as a matrix."""
         weight = damping * self._squared_rates(spline.control_points)
         inverse = weight / np.diff(spline.switching_times)
         own = self._first_switch + np.arange(self._switches)
@@ -129,11 +128,11 @@ def _squared_differences(
     return np.stack([row[both], other[both]]), value[both]
 
 
-# ---- What steps of the optimiser are to gain: by default, a shorter duration.
+# ---- Objectives of steps: by default, a shorter duration.
 
 
 class StepObjective(Protocol):
-    """What steps are to gain."""
+    """The gain that steps aim at."""
 
     @property
     def run_in(self) -> float | None:
@@ -147,31 +146,31 @@ class StepObjective(Protocol):
 
     @property
     def ignored_excess(self) -> float:
-        """The part of an iterate's excess that does not count."""
+        """The part of an iterate's excess without a penalty."""
         ...
 
     def cost(
         self, current: Iterate, variables: ControlVariables, regularization: Quadratic
     ) -> Quadratic:
-        """Return what a step costs, with what keeps it regular.
+        """Return the cost of a step, with its regularization.
 
         Args:
-            current: Where it begins.
-            variables: What may change.
-            regularization: The cost of all steps, whatever they are to gain.
+            current: The iterate before the step.
+            variables: The variable control points.
+            regularization: The cost of steps under every objective.
         """
         ...
 
     def predicted_gain(self, current: Iterate, step: Step) -> float:
-        """Return what a step should gain, of the cost that was asked for last."""
+        """Return the gain of a step by the last `cost`."""
         ...
 
     def gain(self, current: Iterate, trial: Iterate) -> float:
-        """Return what was gained."""
+        """Return the gain of a trial."""
         ...
 
     def after(self, step: Step) -> None:
-        """Take note of a step that the program found."""
+        """Record a solution of the step's program."""
         ...
 
 
@@ -185,26 +184,26 @@ class ShortestDuration:
     def cost(
         self, current: Iterate, variables: ControlVariables, regularization: Quadratic
     ) -> Quadratic:
-        """Return the cost: eta, and what keeps steps regular."""
+        """Return the cost: eta and the regularization."""
         return regularization
 
     def predicted_gain(self, current: Iterate, step: Step) -> float:
-        """Return by which share of T^2 a step should be shorter."""
+        """Return the predicted reduction of T^2, as a share of it."""
         return -step.duration
 
     def gain(self, current: Iterate, trial: Iterate) -> float:
-        """Return by which share of T^2 a trial is shorter."""
+        """Return the reduction of T^2 by a trial, as a share of it."""
         return 1 - trial.squared_duration / current.squared_duration
 
     def after(self, step: Step) -> None:
-        """Take no note: durations need no weight."""
+        """Do nothing: durations need no weight."""
 
 
-# ---- Sums of blocks, one for every knot interval, over all that a step may change.
+# ---- Sums of blocks, one for every knot interval, over the variables of a step.
 
 
 class IntervalBlocks:
-    """Where blocks go: their pattern is found once."""
+    """The pattern of the sum of all intervals' blocks."""
 
     def __init__(
         self, variables: ControlVariables, intervals: int, points: int, switches: int
@@ -212,15 +211,14 @@ class IntervalBlocks:
         """Find the pattern.
 
         Args:
-            variables: What may change.
-            intervals: How many knot intervals there are: M.
-            points: How many control points count in each, from that with its number on: P.
-            switches: How many switching times may move: S.
+            variables: The variable control points.
+            intervals: Number M of knot intervals.
+            points: Number P of control points of an interval, from that with its number on.
+            switches: Number S of switching times that may move.
         """
         free, n = variables.lower.shape
-        # After the last interval there are fewer control points; nothing depends on others.
-        missing = np.full(intervals + points, FIXED)
-        column = np.append(variables.column, missing)
+        # The last intervals have fewer control points.
+        column = np.append(variables.column, np.full(intervals + points, FIXED))
         which = column[np.arange(intervals)[:, None] + np.arange(points)]
         place = which[:, :, None] * n + np.arange(n)
         place[which == FIXED] = FIXED
@@ -230,9 +228,9 @@ class IntervalBlocks:
         own = np.broadcast_to(self._switching, (intervals, switches))
         both = np.concatenate([self._place, own], axis=1)
         row, other = np.broadcast_arrays(both[:, :, None], both[:, None, :])
-        self._known = (row != FIXED) & (other != FIXED)
+        self._is_free = (row != FIXED) & (other != FIXED)
         self._row, self._column, self._entry = merged_entries(
-            row[self._known], other[self._known], self._size
+            row[self._is_free], other[self._is_free], self._size
         )
 
     def matrix(self, blocks: FloatArray, mixed: FloatArray, corner: FloatArray) -> SymmetricEntries:
@@ -240,13 +238,13 @@ class IntervalBlocks:
 
         Args:
             blocks: By the control points of every interval, shape (M, P n, P n).
-            mixed: By these and the switching times, shape (M, P n, S).
+            mixed: By control points and switching times, shape (M, P n, S).
             corner: By the switching times alone, of all intervals, shape (S, S).
         """
         shared = np.broadcast_to(corner / len(blocks), (len(blocks), *corner.shape))
         below = np.concatenate([np.swapaxes(mixed, 1, 2), shared], axis=2)
         whole = np.concatenate([np.concatenate([blocks, mixed], axis=2), below], axis=1)
-        data = np.bincount(self._entry, whole[self._known], len(self._row)).astype(np.float64)
+        data = np.bincount(self._entry, whole[self._is_free], len(self._row)).astype(np.float64)
         return SymmetricEntries(self._row, self._column, data, self._size)
 
     def vector(self, by_control: FloatArray, by_switching: FloatArray) -> FloatArray:
@@ -256,32 +254,32 @@ class IntervalBlocks:
             by_control: By the control points of every interval, shape (M, P n).
             by_switching: By the switching times, of all intervals, shape (S,).
         """
-        known = self._place != FIXED
+        is_free = self._place != FIXED
         size = self._size - DURATION_AND_ELASTIC
-        total = np.bincount(self._place[known], by_control[known], size).astype(float)
+        total = np.bincount(self._place[is_free], by_control[is_free], size).astype(float)
         total[self._switching] += by_switching
         return total
 
 
-# ---- What steps are to gain in a given duration: less of what motions are measured by.
+# ---- The objective in a given duration: smaller measures.
 #
 # The measures' logarithms are added, so that scales do not matter.
 
 _NOTHING = 1e-12  # beside measures that may vanish
-# What the sum of logarithms is worth at first, and at least, in shares of T^2: halved while steps
-# would make the motion longer than it may be.
+# First and least weight of the sum of logarithms, in shares of T^2: halved while steps would make
+# the motion longer than the given duration.
 _FIRST_WORTH, _LEAST_WORTH = 5e-3, 5e-4
 _LONGER = 1e-4
 
 
 class MeasuredObjective:
-    """The `StepObjective` of a motion that measures less, within a duration."""
+    """The `StepObjective` of smaller measures in a given duration."""
 
     least_duration_step = 0.0
     ignored_excess = 0.0  # gains are large here, beside what curvature brings
 
     def __init__(self, measures: Weighted, run_in: float) -> None:
-        """Take what counts.
+        """Take measures and a duration.
 
         Args:
             measures: The measures, with the weights of their logarithms.
@@ -296,7 +294,7 @@ class MeasuredObjective:
         self._measured: list[tuple[Iterate, IntervalMotion, FloatArray]] = []
 
     def value(self, current: Iterate) -> float:
-        """Return the weighted sum of the measures' logarithms: the less, the better."""
+        """Return the weighted sum of the measures' logarithms."""
         return float(np.log(self._measure(current)[1]) @ self._weights)
 
     def cost(
@@ -309,7 +307,7 @@ class MeasuredObjective:
         return Quadratic(hessian, own.gradient + regularization.gradient)
 
     def predicted_gain(self, current: Iterate, step: Step) -> float:
-        """Return what a step should gain, of the cost that was asked for last."""
+        """Return the gain of a step by the last `cost`."""
         assert self._last is not None
         change = np.concatenate([step.control.ravel(), step.switching])
         padded = np.append(change, [0.0, 0.0])
@@ -318,25 +316,25 @@ class MeasuredObjective:
         return float(less + self._longer(current) - max(step.duration, 0.0))
 
     def gain(self, current: Iterate, trial: Iterate) -> float:
-        """Return what measuring less is worth, less the share by which T^2 is longer."""
+        """Return the weighted reduction of the value, less the rise of the excess of T^2."""
         if not np.isfinite(trial.squared_duration):
             return -np.inf
         longer = self._longer(trial) - self._longer(current)
         return self._worth * (self.value(current) - self.value(trial)) - longer
 
     def after(self, step: Step) -> None:
-        """Let measures be worth less if the step would make the motion longer than it may be."""
+        """Halve the weight of the measures if the step would exceed the duration."""
         if step.duration > _LONGER:
             self._worth = max(self._worth / 2, _LEAST_WORTH)
 
     def _longer(self, iterate: Iterate) -> float:
-        """Return by which share T^2 would have to be longer."""
+        """Return the excess of the least T^2 over the duration's, as a share of that."""
         return max(iterate.squared_duration / self.run_in**2 - 1, 0.0)
 
     def _measure(self, current: Iterate) -> tuple[IntervalMotion, FloatArray]:
         """Return a motion in the duration, and its measures."""
-        for known, motion, totals in self._measured:
-            if known is current:
+        for iterate, motion, totals in self._measured:
+            if iterate is current:
                 return motion, totals
         motion = IntervalMotion(current, self.run_in)
         totals = np.array([measure.total(motion) for measure in self._measures]) + _NOTHING
@@ -344,7 +342,7 @@ class MeasuredObjective:
         return motion, totals
 
     def _model(self, current: Iterate, variables: ControlVariables) -> Quadratic:
-        """Return a convex quadratic of the value near a trajectory: that of Gauss and Newton."""
+        """Return the Gauss-Newton quadratic of the value near a trajectory."""
         motion, totals = self._measure(current)
         shares = (self._weights / totals).tolist()
         models = zip(self._measures, shares, strict=True)

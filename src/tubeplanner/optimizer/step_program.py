@@ -1,4 +1,4 @@
-"""The program of one step over all legs: native banded solver, PIQP."""
+"""The program of one step over all legs: native banded solver, or PIQP."""
 
 from collections.abc import Sequence
 from ctypes import c_double, c_int, c_int64, c_void_p
@@ -53,7 +53,7 @@ class NativeProgram:
         """Set it up without any row.
 
         Args:
-            first: Where x begins, shape (V,).
+            first: The first x, shape (V,).
             linear: c, shape (V,).
             lower: Of x, shape (V,).
             upper: Likewise; may be infinite.
@@ -68,7 +68,7 @@ class NativeProgram:
             _call(_delete)(self._handle)
 
     def add_quadratic(self, row: IntArray, column: IntArray, value: FloatArray) -> None:
-        """Add entries (E,) of Q: those above the diagonal and on it are taken."""
+        """Add entries (E,) of Q; entries below the diagonal are ignored."""
         own = (np.ascontiguousarray(part, dtype=np.int64) for part in (row, column))
         _call(_add_quadratic)(self._handle, len(value), *own, np.ascontiguousarray(value))
 
@@ -78,9 +78,9 @@ class NativeProgram:
         """Add R rows.
 
         Args:
-            count: How many entries each has, shape (R,).
-            column: Where they are, row after row, shape (entries,); they may repeat.
-            value: Theirs, shape (entries,).
+            count: Number of entries of each, shape (R,).
+            column: Columns of the entries, row after row, shape (entries,); they may repeat.
+            value: Values of the entries, shape (entries,).
             slack: b, shape (R,).
 
         Raises:
@@ -94,11 +94,11 @@ class NativeProgram:
         self.row_count += len(slack)
 
     def set_slack(self, slack: FloatArray) -> None:
-        """Give all rows other slack (R,); the next solution begins anew."""
+        """Set the slack (R,) of all rows; the next solution begins anew."""
         _call(_set_slack)(self._handle, slack)
 
     def solve(self, tolerance: float) -> tuple[FloatArray, FloatArray] | None:
-        """Return x (V,) and the rows' multipliers (R,), or None if it does not get there.
+        """Return x (V,) and the rows' multipliers (R,), or None if it does not converge.
 
         Args:
             tolerance: Of the gradient, the rows and the cost, absolute.
@@ -110,7 +110,6 @@ class NativeProgram:
 
 
 def _call(function: Any) -> Any:
-    """Return a function of the library."""
     if function is None:
         raise RuntimeError("the native library is left out")
     return function
@@ -118,9 +117,9 @@ def _call(function: Any) -> Any:
 
 # ---- The program of one step for the native library: rows join it while it is being solved.
 
-# Where the method begins: eta, and how far beyond what rows lack the elastic variable is.
+# The first eta, and the first elastic variable beyond the largest violation.
 _FIRST_DURATION_STEP, _FIRST_SPARE = 0.2, 0.1
-# Of what must not move: neither rows nor curvature move it, this balances bounds alone.
+# Of held directions: neither rows nor curvature move them, this balances bounds alone.
 _STIFFNESS = 1e9
 
 
@@ -130,7 +129,7 @@ class BandedProgram:
     goes_on = True
 
     def __init__(self, blocks: Sequence[Block], columns: Sequence[IntArray]) -> None:
-        """Set it up; arguments as `step_program`."""
+        """Set the program up; arguments as `step_program`."""
         self._columns = columns
         self._blocks = joint = JointBlocks(blocks, columns)
         self._bounds = joint.bounds
@@ -140,8 +139,8 @@ class BandedProgram:
             linear[row.column] -= row.data * (row.data @ linear[row.column])
         self._program = NativeProgram(self._first(), linear, *self._bounds, self._band())
         hessian = joint.hessian
-        for places, directions in _groups(self._held):
-            hessian = _flattened(hessian, places, directions)
+        for variables, directions in _groups(self._held):
+            hessian = _flattened(hessian, variables, directions)
         self._program.add_quadratic(hessian.row, hessian.column, hessian.value)
         for row in self._held:
             column, other = np.meshgrid(row.column, row.column)
@@ -150,42 +149,42 @@ class BandedProgram:
         self._slack = np.zeros(0)
         for leg, block in enumerate(blocks):
             self._add_ends(leg, block)
-        # Which of the program's rows are each leg's, and how many sets of them it has.
-        self._places = [np.zeros(0, dtype=np.int64) for _ in blocks]
-        self._known = [0] * len(blocks)
+        # The numbers of each leg's rows in the program, and the number of sets of rows it has.
+        self._numbers = [np.zeros(0, dtype=np.int64) for _ in blocks]
+        self._set_counts = [0] * len(blocks)
         self.join(blocks)
 
     def join(self, blocks: Sequence[Block]) -> None:
-        """Take rows that blocks have gained."""
+        """Add the new rows of blocks."""
         self._blocks = JointBlocks(blocks, self._columns)
         for leg, block in enumerate(blocks):
-            given = block.slack[len(self._places[leg]) :]
-            added = stacked_rows(block.rows[self._known[leg] :])
-            self._known[leg] = len(block.rows)
-            if len(given):
-                places = self._add(self._blocks.over_all(added, leg), given)
-                self._places[leg] = np.concatenate([self._places[leg], places])
+            slack = block.slack[len(self._numbers[leg]) :]
+            added = stacked_rows(block.rows[self._set_counts[leg] :])
+            self._set_counts[leg] = len(block.rows)
+            if len(slack):
+                numbers = self._add(self._blocks.over_all(added, leg), slack)
+                self._numbers[leg] = np.concatenate([self._numbers[leg], numbers])
 
     def correct(self, blocks: Sequence[Block]) -> None:
-        """Take rows that blocks have gained, and other slack of all."""
+        """Add the new rows of blocks, and set the slack of all rows."""
         self.join(blocks)
-        for block, places in zip(blocks, self._places, strict=True):
-            self._slack[places] = block.slack
+        for block, numbers in zip(blocks, self._numbers, strict=True):
+            self._slack[numbers] = block.slack
         self._program.set_slack(self._slack)
 
     def solve(self, tolerance: float) -> tuple[Step, ...] | None:
-        """Return the step of every leg, or None if the method does not get there."""
-        found = self._program.solve(tolerance)
-        if found is None:
+        """Return the step of every leg, or None if the method does not converge."""
+        solution = self._program.solve(tolerance)
+        if solution is None:
             return None
-        x, multipliers = found
-        joint = self._blocks
+        x, multipliers = solution
         for row in self._held:
             x[row.column] -= row.data * (row.data @ x[row.column])
-        return joint.steps(np.clip(x, *self._bounds), [multipliers[own] for own in self._places])
+        by_leg = [multipliers[own] for own in self._numbers]
+        return self._blocks.steps(np.clip(x, *self._bounds), by_leg)
 
     def _add(self, rows: SparseRows, slack: FloatArray) -> IntArray:
-        """Add rows; return their places among all."""
+        """Add rows; return their numbers."""
         if self._held:
             rows = _without(rows, self._held)
         self._program.add_rows(rows.count, rows.column, rows.data, slack)
@@ -193,22 +192,21 @@ class BandedProgram:
         return np.arange(len(self._slack) - len(slack), len(self._slack))
 
     def _add_ends(self, leg: int, block: Block) -> None:
-        """Add how far phases may change."""
+        """Add the bounds on the changes of the phases' widths."""
         changes = self._blocks.over_all(block.width_changes, leg)
         for sign in (1.0, -1.0):
             if len(changes.count):
                 self._add(replace(changes, data=sign * changes.data), block.widths)
 
     def _first(self) -> FloatArray:
-        """Return where the method begins."""
         first = np.zeros(self._blocks.size)
         for block, own in zip(self._blocks.blocks, self._columns, strict=True):
-            lacks = max(-float(block.slack.min(initial=0.0)), 0.0)
-            first[own[-2:]] = _FIRST_DURATION_STEP, lacks + _FIRST_SPARE
+            violation = max(-float(block.slack.min(initial=0.0)), 0.0)
+            first[own[-2:]] = _FIRST_DURATION_STEP, violation + _FIRST_SPARE
         return first
 
     def _band(self) -> int:
-        """Return how many of the first variables only neighbours couple.
+        """Return the number of first variables that are coupled with near ones only.
 
         The configuration in which a cycle closes is behind all others.
         """
@@ -223,14 +221,14 @@ class BandedProgram:
 
 
 def _without(rows: SparseRows, held: Sequence[SparseRows]) -> SparseRows:
-    """Return rows that do not change along some directions, which are at right angles."""
+    """Return rows that do not change along held directions, which are orthogonal."""
     for columns, directions in _groups(held):
-        rows = _turned_away(rows, columns, directions)
+        rows = _projected(rows, columns, directions)
     return rows
 
 
 def _groups(held: Sequence[SparseRows]) -> list[tuple[IntArray, FloatArray]]:
-    """Return the variables (n,) of which some directions (r, n) are held."""
+    """Return sets of variables (n,) and their held directions (r, n)."""
     groups: dict[tuple[int, ...], list[FloatArray]] = {}
     for row in held:
         groups.setdefault(tuple(row.column.tolist()), []).append(row.data)
@@ -240,7 +238,7 @@ def _groups(held: Sequence[SparseRows]) -> list[tuple[IntArray, FloatArray]]:
 def _flattened(
     entries: SymmetricEntries, columns: IntArray, directions: FloatArray
 ) -> SymmetricEntries:
-    """Return curvature that is none along directions (r, n) of some variables (n,)."""
+    """Return curvature that vanishes along directions (r, n) of some variables (n,)."""
     place = np.full(entries.size, -1)
     place[columns] = np.arange(len(columns))
     row, column = place[entries.row], place[entries.column]
@@ -249,7 +247,7 @@ def _flattened(
     own -= own @ directions.T @ directions
     own[columns] -= directions.T @ (directions @ own[columns])
     first, second = np.nonzero(own)
-    others = place[first] < 0  # what couples them with other variables stands on both sides
+    others = place[first] < 0  # coupling with other variables stands on both sides
     rest = (row < 0) & (column < 0)
     return SymmetricEntries(
         np.concatenate([entries.row[rest], first, columns[second][others]]),
@@ -259,24 +257,24 @@ def _flattened(
     )
 
 
-def _turned_away(rows: SparseRows, columns: IntArray, directions: FloatArray) -> SparseRows:
+def _projected(rows: SparseRows, columns: IntArray, directions: FloatArray) -> SparseRows:
     """Return rows without their parts along directions (r, n) of some variables (n,)."""
     number = np.repeat(np.arange(len(rows.count)), rows.count)
-    places_of = np.full(max(columns.max(), rows.column.max(initial=0)) + 1, -1)
-    places_of[columns] = np.arange(len(columns))
-    place = places_of[rows.column]
-    is_meant = place >= 0
-    if not is_meant.any():
+    index_of = np.full(max(columns.max(), rows.column.max(initial=0)) + 1, -1)
+    index_of[columns] = np.arange(len(columns))
+    index = index_of[rows.column]
+    is_own = index >= 0
+    if not is_own.any():
         return rows
     own = np.zeros((len(rows.count), len(columns)))
-    np.add.at(own, (number[is_meant], place[is_meant]), rows.data[is_meant])
+    np.add.at(own, (number[is_own], index[is_own]), rows.data[is_own])
     own -= own @ directions.T @ directions
     row, column = np.nonzero(own)
-    number = np.concatenate([number[~is_meant], row])
+    number = np.concatenate([number[~is_own], row])
     sequence = np.argsort(number, kind="stable")
-    data = np.concatenate([rows.data[~is_meant], own[row, column]])[sequence]
-    places = np.concatenate([rows.column[~is_meant], columns[column]])[sequence]
-    return SparseRows(data, places, np.bincount(number, minlength=len(rows.count)))
+    data = np.concatenate([rows.data[~is_own], own[row, column]])[sequence]
+    column = np.concatenate([rows.column[~is_own], columns[column]])[sequence]
+    return SparseRows(data, column, np.bincount(number, minlength=len(rows.count)))
 
 
 # ---- The program of one step for PIQP, an interior-point method for sparse problems.
@@ -291,17 +289,17 @@ class SparseProgram:
     goes_on = False
 
     def __init__(self, blocks: Sequence[Block], columns: Sequence[IntArray]) -> None:
-        """Set it up; arguments as `step_program`."""
+        """Set the program up; arguments as `step_program`."""
         self._columns = columns
         self._solver: Any = None
         self.join(blocks)
 
     def join(self, blocks: Sequence[Block]) -> None:
-        """Take all rows of blocks."""
+        """Set the rows of blocks."""
         self._blocks, self._solver = JointBlocks(blocks, self._columns), None
 
     def correct(self, blocks: Sequence[Block]) -> None:
-        """Take all rows of blocks; where none is new, only their slack."""
+        """Set the rows of blocks; where none is new, only their slack."""
         counts = [[len(block.slack) for block in each] for each in (blocks, self._blocks.blocks)]
         if self._solver is None or counts[0] != counts[1]:
             return self.join(blocks)
@@ -370,7 +368,6 @@ class SparseProgram:
 
 
 def _symmetric(entries: SymmetricEntries) -> Any:
-    """Return a symmetric matrix."""
     from scipy import sparse
 
     places = (entries.row, entries.column)
@@ -378,11 +375,10 @@ def _symmetric(entries: SymmetricEntries) -> Any:
 
 
 def _matrix(parts: Sequence[SparseRows], columns: int) -> Any:
-    """Return the matrix of several sets of rows."""
     from scipy import sparse
 
     rows = stacked_rows(parts)
-    # What scipy.sparse takes as it is.
+    # scipy.sparse takes 32-bit indices without a copy.
     ends = np.concatenate([[0], np.cumsum(rows.count)]).astype(np.int32)
     column = rows.column.astype(np.int32, copy=False)
     matrix = sparse.csr_matrix((rows.data, column, ends), shape=(len(rows.count), columns))

@@ -1,9 +1,9 @@
 """Consecutive legs with a common end configuration, improved together.
 
-Planned one after the other, each ends where that is best for itself. Here the configurations
-between them are chosen for the least sum of durations: all legs are one program, whose legs share
-them. The sum changes only with the square of what they are off by, so that coarser knots than those
-of the motions tell them well enough.
+Legs that are planned one after the other end where that is best for each. Here the configurations
+between them are optimised for the least sum of durations, in one program whose legs share them. The
+sum changes only with the square of their error, so that coarser knots than those of the motions are
+accurate enough.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,14 +19,14 @@ from tubeplanner.optimizer.sequential_program import SequentialProgram
 from tubeplanner.optimizer.spline_constraints import BLENDED, Iterate
 from tubeplanner.optimizer.starts import RefinedMotion, knot_grid, on_knots, subdivided
 
-# One knot interval is made of so many, or of fewer if that leaves less than the fewest; of the next
-# number where legs do not keep to their tubes then. (Of 3 to 6, for two and three legs of three
-# arms, 5 took the least time; the sums differed by 0.3 % at most.)
+# So many knot intervals are joined to one, or fewer if less than the fewest would remain; the next
+# number where legs then leave their tubes. (Of 3 to 6, for two and three legs of three arms, 5 took
+# the least time; the sums differed by 0.3 % at most.)
 _JOINED, _FEWEST = (5, 2), 14
 _FIRST_TRUST, _LATER_TRUST = 0.2, 0.02  # in units of the trust region
 _GAIN = 5e-4
 _FIRST_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 30, 4, 3
-# Each leg is refined once more: what it violates by as little as this is mended then.
+# Each leg is refined once more, which mends violations of so many merit tolerances.
 _INSIDE = 2.0
 
 
@@ -41,43 +41,43 @@ class TiedLegs:
         is_closed: bool = False,
         checkpoint: Callable[[float], None] = lambda duration: None,
     ) -> None:
-        """Prepare them.
+        """Take legs.
 
         Args:
             motions: The legs, each beginning where the one before ends.
-            is_tied: Whether that is open between each leg and the next, one less than legs. Where
-                a leg's goal leaves nothing to choose, it stays.
-            is_closed: Whether it is open too where the last leg ends and the first begins.
+            is_tied: Whether the configuration between each leg and the next may change, one less
+                than legs. It is fixed all the same where a leg's goal does not move.
+            is_closed: Whether the configuration between the last leg and the first may change.
             checkpoint: Called with the sum of durations [s] after every step; it may raise to end
                 the work.
         """
-        self._motions, self._is_wanted = tuple(motions), (*is_tied, is_closed)
+        self._motions, self._is_open = tuple(motions), (*is_tied, is_closed)
         self._checkpoint = checkpoint
-        self._found: tuple[Iterate, ...] = ()
+        self._iterates: tuple[Iterate, ...] = ()
 
     @property
     def durations(self) -> tuple[float, ...]:
-        """The duration of every leg [s], on the knots that were enough; none before `run`."""
-        return tuple(iterate.duration for iterate in self._found)
+        """The duration of every leg [s], on the last coarse knots; empty before `run`."""
+        return tuple(iterate.duration for iterate in self._iterates)
 
     def run(self) -> tuple[PhasedSpline, ...] | None:
-        """Return the legs' splines with the least sum of durations, about; tied ends agree exactly.
+        """Return the legs' splines with about the least sum of durations; tied ends agree exactly.
 
         Returns:
-            None if they did not keep to their tubes on any knots.
+            None if they leave their tubes on all knots.
         """
         counts = [motion.spline.grid.interval_count for motion in self._motions]
         choices = [tuple(_joined(count, most) for count in counts) for most in _JOINED]
         for parts in dict.fromkeys(choices):
             legs = zip(self._motions, parts, strict=True)
-            self._found = self._on_knots([_coarsened(leg.spline, own) for leg, own in legs])
-            if all(_is_inside(iterate) for iterate in self._found):
-                found = zip(self._found, parts, strict=True)
-                return tuple(subdivided(iterate.spline, own) for iterate, own in found)
+            self._iterates = self._on_knots([_coarsened(leg.spline, own) for leg, own in legs])
+            if all(_is_inside(iterate) for iterate in self._iterates):
+                each = zip(self._iterates, parts, strict=True)
+                return tuple(subdivided(iterate.spline, own) for iterate, own in each)
         return None
 
     def _on_knots(self, splines: Sequence[PhasedSpline]) -> tuple[Iterate, ...]:
-        """Return where the legs are improved to, on the knots of splines."""
+        """Return the improved legs, on the knots of splines."""
         is_tied, programs = self._programs(splines)
         descent = Descent(programs, is_tied)
         for program, spline, ends_openly in zip(programs, splines, is_tied, strict=True):
@@ -88,26 +88,27 @@ class TiedLegs:
         begun = Improved(_iterates(programs, splines), TrustRegion(_FIRST_TRUST), FIRST_PENALTY)
         if not np.isfinite(_total(begun.iterates)):
             return begun.iterates
-        found = self._improved(descent, begun, _FIRST_STEPS)
+        result = self._improved(descent, begun, _FIRST_STEPS)
         for _ in range(_MAX_ROUNDS):
-            each = zip(programs, found.iterates, strict=True)
-            # All of them: each adds the samples that it lacks.
-            lacks = [program.constraints.look_between_samples(own)[1] for program, own in each]
-            if found.has_ended and not any(lacks):
+            each = zip(programs, result.iterates, strict=True)
+            # Not lazily: every leg adds the samples that it lacks.
+            has_more = [program.constraints.look_between_samples(own)[1] for program, own in each]
+            if result.has_ended and not any(has_more):
                 break
-            again = _iterates(programs, [iterate.spline for iterate in found.iterates])
-            trust = replace(found.trust, radius=_LATER_TRUST)
-            found = self._improved(descent, Improved(again, trust, found.penalty), _STEPS_PER_ROUND)
-        return found.iterates
+            again = _iterates(programs, [iterate.spline for iterate in result.iterates])
+            trust = replace(result.trust, radius=_LATER_TRUST)
+            begun = Improved(again, trust, result.penalty)
+            result = self._improved(descent, begun, _STEPS_PER_ROUND)
+        return result.iterates
 
     def _programs(
         self, splines: Sequence[PhasedSpline]
     ) -> tuple[tuple[bool, ...], tuple[SequentialProgram, ...]]:
-        """Return which legs end where the next begins, wherever that is, and the legs' programs."""
-        legs = list(zip(self._motions, splines, self._is_wanted, strict=True))
+        """Return whether each leg is tied to the next, and the legs' programs."""
+        legs = list(zip(self._motions, splines, self._is_open, strict=True))
         is_tied = tuple(
-            wanted and ControlVariables(motion.problem, spline.grid).goal_moves
-            for motion, spline, wanted in legs
+            is_open and ControlVariables(motion.problem, spline.grid).goal_moves
+            for motion, spline, is_open in legs
         )
         programs = tuple(
             SequentialProgram(motion.problem, spline.grid, start_moves=is_tied[k - 1])
@@ -130,12 +131,12 @@ class TiedLegs:
 
 
 def _joined(intervals: int, most: int) -> int:
-    """Return of how many of so many knot intervals one is made, at most a number."""
+    """Return the number of knot intervals, at most `most`, to join to one."""
     return max(min(most, intervals // _FEWEST), 1)
 
 
 def _coarsened(spline: PhasedSpline, parts: int) -> PhasedSpline:
-    """Return a spline on knots of which one interval stands for several."""
+    """Return a spline on a number of intervals divided by `parts`."""
     if parts == 1:
         return spline
     times, grid = spline.switching_times, spline.grid
@@ -155,5 +156,5 @@ def _total(iterates: Sequence[Iterate]) -> float:
 
 
 def _is_inside(iterate: Iterate) -> bool:
-    """Return whether a motion keeps to its tube, in a duration at all."""
+    """Return True if a motion is in its tube and has a finite duration."""
     return iterate.excess <= _INSIDE * MERIT_TOLERANCE and np.isfinite(iterate.duration)
