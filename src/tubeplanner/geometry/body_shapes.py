@@ -80,16 +80,10 @@ class BodyShapes:
         self._placed = _PlacedShapes(self.shapes)
 
     def distances(self, rotation: FloatArray, position: FloatArray, pairs: IntArray) -> FloatArray:
-        """Return lower bounds on the signed distances of pairs at one configuration [m].
+        """Return lower bounds on the signed distances of pairs at one configuration, (P,) [m].
 
-        Args:
-            rotation: Of all bodies, shape (bodies, 3, 3).
-            position: Of all bodies, shape (bodies, 3) [m].
-            pairs: Shape (P, 2).
-
-        Returns:
-            Shape (P,); negative where shapes overlap. Never above the true distance, except by
-            rounding.
+        Negative where shapes overlap; never above the true distance, except by rounding. Poses of
+        all bodies are of shape (bodies, 3, 3) and (bodies, 3) [m].
 
         Raises:
             ValueError: A pose is not finite.
@@ -99,11 +93,10 @@ class BodyShapes:
     def separations(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return `distances`, and unit vectors along which the shapes are that far apart.
+        """Return `distances` (P,) [m] and the unit vectors along which they are measured, (P, 3).
 
-        Returns:
-            Distances (P,) [m] and unit vectors (P, 3) from the first towards the second shape of
-            each pair, in the frame of the second shape's body.
+        From the first towards the second shape of each pair, in the frame of the second shape's
+        body.
         """
         row = np.zeros(len(pairs), dtype=np.int64)
         return self.separations_at(rotation[None], position[None], pairs, row)
@@ -177,12 +170,8 @@ class BodyShapes:
     ) -> FloatArray | None:
         """Return distances of all pairs in all configurations, (N, P) [m]; None if not native.
 
-        Args:
-            rotation: Shape (N, bodies, 3, 3), neighbours best one after the other.
-            position: Shape (N, bodies, 3) [m].
-            pairs: Shape (P, 2).
-            matters: Below which distances are exact, shape (N, P) [m]; others are lower bounds.
-            known: Known lower bounds, shape (N, P) [m].
+        Neighbouring configurations best follow each other. Distances below `matters`, shape (N, P)
+        [m], are exact, others are lower bounds; `known`, shape (N, P) [m], are known lower bounds.
         """
         if self._native is None:
             return None
@@ -202,16 +191,10 @@ class BodyShapes:
     ) -> LeastRoom | None:
         """Return the pair with the least slack beyond its required distance in each configuration.
 
-        Args:
-            rotation: Shape (N, bodies, 3, 3), neighbours best one after the other.
-            position: Shape (N, bodies, 3) [m].
-            pairs: Shape (P, 2).
-            required: Shape (P,) [m]; -inf: a pair that does not count.
-            near: Pairs that have more slack do not matter [m].
-
-        Returns:
-            The pairs; a pair that overlaps or all but touches, whose depth `closest_points`
-            measures, ends the search in its configuration. None without the native library.
+        Neighbouring configurations best follow each other. A pair with `required` (P,) [m] of -inf
+        does not count, nor do pairs whose slack is more than `near` [m]. A pair that overlaps or
+        all but touches, whose depth `closest_points` measures, ends the search in its
+        configuration. None without the native library.
         """
         if self._native is None:
             return None
@@ -220,16 +203,10 @@ class BodyShapes:
     def distance_gradient(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray, closest: ClosestPoints
     ) -> FloatArray:
-        """Return the derivative of the distances of pairs, each in its own configuration.
+        """Return the derivative of P distances by the joints, shape (P, n) [m/rad or 1].
 
-        Args:
-            rotation: Shape (P, bodies, 3, 3).
-            position: Shape (P, bodies, 3) [m].
-            pairs: Shape (P, 2).
-            closest: Result of `closest_points` for these.
-
-        Returns:
-            By the joints, shape (P, n) [m/rad or 1].
+        Each pair is in its own configuration; `closest` is the result of `closest_points` for
+        these.
         """
         gradient = np.zeros((len(pairs), self.robot.joint_count))
         for sign, column, point in ((-1, 0, closest.first), (1, 1, closest.second)):
@@ -366,70 +343,37 @@ _STRIDES = (64, 16, 4, 1)
 def near_distances(
     checker: BodyShapes, q: FloatArray, pairs: IntArray, matters: FloatArray, known: FloatArray
 ) -> FloatArray:
-    """Return distances of all pairs in configurations that follow each other, shape (N, P) [m].
+    """Return distances of all pairs in configurations q (N, n) that follow each other, (N, P) [m].
 
-    Distances beyond `matters` are lower bounds: known ones, from spheres, or along a direction that
-    separates the pair.
-
-    Args:
-        checker: The shapes.
-        q: Configurations, shape (N, n).
-        pairs: Shape (P, 2).
-        matters: Below which distances are exact, shape (N, P) [m].
-        known: Known lower bounds, shape (N, P) [m].
+    Distances below `matters` (N, P) [m] are exact. Others are lower bounds: `known` ones (N, P)
+    [m], from spheres, or along a direction that separates the pair.
     """
     poses = checker.robot.body_poses(q)
     native = checker.near_distances(*poses, pairs, matters, known)
     if native is not None:
         return native
-    distances = _Distances(checker, poses, pairs, matters, known)
+    rotation, position = poses
+    bound = np.maximum(checker.sphere_distances(*poses, pairs), known)
+    near = bound < matters
+    direction, is_measured = np.zeros((*bound.shape, 3)), np.zeros(bound.shape, dtype=bool)
     before = len(q)
     for stride in _STRIDES:
         samples = np.arange(0, len(q), stride)
-        distances.measure(samples[(samples % before != 0) | (before == len(q))], before)
-        before = stride
-    return distances.bound
-
-
-class _Distances:
-    """Distances of P pairs at N configurations along a spline, exact where pairs are near.
-
-    Attributes:
-        bound: Lower bounds, exact below what matters, shape (N, P) [m].
-    """
-
-    def __init__(
-        self,
-        checker: BodyShapes,
-        poses: tuple[FloatArray, FloatArray],
-        pairs: IntArray,
-        matters: FloatArray,
-        known: FloatArray,
-    ) -> None:
-        self._checker, self._pairs, self._matters = checker, pairs, matters
-        self._rotation, self._position = poses
-        spheres = checker.sphere_distances(self._rotation, self._position, pairs)
-        self.bound = np.maximum(spheres, known)
-        self._near = self.bound < matters
-        self._direction = np.zeros((*self.bound.shape, 3))
-        self._is_known = np.zeros(self.bound.shape, dtype=bool)
-
-    def measure(self, samples: IntArray, stride: int) -> None:
-        """Visit samples, after the multiples of a coarser stride."""
-        row, pair = np.nonzero(self._near[samples])
+        samples = samples[(samples % before != 0) | (before == len(q))]
+        row, pair = np.nonzero(near[samples])
         row = samples[row]
-        last = row - row % stride
-        has_direction = np.flatnonzero(self._is_known[last, pair])
-        self._direction[row, pair] = self._direction[last, pair]
-        self._is_known[row, pair] = True
+        last = row - row % before
+        has_direction = np.flatnonzero(is_measured[last, pair])
+        direction[row, pair] = direction[last, pair]
+        is_measured[row, pair] = True
         at = (row[has_direction], pair[has_direction])
-        along = self._checker.separations_along(
-            self._rotation, self._position, self._pairs[at[1]], self._direction[at], at[0]
-        )
-        self.bound[at] = np.maximum(self.bound[at], along)
-        close = self.bound[row, pair] < self._matters[row, pair]
+        along = checker.separations_along(*poses, pairs[at[1]], direction[at], at[0])
+        bound[at] = np.maximum(bound[at], along)
+        close = bound[row, pair] < matters[row, pair]
         for i in np.unique(row[close]):
-            pairs = pair[close & (row == i)]
-            self.bound[i, pairs], self._direction[i, pairs] = self._checker.separations(
-                self._rotation[i], self._position[i], self._pairs[pairs]
+            columns = pair[close & (row == i)]
+            bound[i, columns], direction[i, columns] = checker.separations(
+                rotation[i], position[i], pairs[columns]
             )
+        before = stride
+    return bound

@@ -94,7 +94,14 @@ class CollisionChecker(BodyShapes):
         self._obstacle_names = {obstacle.name for obstacle in obstacles}
         self._attached_names = {solid.name for solid in attached}
         self._ignored = {frozenset(pair) for pair in (*ignore, *touching)}
-        links, carried = _link_shapes(robot, covers), _carried_shapes(robot, attached)
+        links = _link_shapes(robot, covers)
+        body = robot.link_body[robot.tool_frame]
+        placement = robot.link_placement[robot.tool_frame]
+        carried = [
+            BodyShape(solid.name, body, shape.transformed(placement))
+            for solid in attached
+            for shape in solid.shapes
+        ]
         standing = [
             BodyShape(obstacle.name, _BASE, shape)
             for obstacle in obstacles
@@ -210,17 +217,6 @@ def _as_pairs(pairs: list[tuple[int, int]]) -> IntArray:
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def _carried_shapes(robot: RobotModel, attached: Sequence[AttachedSolid]) -> list[BodyShape]:
-    """Return attached solids as shapes of the body that carries the tool."""
-    body = robot.link_body[robot.tool_frame]
-    placement = robot.link_placement[robot.tool_frame]
-    return [
-        BodyShape(solid.name, body, shape.transformed(placement))
-        for solid in attached
-        for shape in solid.shapes
-    ]
-
-
 def _require_names(
     robot: RobotModel,
     obstacles: Sequence[Obstacle],
@@ -242,20 +238,9 @@ def _require_names(
                 )
 
 
-# ---- The solids of a problem, and the checker that is built from them on first use.
-
-
 @dataclass(frozen=True, eq=False)
 class CollisionScene:
-    """An arm, its attached solids and the obstacles around it.
-
-    Attributes:
-        robot: The arm.
-        obstacles: Solids in the base frame.
-        attached: Solids in the tool frame; they count as links.
-        self_collision: Whether links are checked against each other.
-        ignore: Pairs of names of links or obstacles that may touch.
-    """
+    """An arm, its attached solids and the obstacles around it, as `CollisionChecker` takes them."""
 
     robot: RobotModel
     obstacles: tuple[Obstacle, ...]

@@ -202,17 +202,9 @@ class NativeShapes:
         matters: FloatArray,
         known: FloatArray,
     ) -> tuple[FloatArray, BoolArray]:
-        """Return distances of all pairs in all configurations, exact where they matter.
+        """Return `BodyShapes.near_distances`, and True where a distance that matters is not proven.
 
-        Args:
-            rotation: Neighbours best one after the other.
-            position: Likewise.
-            pairs: Shape (P, 2).
-            matters: Below which distances are exact, shape (N, P) [m]; elsewhere lower bounds.
-            known: Known lower bounds, shape (N, P) [m].
-
-        Returns:
-            Distances (N, P) [m], and True where a distance that matters is not proven, (N, P).
+        Both of shape (N, P).
         """
         bound, unproven = np.array(known, order="C"), np.empty(known.shape, dtype=bool)
         assert _near_distances is not None
@@ -231,18 +223,7 @@ class NativeShapes:
         required: FloatArray,
         near: float,
     ) -> LeastRoom:
-        """Return the pair with the least slack beyond its required distance in each configuration.
-
-        Args:
-            rotation: Neighbours best one after the other.
-            position: Likewise.
-            pairs: Shape (P, 2).
-            required: Shape (P,) [m]; -inf: a pair that does not count.
-            near: Pairs that have more slack do not matter [m].
-
-        Returns:
-            The pairs; the first pair of a configuration that is not proven ends the search there.
-        """
+        """Return `BodyShapes.least_room`; a pair that is not proven ends the search."""
         count = len(rotation)
         room, pair, unproven = np.empty(count), np.empty(count, np.int64), np.empty(count, bool)
         assert _least_room is not None

@@ -149,11 +149,7 @@ def _prism(radius: float, length: float, sides: int) -> ConvexShape:
     angles = np.arange(sides) * 2 * np.pi / sides
     ring = radius * np.array([np.cos(angles), np.sin(angles)]).T
     ends = [np.column_stack([ring, np.full(sides, z)]) for z in (-length / 2, length / 2)]
-    return ConvexShape(read_only(np.vstack(ends)), known_faces=_prism_faces(sides))
-
-
-def _prism_faces(sides: int) -> IntArray:
-    """Return the triangles of a prism whose bottom comes first, both ends counterclockwise."""
+    # The triangles of a prism whose bottom comes first, both ends counterclockwise.
     here = np.arange(sides)
     following = np.roll(here, -1)
     fan = np.column_stack([np.zeros(sides - 2, dtype=np.int64), here[1:-1], here[2:]])
@@ -161,7 +157,8 @@ def _prism_faces(sides: int) -> IntArray:
         np.column_stack([here, following, following + sides]),
         np.column_stack([here, following + sides, here + sides]),
     )
-    return np.concatenate([fan[:, ::-1], fan + sides, *sloping])
+    faces = np.concatenate([fan[:, ::-1], fan + sides, *sloping])
+    return ConvexShape(read_only(np.vstack(ends)), known_faces=faces)
 
 
 def convex_hull(points: FloatArray) -> ConvexShape:

@@ -45,17 +45,13 @@ def cover_error(solid: MeshSolid, shapes: Sequence[ConvexShape]) -> float:
             if other is not None:
                 outside = (points @ other.equations[:, :3].T + other.equations[:, 3]).max(axis=1)
                 points = points[outside > _SAME_PLACE]
-        worst = max(worst, _largest_gap(solid, points))
+        # The farthest point counts that is not inside the solid.
+        distance = solid.distance(points)
+        for row in np.argsort(-distance):
+            if not solid.contains(points[row : row + 1])[0]:
+                worst = max(worst, float(distance[row]))
+                break
     return worst
-
-
-def _largest_gap(solid: MeshSolid, points: FloatArray) -> float:
-    """Return the largest distance of points outside a solid from its surface [m]."""
-    distance = solid.distance(points)
-    for k in np.argsort(-distance):
-        if not solid.contains(points[k : k + 1])[0]:
-            return float(distance[k])
-    return 0.0
 
 
 def surface_samples(triangles: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
@@ -236,7 +232,11 @@ class MeshPiece:
             points = np.vstack([surface, side, between])
             if len(points) > _MAX_SCORED_POINTS:  # the farthest: about the corners of the hull
                 points = points[np.unique((points @ _DIRECTIONS.T).argmax(axis=0))]
-            volume += _volume(points)
+            try:
+                qhull = hull_unless_flat(points)
+            except ValueError:  # too few
+                continue
+            volume += 0.0 if qhull is None else float(qhull.volume)
         return volume
 
     def _points_beside(self, axis: int, height: float, *, below: bool) -> FloatArray:
@@ -303,14 +303,6 @@ def _distinct(coordinates: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return coordinates that differ to six digits, and the number of equals of each."""
     _, first, counts = np.unique(coordinates.round(6), return_index=True, return_counts=True)
     return coordinates[first], counts
-
-
-def _volume(points: FloatArray) -> float:
-    try:
-        qhull = hull_unless_flat(points)
-    except ValueError:  # too few
-        return 0.0
-    return 0.0 if qhull is None else float(qhull.volume)
 
 
 def _middles(triangles: FloatArray) -> FloatArray:

@@ -106,8 +106,14 @@ class LinkJudge:
             if len(apart) > _FALSE_SHARE * _FALSE_SAMPLES:
                 refined.append(pair)
                 for link, other in (pair, pair[::-1]):
-                    probes.setdefault(link, []).append(self._probes(link, other, apart))
-        fine = {link: self._fine_cover(link, np.vstack(points)) for link, points in probes.items()}
+                    points = self._surface_points(other)
+                    for k in apart:
+                        (rotation, position), (frame, origin) = (
+                            self._pose(each, k) for each in (other, link)
+                        )
+                        in_frame = (points @ rotation.T + position - origin) @ frame
+                        probes.setdefault(link, []).append(in_frame)
+        fine = {link: self._fine_cover(link, np.vstack(parts)) for link, parts in probes.items()}
         return LinkPairs(touching, tuple(refined), fine)
 
     def _always_touch(self, pair: Pair) -> bool:
@@ -140,14 +146,6 @@ class LinkJudge:
         solids = [[part.solid for part in self._parts[link]] for link in pair]
         poses = [self._pose(link, sample) for link in pair]
         return touch(solids[0], solids[1], poses[0], poses[1])
-
-    def _probes(self, link: str, other: str, samples: IntArray) -> FloatArray:
-        """Return points of another link in the frame of a link's body, shape (N, 3) [m]."""
-        points, probes = self._surface_points(other), []
-        for k in samples:
-            (rotation, position), (frame, origin) = self._pose(other, k), self._pose(link, k)
-            probes.append((points @ rotation.T + position - origin) @ frame)
-        return np.vstack(probes)
 
     def _surface_points(self, link: str) -> FloatArray:
         """Return points on the surface of a link, in the frame of the body, shape (N, 3) [m]."""
@@ -217,10 +215,7 @@ def _as_arrays(judged: LinkPairs) -> Arrays:
     links = [link for link, cover in judged.fine.items() for _ in cover.shapes]
     arrays = packed([shape for cover in judged.fine.values() for shape in cover.shapes])
     arrays["errors"] = np.array([cover.outer_error for cover in judged.fine.values()])
-    for name, pairs in (
-        ("touching", judged.always_touching),
-        ("refined", judged.refined),
-    ):
+    for name, pairs in (("touching", judged.always_touching), ("refined", judged.refined)):
         arrays[name] = np.array(pairs, dtype=np.str_).reshape(-1, 2)
     return arrays | {"links": np.array(links, dtype=np.str_)}
 

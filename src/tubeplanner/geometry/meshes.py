@@ -257,11 +257,10 @@ class MeshFile:
 
     def outer_error(self) -> float:
         """Return the largest distance found from the surface of `cover` to the mesh [m]."""
-
-        def measured() -> dict[str, np.ndarray]:
-            return {"error": np.array(cover_error(self.solid, self.cover()))}
-
-        return float(cached("error", self.key, measured)["error"])
+        arrays = cached(
+            "error", self.key, lambda: {"error": np.array(cover_error(self.solid, self.cover()))}
+        )
+        return float(arrays["error"])
 
     def close_cover(self) -> list[ConvexShape]:
         """Return shapes with a cover error of at most 2 mm, or as little as 64 shapes allow."""

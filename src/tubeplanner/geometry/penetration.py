@@ -124,7 +124,13 @@ def penetration(one: PlacedSolid, other: PlacedSolid) -> Penetration:
     The best of Coal's direction and of the normals of both shapes' faces.
     """
     first, second = _corners(one), _corners(other)
-    candidates = [_by_coal(one, other, first, second)]
+    result, poses = coal.DistanceResult(), [coal.Transform3s(*each.core) for each in (one, other)]
+    coal.distance(one.solid, poses[0], other.solid, poses[1], _REQUEST, result)
+    normal, apart = np.array(result.normal), -np.inf
+    if np.isfinite(normal).all():
+        apart = float(_apart(first, second, normal[None])[0])
+    points = result.getNearestPoint1(), result.getNearestPoint2()
+    candidates = [Penetration(apart, normal, *points)]
     for placed, sign in ((one, 1.0), (other, -1.0)):
         normals = sign * placed.shape.normals @ placed.rotation.T
         if len(normals) == 0:
@@ -164,18 +170,6 @@ def coal_solid(shape: ConvexShape, thickness: float) -> Any:
     for face in shape.faces.tolist():
         triangles.append(coal.Triangle(*face))
     return coal.Convex(corners, triangles)
-
-
-def _by_coal(
-    one: PlacedSolid, other: PlacedSolid, first: FloatArray, second: FloatArray
-) -> Penetration:
-    """Return Coal's overlap; the gap along its direction is measured by corners (V, 3) [m]."""
-    result, places = coal.DistanceResult(), [coal.Transform3s(*each.core) for each in (one, other)]
-    coal.distance(one.solid, places[0], other.solid, places[1], _REQUEST, result)
-    normal = np.array(result.normal)
-    points = result.getNearestPoint1(), result.getNearestPoint2()
-    apart = _apart(first, second, normal[None])[0] if np.isfinite(normal).all() else -np.inf
-    return Penetration(float(apart), normal, *points)
 
 
 def _corners(placed: PlacedSolid) -> FloatArray:

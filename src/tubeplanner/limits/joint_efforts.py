@@ -52,11 +52,8 @@ def effort_refusal(
     )
 
 
-# ---- Efforts of joints with one effort limit for both directions.
-
-
 class JointEffort:
-    """A `SpeedLimit` on the efforts of some joints.
+    """A `SpeedLimit` on the efforts of some joints, the same in both directions.
 
     Attributes:
         joints: The I limited joints.

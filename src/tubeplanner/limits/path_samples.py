@@ -251,35 +251,27 @@ class SpeedLimit(Protocol):
     @property
     def kind(self) -> str:
         """The kind's name in certificate, sensitivities and figures."""
-        ...
 
     @property
     def order(self) -> int:
         """The highest derivative of q(x) that the quantities depend on."""
-        ...
 
     @property
     def keys(self) -> tuple[LimitKey, ...]:
         """The limits that can be raised or lowered, each on its own."""
-        ...
 
     @property
     def signs(self) -> tuple[float, ...]:
         """The bounded sides."""
-        ...
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
         """Return the quantities at any speed, terms of shape (N, I)."""
-        ...
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return the derivatives by q (0) and its derivatives by x (1, ...), each (N, I, n)."""
-        ...
 
     def key_of(self, at: PathSamples) -> IntArray:
         """Return the index of each quantity's key, shape (N, I) or (1, I)."""
-        ...
 
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return the reason why no speed is slow enough at some sample."""
-        ...

@@ -297,9 +297,7 @@ def _samples(
     """Return samples of a trajectory, in known segments or else the nearest to the tool."""
 
     def segments() -> IntArray:
-        if segment is not None:
-            return segment
-        return nearest_segments(problem, at.tool_pose[1])
+        return nearest_segments(problem, at.tool_pose[1]) if segment is None else segment
 
     at = PathSamples(problem, np.stack(state), segments, friction)
     return at

@@ -93,17 +93,14 @@ class SegmentRegions(Protocol):
     @property
     def begin(self) -> FloatArray:
         """Begins of the axes, shape (m, 3) [m or rad]."""
-        ...
 
     @property
     def end(self) -> FloatArray:
         """Ends of the axes, shape (m, 3)."""
-        ...
 
     @property
     def radius(self) -> FloatArray:
         """Of the largest capsules about the axes that are inside, shape (m,) [m or rad]."""
-        ...
 
     def margin(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return the margins of points inside regions [m or rad], a concave function of the point.
@@ -115,31 +112,24 @@ class SegmentRegions(Protocol):
         Returns:
             Shape (..., R); negative outside. The margin changes by no more than the point moves.
         """
-        ...
 
     def share(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return the used fraction of points (R, 3): 0 on the axis, 1 on the wall, shape (R,)."""
-        ...
 
     def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return unit normals where the share grows fastest, (R, 3); zero on the axis."""
-        ...
 
     def faces(self, segment: IntArray) -> Sequence[FloatArray]:
         """Return normals of faces that do not depend on the point, each (R, 3); zero: none."""
-        ...
 
     def extent(self, normal: FloatArray, segment: IntArray) -> FloatArray:
         """Return the extent of regions beyond their axes along unit normals (R, 3), shape (R,)."""
-        ...
 
     def kinds(self, segment: int) -> tuple[str, ...]:
         """Return the names of the tolerances that a region has."""
-        ...
 
     def kind(self, normal: FloatArray, segment: IntArray) -> IntArray:
         """Return the index in `kinds` of the tolerance along normals (R, 3), shape (R,)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -179,15 +179,13 @@ def given_rotation(
     if orientations is None and tolerance is None:
         return None, None, None
     if orientations is None or tolerance is None:
-        missing = "orientations" if orientations is None else "rotation_tolerance"
-        given = "rotation_tolerance" if orientations is None else "orientations"
-        remedy = (
-            "a quaternion [x, y, z, w] for every reference point"
-            if orientations is None
-            else "an angle or three bounds [rad] for every segment"
-        )
+        present, missing = "rotation_tolerance", "orientations"
+        remedy = "a quaternion [x, y, z, w] for every reference point"
+        if tolerance is None:
+            present, missing = missing, present
+            remedy = "an angle or three bounds [rad] for every segment"
         raise ProblemError(
-            f"tube.{given} is given without tube.{missing}; give {remedy}, or leave both out"
+            f"tube.{present} is given without tube.{missing}; give {remedy}, or leave both out"
         )
     quaternions = unit_quaternions(orientations, len(points))
     bounds = rotation_bounds(tolerance, len(points) - 1)
