@@ -84,7 +84,7 @@ def test_a_fit_is_held_against_the_rotation_too(bundled):
 def test_all_ramps_are_fitted_at_once_and_as_one_by_one(bundled):
     """At once it takes less time, of which a time limit may leave little."""
     problem, fits = bundled("ur5/over_the_wall"), stop_at_corners_module._fits
-    branch, ramps = branch_of(problem), list(stop_at_corners_module._RAMP_SHARES)
+    branch, ramps = branch_of(problem), list(stop_at_corners_module._RAMP_FRACTIONS)
     together = fits(problem, branch.segments[1], 1, ramps, 16)
     for ramp, shape in zip(ramps, together, strict=True):
         (alone,) = fits(problem, branch.segments[1], 1, [ramp], 16)
@@ -104,7 +104,7 @@ def test_few_knots_are_tried_before_many_and_only_for_ramps_that_need_them(bundl
     for segment, intervals, ramps in asked:
         known = before.get(segment)
         if known is None:
-            assert (intervals, ramps) == (16, stop_at_corners_module._RAMP_SHARES)
+            assert (intervals, ramps) == (16, stop_at_corners_module._RAMP_FRACTIONS)
         else:
             assert intervals == 2 * known[0] and set(ramps) <= set(known[1])
         before[segment] = (intervals, ramps)

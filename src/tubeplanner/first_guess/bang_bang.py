@@ -49,27 +49,21 @@ def run_along(path: JointTrajectory, timing: JointTrajectory) -> JointTrajectory
     times[-1] = timing.duration
     middle = timing.position((times[:-1] + times[1:]) / 2)[:, 0]
     piece = np.clip(np.searchsorted(path.breakpoints, middle) - 1, 0, len(path.widths) - 1)
-    return JointTrajectory(
-        path.joint_names, times, _composed(path, _restarted(timing, times), piece)
-    )
+    coefficients = _composed(path, _restarted(timing, times), piece)
+    return JointTrajectory(path.joint_names, times, coefficients)
 
 
 def times_at(timing: JointTrajectory, arc_length: FloatArray) -> FloatArray:
-    """Return the times [s] at which arc lengths (N,) are reached; they never fall."""
+    """Return the times (N,) [s] at which a time parameterization reaches arc lengths (N,)."""
     if len(arc_length) == 0:
         return np.zeros(0)
-    arc_length = np.clip(
-        arc_length,
-        timing.position(0.0),
-        timing.position(timing.duration),
-    )
-    ends = (np.zeros(len(arc_length)), np.full(len(arc_length), timing.duration))
-    found = elementwise.find_root(
+    arc_length = np.clip(arc_length, timing.position(0.0), timing.position(timing.duration))
+    times: FloatArray = elementwise.find_root(
         lambda t, arc_length: timing.position(t)[:, 0] - arc_length,
-        ends,
+        (np.zeros(len(arc_length)), np.full(len(arc_length), timing.duration)),
         args=(arc_length,),
-    )
-    return found.x
+    ).x
+    return times
 
 
 def averaged_parameterization(timing: JointTrajectory, intervals: int) -> JointTrajectory:
@@ -77,34 +71,27 @@ def averaged_parameterization(timing: JointTrajectory, intervals: int) -> JointT
 
     Args:
         timing: The arc length over time.
-        intervals: How many equal ones, at least 3; two of them come on top of its duration.
+        intervals: Number of equal intervals, at least 3; two come on top of its duration.
     """
-    # In between, the time parameterization's own speed.
     return averaged(timing, intervals, timing.duration * intervals / (intervals - 2))
 
 
 def _restarted(timing: JointTrajectory, times: FloatArray) -> FloatArray:
-    """Return coefficients (degree+1, P) of the pieces between other times, (P+1,)."""
+    """Return coefficients (degree+1, P) of the pieces between other times (P+1,) [s]."""
     polynomial = PPoly(timing.coefficients[:, :, 0], timing.breakpoints)
     powers = np.arange(len(timing.coefficients) - 1, -1, -1)
     # Looked up at the middles, expanded about the starts: rounding cannot pick a neighbouring
     # piece.
     half = np.diff(times) / 2
     rows = np.array([polynomial.derivative(p)(times[:-1] + half) / factorial(p) for p in powers])
-    return _shifted(rows, -half)
-
-
-def _shifted(rows: FloatArray, by: FloatArray) -> FloatArray:
-    """Return polynomials (degree+1, P), highest power first, in local time moved by (P,)."""
-    shifted = rows.copy()
     for last in range(len(rows), 1, -1):  # repeated synthetic division
         for k in range(1, last):
-            shifted[k] += by * shifted[k - 1]
-    return shifted
+            rows[k] += -half * rows[k - 1]
+    return rows
 
 
 def _composed(path: JointTrajectory, timing: FloatArray, piece: IntArray) -> FloatArray:
-    """Return a path's pieces (P,) composed with polynomials (r+1, P): (degree*r+1, P, n)."""
+    """Return coefficients (degree*r+1, P, n) of a path's pieces (P,) of polynomials (r+1, P)."""
     arc_length = timing.copy()
     arc_length[-1] -= path.breakpoints[piece]
     rows = path.coefficients[:, piece]
@@ -118,7 +105,7 @@ def _composed(path: JointTrajectory, timing: FloatArray, piece: IntArray) -> Flo
     return result
 
 
-# ---- Bang-bang control on given paths: the least time in which the arm can run them, rest to rest.
+# ---- Bang-bang control on given paths: the least time from rest to rest.
 #
 # At every instant some motor or velocity is at its limit, and motors switch instantly: the
 # acceleration jumps. (Bobrow, Dubowsky & Gibson, "Time-optimal control of robotic manipulators
@@ -136,37 +123,35 @@ def bang_bang_parameterizations(
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or no time parameterization is found.
     """
-    return [_parameterization(problem, path) for path in paths]
+    timings = []
+    for path in paths:
+        timing = fastest_parameterization(problem, path.joints, _grid(path))
+        if timing is None:
+            raise Infeasible(
+                PlanStatus.NO_TRAJECTORY,
+                f"segment {path.segment}: TOPP-RA finds no speed at which the arm can run the "
+                "tool's curve from rest to rest; move the reference points",
+                Place(segment=path.segment),
+            )
+        timings.append(timing)
+    return timings
 
 
 def bang_bang_trajectory(
     problem: PlanningProblem, paths: Sequence[ToolPath], timings: Sequence[JointTrajectory]
 ) -> tuple[JointTrajectory, float]:
-    """Return the trajectory along paths with these time parameterizations: degree 6, within limits.
+    """Return the trajectory along paths with time parameterizations: degree 6, within limits.
 
-    The time parameterizations keep the limits at points of their paths; all are slowed uniformly by
-    the share by which the trajectory exceeds limits in between. Limits of jerk are left out, since
-    the acceleration jumps.
+    The time parameterizations keep the limits at points of their paths. All are slowed uniformly
+    until limits hold in between too. Limits of jerk are left out, since the acceleration jumps.
 
     Returns:
-        The trajectory, and the share by which it is slowed.
+        The trajectory, and the fraction by which it is slowed.
     """
     runs = [run_along(path.joints, timing) for path, timing in zip(paths, timings, strict=True)]
     trajectory = concatenate(runs)
-    share = minimum_duration(problem, trajectory, with_jerk=False) / trajectory.duration
-    return trajectory.scaled(share), share - 1
-
-
-def _parameterization(problem: PlanningProblem, path: ToolPath) -> JointTrajectory:
-    timing = fastest_parameterization(problem, path.joints, _grid(path))
-    if timing is None:
-        raise Infeasible(
-            PlanStatus.NO_TRAJECTORY,
-            f"segment {path.segment}: TOPP-RA finds no speed at which the arm can run the tool's "
-            "curve from rest to rest; move the reference points",
-            Place(segment=path.segment),
-        )
-    return timing
+    ratio = minimum_duration(problem, trajectory, with_jerk=False) / trajectory.duration
+    return trajectory.scaled(ratio), ratio - 1
 
 
 def _grid(path: ToolPath) -> FloatArray:
@@ -205,7 +190,7 @@ def smoothed_trajectory(
         problem: The planning problem.
         paths: From rest to rest.
         timings: Their `bang_bang_parameterizations`.
-        intervals: For every path, into how many intervals its time parameterization is averaged.
+        intervals: Number of intervals of each path's average.
     """
     runs = zip(paths, timings, intervals, strict=True)
     return concatenate(
@@ -224,15 +209,14 @@ def _smoothed(
         duration = estimated_duration(problem, trajectory)
         if duration < shortest:
             shortest, best = duration, trajectory
-        speed_factor = _speed_factor(
-            problem, trajectory, smooth, timing, _SAMPLES_PER_INTERVAL * intervals
-        )
+        count = _SAMPLES_PER_INTERVAL * intervals
+        speed_factor = _speed_factor(problem, trajectory, smooth, timing, count)
         factor = factor / np.minimum(speed_factor, _MAX_GAIN) ** _POWER
     return scaled_to_limits(problem, best)
 
 
 def _stretched(timing: JointTrajectory, factor: FloatArray) -> JointTrajectory:
-    """Return a time parameterization whose pieces last longer by given factors, (pieces,)."""
+    """Return a time parameterization with the durations of pieces times factors (pieces,)."""
     powers = np.arange(len(timing.coefficients) - 1, -1, -1)
     times = np.concatenate([[0.0], np.cumsum(factor * timing.widths)])
     rows = timing.coefficients / (factor ** powers[:, None])[:, :, None]
@@ -246,7 +230,7 @@ def _speed_factor(
     timing: JointTrajectory,
     count: int,
 ) -> FloatArray:
-    """Return how many times faster the limits allow a run, at each piece."""
+    """Return the speed factors of a run under the limits at samples, at each piece's middle."""
     samples = trajectory.at(np.linspace(0, trajectory.duration, count + 1))
     factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
     least = minimum_filter1d(factor, _WINDOW)

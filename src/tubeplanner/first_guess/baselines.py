@@ -1,7 +1,7 @@
-"""BASELINES: all schemes by name, each judged.
+"""All baselines by name, each judged.
 
-`verify` reports what a scheme violates: most of them are not smooth, and all ignore links and
-obstacles.
+`verify` reports the conditions that a scheme violates: most are not smooth, and all ignore links
+and obstacles.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,8 +32,8 @@ from tubeplanner.outcome import Infeasible, PlanningClock, ProgressCallback
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# Numbers of intervals over which each segment's time parameterization is averaged: the fastest is
-# kept. The finest is about as fine as refinement's knots.
+# Numbers of intervals of the average of each segment's time parameterization: the fastest counts.
+# The finest is about as fine as refinement's knots.
 _SMOOTHED_INTERVALS = (64, 32, 16)
 # The conditions that a scheme whose acceleration jumps cannot satisfy.
 _SMOOTHNESS = {"rest", "continuity", "jerk", "effort_rate"}
@@ -72,7 +72,9 @@ def bang_bang(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
 def arc_corners(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
     """The same with corners cut by arcs inside the tube, without stops."""
     paths = tool_paths(problem, branch, arcs=True)
-    return _switched(problem, paths, _arcs_note(paths))
+    radii = [1 / c for path in paths for c in path.curve.curvature if c > 0]
+    note = f"arcs of {', '.join(f'{1000 * radius:.3g}' for radius in radii)} mm radius; "
+    return _switched(problem, paths, note if radii else "")
 
 
 def smoothed_bang_bang(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
@@ -87,8 +89,8 @@ def smoothed_arc_corners(problem: PlanningProblem, branch: ReferenceBranch) -> B
 
 def taylor(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
     """Joint lines within the tolerance of the tool's lines, joined by quadratic transitions."""
-    found = bounded_deviation(problem, tool_paths(problem, branch, arcs=False))
-    return Baseline(found.trajectory, f"{found.knots} knots")
+    result = bounded_deviation(problem, tool_paths(problem, branch, arcs=False))
+    return Baseline(result.trajectory, f"{result.knots} knots")
 
 
 BASELINES: Mapping[str, Callable[[PlanningProblem, ReferenceBranch], Baseline]] = MappingProxyType(
@@ -108,7 +110,7 @@ def judged_baseline(
 ) -> tuple[Baseline, Certificate]:
     """Return a scheme's trajectory for a problem, and its certificate, passed or not.
 
-    Tries rules for redundant joints in turn until only smoothness is violated; if none gets that
+    Tries rules for redundant joints in turn until only smoothness is violated; if no rule gets that
     far, the first trajectory counts.
 
     Args:
@@ -125,14 +127,14 @@ def judged_baseline(
     reasons: list[Infeasible] = []
     for rule in redundancy_rules(problem):
         try:
-            made = BASELINES[name](problem, branches.by_rule(rule))
+            baseline = BASELINES[name](problem, branches.by_rule(rule))
         except Infeasible as reason:
             reasons.append(reason)
             continue
-        certificate = verify(problem, made.trajectory)
+        certificate = verify(problem, baseline.trajectory)
         if set(certificate.failures()) <= _SMOOTHNESS:
-            return made, certificate
-        first = first or (made, certificate)
+            return baseline, certificate
+        first = first or (baseline, certificate)
     if first is None:
         raise reasons[0]
     return first
@@ -148,34 +150,18 @@ def _switched(problem: PlanningProblem, paths: list[ToolPath], arcs: str) -> Bas
 
 
 def _smoothed(problem: PlanningProblem, paths: list[ToolPath]) -> Baseline:
-    """Return the fastest of the smoothed trajectories; the note says what smoothness costs."""
+    """Return the fastest smoothed trajectory; the note gives the costs of smoothness."""
     timings = bang_bang_parameterizations(problem, paths)
     switched, _ = bang_bang_trajectory(problem, paths, timings)
-    found = {
-        count: smoothed_trajectory(
-            problem,
-            paths,
-            timings,
-            [count * (1 + _arc_count(path)) for path in paths],
-        )
+    pieces = [1 + int((path.curve.curvature > 0).sum()) for path in paths]
+    smoothed = {
+        count: smoothed_trajectory(problem, paths, timings, [count * k for k in pieces])
         for count in _SMOOTHED_INTERVALS
     }
-    best = min(found, key=lambda count: found[count].duration)
+    best = min(smoothed, key=lambda count: smoothed[count].duration)
     costs = ", ".join(
         f"{100 * (trajectory.duration / switched.duration - 1):.2g} % with {count}"
-        for count, trajectory in found.items()
+        for count, trajectory in smoothed.items()
     )
     note = f"{best} intervals per segment; smoothness costs {costs}"
-    return Baseline(found[best], note)
-
-
-def _arcs_note(paths: list[ToolPath]) -> str:
-    curvature = [path.curve.curvature for path in paths]
-    radii = [1 / c for part in curvature for c in part if c > 0]
-    if not radii:
-        return ""
-    return f"arcs of {', '.join(f'{1000 * radius:.3g}' for radius in radii)} mm radius; "
-
-
-def _arc_count(path: ToolPath) -> int:
-    return int((path.curve.curvature > 0).sum())
+    return Baseline(smoothed[best], note)

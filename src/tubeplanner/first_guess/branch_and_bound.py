@@ -32,26 +32,26 @@ from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# Nodes expanded at a time: this many, or as many as have this many children.
+# Nodes expanded at a time, or fewer, if they have this many children.
 _NODES_AT_ONCE, _CHILDREN_AT_ONCE = 32, 1024
 _END = np.array([1.0])
 
 
 @dataclass(frozen=True)
 class SearchStatistics:
-    """How far a search has come.
+    """Statistics of a search so far.
 
     Attributes:
         nodes: Nodes expanded.
         children: Continuations built and tested.
-        cuts: How many of them each rule cut at samples.
-        motions: Complete trajectories that no rule cut, and were judged.
-        refused: How many of those were no faster than the best, or failed their certificate.
+        cuts: Number of continuations cut at samples, by rule.
+        motions: Complete trajectories that no rule cut.
+        refused: Complete trajectories no faster than the best, or that failed their certificate.
         forgone: Nodes and trajectories passed over because they begin like one that failed.
-        lower_bound: No certified trajectory of this family is faster [s]; None if none is faster
-            than what was known before the search.
-        best_duration: Of the best trajectory so far [s]; None if there is none.
-        budget_reached: Whether the node budget ended the search: there may be better trajectories.
+        lower_bound: Lower bound on certified trajectories of this family [s]; None if none is
+            faster than the bound given to the search.
+        best_duration: Duration of the best trajectory so far [s]; None if there is none.
+        budget_reached: True if the node budget ended the search: there may be better trajectories.
     """
 
     nodes: int
@@ -87,9 +87,9 @@ class _Node:
     Attributes:
         waypoints: Indices of its waypoints.
         velocity: At the last waypoint but one, shape (n,).
-        acceleration: Likewise.
-        factor: How much faster it can be run.
-        tube_segments: In which tube segments the tool may be there: bool, shape (m,).
+        acceleration: At the last waypoint but one, shape (n,).
+        factor: Speed factor that the limits allow.
+        tube_segments: True for tube segments the tool may be in there, shape (m,).
     """
 
     waypoints: tuple[int, ...]
@@ -103,9 +103,9 @@ class BranchAndBound:
     """A search that may be stopped at any time.
 
     Attributes:
-        best: The fastest certified trajectory found, run at the limits; None until there is one.
+        best: The fastest certified trajectory, run at the limits; None until there is one.
         certificate: The certificate of that trajectory.
-        certificate_time: How long that took [s].
+        certificate_time: Time that the certificate took [s].
         best_waypoints: Indices of its waypoints.
     """
 
@@ -124,7 +124,7 @@ class BranchAndBound:
             problem: The planning problem.
             waypoints: The M >= 2 candidates, shape (M, n); the first and the last are always used.
             upper_bound: Only trajectories faster than this are of interest [s].
-            node_budget: The search ends after about so many nodes.
+            node_budget: Number of nodes after which the search ends, about.
             checkpoint: Called while the search is prepared; it may raise to end that.
         """
         self.best: JointTrajectory | None = None
@@ -138,16 +138,23 @@ class BranchAndBound:
         # Beginnings of trajectories that failed between samples: all that begin so fail alike.
         self._failed: set[tuple[int, ...]] = set()
         self._nodes = self._children = self._trajectories = self._refused = self._forgone = 0
-        self._begin()
+        # The trajectory without inner waypoints, then a node for every second waypoint.
+        goal, rest = len(waypoints) - 1, np.zeros(waypoints.shape[1])
+        self._try_trajectory((0, goal))
+        tube_segments = np.full(problem.tube.segment_count, problem.tube.visit != "ordered")
+        tube_segments[0] = True
+        for second in range(1, goal):
+            if self._rules.free_waypoints[second]:
+                self._push(0.0, _Node((0, second), rest, rest, np.inf, tube_segments))
 
     @property
     def finished(self) -> bool:
-        """Whether no open node can lead to a better trajectory, or the budget is used up."""
+        """True if no open node can lead to a better trajectory, or the budget is used up."""
         return not self._has_open_nodes or self._nodes >= self._node_budget
 
     @property
     def statistics(self) -> SearchStatistics:
-        """How far the search has come."""
+        """Statistics so far."""
         best = None if self.best is None else self.best.duration
         return SearchStatistics(
             nodes=self._nodes,
@@ -173,7 +180,9 @@ class BranchAndBound:
         if not nodes:
             return
         self._nodes += len(nodes)
-        for batch in (self._last_segments(nodes), self._inner_segments(nodes)):
+        parent, goal = np.arange(len(nodes)), np.full(len(nodes), len(self._waypoints) - 1)
+        last_segments = self._continued(nodes, parent, goal, last_two_quartics)
+        for batch in (last_segments, self._inner_segments(nodes)):
             self._children += len(batch)
             survivors = self._rules.clear(self._rules.surviving(batch, self._upper_bound))
             if batch.complete:
@@ -185,26 +194,9 @@ class BranchAndBound:
     def _has_open_nodes(self) -> bool:
         return bool(self._open) and self._open[0][0] < self._upper_bound
 
-    def _begin(self) -> None:
-        """Try the trajectory without inner waypoints; open a node for every second waypoint."""
-        goal, rest = len(self._waypoints) - 1, np.zeros(self._waypoints.shape[1])
-        self._try_trajectory((0, goal))
-        ordered = self._problem.tube.visit == "ordered"
-        tube_segments = np.full(self._problem.tube.segment_count, not ordered)
-        tube_segments[0] = True
-        for second in range(1, goal):
-            if self._rules.free_waypoints[second]:
-                self._push(0.0, _Node((0, second), rest, rest, np.inf, tube_segments))
-
     def _push(self, bound: float, node: _Node) -> None:
-        # No two nodes share all waypoints: these decide between equal bounds.
+        # No two nodes share all waypoints, so waypoints decide between equal bounds.
         heapq.heappush(self._open, (bound, node.waypoints, node))
-
-    def _last_segments(self, nodes: Sequence[_Node]) -> SegmentBatch:
-        """Return every node's last two segments, to the goal."""
-        parent = np.arange(len(nodes))
-        after = np.full(len(nodes), len(self._waypoints) - 1)
-        return self._continued(nodes, parent, after, last_two_quartics)
 
     def _inner_segments(self, nodes: Sequence[_Node]) -> SegmentBatch:
         """Return every node's next segment, for every waypoint before the goal to aim at."""
@@ -261,13 +253,13 @@ class BranchAndBound:
                 self._try_trajectory((*nodes[batch.parent[i]].waypoints, goal))
 
     def _try_trajectory(self, waypoints: tuple[int, ...]) -> None:
-        """Keep a trajectory if it is the fastest yet and certified."""
-        chosen = self._waypoints[list(waypoints)]
-        stands_still = np.ptp(chosen, axis=0).max() == 0
+        """Keep a trajectory if it is the fastest so far and certified."""
+        q = self._waypoints[list(waypoints)]
+        stands_still = np.ptp(q, axis=0).max() == 0
         if stands_still or self._begins_like_a_failed_one(waypoints):
             return
         self._trajectories += 1
-        shape = sequential_quartics(self._problem.robot.joint_names, chosen)
+        shape = sequential_quartics(self._problem.robot.joint_names, q)
         trajectory = self._at_limits(shape)
         if trajectory is None or trajectory.duration >= self._upper_bound:
             self._refused += 1
@@ -281,11 +273,8 @@ class BranchAndBound:
             certificate = verify(self._problem, trajectory)
             if certificate.passed:
                 self.certificate_time = time.perf_counter() - begin
-                self.best, self.certificate, self.best_waypoints = (
-                    trajectory,
-                    certificate,
-                    waypoints,
-                )
+                self.best, self.certificate = trajectory, certificate
+                self.best_waypoints = waypoints
                 self._upper_bound = trajectory.duration
                 return
             fault = self._faulty_segment(certificate, trajectory)
@@ -299,21 +288,20 @@ class BranchAndBound:
 
         Another continuation may choose other switching times, but not other links or another union.
         """
-        telling = ["obstacles", "self_collision"]
+        conditions = ["obstacles", "self_collision"]
         if self._problem.tube.visit == "any":
-            telling.append("tube")
+            conditions.append("tube")
         times = [
-            certificate.conditions[name].where.time
+            float(time)
             for name in certificate.failures()
-            if name in telling
+            if name in conditions and (time := certificate.conditions[name].where.time) is not None
         ]
-        found = [float(time) for time in times if time is not None]
-        if not found:
+        if not times:
             return None
-        return int(np.searchsorted(trajectory.breakpoints[1:-1], min(found), side="right"))
+        return int(np.searchsorted(trajectory.breakpoints[1:-1], min(times), side="right"))
 
     def _at_limits(self, shape: JointTrajectory) -> JointTrajectory | None:
-        """Return a shape run as fast as the limits allow; None where gravity is too strong."""
+        """Return a shape run as fast as the limits allow; None if gravity is too strong."""
         try:
             return scaled_to_limits(self._problem, shape)
         except Infeasible:

@@ -1,4 +1,4 @@
-"""KnownBranches: branches of the arm along the reference path, joint lines, configured ends.
+"""Branches of the arm along the reference path, joint lines, configurations of start and goal.
 
 The tool goes from its position in the start configuration through the inner reference points to its
 position in the goal configuration; each leg is straight, so it stays in its capsule. Where its
@@ -73,15 +73,14 @@ class ReferenceBranch:
 
     @property
     def length(self) -> float:
-        """How far joints go, of every step the one that goes farthest [rad or m]."""
+        """Sum over the steps of the farthest joint's travel [rad or m]."""
         return sum(float(abs(np.diff(q, axis=0)).max(axis=1).sum()) for q in self.segments)
 
     def is_as(self, other: "ReferenceBranch") -> bool:
-        """Return whether another branch has the same configurations, to 1e-6 rad or m."""
-        pairs = list(zip(self.segments, other.segments, strict=True))
+        """Return True if another branch has the same configurations, to 1e-6 rad or m."""
         return all(
-            one.shape == another.shape and abs(one - another).max() < _SAME
-            for one, another in pairs
+            a.shape == b.shape and abs(a - b).max() < _SAME
+            for a, b in zip(self.segments, other.segments, strict=True)
         )
 
 
@@ -95,7 +94,7 @@ class RedundancyRule(StrEnum):
 
 
 def redundancy_rules(problem: PlanningProblem) -> tuple[RedundancyRule, ...]:
-    """Return the rules worth trying for a problem, the most natural first."""
+    """Return the rules to try for a problem, the most natural first."""
     if problem.endpoints[1].is_open:
         return RedundancyRule.AS_NEEDED, RedundancyRule.HELD, RedundancyRule.CENTRED
     return (
@@ -113,7 +112,7 @@ def reference_branch(
     *,
     with_rotation: bool = True,
 ) -> ReferenceBranch:
-    """Return the branch that the joint signs, the start and the goal select.
+    """Return the branch selected by joint signs, start and goal.
 
     Args:
         problem: The planning problem.
@@ -130,11 +129,9 @@ def reference_branch(
     q, segments = start, []
     for k in range(problem.tube.segment_count):
         checkpoint()
-        wanted = None if pulls is None else pulls[k : k + 2]
-        is_last = k + 1 == problem.tube.segment_count
-        end = goal if is_last else None
-        ends = route[k : k + 2]
-        walk = SegmentWalk(problem, k, ends, q, wanted, end, with_rotation=with_rotation)
+        pull = None if pulls is None else pulls[k : k + 2]
+        end = goal if k + 1 == problem.tube.segment_count else None
+        walk = SegmentWalk(problem, k, route[k : k + 2], q, pull, end, with_rotation=with_rotation)
         segments.append(walk.to_the_end())
         q = segments[-1][-1]
     if goal is not None:
@@ -150,7 +147,7 @@ def _pulls(
     goal: FloatArray | None,
     rule: RedundancyRule,
 ) -> FloatArray | None:
-    """Return the values (m+1, n) towards which redundant joints move at each point, if any."""
+    """Return the configurations (m+1, n) that pull redundant joints at the points, or None."""
     if rule is RedundancyRule.HELD:
         return np.tile(start, (len(route), 1))
     if rule is RedundancyRule.CENTRED:
@@ -159,8 +156,9 @@ def _pulls(
         return np.vstack([start, np.where(np.isfinite(middle), middle, start)])
     if rule is RedundancyRule.AS_NEEDED or goal is None:
         return None
-    share = _shares_of_length(route)[:, None]
-    return (1 - share) * start + share * goal
+    before = arc_lengths(route)
+    fraction = before / before[-1] if before[-1] > 0 else np.linspace(0, 1, len(route))
+    return (1 - fraction[:, None]) * start + fraction[:, None] * goal
 
 
 def end_configurations(problem: PlanningProblem) -> tuple[FloatArray, FloatArray | None]:
@@ -175,22 +173,22 @@ def end_configurations(problem: PlanningProblem) -> tuple[FloatArray, FloatArray
 
 
 def end_configuration(problem: PlanningProblem, end: Endpoint, point: int) -> FloatArray:
-    """Return the start (point 0) or goal (point -1), (n,): as given, or from its seed or pose.
+    """Return the configuration (n,) of the start (point 0) or goal (point -1).
 
     Raises:
-        Infeasible: Status unreachable: the seed does not lead there, or the pose is not reached.
+        Infeasible: Status unreachable: a seed does not lead to its point, or a pose is not reached.
     """
     if end.pose is not None:
         first: FloatArray = pose_configurations(problem, end.pose, point)[0]
         return first
     if end.joints is not None:
         return end.joints
-    assert end.seed is not None  # of an open end there is none
+    assert end.seed is not None  # open ends have no configuration
     segment = 0 if point == 0 else problem.tube.segment_count - 1
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     target, seed = problem.tube.points[point], end.seed
-    wanted = wanted_at(problem, target, segment)
-    solution = solve_position(problem.robot, target, seed, lower, upper, rotation=wanted)
+    rotation_target = wanted_at(problem, target, segment)
+    solution = solve_position(problem.robot, target, seed, lower, upper, rotation=rotation_target)
     reason = None
     if solution.error > _SEED_TOLERANCE:
         reason = explain_error(problem, target, seed, segment, solution)
@@ -213,16 +211,16 @@ def _explain_turned_end(
     segment: int,
     solution: PositionSolution,
 ) -> str:
-    """Return why a seed leads to a point (3,) but not to the orientation asked there."""
+    """Return the reason why a seed leads to a point (3,) but not to its orientation."""
     robot, tube = problem.robot, problem.tube.rotation
     free = np.full(robot.joint_count, np.inf)
-    wanted = wanted_at(problem, target, segment)
-    other = solve_position(robot, target, seed, -free, free, rotation=wanted)
+    rotation_target = wanted_at(problem, target, segment)
+    other = solve_position(robot, target, seed, -free, free, rotation=rotation_target)
     rotation, tool = robot.tool_pose(other.q[None])
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     is_outside = ((other.q < lower) | (other.q > upper)).any()
-    is_turned = tube is not None and tube.margin(rotation, tool, segment)[0] >= 0
-    if other.error > _SEED_TOLERANCE or not is_turned or not is_outside:
+    keeps_rotation = tube is not None and tube.margin(rotation, tool, segment)[0] >= 0
+    if other.error > _SEED_TOLERANCE or not keeps_rotation or not is_outside:
         return explain_turn(problem, segment, turned_off(solution))
     outside = outside_bounds(robot, other.q[None], lower, upper)
     return (
@@ -232,7 +230,7 @@ def _explain_turned_end(
 
 
 def _route(problem: PlanningProblem, start: FloatArray, goal: FloatArray | None) -> FloatArray:
-    """Return the tool's route: reference points, its ends from start and goal."""
+    """Return the tool's route (m+1, 3) [m]: reference points, ends from start and goal."""
     route = problem.tube.points.copy()
     route[0] = problem.robot.tool_position(start[None])[0]
     if goal is not None:
@@ -240,12 +238,6 @@ def _route(problem: PlanningProblem, start: FloatArray, goal: FloatArray | None)
     elif problem.open_goal is not None:
         route[-1] = problem.open_goal.position
     return route
-
-
-def _shares_of_length(route: FloatArray) -> FloatArray:
-    """Return which share of the whole length lies before each point of a route, shape (m+1,)."""
-    before = arc_lengths(route)
-    return before / before[-1] if before[-1] > 0 else np.linspace(0, 1, len(route))
 
 
 def _require_goal(problem: PlanningProblem, q: FloatArray, goal: FloatArray) -> None:
@@ -271,7 +263,7 @@ def _require_goal(problem: PlanningProblem, q: FloatArray, goal: FloatArray) -> 
 # branch leads it to a trajectory that is not the fastest. The tool may still be outside the tube.
 
 _POINTS_PER_SEGMENT = 21
-_TURNED_OFF = 1e-6  # [rad]
+_ROTATION_ERROR = 1e-6  # [rad]
 _AROUND = 0.5  # [rad or m]: how far joints are moved to find another configuration
 _OPEN_GOAL_TOLERANCE = 1e-7  # [m] of the tool from an open goal
 
@@ -280,7 +272,7 @@ def joint_lines(problem: PlanningProblem) -> ReferenceBranch:
     """Return joint lines from the start over the reference points to the goal.
 
     Raises:
-        Infeasible: Status unreachable: start or goal have no configuration.
+        Infeasible: Status unreachable: start or goal has no configuration.
     """
     start, goal = end_configurations(problem)
     count = problem.tube.segment_count
@@ -292,38 +284,35 @@ def joint_lines(problem: PlanningProblem) -> ReferenceBranch:
         corners.append(_corner(problem, k, near))
     if goal is not None:
         corners.append(goal)
-    share = np.linspace(0, 1, _POINTS_PER_SEGMENT)[:, None]
-    lines = tuple((1 - share) * a + share * b for a, b in pairwise(corners))
-    return ReferenceBranch(lines)
+    fraction = np.linspace(0, 1, _POINTS_PER_SEGMENT)[:, None]
+    return ReferenceBranch(tuple((1 - fraction) * a + fraction * b for a, b in pairwise(corners)))
 
 
 def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
-    """Return a configuration (n,) at reference point k, or at an open goal, near another one.
+    """Return a configuration (n,) at reference point k or an open goal, near another.
 
-    Where that violates the rotation tolerance, it searches for others nearby.
+    Where it violates the rotation tolerance, further seeds nearby are tried.
     """
     segments = [k - 1, min(k, problem.tube.segment_count - 1)]
-    lower, upper = (
-        problem.joint_lower[segments].max(axis=0),
-        problem.joint_upper[segments].min(axis=0),
-    )
+    lower = problem.joint_lower[segments].max(axis=0)
+    upper = problem.joint_upper[segments].min(axis=0)
     goal = problem.open_goal if k == problem.tube.segment_count else None
     point = problem.tube.points[k] if goal is None else goal.position
     if goal is not None and goal.bounds_rotation:
-        turned = wanted_at(problem, point, k)
+        rotation = wanted_at(problem, point, k)
     else:
-        turned = wanted_at(problem, point, k - 1, near)
+        rotation = wanted_at(problem, point, k - 1, near)
 
     def solution(seed: FloatArray) -> PositionSolution:
-        return solve_position(problem.robot, point, seed, lower, upper, rotation=turned)
+        return solve_position(problem.robot, point, seed, lower, upper, rotation=rotation)
 
     best = solution(near)
-    if best.rotation_error > _TURNED_OFF:
+    if best.rotation_error > _ROTATION_ERROR:
         steps = _AROUND * np.vstack([np.eye(len(near)), -np.eye(len(near))])
-        found = [best, *(solution(near + step) for step in steps)]
-        least = min(one.rotation_error for one in found) + _TURNED_OFF
-        turned_best = [one for one in found if one.rotation_error <= least]
-        best = min(turned_best, key=lambda one: float(abs(one.q - near).max()))
+        solutions = [best, *(solution(near + step) for step in steps)]
+        least = min(each.rotation_error for each in solutions) + _ROTATION_ERROR
+        closest = [each for each in solutions if each.rotation_error <= least]
+        best = min(closest, key=lambda each: float(abs(each.q - near).max()))
     if goal is not None and best.error > max(goal.tolerance, _OPEN_GOAL_TOLERANCE):
         message = f"no goal: the tool was brought no nearer than {best.error:.4g} m"
         place = Place(segment=problem.tube.segment_number(k - 1, point)).at(point)
@@ -331,47 +320,51 @@ def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
     return best.q
 
 
-# ---- Branches of the arm along a problem's tube, each computed once, on first use.
-
 _JOINT_LINES, _POSITION_ONLY = "joint lines", "position only"
 
 
 class KnownBranches:
-    """Branches by the rule for redundant joints, and joint lines."""
+    """Branches of the arm along a problem's tube, each computed once, on first use."""
 
     def __init__(self, problem: PlanningProblem, clock: PlanningClock) -> None:
         self._problem, self._clock = problem, clock
-        self._found: dict[str, ReferenceBranch | Infeasible] = {}
+        self._cached: dict[str, ReferenceBranch | Infeasible] = {}
         self._ends: FloatArray | Infeasible | None = None
 
     @property
     def has_any(self) -> bool:
-        """Whether there is a branch already."""
-        return any(isinstance(found, ReferenceBranch) for found in self._found.values())
+        """True if a search has ended with a branch."""
+        return any(isinstance(result, ReferenceBranch) for result in self._cached.values())
 
     @property
     def tried(self) -> int:
-        """How many were looked for."""
-        return len(self._found)
+        """Number of branches searched."""
+        return len(self._cached)
 
     def under(self, clock: PlanningClock) -> "KnownBranches":
         """Return the same branches for work under another clock."""
         same = KnownBranches(self._problem, clock)
-        same._found, same._ends = self._found, self._ends
+        same._cached, same._ends = self._cached, self._ends
         return same
 
     def require_ends(self) -> FloatArray:
         """Return the start and, unless it is open, the goal: shape (1 or 2, n).
 
         Raises:
-            Infeasible: A seed does not lead there, one of them is in collision or too near to an
-                obstacle.
+            Infeasible: A seed does not lead to its point, or start or goal is in collision or too
+                near to an obstacle.
             TimeLimitReached: Before that was known.
         """
         if self._ends is None:
             self._clock.enter("start and goal")
+            problem, ends = self._problem, []
+            names = zip(("start", "goal"), (0, -1), problem.endpoints, strict=True)
             try:
-                self._ends = self._free_ends()
+                for name, point, end in names:
+                    if not end.is_open:  # open goals may move
+                        ends.append(end_configuration(problem, end, point))
+                        require_free(problem, name, ends[-1], is_given=end.joints is not None)
+                self._ends = np.array(ends)
             except Infeasible as reason:
                 self._ends = reason
         if isinstance(self._ends, Infeasible):
@@ -379,11 +372,11 @@ class KnownBranches:
         return self._ends
 
     def by_rule(self, rule: RedundancyRule) -> ReferenceBranch:
-        """Return the branch of a rule, its ends clear of everything.
+        """Return the branch of a rule, its start and given goal clear of everything.
 
         Raises:
-            Infeasible: The branch ends somewhere, its start or given goal is in collision, or the
-                time limit has passed.
+            Infeasible: The branch ends before the goal, its start or given goal is in collision,
+                or the time limit has passed.
         """
         search = partial(reference_branch, self._problem, rule, self._clock.check)
         return self._once(rule, "inverse kinematics along the reference path", search)
@@ -392,7 +385,7 @@ class KnownBranches:
         """Return a branch whose tool need not keep the rotation tolerance.
 
         Raises:
-            Infeasible: As for branches.
+            Infeasible: As of `by_rule`.
         """
         rule = redundancy_rules(self._problem)[0]
         search = partial(
@@ -401,10 +394,10 @@ class KnownBranches:
         return self._once(_POSITION_ONLY, "inverse kinematics of the tool's position alone", search)
 
     def joint_lines(self) -> ReferenceBranch:
-        """Return joint lines between the reference points, the tool not in the tube.
+        """Return joint lines between the reference points; the tool may leave the tube.
 
         Raises:
-            Infeasible: As for branches.
+            Infeasible: As of `by_rule`.
         """
         search = partial(joint_lines, self._problem)
         return self._once(_JOINT_LINES, "inverse kinematics at the reference points", search)
@@ -413,80 +406,74 @@ class KnownBranches:
         self, name: str, stage: str, search: Callable[[], ReferenceBranch]
     ) -> ReferenceBranch:
         self.require_ends()
-        if name not in self._found:
+        if name not in self._cached:
             self._clock.enter(stage)
             try:
-                self._found[name] = search()
+                self._cached[name] = search()
             except Infeasible as reason:
-                self._found[name] = reason
-        found = self._found[name]
-        if isinstance(found, Infeasible):
-            raise found
-        return found
-
-    def _free_ends(self) -> FloatArray:
-        problem = self._problem
-        ends = []
-        for name, point, end in zip(("start", "goal"), (0, -1), problem.endpoints, strict=True):
-            if not end.is_open:  # an open one may move
-                ends.append(end_configuration(problem, end, point))
-                require_free(problem, name, ends[-1], is_given=end.joints is not None)
-        return np.array(ends)
+                self._cached[name] = reason
+        result = self._cached[name]
+        if isinstance(result, Infeasible):
+            raise result
+        return result
 
 
 # ---- Start and goal as configurations, where a problem gives poses of the tool.
 
-_MOST_TRIED = 8  # configurations of the goal
+_MAX_CANDIDATES = 8  # configurations of the goal
 
 
 def configured_ends(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[str, ...]]:
-    """Return a problem whose start and goal are configurations where they were poses, and notes.
+    """Return a problem with configurations in place of poses of start and goal, and notes.
 
-    Of several for the goal, the first one that continues the branch from the start is taken. The
-    notes say which was taken where there was a choice.
+    Of several configurations for the goal, the first that continues the branch from the start is
+    taken. The notes name the choice among several.
 
     Raises:
-        Infeasible: Status unreachable: a pose has none.
+        Infeasible: Status unreachable: a pose has no configuration.
     """
     notes = []
     start, goal_pose = (end.pose for end in problem.endpoints)
     if start is not None:
-        found = pose_configurations(problem, start, 0)
-        notes += _choice(problem, "start", found, found[0], "")
-        problem = replace(problem, start=found[0])
+        candidates = pose_configurations(problem, start, 0)
+        notes += _choice(problem, "start", candidates, candidates[0], "")
+        problem = replace(problem, start=candidates[0])
     if goal_pose is not None:
-        found = pose_configurations(problem, goal_pose, -1)
-        goal = _continuing(problem, goal_pose, found)
+        candidates = pose_configurations(problem, goal_pose, -1)
+        goal = _continuing(problem, goal_pose, candidates)
         why = "" if goal is None else "it continues the branch from the start and is "
-        taken = found[0] if goal is None else goal
-        notes += _choice(problem, "goal", found, taken, why)
-        problem = replace(problem, goal=taken)
+        goal = candidates[0] if goal is None else goal
+        notes += _choice(problem, "goal", candidates, goal, why)
+        problem = replace(problem, goal=goal)
     return problem, tuple(notes)
 
 
-def _continuing(problem: PlanningProblem, pose: ToolPose, found: FloatArray) -> FloatArray | None:
-    """Return a configuration (n,) for the goal that a branch from the start leads to, if any.
+def _continuing(
+    problem: PlanningProblem, pose: ToolPose, candidates: FloatArray
+) -> FloatArray | None:
+    """Return a configuration (n,) for the goal to which a branch from the start leads, or None.
 
-    A free one, if any is free; one that is reached from where the branch ends by itself first.
+    Only free configurations count, if any is free. Those near the end of a branch with an open goal
+    come first.
     """
     if pose.seed is not None:
         return None
-    candidates = np.vstack([_from_open_goal(problem, pose), found])
+    candidates = np.vstack([_from_open_goal(problem, pose), candidates])
     free = [q for q in candidates if is_free(problem, "goal", q)]
-    for q in (free or list(candidates))[:_MOST_TRIED]:
+    for q in (free or list(candidates))[:_MAX_CANDIDATES]:
         if is_continued(replace(problem, goal=q)):
             return q
     return None
 
 
 def _from_open_goal(problem: PlanningProblem, pose: ToolPose) -> FloatArray:
-    """Return configurations (c, n) for a pose near where branches with an open goal end."""
-    alone = replace(problem, goal=None)
+    """Return configurations (c, n) for a pose near the end of a branch with an open goal."""
+    open_problem = replace(problem, goal=None)
     last = problem.tube.segment_count - 1
     bounds = problem.joint_lower[last], problem.joint_upper[last]
-    for rule in redundancy_rules(alone):
+    for rule in redundancy_rules(open_problem):
         try:
-            near = reference_branch(alone, rule).goal
+            near = reference_branch(open_problem, rule).goal
         except Infeasible:
             continue
         return reaching(problem.robot, pose, near[None], *bounds)
@@ -494,7 +481,7 @@ def _from_open_goal(problem: PlanningProblem, pose: ToolPose) -> FloatArray:
 
 
 def is_continued(problem: PlanningProblem) -> bool:
-    """Return whether a branch leads from a problem's start along its tube to its goal."""
+    """Return True if a branch leads from a problem's start along its tube to its goal."""
     for rule in redundancy_rules(problem):
         try:
             reference_branch(problem, rule)
@@ -505,15 +492,15 @@ def is_continued(problem: PlanningProblem) -> bool:
 
 
 def _choice(
-    problem: PlanningProblem, end: str, found: FloatArray, taken: FloatArray, why: str
+    problem: PlanningProblem, end: str, candidates: FloatArray, choice: FloatArray, why: str
 ) -> list[str]:
-    """Return the note on which of several configurations was taken; none if there is one."""
-    if len(found) < 2:
+    """Return the note on the choice among several configurations, if there are several."""
+    if len(candidates) < 2:
         return []
-    joints = ", ".join(f"{value:.6g}" for value in np.round(taken, 6) + 0.0)  # no minus zero
-    free = "free of collision" if is_free(problem, end, taken) else "not free of collision"
+    joints = ", ".join(f"{value:.6g}" for value in np.round(choice, 6) + 0.0)  # no minus zero
+    free = "free of collision" if is_free(problem, end, choice) else "not free of collision"
     near = "" if why else " and, of such, nearest the middle of its joint ranges"
     return [
-        f"{end}: of {len(found)} configurations found for its pose [{joints}] is taken: {why}{free}"
-        f"{near}; a seed or joint signs ask for another"
+        f"{end}: of {len(candidates)} configurations found for its pose [{joints}] is taken: {why}"
+        f"{free}{near}; a seed or joint signs ask for another"
     ]

@@ -1,8 +1,8 @@
 """Time-optimal parameterization of a path: rows in s'' and s'^2, TOPP-RA.
 
-Inertia asks for s'' and s'^2, gravity and Coulomb friction for nothing of both: its direction is
-the path's. Viscous friction and torque-speed lines ask for s', the square root of s'^2: no limit of
-the kind that TOPP-RA solves.
+Inertial efforts are linear in s'' and s'^2; gravity and Coulomb friction depend on neither, as the
+direction of friction is the path's. Viscous friction and torque-speed lines depend on s', the
+square root of s'^2, for which TOPP-RA does not solve.
 """
 
 from collections.abc import Callable
@@ -25,15 +25,14 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.parts import directed_stretches
 
-# ---- What limits ask of how an arm runs a given path q(s): linear in s'' and s'^2, but for one
-# term.
+# ---- Limits on the speed along a given path q(s): linear in s'' and s'^2, but for one term.
 
-_LEAST_SQUARE = 1e-8  # share of the largest s'^2: the tangent of a root is upright at zero
+_MIN_SQUARE = 1e-8  # fraction of the largest s'^2: the tangent of a root is upright at zero
 
 
 @dataclass(frozen=True, eq=False)
 class PathRows:
-    """I limits at N places of a path: a s'' + b s'^2 + d s' <= g, coefficients of shape (N, I).
+    """I limits at N points of a path: a s'' + b s'^2 + d s' <= g, coefficients of shape (N, I).
 
     Attributes:
         acceleration: a.
@@ -48,15 +47,15 @@ class PathRows:
     allowed: FloatArray
 
     def without_speed(self) -> "PathRows":
-        """Return limits in which s' costs nothing and helps nothing."""
+        """Return the limits without their terms in s'."""
         return replace(self, speed=np.zeros_like(self.speed))
 
     def tangent(self, square: FloatArray) -> "PathRows":
-        """Return limits without s' that are the same where s'^2 has given values (N,).
+        """Return limits without s', tangent to these where s'^2 has the values (N,).
 
-        Where s' costs, they are nowhere looser: a root lies below its tangents.
+        Where d > 0, they are nowhere looser: a root lies below its tangents.
         """
-        least = _LEAST_SQUARE * max(float(square.max(initial=0.0)), _LEAST_SQUARE)
+        least = _MIN_SQUARE * max(float(square.max(initial=0.0)), _MIN_SQUARE)
         root = np.sqrt(np.maximum(square, least))[:, None]
         square_too, less = self.speed / (2 * root), self.speed * root / 2
         return replace(
@@ -65,12 +64,12 @@ class PathRows:
 
 
 def with_reversals(path: JointTrajectory, arc_length: FloatArray, apart: float) -> FloatArray:
-    """Return arc lengths, and those where joints reverse that are some way from all of them."""
+    """Return arc lengths joined with reversals of joints more than `apart` from all of them."""
     stretches = directed_stretches(path)
-    place = path.breakpoints[stretches.piece] + stretches.start * path.widths[stretches.piece]
-    place = np.unique(place)
-    away = abs(place[:, None] - arc_length).min(axis=1)
-    return np.union1d(arc_length, place[away > apart])
+    reversals = path.breakpoints[stretches.piece] + stretches.start * path.widths[stretches.piece]
+    reversals = np.unique(reversals)
+    away = abs(reversals[:, None] - arc_length).min(axis=1)
+    return np.union1d(arc_length, reversals[away > apart])
 
 
 def path_rows(
@@ -79,23 +78,23 @@ def path_rows(
     arc_length: FloatArray,
     limits: tuple[SpeedLimit, ...],
 ) -> tuple[PathRows, PathRows]:
-    """Return what limits ask where steps along a path begin, and where they end.
+    """Return the rows of limits at the begins and at the ends of N steps along a path.
 
     Each step has the Coulomb friction of its own directions at both ends.
 
     Args:
         problem: The planning problem.
         path: Over the arc length.
-        arc_length: Where steps begin and end, shape (N+1,).
-        limits: Of accelerations and efforts.
+        arc_length: Begins and ends of steps, shape (N+1,).
+        limits: Limits of accelerations and efforts.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
     inner, middle = path.breakpoints[1:-1], (arc_length[:-1] + arc_length[1:]) / 2
     piece = np.searchsorted(inner, middle)
-    share = (middle - path.breakpoints[piece]) / path.widths[piece]
-    direction = directed_stretches(path).at(piece, share)
+    fraction = (middle - path.breakpoints[piece]) / path.widths[piece]
+    direction = directed_stretches(path).at(piece, fraction)
     friction = partial(directed_friction, problem.robot.motors, direction)
     begins, ends = arc_length[:-1], arc_length[1:]
     after, before = np.searchsorted(inner, begins, "right"), np.searchsorted(inner, ends)
@@ -108,13 +107,13 @@ def path_rows(
 def _rows(
     problem: PlanningProblem,
     path: JointTrajectory,
-    place: FloatArray,
+    arc_length: FloatArray,
     piece: IntArray,
     limits: tuple[SpeedLimit, ...],
     friction: Callable[[], CoulombFriction],
 ) -> PathRows:
-    """Return what limits ask at places (N,) on pieces (N,) of a path, with a given friction."""
-    local = place - path.breakpoints[piece]
+    """Return the rows of limits at arc lengths (N,) on pieces (N,) of a path, with a friction."""
+    local = arc_length - path.breakpoints[piece]
     q, slope, bend = (path.within(piece, local, order) for order in range(3))
     steady = PathSamples(problem, np.stack([q, slope, bend]), friction=friction)
     speeding_up = PathSamples(problem, np.stack([q, slope, bend + slope]), friction=friction)
@@ -129,11 +128,11 @@ def _rows(
         for sign in limit.signs:
             terms = (sign * acceleration, sign * square, sign * speed, 1 - sign * still)
             parts.append(np.stack(terms))
-    nothing = np.zeros((4, len(place), 0))
-    return PathRows(*np.concatenate([nothing, *parts], axis=2))
+    empty = np.zeros((4, len(arc_length), 0))
+    return PathRows(*np.concatenate([empty, *parts], axis=2))
 
 
-# ---- How fast motors that switch instantly can run a path: bang-bang control.
+# ---- The fastest run of a path by motors that switch instantly: bang-bang control.
 #
 # Solved by TOPP-RA (Pham & Pham, "A new approach to time-optimal path parameterization based on
 # reachability analysis", IEEE T-RO 34(3), 2018); first by Bobrow et al. and Shin & McKay (1985).
@@ -141,19 +140,19 @@ def _rows(
 # A path is stored as the trajectory that runs it at unit speed: its times are the arc length in
 # joint space.
 
-# What is to be said of the answer where that is so.
+# The note on answers under limits that depend on s'.
 NOT_PROVED = (
     "the fastest that was found: with viscous friction or torque-speed lines nothing proves it the "
     "least"
 )
 _INSIDE = 1e-4  # [m]: how far outside a capsule a point of the path still counts as in it
 # TOPP-RA's tolerances are absolute: for squared rates of about 100, these are small, and digits are
-# not lost yet. And in place of a missing limit on the rate, so many of such units.
-_SHARE, _AMPLE = 0.1, 1e3
-_SPEEDS, _ACCELERATIONS = 1, 2  # what limits depend on, at most; jerk is unlimited
+# not lost yet. In place of a missing limit on the rate, _AMPLE units.
+_UNIT_FRACTION, _AMPLE = 0.1, 1e3
+_SPEEDS, _ACCELERATIONS = 1, 2  # the highest derivative that limits depend on; jerk is unlimited
 _APART = 1e-3  # of a mean step: nearer to points of the path, reversals are no points of their own
-_ROUNDS, _SETTLED = 20, 1e-6  # of tangents; and what share of the time the last ones change
-_STARTS = (0.5, 0.1, 0.02, 0.004)  # where tangents begin, as shares of the rates of ideal motors
+_ROUNDS, _SETTLED = 20, 1e-6  # of tangents; relative change of the time at which they end
+_STARTS = (0.5, 0.1, 0.02, 0.004)  # of tangents, as fractions of the rates of ideal motors
 
 
 def fastest_parameterization(
@@ -169,19 +168,18 @@ def fastest_parameterization(
     path and may exceed them in between; jerk is unlimited, so it is not smooth. Where the tool is
     in several segments, the loosest of their limits on its speed counts.
 
-    Viscous friction and torque-speed lines ask for the root of what TOPP-RA solves for. It solves
-    for tangents of that root, each at the last solution, until the time settles. What it finds then
-    is faster than its neighbours; that nothing else is faster still, nothing proves.
+    Limits with viscous friction and torque-speed lines depend on the root of TOPP-RA's variable.
+    Tangents of that root replace it, each at the last solution, until the time settles. The result
+    is faster than its neighbours; nothing proves that it is the fastest.
 
     Args:
         problem: The planning problem.
         path: Over the arc length, in the robot's group order.
-        arc_length: Where the limits are judged, increasing from the path's start to its end, shape
-            (N,); where joints with Coulomb friction reverse, they are judged too.
-        at_both_ends: Whether every step keeps the limits where it ends, too, not only where it
-            begins. The time parameterization is up to 1 % slower then, but keeps them in between:
-            what is left is worth less than 0.1 % of the time, rather than up to 19 % (two links
-            round an arc).
+        arc_length: Points at which the limits hold, increasing from the path's start to its end,
+            shape (N,); reversals of joints are added if any has Coulomb friction.
+        at_both_ends: Whether every step keeps the limits at its end too, not only at its begin. The
+            time parameterization is up to 1 % slower then, but exceeds limits in between by less
+            than 0.1 % of the time, rather than by up to 19 % (two links round an arc).
 
     Returns:
         The arc length over time, one parabola per step; None if the solver finds none.
@@ -196,7 +194,6 @@ def fastest_parameterization(
     most = _largest_rates(problem, path, arc_length)
 
     def solved(rate: FloatArray) -> FloatArray | None:
-        """Return the fastest run for tangents at another."""
         squares = (rate[:-1] ** 2, rate[1:] ** 2)
         tangents = [each.tangent(x) for each, x in zip(rows, squares, strict=True)]
         return _solved(arc_length, tangents[: 1 + at_both_ends], most)
@@ -211,15 +208,15 @@ def fastest_parameterization(
 def _settled(
     solved: Callable[[FloatArray], FloatArray | None], free: FloatArray, arc_length: FloatArray
 ) -> FloatArray | None:
-    """Return the run, (N,) [1/s], that is the fastest for tangents at itself.
+    """Return the rates (N,) [1/s] of the run that is the fastest for tangents at itself.
 
     Args:
-        solved: Returns the fastest run for tangents at another, None if there is none.
+        solved: Returns the rates of the fastest run for tangents at other rates, None without one.
         free: The fastest run of motors that lose nothing at speed.
         arc_length: Shape (N,).
     """
-    # Tangents where it is fast cost where it is slow, too: perhaps more than there is.
-    starts = (solved(share * free) for share in _STARTS)
+    # Tangents at high rates cost effort at low rates too, perhaps more than there is.
+    starts = (solved(fraction * free) for fraction in _STARTS)
     rate = next((start for start in starts if start is not None), None)
     for _ in range(_ROUNDS):
         following = None if rate is None else solved(rate)
@@ -235,7 +232,7 @@ def _settled(
 def _largest_rates(
     problem: PlanningProblem, path: JointTrajectory, arc_length: FloatArray
 ) -> FloatArray:
-    """Return the largest rates of the arc length that limits of velocities allow, (N,) [1/s]."""
+    """Return the largest rates of the arc length under limits of velocities, (N,) [1/s]."""
     limits = tuple(limit for limit in speed_limits(problem) if limit.order == _SPEEDS)
     in_segment = ToolSpeed(problem).limit
 
@@ -250,7 +247,7 @@ def _largest_rates(
 
 
 def _solved(arc_length: FloatArray, limits: list[PathRows], most: FloatArray) -> FloatArray | None:
-    """Return the largest rates, (N,) [1/s], under limits where steps begin, and where they end."""
+    """Return the largest rates (N,) [1/s] under limits at steps' begins, and perhaps ends."""
     from toppra import algorithm  # takes a second
 
     unit = _unit(arc_length, limits[0])
@@ -263,20 +260,22 @@ def _solved(arc_length: FloatArray, limits: list[PathRows], most: FloatArray) ->
 
 
 def _unit(arc_length: FloatArray, limits: PathRows) -> float:
-    """Return a unit of rates: a share of what speeding up over the path gives [1/s]."""
+    """Return a unit of rates: a fraction of the rate after speeding up over the path [1/s]."""
     with np.errstate(divide="ignore", invalid="ignore"):
         most = (limits.allowed / abs(limits.acceleration)).min(axis=1)
     usual = float(np.median(most))
-    return _SHARE * float(np.sqrt(usual * np.ptp(arc_length))) if 0 < usual < np.inf else 1.0
+    return (
+        _UNIT_FRACTION * float(np.sqrt(usual * np.ptp(arc_length))) if 0 < usual < np.inf else 1.0
+    )
 
 
 def _step_times(arc_length: FloatArray, rate: FloatArray) -> FloatArray:
-    """Return how long steps take: at constant acceleration, the mean rate is the mean of both."""
+    """Return the durations of steps [s]: at constant acceleration, length over mean rate."""
     return 2 * np.diff(arc_length) / (rate[1:] + rate[:-1])
 
 
 def _parabolas(arc_length: FloatArray, rate: FloatArray) -> JointTrajectory:
-    """Return the arc length over time that has given rates, (N,), at points."""
+    """Return the arc length over time, with rates (N,) [1/s] at points."""
     durations = _step_times(arc_length, rate)
     parabolas = np.array([np.diff(rate) / (2 * durations), rate[:-1], arc_length[:-1]])
     times = np.concatenate([[0.0], np.cumsum(durations)])
@@ -286,8 +285,8 @@ def _parabolas(arc_length: FloatArray, rate: FloatArray) -> JointTrajectory:
 class _Limits:
     """Limits of steps, with the interfaces of a path and of its constraint that TOPP-RA requires.
 
-    It knows steps by their second derivative u and by x, the squared rate where they begin; where
-    they end, that is x + 2 h u.
+    The variables of a step of length h are u = s'' and x = s'^2 at its begin; at its end, s'^2 is
+    x + 2 h u.
     """
 
     waypoints, dof, identical = None, 1, False
@@ -295,7 +294,7 @@ class _Limits:
     def __init__(
         self, arc_length: FloatArray, limits: list[PathRows], most: FloatArray, unit: float
     ) -> None:
-        """Take limits where steps begin, and where they end; rates are counted in a unit."""
+        """Take limits at the begins of steps, and perhaps at their ends; rates in a unit."""
         self.path_interval = arc_length[[0, -1]]
         twice = 2 * np.diff(arc_length)[:, None]
         ends = [np.zeros_like(twice), twice][: len(limits)]

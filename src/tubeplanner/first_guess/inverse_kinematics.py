@@ -13,8 +13,6 @@ from tubeplanner.native.library import LIBRARY, Bytes, Doubles, native_function
 from tubeplanner.orientation import inverse_right_jacobian, nearest_branch, rotation_vector
 from tubeplanner.robot.model import RobotModel
 
-# ---- Configurations in which the tool has given positions and rotations, compiled.
-
 _SOLVE = native_function(
     "tubeplanner_solve_positions",
     *(Doubles, c_int64, c_int64, Doubles, c_int64),
@@ -32,27 +30,30 @@ def native_solve_positions(
 ) -> tuple[FloatArray, FloatArray]:
     """Return configurations (N, n) and their errors (N, 2), of position [m] and rotation [rad].
 
-    Without the axis of N there is one of each.
+    All arrays may lack the axis of N, for one configuration.
 
     Args:
         table: The joints that move the tool, the last body of all; see `native.kinematics`.
-        settings: Of `branches.inverse_kinematics`, in the order in which the sources have them.
-        position: Wanted, shape (N, 3) [m].
+        settings: `_SETTINGS`, in the order of the compiled source.
+        position: Tool positions, shape (N, 3) [m].
         joints: Seeds, lower bounds, upper bounds and preferred configurations, each (N, n).
-        rotation: References (N, 3, 3), wanted rotation vectors (N, 3) and which of their components
+        rotation: References (N, 3, 3), rotation vectors (N, 3) and a mask of the components that
             count (N, 3); None: any rotation.
     """
     assert _SOLVE is not None
     *many, joint_count = joints[0].shape
     count = many[0] if many else 1
     q, errors = np.empty((*many, joint_count)), np.empty((*many, 2))
-    given = [np.ascontiguousarray(values, dtype=np.float64) for values in (position, *joints)]
-    turned: tuple[FloatArray | BoolArray | None, ...] = (None, None, None)
+    targets = [np.ascontiguousarray(values, dtype=np.float64) for values in (position, *joints)]
+    rotations: tuple[FloatArray | BoolArray | None, ...] = (None, None, None)
     if rotation is not None:
         reference, vector, components = rotation
-        turned = np.ascontiguousarray(reference), np.ascontiguousarray(vector, dtype=np.float64)
-        turned = *turned, np.ascontiguousarray(components)
-    if _SOLVE(table, len(table), joint_count, settings, count, *given, *turned, q, errors):
+        rotations = (
+            np.ascontiguousarray(reference),
+            np.ascontiguousarray(vector, dtype=np.float64),
+            np.ascontiguousarray(components),
+        )
+    if _SOLVE(table, len(table), joint_count, settings, count, *targets, *rotations, q, errors):
         raise MemoryError
     return q, errors
 
@@ -88,12 +89,12 @@ _SETTINGS = read_only(
 
 @dataclass(frozen=True, eq=False)
 class WantedRotation:
-    """The wanted orientation of the tool.
+    """A target orientation of the tool.
 
     Attributes:
         reference: Reference orientation, shape (3, 3), base frame.
-        vector: Rotation vector wanted, in the reference's frame, shape (3,) [rad].
-        components: Which of its components count: bool, shape (3,).
+        vector: Target rotation vector, in the reference's frame, shape (3,) [rad].
+        components: True for components of the vector that count, shape (3,).
     """
 
     reference: FloatArray
@@ -102,11 +103,11 @@ class WantedRotation:
 
     @property
     def parts(self) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Its reference, vector and components."""
+        """Reference, vector and components."""
         return self.reference, self.vector, self.components
 
     def repeated(self, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Return `parts` for many configurations: (N, 3, 3), (N, 3) and (N, 3)."""
+        """Return the parts for N configurations: (N, 3, 3), (N, 3) and (N, 3)."""
         reference, vector, components = self.parts
         return (
             np.broadcast_to(reference, (count, 3, 3)),
@@ -117,12 +118,12 @@ class WantedRotation:
 
 @dataclass(frozen=True, eq=False)
 class PositionSolution:
-    """The nearest the tool gets to a position.
+    """The configuration whose tool is nearest to a position.
 
     Attributes:
         q: Configuration within the bounds, shape (n,) [rad or m].
         error: Distance of the tool from the position [m].
-        rotation_error: Distance of the rotation vector from the one wanted, in the components that
+        rotation_error: Distance of the rotation vector from its target, in the components that
             count [rad].
     """
 
@@ -145,11 +146,11 @@ def solve_position(
     Args:
         robot: The arm.
         target: Tool position, shape (3,), base frame [m].
-        seed: Where to start, shape (n,) [rad or m].
+        seed: First configuration, shape (n,) [rad or m].
         lower: Lower joint bounds, shape (n,).
         upper: Upper joint bounds, shape (n,).
-        preferred: Where redundant joints go, shape (n,); default: back to the seed.
-        rotation: Wanted orientation of the tool there; default: any.
+        preferred: Pulls redundant joints, shape (n,); default: the seed.
+        rotation: Target orientation of the tool; default: any.
 
     Returns:
         The solution; its errors say whether the target was reached.
@@ -157,8 +158,8 @@ def solve_position(
     joints = (seed, lower, upper, seed if preferred is None else preferred)
     if LIBRARY.functions is None:
         return _solved(robot, target, joints, rotation)
-    turned = None if rotation is None else rotation.parts
-    q, errors = native_solve_positions(robot.tool_joints, _SETTINGS, target, joints, turned)
+    parts = None if rotation is None else rotation.parts
+    q, errors = native_solve_positions(robot.tool_joints, _SETTINGS, target, joints, parts)
     return PositionSolution(q, *errors.tolist())
 
 
@@ -176,11 +177,11 @@ def solve_positions(
     Args:
         robot: The arm.
         targets: Tool positions, shape (N, 3), or (3,) for all, base frame [m].
-        seeds: Where to start, shape (N, n) [rad or m].
+        seeds: First configurations, shape (N, n) [rad or m].
         lower: Lower joint bounds, shape (N, n), or (n,) for all.
-        upper: Upper joint bounds, likewise.
-        preferred: Where redundant joints go, likewise; default: back to the seeds.
-        rotation: Wanted orientation of the tool at all of them; default: any.
+        upper: Upper joint bounds, shape (N, n), or (n,) for all.
+        preferred: Pulls redundant joints, shape (N, n), or (n,) for all; default: the seeds.
+        rotation: Target orientation of the tool at all positions; default: any.
 
     Returns:
         Configurations (N, n) within the bounds, and their errors (N, 2): of the position [m] and
@@ -194,12 +195,12 @@ def solve_positions(
     )
     if LIBRARY.functions is not None:
         joints = (seeds, lower, upper, preferred)
-        turned = None if rotation is None else rotation.repeated(count)
-        return native_solve_positions(robot.tool_joints, _SETTINGS, targets, joints, turned)
+        parts = None if rotation is None else rotation.repeated(count)
+        return native_solve_positions(robot.tool_joints, _SETTINGS, targets, joints, parts)
     q, errors = np.empty((count, joint_count)), np.empty((count, 2))
-    for i, own in enumerate(zip(seeds, lower, upper, preferred, strict=True)):
-        found = _solved(robot, targets[i], own, rotation)
-        q[i], errors[i] = found.q, (found.error, found.rotation_error)
+    for i, joints in enumerate(zip(seeds, lower, upper, preferred, strict=True)):
+        solution = _solved(robot, targets[i], joints, rotation)
+        q[i], errors[i] = solution.q, (solution.error, solution.rotation_error)
     return q, errors
 
 
@@ -210,7 +211,7 @@ _Joints: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 def _solved(
     robot: RobotModel, target: FloatArray, joints: _Joints, rotation: WantedRotation | None
 ) -> PositionSolution:
-    """Return `solve_position`."""
+    """Return the solution of `solve_position`, by NumPy."""
     seed, lower, upper, preferred = joints
     descent = _Descent(robot, target, rotation, lower, upper)
     solution = descent.run(seed, preferred)
@@ -219,19 +220,19 @@ def _solved(
     pattern = (-1.0) ** np.arange(len(seed))
     for bend in _BENDS:
         other = descent.run(solution.q + bend * pattern, preferred)
-        solution = min(solution, other, key=lambda found: found.error)
+        solution = min(solution, other, key=lambda each: each.error)
         if solution.error < _POSITION_TOLERANCE**0.5:
             break
     return solution
 
 
-# Jacobian (c, n) and error (c,) of what a step should do.
+# Jacobian (c, n) and error (c,) of one task of a step.
 _Task: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class _Descent:
-    """From a seed to the target, by damped steps."""
+    """Damped least-squares steps from a seed to the target."""
 
     robot: RobotModel
     target: FloatArray
@@ -244,24 +245,24 @@ class _Descent:
         least = np.inf
         for iteration in range(_MAX_ITERATIONS):
             tasks = self._tasks(q)
-            off, turned = _lengths(tasks)
-            pulled = iteration < _PULLED_ITERATIONS
-            if not pulled and off > max(least, _POSITION_TOLERANCE):
+            distance, angle = _lengths(tasks)
+            is_pulled = iteration < _PULLED_ITERATIONS
+            if not is_pulled and distance > max(least, _POSITION_TOLERANCE):
                 q = (last + q) / 2  # a step beyond a target out of reach
                 continue
-            least, last = off, q
-            q = self._moved(q, tasks, preferred - q if pulled else np.zeros_like(q))
-            moved = q - last
-            if np.abs(moved).max() < _POSTURE_TOLERANCE:
+            least, last = distance, q
+            q = self._next(q, tasks, preferred - q if is_pulled else np.zeros_like(q))
+            step = q - last
+            if np.abs(step).max() < _POSTURE_TOLERANCE:
                 # Over so short a step the errors change as their Jacobians say.
-                left = [(jacobian, error - jacobian.dot(moved)) for jacobian, error in tasks]
-                return PositionSolution(q, *_lengths(left))
-            if not pulled and max(off, turned) < _POSITION_TOLERANCE:
+                remaining = [(jacobian, error - jacobian.dot(step)) for jacobian, error in tasks]
+                return PositionSolution(q, *_lengths(remaining))
+            if not is_pulled and max(distance, angle) < _POSITION_TOLERANCE:
                 break
         return PositionSolution(q, *_lengths(self._tasks(q)))
 
-    def _moved(self, q: FloatArray, tasks: list[_Task], pull: FloatArray) -> FloatArray:
-        """Return the next configuration (n,); joints pushed out of their bounds are held still."""
+    def _next(self, q: FloatArray, tasks: list[_Task], pull: FloatArray) -> FloatArray:
+        """Return the next configuration (n,); joints pushed out of their bounds stay at them."""
         free, step = np.ones(len(q), dtype=bool), _free_step(tasks, pull)
         while True:
             ahead = q + step * min(1.0, _MAX_STEP / max(float(np.abs(step).max()), 1e-300))
@@ -280,24 +281,24 @@ class _Descent:
         """Return the tasks at a configuration (n,), the position first."""
         rotation, position, jacobian = (part[0] for part in self.robot.tool_pose_jacobian(q[None]))
         tasks = [(jacobian[:3], self.target - position)]
-        wanted = self.rotation
-        if wanted is not None and wanted.components.any():
-            vector = rotation_vector(wanted.reference.T @ rotation)
-            vector = nearest_branch(vector, wanted.vector, wanted.components)
-            turned = inverse_right_jacobian(vector) @ rotation.T @ jacobian[3:]
-            error = wanted.vector - vector
-            tasks.append((turned[wanted.components], error[wanted.components]))
+        target = self.rotation
+        if target is not None and target.components.any():
+            vector = rotation_vector(target.reference.T @ rotation)
+            vector = nearest_branch(vector, target.vector, target.components)
+            rows = inverse_right_jacobian(vector) @ rotation.T @ jacobian[3:]
+            error = target.vector - vector
+            tasks.append((rows[target.components], error[target.components]))
         return tasks
 
 
 def _lengths(tasks: list[_Task]) -> tuple[float, float]:
-    """Return the lengths of the errors: of the position [m] and of the rotation [rad]."""
+    """Return the errors of position [m] and rotation [rad]."""
     lengths = [math.sqrt(error.dot(error)) for _, error in tasks]
     return lengths[0], sum(lengths[1:])
 
 
 def _free_step(tasks: list[_Task], pull: FloatArray) -> FloatArray:
-    """Return the step of joints without bounds: each task in the null space of those before.
+    """Return the step of joints without bounds: each task in the null space of earlier tasks.
 
     The eigenvalues of a task's J J^T are its squared gains; J^T times the eigenvectors are the
     directions of joints that they belong to, each as long as its gain.
@@ -321,10 +322,10 @@ def _free_step(tasks: list[_Task], pull: FloatArray) -> FloatArray:
 
 # ---- Inverse kinematics of a tool position, its rotation anywhere within a tolerance.
 #
-# Nonlinear least squares (scipy, trust region with bounds) of the tool's distance and of what its
-# rotation vector lacks of the tolerance. Where the arm is nearly stretched, it finds configurations
-# at the edge of the tolerance that inverse kinematics of the reference orientation does not lead
-# to.
+# Nonlinear least squares (scipy, trust region with bounds) of the tool's distance and of the excess
+# of its rotation vector over the tolerance. Where the arm is nearly stretched, it finds
+# configurations at the edge of the tolerance to which inverse kinematics of the reference
+# orientation does not lead.
 
 _ANGLE_WEIGHT = 0.3  # [m/rad]
 _JUST_INSIDE = 0.999  # of the bounds
@@ -342,43 +343,43 @@ def solve_within_tolerance(
     lower: FloatArray,
     upper: FloatArray,
 ) -> PositionSolution:
-    """Move a configuration until the tool is at a position and turned within a tolerance.
+    """Move a configuration until the tool is at a position and within a rotation tolerance.
 
     Args:
         robot: The arm.
         target: Tool position, shape (3,), base frame [m].
         tube: The rotation tolerance.
-        rows: Its rows that hold there; their reference orientations are the same.
-        seed: Where to start, shape (n,) [rad or m].
+        rows: Rows of the tolerance that hold there; their reference orientations are the same.
+        seed: First configuration, shape (n,) [rad or m].
         lower: Lower joint bounds, shape (n,).
         upper: Upper joint bounds, shape (n,).
 
     Returns:
-        The nearest; its rotation error is how far it is outside the tolerance.
+        The nearest solution; its rotation error is the distance outside the tolerance.
     """
     from scipy.optimize import least_squares
 
-    lacks = _Lacks(robot, target, tube, rows[0], _JUST_INSIDE * tube.bounds[list(rows)].min(axis=0))
-    wide = (lower - 2 * _INSIDE, upper + 2 * _INSIDE)
-    found = least_squares(
-        lambda q: lacks.of(q)[0],
+    bounds = _JUST_INSIDE * tube.bounds[list(rows)].min(axis=0)
+    excess = _Excess(robot, target, tube, rows[0], bounds)
+    solution = least_squares(
+        lambda q: excess.at(q)[0],
         np.clip(seed, lower - _INSIDE, upper + _INSIDE),
-        lambda q: lacks.of(q)[1],
-        bounds=wide,
+        lambda q: excess.at(q)[1],
+        bounds=(lower - 2 * _INSIDE, upper + 2 * _INSIDE),
         max_nfev=_MAX_EVALUATIONS,
         xtol=_CONVERGED,
         ftol=_CONVERGED**1.5,
         gtol=_CONVERGED,
     )
-    q = np.clip(found.x, lower, upper)
+    q = np.clip(solution.x, lower, upper)
     rotation, tool = robot.tool_pose(q[None])
     outside = max(-float(tube.margin(rotation, tool, row)[0]) for row in rows)
     return PositionSolution(q, float(np.linalg.norm(tool[0] - target)), max(outside, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
-class _Lacks:
-    """What a configuration lacks of a position and of bounds (4,) on its rotation vector."""
+class _Excess:
+    """Distance from a position, and excess over bounds (4,) on the rotation vector."""
 
     robot: RobotModel
     target: FloatArray
@@ -386,18 +387,18 @@ class _Lacks:
     row: int
     bounds: FloatArray
 
-    def of(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return it for a configuration (n,), (9,) [m], and its derivative (9, n)."""
+    def at(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the excess of a configuration (n,), (9,) [m], and its derivative (9, n)."""
         rotation, tool, jacobian = (part[0] for part in self.robot.tool_pose_jacobian(q[None]))
         error = self.tube.error(rotation[None], tool[None], self.row)[0]
-        turned = inverse_right_jacobian(error) @ rotation.T @ jacobian[3:]
+        error_rows = inverse_right_jacobian(error) @ rotation.T @ jacobian[3:]
         beyond = np.maximum(abs(error) - self.bounds[:3], 0.0) * np.sign(error)
-        rows = [jacobian[:3], _ANGLE_WEIGHT * (beyond != 0)[:, None] * turned]
+        rows = [jacobian[:3], _ANGLE_WEIGHT * (beyond != 0)[:, None] * error_rows]
         angle = float(np.linalg.norm(error))
-        out, out_rows = np.zeros(3), np.zeros_like(turned)
+        out, out_rows = np.zeros(3), np.zeros_like(error_rows)
         if angle > self.bounds[3]:
-            share, axis = self.bounds[3] / angle, error / angle
-            out = (1 - share) * error
-            out_rows = ((1 - share) * np.eye(3) + share * np.outer(axis, axis)) @ turned
+            ratio, axis = self.bounds[3] / angle, error / angle
+            out = (1 - ratio) * error
+            out_rows = ((1 - ratio) * np.eye(3) + ratio * np.outer(axis, axis)) @ error_rows
         parts = [tool - self.target, _ANGLE_WEIGHT * beyond, _ANGLE_WEIGHT * out]
         return np.concatenate(parts), np.vstack([*rows, _ANGLE_WEIGHT * out_rows])

@@ -4,7 +4,7 @@ Knots are the paper's word for the waypoints that phase 2 moves.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -37,9 +37,9 @@ class KnotTrajectory:
     """A trajectory through knots.
 
     Attributes:
-        knots: Shape (K, n) [rad or m], the first is the start, the last the goal.
-        construction: How the polynomials between them follow from the knots.
-        trajectory: At the limits.
+        knots: Shape (K, n) [rad or m]; the first is the start, the last the goal.
+        construction: Builds the polynomials from the knots.
+        trajectory: The trajectory, at the limits.
     """
 
     knots: FloatArray
@@ -52,7 +52,7 @@ class KnotTrajectory:
         return self.trajectory.duration
 
     def at_equal_times(self, count: int) -> FloatArray:
-        """Return configurations at equal times, the first and the last knot among them: (K, n)."""
+        """Return K configurations at equal times from start to goal, shape (K, n)."""
         return self.trajectory.position(np.linspace(0.0, self.duration, count))
 
 
@@ -63,7 +63,7 @@ def feasible_trajectory(
     clearance: LinkClearance,
     upper_bound: float = np.inf,
 ) -> KnotTrajectory | None:
-    """Return the trajectory through knots, unless a test refuses it.
+    """Return the trajectory through knots, or None if a test refuses it.
 
     Position limits are judged for all t, the tube at 65 samples per piece with the valleys between
     them, collisions at 9. The certificate judges more strictly.
@@ -71,12 +71,12 @@ def feasible_trajectory(
     Args:
         problem: The planning problem.
         knots: Shape (K, n).
-        construction: How the polynomials follow from the knots.
+        construction: Builds the polynomials from the knots.
         clearance: Around K configurations near the knots.
         upper_bound: Only a faster trajectory is of interest [s].
     """
     shape = construction(problem.robot.joint_names, knots)
-    if _least_duration(problem, shape) >= upper_bound:
+    if _min_duration(problem, shape) >= upper_bound:
         return None
     try:
         trajectory = scaled_to_limits(problem, shape)
@@ -89,11 +89,10 @@ def feasible_trajectory(
     return KnotTrajectory(knots, construction, trajectory)
 
 
-def _least_duration(problem: PlanningProblem, shape: JointTrajectory) -> float:
-    """Return how long the limits make a shape at its samples [s]; inf where it stands still."""
+def _min_duration(problem: PlanningProblem, shape: JointTrajectory) -> float:
+    """Return the least duration under the limits at samples [s]; inf if none is possible."""
     samples = shape.per_piece(_LIMIT_SAMPLES)
-    known = (samples.position, samples.velocity, samples.acceleration)
-    factor = scaling_factor(problem, *known).min()
+    factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration).min()
     return shape.duration / float(factor) if 0 < factor < np.inf else np.inf
 
 
@@ -106,7 +105,7 @@ def _within_position_limits(problem: PlanningProblem, shape: JointTrajectory) ->
 
 
 def _is_free(shape: JointTrajectory, clearance: LinkClearance) -> bool:
-    """Return whether samples are clear of collisions, as seen from the knots next to them."""
+    """Return True if samples are clear of collisions, by clearances at the nearest knots."""
     samples = shape.per_piece(_COLLISION_SAMPLES)
     nearest = np.rint(samples.time).astype(np.int64)  # a piece lasts one second
     return bool(clearance.is_free(samples.position, nearest).all())
@@ -128,7 +127,7 @@ def _is_free(shape: JointTrajectory, clearance: LinkClearance) -> bool:
 # as on the one before; those not yet chosen are taken to stay, so a good direction may be lost, but
 # none is taken that does not help.
 
-# How many segments are tested at a depth, and how many complete directions judged, in a sweep.
+# In a sweep: segments tested at each depth, and complete directions judged.
 _SEGMENTS_PER_DEPTH, _TRAJECTORIES_PER_SWEEP = 300, 8
 
 
@@ -137,9 +136,9 @@ class Direction:
     """The result of a search for the best direction.
 
     Attributes:
-        candidate: The trajectory whose knots are moved along it; None if no direction is faster.
+        candidate: The trajectory with knots moved along it; None if no direction is faster.
         nodes: Nodes expanded.
-        proved: Whether every other direction was ruled out, not only the node budget reached.
+        proved: True if every other direction was ruled out, False if the node budget was reached.
     """
 
     candidate: KnotTrajectory | None
@@ -152,10 +151,10 @@ class _Open:
     """P open nodes of one depth, the most promising first.
 
     Attributes:
-        bound: No completion is faster [s], shape (P,).
-        choices: Of the knots 1, 2, ...: shape (P, depth).
-        factor: How much faster the segments settled can be run, shape (P,).
-        tube_segments: In which tube segments the tool may be at their end: bool, shape (P, m).
+        bound: Lower bound on the duration of completions, shape (P,) [s].
+        choices: Moves of the knots 1, 2, ..., shape (P, depth).
+        factor: Speed factor that the settled segments allow, shape (P,).
+        tube_segments: True for tube segments the tool may be in at their end, shape (P, m).
     """
 
     bound: FloatArray
@@ -166,8 +165,8 @@ class _Open:
     def __len__(self) -> int:
         return len(self.bound)
 
-    def where(self, chosen: IntArray | BoolArray | slice) -> "_Open":
-        return _Open(*(getattr(self, field.name)[chosen] for field in fields(self)))
+    def where(self, rows: IntArray | BoolArray | slice) -> "_Open":
+        return _Open(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def merged(self, other: "_Open") -> "_Open":
         pairs = [(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)]
@@ -184,15 +183,15 @@ def best_direction(
     upper_bound: float,
     node_budget: int,
 ) -> Direction:
-    """Return the direction that makes a trajectory fastest.
+    """Return the direction of all knots that makes a trajectory fastest.
 
     Args:
         problem: The planning problem.
-        candidate: Through K >= 3 knots.
-        increments: By how much a knot moves along each axis, shape (n,) [rad or m].
+        candidate: A trajectory through K >= 3 knots.
+        increments: Step of a knot along each axis, shape (n,) [rad or m].
         clearance: Around the trajectory's knots.
-        upper_bound: Only directions that make it faster than this are of interest [s].
-        node_budget: The search ends after about so many nodes.
+        upper_bound: Only directions to a shorter duration are of interest [s].
+        node_budget: Number of nodes after which the search ends, about.
     """
     search = _Search(problem, candidate, increments, clearance, upper_bound)
     while not search.finished and search.nodes < node_budget:
@@ -201,8 +200,6 @@ def best_direction(
 
 
 class _Search:
-    """A search for the best direction."""
-
     def __init__(
         self,
         problem: PlanningProblem,
@@ -219,12 +216,11 @@ class _Search:
         self._last = count - 1
         step = np.diag(increments)
         self._moves = np.concatenate([np.zeros((1, n)), step, -step])
-        # Of each knot, all places it may move to; start and goal stay.
-        places = candidate.knots[:, None] + self._moves
-        places[[0, -1]] = candidate.knots[[0, -1], None]
-        places, nearest = places.reshape(-1, n), np.repeat(np.arange(count), len(self._moves))
-        around = clearance.around(places, nearest)
-        self._rules = SegmentRules(problem, places, clearance=around)
+        # All configurations of each knot; start and goal stay.
+        q = candidate.knots[:, None] + self._moves
+        q[[0, -1]] = candidate.knots[[0, -1], None]
+        q, nearest = q.reshape(-1, n), np.repeat(np.arange(count), len(self._moves))
+        self._rules = SegmentRules(problem, q, clearance=clearance.around(q, nearest))
         self._response = unit_response(candidate.construction, count)
         shape = candidate.construction(problem.robot.joint_names, candidate.knots)
         self._coefficients = shape.coefficients
@@ -233,31 +229,29 @@ class _Search:
 
     @property
     def finished(self) -> bool:
-        """Whether no open node can lead to a better direction."""
-        return not any(self._is_open(depth) for depth in range(1, self._last))
+        """True if no open node can lead to a better direction."""
+        return not any(
+            len(nodes) > 0 and nodes.bound[0] < self._upper_bound for nodes in self._open[1:]
+        )
 
     def sweep(self) -> None:
-        """Expand the most promising nodes of every depth, judge the best complete directions."""
+        """Expand the most promising nodes of every depth and judge the best complete directions."""
         for depth in range(1, self._last - 1):
-            nodes = self._taken(depth, _SEGMENTS_PER_DEPTH // len(self._moves))
+            nodes = self._popped(depth, _SEGMENTS_PER_DEPTH // len(self._moves))
             self.nodes += len(nodes)
             if depth > 1:
                 nodes = nodes.where(self._rules.clear(self._batch(nodes, depth, 1)).parent)
             if len(nodes):
                 self._expand(nodes)
-        for choices in self._taken(self._last - 1, _TRAJECTORIES_PER_SWEEP).choices:
+        for choices in self._popped(self._last - 1, _TRAJECTORIES_PER_SWEEP).choices:
             self._try(choices)
 
-    def _is_open(self, depth: int) -> bool:
+    def _popped(self, depth: int, most: int) -> _Open:
+        """Remove the most promising nodes of a depth from the open ones and return them."""
         nodes = self._open[depth]
-        return len(nodes) > 0 and nodes.bound[0] < self._upper_bound
-
-    def _taken(self, depth: int, most: int) -> _Open:
-        """Take the most promising nodes of a depth out of the open ones."""
-        nodes = self._open[depth]
-        taken = min(most, int(np.searchsorted(nodes.bound, self._upper_bound)))
-        self._open[depth] = nodes.where(slice(taken, None))
-        return nodes.where(slice(taken))
+        count = min(most, int(np.searchsorted(nodes.bound, self._upper_bound)))
+        self._open[depth] = nodes.where(slice(count, None))
+        return nodes.where(slice(count))
 
     def _none(self, depth: int) -> _Open:
         segments = self._problem.tube.segment_count
@@ -269,7 +263,7 @@ class _Search:
         )
 
     def _root(self) -> _Open:
-        """Return the choices for the first knot that moves: no segment is settled yet."""
+        """Return the choices for the first knot that moves; no segment is settled yet."""
         count = len(self._moves)
         tube_segments = np.zeros((count, self._problem.tube.segment_count), dtype=bool)
         tube_segments[:, 0 if self._problem.tube.visit == "ordered" else slice(None)] = True
@@ -280,17 +274,12 @@ class _Search:
         return self._completed(nodes) if self._last == 2 else nodes
 
     def _expand(self, nodes: _Open) -> None:
-        """Expand nodes by every choice for one more knot; keep those that pass the rules."""
+        """Expand nodes by every choice for the next knot; keep children that pass the rules."""
         count, depth = len(self._moves), nodes.choices.shape[1] + 1
         parent = np.repeat(np.arange(len(nodes)), count)
-        chosen = np.tile(np.arange(count), len(nodes))
+        choice = np.tile(np.arange(count), len(nodes))
         nodes = nodes.where(parent)
-        nodes = _Open(
-            nodes.bound,
-            np.column_stack([nodes.choices, chosen]),
-            nodes.factor,
-            nodes.tube_segments,
-        )
+        nodes = replace(nodes, choices=np.column_stack([nodes.choices, choice]))
         nodes = self._tested(nodes, depth, 1)
         if depth == self._last - 1:
             nodes = self._completed(nodes)
@@ -307,19 +296,19 @@ class _Search:
         return _Open(bound, nodes.choices[batch.parent], batch.factor, batch.tube_segments)
 
     def _batch(self, nodes: _Open, aim: int, new: int) -> SegmentBatch:
-        """Return the segments that are settled by a choice for the knot they aim at.
+        """Return the segments settled by a choice for the knot that they aim at.
 
         Args:
-            nodes: P of them.
-            aim: The knot after the one where the first new segment ends.
-            new: How many segments are new: one, or the last two to the goal.
+            nodes: P nodes.
+            aim: The knot after the end of the first new segment.
+            new: Number of new segments: 1, or the last 2 to the goal.
         """
         count, begin = len(nodes), aim - 2
         built = begin + new
         still = np.zeros((count, 1), dtype=np.int64)
         choices = np.column_stack([still, nodes.choices, still])
-        moved = self._moves[choices[:, :-1]]
-        response = self._response[:, begin:built, : moved.shape[1]]
+        moves = self._moves[choices[:, :-1]]
+        response = self._response[:, begin:built, : moves.shape[1]]
         coefficients = self._coefficients[:, begin:built]
         ends = np.arange(begin, aim + 1)
         segments = nodes.tube_segments.shape[1]
@@ -328,14 +317,14 @@ class _Search:
             waypoints=ends * len(self._moves) + choices[:, ends],
             built=np.full(count, built),
             remaining=np.full(count, self._last - built),
-            coefficients=coefficients + np.einsum("csk,pkn->pcsn", response, moved),
+            coefficients=coefficients + np.einsum("csk,pkn->pcsn", response, moves),
             factor=nodes.factor,
             tube_segments=nodes.tube_segments,
             inside=np.zeros((count, 0, new, segments), dtype=bool),
         )
 
     def _try(self, choices: IntArray) -> None:
-        """Keep a direction if it is the best yet, judged as a whole."""
+        """Judge a complete direction as a whole, and keep the best so far."""
         knots = self._trajectory.knots.copy()
         knots[1:-1] += self._moves[choices]
         candidate = feasible_trajectory(
@@ -347,7 +336,7 @@ class _Search:
 
 @lru_cache(maxsize=64)
 def unit_response(construction: Construction, count: int) -> FloatArray:
-    """Return how polynomials change as each of K knots moves by one: (degree+1, K-1, K)."""
+    """Return the change of coefficients per unit move of K knots, shape (degree+1, K-1, K)."""
     names = [f"knot{k}" for k in range(count)]
     return construction(names, np.eye(count)).coefficients
 
@@ -360,15 +349,15 @@ def unit_response(construction: Construction, count: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class ModificationOptions:
-    """How knots are moved; the paper gives none of these numbers.
+    """Options of the modification process; the paper gives none of these numbers.
 
     Attributes:
-        increment: By how much a knot moves along a revolute joint's axis at first [rad].
-        linear_increment: Likewise along a prismatic joint's [m].
-        halvings: How often the increments are halved, each time after no direction helped.
-        growth: The factor from each step of the line search to the next.
-        min_gain: The least gain that counts as an improvement, as a share of the duration.
-        direction_nodes: After how many nodes the search for a direction ends with the best it has.
+        increment: First step of a knot along a revolute joint's axis [rad].
+        linear_increment: First step of a knot along a prismatic joint's axis [m].
+        halvings: Number of times that the increments are halved, each after no direction helped.
+        growth: Factor from each step of the line search to the next.
+        min_gain: Least gain that counts as an improvement, as a fraction of the duration.
+        direction_nodes: Number of nodes after which the search for a direction ends with its best.
     """
 
     increment: float = 0.1
@@ -390,10 +379,10 @@ class KnotModification:
     """A gradient search over the knots' places.
 
     Attributes:
-        candidates: The first trajectory and every better one, the last one the fastest.
+        candidates: The first trajectory and every better one; the last is the fastest.
         nodes: Nodes expanded by all searches for a direction.
-        directions: How many directions it searched for.
-        proved: In how many of these searches every other direction was ruled out.
+        directions: Number of searches for a direction.
+        proved: Number of searches that ruled out every other direction.
     """
 
     def __init__(
@@ -403,7 +392,7 @@ class KnotModification:
         options: ModificationOptions,
         scale: float = 1.0,
     ) -> None:
-        """Begin with a trajectory; the increments are those of the options times a scale."""
+        """Begin with a trajectory; a scale multiplies the increments of the options."""
         self.candidates = [candidate]
         self.nodes = self.directions = self.proved = 0
         self._problem, self._options = problem, options
@@ -416,7 +405,7 @@ class KnotModification:
         """Move the knots until no direction helps; return the fastest trajectory.
 
         Args:
-            node_budget: End after about so many nodes.
+            node_budget: Number of nodes after which it ends, about.
             checkpoint: Called before every search for a direction; it may raise to end the work.
         """
         for halving in range(self._options.halvings + 1):
@@ -428,16 +417,15 @@ class KnotModification:
         return self.candidates[-1]
 
     def _step(self, increments: FloatArray) -> bool:
-        """Move the knots along the best direction; return whether it helped."""
+        """Move the knots along the best direction; return True if it helped."""
         candidate, options = self.candidates[-1], self._options
-        wanted = candidate.duration * (1 - options.min_gain)
         clearance = LinkClearance(self._problem, candidate.knots)
         direction = best_direction(
             self._problem,
             candidate,
             increments,
             clearance,
-            upper_bound=wanted,
+            upper_bound=candidate.duration * (1 - options.min_gain),
             node_budget=options.direction_nodes,
         )
         self.nodes += direction.nodes

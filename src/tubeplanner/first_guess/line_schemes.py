@@ -1,8 +1,4 @@
-"""Baselines: tool lines at trapezoidal speed; Taylor's bounded deviation in joint space.
-
-The tool speeds up at constant acceleration, cruises, and slows down at the same rate, on every line
-of the reference path (Suh & Bishop 1988, their standard of comparison).
-"""
+"""Baselines: tool lines at trapezoidal speed; Taylor's bounded deviation in joint space."""
 
 from dataclasses import dataclass
 
@@ -20,22 +16,25 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
 
 # ---- The conventional scheme: straight lines of the tool at trapezoidal speed, a stop at every
 # corner.
+#
+# The tool speeds up at constant acceleration, cruises, and slows down at the same rate, on every
+# line of the reference path (Suh & Bishop 1988, their standard of comparison).
 
 PAPER_SPEED, PAPER_ACCELERATION = 0.75, 1.2  # [m/s], [m/s^2]
-_TOLERANCE = 2e-6  # [m] between the tool and where it should be at that time
+_TOLERANCE = 2e-6  # [m] between the tool and its position by the timing
 _MIN_NODES, _MAX_NODES = 16, 2048  # per phase of constant acceleration
-# Shares of the longest line for speeding up and slowing down: the fastest is taken.
-_RAMP_SHARES = np.geomspace(1.0, 0.02, 12)
+# Fractions of the longest line for speeding up and slowing down: the fastest counts.
+_RAMP_FRACTIONS = np.geomspace(1.0, 0.02, 12)
 # A tool that moves less per joint-space arc length [m/rad] stands still: the arm is singular there.
 _MIN_GAIN = 1e-3
 
 
 @dataclass(frozen=True)
 class TrapezoidalSpeed:
-    """How fast the tool runs its lines.
+    """Trapezoidal speed of the tool on its lines.
 
     Attributes:
-        speed: The fastest [m/s].
+        speed: While cruising [m/s].
         acceleration: While speeding up, and while slowing down [m/s^2].
     """
 
@@ -43,14 +42,14 @@ class TrapezoidalSpeed:
     acceleration: float
 
     def duration(self, distance: float) -> float:
-        """Return how long a line of a length [m] takes, from stop to stop [s]."""
+        """Return the duration of a line of a length [m], from stop to stop [s]."""
         if distance >= self.speed**2 / self.acceleration:
             return distance / self.speed + self.speed / self.acceleration
         return 2 * float(np.sqrt(distance / self.acceleration))
 
     def timing(self, distance: float) -> JointTrajectory:
         """Return the tool's arc length over time on a line of a length [m]: 2 or 3 parabolas."""
-        ramp = min(self.speed**2 / self.acceleration, distance) / 2  # the arc length of one
+        ramp = min(self.speed**2 / self.acceleration, distance) / 2  # arc length of a ramp
         top = np.sqrt(2 * ramp * self.acceleration)
         cruise = (distance - 2 * ramp) / top
         half = self.acceleration / 2
@@ -66,9 +65,9 @@ PAPER = TrapezoidalSpeed(PAPER_SPEED, PAPER_ACCELERATION)
 
 
 def largest_trapezoidal_speed(problem: PlanningProblem, lines: list[ToolPath]) -> TrapezoidalSpeed:
-    """Return the speed and acceleration, the same for all lines, that take the least time.
+    """Return the trapezoidal speed, the same for all lines, with the least total duration.
 
-    Under the limits of velocity, acceleration and effort; limits of jerk are left out, since the
+    It keeps the limits of velocity, acceleration and effort. Limits of jerk are left out, since the
     acceleration jumps.
 
     Args:
@@ -79,17 +78,17 @@ def largest_trapezoidal_speed(problem: PlanningProblem, lines: list[ToolPath]) -
         Infeasible: Gravity exceeds a motor's effort, or the scheme cannot run a line.
     """
     longest = max(line.curve.length for line in lines)
-    found = [_scaled_speed(problem, lines, share * longest) for share in _RAMP_SHARES]
-    return min(found, key=lambda speed: sum(speed.duration(line.curve.length) for line in lines))
+    speeds = [_scaled_speed(problem, lines, ratio * longest) for ratio in _RAMP_FRACTIONS]
+    return min(speeds, key=lambda speed: sum(speed.duration(line.curve.length) for line in lines))
 
 
 def conventional_trajectory(
     robot: RobotModel, lines: list[ToolPath], speed: TrapezoidalSpeed
 ) -> JointTrajectory:
-    """Return the trajectory that runs lines at trapezoidal speed and stops between them.
+    """Return the trajectory along lines at trapezoidal speed, with stops between lines.
 
-    Cubic splines over time, C2 while the acceleration of the tool is constant; the tool is within
-    2e-6 m of where it should be at any time.
+    Cubic splines over time, C2 while the acceleration of the tool is constant. Midway between the
+    splines' points the tool is within 2e-6 m of its position by the timing.
 
     Raises:
         Infeasible: Status no_trajectory: the joints cannot follow the tool.
@@ -100,7 +99,7 @@ def conventional_trajectory(
 def _scaled_speed(
     problem: PlanningProblem, lines: list[ToolPath], ramps: float
 ) -> TrapezoidalSpeed:
-    """Return the largest speed whose ramps take a given length of the line [m]."""
+    """Return the largest trapezoidal speed whose ramps have a given length [m]."""
     shape = TrapezoidalSpeed(float(np.sqrt(ramps)), 1.0)
     trajectory = conventional_trajectory(problem.robot, lines, shape)
     faster = trajectory.duration / minimum_duration(problem, trajectory, with_jerk=False)
@@ -131,13 +130,13 @@ def _run(robot: RobotModel, line: ToolPath, timing: JointTrajectory) -> JointTra
 def _phase(
     robot: RobotModel, line: ToolPath, timing: JointTrajectory, times: FloatArray
 ) -> JointTrajectory:
-    """Return a cubic spline through the configurations at times (N,), its own time from zero."""
+    """Return a cubic spline through the configurations at times (N,) [s], its time from zero."""
     arc_length = arc_lengths_on_line(robot, line, timing.position(times)[:, 0])
     q, slope = line.joints.position(arc_length), line.joints.velocity(arc_length)[[0, -1]]
     jacobian = robot.tool_jacobian(q[[0, -1]])[1][:, :3]
     gain = np.einsum("nij,nj,i->n", jacobian, slope, line.curve.direction[0])
     speed = timing.velocity(times[[0, -1]])[:, 0]
-    # Where the arm is singular, joints need not stop with the tool: their speed is the spline's.
+    # Where the arm is singular, joints need not stop with the tool: the spline gives their speed.
     ends = [
         (1, a * v / g) if g > _MIN_GAIN else "not-a-knot"
         for a, v, g in zip(slope, speed, gain, strict=True)
@@ -153,11 +152,11 @@ def _off(
     phase: JointTrajectory,
     begin: float,
 ) -> float:
-    """Return how far from its place a phase has the tool between the spline's points [m]."""
+    """Return the tool's largest distance from the timing, midway between a phase's points [m]."""
     times = (phase.breakpoints[:-1] + phase.breakpoints[1:]) / 2
-    wanted = line.curve.point(timing.position(begin + times)[:, 0])
+    target = line.curve.point(timing.position(begin + times)[:, 0])
     tool = robot.tool_position(phase.position(times))
-    return float(np.linalg.norm(tool - wanted, axis=1).max())
+    return float(np.linalg.norm(tool - target, axis=1).max())
 
 
 # ---- Taylor's bounded deviation: lines in joint space whose tool stays near the lines of the tool.
@@ -170,8 +169,8 @@ def _off(
 
 _MAX_ROUNDS = 10  # of adding knots
 _PROBES = np.linspace(0.0, 1.0, 9)[1:-1]  # of every joint line
-# How much of the shorter neighbour the half of a transition takes: the fastest is kept.
-_TRANSITION_SHARES = (0.49, 0.4, 0.3, 0.2, 0.1)
+# Half of a transition as a fraction of the shorter neighbour: the fastest counts.
+_TRANSITION_FRACTIONS = (0.49, 0.4, 0.3, 0.2, 0.1)
 # Rounds in which every interval is shortened as far as its own limits allow.
 _TIMING_ROUNDS, _TIMING_POWER, _SAMPLES_PER_PIECE = 40, 0.5, 8
 
@@ -190,7 +189,7 @@ class BoundedDeviation:
 
 
 def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> BoundedDeviation:
-    """Return the fastest trajectory by Taylor's scheme that stays in the tube, or else the fastest.
+    """Return the fastest trajectory by Taylor's scheme, among trajectories in the tube if any.
 
     His time for an interval comes from velocity limits alone; here each interval lasts as long as
     the limits of effort, velocity and acceleration require around it.
@@ -208,18 +207,18 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
         radius = float(tube.effective_radius[tube.segment_index(line.segment)])
         parts.append(_knots(robot, line, radius)[1:])
     knots = np.concatenate(parts)
-    found = [_fastest(problem, knots, share) for share in _TRANSITION_SHARES]
+    trajectories = [_fastest(problem, knots, ratio) for ratio in _TRANSITION_FRACTIONS]
     inside = [
         trajectory
-        for trajectory in found
+        for trajectory in trajectories
         if first_departure(problem, trajectory, MARGIN_TOLERANCE) is None
     ]
-    fastest = min(inside or found, key=lambda trajectory: trajectory.duration)
+    fastest = min(inside or trajectories, key=lambda trajectory: trajectory.duration)
     return BoundedDeviation(fastest, len(knots))
 
 
 def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
-    """Return configurations (K, n) on a line of the tool whose joint lines stay near it."""
+    """Return knots (K, n) on a line of the tool; joint lines between them stay near the line."""
     distances = np.array([0.0, line.curve.length])
     for _ in range(_MAX_ROUNDS):
         knots = line.joints.position(arc_lengths_on_line(robot, line, distances))
@@ -238,7 +237,7 @@ def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
 
 
 def _deviation(robot: RobotModel, line: ToolPath, knots: FloatArray) -> FloatArray:
-    """Return how far the tool deviates from its line on joint lines, shape (K-1,) [m]."""
+    """Return the tool's deviations from its line on joint lines at probes, shape (K-1,) [m]."""
     steps = np.diff(knots, axis=0)
     probes = knots[:-1, None] + _PROBES[:, None] * steps[:, None]
     offset = robot.tool_position(probes.reshape(-1, knots.shape[1])) - line.curve.start[0]
@@ -249,7 +248,7 @@ def _deviation(robot: RobotModel, line: ToolPath, knots: FloatArray) -> FloatArr
 
 
 def _fastest(problem: PlanningProblem, knots: FloatArray, share: float) -> JointTrajectory:
-    """Return the fastest trajectory that the timing rounds find, scaled to the limits."""
+    """Return the fastest trajectory of all timing rounds, scaled to the limits."""
     names, times = problem.robot.joint_names, np.linalg.norm(np.diff(knots, axis=0), axis=1)
     best, shortest = times, np.inf
     for _ in range(_TIMING_ROUNDS):
@@ -267,7 +266,7 @@ def _fastest(problem: PlanningProblem, knots: FloatArray, share: float) -> Joint
 def _speed_factor(
     problem: PlanningProblem, trajectory: JointTrajectory, intervals: int
 ) -> FloatArray:
-    """Return how many times faster the limits allow each interval to be run, shape (K-1,)."""
+    """Return the speed factors of the intervals under the limits at samples, shape (K-1,)."""
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
     factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
     pieces = factor.reshape(-1, _SAMPLES_PER_PIECE).min(axis=1)
@@ -278,11 +277,11 @@ def _speed_factor(
 def _trajectory(
     joint_names: tuple[str, ...], knots: FloatArray, times: FloatArray, share: float
 ) -> JointTrajectory:
-    """Return the trajectory that takes times (K-1,) [s] from knot to knot (K, n)."""
+    """Return the trajectory from knot to knot (K, n) in times (K-1,) [s]."""
     still = np.zeros((1, knots.shape[1]))
     velocity = np.concatenate([still, np.diff(knots, axis=0) / times[:, None], still])
     before, after = np.append(np.inf, times), np.append(times, np.inf)
-    half = share * np.minimum(before, after)  # of the transitions
+    half = share * np.minimum(before, after)  # duration of half of each transition
     acceleration = np.zeros((2 * len(knots) - 1, knots.shape[1]))
     acceleration[::2] = np.diff(velocity, axis=0) / (2 * half[:, None])
     begin_velocity = np.empty_like(acceleration)

@@ -1,4 +1,4 @@
-"""Configurations of a tool pose, best first; joints out of bounds."""
+"""Configurations of a tool pose, best first; the joint that keeps them out of bounds."""
 
 from typing import NamedTuple
 
@@ -13,32 +13,27 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.endpoints import ToolPose
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- The middle of joint ranges, open ones included.
-
 
 def middle_of(lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Return the middle (n,) of joint bounds; where one is infinite, what is nearest zero."""
+    """Return the middle (n,) of joint bounds; of infinite bounds the value nearest zero."""
     with np.errstate(invalid="ignore"):
         middle = (lower + upper) / 2
     return np.where(np.isfinite(middle), middle, np.clip(0.0, lower, upper))
 
 
 def half_ranges(lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Return half the widths (n,) of joint bounds; half a turn where one is infinite."""
+    """Return half the widths (n,) of joint bounds; pi where a bound is infinite."""
     half = (upper - lower) / 2
     return np.where(np.isfinite(half), half, np.pi)
-
-
-# ---- Which joint keeps configurations out of bounds.
 
 
 class OutsideBounds(NamedTuple):
     """A joint outside its bounds.
 
     Attributes:
-        joint: Its index.
-        is_above: Whether it is above the upper one, not below the lower one.
-        words: Its name, where it would be, and the bounds.
+        joint: The joint's index.
+        is_above: True above the upper bound, False below the lower bound.
+        words: The joint's name, value and bounds.
     """
 
     joint: int
@@ -47,20 +42,20 @@ class OutsideBounds(NamedTuple):
 
 
 def outside_bounds(
-    robot: RobotModel, found: FloatArray, lower: FloatArray, upper: FloatArray
+    robot: RobotModel, q: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> OutsideBounds:
-    """Return the joint that is farthest outside, in the configuration that is so the least.
+    """Return the joint farthest outside its bounds, of the configuration least outside.
 
     Args:
         robot: The arm.
-        found: Configurations, each outside, shape (c, n) [rad or m].
+        q: Configurations, each outside, shape (c, n) [rad or m].
         lower: Lower bounds, shape (n,).
         upper: Upper bounds, shape (n,).
     """
-    beyond = np.maximum(np.maximum(lower - found, found - upper), 0.0)
+    beyond = np.maximum(np.maximum(lower - q, q - upper), 0.0)
     best = int(beyond.max(axis=1).argmin())
     joint = int(beyond[best].argmax())
-    value = float(found[best, joint])
+    value = float(q[best, joint])
     return OutsideBounds(
         joint,
         value > upper[joint],
@@ -70,7 +65,7 @@ def outside_bounds(
 
 
 def bounded_by(problem: PlanningProblem, segments: tuple[int, ...], outside: OutsideBounds) -> str:
-    """Return whether position limits or joint signs of segments bound a joint outside them."""
+    """Return the name of the bound that a joint exceeds: position limits or joint signs."""
     limits, joint, rows = problem.robot.limits, outside.joint, list(segments)
     if outside.is_above:
         is_limit = problem.joint_upper[rows, joint].min() == limits.upper_position[joint]
@@ -79,32 +74,30 @@ def bounded_by(problem: PlanningProblem, segments: tuple[int, ...], outside: Out
     return "position limits" if is_limit else "joint signs"
 
 
-# ---- Configurations in which the tool has a pose, the one to prefer first.
-
 _DRAWS = 40
 _REACHED = 1e-8  # [m] and [rad]
 _SAME = 0.1  # [rad or m] of every joint
 
 
 def pose_configurations(problem: PlanningProblem, pose: ToolPose, point: int) -> FloatArray:
-    """Return configurations (c, n) that have the tool at a pose, by preference.
+    """Return the configurations (c, n) of a tool pose, best first.
 
-    Those free of collision come first, then those that the motors hold, then those nearest the
-    middle of their ranges. From a seed there is one.
+    Configurations free of collision come first, then those that the motors hold, then those nearest
+    the middle of their ranges. From a seed there is one.
 
     Args:
         problem: The planning problem.
-        pose: Its start or goal.
+        pose: The pose of start or goal.
         point: 0 for the start, -1 for the goal: its segment's joint ranges count.
 
     Raises:
-        Infeasible: Status unreachable: there is none; the message says what is in the way.
+        Infeasible: Status unreachable: there is no configuration; the message says why.
     """
     end, segment = ends_segment(problem, point)
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     seeds = spread_seeds(lower, upper) if pose.seed is None else pose.seed[None]
-    found = reaching(problem.robot, pose, seeds, lower, upper)
-    if len(found) == 0:
+    candidates = reaching(problem.robot, pose, seeds, lower, upper)
+    if len(candidates) == 0:
         message = f"{end}: {_reason(problem, pose, segment)}"
         number = problem.tube.segment_number(segment, pose.position)
         place = Place(segment=number).at(pose.position)
@@ -115,16 +108,16 @@ def pose_configurations(problem: PlanningProblem, pose: ToolPose, point: int) ->
         off = float(np.linalg.norm((q - middle) / np.maximum(half, 1e-9)))
         return not is_free(problem, end, q), not _is_held(problem, q), off
 
-    return np.array(sorted(found, key=rank))
+    return np.array(sorted(candidates, key=rank))
 
 
 def ends_segment(problem: PlanningProblem, point: int) -> tuple[str, int]:
-    """Return what an end is called, and its segment: of the start at point 0, the goal at -1."""
+    """Return the name and the segment of the start (point 0) or the goal (point -1)."""
     return ("start", 0) if point == 0 else ("goal", problem.tube.segment_count - 1)
 
 
 def is_free(problem: PlanningProblem, end: str, q: FloatArray) -> bool:
-    """Return whether a configuration (n,) is clear of everything."""
+    """Return True if a configuration (n,) keeps its distances to obstacles and links."""
     try:
         require_free(problem, end, q)
     except Infeasible:
@@ -143,30 +136,29 @@ def _is_held(problem: PlanningProblem, q: FloatArray) -> bool:
 def reaching(
     robot: RobotModel, pose: ToolPose, seeds: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> FloatArray:
-    """Return the different configurations (c, n) within bounds that seeds (s, n) lead to."""
-    wanted = WantedRotation(pose.rotation, np.zeros(3), np.ones(3, dtype=bool))
+    """Return the distinct configurations (c, n) of a pose within bounds, from seeds (s, n)."""
+    rotation = WantedRotation(pose.rotation, np.zeros(3), np.ones(3, dtype=bool))
     preferred = middle_of(lower, upper) if len(seeds) > 1 else None
-    q, errors = solve_positions(robot, pose.position, seeds, lower, upper, preferred, wanted)
-    found: list[FloatArray] = []
-    for there in q[errors.max(axis=1) <= _REACHED]:
-        if all(abs(there - other).max() > _SAME for other in found):
-            found.append(there)
-    return np.array(found).reshape(-1, robot.joint_count)
+    q, errors = solve_positions(robot, pose.position, seeds, lower, upper, preferred, rotation)
+    distinct: list[FloatArray] = []
+    for candidate in q[errors.max(axis=1) <= _REACHED]:
+        if all(abs(candidate - other).max() > _SAME for other in distinct):
+            distinct.append(candidate)
+    return np.array(distinct).reshape(-1, robot.joint_count)
 
 
 def spread_seeds(lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Return configurations (s, n) spread over joint bounds, their middle first; always the same.
+    """Return configurations (s, n) spread over joint bounds, their middle first.
 
-    Within a turn about the middle.
+    At most pi away from the middle, by a fixed seed: always the same.
     """
-    middle, half = middle_of(lower, upper), half_ranges(lower, upper)
-    half = np.minimum(half, np.pi)
+    middle, half = middle_of(lower, upper), np.minimum(half_ranges(lower, upper), np.pi)
     drawn = np.random.default_rng(0).uniform(-1, 1, (_DRAWS, len(lower)))
     return np.vstack([middle, middle + drawn * half])
 
 
 def _reason(problem: PlanningProblem, pose: ToolPose, segment: int) -> str:
-    """Return what keeps the tool from a pose, by dropping one condition after the other."""
+    """Return the condition that keeps the tool from a pose, by dropping conditions in turn."""
     robot, limits = problem.robot, problem.robot.limits
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     seeds = spread_seeds(lower, upper)
@@ -189,19 +181,13 @@ def _reason(problem: PlanningProblem, pose: ToolPose, segment: int) -> str:
     if len(others):
         where = outside_bounds(robot, others, *wide).words
         return f"position limits are in the way of the pose: {where}"
-    return _out_of_reach(robot, pose, seeds)
-
-
-def _out_of_reach(robot: RobotModel, pose: ToolPose, seeds: FloatArray) -> str:
-    """Return how near the tool comes to a pose, limits and signs left aside."""
-    free = np.full(robot.joint_count, np.inf)
-    wanted = WantedRotation(pose.rotation, np.zeros(3), np.ones(3, dtype=bool))
-    errors = solve_positions(robot, pose.position, seeds, -free, free, rotation=wanted)[1]
-    off = float(errors[:, 0].min())
-    if off > _REACHED:
-        return f"the tool was brought no nearer to the pose than {off:.4g} m; move it nearer"
-    turned = float(errors[errors[:, 0] <= _REACHED, 1].min())
+    rotation = WantedRotation(pose.rotation, np.zeros(3), np.ones(3, dtype=bool))
+    errors = solve_positions(robot, pose.position, seeds, -free, free, rotation=rotation)[1]
+    distance = float(errors[:, 0].min())
+    if distance > _REACHED:
+        return f"the tool was brought no nearer to the pose than {distance:.4g} m; move it nearer"
+    angle = float(errors[errors[:, 0] <= _REACHED, 1].min())
     return (
-        f"the tool gets to the pose's position, but was turned no nearer than {turned:.3g} rad to "
+        f"the tool gets to the pose's position, but was turned no nearer than {angle:.3g} rad to "
         "its orientation; turn the pose"
     )

@@ -1,8 +1,8 @@
 """Pruning rules of phase 1: limits, tube, clearance, duration.
 
-Distances are known at the waypoints; elsewhere, the joints' travel from there bounds them from
-below, and so does the direction that separates a pair there. Only pairs for which neither is enough
-are measured.
+Distances are measured at the waypoints. Elsewhere, two lower bounds come first: by the joints'
+travel from a waypoint, and along the direction that separates a pair there. Only pairs for which
+neither is enough are measured.
 """
 
 from collections.abc import Callable
@@ -24,20 +24,17 @@ from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances
 
-# ---- Which configurations near the reference path bring links too close to obstacles or each
-# other.
-
 _MAX_DISTANCE = 0.3  # [m]: pairs that are never nearer at a waypoint are left out
 
 
 class LinkClearance:
-    """Links against obstacles and links, around M known configurations.
+    """Distances of links from obstacles and links, around M configurations.
 
-    Pairs that are far apart at all of them are assumed to stay apart. Of what segments and contacts
-    ask the least counts: in which segment the tool is, is not known.
+    Pairs more than 0.3 m apart at all of them are assumed to stay apart. The least distance that
+    any segment or contact requires counts, since the tool's segment is not known.
 
     Attributes:
-        free_waypoints: Which of the known configurations are free: bool, shape (M,).
+        free_waypoints: True for configurations that keep the distances, shape (M,).
     """
 
     def __init__(
@@ -46,21 +43,21 @@ class LinkClearance:
         waypoints: FloatArray,
         checkpoint: Callable[[], None] = lambda: None,
     ) -> None:
-        """Measure all distances at waypoints (M, n), of which the first is the start.
+        """Measure all distances at waypoints (M, n), from the start to the goal.
 
-        The last is the goal. The checkpoint may raise to end that.
+        The checkpoint may raise to end that.
         """
         self._problem, self._checker = problem, problem.collision
         checker = problem.collision
         self._pairs, self._columns = checker.pairs, np.arange(len(checker.pairs))
-        self._asked = RequiredDistances(problem, waypoints[0], waypoints[-1])
+        self._requirement = RequiredDistances(problem, waypoints[0], waypoints[-1])
         self._waypoints = waypoints
-        found = []
+        separations = []
         for rotation, position in zip(*problem.robot.body_poses(waypoints), strict=True):
             checkpoint()
-            found.append(checker.separations(rotation, position, self._pairs))
-        distance = np.array([distance for distance, _ in found])
-        direction = np.array([direction for _, direction in found])
+            separations.append(checker.separations(rotation, position, self._pairs))
+        distance = np.array([distance for distance, _ in separations])
+        direction = np.array([direction for _, direction in separations])
         self.free_waypoints = np.all(distance >= self._required(waypoints), axis=1)
         near = distance.min(axis=0, initial=np.inf) < _MAX_DISTANCE
         self._pairs, self._columns = self._pairs[near], self._columns[near]
@@ -71,8 +68,8 @@ class LinkClearance:
         """Return the clearance around other configurations, without measuring everything again.
 
         Args:
-            q: Shape (P, n), each near a known one.
-            nearest: Which one, shape (P,).
+            q: Shape (P, n), each near a measured one.
+            nearest: Index of that one, shape (P,).
         """
         other = copy(self)
         travel = abs(q - self._waypoints[nearest])
@@ -83,11 +80,11 @@ class LinkClearance:
         return other
 
     def is_free(self, q: FloatArray, waypoint: IntArray) -> BoolArray:
-        """Return whether configurations are free: bool, shape (N,).
+        """Return a mask of the configurations that keep their distances, shape (N,).
 
         Args:
             q: Shape (N, n).
-            waypoint: For each, the index of a waypoint near it, shape (N,).
+            waypoint: Index of a waypoint near each, shape (N,).
         """
         if len(self._pairs) == 0:
             return np.ones(len(q), dtype=bool)
@@ -112,9 +109,9 @@ class LinkClearance:
         return free
 
     def _required(self, q: FloatArray) -> FloatArray:
-        """Return what is required of the pairs in configurations (N, n), shape (N, P) [m]."""
+        """Return the required distances of the pairs in configurations (N, n), (N, P) [m]."""
         tool = self._problem.robot.tool_position(q)
-        return self._asked.anywhere(tool)[:, self._columns] - MARGIN_TOLERANCE
+        return self._requirement.anywhere(tool)[:, self._columns] - MARGIN_TOLERANCE
 
 
 # ---- The rules by which phase 1 cuts segments, for many segments at once (Suh & Bishop 1988).
@@ -136,17 +133,17 @@ _COLLISION_TIMES = np.arange(1, 8) / 8
 
 @dataclass(frozen=True, eq=False)
 class SegmentBatch:
-    """C continuations of trajectories, each by L new segments: one, or the last two to the goal.
+    """C continuations of trajectories, each by L new segments: 1, or the last 2 to the goal.
 
     Attributes:
-        parent: Which trajectory is continued, shape (C,).
-        waypoints: Where the first new segment begins and ends, and the waypoint after it: (C, 3).
-        built: How many segments there are, the new ones included, shape (C,).
-        remaining: How many more there must be at least, shape (C,): the paper's nu.
+        parent: Index of the trajectory that is continued, shape (C,).
+        waypoints: Begin and end of the first new segment, and the waypoint after it, shape (C, 3).
+        built: Number of segments, new segments included, shape (C,).
+        remaining: Least number of further segments, shape (C,): the paper's nu.
         coefficients: Of the new segments, shape (C, 5, L, n), highest power first.
-        factor: How much faster the trajectory so far can be run, shape (C,).
-        tube_segments: In which tube segments the tool may be at the start: bool, shape (C, m).
-        inside: In which tube segments the S samples tested so far are: bool, shape (C, S, L, m).
+        factor: Speed factor that the limits allow so far, shape (C,).
+        tube_segments: True for tube segments the tool may be in at the start, shape (C, m).
+        inside: True for tube segments that hold the S samples tested so far, shape (C, S, L, m).
     """
 
     parent: IntArray
@@ -163,7 +160,7 @@ class SegmentBatch:
 
     @property
     def complete(self) -> bool:
-        """Whether the trajectories end at the goal."""
+        """True if the trajectories end at the goal."""
         return self.coefficients.shape[2] == 2
 
     def where(self, keep: BoolArray) -> "SegmentBatch":
@@ -181,7 +178,7 @@ class SegmentRules:
 
     Attributes:
         cuts: Number of continuations cut, by rule.
-        free_waypoints: Which waypoints are clear of collisions: bool, shape (M,).
+        free_waypoints: True for waypoints clear of collisions, shape (M,).
     """
 
     def __init__(
@@ -197,25 +194,28 @@ class SegmentRules:
             problem: The planning problem.
             waypoints: Shape (M, n).
             checkpoint: Called while clearances are measured; it may raise to end that.
-            clearance: Around the waypoints, if it is known.
+            clearance: Around the waypoints; None: it is measured.
         """
         self._problem = problem
         self._clearance = clearance or LinkClearance(problem, waypoints, checkpoint)
         self._rates, others = rates_and_others(speed_limits(problem))
-        # In which segment the tool is, is not known: what depends on it could be too strict here.
-        of_joints = [limit for limit in others if all(key.segment is None for key in limit.keys)]
-        self._sampled = tuple(of_joints)
-        self._orders = max((limit.order for limit in of_joints), default=0) + 1
-        self._least_times = _least_times(problem, waypoints)
+        # The tool's segment is not known: limits that depend on it could be too strict here.
+        self._sampled = tuple(
+            limit for limit in others if all(key.segment is None for key in limit.keys)
+        )
+        self._orders = max((limit.order for limit in self._sampled), default=0) + 1
+        # Least times between waypoints under the velocity limits, (M, M) [s].
+        travel = abs(waypoints[:, None] - waypoints)
+        self._least_times = (travel / problem.robot.limits.velocity).max(axis=2)
         self._passable = passable_segments(problem.tube)
         self.cuts = {"joint_limits": 0, "duration": 0, "tube": 0, "collision": 0}
         self.free_waypoints = self._clearance.free_waypoints
 
     def surviving(self, batch: SegmentBatch, upper_bound: float) -> SegmentBatch:
-        """Return the continuations that no rule cuts; `clear` is left, which takes longest.
+        """Return the continuations that no rule but `clear` cuts, which takes longest.
 
         Args:
-            batch: What to test; nothing of it tested yet.
+            batch: Continuations without tested samples.
             upper_bound: Only trajectories faster than this are of interest [s].
         """
         batch = self._cut("collision", batch, self.free_waypoints[batch.waypoints[:, 2]])
@@ -232,19 +232,23 @@ class SegmentRules:
             batch = self._cut("tube", batch, np.all(np.any(inside, axis=3), axis=(1, 2)))
         batch = replace(batch, tube_segments=self._reached(batch))
         # A complete trajectory must have arrived in the last segment, another one somewhere.
-        wanted = slice(-1, None) if batch.complete else slice(None)
-        return self._cut("tube", batch, np.any(batch.tube_segments[:, wanted], axis=1))
+        segments = slice(-1, None) if batch.complete else slice(None)
+        return self._cut("tube", batch, np.any(batch.tube_segments[:, segments], axis=1))
 
     def clear(self, batch: SegmentBatch) -> SegmentBatch:
-        """Return the continuations whose links are clear between the waypoints too."""
-        return self._cut("collision", batch, self._free(batch))
+        """Return the continuations whose links are clear at samples between the waypoints too."""
+        q = batch.at(_COLLISION_TIMES, 0)
+        ends = batch.waypoints[:, None, 1 : 1 + q.shape[2]]
+        near = np.broadcast_to(ends, q.shape[:3]).ravel()
+        free = self._clearance.is_free(q.reshape(-1, q.shape[3]), near)
+        return self._cut("collision", batch, np.all(free.reshape(q.shape[:3]), axis=(1, 2)))
 
     def lower_bound(self, batch: SegmentBatch) -> FloatArray:
-        """Return the shortest duration that the whole trajectories can have, shape (C,) [s].
+        """Return lower bounds on the durations of the whole trajectories, shape (C,) [s].
 
         The segments built take `built / B`, B being the trajectory's factor. A trajectory that is
         not complete has at least two more, to the next waypoint and on to the goal; each takes at
-        least 1 / B, and together what the velocity limits ask for. (Suh & Bishop 1988, FR-3: LB =
+        least 1 / B and the least time of its velocity limits. (Suh & Bishop 1988, FR-3: LB =
         eta1 + eta2 + eta3, with B taken over the whole new segment, where eta2 cannot exceed its
         share of 1 / B.)
         """
@@ -268,7 +272,7 @@ class SegmentRules:
         return np.all(outside <= MARGIN_TOLERANCE, axis=(1, 2, 3))
 
     def _rate_factor(self, batch: SegmentBatch) -> FloatArray:
-        """Return how much faster velocity, acceleration and jerk limits let it be run, (C,)."""
+        """Return the speed factors under limits of velocity, acceleration and jerk, (C,)."""
         factor = np.full(len(batch), np.inf)
         for limit in self._rates:
             rate = batch.at(_RATE_TIMES, limit.order)[..., limit.joints]
@@ -278,37 +282,23 @@ class SegmentRules:
         return factor
 
     def _sampled_factor(self, batch: SegmentBatch, times: FloatArray) -> FloatArray:
-        """Return how much faster limits of efforts let the samples be run, shape (C,)."""
+        """Return the speed factors under limits of efforts at samples, shape (C,)."""
         by_path = np.stack([batch.at(times, order) for order in range(self._orders)])
         shape, n = by_path.shape[1:4], by_path.shape[4]
         at = PathSamples(self._problem, by_path.reshape(self._orders, -1, n))
         return largest_speeds(at, self._sampled).reshape(shape).min(axis=(1, 2))
 
     def _inside(self, batch: SegmentBatch, times: FloatArray) -> BoolArray:
-        """Return in which tube segments the samples are: bool, shape (C, S, L, m)."""
+        """Return a mask of the tube segments that hold the samples, shape (C, S, L, m)."""
         q = batch.at(times, 0)
         margin = membership_margin(self._problem, q.reshape(-1, q.shape[-1]))
         return (margin >= -MARGIN_TOLERANCE).reshape(*q.shape[:3], margin.shape[1])
 
     def _reached(self, batch: SegmentBatch) -> BoolArray:
-        """Return in which tube segments the tool may be at the end: bool, shape (C, m)."""
+        """Return a mask of the tube segments the tool may be in at the end, shape (C, m)."""
         inside = batch.inside[:, _IN_ORDER].transpose(0, 2, 1, 3)
         samples = inside.shape[1] * inside.shape[2]
         inside = inside.reshape(len(batch), samples, inside.shape[-1])
         ordered = self._problem.tube.visit == "ordered"
         reached = segments_reached(inside, batch.tube_segments, self._passable, ordered=ordered)
         return reached[:, -1]
-
-    def _free(self, batch: SegmentBatch) -> BoolArray:
-        """Return whether the new segments are clear of collisions: bool, shape (C,)."""
-        q = batch.at(_COLLISION_TIMES, 0)
-        ends = batch.waypoints[:, None, 1 : 1 + q.shape[2]]
-        near = np.broadcast_to(ends, q.shape[:3]).ravel()
-        free = self._clearance.is_free(q.reshape(-1, q.shape[3]), near)
-        return np.all(free.reshape(q.shape[:3]), axis=(1, 2))
-
-
-def _least_times(problem: PlanningProblem, waypoints: FloatArray) -> FloatArray:
-    """Return the least times between waypoints under the velocity limits, (M, M) [s]."""
-    distance = abs(waypoints[:, None] - waypoints)
-    return (distance / problem.robot.limits.velocity).max(axis=2)

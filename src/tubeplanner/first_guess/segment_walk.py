@@ -1,4 +1,4 @@
-"""SegmentWalk: inverse kinematics along a segment, reason of its end; reference orientation.
+"""The arm through one segment by inverse kinematics, and the tool's target orientation there.
 
 At inner reference points the tool has the reference orientation; a given start or goal may deviate
 from it within the tolerance. In between, the rotation vector goes from one to the other in
@@ -18,16 +18,16 @@ from tubeplanner.geometry.tube.rotation import RotationalTube
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- The wanted orientation of the tool along one tube segment.
+# ---- The target orientation of the tool along one tube segment.
 
-# Where the arm cannot reach the wanted orientation, it must keep this share of the distance to the
-# bound, so that the planner has some freedom to start with.
-_KEPT_MARGIN_SHARE = 0.1
-_THERE = 1e-9  # [m or rad]: errors of a solution at the wanted position and rotation
+# Where the arm cannot reach the target orientation, it must keep this fraction of the distance to
+# the bound, so that the planner has some freedom to start with.
+_KEPT_MARGIN_FRACTION = 0.1
+_THERE = 1e-9  # [m or rad]: errors of a solution at its target
 
 
 class ReferenceTurn:
-    """The wanted rotation at every share of a segment, and whether the tool deviates too far."""
+    """The target rotation at every fraction of a segment, and the test of deviations from it."""
 
     def __init__(
         self,
@@ -41,22 +41,22 @@ class ReferenceTurn:
 
         Args:
             problem: The planning problem.
-            tube: Its rotational part, with that of the goal.
+            tube: Rotational part of the problem's tube, with that of the goal.
             segment: Index of the tube's segment.
-            begin: Configuration at its start, shape (n,).
-            goal: Configuration at its end, if that is given.
+            begin: Configuration at the segment's start, shape (n,).
+            goal: Configuration at the segment's end, if given.
         """
         self._robot, self._tube, self._segment = problem.robot, tube, segment
         self._following = min(segment + 1, len(tube.bounds) - 1)
-        self._components = bounded_components(tube, segment)
-        self._components = self._components | bounded_components(tube, self._following)
+        components = bounded_components(tube, segment)
+        self._components = components | bounded_components(tube, self._following)
         self._begin = self._vector(begin)
         self._end = self._open_end(problem) if goal is None else self._vector(goal)
         ends = np.array([self._begin, self._end])
         self._keeps_bounds = bool(self._tube.margin_of(ends, segment).min() >= 0)
 
     def wanted(self, share: float, point: FloatArray) -> WantedRotation:
-        """Return the tool's wanted orientation at a point (3,), after a share of the segment."""
+        """Return the tool's target orientation at a point (3,), after a fraction of the segment."""
         reference = self._tube.reference(point[None], self._segment)[0]
         return WantedRotation(reference, self._vector_after(share), self._components)
 
@@ -64,12 +64,12 @@ class ReferenceTurn:
         """Return the segment whose rotation tolerance a solution violates, if any."""
         is_there = max(solution.error, solution.rotation_error) < _THERE
         if is_there and share < 1.0 and self._keeps_bounds:
-            return None  # it is turned as wanted, between two rotations that keep the bounds
+            return None  # its rotation lies between two that keep the bounds
         rotation, tool = self._robot.tool_pose(solution.q[None])
         for segment in {self._segment, self._following if share == 1.0 else self._segment}:
-            left = float(self._tube.margin_of(self._vector_after(share)[None], segment)[0])
+            target = float(self._tube.margin_of(self._vector_after(share)[None], segment)[0])
             margin = float(self._tube.margin(rotation, tool, segment)[0])
-            if margin < _KEPT_MARGIN_SHARE * left - MARGIN_TOLERANCE:
+            if margin < _KEPT_MARGIN_FRACTION * target - MARGIN_TOLERANCE:
                 return segment
         return None
 
@@ -77,35 +77,35 @@ class ReferenceTurn:
         return (1 - share) * self._begin + share * self._end
 
     def _open_end(self, problem: PlanningProblem) -> FloatArray:
-        """Return the rotation vector (3,) wanted at the end if no configuration is given there."""
+        """Return the target rotation vector (3,) at an end without a given configuration."""
         goal = problem.open_goal
         if goal is None or self._following < problem.tube.segment_count:
             return np.zeros(3)
-        there = goal.position[None]
-        reference = self._tube.reference(there, self._following)
-        return self._tube.error(reference, there, self._segment)[0] * self._components
+        tool = goal.position[None]
+        reference = self._tube.reference(tool, self._following)
+        return self._tube.error(reference, tool, self._segment)[0] * self._components
 
     def _vector(self, q: FloatArray) -> FloatArray:
-        """Return the rotation vector (3,) of a configuration (n,), free components set to zero."""
+        """Return the rotation vector (3,) of a configuration (n,), free components zero."""
         rotation, tool = self._robot.tool_pose(q[None])
         return self._tube.error(rotation, tool, self._segment)[0] * self._components
 
 
 def bounded_components(tube: RotationalTube, segment: int) -> BoolArray:
-    """Return which components of the rotation vector a segment bounds: bool, shape (3,)."""
+    """Return a mask of the components of the rotation vector that a segment bounds, (3,)."""
     return np.isfinite(tube.bounds[segment, :3]) | np.isfinite(tube.bounds[segment, 3])
 
 
 def wanted_at(
     problem: PlanningProblem, point: FloatArray, segment: int, near: FloatArray | None = None
 ) -> WantedRotation | None:
-    """Return the tool's wanted orientation at a point (3,): the reference, or that of `near`.
+    """Return the tool's target orientation at a point; None if no rotation is bounded.
 
     Args:
         problem: The planning problem.
-        point: Where the tool is, base frame [m].
-        segment: In which segment; after the last one, at the goal.
-        near: A configuration (n,) whose rotation vector is wanted; None: zero.
+        point: The tool's position, shape (3,), base frame [m].
+        segment: Index of the segment; after the last one, the goal's.
+        near: A configuration (n,) with the target rotation vector; None: the reference.
     """
     tube = problem.rotation
     if tube is None:
@@ -120,7 +120,7 @@ def wanted_at(
 
 # ---- The arm through one tube segment: a continuous chain of inverse kinematics solutions.
 
-# The longest step, of a segment; where there are many short ones, so much of the whole route.
+# The longest step, as a fraction of a segment; among many short ones, as a fraction of the route.
 _MAX_STEP, _MAX_ROUTE_STEP = 1 / 40, 1 / 400
 _EXTRAPOLATED_POINTS = 5
 _REACHED = 1e-9  # [m]
@@ -129,20 +129,20 @@ _MAX_JOINT_STEP = 0.1  # [rad or m] between neighbouring configurations
 _MAX_PULL = 0.05  # [rad or m] on redundant joints from one configuration to the next
 _MAX_SETTLING_STEPS = 500
 _SETTLED = 1e-9  # [rad or m]
-# Where the centre line cannot be reached, the tool may leave it by this share of the radius.
-_ALLOWED_RADIUS_SHARE = 0.5
-# An open goal without a tolerance must be reached this closely [m]; where it has one, the tool may
-# end beside it by this share of that, if it gets no nearer.
+# Where the centre line cannot be reached, the tool may leave it by this fraction of the radius.
+_ALLOWED_RADIUS_FRACTION = 0.5
+# Distance from an open goal without a tolerance [m]; with a tolerance, the tool may end within this
+# fraction of the tolerance, if it gets no nearer.
 _OPEN_GOAL_TOLERANCE = MARGIN_TOLERANCE / 2
-_GOAL_SHARE = 0.9
+_GOAL_FRACTION = 0.9
 
 
 class SegmentWalk:
     """Follows a straight line of the tool from a configuration, in small joint steps.
 
-    Every step moves redundant joints a little towards their wanted values, and narrows joint bounds
-    towards those at the switching time to the next segment. Where that is not enough, the joints
-    move the rest at the segment's end, while the tool stands still.
+    Every step moves redundant joints a little towards their targets, and narrows joint bounds
+    towards the bounds at the switching time to the next segment. Where that is not enough, the
+    joints move on at the segment's end, while the tool stands still.
     """
 
     def __init__(
@@ -161,10 +161,10 @@ class SegmentWalk:
         Args:
             problem: The planning problem.
             segment: Index of the tube's segment.
-            ends: Where the tool starts and ends, shape (2, 3) [m].
+            ends: First and last position of the tool, shape (2, 3) [m].
             begin: Configuration at the start, shape (n,).
-            wanted: Values towards which redundant joints move at the start and at the end, shape
-                (2, n); None: none.
+            wanted: Targets of redundant joints at the start and at the end, shape (2, n); None:
+                redundant joints move as little as possible.
             goal: Configuration to settle in at the end; None: any that the next segment allows.
             with_rotation: Whether the walk keeps the rotation tolerance, if there is one.
         """
@@ -175,7 +175,7 @@ class SegmentWalk:
         following = min(segment + 1, problem.tube.segment_count - 1)
         self._end_lower = np.maximum(self._lower, problem.joint_lower[following])
         self._end_upper = np.minimum(self._upper, problem.joint_upper[following])
-        # How far the begin is outside of what the end needs: that much wider are bounds at first.
+        # Excess of the first configuration over the end's bounds: bounds begin wider by as much.
         self._below = np.maximum(self._end_lower - begin, 0.0)
         self._above = np.maximum(begin - self._end_upper, 0.0)
         self._narrows = bool(self._below.any() or self._above.any())
@@ -197,65 +197,65 @@ class SegmentWalk:
 
     def _approach(self) -> list[FloatArray]:
         """Return configurations whose tool goes from the segment's start to its end."""
-        found, shares, step, reached = [self._begin], [0.0], self._max_step, 1
+        walk, shares, step, reached = [self._begin], [0.0], self._max_step, 1
         while shares[-1] < 1.0:
             share = min(1.0, shares[-1] + step)
-            known = min(max(reached, 2), _EXTRAPOLATED_POINTS)
-            seed = _extrapolated(share, shares[-known:], found[-known:])
-            solution = self._solve(share, seed, found[-1])
-            joint_step = float(abs(solution.q - found[-1]).max())
+            count = min(max(reached, 2), _EXTRAPOLATED_POINTS)
+            seed = _extrapolated(share, shares[-count:], walk[-count:])
+            solution = self._solve(share, seed, walk[-1])
+            joint_step = float(abs(solution.q - walk[-1]).max())
             if self._is_off(solution, share) or joint_step > _MAX_JOINT_STEP:
                 step /= 2
                 if step < _MIN_STEP:
-                    self._give_up(share, found[-1], solution)
+                    self._give_up(share, walk[-1], solution)
                 continue
-            found.append(solution.q)
+            walk.append(solution.q)
             shares.append(share)
-            # Beside a target out of reach configurations jitter: no more than their line tells.
+            # Beside a target out of reach configurations jitter: a line alone extrapolates them.
             reached = reached + 1 if solution.error < _REACHED else 0
             if joint_step < _MAX_JOINT_STEP / 3:
                 step = min(2 * step, self._max_step)
-        return found
+        return walk
 
-    def _settled(self, found: list[FloatArray]) -> list[FloatArray]:
-        """Move redundant joints where the segment's end needs them, the tool standing still."""
+    def _settled(self, walk: list[FloatArray]) -> list[FloatArray]:
+        """Move redundant joints to the bounds or goal at the segment's end, the tool still."""
         for _ in range(_MAX_SETTLING_STEPS):
-            q = found[-1]
-            wanted = np.clip(q, self._end_lower, self._end_upper)
-            wanted = wanted if self._goal is None else self._goal
-            if abs(wanted - q).max() <= _SETTLED:
+            q = walk[-1]
+            target = np.clip(q, self._end_lower, self._end_upper)
+            target = target if self._goal is None else self._goal
+            if abs(target - q).max() <= _SETTLED:
                 break
-            preferred = q + np.clip(wanted - q, -_MAX_PULL, _MAX_PULL)
+            preferred = q + np.clip(target - q, -_MAX_PULL, _MAX_PULL)
             solution = self._solve_with(1.0, q, preferred)
             if self._is_off(solution, 1.0) or abs(solution.q - q).max() <= _SETTLED:
                 break
-            found.append(solution.q)
-        self._require_switch(found[-1])
-        found[-1] = np.clip(found[-1], self._end_lower, self._end_upper)
-        return found
+            walk.append(solution.q)
+        self._require_switch(walk[-1])
+        walk[-1] = np.clip(walk[-1], self._end_lower, self._end_upper)
+        return walk
 
     def _solve(self, share: float, seed: FloatArray, last: FloatArray) -> PositionSolution:
-        wanted = last
+        target = last
         if self._wanted is not None:
-            wanted = (1 - share) * self._wanted[0] + share * self._wanted[1]
+            target = (1 - share) * self._wanted[0] + share * self._wanted[1]
         lower, upper = self._end_lower, self._end_upper
         if self._narrows:
             lower = lower - (1 - share) * self._below
             upper = upper + (1 - share) * self._above
-        wanted = np.minimum(np.maximum(wanted, lower), upper)
-        solution = self._solve_with(share, seed, wanted)
+        target = np.minimum(np.maximum(target, lower), upper)
+        solution = self._solve_with(share, seed, target)
         if abs(solution.q - last).max() <= _MAX_JOINT_STEP:
             return solution
         # Too far for one step, however short: redundant joints go there gradually.
-        pull = np.clip(wanted - last, -_MAX_PULL, _MAX_PULL)
+        pull = np.clip(target - last, -_MAX_PULL, _MAX_PULL)
         return self._solve_with(share, seed, last + pull)
 
     def _solve_with(
         self, share: float, seed: FloatArray, preferred: FloatArray
     ) -> PositionSolution:
         robot, point = self._problem.robot, self._point(share)
-        wanted = None if self._turn is None else self._turn.wanted(share, point)
-        return solve_position(robot, point, seed, self._lower, self._upper, preferred, wanted)
+        rotation = None if self._turn is None else self._turn.wanted(share, point)
+        return solve_position(robot, point, seed, self._lower, self._upper, preferred, rotation)
 
     def _point(self, share: float) -> FloatArray:
         return (1 - share) * self._ends[0] + share * self._ends[1]
@@ -269,15 +269,15 @@ class SegmentWalk:
         return solution.error > (self._allowed_at_end if share == 1.0 else self._allowed)
 
     def _allowed_errors(self) -> tuple[float, float]:
-        """Return how far the tool may be from the line, and from its end [m]."""
+        """Return the largest distances of the tool from the line and from its end [m]."""
         radius = self._problem.tube.effective_radius
         is_last = self._segment + 1 == len(radius)
-        allowed = _ALLOWED_RADIUS_SHARE * float(radius[self._segment])
+        allowed = _ALLOWED_RADIUS_FRACTION * float(radius[self._segment])
         if is_last:
             goal = self._problem.open_goal
-            at_end = allowed if goal is None else min(allowed, _GOAL_SHARE * goal.tolerance)
+            at_end = allowed if goal is None else min(allowed, _GOAL_FRACTION * goal.tolerance)
             return allowed, max(at_end, _OPEN_GOAL_TOLERANCE)
-        return allowed, min(allowed, _ALLOWED_RADIUS_SHARE * float(radius[self._segment + 1]))
+        return allowed, min(allowed, _ALLOWED_RADIUS_FRACTION * float(radius[self._segment + 1]))
 
     def _give_up(self, share: float, q: FloatArray, solution: PositionSolution) -> None:
         point = self._point(share)
@@ -300,14 +300,14 @@ class SegmentWalk:
         raise Infeasible(PlanStatus.UNREACHABLE, message, place, configuration=q)
 
     def _could_go_on(self, share: float, q: FloatArray) -> bool:
-        """Return whether a configuration could go on if any orientation were allowed."""
+        """Return True if a configuration could go on with any orientation of the tool."""
         robot, point = self._problem.robot, self._point(share)
         solution = solve_position(robot, point, q, self._lower, self._upper)
         jump = abs(solution.q - q).max()
         return jump <= _MAX_JOINT_STEP and not self._is_away(solution, share)
 
     def _require_switch(self, q: FloatArray) -> None:
-        """Raise unless a configuration at the segment's end is one that the next one allows."""
+        """Raise Infeasible unless the next segment allows a configuration (n,) at the end."""
         outside = np.maximum(self._end_lower - q, q - self._end_upper)
         worst = int(outside.argmax())
         if outside[worst] <= 10 * _SETTLED:
@@ -325,14 +325,14 @@ class SegmentWalk:
         )
 
 
-def _extrapolated(share: float, shares: list[float], found: list[FloatArray]) -> FloatArray:
-    """Return the value (n,) of the polynomial through configurations at some shares."""
+def _extrapolated(share: float, shares: list[float], q: list[FloatArray]) -> FloatArray:
+    """Return the value (n,) of the polynomial through configurations at fractions of a segment."""
     weights = np.ones(len(shares))
-    for i, own in enumerate(shares):
+    for i, node in enumerate(shares):
         for other in shares:
-            if other != own:
-                weights[i] *= (share - other) / (own - other)
-    value: FloatArray = weights.dot(found)
+            if other != node:
+                weights[i] *= (share - other) / (node - other)
+    value: FloatArray = weights.dot(q)
     return value
 
 
@@ -343,7 +343,7 @@ def explain_error(
     segment: int,
     solution: PositionSolution,
 ) -> str:
-    """Return which condition keeps the tool from a point, by dropping one after the other."""
+    """Return the condition that keeps the tool from a point, by dropping conditions in turn."""
     robot, limits = problem.robot, problem.robot.limits
     short = f"the tool was brought no nearer than {solution.error:.4g} m"
     free = np.full(robot.joint_count, np.inf)
@@ -355,10 +355,10 @@ def explain_error(
         )
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     at_bound = (solution.q <= lower) | (solution.q >= upper)
-    held = [name for name, is_held in zip(robot.joint_names, at_bound, strict=True) if is_held]
-    if not held:
+    joints = [name for name, is_bound in zip(robot.joint_names, at_bound, strict=True) if is_bound]
+    if not joints:
         return f"{short} without a jump of the joints: a singular configuration is in the way"
-    bounds = f"(at their bounds: {', '.join(held)})"
+    bounds = f"(at their bounds: {', '.join(joints)})"
     without_signs = solve_position(robot, point, seed, limits.lower_position, limits.upper_position)
     if without_signs.error > 1e-6:
         return f"{short}: position limits are in the way {bounds}"
@@ -367,25 +367,25 @@ def explain_error(
 
 
 def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
-    """Explain that only the rotation tolerance keeps the tool from a point, and what to do."""
+    """Return the message that only the rotation tolerance keeps the tool from a point."""
     rotation = problem.rotation
     bounds = [np.inf] if rotation is None else rotation.bounds[segment].tolist()
-    asked = f"{bounds[-1]:.3g}"
+    tolerance = f"{bounds[-1]:.3g}"
     if bounds[-1] == np.inf:
-        asked = f"[{', '.join(f'{bound:.3g}' for bound in bounds[:3])}]"
+        tolerance = f"[{', '.join(f'{bound:.3g}' for bound in bounds[:3])}]"
     if segment == problem.tube.segment_count:
         whose, widened = "the goal", "goal.rotation_tolerance"
     else:
         number = problem.tube.segment_number(segment)
         whose, widened = f"segment {number}", f"tube.rotation_tolerance[{number}]"
     return (
-        f"the rotation tolerance of {whose}, {asked} rad, is in the way: {why}; widen "
+        f"the rotation tolerance of {whose}, {tolerance} rad, is in the way: {why}; widen "
         f"{widened}, change tube.orientations or move the reference points"
     )
 
 
 def turned_off(solution: PositionSolution) -> str:
-    """Return how close the tool gets to its reference orientation."""
+    """Return the message on the tool's least angle to its reference orientation [rad]."""
     return (
         f"the tool can be turned no nearer than {solution.rotation_error:.3g} rad to its reference "
         "orientation, and planning keeps a tenth of the tolerance in reserve"

@@ -5,7 +5,7 @@ last three control points coincide, so that velocity and acceleration vanish exa
 Later planners start from it and must beat it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 
 
 _DEGREE = 5
-# Configurations nearer to their neighbour than this share of the largest step carry no direction.
-_MIN_STEP_SHARE = 1e-4
+# Configurations nearer to their neighbour than this fraction of the largest step have no direction.
+_MIN_STEP_FRACTION = 1e-4
 _MIN_INTERVALS = 16
 _MAX_INTERVALS = 128
 _FIT_POINTS_PER_INTERVAL = 8
-# The fit may use this share of radius and rotation bound; the rest is left for later refinement.
-_FIT_SHARE = 0.1
+# The fit may use this fraction of radius and rotation bound; the rest is left for later refinement.
+_FIT_FRACTION = 0.1
 _ON_THE_WALL = MARGIN_TOLERANCE / 2
-# Shares of the time for speeding up, and the same for slowing down: the fastest is kept.
-_RAMP_SHARES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
+# Fractions of the time for speeding up, and the same for slowing down: the fastest counts.
+_RAMP_FRACTIONS = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
 
 
 def stop_at_corners(
@@ -46,7 +46,7 @@ def stop_at_corners(
     branch: ReferenceBranch,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> JointTrajectory:
-    """Return the fastest of a family of trajectories that rest at every reference point.
+    """Return the fastest of a family of trajectories with a stop at every reference point.
 
     Args:
         problem: The planning problem.
@@ -63,40 +63,34 @@ def stop_at_corners(
     trajectories = []
     for k in moving:
         checkpoint()
-        trajectories.append(_fastest(problem, branch, k))
+        shapes = _ramped_fits(problem, branch.segments[k], k)
+        fastest = shapes[int(estimated_durations(problem, shapes).argmin())]
+        trajectories.append(scaled_to_limits(problem, fastest))
     return concatenate(trajectories)
 
 
-def _fastest(problem: PlanningProblem, branch: ReferenceBranch, segment: int) -> JointTrajectory:
-    shapes = _follow(problem, branch, segment)
-    fastest = shapes[int(estimated_durations(problem, shapes).argmin())]
-    return scaled_to_limits(problem, fastest)
+def _ramped_fits(problem: PlanningProblem, q: FloatArray, segment: int) -> list[JointTrajectory]:
+    """Return fits of a segment's configurations (P, n) in one second, one for each ramp.
 
-
-def _follow(
-    problem: PlanningProblem, branch: ReferenceBranch, segment: int
-) -> list[JointTrajectory]:
-    """Return the segment in one second for each ramp, each with as few knots as follow it closely.
-
-    All ramps are fitted at once: one by one, most of the time would go into calls.
+    Each has as few knots as follow the configurations closely. All ramps are fitted at once: one by
+    one, most of the time would go into calls.
     """
-    q = branch.segments[segment]
     available = _least_margins(problem, q, segment)
-    close = available - _FIT_SHARE * _bounds(problem, segment)
+    close = available - _FIT_FRACTION * _bounds(problem, segment)
     # Where the branch itself touches the wall, or leaves it by a rounding error, so may the fit.
     inside = np.minimum(available, 0.0) - _ON_THE_WALL
     shapes: dict[float, JointTrajectory] = {}
     margins: dict[float, FloatArray] = {}
-    ramps, intervals = list(_RAMP_SHARES), _MIN_INTERVALS
+    ramps, intervals = list(_RAMP_FRACTIONS), _MIN_INTERVALS
     while ramps and intervals <= _MAX_INTERVALS:
-        fitted = dict(zip(ramps, _fits(problem, q, segment, ramps, intervals), strict=True))
-        shapes.update(fitted)
-        margins.update(_margins_of_shapes(problem, fitted, segment))
+        for ramp, shape in zip(ramps, _fits(problem, q, segment, ramps, intervals), strict=True):
+            samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
+            shapes[ramp], margins[ramp] = shape, _least_margins(problem, samples, segment)
         ramps = [ramp for ramp in ramps if (margins[ramp] <= np.maximum(close, inside)).any()]
         intervals *= 2
     for ramp in ramps:  # not close to the branch, which has a sharp bend; it may be in the tube
         _require_inside(problem, margins[ramp], inside, segment)
-    return [shapes[ramp] for ramp in _RAMP_SHARES]
+    return [shapes[ramp] for ramp in _RAMP_FRACTIONS]
 
 
 def _require_inside(
@@ -114,17 +108,6 @@ def _require_inside(
         f"kinematics leaves the tube by {-margin[worst]:.3g} {unit}; widen {remedy}",
         Place(segment=number),
     )
-
-
-def _margins_of_shapes(
-    problem: PlanningProblem, shapes: Mapping[float, JointTrajectory], segment: int
-) -> dict[float, FloatArray]:
-    """Return the least margins of several shapes, by ramp, as `_least_margins`."""
-    margins = {}
-    for ramp, shape in shapes.items():
-        samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
-        margins[ramp] = _least_margins(problem, samples, segment)
-    return margins
 
 
 def _least_margins(problem: PlanningProblem, q: FloatArray, segment: int) -> FloatArray:
@@ -148,7 +131,7 @@ def _bounds(problem: PlanningProblem, segment: int) -> FloatArray:
 def _fits(
     problem: PlanningProblem, q: FloatArray, segment: int, ramps: list[float], intervals: int
 ) -> list[JointTrajectory]:
-    """Return, for every ramp, the least-squares spline of one second along configurations (P, n).
+    """Return the least-squares splines of one second along configurations (P, n), one per ramp.
 
     Control points are moved into the segment's joint bounds, which then hold for all t: a spline
     lies in the hull of its control points.
@@ -157,9 +140,9 @@ def _fits(
     knots = np.concatenate([np.zeros(_DEGREE), breakpoints, np.ones(_DEGREE)])
     times = times_between(breakpoints, _FIT_POINTS_PER_INTERVAL)
     along = _along(q)
-    wanted = np.hstack([along(_ramped(times, ramp)) for ramp in ramps])
+    samples = np.hstack([along(_ramped(times, ramp)) for ramp in ramps])
     start, goal = (np.tile(end, len(ramps)) for end in (q[0], q[-1]))
-    points = fitted_control_points(knots, _DEGREE, times, wanted, (start, goal))
+    points = fitted_control_points(knots, _DEGREE, times, samples, (start, goal))
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     inner = slice(REST_POINTS, -REST_POINTS)
     of_ramps = points.reshape(len(points), len(ramps), -1)
@@ -168,26 +151,26 @@ def _fits(
 
 
 def _along(q: FloatArray) -> "CubicSpline":
-    """Return the curve through configurations (P, n) over its own length, from 0 to 1.
+    """Return the curve through configurations (P, n) over its joint-space length, from 0 to 1.
 
-    Joint-space length rather than the tool's: where the arm is stretched, joints move while the
-    tool hardly does.
+    The tool's length would not do: where the arm is stretched, joints move while the tool hardly
+    does.
     """
     from scipy.interpolate import CubicSpline
 
     lengths = np.linalg.norm(np.diff(q, axis=0), axis=1)
-    apart = lengths > _MIN_STEP_SHARE * lengths.max()
-    kept = np.concatenate([[True], apart[:-1], [True]])
-    kept[-2] &= apart[-1] or len(q) == 2
-    arc_length = arc_lengths(q[kept])
-    return CubicSpline(arc_length / arc_length[-1], q[kept])
+    apart = lengths > _MIN_STEP_FRACTION * lengths.max()
+    rows = np.concatenate([[True], apart[:-1], [True]])
+    rows[-2] &= apart[-1] or len(q) == 2
+    arc_length = arc_lengths(q[rows])
+    return CubicSpline(arc_length / arc_length[-1], q[rows])
 
 
 def _ramped(u: FloatArray, ramp: float) -> FloatArray:
-    """Return the arc length covered at times u in [0, 1]: speed up, cruise, slow down.
+    """Return the arc length at times u in [0, 1]: speed up, cruise, slow down.
 
-    While speeding up for a share `ramp` of the time, speed follows the smoothstep 3x^2 - 2x^3, so
-    acceleration starts and ends at zero.
+    While speeding up for a fraction `ramp` of the time, speed follows the smoothstep 3x^2 - 2x^3,
+    so acceleration starts and ends at zero.
     """
     top_speed = 1 / (1 - ramp)
     x = np.clip(np.minimum(u, 1 - u) / ramp, 0.0, 1.0)

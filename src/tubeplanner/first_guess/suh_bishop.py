@@ -1,14 +1,14 @@
-"""Phase 2 of 1988: rounds of modification with doubled knots; SuhBishopOptions.
+"""Phase 2 of 1988: rounds of modification with doubled knots.
 
 The modification process (MP) moves the knots of the trajectory that phase 1 found. The doubling
 process (DP) inserts a knot at the middle of every segment, and MP follows, until the gain is small
 (Suh & Bishop 1988, section on the phase 2 algorithm).
 
-Two things differ, both because sequential quartics magnify what changes at a knot by 1.6 from knot
-to knot, so that with many knots "almost the same trajectory" is a quite different one. New knots
-are joined by the 4-3-...-3-4 spline, with equal intervals and start and end conditions as before;
-and MP also begins with a few knots more or less, at equal times of the first modified trajectory,
-as the best number of knots is part of the question.
+Two things differ, as sequential quartics magnify a change at a knot by 1.6 from knot to knot, so
+that with many knots "almost the same trajectory" is a quite different one. New knots are joined by
+the 4-3-...-3-4 spline, with equal intervals and the same start and end conditions; and MP also
+begins with a few knots more or less, at equal times of the first modified trajectory, as the best
+number of knots is part of the question.
 """
 
 import time
@@ -32,22 +32,23 @@ from tubeplanner.first_guess.waypoints import quartic_spline
 from tubeplanner.task.problem import PlanningProblem
 
 _MIN_KNOTS = 4
-# Shares of the node budget that may be used by the end of: other numbers of knots, first doubling.
-_SHARES = (0.5, 0.85)
+# Fractions of the node budget for all work up to: other numbers of knots, first doubling.
+_BUDGET_FRACTIONS = (0.5, 0.85)
 
 
 @dataclass(frozen=True)
 class SuhBishopOptions:
-    """How phase 2 is done; the paper gives none of these numbers.
+    """Options of phase 2; the paper gives none of these numbers.
 
     Attributes:
-        modification: How knots are moved.
-        fewer_knots: With how many knots less than phase 1's trajectory MP also begins.
-        more_knots: Likewise more.
-        doubled: How many of the fastest of these are doubled; from then on, the fastest.
-        min_gain: Doubling ends when it gains less than this share of the duration.
+        modification: Options of the modification process.
+        fewer_knots: MP also begins with up to this many knots less than phase 1's trajectory.
+        more_knots: MP also begins with up to this many knots more.
+        doubled: Number of the fastest trajectories doubled first; from then on, one.
+        min_gain: Doubling ends when it gains less than this fraction of the duration.
         max_knots: Trajectories are not doubled to more knots.
-        node_budget: Phase 2 ends after about so many nodes of the searches for a direction.
+        node_budget: Number of nodes of the searches for a direction after which phase 2 ends,
+            about.
     """
 
     modification: ModificationOptions = field(default_factory=ModificationOptions)
@@ -72,7 +73,7 @@ class KnotStep:
 
     Attributes:
         process: "MP" of phase 1's trajectory, "other knots" or "DP", the latter two followed by MP.
-        knots: How many there are.
+        knots: Number of knots.
         begin: Duration before any knot is moved [s].
         duration: Duration in the end [s].
     """
@@ -88,12 +89,12 @@ class PhaseTwoStatistics:
     """Statistics of phase 2.
 
     Attributes:
-        steps: In the order in which they were done.
-        knots: Of the best trajectory.
+        steps: In order.
+        knots: Number of knots of the best trajectory.
         nodes: Nodes expanded by all searches for a direction.
-        directions: How many directions it searched for.
-        proved: In how many of these searches every other direction was ruled out.
-        budget_reached: Whether the node budget ended a step: there may be better trajectories.
+        directions: Number of searches for a direction.
+        proved: Number of searches that ruled out every other direction.
+        budget_reached: True if the node budget ended a step: there may be better trajectories.
     """
 
     steps: tuple[KnotStep, ...]
@@ -119,9 +120,9 @@ class PhaseTwoStatistics:
             f"{', '.join(parts)}; {len(self.steps)} times modified, {self.nodes} nodes for "
             f"{self.directions} directions, {self.proved} of them proved the best"
         )
-        return (
-            text + "; some ended at their share of the node budget" if self.budget_reached else text
-        )
+        if self.budget_reached:
+            text += "; some ended at their share of the node budget"
+        return text
 
 
 class SuhBishop:
@@ -129,8 +130,8 @@ class SuhBishop:
 
     Attributes:
         best: The fastest certified trajectory so far.
-        certificate: Its certificate.
-        certificate_time: How long that took [s]; 0 as long as it is phase 1's.
+        certificate: The certificate of that trajectory.
+        certificate_time: Time that the certificate took [s]; 0 while it is phase 1's.
     """
 
     def __init__(
@@ -145,9 +146,9 @@ class SuhBishop:
 
         Args:
             problem: The planning problem.
-            candidate: At the limits, certified.
-            certificate: Of that trajectory.
-            options: How to continue.
+            candidate: That trajectory, at the limits.
+            certificate: The certificate of that trajectory, passed.
+            options: Options of phase 2.
             checkpoint: Called before every search for a direction; it may raise to end the work.
         """
         self.best, self.certificate, self.certificate_time = candidate, certificate, 0.0
@@ -170,25 +171,25 @@ class SuhBishop:
         )
 
     def run(self) -> None:
-        """Move and double knots until that gains little, or the budget is used up."""
+        """Move and double knots until doubling gains little, or the budget is used up."""
         options = self._options
-        half, most = (round(share * options.node_budget) for share in _SHARES)
+        half, most = (round(ratio * options.node_budget) for ratio in _BUDGET_FRACTIONS)
         candidates = self._modified("MP", [self._first], 1.0, half)
         others = list(self._with_other_knots(candidates[0]))
         candidates += self._modified("other knots", others, 1.0, half)
         scale, width = 1.0, options.doubled
         while True:
-            scale, known = scale / 2, self.best.duration
+            scale, before = scale / 2, self.best.duration
             fastest = sorted(candidates, key=lambda candidate: candidate.duration)[:width]
             candidates = self._modified("DP", list(self._doubled(fastest)), scale, most)
-            if not candidates or self.best.duration > known * (1 - options.min_gain):
+            if not candidates or self.best.duration > before * (1 - options.min_gain):
                 return
             width, most = 1, options.node_budget
 
     def _modified(
         self, process: str, candidates: list[KnotTrajectory], scale: float, budget: int
     ) -> list[KnotTrajectory]:
-        """Return trajectories whose knots are moved, each with its share of a budget of nodes."""
+        """Return trajectories with knots moved, each by its share of a budget of nodes."""
         modified = []
         for i, candidate in enumerate(candidates):
             share = (budget - self._nodes) / (len(candidates) - i)
@@ -200,51 +201,51 @@ class SuhBishop:
                 self._directions += work.directions
                 self._proved += work.proved
                 self._budget_reached |= work.nodes >= share
-                modified.append(self._kept(work.candidates))
+                modified.append(self._best_certified(work.candidates))
                 begin, duration = candidate.duration, modified[-1].duration
                 self._steps.append(KnotStep(process, len(candidate.knots), begin, duration))
         return modified
 
-    def _kept(self, candidates: list[KnotTrajectory]) -> KnotTrajectory:
-        """Keep the fastest certified one of ever faster trajectories, if it is the best yet.
+    def _best_certified(self, candidates: list[KnotTrajectory]) -> KnotTrajectory:
+        """Keep the fastest certified trajectory of ever faster ones, if it is the best so far.
 
-        Samples may miss what the certificate sees; the trajectories before are then tried by
+        Samples may miss faults that the certificate finds: then slower trajectories are judged, by
         bisection.
 
         Returns:
-            The trajectory to continue from: that one, or the fastest if none is better than the
-            known best.
+            The trajectory to continue from: the certified one; the fastest if none is faster than
+            the best so far; the first if none is certified.
         """
         better = [candidate for candidate in candidates if candidate.duration < self.best.duration]
         if not better:
             return candidates[-1]
-        passed, failed, tried = -1, len(better), len(better) - 1
+        passed, failed, k = -1, len(better), len(better) - 1
         while failed - passed > 1:
             begin = time.perf_counter()
-            certificate = verify(self._problem, better[tried].trajectory)
+            certificate = verify(self._problem, better[k].trajectory)
             if certificate.passed:
-                passed, self.best, self.certificate = tried, better[tried], certificate
+                passed, self.best, self.certificate = k, better[k], certificate
                 self.certificate_time = time.perf_counter() - begin
             else:
-                failed = tried
-            tried = (passed + failed) // 2
+                failed = k
+            k = (passed + failed) // 2
         return better[passed] if passed >= 0 else candidates[0]
 
     def _with_other_knots(self, candidate: KnotTrajectory) -> Iterator[KnotTrajectory]:
-        """Yield a trajectory with other knot counts; else phase 1's, if the tube allows that."""
-        known = len(candidate.knots)
-        fewest = max(known - self._options.fewer_knots, _MIN_KNOTS)
-        most = min(known + self._options.more_knots, self._options.max_knots)
+        """Yield a trajectory through other numbers of knots; phase 1's where it is infeasible."""
+        count = len(candidate.knots)
+        fewest = max(count - self._options.fewer_knots, _MIN_KNOTS)
+        most = min(count + self._options.more_knots, self._options.max_knots)
         for count in range(fewest, most + 1):
             shapes = (source.at_equal_times(count) for source in (candidate, self._first))
-            found = next(filter(None, map(self._spline, shapes)), None)
-            if found is not None:
-                yield found
+            spline = next(filter(None, map(self._spline, shapes)), None)
+            if spline is not None:
+                yield spline
 
     def _doubled(self, candidates: Iterable[KnotTrajectory]) -> Iterator[KnotTrajectory]:
         """Yield trajectories with a knot more at the middle of every segment.
 
-        Where the tube does not allow that, doubled again: the more knots, the less is changed.
+        Infeasible trajectories are doubled again: the more knots, the smaller the change.
         """
         for candidate in candidates:
             count = 2 * len(candidate.knots) - 1
@@ -256,6 +257,6 @@ class SuhBishop:
                 yield doubled
 
     def _spline(self, knots: FloatArray) -> KnotTrajectory | None:
-        """Return the 4-3-...-3-4 spline through knots (K, n), if it is feasible."""
+        """Return the 4-3-...-3-4 spline through knots (K, n), or None if it is infeasible."""
         clearance = LinkClearance(self._problem, knots)
         return feasible_trajectory(self._problem, knots, quartic_spline, clearance, np.inf)

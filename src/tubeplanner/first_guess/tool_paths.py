@@ -21,21 +21,21 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _STRAIGHT, _BACK = 1e-6, 1e-3  # [rad]: smaller turns need no arc, turns nearer to pi allow none
 _MIN_LENGTH = 1e-9  # [m]
-# Arcs stay away from the wall by this share of the radius: the arm follows them only closely.
-_KEPT_SHARE = 1e-3
+# Arcs stay away from the wall by this fraction of the radius: the arm follows them only closely.
+_KEPT_FRACTION = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class ToolCurve:
-    """Lines and arcs one after the other, with the same direction where they meet: P pieces.
+    """A curve of P lines and arcs that join with the same direction.
 
     Attributes:
-        start: Where each piece starts, shape (P, 3) [m].
-        direction: Of the tool there, unit vectors, shape (P, 3).
+        start: Start of each piece, shape (P, 3) [m].
+        direction: Direction of the tool there, unit vectors, shape (P, 3).
         normal: Towards the centre of an arc, unit vectors, shape (P, 3); anything for a line.
         curvature: Shape (P,) [1/m], 0 for a line.
         arc_lengths: Length of the curve up to the ends of its pieces, shape (P+1,), from 0 [m].
-        polyline_arc_lengths: Length of the polyline up to the same places, shape (P+1,) [m].
+        polyline_arc_lengths: Length of the polyline up to the same points, shape (P+1,) [m].
     """
 
     start: FloatArray
@@ -67,26 +67,26 @@ def rounded_polyline(points: FloatArray, radius: FloatArray | None) -> list[Tool
 
     Args:
         points: Shape (m+1, 3) [m], neighbours apart.
-        radius: How far an arc may be from the lines it joins, shape (m,) [m]; None: no arcs, the
-            tool stops at every point.
+        radius: Largest distance of an arc from the lines that it joins, shape (m,) [m]; None: no
+            arcs, the tool stops at every point.
 
     Returns:
-        One curve from stop to stop. It stops where no arc is possible: where a line doubles back.
+        One curve from stop to stop. Stops are where no arc is possible: where a line doubles back.
     """
     lines = np.diff(points, axis=0)
     length = np.linalg.norm(lines, axis=1)
     direction = lines / length[:, None]
     count = len(lines)
     turn = np.array([_angle(a, b) for a, b in pairwise(direction)])
-    cut = np.zeros(count + 1)  # how much of both lines each corner's arc takes
+    cut = np.zeros(count + 1)  # length of both lines that each corner's arc replaces
     if radius is not None:
         for k in range(1, count):
             if _STRAIGHT < turn[k - 1] < np.pi - _BACK:
                 available = min(length[k - 1] / (1 + (k > 1)), length[k] / (1 + (k + 1 < count)))
-                bends = _arc_radius((1 - _KEPT_SHARE) * radius[k - 1 : k + 1], turn[k - 1])
+                bends = _arc_radius((1 - _KEPT_FRACTION) * radius[k - 1 : k + 1], turn[k - 1])
                 cut[k] = min(bends * np.tan(turn[k - 1] / 2), available)
-    passed = (cut[1:-1] > 0) | (turn <= _STRAIGHT) & (radius is not None)
-    stops = [0, *(np.flatnonzero(~passed) + 1).tolist(), count]
+    is_passed = (cut[1:-1] > 0) | (turn <= _STRAIGHT) & (radius is not None)
+    stops = [0, *(np.flatnonzero(~is_passed) + 1).tolist(), count]
     before = arc_lengths(points)
     return [_between_stops(points, before, cut, a, b) for a, b in pairwise(stops)]
 
@@ -98,9 +98,9 @@ def _angle(a: FloatArray, b: FloatArray) -> float:
 def _arc_radius(allowed: FloatArray, turn: float) -> float:
     """Return the largest radius of an arc that stays near its two lines.
 
-    Where an arc has turned by p, it is some multiple of its radius away from the line that it
-    leaves, and the same multiple at turn - p from the line that it joins. At the best place to
-    count it to the other line, both are at their bounds.
+    After a turn by p, the arc is away(p) radii from the line that it leaves, and away(turn - p)
+    radii from the line that it joins. Where it is best counted to the other line, both distances
+    are at their bounds.
     """
     corner = 1 / np.cos(turn / 2)  # radii from the centre to where the lines meet
 
@@ -122,31 +122,29 @@ def _between_stops(
         line = points[k + 1] - points[k]
         length = float(np.linalg.norm(line))
         direction = line / length
-        taken, left = (cut[k] if k > first else 0.0), (cut[k + 1] if k + 1 < last else 0.0)
-        straight = length - taken - left
+        before_line, after_line = cut[k] if k > first else 0.0, cut[k + 1] if k + 1 < last else 0.0
+        straight = length - before_line - after_line
         if straight > _MIN_LENGTH:
-            rows.append(
-                (points[k] + taken * direction, direction, direction, 0.0, straight, straight)
-            )
-        if left > 0:
-            rows.append(
-                _arc(points[k + 1] - left * direction, direction, points[k + 1 : k + 3], left)
-            )
-    starts, directions, normals, curvatures, lengths, shares = zip(*rows, strict=True)
+            start = points[k] + before_line * direction
+            rows.append((start, direction, direction, 0.0, straight, straight))
+        if after_line > 0:
+            start = points[k + 1] - after_line * direction
+            rows.append(_arc(start, direction, points[k + 1 : k + 3], after_line))
+    starts, directions, normals, curvatures, lengths, polyline = zip(*rows, strict=True)
     return ToolCurve(
         np.array(starts),
         np.array(directions),
         np.array(normals),
         np.array(curvatures),
         np.concatenate([[0.0], np.cumsum(lengths)]),
-        before[first] + np.concatenate([[0.0], np.cumsum(shares)]),
+        before[first] + np.concatenate([[0.0], np.cumsum(polyline)]),
     )
 
 
 def _arc(
     start: FloatArray, direction: FloatArray, following: FloatArray, cut: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float]:
-    """Return start, direction, normal, curvature, length and what it takes of the polyline."""
+    """Return start, direction, normal, curvature, length and length of the polyline replaced."""
     line = following[1] - following[0]
     after = line / np.linalg.norm(line)
     turn = _angle(direction, after)
@@ -160,7 +158,7 @@ def _arc(
 
 CURVE_TOLERANCE = 1e-6  # [m] between the tool and its curve
 _MAX_ROUNDS, _MAX_NODES = 12, 2000  # of halving the steps that leave the curve
-# Configurations nearer to each other than this share of the arc length carry rounding errors, no
+# Configurations nearer to each other than this fraction of the arc length carry rounding errors, no
 # shape.
 _APART = 1e-5
 # A tool that moves less stands still [m]; joints that move as much meanwhile [rad or m] would have
@@ -180,7 +178,7 @@ class ToolPath:
         joints: The path over the arc length in joint space [rad or m], which it runs at about unit
             speed: cubics, C2.
         curve: The tool's curve.
-        segment: What messages call the tube's segment in which it begins.
+        segment: Number, for messages, of the tube's segment in which it begins.
     """
 
     joints: JointTrajectory
@@ -189,12 +187,12 @@ class ToolPath:
 
 
 def tool_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool) -> list[ToolPath]:
-    """Return the arm along the tool's straight lines between the reference points of a branch.
+    """Return the arm's paths along the tool's lines between the reference points of a branch.
 
     Args:
         problem: The planning problem.
         branch: The arm along the reference path.
-        arcs: Whether corners are cut by arcs inside the tube; else the tool stops there.
+        arcs: True: arcs inside the tube cut corners; False: the tool stops there.
 
     Returns:
         The paths from stop to stop.
@@ -211,16 +209,16 @@ def tool_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool)
     if not moves.any():
         message = "the start is the goal: there is nothing to move"
         raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
-    points = route[np.append(True, moves)]
     radius = problem.tube.effective_radius[moves] if arcs else None
-    return [follow(problem, branch, curve) for curve in rounded_polyline(points, radius)]
+    curves = rounded_polyline(route[np.append(True, moves)], radius)
+    return [follow(problem, branch, curve) for curve in curves]
 
 
 def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) -> ToolPath:
-    """Return the path, beside a branch, whose tool is within 1e-6 m of a curve.
+    """Return the path near a branch whose tool is within 1e-6 m of a curve.
 
     The branch's configurations are moved to the curve and joined by a cubic spline over their
-    distances; steps that leave the curve are halved.
+    distances; steps that leave the curve at probes are halved.
 
     Args:
         problem: The planning problem.
@@ -234,42 +232,43 @@ def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) 
 
 
 def arc_lengths_on_line(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
-    """Return the joint-space arc lengths at which the tool is at places (N,) on its line [m]."""
+    """Return the joint-space arc lengths (N,) of the tool's distances (N,) along its line [m]."""
     arc_lengths = np.where(distance > _AT_END, line.joints.duration, 0.0)
     inner = np.flatnonzero((distance > _AT_END) & (distance < line.curve.length - _AT_END))
     if len(inner):
-        found = _by_newton(robot, line, distance[inner])
-        slow = inner[np.isnan(found)]
-        arc_lengths[inner] = found
+        solution = _by_newton(robot, line, distance[inner])
+        slow = inner[np.isnan(solution)]
+        arc_lengths[inner] = solution
         if len(slow):
             arc_lengths[slow] = _by_bracketing(robot, line, distance[slow])
     return arc_lengths
 
 
 def _by_newton(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
-    """Return the arc lengths of places (N,) inside a line; NaN where a few steps do not do.
+    """Return the arc lengths (N,) of distances inside a line; NaN where Newton's steps fail.
 
-    That is where the tool is slow for its joints, near a singular configuration.
+    They fail where the tool is slow for its joints, near a singular configuration.
     """
     start, direction = line.curve.start[0], line.curve.direction[0]
     end = line.joints.duration
-    found = distance / line.curve.length * end
+    arc_length = distance / line.curve.length * end
     step = np.full(len(distance), np.nan)
     for _ in range(_NEWTON_STEPS):
-        tool, jacobian = robot.tool_jacobian(line.joints.position(found))
-        gain = np.einsum("nij,nj,i->n", jacobian[:, :3], line.joints.velocity(found), direction)
+        tool, jacobian = robot.tool_jacobian(line.joints.position(arc_length))
+        slope = line.joints.velocity(arc_length)
+        gain = np.einsum("nij,nj,i->n", jacobian[:, :3], slope, direction)
         excess = (tool - start) @ direction - distance
         step = np.divide(excess, gain, out=np.full_like(gain, np.nan), where=gain > 0)
-        found = found - step
-        found[(found < 0) | (found > end)] = np.nan
+        arc_length = arc_length - step
+        arc_length[(arc_length < 0) | (arc_length > end)] = np.nan
         if not (abs(step) > _NEWTON_ROUNDING * end).any():  # NaN is done, too
             break
-    found[~(abs(step) <= _NEWTON_ROUNDING * end)] = np.nan
-    return found
+    arc_length[~(abs(step) <= _NEWTON_ROUNDING * end)] = np.nan
+    return arc_length
 
 
 def _by_bracketing(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
-    """Return the arc lengths of places (N,) inside a line, however slow the tool is there."""
+    """Return the arc lengths (N,) of distances inside a line, however slow the tool is there."""
     start, direction = line.curve.start[0], line.curve.direction[0]
 
     def excess(arc_length: FloatArray, distance: FloatArray) -> FloatArray:
@@ -282,23 +281,23 @@ def _by_bracketing(robot: RobotModel, line: ToolPath, distance: FloatArray) -> F
 
 
 def _route(problem: PlanningProblem, branch: ReferenceBranch) -> FloatArray:
-    """Return where a branch has the tool at the ends of its segments, shape (m+1, 3) [m]."""
+    """Return the tool's positions at the ends of a branch's segments, shape (m+1, 3) [m]."""
     ends = [branch.start, *(q[-1] for q in branch.segments)]
     return problem.robot.tool_position(np.array(ends))
 
 
 class _Follower:
-    """Configurations with the tool on a curve; table rows are (*configuration, arc length)."""
+    """Configurations with the tool on a curve; rows of tables are (*configuration, arc length)."""
 
     def __init__(self, problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) -> None:
         self._problem, self._branch, self._curve = problem, branch, curve
-        route = _route(problem, branch)
-        self._route, self._before = route, arc_lengths(route)
+        self._route = _route(problem, branch)
+        self._before = arc_lengths(self._route)
 
     def path(self) -> ToolPath:
         table = _apart(self._on_curve(self._along_branch()))
         for _ in range(_MAX_ROUNDS):
-            spline = _spline(table)
+            spline = CubicSpline(arc_lengths(table[:, :-1]), table)
             off = self._off_curve(spline)
             steps = np.flatnonzero(off > CURVE_TOLERANCE)
             if len(steps) == 0:
@@ -320,7 +319,7 @@ class _Follower:
         )
 
     def _along_branch(self) -> FloatArray:
-        """Return the branch's configurations beside the curve, and their arc lengths on it."""
+        """Return a table of the branch's configurations beside the curve."""
         first, last = self._curve.polyline_arc_lengths[[0, -1]]
         rows = []
         for k, q in enumerate(self._branch.segments):
@@ -329,7 +328,9 @@ class _Follower:
                 continue
             direction = (self._route[k + 1] - self._route[k]) / (end - begin)
             arc_length = (self._problem.robot.tool_position(q) - self._route[k]) @ direction
-            _require_moving(q, arc_length, self._number(k))
+            travel = abs(np.diff(q, axis=0)).max(axis=1)
+            if ((np.diff(arc_length) < _STILL) & (travel > _TURNED)).any():
+                raise _stands_still(self._number(k))
             rows.append(np.column_stack([q, begin + np.clip(arc_length, 0.0, end - begin)]))
         table = np.vstack(rows)
         table[:, -1] = np.interp(
@@ -346,43 +347,37 @@ class _Follower:
         return self._problem.tube.segment_number(segment, tool)
 
     def _on_curve(self, table: FloatArray) -> FloatArray:
-        """Return a table with its tools moved onto the curve, orientation kept if it is bounded.
+        """Return a table with its tools moved onto the curve, orientation kept if bounded.
 
         Raises:
             Infeasible: Status unreachable.
         """
-        problem, moved, rotation = self._problem, table.copy(), None
+        problem, result, rotation = self._problem, table.copy(), None
         if problem.rotation is not None:
             rotation, _ = problem.robot.tool_pose(table[:, :-1])
         points, segments = self._curve.point(table[:, -1]), self._segment(table[:, -1])
         for i, (point, k) in enumerate(zip(points, segments, strict=True)):
             seed, bounds = table[i, :-1], (problem.joint_lower[k], problem.joint_upper[k])
-            kept = None if rotation is None else _as_it_is(rotation[i])
-            solution = solve_position(problem.robot, point, seed, *bounds, rotation=kept)
+            target = None
+            if rotation is not None:
+                target = WantedRotation(rotation[i], np.zeros(3), np.ones(3, dtype=bool))
+            solution = solve_position(problem.robot, point, seed, *bounds, rotation=target)
             if solution.error > CURVE_TOLERANCE:
                 reason = explain_error(problem, point, seed, int(k), solution)
                 place = Place(segment=self._number(int(k), point)).at(point)
                 raise Infeasible(PlanStatus.UNREACHABLE, f"{place}: {reason}", place)
-            moved[i, :-1] = solution.q
-        return moved
+            result[i, :-1] = solution.q
+        return result
 
     def _off_curve(self, spline: CubicSpline) -> FloatArray:
-        """Return how far the tool is from the curve within each step of a spline, (steps,) [m]."""
+        """Return the tool's largest distance from the curve within each step of a spline [m]."""
         x = spline.x
         arc_lengths = x[:-1, None] + np.diff(x)[:, None] * _PROBES
         probes = spline(arc_lengths.ravel())
         tool = self._problem.robot.tool_position(probes[:, :-1])
-        length = self._curve.length
-        wanted = self._curve.point(np.clip(probes[:, -1], 0.0, length))
-        off = np.linalg.norm(tool - wanted, axis=1)
+        target = self._curve.point(np.clip(probes[:, -1], 0.0, self._curve.length))
+        off = np.linalg.norm(tool - target, axis=1)
         return off.reshape(arc_lengths.shape).max(axis=1)
-
-
-def _require_moving(q: FloatArray, arc_length: FloatArray, segment: int) -> None:
-    """Raise if joints (P, n) move on while the tool's arc length (P,) does not."""
-    turned = abs(np.diff(q, axis=0)).max(axis=1)
-    if ((np.diff(arc_length) < _STILL) & (turned > _TURNED)).any():
-        raise _stands_still(segment)
 
 
 def _stands_still(segment: int) -> Infeasible:
@@ -394,20 +389,12 @@ def _stands_still(segment: int) -> Infeasible:
     )
 
 
-def _as_it_is(rotation: FloatArray) -> WantedRotation:
-    return WantedRotation(rotation, np.zeros(3), np.ones(3, dtype=bool))
-
-
-def _spline(table: FloatArray) -> CubicSpline:
-    return CubicSpline(arc_lengths(table[:, :-1]), table)
-
-
 def _apart(table: FloatArray) -> FloatArray:
-    """Return a table without configurations that are almost those before them."""
+    """Return a table without configurations that almost equal their predecessors."""
     lengths = arc_lengths(table[:, :-1])
     apart = _APART * lengths[-1]
-    kept = [0]
+    rows = [0]
     for i in range(1, len(table) - 1):
-        if min(lengths[i] - lengths[kept[-1]], lengths[-1] - lengths[i]) > apart:
-            kept.append(i)
-    return table[[*kept, len(table) - 1]]
+        if min(lengths[i] - lengths[rows[-1]], lengths[-1] - lengths[i]) > apart:
+            rows.append(i)
+    return table[[*rows, len(table) - 1]]

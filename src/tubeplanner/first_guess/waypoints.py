@@ -13,8 +13,6 @@ from tubeplanner.geometry.tube.points import arc_lengths
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- The configurations that phase 1 may pass: equally spaced along the reference path.
-
 _STILL = 1e-9  # [m]: a tool that moves less stands still
 # Inverse kinematics that goes farther from the branch than this has left it [rad or m].
 _MAX_BRANCH_DISTANCE = 0.1
@@ -26,7 +24,7 @@ def candidate_waypoints(
     count: int,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> FloatArray:
-    """Return M configurations whose tools are equally spaced along the branch.
+    """Return M configurations with tools equally spaced along the branch.
 
     Args:
         problem: The planning problem.
@@ -39,33 +37,25 @@ def candidate_waypoints(
         still throughout, they are equally spaced in joint space.
     """
     q = np.concatenate(branch.segments)
-    segment = np.repeat(
-        np.arange(len(branch.segments)), [len(segment) for segment in branch.segments]
-    )
+    segment = np.repeat(np.arange(len(branch.segments)), [len(part) for part in branch.segments])
     tool = problem.robot.tool_position(q)
     arc_length = arc_lengths(tool)
     if arc_length[-1] < _STILL:
         arc_length = arc_lengths(q)
-    wanted = arc_length[-1] * np.arange(1, count - 1) / (count - 1)
-    before = np.searchsorted(arc_length, wanted, side="right") - 1
-    share = ((wanted - arc_length[before]) / (arc_length[before + 1] - arc_length[before]))[:, None]
-    targets = (1 - share) * tool[before] + share * tool[before + 1]
-    near = (1 - share) * q[before] + share * q[before + 1]
-    inner = near.copy()
-    for i, k in enumerate(segment[before]):
+    targets = arc_length[-1] * np.arange(1, count - 1) / (count - 1)
+    before = np.searchsorted(arc_length, targets, side="right") - 1
+    fraction = (targets - arc_length[before]) / (arc_length[before + 1] - arc_length[before])
+    fraction = fraction[:, None]
+    points = (1 - fraction) * tool[before] + fraction * tool[before + 1]
+    inner = (1 - fraction) * q[before] + fraction * q[before + 1]
+    for i, k in enumerate(segment[before].tolist()):
         checkpoint()
-        inner[i] = _solved(problem, targets[i], near[i], int(k))
+        near, bounds = inner[i], (problem.joint_lower[k], problem.joint_upper[k])
+        rotation = wanted_at(problem, points[i], k, near)
+        solution = solve_position(problem.robot, points[i], near, *bounds, rotation=rotation)
+        if abs(solution.q - near).max() <= _MAX_BRANCH_DISTANCE:
+            inner[i] = solution.q
     return np.vstack([branch.start, inner, branch.goal])
-
-
-def _solved(
-    problem: PlanningProblem, target: FloatArray, near: FloatArray, segment: int
-) -> FloatArray:
-    """Return a configuration (n,) that has the tool at a target (3,), close to another."""
-    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
-    turned = wanted_at(problem, target, segment, near)
-    solution = solve_position(problem.robot, target, near, lower, upper, rotation=turned)
-    return solution.q if abs(solution.q - near).max() <= _MAX_BRANCH_DISTANCE else near
 
 
 # ---- Smooth trajectories through waypoints at equal times, at rest at both ends.
@@ -85,11 +75,11 @@ _QUINTIC = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
 
 
 def power_basis(t: FloatArray, order: int) -> FloatArray:
-    """Return what a quartic's coefficients are multiplied with: shape (N, 5).
+    """Return the powers of time, differentiated, that multiply a quartic's coefficients, (N, 5).
 
     Args:
         t: Local times, shape (N,) [s].
-        order: Of the derivative: 0 gives the value, 1 the velocity, and so on.
+        order: Order of the derivative; 0 for the value.
     """
     factor = np.prod([_QUARTIC_POWERS - i for i in range(order)], axis=0)
     return factor * t[:, None] ** np.maximum(_QUARTIC_POWERS - order, 0)
@@ -108,7 +98,7 @@ def look_ahead_quartic(
     two; only its first second is used (Suh & Bishop 1988: the look-ahead condition).
 
     Args:
-        position: Shape (..., n) [rad or m]; all others likewise.
+        position: Shape (..., n), as all arguments [rad or m].
         velocity: [rad/s or m/s].
         acceleration: [rad/s^2 or m/s^2].
         following: The waypoint that is passed.
@@ -134,7 +124,7 @@ def last_two_quartics(
     and the goal at rest with zero acceleration.
 
     Args:
-        position: Shape (..., n) [rad or m]; all others likewise.
+        position: Shape (..., n), as all arguments [rad or m].
         velocity: [rad/s or m/s].
         acceleration: [rad/s^2 or m/s^2].
         following: The last waypoint before the goal.
@@ -201,7 +191,7 @@ def quartic_spline(joint_names: Sequence[str], waypoints: FloatArray) -> JointTr
 
 
 def _spline_velocities(step: FloatArray) -> FloatArray:
-    """Return the velocities at the inner waypoints that make the acceleration continuous."""
+    """Return the velocities (K-2, n) at inner waypoints for a continuous acceleration."""
     count = len(step) - 1
     matrix = 4 * np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
     weighted = 3 * step
@@ -221,25 +211,21 @@ def _at(time: float, order: int) -> FloatArray:
     return power_basis(np.array([time]), order)[0]
 
 
-def _look_ahead() -> FloatArray:
-    """Return the matrix from (position, velocity, acceleration, following, after), (5, 5)."""
-    conditions = [_at(0, 0), _at(0, 1), _at(0, 2), _at(1, 0), _at(2, 0)]
-    return np.linalg.inv(np.array(conditions))
-
-
 def _last_two() -> FloatArray:
     """Return the matrix from (position, velocity, acceleration, following, goal), (5, 2, 5)."""
-    nothing = np.zeros(5)
-    conditions = [np.concatenate([_at(0, order), nothing]) for order in range(3)]
-    conditions.append(np.concatenate([_at(1, 0), nothing]))
-    conditions.append(np.concatenate([nothing, _at(0, 0)]))
+    zero = np.zeros(5)
+    conditions = [np.concatenate([_at(0, order), zero]) for order in range(3)]
+    conditions.append(np.concatenate([_at(1, 0), zero]))
+    conditions.append(np.concatenate([zero, _at(0, 0)]))
     conditions += [np.concatenate([_at(1, order), -_at(0, order)]) for order in (1, 2)]
-    conditions += [np.concatenate([nothing, _at(1, order)]) for order in range(3)]
+    conditions += [np.concatenate([zero, _at(1, order)]) for order in range(3)]
     values = np.zeros((10, 5))
     values[[0, 1, 2, 3, 4, 7], [0, 1, 2, 3, 3, 4]] = 1.0
     return np.linalg.solve(np.array(conditions), values).reshape(2, 5, 5).transpose(1, 0, 2)
 
 
-_LOOK_AHEAD, _LAST_TWO = _look_ahead(), _last_two()
+# From (position, velocity, acceleration, following, after) to a quartic's coefficients.
+_LOOK_AHEAD = np.linalg.inv(np.array([_at(0, 0), _at(0, 1), _at(0, 2), _at(1, 0), _at(2, 0)]))
+_LAST_TWO = _last_two()
 # Velocity and acceleration at the end of a quartic of one second.
 _END_DERIVATIVES = np.array([_at(1, 1), _at(1, 2)])

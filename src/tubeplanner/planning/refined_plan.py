@@ -1,4 +1,4 @@
-"""Attempts by refinement, with samples at counterexamples: branch, last motion, narrower tubes."""
+"""Attempts by refinement: from branches, from the last motion, through narrower tubes."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -34,35 +34,35 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # ---- A motion of the optimiser, certified: samples are added where its certificate fails.
 
-# How often the optimiser gets the times of failed conditions from a certificate.
+# Certificates at most, each of which gives the optimiser the times of failed conditions.
 _MAX_OBJECTIONS = 5
 
 
 class OptimisedMotion(Protocol):
-    """What the optimiser works on."""
+    """A motion that the optimiser works on."""
 
     @property
     def has_spline(self) -> bool:
-        """Whether there is a trajectory yet."""
+        """True if there is a trajectory."""
         ...
 
     @property
     def gave_up(self) -> bool:
-        """Whether it ended early, without hope."""
+        """True if the optimiser ended early, without hope."""
         ...
 
     @property
     def trajectory(self) -> JointTrajectory:
-        """The best so far, as a trajectory that takes one second."""
+        """The best motion so far, as a trajectory of one second."""
         ...
 
     @property
     def segments(self) -> IntArray:
-        """The tube segment of each of its polynomial pieces, shape (pieces,)."""
+        """The tube segment of each polynomial piece, shape (pieces,)."""
         ...
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
-        """Continue with samples where a certificate fails; return whether there was work to do."""
+        """Continue with samples where a certificate fails; return True if there was work to do."""
         ...
 
 
@@ -77,18 +77,18 @@ def certified_motion(
 ) -> PlanResult | None:
     """Return the result of an optimised motion, with samples added where its certificate fails.
 
-    After Ctrl-C or the time limit, certifies the best so far.
+    After Ctrl-C or the time limit, certifies the best motion so far.
 
     Args:
-        problem: The problem that is certified.
-        motion: Of it, or of one whose tube lies inside of its.
-        work: Its first part; returns whether there is anything to certify.
+        problem: The problem for which the motion is certified.
+        motion: A motion of the problem, or of one whose tube lies inside the problem's.
+        work: The optimiser's first work; returns True if there is a motion to certify.
         clock: The planning's.
-        timed: Makes what is certified of the motion as fast as its limits allow.
-        needs_reason: Whether a certificate is to say why, even where the optimiser gave up.
+        timed: Retimes the trajectory at its limits before it is certified.
+        needs_reason: Whether a certificate is to give a reason even where the optimiser gave up.
 
     Returns:
-        None if it gave up and no reason was needed, or there was nothing to certify.
+        None if the optimiser gave up and no reason was needed, or nothing was to be certified.
 
     Raises:
         Infeasible: Nothing to start from.
@@ -116,23 +116,23 @@ def certified_motion(
 
 # ---- Planning by refinement: the second phase of the paper, from the reference branch.
 
-# Where the segments need more knots than the quality has, there are at most this many times more.
-_MAX_KNOTS_SHARE = 1.5
+# Where the segments need more knots than the quality has, at most this many times as many.
+_MAX_KNOTS_RATIO = 1.5
 # A path that turns more than this over the length of a radius is smoothed before it is tried [rad].
 _SHARP_BEND = 1.5
-# A narrower tube is of no use then: nothing is faster, or links are in the way.
+# Then a narrower tube is of no use: nothing is faster, or links are in the way.
 _ENDS_THE_SEARCH = (PlanStatus.SUCCESS, PlanStatus.TUBE_BLOCKED)
-# What chains need to begin with is divided by this all the same.
-_LEAST_DIVISION = 2
+# The knots that chains need to begin with are divided by at least this.
+_MIN_DIVISION = 2
 
-# Choices of knots: about how many intervals first, and into how many parts they are divided.
+# Choices of knots: the first number of intervals, about, and the numbers of parts of divisions.
 _Knots: TypeAlias = tuple[tuple[int, tuple[int, ...]], ...]
 
 
 def refined_plan(
     problem: PlanningProblem, branches: KnownBranches, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult | None:
-    """Return the fastest certified trajectory of all starts, or the first one's refusal.
+    """Return the fastest certified trajectory of all starts, or the first start's refusal.
 
     Returns:
         None if there was nothing to start from.
@@ -141,7 +141,7 @@ def refined_plan(
 
 
 class RefinedPlans:
-    """Refinement from one start after the other; its best result so far."""
+    """Refinement from starts in turn, and the best result so far."""
 
     def __init__(
         self,
@@ -151,11 +151,11 @@ class RefinedPlans:
         clock: PlanningClock,
         after_step: Callable[[], None] = lambda: None,
     ) -> None:
-        """Set it up; nothing is planned yet.
+        """Prepare the attempts; nothing is planned yet.
 
         Args:
             problem: The planning problem.
-            branches: Its branches, and where further ones are searched.
+            branches: The problem's branches, searched when needed.
             options: The quality decides on starts and knots.
             clock: The planning's.
             after_step: Called after every step of refinement, before the clock's check.
@@ -166,13 +166,13 @@ class RefinedPlans:
         self._results = self._attempts()
 
     def after_one(self) -> PlanResult | None:
-        """Return the result of the first start that has one; None: no start has one."""
+        """Return the result of the first start with a result; None: no start has a result."""
         return self._until(lambda best: not (best.succeeded and self._quality.every_start))
 
     def after_all(self) -> PlanResult | None:
-        """Return the best result of all starts, or of those up to the first certified trajectory.
+        """Return the best result of all starts; None: no start has a result.
 
-        The quality decides which. None: no start has a result.
+        Unless the quality asks for every start, the first certified trajectory is the last attempt.
         """
         return self._until(lambda best: best.succeeded and not self._quality.every_start)
 
@@ -190,62 +190,62 @@ class RefinedPlans:
 
     def _attempts(self) -> Iterator[PlanResult]:
         """Yield the best result so far after every start that has a result."""
-        problem, clock = self._problem, self._clock
-        for inner, known in _inner_problems(problem, self._branches, clock):
-            first: _Found | None = None
+        for inner, branches in _inner_problems(self._problem, self._branches, self._clock):
+            first_gave_up: bool | None = None
             nearly: list[ReferenceBranch] = []
-            for start in _starts(inner, known, self._quality, nearly):
-                gave_up = first is not None and first.gave_up
-                if not start.widens and not _is_other(inner, start, gave_up):
+            for start in _starts(inner, branches, self._quality, nearly):
+                if not start.widens and not _is_other(inner, start, bool(first_gave_up)):
                     continue
                 try:
-                    found = self._from_start(inner, start)
+                    result, gave_up = self._from_start(inner, start)
                 except Infeasible:  # nothing from this start
                     continue
-                first = first or found
-                if found.result is None:
+                first_gave_up = gave_up if first_gave_up is None else first_gave_up
+                if result is None:
                     continue
-                if not found.gave_up and not found.result.succeeded:
+                if not gave_up and not result.succeeded:
                     nearly.append(start.branch)
-                best = _better(self._best or found.result, found.result)
-                self._best = replace(best, stopped_by=found.result.stopped_by)
+                best = _better(self._best or result, result)
+                self._best = replace(best, stopped_by=result.stopped_by)
                 yield self._best
             if self._best is not None and self._best.status in _ENDS_THE_SEARCH:
                 return
 
-    def _from_start(self, inner: PlanningProblem, start: "_Start") -> "_Found":
-        """Return what refinement makes of one start.
+    def _from_start(
+        self, inner: PlanningProblem, start: "_Start"
+    ) -> tuple[PlanResult | None, bool]:
+        """Return refinement's result from a start, and True if refinement gave up.
+
+        The result is None if refinement gave up and no reason was needed.
 
         Args:
-            inner: What is refined: the problem, or one with a tube inside its tube.
-            start: Where to start.
+            inner: The problem to refine, or one with a tube inside the problem's.
+            start: The start.
 
         Raises:
             Infeasible: Nothing to start from.
-            TimeLimitReached: Before it began.
+            TimeLimitReached: Before refinement began.
         """
         knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
         checkpoint = entered(knots, self._clock, self._after_step)
         refinement = Refinement(
             inner, start.spline, start.divisions, checkpoint, widens=start.widens
         )
-        # Only the first refusal is told: where refinement gave up, the judge need not say why.
+        # Only the first refusal is reported: where refinement gave up later, no reason is needed.
+        needs_reason = self._best is None
         result = certified_refinement(
-            self._problem,
-            refinement,
-            refinement.run,
-            self._clock,
-            needs_reason=self._best is None,
+            self._problem, refinement, refinement.run, self._clock, needs_reason=needs_reason
         )
-        return _Found(result, refinement.gave_up)
+        return result, refinement.gave_up
 
 
 def _inner_problems(
     problem: PlanningProblem, branches: KnownBranches, clock: PlanningClock
 ) -> Iterator[tuple[PlanningProblem, KnownBranches]]:
-    """Yield the problem, and one whose tube lies inside, with branches; the likelier one first.
+    """Yield the problem and a smoother problem inside its tube, with branches, likelier first.
 
-    Only where segments form chains: a phase for every segment follows any bend.
+    The smoother problem only where segments form chains: a phase for every segment follows any
+    bend.
     """
     chains = tube_chains(problem)
     if all(len(chain) == 1 for chain in chains):
@@ -265,12 +265,12 @@ def _inner_problems(
 
 @dataclass(frozen=True, eq=False)
 class _Start:
-    """Where refinement may start.
+    """A start of refinement.
 
     Attributes:
-        branch: Along which the spline begins.
+        branch: The branch that the spline follows.
         spline: The spline.
-        divisions: How often its knot intervals are divided, and into how many parts.
+        divisions: Numbers of parts of successive divisions of the knot intervals.
         widens: As in `Refinement`.
     """
 
@@ -280,31 +280,18 @@ class _Start:
     widens: bool = True
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """What came of a start.
-
-    Attributes:
-        result: The result; None if refinement gave up and no reason was needed.
-        gave_up: As in `Refinement`.
-    """
-
-    result: PlanResult | None
-    gave_up: bool = False
-
-
 def _starts(
     problem: PlanningProblem,
     branches: KnownBranches,
     quality: Quality,
     nearly: list[ReferenceBranch],
 ) -> Iterator[_Start]:
-    """Yield where to start.
+    """Yield the starts of refinement.
 
-    At last the first once more, without widening the tube, and other knots on those branches that
-    have turned out to lead nearly to an answer, not clear of something by a little.
+    At last the first start again, without widening the tube, and other knots on branches that led
+    nearly to an answer: `nearly`, which grows while starts are tried.
     """
-    known: list[ReferenceBranch] = []
+    distinct: list[ReferenceBranch] = []
     first: _Start | None = None
     for search in _branch_searches(problem, branches):
         try:
@@ -313,13 +300,13 @@ def _starts(
             continue
         if not branch.moving_segments:
             return
-        if any(branch.is_as(other) for other in known):
+        if any(branch.is_as(other) for other in distinct):
             continue
-        knots = _knots(problem, branch, quality)[: 1 if known else None]
+        knots = _knots(problem, branch, quality)[: 1 if distinct else None]
         for start in _starts_from(problem, branch, knots):
             first = first or start
             yield start
-        known.append(branch)
+        distinct.append(branch)
     if first is not None:
         yield replace(first, widens=False)
     for branch in dict.fromkeys(nearly):
@@ -344,19 +331,19 @@ def _knots(problem: PlanningProblem, branch: ReferenceBranch, quality: Quality) 
 
 
 def _is_other(problem: PlanningProblem, last: _Start, gave_up: bool) -> bool:
-    """Return whether a last try without widening is not only the first one again.
+    """Return True if a last attempt without widening may differ from the first.
 
     Args:
-        problem: What is planned.
+        problem: The planning problem.
         last: The last start.
-        gave_up: Whether the first one did.
+        gave_up: Whether refinement from the first start gave up.
     """
     few_at_first = len(last.divisions) > 1 or not has_enough_knots(last.spline.grid)
     return _is_widened(problem, last.spline) or (gave_up and few_at_first)
 
 
 def _is_widened(problem: PlanningProblem, spline: PhasedSpline) -> bool:
-    """Return whether a start's coarse knots get another tube than the problem's."""
+    """Return True if a start's coarse knots get a wider tube than the problem's."""
     widened = widened_radius(problem.tube, spline.grid)
     return bool((widened > problem.tube.effective_radius).any())
 
@@ -364,37 +351,38 @@ def _is_widened(problem: PlanningProblem, spline: PhasedSpline) -> bool:
 def _branch_searches(
     problem: PlanningProblem, branches: KnownBranches
 ) -> Iterator[Callable[[], ReferenceBranch]]:
-    """Yield searches for branches, the most natural first, then those that may be impossible.
+    """Yield searches for branches: the most natural, branches outside the tube, other rules.
 
-    Of these the shortest first: one may turn a wrist to and fro that another hardly moves.
+    Of branches outside the tube the shortest first: a branch may turn a wrist to and fro that
+    another hardly moves.
     """
     first, *others = redundancy_rules(problem)
     yield partial(branches.by_rule, first)
-    impossible = [branches.joint_lines]
+    outside = [branches.joint_lines]
     if problem.rotation is not None:
-        impossible.append(branches.position_only)
-    yield from sorted(impossible, key=_length)
+        outside.append(branches.position_only)
+    yield from sorted(outside, key=_length)
     for rule in others:
         yield partial(branches.by_rule, rule)
 
 
 def _length(search: Callable[[], ReferenceBranch]) -> float:
-    """Return the length of the branch that a search finds; infinite if it finds none."""
+    """Return the length of the branch of a search; infinite without a branch."""
     try:
         return search().length
     except Infeasible:
         return np.inf
 
 
-def _divisions(grid: KnotGrid, wanted: int, divisions: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the divisions for knots that begin with more intervals than the quality's.
+def _divisions(grid: KnotGrid, intervals: int, divisions: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the divisions of a grid that may have more intervals than the quality's.
 
-    Every phase has some, and chains as many as they need: then the finest knots are reached by
-    fewer divisions.
+    Every phase has intervals, and chains as many as they need: then fewer divisions lead to the
+    finest knots.
     """
     count, has_chains = grid.interval_count, any(len(chain) > 1 for chain in grid.chains)
-    most = _MAX_KNOTS_SHARE * wanted * float(np.prod(divisions))
-    most = max(most, _LEAST_DIVISION * count) if has_chains else most
+    most = _MAX_KNOTS_RATIO * intervals * float(np.prod(divisions))
+    most = max(most, _MIN_DIVISION * count) if has_chains else most
     parts = list(divisions)
     while parts and count * np.prod(parts) > most:
         parts[0] -= 1
@@ -406,15 +394,15 @@ def _divisions(grid: KnotGrid, wanted: int, divisions: tuple[int, ...]) -> tuple
 def entered(
     knots: int, clock: PlanningClock, after_step: Callable[[], None] = lambda: None
 ) -> Callable[[float], None]:
-    """Enter the stage of refinement to so many knots; return what it calls after every step.
+    """Enter the stage of refinement to a number of knots; return the checkpoint of its steps.
 
     Args:
-        knots: How many.
+        knots: Number of knots, for the stage's name.
         clock: The planning's.
         after_step: Called after every step; stages that it announces end with it.
 
     Raises:
-        TimeLimitReached: Before it began.
+        TimeLimitReached: Before the stage began.
     """
     stage = f"refinement to {knots} knots"
     clock.enter(stage)
@@ -435,14 +423,14 @@ def certified_refinement(
     *,
     needs_reason: bool = True,
 ) -> PlanResult | None:
-    """Return refinement's result, as `certified_motion`, with what limits cost and how it ended.
+    """Return refinement's result, as `certified_motion`, with sensitivities and its last motion.
 
     Args:
-        problem: The problem that is certified.
-        refinement: Of it, or of one whose tube lies inside of its.
-        work: Its first part.
+        problem: The problem for which the motion is certified.
+        refinement: Refinement of the problem, or of one whose tube lies inside the problem's.
+        work: Refinement's first work.
         clock: The planning's.
-        needs_reason: Whether a certificate is to say why, even where refinement gave up.
+        needs_reason: Whether a certificate is to give a reason even where refinement gave up.
 
     Returns:
         None if refinement gave up and no reason was needed.
@@ -453,38 +441,37 @@ def certified_refinement(
     result = certified_motion(problem, refinement, work, clock, needs_reason=needs_reason)
     if result is None or result.trajectory is None:
         return result
-    trajectory = result.trajectory
-    sensitivities = limit_sensitivities(problem, refinement, trajectory.duration)
+    sensitivities = limit_sensitivities(problem, refinement, result.trajectory.duration)
     motion = RefinedMotion(refinement.problem, refinement.problem is not problem, refinement.spline)
     return replace(result, sensitivities=sensitivities, motion=motion)
 
 
-def _better(known: PlanResult, found: PlanResult) -> PlanResult:
-    """Return the faster of two results that are certified, the one that is, or the first."""
-    if found.duration is None:
-        return known
-    return found if known.duration is None or found.duration < known.duration else known
+def _better(first: PlanResult, second: PlanResult) -> PlanResult:
+    """Return the faster of two certified results, the certified result, or the first."""
+    if second.duration is None:
+        return first
+    return second if first.duration is None or second.duration < first.duration else first
 
 
 # ---- Planning by refinement from the last motion, after a problem has changed a little.
 
 # A motion that changes for more steps before it is judged is no longer near the last: another may
-# be better. (Of 110 small changes and 88 large ones, those that took no more ended at most 0.17 %
-# above a fresh plan. In tubes up to 3 times as wide, those that took more ended up to 3.8 % above.)
+# be better. (Of 110 small and 88 large changes, all with no more steps ended at most 0.17 % above a
+# fresh plan. In tubes up to 3 times as wide, motions with more steps ended up to 3.8 % above.)
 _MAX_STEPS = 25
 
 
 def continued_plan(
     problem: PlanningProblem, last: RefinedMotion, clock: PlanningClock
 ) -> PlanResult | None:
-    """Return a certified trajectory that refinement makes of the last motion.
+    """Return a certified trajectory by refinement of the last motion.
 
     Returns:
-        None if there is none, and the problem is to be planned afresh. After Ctrl-C or the time
-        limit, the best so far, or that nothing is certified.
+        None if there is no trajectory, and the problem is to be planned afresh. After Ctrl-C or the
+        time limit, the best so far, or the result that nothing is certified.
 
     Raises:
-        TimeLimitReached: Before it began; likewise KeyboardInterrupt.
+        TimeLimitReached: Before refinement began; likewise KeyboardInterrupt.
     """
     inner = last.suited(problem)
     if inner is None:
@@ -505,23 +492,22 @@ def continued_plan(
 
 
 class _FirstSteps:
-    """A checkpoint that ends the work if there are too many steps before its first answer.
+    """A checkpoint that ends the work after too many steps before its first answer.
 
-    Where a certificate objects to that one, the steps that mend it say nothing of how far it is
-    from the last motion.
+    Steps after a certificate's objection to that answer do not count: they say nothing of its
+    distance from the last motion.
     """
 
     def __init__(self, checkpoint: Callable[[float], None]) -> None:
-        """Count calls of a checkpoint."""
         self._checkpoint = checkpoint
         self._steps = count(1)
         self._has_answer = False
 
     def __call__(self, duration: float) -> None:
-        """Take note of a step.
+        """Count a step.
 
         Raises:
-            Infeasible: Status no_trajectory: there were too many.
+            Infeasible: Status no_trajectory: too many steps.
         """
         self._checkpoint(duration)
         if not self._has_answer and next(self._steps) > _MAX_STEPS:
@@ -529,52 +515,52 @@ class _FirstSteps:
             raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
 
     def until_answered(self, work: Callable[[], bool]) -> bool:
-        """Return what work returns, whose steps are those up to the first answer."""
+        """Do the work up to the first answer, whose steps are counted; return its result."""
         has_answer = work()
         self._has_answer = True
         return has_answer
 
 
 # ---- Planning through narrower tubes, where links get stuck on the way to a fast motion in a wide
-# one.
+# tube.
 #
 # Refinement is a local method: in a wide tube its first steps may lead links into an obstacle that
 # they do not get out of. Around a reference path that is free, a tube that is narrow enough has no
-# such way; and the motion in it is a start for the wide one.
+# such path; and the motion in it is a start for the wide tube.
 
-# Shares of the tube's radii that are tried.
+# Fractions of the tube's radii, in turn.
 _NARROWER = (0.5, 0.25)
 
 
 def narrowed_plan(
     problem: PlanningProblem, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult | None:
-    """Return the certified motion that refinement makes of one in a narrower tube.
+    """Return the certified motion by refinement of a motion in a narrower tube.
 
     Returns:
-        None if there is none, or start or goal lie outside of narrower tubes.
+        None if there is no motion, or start or goal lie outside of narrower tubes.
 
     Raises:
-        TimeLimitReached: Before there was one; likewise KeyboardInterrupt.
+        TimeLimitReached: Before there was a motion; likewise KeyboardInterrupt.
     """
-    for share in _NARROWER:
-        with suppress(ProblemError, Infeasible):  # start or goal outside, or nothing found
-            narrower = problem.with_tube(problem.tube.scaled(share))
-            found = refined_plan(narrower, KnownBranches(narrower, clock), options, clock)
-            if found is None or found.motion is None or found.trajectory is None:
+    for ratio in _NARROWER:
+        with suppress(ProblemError, Infeasible):  # start or goal outside, or no motion
+            narrower = problem.with_tube(problem.tube.scaled(ratio))
+            result = refined_plan(narrower, KnownBranches(narrower, clock), options, clock)
+            if result is None or result.motion is None or result.trajectory is None:
                 continue
-            if found.stopped_by is None:
-                widened = _widened(problem, found.motion.spline, clock)
+            if result.stopped_by is None:
+                widened = _widened(problem, result.motion.spline, clock)
                 if widened is not None and widened.succeeded:
                     return widened
-            answer = certified_result(problem, found.trajectory, REFINEMENT, clock)
-            return replace(answer, motion=found.motion, stopped_by=found.stopped_by)
+            answer = certified_result(problem, result.trajectory, REFINEMENT, clock)
+            return replace(answer, motion=result.motion, stopped_by=result.stopped_by)
     return None
 
 
 def _widened(
     problem: PlanningProblem, start: PhasedSpline, clock: PlanningClock
 ) -> PlanResult | None:
-    """Return what refinement in the whole tube makes of a motion in a narrower one."""
+    """Return the result of refinement in the whole tube, from a motion in a narrower tube."""
     refinement = Refinement(problem, start, (), entered(start.grid.interval_count, clock))
     return certified_refinement(problem, refinement, refinement.run_on, clock)

@@ -1,4 +1,4 @@
-"""From the shortest motion to a followable one: periods, slack, smoothness, energy."""
+"""From the shortest motion to the written motion: periods, slack, smoothness, energy."""
 
 from dataclasses import replace
 from functools import partial
@@ -27,36 +27,36 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.polynomials import REST_POINTS
 
-# ---- How long a motion takes: longer than it must, and in a controller's periods.
+# ---- Durations: longer than the shortest, and in a controller's periods.
 
 _ROUNDING = 1e-9  # relative, and of a period
 
 
 def no_longer(duration: float, longest: float) -> bool:
-    """Return whether a duration is no longer than another, but for rounding."""
+    """Return True if a duration is no longer than another, but for rounding."""
     return duration <= longest * (1 + _ROUNDING)
 
 
 def fewest_periods(duration: float, period: float) -> int:
-    """Return the number of periods that a motion needs."""
+    """Return the least number of periods of at least a duration, and at least 1."""
     return max(ceil(duration / period - _ROUNDING), 1)
 
 
 def most_periods(duration: float, period: float) -> int:
-    """Return the number of periods that fit into a duration."""
+    """Return the largest number of periods within a duration."""
     return floor(duration / period + _ROUNDING)
 
 
 def lengthened(
     trajectory: JointTrajectory, duration: float, period: float | None = None
 ) -> JointTrajectory:
-    """Return a trajectory run in a duration [s], unless it takes longer.
+    """Return a trajectory slowed to a duration [s]; as it is if it takes longer.
 
     Args:
         trajectory: The trajectory.
-        duration: What it is to take.
-        period: Its breakpoints are multiples of this, but for rounding, which is taken away; None:
-            they are not.
+        duration: The new duration [s].
+        period: Breakpoints are rounded to multiples of this [s], which they are but for rounding
+            errors; None: breakpoints stay as they are.
     """
     if not no_longer(trajectory.duration, duration):
         return trajectory
@@ -67,20 +67,18 @@ def lengthened(
     return JointTrajectory(slower.joint_names, breakpoints, slower.coefficients)
 
 
-# ---- How much of the time that a motion may take is of use to its objective.
-
-_TRIED = 50
+_DURATIONS = 50
 
 
 def cheapest_duration(problem: PlanningProblem, shortest: JointTrajectory, longest: float) -> float:
-    """Return in which duration the shortest motion, run slower, costs least [s].
+    """Return the duration [s] in which the shortest motion, run slower, costs least.
 
-    Slower motions take less to be accelerated, but are held against gravity for longer.
+    Slower motions need less effort for acceleration, but are held against gravity for longer.
 
     Args:
-        problem: The planning problem, whose objective says what counts.
-        shortest: Its shortest motion.
-        longest: How long it may take [s].
+        problem: The planning problem; its objective defines the cost.
+        shortest: The problem's shortest motion.
+        longest: The longest duration [s].
 
     Returns:
         One of 50 evenly spaced durations; the longest for smoothness.
@@ -89,19 +87,19 @@ def cheapest_duration(problem: PlanningProblem, shortest: JointTrajectory, longe
     if objective.minimise == SMOOTHNESS:
         return longest
     costs = EffortCosts(problem.robot, shortest)
-    tried = np.linspace(shortest.duration, longest, _TRIED).tolist()
+    durations = np.linspace(shortest.duration, longest, _DURATIONS).tolist()
     if objective.minimise == ENERGY:
         weights = objective.energy_weights(problem.robot)
-        return float(min(reversed(tried), key=lambda duration: costs.energy(weights, duration)))
-    return float(min(reversed(tried), key=costs.work))
+        return float(min(reversed(durations), key=lambda each: costs.energy(weights, each)))
+    return float(min(reversed(durations), key=costs.work))
 
 
 # ---- Motions whose duration and breakpoints are multiples of a controller's period.
 
-# So many numbers of periods are tried, each with its own knots.
+# Numbers of periods in turn, each with its own knots.
 _MAX_TRIES = 8
-# With fewer, the control points at rest at both ends leave none that may move.
-_FEWEST_PERIODS = 2 * REST_POINTS - DEGREE + 1
+# With fewer, all control points are at rest at an end, and none may move.
+_MIN_PERIODS = 2 * REST_POINTS - DEGREE + 1
 
 
 def periodic_plan(
@@ -109,7 +107,7 @@ def periodic_plan(
 ) -> tuple[PlanResult, PhasedSpline] | None:
     """Return the shortest motion in whole periods, certified, and its spline.
 
-    On knots at multiples of a period, the last motion is refined again: they are fewer where the
+    On knots at multiples of a period, the last motion is refined again: knots are fewer where the
     arm sets off, and switching times stay where they are.
 
     Args:
@@ -119,37 +117,37 @@ def periodic_plan(
         clock: The planning's.
 
     Returns:
-        None if none is found near the shortest motion.
+        None if there is no such motion near the shortest motion.
 
     Raises:
-        TimeLimitReached: Before there was one; likewise KeyboardInterrupt.
+        TimeLimitReached: Before there was a motion; likewise KeyboardInterrupt.
     """
     assert shortest.motion is not None and shortest.duration is not None
     inner, spline = shortest.motion.problem, shortest.motion.spline
     phases = len(spline.grid.shares)
-    count = max(fewest_periods(shortest.duration, period), phases, _FEWEST_PERIODS)
+    count = max(fewest_periods(shortest.duration, period), phases, _MIN_PERIODS)
     for _ in range(_MAX_TRIES):
         start = on_periodic_knots(spline, count)
         refinement = Refinement(inner, start, (), entered(start.grid.interval_count, clock))
         in_periods = partial(lengthened, duration=count * period, period=period)
         try:
-            found = certified_motion(
+            result = certified_motion(
                 problem, refinement, refinement.run_on, clock, timed=in_periods
             )
         except Infeasible:
-            found = None
-        if found is None or found.duration is None:
+            result = None
+        if result is None or result.duration is None:
             count += 1
             continue
-        if no_longer(found.duration, count * period):
+        if no_longer(result.duration, count * period):
             periodic = replace(
-                found,
+                result,
                 notes=shortest.notes,
                 sensitivities=shortest.sensitivities,
                 motion=shortest.motion,
             )
             return periodic, refinement.spline
-        count = max(count + 1, fewest_periods(found.duration, period))
+        count = max(count + 1, fewest_periods(result.duration, period))
     return None
 
 
@@ -163,32 +161,27 @@ def second_stage_plan(
     longest: float,
     clock: PlanningClock,
 ) -> PlanResult:
-    """Return the best motion in a duration; the shortest one where that fails.
+    """Return the best motion in a duration, by the objective; the shortest where that fails.
 
     Args:
         problem: The planning problem.
         shortest: Refinement's answer, certified.
-        spline: Where to start: that motion, or one near it on the knots that are wanted.
-        longest: How long it is to take [s].
+        spline: The start: that motion, or one near it on other knots.
+        longest: Duration of the result [s].
         clock: The planning's.
     """
-    found: PlanResult | None = None
-
-    def work() -> None:
-        nonlocal found
-        found = _certified(problem, shortest, spline, longest, clock)
-
-    _, stopped_by = until_stopped(work)
-    stopped_by = stopped_by or (None if found is None else found.stopped_by)
-    after = None if found is None else found.trajectory
-    if found is None or after is None or not no_longer(after.duration, longest):
+    work = partial(_certified, problem, shortest, spline, longest, clock)
+    result, stopped_by = until_stopped(work)
+    stopped_by = stopped_by or (None if result is None else result.stopped_by)
+    after = None if result is None else result.trajectory
+    if result is None or after is None or not no_longer(after.duration, longest):
         done = "smoothed" if _is_smoothing(problem) else "changed to save anything"
-        note = f"the answer is the shortest motion, not {done}: {_reason(found, stopped_by)}"
+        note = f"the answer is the shortest motion, not {done}: {_reason(result, stopped_by)}"
         return replace(shortest, stopped_by=stopped_by, notes=(*shortest.notes, note))
     assert shortest.trajectory is not None
     note = gain_note(problem, shortest.trajectory, after)
     return replace(
-        found,
+        result,
         stopped_by=stopped_by,
         notes=(*shortest.notes, note),
         sensitivities=shortest.sensitivities,
@@ -205,9 +198,9 @@ def _certified(
     clock: PlanningClock,
 ) -> PlanResult | None:
     """Return the certified result of the second stage; None if it fails."""
-    assert shortest.motion is not None
-    assert shortest.certificate is not None
-    name = _stage_name(problem)
+    assert shortest.motion is not None and shortest.certificate is not None
+    objective = problem.objective or Objective()
+    name = "smoothing" if _is_smoothing(problem) else f"saving {objective.minimise}"
     clock.enter(name)
 
     def checkpoint(duration: float) -> None:
@@ -223,38 +216,33 @@ def _certified(
         return None
 
 
-def _reason(found: PlanResult | None, stopped_by: StoppedBy | None) -> str:
+def _reason(result: PlanResult | None, stopped_by: StoppedBy | None) -> str:
     if stopped_by is not None:
         return f"stopped by {stopped_by.replace('_', ' ')}"
-    if found is None:
+    if result is None:
         return "no better one was found in the time that it may take"
-    if found.duration is not None:
-        return f"the better one takes {found.duration:.4f} s, more than it may"
-    return f"the better one was not certified: {found.message}"
+    if result.duration is not None:
+        return f"the better one takes {result.duration:.4f} s, more than it may"
+    return f"the better one was not certified: {result.message}"
 
 
 def _is_smoothing(problem: PlanningProblem) -> bool:
     return (problem.objective or Objective()).minimise == SMOOTHNESS
 
 
-def _stage_name(problem: PlanningProblem) -> str:
-    objective = problem.objective or Objective()
-    return "smoothing" if _is_smoothing(problem) else f"saving {objective.minimise}"
-
-
-# ---- From the shortest motion to one that a machine can follow: in its periods, smooth or thrifty.
+# ---- From the shortest motion to the written motion: in periods, smooth or efficient.
 
 
 def followed_plan(
     problem: PlanningProblem, shortest: PlanResult, slack: float | None, clock: PlanningClock
 ) -> PlanResult:
-    """Return the motion that is written: in time, in whole periods and as good as that allows.
+    """Return the motion that is written: in time, in whole periods, and best by the objective.
 
     Args:
         problem: The planning problem.
         shortest: The answer of planning.
-        slack: By which share longer than the shortest motion it may be; None: as the problem says,
-            which may say how long it is to take instead.
+        slack: Fraction by which the duration may exceed the shortest; None: the slack or the
+            duration of the problem's objective.
         clock: The planning's.
 
     Returns:
@@ -264,12 +252,12 @@ def followed_plan(
     problem, objective = problem.joined, problem.objective or Objective()
     duration = objective.duration if slack is None else None
     slack = objective.slack if slack is None else slack
-    found = _followed(problem, shortest, slack or 0.0, duration, clock)
+    result = _followed(problem, shortest, slack or 0.0, duration, clock)
     if duration is not None:
-        found = _in_duration(problem, found, duration)
-    if found.trajectory is None or found.motion is None or found.shortest is not None:
-        return found
-    return replace(found, notes=(*found.notes, *jerk_note(problem.robot, found.trajectory)))
+        result = _in_duration(problem, result, duration)
+    if result.trajectory is None or result.motion is None or result.shortest is not None:
+        return result
+    return replace(result, notes=(*result.notes, *jerk_note(problem.robot, result.trajectory)))
 
 
 def _followed(
@@ -279,7 +267,7 @@ def _followed(
     duration: float | None,
     clock: PlanningClock,
 ) -> PlanResult:
-    """Return the best motion that is found, of joined segments, in whole periods."""
+    """Return the best motion by the objective, in whole periods; segments are joined."""
     period = problem.period
     if shortest.motion is None or shortest.trajectory is None or shortest.stopped_by is not None:
         return shortest if period is None else _in_whole_periods(problem, shortest, period)
@@ -289,11 +277,10 @@ def _followed(
         if longest is None:
             return shortest
         return second_stage_plan(problem, shortest, spline, longest, clock)
-    found, stopped_by = until_stopped(lambda: periodic_plan(problem, shortest, period, clock))
-    if found is None:
-        longer = _in_whole_periods(problem, shortest, period)
-        return replace(longer, stopped_by=stopped_by)
-    periodic, spline = found
+    plan, stopped_by = until_stopped(lambda: periodic_plan(problem, shortest, period, clock))
+    if plan is None:
+        return replace(_in_whole_periods(problem, shortest, period), stopped_by=stopped_by)
+    periodic, spline = plan
     longest = _longest(problem, periodic, slack, duration)
     if longest is None or periodic.stopped_by is not None or periodic.duration is None:
         return periodic
@@ -305,7 +292,7 @@ def _followed(
 def _longest(
     problem: PlanningProblem, shortest: PlanResult, slack: float, duration: float | None
 ) -> float | None:
-    """Return how long the motion is to take [s]; None: there is nothing to be done in that time."""
+    """Return the duration for the second stage [s]; None: there is no time for it."""
     assert shortest.trajectory is not None
     if duration is not None:
         return duration if no_longer(shortest.trajectory.duration, duration) else None
@@ -315,35 +302,35 @@ def _longest(
     return cheapest_duration(problem, shortest.trajectory, longest)
 
 
-def _in_duration(problem: PlanningProblem, found: PlanResult, duration: float) -> PlanResult:
-    """Return an answer that takes exactly as long as is asked for, or that there is none."""
-    if found.trajectory is None or found.duration is None:
-        return found
-    if not no_longer(found.duration, duration):
+def _in_duration(problem: PlanningProblem, answer: PlanResult, duration: float) -> PlanResult:
+    """Return an answer in the objective's exact duration [s], or a refusal if it is too short."""
+    if answer.trajectory is None or answer.duration is None:
+        return answer
+    if not no_longer(answer.duration, duration):
         # Rounded upwards; multiples of a period are as they are.
-        least = found.duration if problem.period else ceil(1e4 * found.duration) / 1e4
+        least = answer.duration if problem.period else ceil(1e4 * answer.duration) / 1e4
         return replace(
-            found,
+            answer,
             status=PlanStatus.NO_TRAJECTORY,
             message=f"objective.duration is {duration:g} s, but the shortest motion that was found "
-            f"takes {found.duration:.6g} s; give {least:.6g} s or more, or a slack instead",
+            f"takes {answer.duration:.6g} s; give {least:.6g} s or more, or a slack instead",
             place=Place(),
             trajectory=None,
-            shortest=found.trajectory,
+            shortest=answer.trajectory,
             notes=(),
         )
-    if no_longer(duration, found.duration):
-        return found
+    if no_longer(duration, answer.duration):
+        return answer
     note = f"that motion is run slower, in the duration that is asked for, {duration:g} s"
-    slower = _run_in(problem, found, duration, note)
-    return replace(slower, shortest=found.shortest or found.trajectory)
+    slower = _run_in(problem, answer, duration, note)
+    return replace(slower, shortest=answer.shortest or answer.trajectory)
 
 
 def _in_whole_periods(problem: PlanningProblem, shortest: PlanResult, period: float) -> PlanResult:
-    """Return an answer whose duration is a multiple of a period, its breakpoints where they were.
+    """Return an answer slowed to a whole number of periods; its breakpoints are no multiples.
 
-    Slower motions keep all limits that faster ones keep, but where the arm swings through what
-    its motors cannot hold; then the answer stays as it is.
+    Slower motions keep all limits that faster motions keep, unless the arm swings through
+    configurations that its motors cannot hold; then the answer stays as it is.
     """
     if shortest.trajectory is None or shortest.duration is None:
         return shortest
@@ -366,9 +353,9 @@ def _run_in(problem: PlanningProblem, answer: PlanResult, duration: float, note:
     """Return an answer run slower, certified, with a note."""
     assert answer.trajectory is not None
     slower = answer.trajectory.scaled(duration / answer.trajectory.duration)
-    found = certified_result(problem, slower, answer.method, PlanningClock(None, None))
+    result = certified_result(problem, slower, answer.method, PlanningClock(None, None))
     return replace(
-        found,
+        result,
         search=answer.search,
         phase_two=answer.phase_two,
         stopped_by=answer.stopped_by,
