@@ -8,17 +8,7 @@ import pytest
 from arms import rail_arm
 from cases import rest_to_rest
 
-from cycles import (
-    DWELL,
-    HOME,
-    PICK,
-    PLACE,
-    move,
-    pick_and_place,
-    planar_arm,
-    slow_motion,
-    weight,
-)
+from cycles import DWELL, HOME, PICK, PLACE, move, pick_and_place, planar_arm, slow_motion, weight
 from tubeplanner import (
     Attach,
     Cycle,

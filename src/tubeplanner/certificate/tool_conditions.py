@@ -52,10 +52,8 @@ def judge_tube(motion: JudgedMotion) -> JudgedCondition:
 
 def judge_points(motion: JudgedMotion) -> JudgedCondition:
     """Judge compulsory points, each at an instant when either of its segments is current."""
-    passed = passages(
-        *(motion.problem, motion.trajectory, motion.tool, motion.visits, motion.rotation),
-        further=motion.further,
-    )
+    problem, trajectory, tool = motion.problem, motion.trajectory, motion.tool
+    passed = passages(problem, trajectory, tool, motion.visits, motion.rotation, motion.further)
     if not passed:
         return not_required("m", "no point is to be passed")
     worst = min(passed, key=lambda passage: passage.margin)

@@ -326,17 +326,16 @@ class _Fit:
         """
 
         def worse(time: FloatArray) -> FloatArray:
-            before, after = (self._in(segment, time) for segment in pairs)
+            before, after = (
+                np.minimum.reduce([margin.within(segment, time) for margin in self._margins])
+                for segment in pairs
+            )
             return np.minimum(before, after)
 
         candidates = np.array([low, high, _highest(worse, low, high)])
         best = np.array([worse(time) for time in candidates]).argmax(axis=0)
         times: FloatArray = candidates[best, np.arange(len(low))]
         return times
-
-    def _in(self, segment: IntArray, time: FloatArray) -> FloatArray:
-        """Return the margins as `at`, each in its segment, shape (N,)."""
-        return np.minimum.reduce([margin.within(segment, time) for margin in self._margins])
 
 
 def _highest(

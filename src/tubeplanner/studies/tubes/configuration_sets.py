@@ -73,11 +73,12 @@ class ConfigurationSet:
         nearest = self.problem.tube.nearest(tool, self._alone)[:, 0]
         distance = np.linalg.norm(tool - nearest, axis=1, keepdims=True)
         share = np.minimum(1.0, _WITHIN * self.radius / np.maximum(distance, _INSIDE))
-        turns = None
-        if self._turn_bounds is not None:
-            tube = self.problem.tube.rotation
-            assert tube is not None
-            turns = self._bounded(tube.error(rotation, tool, self.segment))
+        turns, tube, bounds = None, self.problem.tube.rotation, self._turn_bounds
+        if tube is not None and bounds is not None:
+            turns = tube.error(rotation, tool, self.segment)
+            turns = np.clip(turns, -_WITHIN * bounds[:3], _WITHIN * bounds[:3])
+            angle = np.maximum(np.linalg.norm(turns, axis=1, keepdims=True), _INSIDE)
+            turns = turns * np.minimum(1.0, _WITHIN * bounds[3] / angle)
         return self._moved(q, nearest + share * (tool - nearest), turns, near=0.0)
 
     def _moved(
@@ -118,14 +119,6 @@ class ConfigurationSet:
             return _WITHIN * bounds[3] * _in_ball(count, rng)
         finite = np.where(np.isfinite(bounds[:3]), bounds[:3], 0.0)
         return _WITHIN * finite * rng.uniform(-1, 1, (count, 3))
-
-    def _bounded(self, vectors: FloatArray) -> FloatArray:
-        """Return rotation vectors (N, 3) [rad] shortened into the rotation tolerance."""
-        bounds = self._turn_bounds
-        assert bounds is not None
-        vectors = np.clip(vectors, -_WITHIN * bounds[:3], _WITHIN * bounds[:3])
-        angle = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), _INSIDE)
-        return vectors * np.minimum(1.0, _WITHIN * bounds[3] / angle)
 
     @property
     def _turn_bounds(self) -> FloatArray | None:

@@ -79,7 +79,14 @@ def measured_plan(
         whole = in_tube(problem, corners, band, options.max_radius)
         try:
             with clock.within(f"tube {parted + 1} of at most {_MAX_PARTINGS + 1}"):
-                return _measured(whole, options, clock, way, kept)
+                measured = measured_tube(whole, options, clock, way, kept)
+                if measured.problem is None:
+                    raise Infeasible(measured.status, measured.message, measured.place)
+                clock.enter("planning through the measured tube")
+                result = plan_under(clock, measured.problem)
+                if not result.succeeded:
+                    raise Infeasible(result.status, result.message, result.place)
+                return PlannedTube(measured.problem, result)
         except Infeasible as reason:
             segment = reason.place.segment
             is_blocked = reason.status is PlanStatus.TUBE_BLOCKED and segment is not None
@@ -112,23 +119,6 @@ def in_tube(
     segments = [np.vstack(pair) for pair in zip(corners.lines, corners.parts, strict=True)]
     tube = reference_tube(problem.robot, corners.points, segments, band, radius)
     return problem.with_tube(tube, corners.parts[-1][-1])
-
-
-def _measured(
-    problem: PlanningProblem,
-    options: MeasureOptions,
-    clock: PlanningClock,
-    way: FloatArray | None,
-    kept: KeptSegments,
-) -> PlannedTube:
-    measured = measured_tube(problem, options, clock, way, kept)
-    if measured.problem is None:
-        raise Infeasible(measured.status, measured.message, measured.place)
-    clock.enter("planning through the measured tube")
-    result = plan_under(clock, measured.problem)
-    if not result.succeeded:
-        raise Infeasible(result.status, result.message, result.place)
-    return PlannedTube(measured.problem, result)
 
 
 def plan_under(

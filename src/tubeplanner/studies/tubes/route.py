@@ -336,8 +336,8 @@ def route_candidates(
         clock: Announces progress and may end the work.
 
     Raises:
-        Infeasible: Status no_trajectory: no route was candidates.
-        TimeLimitReached: The time limit passed before a route was candidates.
+        Infeasible: Status no_trajectory: no route was found.
+        TimeLimitReached: The time limit passed before a route was found.
     """
     candidates: list[RouteCandidate] = []
     ends = np.vstack([start, goals])
@@ -359,7 +359,10 @@ def route_candidates(
     space = FreeSpace(problem, _MIN_MARGIN, ends)
     for margin in _MARGINS:
         clock.enter(f"a trajectory without a route, {1000 * margin:g} mm from obstacles")
-        way = _candidates(problem.robot, space, _trajectory(problem, goals[0], margin, clock))
+        wider = replace(problem.farther_apart(margin), goal=goals[0])
+        trajectory = plan_under(clock, wider, "fast").trajectory
+        q = None if trajectory is None else trajectory.per_piece(_SAMPLES_PER_PIECE).position
+        way = _candidates(problem.robot, space, q)
         candidates += way
         if way or clock.used > _SHARE_OF_TIME:
             break
@@ -375,17 +378,6 @@ def _candidates(
     speed = np.where(np.isfinite(robot.limits.velocity), robot.limits.velocity, 1.0)
     steps = np.concatenate([abs(np.diff(q, axis=0)) / speed for q in corners.lines])
     return [RouteCandidate(space, corners, joint_time=float(steps.max(axis=1).sum()))]
-
-
-def _trajectory(
-    problem: PlanningProblem, goal: FloatArray, margin: float, clock: PlanningClock
-) -> FloatArray | None:
-    """Return the fastest trajectory from straight joint lines, if free of collisions, (N, n)."""
-    wider = replace(problem.farther_apart(margin), goal=goal)
-    planned = plan_under(clock, wider, "fast")
-    if planned.trajectory is None:
-        return None
-    return planned.trajectory.per_piece(_SAMPLES_PER_PIECE).position
 
 
 def _no_route(problem: PlanningProblem, search: RouteSearch, options: RouteOptions) -> Infeasible:
@@ -463,7 +455,7 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
             solutions.append(np.round(solution.q, _DECIMALS))
     if not solutions:
         message = (
-            f"no configuration was solutions for the goal: the tool was brought no nearer than "
+            f"no configuration was found for the goal: the tool was brought no nearer than "
             f"{least:.4g} m from {len(seeds)} starts"
         )
         raise Infeasible(PlanStatus.UNREACHABLE, message, Place().at(target))

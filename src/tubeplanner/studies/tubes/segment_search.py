@@ -251,7 +251,7 @@ def search_segment(
     within: Box | None = None,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> SegmentSearch | Collision:
-    """Return the largest set result around a branch, or a collision that leaves none.
+    """Return the largest set found around a branch, or a collision that leaves none.
 
     Args:
         boxes: Around the branch; they store the collisions that searches find.
