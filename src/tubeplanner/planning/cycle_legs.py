@@ -1,6 +1,6 @@
-"""Plans of a cycle's legs: greedy, other end configurations, all together."""
+"""Plans of a cycle's legs: in order, with other end configurations, all together."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
@@ -27,7 +27,7 @@ from tubeplanner.outcome import (
 from tubeplanner.planning.cycle_result import BlockedLeg, LegPlan
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.refined_plan import continued_plan
-from tubeplanner.planning.result import PlanResult, refused_result, stopped_result
+from tubeplanner.planning.result import refused_result, stopped_result
 from tubeplanner.planning.strategy import shortest_plan
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.endpoints import Goal, GoalRegion
@@ -39,14 +39,14 @@ _SAME = 0.1  # [rad or m] of every joint
 
 
 def other_ends(cycle: Cycle, k: int, seams: list[FloatArray]) -> Iterator[FloatArray]:
-    """Yield configurations (n,) in which leg k could begin, from which a branch leads along it.
+    """Yield other configurations (n,) for leg k's begin, from which a branch leads along it.
 
-    Those nearest to where the leg before begins come first.
+    Configurations nearest to the begin of the leg before come first.
 
     Args:
         cycle: The cycle; the leg before ends openly.
-        k: The leg.
-        seams: Configurations (n,) of the seams up to where it begins, the last one as it is now.
+        k: Index of the leg.
+        seams: Configurations (n,) of the junctions up to the leg's begin; the last one as it is.
     """
     before = cycle.problem_from_anywhere(k - 1)
     after = cycle.problem_from_anywhere(k)
@@ -54,38 +54,35 @@ def other_ends(cycle: Cycle, k: int, seams: list[FloatArray]) -> Iterator[FloatA
     upper = np.minimum(before.joint_upper[-1], after.joint_upper[0])
     if (lower > upper).any():
         return
-    found = [seams[k]]
+    distinct = [seams[k]]
     for q in _reaching(before, seams[k], lower, upper):
-        if all(abs(q - other).max() > _SAME for other in found):
-            found.append(q)
-    others = sorted(found[1:], key=lambda q: float(abs(q - seams[k - 1]).max()))
+        if all(abs(q - other).max() > _SAME for other in distinct):
+            distinct.append(q)
+    others = sorted(distinct[1:], key=lambda q: float(abs(q - seams[k - 1]).max()))
     yield from (q for q in others if _leads_on(cycle, k, [*seams[:k], q]))
 
 
 def _reaching(
     problem: PlanningProblem, near: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> Iterator[FloatArray]:
-    """Yield configurations (n,) within bounds that have the tool where a leg ends openly."""
+    """Yield configurations (n,) within bounds with the tool at a leg's open goal."""
     goal = problem.open_goal
     assert goal is not None
     last = problem.tube.segment_count - 1
     for seed in [near, *spread_seeds(lower, upper)]:
-        wanted = wanted_at(problem, goal.position, last, seed)
-        solution = solve_position(problem.robot, goal.position, seed, lower, upper, rotation=wanted)
-        if solution.error <= MARGIN_TOLERANCE / 2 and _is_turned(problem, solution.q, last):
-            yield solution.q
-
-
-def _is_turned(problem: PlanningProblem, q: FloatArray, segment: int) -> bool:
-    """Return whether the tool is turned as a segment asks."""
-    if problem.tube.rotation is None:
-        return True
-    rotation, tool = problem.robot.tool_pose(q[None])
-    return bool(problem.tube.rotation.margin(rotation, tool, segment)[0] >= 0)
+        target = wanted_at(problem, goal.position, last, seed)
+        solution = solve_position(problem.robot, goal.position, seed, lower, upper, rotation=target)
+        if solution.error > MARGIN_TOLERANCE / 2:
+            continue
+        if problem.tube.rotation is not None:
+            rotation, tool = problem.robot.tool_pose(solution.q[None])
+            if problem.tube.rotation.margin(rotation, tool, last)[0] < 0:
+                continue
+        yield solution.q
 
 
 def _leads_on(cycle: Cycle, k: int, seams: list[FloatArray]) -> bool:
-    """Return whether a leg can begin there, and a branch leads along it."""
+    """Return True if a leg can begin at its junction, and a branch leads along it."""
     try:
         problem = cycle.problem(k, seams).joined
     except ProblemError:
@@ -95,21 +92,21 @@ def _leads_on(cycle: Cycle, k: int, seams: list[FloatArray]) -> bool:
 
 # ---- Moves planned alone, one after the other, each from where the last one ended.
 
-# Other configurations in which a leg may end, where the next has no answer.
-_MOST_TRIED = 6
+# Other configurations for a leg's end, where the next leg has no answer.
+_MAX_CANDIDATES = 6
 _STOPPED = (PlanStatus.TIME_LIMIT, PlanStatus.INTERRUPTED)
 
 
 def greedy_plan(cycle: Cycle, options: PlanOptions, clock: PlanningClock) -> list[LegPlan]:
-    """Return the shortest motion of every leg from where the one before ended.
+    """Return the shortest motion of every leg, each from the end of the leg before.
 
     Args:
         cycle: The cycle.
-        options: How to plan each of them.
+        options: Options of planning for each leg.
         clock: The planning's.
 
     Raises:
-        BlockedLeg: One has no answer from there.
+        BlockedLeg: A leg has no answer from there.
     """
     seams = [first_configuration(cycle)]
     plans: list[LegPlan] = []
@@ -117,7 +114,8 @@ def greedy_plan(cycle: Cycle, options: PlanOptions, clock: PlanningClock) -> lis
         try:
             plans.append(_planned_from(cycle, k, seams, options, clock))
         except BlockedLeg as blocked:
-            if k == 0 or not cycle.legs[k - 1].joined.ends_openly or not _says_why(blocked):
+            was_stopped = blocked.result.stopped_by is not None or blocked.result.status in _STOPPED
+            if k == 0 or was_stopped or not cycle.legs[k - 1].joined.ends_openly:
                 raise
             plans[-1:] = _planned_around(cycle, k, seams, options, clock, blocked)
             seams[-1] = plans[-2].end
@@ -128,7 +126,7 @@ def greedy_plan(cycle: Cycle, options: PlanOptions, clock: PlanningClock) -> lis
 def _planned_from(
     cycle: Cycle, k: int, seams: list[FloatArray], options: PlanOptions, clock: PlanningClock
 ) -> LegPlan:
-    """Return the shortest motion of leg k from where those before end."""
+    """Return the shortest motion of leg k from the end of the leg before."""
     return planned_leg(cycle, k, leg_problem(cycle, k, seams), options, clock)
 
 
@@ -140,35 +138,30 @@ def _planned_around(
     clock: PlanningClock,
     blocked: BlockedLeg,
 ) -> list[LegPlan]:
-    """Return motions of leg k and of the one before it, which ends in another configuration.
+    """Return motions of leg k and of the leg before, which ends in another configuration.
 
     Raises:
-        BlockedLeg: As it was, if there are none.
+        BlockedLeg: As before, if there are no such motions.
     """
-    tried = 0
-    for q in islice(other_ends(cycle, k, seams), _MOST_TRIED):
-        tried += 1
+    count = 0
+    for q in islice(other_ends(cycle, k, seams), _MAX_CANDIDATES):
+        count += 1
         with suppress(BlockedLeg):
             problem = cycle.problem(k - 1, seams[:-1], q)
             before = planned_leg(cycle, k - 1, problem, options, clock)
             return [before, _planned_from(cycle, k, [*seams[:-1], q], options, clock)]
-    if tried == 0:
+    if count == 0:
         raise blocked
     result = blocked.result
-    message = f"{result.message}; {tried} other configurations at its start led nowhere either"
+    message = f"{result.message}; {count} other configurations at its start led nowhere either"
     raise BlockedLeg(k, replace(result, message=message)) from None
 
 
-def _says_why(blocked: BlockedLeg) -> bool:
-    """Return whether a leg is blocked, rather than planning stopped."""
-    return blocked.result.stopped_by is None and blocked.result.status not in _STOPPED
-
-
 def first_configuration(cycle: Cycle) -> FloatArray:
-    """Return the configuration (n,) in which a cycle begins: of a closed one its last goal, if any.
+    """Return the first configuration (n,) of a cycle; of a closed cycle the last goal, if given.
 
     Raises:
-        BlockedLeg: The first leg's start, or the last one's goal, is not reached.
+        BlockedLeg: The first leg's start, or the last leg's goal, is not reached.
     """
     if cycle.endpoint.joints is not None:
         return cycle.endpoint.joints
@@ -183,15 +176,15 @@ def first_configuration(cycle: Cycle) -> FloatArray:
 
 
 def leg_problem(cycle: Cycle, k: int, seams: list[FloatArray]) -> PlanningProblem:
-    """Return a leg's problem from where those before end; the last one's of a closed cycle closes.
+    """Return a leg's problem from the end of the leg before; a closed cycle's last leg closes it.
 
     Args:
         cycle: The cycle.
-        k: Which leg.
-        seams: Configurations (n,) of all seams up to where it begins.
+        k: Index of the leg.
+        seams: Configurations (n,) of all junctions up to the leg's begin.
 
     Raises:
-        BlockedLeg: It has no place for its start or goal.
+        BlockedLeg: The leg's start or goal is not allowed there.
     """
     closes = cycle.closed and k == len(cycle.legs) - 1
     try:
@@ -206,14 +199,14 @@ def planned_leg(
 ) -> LegPlan:
     """Return the shortest motion of a leg.
 
-    Of what is left of the time limit it gets twice as much as would be left to each of the others.
+    Of the remaining time the leg gets twice as much as would remain for each further leg.
 
     Raises:
-        BlockedLeg: It has none.
-        KeyboardInterrupt: Ctrl-C before every leg had one.
+        BlockedLeg: The leg has no motion.
+        KeyboardInterrupt: Ctrl-C before every leg had a motion.
     """
-    left = len(cycle.legs) - k
-    limit = 2 * clock.remaining / (left + 1) if np.isfinite(clock.remaining) else None
+    remaining = len(cycle.legs) - k
+    limit = 2 * clock.remaining / (remaining + 1) if np.isfinite(clock.remaining) else None
     if limit is not None and limit <= 0:
         raise BlockedLeg(k, stopped_result(clock, "time_limit", options.method))
     with clock.within(cycle.called(k)):
@@ -222,88 +215,86 @@ def planned_leg(
     if not result.succeeded and result.stopped_by == "time_limit":
         result = stopped_result(clock, "time_limit", options.method)
     if not result.succeeded:
-        raise BlockedLeg(k, result if _begins_as_given(cycle, k) else _unproved(result))
-    if result.stopped_by == "interrupt" and left > 1:  # those after it have nothing
+        begins_as_given = k == 0 and cycle.endpoint.joints is not None
+        if result.proved and not begins_as_given:  # proved of one begin, not of others
+            result = replace(result, proved=False, starts_tried=1)
+        raise BlockedLeg(k, result)
+    if result.stopped_by == "interrupt" and remaining > 1:  # later legs have nothing
         raise KeyboardInterrupt
     return LegPlan(problem, result)
 
 
-def _begins_as_given(cycle: Cycle, k: int) -> bool:
-    """Return whether leg k begins in a configuration that was not chosen."""
-    return k == 0 and cycle.endpoint.joints is not None
-
-
-def _unproved(result: PlanResult) -> PlanResult:
-    """Return a result without an answer: what is proved from one beginning is not from others."""
-    return replace(result, proved=False, starts_tried=1) if result.proved else result
-
-
-# ---- The configurations in which moves end and the next begin, for the least sum of durations.
+# ---- The configurations between moves for the least sum of durations.
 
 _STAGE = "shared configurations"
-# Where a part is taken and put down in other configurations, it hangs and stands otherwise: where
-# it is then put down a little too deep, that configuration alone is chosen once more.
+# A part that is taken and put down in other configurations hangs and stands otherwise. Where it is
+# then put down a little too deep, that configuration alone is chosen again.
 _ROUNDS = 4
 
 
 def shared_plan(
     cycle: Cycle, greedy: Sequence[LegPlan], options: PlanOptions, clock: PlanningClock
 ) -> list[LegPlan] | None:
-    """Return the shortest motions of all legs between ends that suit all of them.
+    """Return the shortest motions of all legs between configurations chosen for all.
 
     Args:
         cycle: The cycle.
-        greedy: Each leg's from where the one before ended.
-        options: How to plan a leg afresh, where that is necessary.
+        greedy: Plans of the legs, each from the end of the leg before.
+        options: Options of planning a leg afresh, where that is necessary.
         clock: The planning's.
 
     Returns:
-        None if nothing shorter is found than what there is.
+        None if the sum of durations is no shorter than the greedy plans'.
 
     Raises:
-        TimeLimitReached: Before it was known; likewise KeyboardInterrupt.
+        TimeLimitReached: Before that was known; likewise KeyboardInterrupt.
     """
     last = len(greedy) - 1
     is_open = [leg.joined.ends_openly for leg in cycle.legs]
     is_open[last] &= not cycle.closed or cycle.endpoint.kind == "seed"
     goals = _goals(cycle, greedy, is_open)
-    motions = [_opened(*each) for each in zip(greedy, goals, strict=True)]
-    known = [motion for motion in motions if motion is not None]
-    if last == 0 or not any(is_open) or len(known) < len(greedy):
+    motions = [
+        replace(motion, problem=replace(motion.problem, goal=goal))
+        for plan, goal in zip(greedy, goals, strict=True)
+        if (motion := plan.result.motion) is not None
+    ]
+    if last == 0 or not any(is_open) or len(motions) < len(greedy):
         return None
     for _ in range(_ROUNDS):
         clock.enter(_STAGE)
-        splines = _tied(known, is_open, clock, closed=cycle.closed)
+        splines = _tied(motions, is_open, clock, closed=cycle.closed)
         if splines is None:
             return None
         ends = [spline.control_points[[0, -1]] for spline in splines]
         try:
             problems = cycle.problems([ends[0][0], *(end for _, end in ends)])
-        except ProblemError:  # no place for an end after all
+        except ProblemError:  # an end is not allowed after all
             return None
         opened = [
             replace(motion, problem=replace(problem.joined, goal=goal), spline=spline)
-            for motion, problem, goal, spline in zip(known, problems, goals, splines, strict=True)
+            for motion, problem, goal, spline in zip(motions, problems, goals, splines, strict=True)
         ]
         is_open = [_presses(*each) for each in zip(opened, is_open, strict=True)]
-        known = [
+        motions = [
             motion if opens else replace(motion, problem=problem.joined)
             for motion, problem, opens in zip(opened, problems, is_open, strict=True)
         ]
         if not any(is_open):
-            plans = _planned(problems, known, options, clock)
-            return plans if plans is not None and _total(plans) < _total(greedy) else None
+            plans = _planned(problems, motions, options, clock)
+            total = sum(plan.duration for plan in greedy)
+            is_shorter = plans is not None and sum(plan.duration for plan in plans) < total
+            return plans if is_shorter else None
     return None
 
 
 def _goals(cycle: Cycle, greedy: Sequence[LegPlan], is_open: Sequence[bool]) -> list[Goal]:
-    """Return where legs end: as their moves say if that is open, else where they end already."""
+    """Return the goals of legs: of their moves if open, else the ends of the greedy plans."""
     goals = [
         leg.joined.goal if opens else plan.end
         for leg, plan, opens in zip(cycle.legs, greedy, is_open, strict=True)
     ]
     if cycle.closed and is_open[-1]:
-        # A ball would leave more room than the start has, where the first tube begins.
+        # A ball would leave more freedom than the start has, where the first tube begins.
         begin, region = cycle.legs[0].joined.tube.points[0], cycle.legs[-1].joined.endpoint.region
         turn = None if region is None else region.rotation_tolerance
         goals[-1] = GoalRegion(begin, rotation_tolerance=turn)
@@ -313,37 +304,42 @@ def _goals(cycle: Cycle, greedy: Sequence[LegPlan], is_open: Sequence[bool]) -> 
 def _tied(
     motions: Sequence[RefinedMotion], is_open: Sequence[bool], clock: PlanningClock, *, closed: bool
 ) -> list[PhasedSpline] | None:
-    """Return the splines of legs, those with open ends improved together; None if none can be.
+    """Return the splines of legs, legs with open ends improved together; None without a change.
 
     Args:
         motions: Of all legs.
-        is_open: Whether each ends openly.
+        is_open: Whether each leg ends openly.
         clock: The planning's.
-        closed: Whether the first follows the last.
+        closed: Whether the first leg follows the last.
     """
+
+    def checkpoint(duration: float) -> None:
+        clock.announce(Progress(_STAGE, best_duration=duration))
+        clock.check()
+
     splines = [motion.spline for motion in motions]
     for chain in _chains(is_open, closed=closed):
-        found = TiedLegs(
+        improved = TiedLegs(
             [motions[k] for k in chain],
             [is_open[k] for k in chain[:-1]],
             is_closed=closed and all(is_open),
-            checkpoint=_checkpoint(clock),
+            checkpoint=checkpoint,
         ).run()
-        for k, spline in zip(chain, found or (), strict=found is not None):
+        for k, spline in zip(chain, improved or (), strict=improved is not None):
             splines[k] = spline
     is_same = all(spline is motion.spline for spline, motion in zip(splines, motions, strict=True))
     return None if is_same else splines
 
 
 def _chains(is_open: Sequence[bool], *, closed: bool) -> list[list[int]]:
-    """Return the legs that open ends join, in the order in which they run.
+    """Return runs of legs joined by open ends, in order.
 
     Args:
         is_open: Whether each leg ends openly.
-        closed: Whether the first follows the last.
+        closed: Whether the first leg follows the last.
     """
     count = len(is_open)
-    # So that the ring is cut where an end is given, if one is.
+    # A ring is cut after a given end, if there is one.
     first = next((k + 1 for k in range(count) if not is_open[k]), 0) if closed else 0
     chains: list[list[int]] = [[]]
     for leg in range(first, first + count):
@@ -355,17 +351,9 @@ def _chains(is_open: Sequence[bool], *, closed: bool) -> list[list[int]]:
 
 
 def _presses(motion: RefinedMotion, is_open: bool) -> bool:
-    """Return whether a leg's end was chosen, and what is put down there is in what it stands on."""
+    """Return True if a leg's end was chosen and is not free: its part is put down too deep."""
     end = motion.spline.control_points[-1]
     return is_open and not is_free(motion.problem, "goal", end)
-
-
-def _opened(plan: LegPlan, goal: Goal) -> RefinedMotion | None:
-    """Return a leg's motion as one of a problem whose goal is that of its move."""
-    motion = plan.result.motion
-    if motion is None:
-        return None
-    return replace(motion, problem=replace(motion.problem, goal=goal))
 
 
 def _planned(
@@ -374,12 +362,12 @@ def _planned(
     options: PlanOptions,
     clock: PlanningClock,
 ) -> list[LegPlan] | None:
-    """Return the shortest motions of legs between their ends; None if one has none.
+    """Return the shortest motions of legs between their ends; None if a leg has no motion.
 
     Args:
-        problems: The legs'.
-        motions: From which to begin.
-        options: How to plan a leg afresh, if that leads nowhere.
+        problems: The legs' problems.
+        motions: The legs' motions from which planning begins.
+        options: Options of planning a leg afresh, if that leads nowhere.
         clock: The planning's.
     """
     plans = []
@@ -392,17 +380,3 @@ def _planned(
             return None
         plans.append(LegPlan(problem, result))
     return plans
-
-
-def _checkpoint(clock: PlanningClock) -> Callable[[float], None]:
-    """Return what is called with the sum of durations after every step."""
-
-    def checkpoint(duration: float) -> None:
-        clock.announce(Progress(_STAGE, best_duration=duration))
-        clock.check()
-
-    return checkpoint
-
-
-def _total(plans: Sequence[LegPlan]) -> float:
-    return sum(plan.duration for plan in plans)

@@ -1,4 +1,4 @@
-"""Diagnosis: the first blocked place of the reference path, and its reason."""
+"""Diagnosis: the first blocked sample of the reference path, and the reason."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -36,25 +36,25 @@ from tubeplanner.planning.result import PlanResult, refused_result
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances
 
-# ---- Places on the reference path at which one asks what keeps the arm from them.
+# ---- Samples of the reference path at which the arm must have a configuration.
 
-_MOST_SEGMENTS = 8
-# The tool may miss a place by this share of the radius, as a branch may.
-_RADIUS_SHARE = 0.5
+_MAX_SEGMENTS = 8
+# The tool may miss a sample by this fraction of the radius, as a branch may.
+_RADIUS_FRACTION = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Spot:
-    """A place of the tool.
+    """A sample of the tool's path.
 
     Attributes:
-        name: What messages call it.
-        segments: The one or two segments of the tube that it belongs to.
+        name: Name in messages.
+        segments: The one or two segments of the tube to which the sample belongs.
         tool: The tool's position, shape (3,) [m].
-        allowed: How far the tool may be from there [m].
-        place: The same for messages.
-        is_goal: Whether it is the open goal.
+        allowed: Largest distance of the tool from that position [m].
+        place: The position, for messages.
         rotation_rows: The rows of the rotation tolerance that hold here.
+        is_goal: True for the open goal.
     """
 
     name: str
@@ -67,78 +67,66 @@ class Spot:
 
 
 def path_spots(problem: PlanningProblem, end: Place, is_wide: bool = False) -> list[Spot]:
-    """Return places at which the arm must have a configuration.
+    """Return the samples at which the arm must have a configuration.
 
-    Reference points but the first, the goal if it is open, then places between; of a long path only
-    those near where a branch ended, and the last.
+    Inner reference points, the goal if it is open, then samples between; of a long path only
+    samples near the end of a branch, and in the last segment.
 
     Args:
         problem: The planning problem.
-        end: Where the branch ended, if that is known.
-        is_wide: Whether the tool may be wherever the tube lets it pass the place, not only near it.
+        end: End of the branch, if known.
+        is_wide: True: the tool may pass a sample anywhere in the tube; False: only near it.
     """
-    spots = _path_spots(problem, end)
+    tube = problem.tube
+    segments, last = _segments(problem, end), tube.segment_count - 1
+    spots = [_corner(problem, k) for k in segments if k < last]
+    if problem.open_goal is not None:
+        spots.append(_goal_spot(problem))
+    spots += [spot for k in segments for spot in _inside(problem, k, end)]
     if not is_wide:
         return spots
-    return [replace(spot, allowed=_widest(problem, spot)) for spot in spots]
-
-
-def _widest(problem: PlanningProblem, spot: Spot) -> float:
-    """Return how far from a place the tool may pass it [m]."""
-    if spot.is_goal:
-        return spot.allowed
-    first, tube = spot.segments[0], problem.tube
-    is_corner = len(spot.segments) > 1
-    return float(largest_distances(tube)[first] if is_corner else tube.effective_radius[first])
-
-
-def _path_spots(problem: PlanningProblem, end: Place) -> list[Spot]:
-    """Return the places; near them a branch may miss them a little."""
-    segments = _segments(problem, end)
-    last = problem.tube.segment_count - 1
-    points = [_corner(problem, k) for k in segments if k < last]
-    if problem.open_goal is not None:
-        points.append(_goal_spot(problem))
-    return points + [spot for k in segments for spot in _inside(problem, k, end)]
+    corners = largest_distances(tube)
+    for i, spot in enumerate(spots):
+        if not spot.is_goal:
+            widest = corners if len(spot.segments) > 1 else tube.effective_radius
+            spots[i] = replace(spot, allowed=float(widest[spot.segments[0]]))
+    return spots
 
 
 def _segments(problem: PlanningProblem, end: Place) -> list[int]:
+    """Return the segments nearest to the end of a branch, and the last one."""
     tube = problem.tube
     count = tube.segment_count
-    ended = [k for k in range(count) if tube.segment_number(k) == end.segment]
-    around = ended[0] if ended else 0
-    nearest = sorted(range(count), key=lambda k: abs(k - around))[: _MOST_SEGMENTS - 1]
+    around = next((k for k in range(count) if tube.segment_number(k) == end.segment), 0)
+    nearest = sorted(range(count), key=lambda k: abs(k - around))[: _MAX_SEGMENTS - 1]
     return sorted({*nearest, count - 1})
 
 
 def _inside(problem: PlanningProblem, segment: int, end: Place) -> list[Spot]:
-    """Return the middle of a segment, and where the branch ended if it did in this one."""
+    """Return the middle of a segment, and the end of the branch if it lies in the segment."""
     tube = problem.tube
     begin = tube.points[segment]
     tools = [(begin + tube.points[segment + 1]) / 2]
     if end.position is not None and end.segment == tube.segment_number(segment):
         tools.append(np.array(end.position))
     tools.sort(key=lambda tool: float(np.linalg.norm(tool - begin)))
-    return [_between(problem, segment, tool) for tool in tools]
-
-
-def _between(problem: PlanningProblem, segment: int, tool: FloatArray) -> Spot:
-    number = problem.tube.segment_number(segment, tool)
-    allowed = _RADIUS_SHARE * float(problem.tube.effective_radius[segment])
-    place = Place(segment=number).at(tool)
-    return Spot("reference points", (segment,), tool, allowed, place, (segment,))
+    allowed = _RADIUS_FRACTION * float(tube.effective_radius[segment])
+    places = [Place(segment=tube.segment_number(segment, tool)).at(tool) for tool in tools]
+    return [
+        Spot("reference points", (segment,), tool, allowed, place, (segment,))
+        for tool, place in zip(tools, places, strict=True)
+    ]
 
 
 def _corner(problem: PlanningProblem, segment: int) -> Spot:
     tube, both = problem.tube, (segment, segment + 1)
     tool, number = tube.points[segment + 1], int(tube.numbers[segment + 1])
-    allowed = _RADIUS_SHARE * float(tube.effective_radius[list(both)].min())
+    allowed = _RADIUS_FRACTION * float(tube.effective_radius[list(both)].min())
     place = Place(segment=tube.segment_number(segment, tool), point=number).at(tool)
     return Spot(f"reference point {number}", both, tool, allowed, place, both)
 
 
 def _goal_spot(problem: PlanningProblem) -> Spot:
-    """Return the open goal of a problem."""
     tube, goal = problem.tube, problem.open_goal
     assert goal is not None
     last = tube.segment_count - 1
@@ -148,13 +136,13 @@ def _goal_spot(problem: PlanningProblem) -> Spot:
     return Spot("goal", (last,), goal.position, goal.tolerance, place, rows, is_goal=True)
 
 
-# ---- The first place on the reference path at which the arm has no configuration, and why.
+# ---- The first sample of the reference path at which the arm has no configuration, and the reason.
 #
-# Conditions are asked in the order in which they matter: no motor, obstacle or orientation is in
-# the way where the tool cannot be at all. Each is asked at all places before the next one.
+# Conditions are checked in the order in which they matter: no motor, obstacle or orientation is in
+# the way where the tool cannot be at all. Each is checked at all samples before the next one.
 
 _REACHED = 1e-6  # [m]
-_MOST_SEEDS = 20
+_MAX_SEEDS = 20
 _Bounds: TypeAlias = tuple[FloatArray, FloatArray]
 _Accepts: TypeAlias = Callable[[FloatArray], bool]
 _Check: TypeAlias = Callable[["_Configurations"], Infeasible | None]
@@ -166,17 +154,17 @@ def blocked_spot(
     end: Place,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> Infeasible | None:
-    """Return why the arm cannot be where the reference path leads it, or None if it can.
+    """Return the reason why the arm cannot follow the reference path, or None if it can.
 
-    At each place inverse kinematics begins with the start and with many configurations more: what
-    none of them satisfies counts as impossible. Of the places between start and goal some are
-    asked. The tool may miss them a little, as the tube allows.
+    At each sample inverse kinematics begins with the start and with many more configurations: a
+    condition that no solution satisfies counts as impossible. The tool may miss a sample by half of
+    the radius, or by the open goal's tolerance.
 
     Args:
         problem: The planning problem.
-        start: Its start configuration, shape (n,).
-        end: Where a branch ended; the tool's position there is one of the places.
-        checkpoint: Called before every place; it may raise to end the work.
+        start: The start configuration, shape (n,).
+        end: End of a branch; the tool's position there is one of the samples.
+        checkpoint: Called before every sample; it may raise to end the work.
     """
     checks = [*_POSITION_CHECKS, _not_free]
     if problem.rotation is not None:
@@ -187,9 +175,9 @@ def blocked_spot(
 def surely_blocked_spot(
     problem: PlanningProblem, start: FloatArray, checkpoint: Callable[[], None] = lambda: None
 ) -> Infeasible | None:
-    """Return why the arm cannot pass somewhere, as `blocked_spot`, but quickly and with less doubt.
+    """Return the reason of `blocked_spot`, for any orientation and anywhere in the tube.
 
-    However the tool is turned, and wherever it passes in the tube.
+    It is quicker than that, and less doubtful.
     """
     spots = path_spots(problem, Place(), is_wide=True)
     return _first_reason(problem, start, spots, [*_POSITION_CHECKS, _not_free], checkpoint)
@@ -202,9 +190,9 @@ def _first_reason(
     checks: Sequence[_Check],
     checkpoint: Callable[[], None],
 ) -> Infeasible | None:
-    there = [_Configurations(problem, spot, start) for spot in spots]
+    configurations = [_Configurations(problem, spot, start) for spot in spots]
     for check in checks:
-        for at in there:
+        for at in configurations:
             checkpoint()
             reason = check(at)
             if reason is not None:
@@ -214,11 +202,11 @@ def _first_reason(
 
 @dataclass(frozen=True, eq=False)
 class _Configurations:
-    """The arm's configurations at a place.
+    """The arm's configurations at a sample.
 
     Attributes:
         problem: The planning problem.
-        spot: The place.
+        spot: The sample.
         start: The start configuration, shape (n,).
     """
 
@@ -228,18 +216,18 @@ class _Configurations:
 
     @property
     def starts(self) -> int:
-        """From how many configurations those within bounds are looked for."""
+        """Number of starts of the search within bounds."""
         return 2 * len(self._seeds())
 
     @property
     def free(self) -> _Bounds:
-        """No bounds."""
-        none = np.full(self.problem.robot.joint_count, np.inf)
-        return -none, none
+        """Infinite bounds."""
+        infinite = np.full(self.problem.robot.joint_count, np.inf)
+        return -infinite, infinite
 
     @property
     def bounds(self) -> _Bounds:
-        """What position limits and joint signs leave."""
+        """Bounds of position limits and joint signs."""
         segments = list(self.spot.segments)
         lower, upper = self.problem.joint_lower[segments], self.problem.joint_upper[segments]
         return lower.max(axis=0), upper.min(axis=0)
@@ -247,17 +235,17 @@ class _Configurations:
     def first(
         self, bounds: _Bounds, accepts: _Accepts | None = None, *, turned: bool
     ) -> FloatArray | None:
-        """Return a configuration (n,) that has the tool here, within bounds, and is accepted."""
+        """Return an accepted configuration (n,) with the tool here, within bounds."""
         for solution in self.solutions(bounds, turned=turned):
             if self.is_there(solution, turned=turned) and (accepts is None or accepts(solution.q)):
                 return solution.q
         return None
 
     def solutions(self, bounds: _Bounds, *, turned: bool) -> Iterator[PositionSolution]:
-        """Yield the nearest that seeds lead to within bounds, here or not.
+        """Yield the nearest solutions within bounds from all seeds, here or not.
 
-        Each seed first by itself, then from where it leads without bounds: joints held at a bound
-        on the way may end far from there.
+        Then those from the seeds' solutions without bounds: joints that a bound stops on the way
+        may end far from there.
         """
         seeds = self._seeds()
         for seed in seeds:
@@ -266,13 +254,12 @@ class _Configurations:
             return
         for seed in seeds:
             other = self._solved(seed, self.free, turned)
-            yield self._solved(self._turned_back(other.q), bounds, turned)
+            yield self._solved(self._unwound(other.q), bounds, turned)
 
     def _seeds(self) -> list[FloatArray]:
-        return [self.start, *spread_seeds(*self.bounds)[:_MOST_SEEDS]]
+        return [self.start, *spread_seeds(*self.bounds)[:_MAX_SEEDS]]
 
     def _solved(self, seed: FloatArray, bounds: _Bounds, turned: bool) -> PositionSolution:
-        """Return where a seed leads."""
         robot, spot, tube = self.problem.robot, self.spot, self.problem.rotation
         if tube is None or not turned:
             return solve_position(robot, spot.tool, seed, *bounds)
@@ -280,26 +267,26 @@ class _Configurations:
         return solve_within_tolerance(robot, spot.tool, tube, rows, seed, *bounds)
 
     def unbounded(self, *, turned: bool) -> FloatArray:
-        """Return configurations (c, n) that have the tool here, joints without bounds."""
-        found = self.solutions(self.free, turned=turned)
-        there = [self._turned_back(one.q) for one in found if self.is_there(one, turned=turned)]
-        return np.array(there).reshape(-1, self.problem.robot.joint_count)
+        """Return configurations (c, n) with the tool here, joints without bounds."""
+        solutions = self.solutions(self.free, turned=turned)
+        q = [self._unwound(each.q) for each in solutions if self.is_there(each, turned=turned)]
+        return np.array(q).reshape(-1, self.problem.robot.joint_count)
 
     def nearest(self, bounds: _Bounds) -> float:
-        """Return how near the tool comes, turned anyhow [m]."""
-        return min(one.error for one in self.solutions(bounds, turned=False))
+        """Return the tool's least distance, with any orientation [m]."""
+        return min(each.error for each in self.solutions(bounds, turned=False))
 
     def is_there(self, solution: PositionSolution, *, turned: bool) -> bool:
-        """Return whether a solution has the tool here, and turned as the tube asks if it must."""
+        """Return True if a solution has the tool here and, if `turned`, keeps the rotation."""
         if solution.error > self.spot.allowed + _REACHED:
             return False
         return not turned or solution.rotation_error <= MARGIN_TOLERANCE
 
-    def _turned_back(self, q: FloatArray) -> FloatArray:
-        """Return a configuration (n,), its joints by whole turns nearest the middle of bounds."""
+    def _unwound(self, q: FloatArray) -> FloatArray:
+        """Return a configuration (n,) moved by whole turns nearest to the middle of bounds."""
         turns = np.round((q - middle_of(*self.bounds)) / (2 * np.pi))
-        back: FloatArray = q - 2 * np.pi * np.where(self.problem.robot.revolute, turns, 0.0)
-        return back
+        unwound: FloatArray = q - 2 * np.pi * np.where(self.problem.robot.revolute, turns, 0.0)
+        return unwound
 
     def tightest(self, row: int) -> float:
         """Return the least bound of a row of the rotation tolerance [rad]."""
@@ -307,7 +294,7 @@ class _Configurations:
         return np.inf if tube is None else float(tube.bounds[row].min())
 
     def is_held(self, q: FloatArray) -> bool:
-        """Return whether motors hold a configuration (n,)."""
+        """Return True if motors hold a configuration (n,)."""
         try:
             require_held(self.problem, q)
         except Infeasible:
@@ -315,20 +302,20 @@ class _Configurations:
         return True
 
     def is_free(self, q: FloatArray) -> bool:
-        """Return whether a configuration (n,) is free, or nearly so where the tool may miss."""
+        """Return True if a configuration (n,) is free, or nearly so by the tool's allowance."""
         depth = -clear_by(self.problem, q, self.required(q)).min(initial=np.inf)
         return bool(depth <= self.spot.allowed + MARGIN_TOLERANCE)
 
     def required(self, q: FloatArray) -> FloatArray:
-        """Return how far apart all pairs must be in a configuration (n,), shape (P,) [m]."""
-        asked = RequiredDistances(self.problem, self.start, q if self.spot.is_goal else None)
+        """Return the required distances of all pairs in a configuration (n,), shape (P,) [m]."""
+        required = RequiredDistances(self.problem, self.start, q if self.spot.is_goal else None)
         tool = self.problem.robot.tool_position(q[None])
-        rows = [asked.at(np.array([segment]), tool)[0] for segment in self.spot.segments]
+        rows = [required.at(np.array([segment]), tool)[0] for segment in self.spot.segments]
         least: FloatArray = np.min(rows, axis=0)
         return least
 
     def unreachable(self, reason: str, joint: str | None = None) -> Infeasible:
-        """Return that the tool cannot be here, for a reason, because of a joint if it is known."""
+        """Return the refusal that the tool cannot be here, for a reason, perhaps of a joint."""
         message = f"{self.spot.place}: {reason}"
         place = replace(self.spot.place, joint=joint)
         return Infeasible(PlanStatus.UNREACHABLE, message, place, starts=self.starts)
@@ -367,8 +354,8 @@ def _turned_away(at: _Configurations) -> Infeasible | None:
     if at.first(at.free, turned=True) is not None:
         return None
     solutions = list(at.solutions(at.free, turned=True))
-    there = [one for one in solutions if at.is_there(one, turned=False)] or solutions
-    outside = min(one.rotation_error for one in there)
+    near = [each for each in solutions if at.is_there(each, turned=False)] or solutions
+    outside = min(each.rotation_error for each in near)
     row = min(at.spot.rotation_rows, key=at.tightest)
     off = f"there the tool was brought no nearer to it than {outside:.3g} rad"
     return at.unreachable(explain_turn(at.problem, row, off))
@@ -404,12 +391,12 @@ _TURNED_CHECKS: tuple[_Check, ...] = (
 def _without(
     at: _Configurations, accepts: _Accepts, require: Callable[[FloatArray], None], *, turned: bool
 ) -> Infeasible | None:
-    """Return what a requirement says of the first configuration here, if none is accepted."""
-    known = at.first(at.bounds, turned=turned)
-    if known is None or at.first(at.bounds, accepts, turned=turned) is not None:
+    """Return the refusal of the first configuration here, or None if another is accepted."""
+    first = at.first(at.bounds, turned=turned)
+    if first is None or at.first(at.bounds, accepts, turned=turned) is not None:
         return None
     try:
-        require(known)
+        require(first)
     except Infeasible as reason:
         spot = at.spot.place
         place = replace(reason.place, segment=spot.segment, point=spot.point)
@@ -423,25 +410,24 @@ def _require_free(at: _Configurations, q: FloatArray) -> None:
 
 
 def _least_outside(at: _Configurations, *, turned: bool) -> tuple[str, OutsideBounds]:
-    """Return what bounds the joint that would leave its bounds the least, and that joint."""
-    found = at.unbounded(turned=turned)
-    outside = outside_bounds(at.problem.robot, found, *at.bounds)
+    """Return the joint outside its bounds by the least, after the name of the bounds."""
+    outside = outside_bounds(at.problem.robot, at.unbounded(turned=turned), *at.bounds)
     return bounded_by(at.problem, at.spot.segments, outside), outside
 
 
-# ---- Why there is no trajectory: what really blocks, before what a branch ended at.
+# ---- The reason without a trajectory: a blocked sample comes before the end of a branch.
 
-# A branch, or a certificate, that ends planning so may not have met what really blocks.
+# Of a branch or certificate with these, the end may not be the obstruction itself.
 _SYMPTOMS = (PlanStatus.UNREACHABLE, PlanStatus.NO_TRAJECTORY, PlanStatus.CERTIFICATE_FAILED)
 
 
 def right_reason(
     problem: PlanningProblem, branches: KnownBranches, result: PlanResult, clock: PlanningClock
 ) -> PlanResult:
-    """Return a result without a trajectory, its reason replaced if another one comes first.
+    """Return a result without a trajectory, with the reason that comes first.
 
     A branch that keeps the rotation tolerance ends at it whatever else is in the way. So conditions
-    are asked at places along the path, then whether a branch without that tolerance exists.
+    are checked at samples of the path, then the existence of a branch without that tolerance.
     """
     is_blocked = result.status is PlanStatus.TUBE_BLOCKED
     if result.stopped_by is not None or not (is_blocked or result.status in _SYMPTOMS):
@@ -454,8 +440,8 @@ def right_reason(
             branches.position_only()
     except TimeLimitReached:
         return result
-    except Infeasible as found:
-        reason = found
+    except Infeasible as refusal:
+        reason = refusal
     if reason is None:
         return result
     why = refused_result(reason, result.method)
