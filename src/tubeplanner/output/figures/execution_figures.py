@@ -70,9 +70,6 @@ def plot_execution(
         judged: Verdicts of `judged_runs` on them.
         path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
 
-    Returns:
-        The figure.
-
     Raises:
         OptionError: The file has another ending.
         OutputError: The file could not be written.
@@ -145,9 +142,6 @@ def plot_cycle_execution(
         execution: Its simulated runs.
         judged: Verdict of `judged_cycle` on them.
         path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
-
-    Returns:
-        The figure.
 
     Raises:
         OptionError: The file has another ending.

@@ -106,7 +106,11 @@ def _draw_cells(figure: "Figure", axis: "Axes", result: Placement, narrow: float
         corner = (row.stand.x - width / 2, row.stand.y - depth / 2)
         return Rectangle(corner, width, depth, **style)
 
-    best = [max(rows, key=_merit) for rows in columns.values()]
+    # The row whose planning came farthest, of equal rows the shortest.
+    best = [
+        max(rows, key=lambda row: (KINDS.index(row.status), -(row.duration or 0.0)))
+        for rows in columns.values()
+    ]
     planned = [row for row in best if row.is_feasible]
     shades = LinearSegmentedColormap.from_list("duration", SPEED_COLORS[::-1])
     cells = PatchCollection([cell(row) for row in planned], cmap=shades, zorder=1)
@@ -123,11 +127,6 @@ def _draw_cells(figure: "Figure", axis: "Axes", result: Placement, narrow: float
         for number, row in enumerate(rows):
             label = {"label": f"no motion: {words} ({len(rows)})"} if number == 0 else {}
             axis.add_patch(cell(row, hatch=mark.hatch, zorder=1, **look, **label))
-
-
-def _merit(row: PlacementRow) -> tuple[int, float]:
-    """Return a key, larger for rows whose planning came farther, then for shorter plans."""
-    return KINDS.index(row.status), -(row.duration or 0.0)
 
 
 def _draw_obstacles(axis: "Axes", result: Placement, low: FloatArray, high: FloatArray) -> None:

@@ -44,9 +44,6 @@ def plot_robot(robot: RobotModel, q: FloatArray, path: str | Path | None = None)
         q: Configuration, shape (n,) [rad or m].
         path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
 
-    Returns:
-        The figure.
-
     Raises:
         RobotError: A geometry cannot be read.
         OptionError: The file has another ending.
@@ -59,7 +56,11 @@ def plot_robot(robot: RobotModel, q: FloatArray, path: str | Path | None = None)
     axis = figure.add_axes((0.14, 0.05, 0.72, 0.89), projection="3d")
     points = [_draw_links(axis, robot, rotation, position)]
     links = _chain_links(robot)
-    poses = [_pose(robot, link, rotation, position) for link in links]
+    poses = []
+    for link in links:
+        body_pose, body = np.eye(4), robot.link_body[link]
+        body_pose[:3, :3], body_pose[:3, 3] = rotation[body], position[body]
+        poses.append(body_pose @ robot.link_placement[link])
     origins = np.array([pose[:3, 3] for pose in poses])
     points.append(origins)
     low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
@@ -108,15 +109,6 @@ def _chain_links(robot: RobotModel) -> list[str]:
     bodies = [robot.link_body[link] for link in links]
     firsts = [link for k, link in enumerate(links) if k == 0 or bodies[k] != bodies[k - 1]]
     return list(dict.fromkeys([*firsts, robot.tool_frame]))
-
-
-def _pose(robot: RobotModel, link: str, rotation: FloatArray, position: FloatArray) -> FloatArray:
-    """Return the pose of a link in the base frame, shape (4, 4)."""
-    body = np.eye(4)
-    body[:3, :3] = rotation[robot.link_body[link]]
-    body[:3, 3] = position[robot.link_body[link]]
-    pose: FloatArray = body @ robot.link_placement[link]
-    return pose
 
 
 def _frames(links: Sequence[str], poses: Sequence[FloatArray], same: float) -> list[_Frame]:

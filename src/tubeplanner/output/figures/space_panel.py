@@ -169,10 +169,12 @@ def arm_solids(
         strong: Index of the configuration that is not pale; static links are there once, with it.
     """
     parts, _ = link_parts(robot, _MAX_FACES // len(q))
-    links = [
-        (part.body, part.surface, GRIPPER_COLOR if _is_gripper(robot, part.link) else ARM_COLOR)
-        for part in parts
-    ]
+    tool_body, links = robot.link_body[robot.tool_frame], []
+    for part in parts:
+        # The gripper is fixed to the link that the last joint before the tool moves.
+        offset = abs(robot.link_placement[part.link] - np.eye(4)).max()
+        is_gripper = robot.link_body[part.link] == tool_body and offset > _FIRST_LINK
+        links.append((part.body, part.surface, GRIPPER_COLOR if is_gripper else ARM_COLOR))
     rotation, position = robot.body_poses(q)
     solids = []
     for k in [*(k for k in range(len(q)) if k != strong), strong]:
@@ -252,12 +254,6 @@ def tube_solids(tube: Tube, colors: Sequence[str] | None = None) -> list[Rendere
         RenderedSolid(surface, rgb(color), _TUBE_ALPHA)
         for surface, color in zip(surfaces, colors, strict=True)
     ]
-
-
-def _is_gripper(robot: RobotModel, link: str) -> bool:
-    """Return True if a link is fixed to the link that the last joint before the tool moves."""
-    on_tool = robot.link_body[link] == robot.link_body[robot.tool_frame]
-    return on_tool and abs(robot.link_placement[link] - np.eye(4)).max() > _FIRST_LINK
 
 
 def _within(surface: Surface, low: FloatArray, high: FloatArray) -> Surface:

@@ -57,7 +57,11 @@ def plot_study(result: StudyResult, path: str | Path | None = None) -> "Figure":
     axes = result.study.axes
     varied = [axis.path for axis in axes if isinstance(axis, Interval) or len(axis.values) > 1]
     varied = varied or [axes[0].path]
-    figure = new_figure(*_size(len(varied)))
+    size = 8.0, 4.5 if len(varied) == 1 else 5.5
+    if len(varied) > 2:
+        lines, columns = _panels(len(varied))
+        size = 4.0 * columns, 3.2 * lines + 0.8
+    figure = new_figure(*size)
     names = " and ".join(varied) if len(varied) < 3 else f"{len(varied)} fields"
     figure.suptitle(f"{result.study.name}: duration against {names}")
     if len(varied) == 1:
@@ -70,14 +74,6 @@ def plot_study(result: StudyResult, path: str | Path | None = None) -> "Figure":
     else:
         _draw_each(figure, result, varied)
     return saved(figure, path)
-
-
-def _size(count: int) -> tuple[float, float]:
-    """Return the width and height of a figure of a number of fields [inches]."""
-    if count < 3:
-        return 8.0, 4.5 if count == 1 else 5.5
-    lines, columns = _panels(count)
-    return 4.0 * columns, 3.2 * lines + 0.8
 
 
 def _panels(count: int) -> tuple[int, int]:

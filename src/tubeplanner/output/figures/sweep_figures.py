@@ -22,62 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# ---- Marks of statuses without a plan: the same colour, mark and hatching in all figures.
-
-_ORDER = (
-    PlanStatus.TUBE_BLOCKED,
-    PlanStatus.UNREACHABLE,
-    PlanStatus.NO_TRAJECTORY,
-    PlanStatus.GRAVITY_EXCEEDS_EFFORT,
-    PlanStatus.CERTIFICATE_FAILED,
-    PlanStatus.TIME_LIMIT,
-    PlanStatus.BAD_INPUT,
-    PlanStatus.CRASHED,
-)
-_MARKS = ("x", "v", "P", "s", "D", "^", "*", "X")
-_HATCHES = ("///", "\\\\\\", "xxx", "...", "+++", "ooo", "|||", "---")
-_COLORS = (*LINE_COLORS[1:], "#777777", "#7A1F1F")  # without the colour of plans
-
-
-@dataclass(frozen=True)
-class StatusMark:
-    """Look of one status.
-
-    Attributes:
-        color: Of marks and hatching.
-        marker: As matplotlib names it.
-        hatch: As matplotlib names it.
-    """
-
-    color: str
-    marker: str
-    hatch: str
-
-
-def status_mark(status: PlanStatus) -> StatusMark:
-    """Return the look of a status without a plan."""
-    number = _ORDER.index(status)
-    return StatusMark(_COLORS[number], _MARKS[number], _HATCHES[number])
-
-
-def status_words(status: PlanStatus) -> str:
-    """Return the words of figures for a status."""
-    return str(status).replace("_", " ")
-
-
-def draw_rug(axis: "Axes", gaps: Iterable[tuple[float, PlanStatus]]) -> None:
-    """Mark values without a plan at the lower edge of axes, by their status."""
-    places: dict[PlanStatus, list[float]] = {}
-    for place, status in gaps:
-        places.setdefault(status, []).append(place)
-    for status, values in places.items():
-        mark = status_mark(status)
-        label = f"no plan: {status_words(status)} ({len(values)})"
-        transform = axis.get_xaxis_transform()
-        look: dict[str, Any] = {"color": mark.color, "markersize": 6, "transform": transform}
-        axis.plot(values, [0.03] * len(values), mark.marker, label=label, **look)
-
-
 # ---- Figures of several plans: convergence of refinement, and duration against tolerance.
 
 _TANGENT = 0.35  # half the length of a slope's line, as a fraction of the way to the next tolerance
@@ -383,3 +327,59 @@ def _mark_runs(axis: "Axes", places: FloatArray, rows: Sequence[DurationRow]) ->
         axis.plot(*np.transpose(failed), "X", label="some of its runs failed", **look)
     if any(row.runs is not None for row in rows):
         axis.margins(0.1)
+
+
+# ---- Marks of statuses without a plan: the same colour, mark and hatching in all figures.
+
+_ORDER = (
+    PlanStatus.TUBE_BLOCKED,
+    PlanStatus.UNREACHABLE,
+    PlanStatus.NO_TRAJECTORY,
+    PlanStatus.GRAVITY_EXCEEDS_EFFORT,
+    PlanStatus.CERTIFICATE_FAILED,
+    PlanStatus.TIME_LIMIT,
+    PlanStatus.BAD_INPUT,
+    PlanStatus.CRASHED,
+)
+_MARKS = ("x", "v", "P", "s", "D", "^", "*", "X")
+_HATCHES = ("///", "\\\\\\", "xxx", "...", "+++", "ooo", "|||", "---")
+_COLORS = (*LINE_COLORS[1:], "#777777", "#7A1F1F")  # without the colour of plans
+
+
+@dataclass(frozen=True)
+class StatusMark:
+    """Look of one status.
+
+    Attributes:
+        color: Of marks and hatching.
+        marker: As matplotlib names it.
+        hatch: As matplotlib names it.
+    """
+
+    color: str
+    marker: str
+    hatch: str
+
+
+def status_mark(status: PlanStatus) -> StatusMark:
+    """Return the look of a status without a plan."""
+    number = _ORDER.index(status)
+    return StatusMark(_COLORS[number], _MARKS[number], _HATCHES[number])
+
+
+def status_words(status: PlanStatus) -> str:
+    """Return the words of figures for a status."""
+    return str(status).replace("_", " ")
+
+
+def draw_rug(axis: "Axes", gaps: Iterable[tuple[float, PlanStatus]]) -> None:
+    """Mark values without a plan at the lower edge of axes, by their status."""
+    places: dict[PlanStatus, list[float]] = {}
+    for place, status in gaps:
+        places.setdefault(status, []).append(place)
+    for status, values in places.items():
+        mark = status_mark(status)
+        label = f"no plan: {status_words(status)} ({len(values)})"
+        transform = axis.get_xaxis_transform()
+        look: dict[str, Any] = {"color": mark.color, "markersize": 6, "transform": transform}
+        axis.plot(values, [0.03] * len(values), mark.marker, label=label, **look)

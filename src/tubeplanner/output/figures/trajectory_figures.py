@@ -61,9 +61,6 @@ def plot_trajectory(
         trajectory: Of the problem's joints, in any order.
         path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
 
-    Returns:
-        The figure.
-
     Raises:
         OptionError: The file has another ending.
         OutputError: The file could not be written.
@@ -105,9 +102,6 @@ def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None
         cycle: The cycle.
         motion: Its motion.
         path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
-
-    Returns:
-        The figure.
 
     Raises:
         ProblemError: `cycle` is no Cycle.

@@ -196,15 +196,14 @@ def clearance_parts(problem: PlanningProblem) -> list[object]:
 
 def solids_parts(what: str, solids: Sequence[Obstacle | AttachedSolid]) -> list[object]:
     """Return a heading, then names and origins of solids, independent of their order."""
-    by_name = sorted(solids, key=lambda solid: solid.name)
-    return [what, *(part for solid in by_name for part in (solid.name, *_solid_parts(solid)))]
-
-
-def _solid_parts(solid: Obstacle | AttachedSolid) -> list[object]:
-    """Return the origin of a solid: its contents, or its shapes."""
-    if solid.contents is not None:
-        return [*_contents_parts([solid.contents])]
-    return ["shapes", *sorted(_text(shape_parts(shape)) for shape in solid.shapes)]
+    parts: list[object] = [what]
+    for solid in sorted(solids, key=lambda solid: solid.name):
+        if solid.contents is not None:
+            parts += [solid.name, *_contents_parts([solid.contents])]
+        else:
+            shapes = sorted(_text(shape_parts(shape)) for shape in solid.shapes)
+            parts += [solid.name, "shapes", *shapes]
+    return parts
 
 
 def _contents_parts(contents: Iterable[SolidContents]) -> list[str]:

@@ -14,7 +14,7 @@ from ruamel.yaml.error import YAMLError
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError, shown
-from tubeplanner.geometry.tube.segment_values import JointRange, sign_of
+from tubeplanner.geometry.tube.segment_values import sign_of
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.task.field_changes import changed_problem
 from tubeplanner.task.fields import BaseFields, Section
@@ -219,7 +219,11 @@ def _contents(fields: Any, folder: Path, target: Path) -> bytes:
 
 def _tube_fields(tube: Tube) -> CommentedMap:
     points = _in_a_row([_in_a_row(point) for point in tube.points.tolist()])
-    maps = [_in_a_row(_signs(ranges)) for ranges in tube.joint_ranges]
+    # Ranges of joints are written as signs where equivalent.
+    maps = [
+        _in_a_row({name: sign_of(b) or _in_a_row(list(b)) for name, b in ranges.items()})
+        for ranges in tube.joint_ranges
+    ]
     signs = maps[0] if all(row == maps[0] for row in maps) else maps
     fields = CommentedMap(points=points, radius=_in_a_row(tube.radius.tolist()))
     if tube.cross_section is not None:
@@ -259,12 +263,6 @@ def _speed_fields(tube: Tube) -> dict[str, Any]:
 def _numbers_or_none(values: FloatArray) -> Any:
     """Return the number of each segment for a file, null where infinite."""
     return _in_a_row([value if np.isfinite(value) else None for value in values.tolist()])
-
-
-def _signs(ranges: Mapping[str, JointRange]) -> dict[str, Any]:
-    """Return joint ranges for a file, as signs where equivalent."""
-    pairs = ranges.items()
-    return {name: sign_of(bounds) or _in_a_row(list(bounds)) for name, bounds in pairs}
 
 
 def _in_a_row(values: Sequence[Any] | Mapping[str, Any]) -> Any:

@@ -79,7 +79,13 @@ class TrajectoryFiles:
             more = {} if problem is None else origin(problem, method)
             texts[self.json] = trajectory_json(trajectory, **more)
         if self.csv is not None or self.ros is not None:
-            samples, notes = self._samples(trajectory, problem)
+            rate = self.sample_rate(None if problem is None else problem.period)
+            if problem is None:
+                samples = trajectory.sample(rate)
+            else:
+                exported = samples_for_export(problem, trajectory, rate)
+                samples = exported.samples
+                notes = () if exported.note is None else (exported.note,)
         names = trajectory.joint_names
         if self.csv is not None:
             effort = None if problem is None else motor_effort(problem.robot, trajectory, samples)
@@ -91,15 +97,6 @@ class TrajectoryFiles:
     def sample_rate(self, period: float | None) -> float:
         """Return the rate of the samples [Hz], for a controller's period [s] or None."""
         return self.rate or (_RATE if period is None else 1 / period)
-
-    def _samples(
-        self, trajectory: JointTrajectory, problem: PlanningProblem | None
-    ) -> tuple[TrajectorySamples, tuple[str, ...]]:
-        rate = self.sample_rate(None if problem is None else problem.period)
-        if problem is None:
-            return trajectory.sample(rate), ()
-        sampled = samples_for_export(problem, trajectory, rate)
-        return sampled.samples, () if sampled.note is None else (sampled.note,)
 
 
 def files_at(path: str | Path, rate: float | None = None) -> TrajectoryFiles:

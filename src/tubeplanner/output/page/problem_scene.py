@@ -62,6 +62,110 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
+# ---- The scene of a problem and its trajectories.
+
+_FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES = 200, 80, 240
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ProblemScene(Scene):
+    """The scene of a problem.
+
+    Attributes:
+        problem: The problem.
+    """
+
+    problem: PlanningProblem
+
+
+def build_scene(
+    problem: PlanningProblem,
+    named: Mapping[str, JointTrajectory],
+    execution: Execution | None = None,
+    *,
+    at_rest: ShownTrajectory | None = None,
+    notes: Sequence[str] = (),
+    empty_handed: Collection[str] = (),
+) -> ProblemScene:
+    """Return the scene of a problem and some trajectories, by name.
+
+    Without a trajectory the arm rests as in `at_rest`, else at the start. An execution belongs to
+    the one trajectory. Trajectories in `empty_handed` are drawn without the problem's carried
+    solids. Notes of the scene begin with `notes`.
+
+    Raises:
+        TrajectoryError: A trajectory moves other joints than the problem's; the message names it.
+        RobotError: The robot's geometry is of a kind no URDF has.
+    """
+    all_notes, robot = list(notes), problem.robot
+    motions = {}
+    for name, trajectory in named.items():
+        try:
+            motions[name] = trajectory.reordered(robot.joint_names)
+        except TrajectoryError as error:
+            raise TrajectoryError(f"{name}: {error}") from error
+    stretches = tuple((Stretch(problem, motion),) for motion in motions.values())
+    shown = [_moving_arm(robot, *pair) for pair in motions.items()]
+    shown = shown or [at_rest or poses_at_rest(problem, all_notes)]
+    parts, notes_of_parts = link_parts(robot, MAX_FACES // len(shown))
+    carried = carried_surfaces(robot, problem.attached)
+    hulls, tube = arm_hulls(parts, carried), tube_surfaces(problem.tube)
+    swept = [swept_surface(each, hulls) for each in shown]
+    fixed = [points for body, points in hulls if body == 0]
+    points = [*(surface.vertices for surface in [*swept, *tube]), *fixed]
+    direction = direction_of(shown[0], [problem.tube.points], problem.obstacles, hulls)
+    thickness = line_thickness([problem.tube], float(np.ptp(np.vstack(points), axis=0).max()))
+    fastest = max(float(each.speed.max()) for each in shown)
+    width = thickness if execution is None else BESIDE_EXECUTED * thickness
+    executed = None
+    if execution is not None:
+        (trajectory,) = named.values()
+        executed = executed_paths(tool_runs(problem, trajectory, execution), EXECUTED_STEPS)
+    items: list[Item] = []
+    for i, each in enumerate(shown):
+        own = stretches[i] if stretches else ()
+        shown[i], orientation = turned_tool(i, robot, [problem.tube], own, each, thickness)
+        items += arm_items(i, parts)
+        items += carried_items(i, () if each.name in empty_handed else carried)
+        items += _surroundings(i, problem, tube, thickness)
+        items += tool_items(i, each, robot, width, fastest)
+        items += [*orientation, *swept_item(i, each, swept[i])]
+    return ProblemScene(
+        name=problem.name,
+        trajectories=tuple(shown),
+        items=tuple(items),
+        frame=scene_frame(points, direction, len(shown)),
+        thickness=thickness,
+        notes=(*all_notes, *notes_of_parts),
+        stretches=stretches,
+        executed=executed,
+        problem=problem,
+    )
+
+
+def _moving_arm(robot: RobotModel, name: str, trajectory: JointTrajectory) -> ShownTrajectory:
+    count = int(np.ceil(_FRAMES_PER_SECOND * trajectory.duration))
+    frames = min(max(count, _MIN_FRAMES), _MAX_FRAMES)
+    time = np.linspace(0.0, trajectory.duration, frames)
+    return poses_along(robot, name, trajectory, time)
+
+
+def _surroundings(
+    trajectory: int, problem: PlanningProblem, tube: list[Surface], thickness: float
+) -> list[Item]:
+    """Return tube, reference path and goal, for lines of a radius [m], and obstacles."""
+    items = []
+    for k, surface in enumerate(tube):
+        color, is_smooth = rgb(segment_color(k)), not problem.tube.is_box[k]
+        items.append(
+            Item(Layer.TUBE, trajectory, f"segment_{k}", surface, color, 0.3, is_smooth=is_smooth)
+        )
+    items.append(reference_item(trajectory, "path", problem.tube.points, thickness))
+    for ball in goal_ball(problem.endpoints[1]):
+        items.append(Item(Layer.REFERENCE, trajectory, "goal", ball, rgb(REFERENCE_COLOR), 0.35))
+    return items + obstacle_items(trajectory, problem.obstacles)
+
+
 # ---- The items of a scene: arm, solids, tube, paths, and the space swept by links.
 
 _SWEEP_STEPS = 24
@@ -359,107 +463,3 @@ def _tool_placement(robot: RobotModel) -> FloatArray:
     placement[:3, :3] = rotation[body].T @ tool_rotation
     placement[:3, 3] = rotation[body].T @ (tool - position[body])
     return placement
-
-
-# ---- The scene of a problem and its trajectories.
-
-_FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES = 200, 80, 240
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ProblemScene(Scene):
-    """The scene of a problem.
-
-    Attributes:
-        problem: The problem.
-    """
-
-    problem: PlanningProblem
-
-
-def build_scene(
-    problem: PlanningProblem,
-    named: Mapping[str, JointTrajectory],
-    execution: Execution | None = None,
-    *,
-    at_rest: ShownTrajectory | None = None,
-    notes: Sequence[str] = (),
-    empty_handed: Collection[str] = (),
-) -> ProblemScene:
-    """Return the scene of a problem and some trajectories, by name.
-
-    Without a trajectory the arm rests as in `at_rest`, else at the start. An execution belongs to
-    the one trajectory. Trajectories in `empty_handed` are drawn without the problem's carried
-    solids. Notes of the scene begin with `notes`.
-
-    Raises:
-        TrajectoryError: A trajectory moves other joints than the problem's; the message names it.
-        RobotError: The robot's geometry is of a kind no URDF has.
-    """
-    all_notes, robot = list(notes), problem.robot
-    motions = {}
-    for name, trajectory in named.items():
-        try:
-            motions[name] = trajectory.reordered(robot.joint_names)
-        except TrajectoryError as error:
-            raise TrajectoryError(f"{name}: {error}") from error
-    stretches = tuple((Stretch(problem, motion),) for motion in motions.values())
-    shown = [_moving_arm(robot, *pair) for pair in motions.items()]
-    shown = shown or [at_rest or poses_at_rest(problem, all_notes)]
-    parts, notes_of_parts = link_parts(robot, MAX_FACES // len(shown))
-    carried = carried_surfaces(robot, problem.attached)
-    hulls, tube = arm_hulls(parts, carried), tube_surfaces(problem.tube)
-    swept = [swept_surface(each, hulls) for each in shown]
-    fixed = [points for body, points in hulls if body == 0]
-    points = [*(surface.vertices for surface in [*swept, *tube]), *fixed]
-    direction = direction_of(shown[0], [problem.tube.points], problem.obstacles, hulls)
-    thickness = line_thickness([problem.tube], float(np.ptp(np.vstack(points), axis=0).max()))
-    fastest = max(float(each.speed.max()) for each in shown)
-    width = thickness if execution is None else BESIDE_EXECUTED * thickness
-    executed = None
-    if execution is not None:
-        (trajectory,) = named.values()
-        executed = executed_paths(tool_runs(problem, trajectory, execution), EXECUTED_STEPS)
-    items: list[Item] = []
-    for i, each in enumerate(shown):
-        own = stretches[i] if stretches else ()
-        shown[i], orientation = turned_tool(i, robot, [problem.tube], own, each, thickness)
-        items += arm_items(i, parts)
-        items += carried_items(i, () if each.name in empty_handed else carried)
-        items += _surroundings(i, problem, tube, thickness)
-        items += tool_items(i, each, robot, width, fastest)
-        items += [*orientation, *swept_item(i, each, swept[i])]
-    return ProblemScene(
-        name=problem.name,
-        trajectories=tuple(shown),
-        items=tuple(items),
-        frame=scene_frame(points, direction, len(shown)),
-        thickness=thickness,
-        notes=(*all_notes, *notes_of_parts),
-        stretches=stretches,
-        executed=executed,
-        problem=problem,
-    )
-
-
-def _moving_arm(robot: RobotModel, name: str, trajectory: JointTrajectory) -> ShownTrajectory:
-    count = int(np.ceil(_FRAMES_PER_SECOND * trajectory.duration))
-    frames = min(max(count, _MIN_FRAMES), _MAX_FRAMES)
-    time = np.linspace(0.0, trajectory.duration, frames)
-    return poses_along(robot, name, trajectory, time)
-
-
-def _surroundings(
-    trajectory: int, problem: PlanningProblem, tube: list[Surface], thickness: float
-) -> list[Item]:
-    """Return tube, reference path and goal, for lines of a radius [m], and obstacles."""
-    items = []
-    for k, surface in enumerate(tube):
-        color, is_smooth = rgb(segment_color(k)), not problem.tube.is_box[k]
-        items.append(
-            Item(Layer.TUBE, trajectory, f"segment_{k}", surface, color, 0.3, is_smooth=is_smooth)
-        )
-    items.append(reference_item(trajectory, "path", problem.tube.points, thickness))
-    for ball in goal_ball(problem.endpoints[1]):
-        items.append(Item(Layer.REFERENCE, trajectory, "goal", ball, rgb(REFERENCE_COLOR), 0.35))
-    return items + obstacle_items(trajectory, problem.obstacles)

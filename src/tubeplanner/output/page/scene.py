@@ -13,7 +13,7 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.first_guess.branches import end_configuration
-from tubeplanner.geometry.convex_shapes import ConvexShape, convex_hull
+from tubeplanner.geometry.convex_shapes import convex_hull
 from tubeplanner.geometry.solids import Obstacle
 from tubeplanner.outcome import Infeasible
 from tubeplanner.output.curves import Stretch
@@ -192,7 +192,7 @@ class Scene:
 # ---- Poses of an arm, along a trajectory or at rest; the best direction of sight.
 
 # Fractions of a trajectory's samples at which the arm should not hide the path.
-_SAMPLED_SHARES = (0.1, 0.5, 0.9)
+_SAMPLED_FRACTIONS = (0.1, 0.5, 0.9)
 
 
 class MovingBody(Protocol):
@@ -246,7 +246,16 @@ def direction_of(
         hulls: Bodies, and points (V, 3) of their hulls.
     """
     solids = [shape for obstacle in obstacles for shape in obstacle.shapes]
-    arms = [_moving_shapes(trajectory, share, hulls) for share in _SAMPLED_SHARES]
+    arms = []
+    for fraction in _SAMPLED_FRACTIONS:
+        step = round(fraction * (len(trajectory.time) - 1))
+        arms.append(
+            [
+                convex_hull(vertices).transformed(trajectory.placement(step, body))
+                for body, vertices in hulls
+                if body > 0
+            ]
+        )
     return best_direction(np.vstack([trajectory.tool, *points]), solids, arms)
 
 
@@ -271,15 +280,3 @@ def _posed(
     tool, jacobian = robot.tool_jacobian(q)
     speed = np.linalg.norm(np.einsum("tij,tj->ti", jacobian[:, :3], velocity), axis=1)
     return ShownTrajectory(name, time, rotation, position, tool, speed)
-
-
-def _moving_shapes(
-    trajectory: ShownTrajectory, share: float, hulls: list[tuple[int, FloatArray]]
-) -> list[ConvexShape]:
-    """Return hulls of the moving links after a fraction of a trajectory, in the base frame."""
-    step = round(share * (len(trajectory.time) - 1))
-    return [
-        convex_hull(points).transformed(trajectory.placement(step, body))
-        for body, points in hulls
-        if body > 0
-    ]
