@@ -43,12 +43,15 @@ class ControlVariables:
 
         The conditions on a start that moves are those of the motion that ends there.
         """
-        self._problem, self._grid, self._start_moves = problem, grid, start_moves
+        self._problem, self._grid = problem, grid
         self._goal = problem.open_goal
         self._goal_moves = self._goal is not None and (
             self._goal.tolerance > 0 or _is_redundant(problem)
         )
-        self.column = self._columns(grid.control_point_count)
+        self.column = np.arange(grid.control_point_count) - REST_POINTS + start_moves
+        self.column[:REST_POINTS] = 0 if start_moves else FIXED
+        last = self.column[-REST_POINTS - 1] + 1 if self._goal_moves else FIXED
+        self.column[-REST_POINTS:] = last
         # Control points that move, their variables, and the first point of each variable.
         self._moving = moving = np.flatnonzero(self.column != FIXED)
         self._own = self.column[moving]
@@ -78,13 +81,13 @@ class ControlVariables:
         return change
 
     def collected(self, by_point: FloatArray) -> FloatArray:
-        """Return derivatives by the variables (F, n) from those by control points (K, n)."""
+        """Return derivatives by the variables, (F, n), from those of control points (K, n)."""
         by_variable = np.zeros_like(self.lower)
         np.add.at(by_variable, self._own, by_point[self._moving])
         return by_variable
 
     def within_bounds(self, control_points: FloatArray) -> FloatArray:
-        """Return control points (K, n), the movable ones clipped to their bounds."""
+        """Return control points (K, n), clipped to their bounds where they may move."""
         inside = self.of(control_points).clip(self.lower, self.upper)
         points = control_points.copy()
         points[self._moving] = inside[self._own]
@@ -157,12 +160,6 @@ class ControlVariables:
         _, jacobian = self._problem.robot.tool_jacobian(control_points[-1:])
         _, gain, directions = np.linalg.svd(jacobian[0, :3], full_matrices=False)
         return directions[gain > _MIN_GAIN]
-
-    def _columns(self, count: int) -> IntArray:
-        column = np.arange(count) - REST_POINTS + self._start_moves
-        column[:REST_POINTS] = 0 if self._start_moves else FIXED
-        column[-REST_POINTS:] = column[-REST_POINTS - 1] + 1 if self._goal_moves else FIXED
-        return column
 
     def _control_bounds(self) -> tuple[FloatArray, FloatArray]:
         """Return joint bounds of the control points, (K, n), by all phases that they belong to.
@@ -291,7 +288,12 @@ def _numbers(legs: Sequence[LegShape], is_tied: Sequence[bool]) -> tuple[list[In
         is_behind = k > 0 and is_tied[k - 1]
         numbers.append(np.arange(leg.configurations) + count - is_behind)
         count = int(numbers[-1][-1]) + 1 if leg.configurations else count
-    return (_closed(numbers), count - 1) if is_tied[-1] else (numbers, count)
+    if not is_tied[-1]:
+        return numbers, count
+    # The configuration in which a cycle closes, the first and the last, is behind all others.
+    numbers = [own - 1 for own in numbers]
+    numbers[0][0] = numbers[-1][-1]
+    return numbers, count - 1
 
 
 def _before(leg: LegShape, numbers: IntArray, count: int) -> IntArray:
@@ -301,11 +303,3 @@ def _before(leg: LegShape, numbers: IntArray, count: int) -> IntArray:
         following = np.append(numbers, numbers[-1] + 1)
         before[leg.is_among] = following[leg.behind[leg.is_among]]
     return before
-
-
-def _closed(numbers: Sequence[IntArray]) -> list[IntArray]:
-    """Return configurations' numbers with the first and the last equal, the last of all."""
-    last = int(numbers[-1][-1])
-    closed = [own - 1 for own in numbers]
-    closed[0][0] = closed[-1][-1] = last - 1
-    return closed

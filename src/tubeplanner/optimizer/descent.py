@@ -133,83 +133,6 @@ def motion_unit(motions: Iterable[FloatArray]) -> float:
     return min(farthest / _LARGE_MOTION, 1.0) or 1.0
 
 
-# ---- Steps of one or more legs: programs solved until their steps break no constraint.
-#
-# Constraints that a step breaks and its program lacked join the next program.
-
-_MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
-STEP_TOLERANCE = 1e-4  # of a step's cost
-# Where solutions go on from the last one, constraints that a step this rough breaks join at once.
-_ROUGH = 0.05
-
-
-class StepSearch:
-    """The search for the steps of all legs, in one program."""
-
-    def __init__(self, legs: Sequence[Linearization], columns: Sequence[IntArray]) -> None:
-        """Take the linearization and, as in `step_program`, the columns of every leg."""
-        self._legs, self._columns = legs, columns
-        self._program: StepProgram | None = None
-
-    def solve(self) -> tuple[Step, ...] | None:
-        """Return the step of every leg, or None if the program has no solution."""
-        slack, steps = [leg.plain for leg in self._legs], None
-        self._program = program = step_program(self._blocks(slack), self._columns)
-        if program.goes_on:
-            rough = program.solve(_ROUGH)
-            if rough is not None and self._absorb(rough):
-                program.join(self._blocks(slack))
-        for _ in range(_MAX_ROUNDS):
-            better = program.solve(STEP_TOLERANCE)
-            if better is None:  # the step before may break rows; the correction mends some
-                break
-            steps = better
-            if not self._absorb(steps):
-                break
-            program.join(self._blocks(slack))
-        return steps
-
-    def solve_closely(self, tolerance: float) -> tuple[Step, ...] | None:
-        """Return the steps to a finer tolerance, after `solve`; None without a solution."""
-        assert self._program is not None
-        self._program.join(self._blocks([leg.plain for leg in self._legs]))
-        return self._program.solve(tolerance)
-
-    def solve_again(
-        self, steps: Sequence[Step], trials: Sequence[Iterate], slack: Sequence[FloatArray]
-    ) -> tuple[Step, ...] | None:
-        """Return steps corrected for the curvature of the constraints; None without a solution.
-
-        Args:
-            steps: The first step of every leg.
-            trials: The iterate after it.
-            slack: Of every leg's rows there, by their numbers.
-        """
-        program = self._program
-        if program is None:
-            return None
-        legs = list(zip(self._legs, steps, trials, slack, strict=True))
-        corrected = [leg.corrected(step, trial, own) for leg, step, trial, own in legs]
-        program.correct(self._blocks(corrected))
-        others = program.solve(STEP_TOLERANCE)
-        for _ in range(_MAX_CORRECTIONS - 1):
-            if others is None:
-                break
-            each = zip(self._legs, others, corrected, steps, strict=True)
-            if not any([leg.absorb_bent(o, own, step.elastic) for leg, o, own, step in each]):
-                break
-            program.join(self._blocks(corrected))
-            others = program.solve(STEP_TOLERANCE)
-        return others
-
-    def _absorb(self, steps: Sequence[Step]) -> bool:
-        """Add the constraints that steps break to the linearizations; True if there are some."""
-        return any([leg.absorb(step) for leg, step in zip(self._legs, steps, strict=True)])
-
-    def _blocks(self, slack: Sequence[Slack]) -> list[Block]:
-        return [leg.block(own) for leg, own in zip(self._legs, slack, strict=True)]
-
-
 # ---- Shortening one or more legs by sequential linear programs with a trust region.
 #
 # Consecutive legs may be tied: one begins where the other ends, wherever that is best for the sum
@@ -247,7 +170,7 @@ class Leg(Protocol):
         ...
 
     def goal_after(self, current: Iterate, step: Step) -> FloatArray | None:
-        """Return the configuration (n,) at a goal that moves; None if the tool leaves it."""
+        """Return the configuration (n,) at a goal that moves; None if the tool leaves the goal."""
         ...
 
     def moved(self, current: Iterate, step: Step, start: FloatArray | None) -> Iterate | None:
@@ -298,6 +221,87 @@ class Improved:
         """The trajectory of a single leg."""
         (iterate,) = self.iterates
         return iterate
+
+
+class Descent:
+    """The optimisation of splines, each on a knot grid of its own."""
+
+    def __init__(self, legs: Sequence[Leg], is_tied: Sequence[bool]) -> None:
+        """Take legs.
+
+        Args:
+            legs: The legs.
+            is_tied: Whether each leg ends where the next one begins, after the last leg the first.
+        """
+        self._legs, self._is_tied = legs, is_tied
+
+    def improved(
+        self,
+        currents: tuple[Iterate, ...],
+        trust: TrustRegion,
+        penalty: float,
+        *,
+        min_gain: float,
+        max_steps: int,
+        checkpoint: Callable[[tuple[Iterate, ...]], None],
+    ) -> Improved:
+        """Return trajectories with a smaller sum of durations, or the first iterates.
+
+        Args:
+            currents: The first iterates.
+            trust: The first trust region; its unit is that of the trajectories.
+            penalty: First weight of the elastic constraints.
+            min_gain: The descent ends when a step should gain less than this share of T^2, or two
+                accepted steps in a row gain less.
+            max_steps: Largest number of steps.
+            checkpoint: Called with all iterates after each step; it may raise to end the work.
+        """
+        unit = motion_unit(current.spline.control_points for current in currents)
+        trust = replace(trust, unit=unit)
+        small_gains, remembered = 0, (_NOTHING,) * len(self._legs)
+        for _ in range(max_steps):
+            linear = _Linearized(self._legs, self._is_tied, currents, trust, penalty, remembered)
+            steps = linear.solve()
+            remembered = remembered if steps is None else linear.remembered(steps)
+            result = None if steps is None else self._tried(linear, steps, unit)
+            if steps is None or result is None:
+                trust = trust.smaller()
+                continue
+            trials, outcome = result
+            if any(map(_mends_nothing, currents, steps)):
+                penalty = min(4 * penalty, MAX_PENALTY)
+            if outcome.ratio > _WORTH_A_MOVE:
+                currents = trials
+                small_gains = small_gains + 1 if outcome.gain < min_gain else 0
+            checkpoint(currents)
+            trust = trust.after(outcome)
+            is_small = outcome.predicted < min_gain
+            if is_small and trust.may_relax:
+                trust, small_gains = trust.relaxed(), 0
+            elif is_small or small_gains == 2 or trust.has_collapsed:
+                return Improved(currents, trust, penalty, has_ended=True)
+        return Improved(currents, trust, penalty, has_ended=False)
+
+    def _tried(
+        self, linear: "_Linearized", steps: tuple[Step, ...], unit: float
+    ) -> tuple[tuple[Iterate, ...], Outcome] | None:
+        """Return the iterates after steps, corrected if they gain little, and their outcome.
+
+        None if a step is infeasible or its program contradicts itself.
+        """
+        trials = linear.moved(steps)
+        if trials is None:
+            return None
+        predicted, first_gain = linear.gains(trials, steps)
+        if predicted < -_CONTRADICTION:
+            return None
+        gain = first_gain
+        if gain < _GOOD_RATIO * predicted:
+            trials, gain = linear.corrected(steps, trials, gain)
+        for leg, step in zip(self._legs, steps, strict=True):
+            leg.after(step)
+        rates = linear.squared_rates(steps)
+        return trials, Outcome(predicted, first_gain, gain, linear.radius_of(steps, unit), rates)
 
 
 class _Linearized:
@@ -387,92 +391,88 @@ class _Linearized:
         return max(leg.radius_of(current, step, unit) for leg, current, step in each)
 
 
-class Descent:
-    """The optimisation of splines, each on a knot grid of its own."""
-
-    def __init__(self, legs: Sequence[Leg], is_tied: Sequence[bool]) -> None:
-        """Take legs.
-
-        Args:
-            legs: The legs.
-            is_tied: Whether each leg ends where the next one begins, after the last leg the first.
-        """
-        self._legs, self._is_tied = legs, is_tied
-
-    def improved(
-        self,
-        currents: tuple[Iterate, ...],
-        trust: TrustRegion,
-        penalty: float,
-        *,
-        min_gain: float,
-        max_steps: int,
-        checkpoint: Callable[[tuple[Iterate, ...]], None],
-    ) -> Improved:
-        """Return trajectories with a smaller sum of durations, or the first ones.
-
-        Args:
-            currents: The first iterates.
-            trust: The first trust region; its unit is that of the trajectories.
-            penalty: First weight of the elastic constraints.
-            min_gain: The descent ends when a step should gain less than this share of T^2, or two
-                accepted steps in a row gain less.
-            max_steps: Largest number of steps.
-            checkpoint: Called with all iterates after each step; it may raise to end the work.
-        """
-        unit = motion_unit(current.spline.control_points for current in currents)
-        trust = replace(trust, unit=unit)
-        small_gains, remembered = 0, (_NOTHING,) * len(self._legs)
-        for _ in range(max_steps):
-            linear = _Linearized(self._legs, self._is_tied, currents, trust, penalty, remembered)
-            steps = linear.solve()
-            remembered = remembered if steps is None else linear.remembered(steps)
-            result = None if steps is None else self._tried(linear, steps, unit)
-            if steps is None or result is None:
-                trust = trust.smaller()
-                continue
-            trials, outcome = result
-            if any(map(_mends_nothing, currents, steps)):
-                penalty = min(4 * penalty, MAX_PENALTY)
-            if outcome.ratio > _WORTH_A_MOVE:
-                currents = trials
-                small_gains = small_gains + 1 if outcome.gain < min_gain else 0
-            checkpoint(currents)
-            trust = trust.after(outcome)
-            is_small = outcome.predicted < min_gain
-            if is_small and trust.may_relax:
-                trust, small_gains = trust.relaxed(), 0
-            elif is_small or small_gains == 2 or trust.has_collapsed:
-                return Improved(currents, trust, penalty, has_ended=True)
-        return Improved(currents, trust, penalty, has_ended=False)
-
-    def _tried(
-        self, linear: _Linearized, steps: tuple[Step, ...], unit: float
-    ) -> tuple[tuple[Iterate, ...], Outcome] | None:
-        """Return the iterates after steps, corrected if they gain little, and their outcome.
-
-        None if a step is infeasible or its program contradicts itself.
-        """
-        trials = linear.moved(steps)
-        if trials is None:
-            return None
-        predicted, first_gain = linear.gains(trials, steps)
-        if predicted < -_CONTRADICTION:
-            return None
-        gain = first_gain
-        if gain < _GOOD_RATIO * predicted:
-            trials, gain = linear.corrected(steps, trials, gain)
-        for leg, step in zip(self._legs, steps, strict=True):
-            leg.after(step)
-        rates = linear.squared_rates(steps)
-        return trials, Outcome(predicted, first_gain, gain, linear.radius_of(steps, unit), rates)
-
-
 def _mends_nothing(current: Iterate, step: Step) -> bool:
-    """Return True if a step leaves nearly all of the violation, or adds to it.
+    """Return True if a step leaves nearly all of the violation, or more.
 
     Then a higher penalty may help. A step that mends a part is limited by its trust region: a
     higher penalty would mend no more, and drown the duration. (After Byrd, Nocedal & Waltz,
     "Steering exact penalty methods for nonlinear programming", 2008.)
     """
     return step.elastic > max(BROKEN, _MENDED * current.excess)
+
+
+# ---- Steps of one or more legs: programs solved until their steps break no constraint.
+#
+# Constraints that a step breaks and its program lacked join the next program.
+
+_MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
+STEP_TOLERANCE = 1e-4  # of a step's cost
+# Where solutions go on from the last one, constraints that a step this rough breaks join at once.
+_ROUGH = 0.05
+
+
+class StepSearch:
+    """The search for the steps of all legs, in one program."""
+
+    def __init__(self, legs: Sequence[Linearization], columns: Sequence[IntArray]) -> None:
+        """Take the linearization and, as in `step_program`, the columns of every leg."""
+        self._legs, self._columns = legs, columns
+        self._program: StepProgram | None = None
+
+    def solve(self) -> tuple[Step, ...] | None:
+        """Return the step of every leg, or None if the program has no solution."""
+        slack, steps = [leg.plain for leg in self._legs], None
+        self._program = program = step_program(self._blocks(slack), self._columns)
+        if program.goes_on:
+            rough = program.solve(_ROUGH)
+            if rough is not None and self._absorb(rough):
+                program.join(self._blocks(slack))
+        for _ in range(_MAX_ROUNDS):
+            better = program.solve(STEP_TOLERANCE)
+            if better is None:  # the step before may break rows; the correction mends some
+                break
+            steps = better
+            if not self._absorb(steps):
+                break
+            program.join(self._blocks(slack))
+        return steps
+
+    def solve_closely(self, tolerance: float) -> tuple[Step, ...] | None:
+        """Return the steps to a finer tolerance, after `solve`; None without a solution."""
+        assert self._program is not None
+        self._program.join(self._blocks([leg.plain for leg in self._legs]))
+        return self._program.solve(tolerance)
+
+    def solve_again(
+        self, steps: Sequence[Step], trials: Sequence[Iterate], slack: Sequence[FloatArray]
+    ) -> tuple[Step, ...] | None:
+        """Return steps corrected for the curvature of the constraints; None without a solution.
+
+        Args:
+            steps: The first step of every leg.
+            trials: The iterate after it.
+            slack: Of every leg's rows there, by their numbers.
+        """
+        program = self._program
+        if program is None:
+            return None
+        legs = list(zip(self._legs, steps, trials, slack, strict=True))
+        corrected = [leg.corrected(step, trial, own) for leg, step, trial, own in legs]
+        program.correct(self._blocks(corrected))
+        others = program.solve(STEP_TOLERANCE)
+        for _ in range(_MAX_CORRECTIONS - 1):
+            if others is None:
+                break
+            each = zip(self._legs, others, corrected, steps, strict=True)
+            if not any([leg.absorb_bent(o, own, step.elastic) for leg, o, own, step in each]):
+                break
+            program.join(self._blocks(corrected))
+            others = program.solve(STEP_TOLERANCE)
+        return others
+
+    def _absorb(self, steps: Sequence[Step]) -> bool:
+        """Add the constraints that steps break to the linearizations; True if there are some."""
+        return any([leg.absorb(step) for leg, step in zip(self._legs, steps, strict=True)])
+
+    def _blocks(self, slack: Sequence[Slack]) -> list[Block]:
+        return [leg.block(own) for leg, own in zip(self._legs, slack, strict=True)]

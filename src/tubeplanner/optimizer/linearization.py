@@ -39,25 +39,6 @@ class Given:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
-    """R rows of a program.
-
-    Attributes:
-        rows: The rows.
-        is_elastic: 1 for rows that may be violated, else 0, shape (R,).
-        limit: Numbers of their limits, shape (R,).
-        index: Their own numbers, -1 for planes, shape (R,).
-        slack: Returns their slack (R,) from `Slack.rows` and `Slack.bends`.
-    """
-
-    rows: SparseRows
-    is_elastic: FloatArray
-    limit: IntArray
-    index: IntArray
-    slack: Callable[[FloatArray, Sequence[FloatArray]], FloatArray]
-
-
-@dataclass(frozen=True, eq=False)
 class Slack:
     """The slack of all rows and planes.
 
@@ -245,3 +226,22 @@ class Linearization:
         used = used_by_step(rows, change, step.switching, step.duration)
         slack: FloatArray = rows.slack - used + self._is_elastic * step.elastic
         return slack
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """R rows of a program.
+
+    Attributes:
+        rows: The rows.
+        is_elastic: 1 for rows that may be violated, else 0, shape (R,).
+        limit: Numbers of their limits, shape (R,).
+        index: Their own numbers, -1 for planes, shape (R,).
+        slack: Returns their slack (R,) from `Slack.rows` and `Slack.bends`.
+    """
+
+    rows: SparseRows
+    is_elastic: FloatArray
+    limit: IntArray
+    index: IntArray
+    slack: Callable[[FloatArray, Sequence[FloatArray]], FloatArray]

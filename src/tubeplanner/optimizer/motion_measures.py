@@ -182,6 +182,35 @@ class Measure(Protocol):
 Weighted = tuple[tuple[float, Measure], ...]
 
 
+# ---- The measures of a problem's objective.
+
+# Weight of the logarithm of energy or work, and the share of smoothness beside it: joints that cost
+# nothing would wiggle, and efforts chatter where that costs next to nothing.
+_WEIGHT, _SMOOTHNESS = 30.0, 0.3
+_LEAST_WORK = 1e-9  # [J]
+
+
+def objective_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: float) -> Weighted:
+    """Return the measures of the problem's objective, with the weights of their logarithms.
+
+    Args:
+        problem: The planning problem.
+        spline: A motion to take scales from.
+        run_in: Its duration [s].
+    """
+    smooth = smoothness_measures(problem, spline, run_in)
+    objective, robot = problem.objective or Objective(), problem.robot
+    if objective.minimise == SMOOTHNESS:
+        return smooth
+    own: Measure
+    if objective.minimise == ENERGY:
+        own = Energy(objective.energy_weights(robot))
+    else:
+        motion = from_spline(robot.joint_names, spline.bspline()).scaled(run_in)
+        own = Work(robot.joint_count, max(EffortCosts(robot, motion).work(), _LEAST_WORK))
+    return ((_WEIGHT, own), *((_SMOOTHNESS * weight, measure) for weight, measure in smooth))
+
+
 # ---- Energy and mechanical work of the motors.
 
 # The kink of positive power at 0 is rounded off over this share of the motion's mean power.
@@ -427,32 +456,3 @@ def _nominal_efforts(problem: PlanningProblem, at: SampledSpline, run_in: float)
     q, v, a = at.by_x[:3]
     most = abs(problem.robot.inverse_dynamics(q, v / run_in, a / run_in**2)).max(axis=0)
     return np.where(np.isfinite(limit), limit, np.where(most > 0, most, 1.0))
-
-
-# ---- The measures of a problem's objective.
-
-# Weight of the logarithm of energy or work, and the share of smoothness beside it: joints that cost
-# nothing would wiggle, and efforts chatter where that costs next to nothing.
-_WEIGHT, _SMOOTHNESS = 30.0, 0.3
-_LEAST_WORK = 1e-9  # [J]
-
-
-def objective_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: float) -> Weighted:
-    """Return the measures of the problem's objective, with the weights of their logarithms.
-
-    Args:
-        problem: The planning problem.
-        spline: A motion to take scales from.
-        run_in: Its duration [s].
-    """
-    smooth = smoothness_measures(problem, spline, run_in)
-    objective, robot = problem.objective or Objective(), problem.robot
-    if objective.minimise == SMOOTHNESS:
-        return smooth
-    own: Measure
-    if objective.minimise == ENERGY:
-        own = Energy(objective.energy_weights(robot))
-    else:
-        motion = from_spline(robot.joint_names, spline.bspline()).scaled(run_in)
-        own = Work(robot.joint_count, max(EffortCosts(robot, motion).work(), _LEAST_WORK))
-    return ((_WEIGHT, own), *((_SMOOTHNESS * weight, measure) for weight, measure in smooth))

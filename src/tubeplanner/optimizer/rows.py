@@ -81,7 +81,7 @@ class Rows:
 
 
 def stacked(parts: list[Rows]) -> Rows:
-    """Return several sets of rows as one."""
+    """Return the concatenation of sets of rows."""
     names = Rows.__dataclass_fields__
     if len(parts) == 1:
         return parts[0]

@@ -28,77 +28,6 @@ from tubeplanner.optimizer.step_objective import ShortestDuration, StepCost, Ste
 from tubeplanner.optimizer.step_program import step_program
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- Cost of each limit, by the multipliers of a leg's linear program.
-#
-# Multipliers hold for infinitesimal changes. Where the steps that a limit bars hardly use it, as
-# next to a start on a tolerance, other limits bar them at once: where a multiplier is large, the
-# program is solved with a rise of the limit.
-
-# Where elastic rows cost more than this share of their penalty, multipliers tell the penalty: then
-# so many times their violation is allowed, or this much.
-_SHARE_OF_PENALTY, _SPARE_SHARE, _LEAST_SPARE = 0.5, 2.0, 1e-5
-# The rise. (Beside such a start, multipliers of a tolerance said 0.3 to 400 where rises of 0.1 % to
-# 10 % gained nothing. Steps of the program have room for this one.)
-_RISE = 0.03
-_TOLERANCE = 1e-6  # of the solution, absolute and relative
-
-
-def limit_costs(
-    linear: Linearization, plausible: FloatArray, rise: FloatArray
-) -> FloatArray | None:
-    """Return the cost of each limit, shape (L,): d ln T^2 by its relative rise.
-
-    Args:
-        linear: The constraints to first order.
-        plausible: Largest cost of each limit at which multipliers are believed, shape (L,).
-        rise: Slack of each row per relative rise of its limit, by the rows' numbers; of planes, 1.
-
-    Returns:
-        None if constraints stay violated: multipliers tell the penalty alone.
-    """
-    step = _exact_step(linear)
-    if step is None or step.elastic > BROKEN:
-        return None
-    limit, index = linear.limits()
-    gained = np.where(index >= 0, rise[index], 1.0)
-    count = len(step.multipliers)  # rows that were added later are not in the program
-    costs, has_limit = np.zeros(len(plausible)), limit[:count] >= 0
-    by_row = np.maximum(step.multipliers * gained[:count], 0.0)
-    np.add.at(costs, limit[:count][has_limit], by_row[has_limit])
-    for k in np.flatnonzero(costs > plausible):
-        risen = _solved(linear, _TOLERANCE, _RISE * gained * (limit == k))
-        if risen is not None:
-            costs[k] = max(step.duration - risen.duration, 0.0) / _RISE
-    return costs
-
-
-def _exact_step(linear: Linearization) -> Step | None:
-    """Return the step to the finer tolerance, or to the usual one if the solver fails.
-
-    If elastic rows stay slightly violated, that much is allowed: else multipliers tell the penalty.
-    """
-    search = StepSearch([linear], shared_columns([linear.shape], [False]))
-    steps = search.solve()
-    if steps is None:
-        return None
-    (exact,) = search.solve_closely(_TOLERANCE) or steps
-    elastic = linear.elastic_rows
-    cost = float(abs(exact.multipliers * elastic[: len(exact.multipliers)]).sum())
-    if cost < _SHARE_OF_PENALTY * linear.penalty:
-        return exact
-    spare = max(_SPARE_SHARE * exact.elastic, _LEAST_SPARE)
-    return _solved(linear, _TOLERANCE, spare * elastic) or exact
-
-
-def _solved(
-    linear: Linearization, tolerance: float, extra: FloatArray | float = 0.0
-) -> Step | None:
-    """Return the step of the program whose rows have some more slack."""
-    columns = shared_columns([linear.shape], [False])
-    steps = step_program([linear.block(linear.plain, extra)], columns).solve(tolerance)
-    return None if steps is None else steps[0]
-
-
 # ---- Shortening a trajectory on one knot grid: one leg of a descent.
 #
 # The unknowns are the control points, the switching times and the squared duration. After every
@@ -119,7 +48,7 @@ _PLAUSIBLE_OF_SPEED, _PLAUSIBLE_OF_TUBE = 2.0, 0.1
 
 
 class SequentialProgram:
-    """The optimisation of splines on one knot grid.
+    """The optimisation of splines on a knot grid.
 
     Attributes:
         constraints: The constraints of the splines.
@@ -174,7 +103,7 @@ class SequentialProgram:
         max_steps: int,
         checkpoint: Callable[[Iterate], None] = lambda iterate: None,
     ) -> Improved:
-        """Return a shorter trajectory, or the first one; see `Descent.improved`."""
+        """Return a shorter trajectory, or the first iterate; see `Descent.improved`."""
         descent = Descent((self,), (False,))
         return descent.improved(
             (current,),
@@ -191,8 +120,11 @@ class SequentialProgram:
         Half of the cost of a limit's rows, as their objective is the relative change of T^2. Empty
         if constraints stay violated.
         """
-        # The answer's own violation of the margins costs nothing.
-        current = replace(current, regions=tuple(map(_holding, current.regions)))
+        # The answer's own violation of the margins costs nothing: regions with less margin.
+        regions = tuple(
+            replace(own, margin=own.margin - np.maximum(own.excess, 0.0)) for own in current.regions
+        )
+        current = replace(current, regions=regions)
         rows, is_elastic = self.constraints.rows(current, None)
         rows = replace(rows, slack=np.maximum(rows.slack, 0.0))
         # An open goal is fixed, unless it has tolerances, which have a cost too.
@@ -200,7 +132,7 @@ class SequentialProgram:
         bounds = self._bounds(current, _MULTIPLIER_TRUST, goal_moves=has_tolerances)
         size = StepSize(_MULTIPLIER_TRUST.largest_change, bounds.switching)
         # Samples that variables hardly move, such as a start on its tolerance, cost nothing.
-        still = tuple(self._hardly_move(regions, size) for regions in current.regions)
+        still = tuple(self._hardly_move(own, size) for own in current.regions)
         near = (rows.slack < _NEAR) & (self._reach(rows, size) + abs(rows.duration) > 0)
         linear = Linearization(
             current,
@@ -236,7 +168,7 @@ class SequentialProgram:
         return replace(rows, control=rows.control * is_free[:, :, None]).reach(size)
 
     def goal_after(self, current: Iterate, step: Step) -> FloatArray | None:
-        """Return the configuration (n,) at a goal that moves; None if the tool leaves it."""
+        """Return the configuration (n,) at a goal that moves; None if the tool leaves the goal."""
         return self.variables.goal_after(current.spline.control_points, step.control)
 
     def moved(
@@ -324,16 +256,82 @@ class SequentialProgram:
         )
 
 
-def _holding(regions: EvaluatedRegions) -> EvaluatedRegions:
-    """Return regions that contain their vectors, with less margin where they did not."""
-    return replace(regions, margin=regions.margin - np.maximum(regions.excess, 0.0))
-
-
 def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Planes, ...]:
-    """Return the near planes of every kind of regions, without those of ignored samples."""
+    """Return the near planes of every kind of regions, except at ignored samples."""
     near = []
     for regions, is_ignored in zip(current.regions, ignored, strict=True):
         planes = regions.planes
         is_near = (regions.slack(planes) < _NEAR) | regions.is_crossed
         near.append(planes.where(is_near & ~is_ignored[planes.sample]))
     return tuple(near)
+
+
+# ---- Cost of each limit, by the multipliers of a leg's linear program.
+#
+# Multipliers hold for infinitesimal changes. Where the steps that a limit bars hardly use it, as
+# next to a start on a tolerance, other limits bar them at once: where a multiplier is large, the
+# program is solved with a rise of the limit.
+
+# Where elastic rows cost more than this share of their penalty, multipliers tell the penalty: then
+# so many times their violation is allowed, or this much.
+_SHARE_OF_PENALTY, _SPARE_SHARE, _LEAST_SPARE = 0.5, 2.0, 1e-5
+# The rise. (Beside such a start, multipliers of a tolerance said 0.3 to 400 where rises of 0.1 % to
+# 10 % gained nothing. Steps of the program have room for this one.)
+_RISE = 0.03
+_TOLERANCE = 1e-6  # of the solution, absolute and relative
+
+
+def limit_costs(
+    linear: Linearization, plausible: FloatArray, rise: FloatArray
+) -> FloatArray | None:
+    """Return the cost of each limit, shape (L,): d ln T^2 by its relative rise.
+
+    Args:
+        linear: The constraints to first order.
+        plausible: Largest cost of each limit at which multipliers are believed, shape (L,).
+        rise: Slack of each row per relative rise of its limit, by the rows' numbers; of planes, 1.
+
+    Returns:
+        None if constraints stay violated: multipliers tell the penalty alone.
+    """
+    step = _exact_step(linear)
+    if step is None or step.elastic > BROKEN:
+        return None
+    limit, index = linear.limits()
+    gained = np.where(index >= 0, rise[index], 1.0)
+    count = len(step.multipliers)  # rows that were added later are not in the program
+    costs, has_limit = np.zeros(len(plausible)), limit[:count] >= 0
+    by_row = np.maximum(step.multipliers * gained[:count], 0.0)
+    np.add.at(costs, limit[:count][has_limit], by_row[has_limit])
+    for k in np.flatnonzero(costs > plausible):
+        risen = _solved(linear, _TOLERANCE, _RISE * gained * (limit == k))
+        if risen is not None:
+            costs[k] = max(step.duration - risen.duration, 0.0) / _RISE
+    return costs
+
+
+def _exact_step(linear: Linearization) -> Step | None:
+    """Return the step to the finer tolerance, or to the usual tolerance if the solver fails.
+
+    If elastic rows stay slightly violated, that much is allowed: else multipliers tell the penalty.
+    """
+    search = StepSearch([linear], shared_columns([linear.shape], [False]))
+    steps = search.solve()
+    if steps is None:
+        return None
+    (exact,) = search.solve_closely(_TOLERANCE) or steps
+    elastic = linear.elastic_rows
+    cost = float(abs(exact.multipliers * elastic[: len(exact.multipliers)]).sum())
+    if cost < _SHARE_OF_PENALTY * linear.penalty:
+        return exact
+    spare = max(_SPARE_SHARE * exact.elastic, _LEAST_SPARE)
+    return _solved(linear, _TOLERANCE, spare * elastic) or exact
+
+
+def _solved(
+    linear: Linearization, tolerance: float, extra: FloatArray | float = 0.0
+) -> Step | None:
+    """Return the step of the program whose rows have some more slack."""
+    columns = shared_columns([linear.shape], [False])
+    steps = step_program([linear.block(linear.plain, extra)], columns).solve(tolerance)
+    return None if steps is None else steps[0]

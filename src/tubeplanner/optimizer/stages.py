@@ -7,7 +7,6 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.certificate.verification import Certificate
-from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.limits.path_samples import LimitKey
 from tubeplanner.limits.time_scaling import minimum_duration
 from tubeplanner.optimizer.auxiliary_tubes import widened_radius
@@ -60,7 +59,7 @@ _BETWEEN_SAMPLES = 0.003
 
 
 class Refinement:
-    """Refinement of one spline, and the best one found so far."""
+    """Refinement of a spline, and the best spline so far."""
 
     def __init__(
         self,
@@ -107,14 +106,14 @@ class Refinement:
 
     @property
     def spline(self) -> PhasedSpline:
-        """The best spline so far; the last one if none was feasible."""
+        """The best spline so far, or the last if none was feasible."""
         if self._best is None:
             raise RuntimeError("refinement has not run")
         return self._best.spline
 
     @property
     def trajectory(self) -> JointTrajectory:
-        """`spline` as a trajectory of one second."""
+        """`spline` as a trajectory of duration 1 s."""
         return from_spline(self._problem.robot.joint_names, self.spline.bspline())
 
     @property
@@ -153,7 +152,7 @@ class Refinement:
         return True
 
     def run_on(self) -> bool:
-        """Refine a start that is nearly an answer, on the knots that it has; return True.
+        """Refine a start that is nearly an answer, on its own knots; return True.
 
         Raises:
             Infeasible: As `run`.
@@ -264,12 +263,12 @@ class Refinement:
 
 
 def has_enough_knots(grid: KnotGrid) -> bool:
-    """Return True if splines can go round an obstacle: links that are in it then stay in it."""
+    """Return True if splines can go round an obstacle: links inside will then stay inside."""
     return grid.interval_count >= _MANY_INTERVALS
 
 
 def _is_hopeless(coarse: Iterate) -> bool:
-    """Return True if links are deeper in an obstacle on coarse knots than fine ones can mend."""
+    """Return True if links are too deep in an obstacle on coarse knots for finer knots to mend."""
     return bool(coarse.links.excess.max(initial=0.0) > _HOPELESS)
 
 
@@ -289,7 +288,7 @@ def _failure_times(certificate: Certificate) -> list[float]:
 
 
 def _first_iterate(program: SequentialProgram, spline: PhasedSpline, stage: str) -> Iterate:
-    """Return a spline on a program's knots; raise Infeasible if the motors cannot hold it."""
+    """Return the iterate of a spline; raise Infeasible if the motors cannot hold the motion."""
     iterate = program.iterate(spline)
     if not np.isfinite(iterate.squared_duration):
         message = f"{stage} has no trajectory to start from"
@@ -350,20 +349,18 @@ def limit_sensitivities(
         refinement: The finished refinement.
         duration: Of the answer [s].
     """
-    sensitivities = []
+    tube, sensitivities = problem.tube, []
     for key, elasticity in refinement.elasticities().items():
         joint = None if key.joint is None else problem.robot.joint_names[key.joint]
-        first, last = (None, None) if key.segment is None else _numbers(problem.tube, key.segment)
+        first = last = None
+        if key.segment is not None:  # parts of a divided segment have its number
+            begin, end = (tube.points[key.segment + k] for k in (0, 1))
+            first = tube.segment_number(key.segment, begin)
+            last = tube.segment_number(key.segment, end)
         saved = -elasticity * _RISE * duration
         own = (key.kind, joint, first, elasticity, saved, last, key.link, key.point)
         sensitivities.append(Sensitivity(*own))
     return tuple(sorted(sensitivities, key=lambda sensitivity: -sensitivity.saved))
-
-
-def _numbers(tube: Tube, segment: int) -> tuple[int, int]:
-    """Return the numbers of the segment, in messages, at both ends of one of the tube's."""
-    begin, end = (tube.points[segment + k] for k in (0, 1))
-    return tube.segment_number(segment, begin), tube.segment_number(segment, end)
 
 
 # ---- The second stage: of all motions near the shortest, the best by the problem's objective.
@@ -391,7 +388,7 @@ _LESS_ROOM, _LESS_CLEARANCE, _MOST_CLEARANCE = 0.05, 0.1, 0.02
 
 
 class SecondStage:
-    """The second stage of one spline, and the best one found so far."""
+    """The second stage of a spline, and the best spline so far."""
 
     def __init__(
         self,
@@ -447,7 +444,7 @@ class SecondStage:
 
     @property
     def trajectory(self) -> JointTrajectory:
-        """The best motion so far, as a trajectory of one second."""
+        """The best motion so far, as a trajectory of duration 1 s."""
         return from_spline(self._problem.robot.joint_names, self._found.spline.bspline())
 
     @property

@@ -38,7 +38,7 @@ class SymmetricEntries:
         return replace(self, value=self.value * factor)
 
     def plus(self, other: "SymmetricEntries") -> "SymmetricEntries":
-        """Return the sum of two matrices of one size."""
+        """Return the sum of two matrices of equal size."""
         row, column, value = (
             np.concatenate([getattr(self, name), getattr(other, name)])
             for name in ("row", "column", "value")
@@ -69,16 +69,6 @@ def merged_entries(row: IntArray, column: IntArray, size: int) -> tuple[IntArray
 
 
 # ---- Rows, bounds and cost of one leg in the program of one step.
-
-_compressed = native_function(
-    "compressed_rows",
-    *(c_int64,) * 5,
-    Integers,
-    *(Doubles,) * 4,
-    *(Integers,) * 3,
-    Doubles,
-    returns=c_int64,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +149,7 @@ class SparseRows:
     count: IntArray
 
     def rows(self) -> Iterator["SparseRows"]:
-        """Yield the rows one by one."""
+        """Yield every row."""
         ends = np.cumsum(self.count)
         for begin, end in zip(ends - self.count, ends, strict=True):
             yield SparseRows(self.data[begin:end], self.column[begin:end], np.array([end - begin]))
@@ -169,7 +159,7 @@ _NO_ROWS = SparseRows(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0, dtyp
 
 
 def stacked_rows(parts: Sequence[SparseRows]) -> SparseRows:
-    """Return several sets of rows as one."""
+    """Return the concatenation of sets of rows."""
     if len(parts) == 1:
         return parts[0]
     names = ("data", "column", "count")
@@ -271,6 +261,12 @@ def sparse_rows(rows: Rows, is_elastic: FloatArray, column: IntArray, free: int)
     columns[:, weights * n :] = free * n + np.arange(switches + 2)
     keep = data != 0
     return SparseRows(data[keep], columns[keep], keep.sum(axis=1))
+
+
+_compressed = native_function(
+    *("compressed_rows", *(c_int64,) * 5, Integers, *(Doubles,) * 4, *(Integers,) * 3, Doubles),
+    returns=c_int64,
+)
 
 
 def compressed_rows(

@@ -18,101 +18,44 @@ from tubeplanner.optimizer.step_block import (
     stacked_rows,
 )
 
-# ---- The native program of one step: quadratic, sparse, banded but for a few variables.
-
-_new = native_function(
-    "step_program_new", c_int64, c_int64, Doubles, Doubles, Doubles, Doubles, returns=c_void_p
-)
-_delete = native_function("step_program_delete", c_void_p)
-_add_quadratic = native_function(
-    "step_program_add_quadratic", c_void_p, c_int64, Integers, Integers, Doubles
-)
-_add_rows = native_function(
-    "step_program_add_rows", c_void_p, c_int64, Integers, Integers, Doubles, Doubles
-)
-_set_slack = native_function("step_program_set_slack", c_void_p, Doubles)
-_solve = native_function("step_program_solve", c_void_p, c_double, c_int64, returns=c_int)
-_read = native_function("step_program_read", c_void_p, Doubles, Doubles, returns=c_int64)
-_MOST_ITERATIONS = 100
+# ---- The program of one step, of one or more legs.
+#
+# It minimises the sum over legs of duration * eta + penalty * elastic + gradient . z + x . hessian
+# . x / 2 under the rows, z being a leg's configurations and switching times, and x its variables:
+# z, eta, elastic. Legs may share variables.
 
 
-class NativeProgram:
-    """It minimises x . Q x / 2 + c . x under A x <= b and bounds on x.
+class StepProgram(Protocol):
+    """A program with a block of each leg."""
 
-    Rows may be added after it was solved: the next solution goes on from the last.
+    def solve(self, tolerance: float) -> tuple[Step, ...] | None:
+        """Return the step of every leg, None without a solution; tolerance: of the cost."""
+        ...
+
+    def join(self, blocks: Sequence[Block]) -> None:
+        """Add the new rows of blocks, behind the old ones, with their slack."""
+        ...
+
+    def correct(self, blocks: Sequence[Block]) -> None:
+        """Add the new rows of blocks, and set the slack of all rows."""
+        ...
+
+    @property
+    def goes_on(self) -> bool:
+        """True if solutions go on from the last solution after rows have joined."""
+        ...
+
+
+def step_program(blocks: Sequence[Block], columns: Sequence[IntArray]) -> StepProgram:
+    """Set up a program, native if the library is there.
+
+    Args:
+        blocks: One of each leg.
+        columns: The program's variables that are each leg's, shape (V,).
     """
-
-    def __init__(
-        self,
-        first: FloatArray,
-        linear: FloatArray,
-        lower: FloatArray,
-        upper: FloatArray,
-        band: int,
-    ) -> None:
-        """Set it up without any row.
-
-        Args:
-            first: The first x, shape (V,).
-            linear: c, shape (V,).
-            lower: Of x, shape (V,).
-            upper: Likewise; may be infinite.
-            band: How many of the first variables only rows and Q's entries of neighbours couple.
-        """
-        self._handle: Any = None
-        self._size, self.row_count, self.iterations = len(linear), 0, 0
-        self._handle = _call(_new)(len(linear), band, first, linear, lower, upper)
-
-    def __del__(self) -> None:
-        if self._handle is not None:
-            _call(_delete)(self._handle)
-
-    def add_quadratic(self, row: IntArray, column: IntArray, value: FloatArray) -> None:
-        """Add entries (E,) of Q; entries below the diagonal are ignored."""
-        own = (np.ascontiguousarray(part, dtype=np.int64) for part in (row, column))
-        _call(_add_quadratic)(self._handle, len(value), *own, np.ascontiguousarray(value))
-
-    def add_rows(
-        self, count: IntArray, column: IntArray, value: FloatArray, slack: FloatArray
-    ) -> None:
-        """Add R rows.
-
-        Args:
-            count: Number of entries of each, shape (R,).
-            column: Columns of the entries, row after row, shape (entries,); they may repeat.
-            value: Values of the entries, shape (entries,).
-            slack: b, shape (R,).
-
-        Raises:
-            ValueError: They do not fit together, or the program has no such variable.
-        """
-        fits = len(count) == len(slack) and len(column) == len(value) == count.sum()
-        if not fits or column.max(initial=0) >= self._size:
-            raise ValueError("rows and slack do not fit the program")
-        own = (np.ascontiguousarray(part, dtype=np.int64) for part in (count, column))
-        _call(_add_rows)(self._handle, len(slack), *own, np.ascontiguousarray(value), slack)
-        self.row_count += len(slack)
-
-    def set_slack(self, slack: FloatArray) -> None:
-        """Set the slack (R,) of all rows; the next solution begins anew."""
-        _call(_set_slack)(self._handle, slack)
-
-    def solve(self, tolerance: float) -> tuple[FloatArray, FloatArray] | None:
-        """Return x (V,) and the rows' multipliers (R,), or None if it does not converge.
-
-        Args:
-            tolerance: Of the gradient, the rows and the cost, absolute.
-        """
-        is_solved = _call(_solve)(self._handle, tolerance, _MOST_ITERATIONS)
-        x, multipliers = np.empty(self._size), np.empty(self.row_count)
-        self.iterations = _call(_read)(self._handle, x, multipliers)
-        return (x, multipliers) if is_solved else None
-
-
-def _call(function: Any) -> Any:
-    if function is None:
-        raise RuntimeError("the native library is left out")
-    return function
+    if LIBRARY.functions is None:
+        return SparseProgram(blocks, columns)
+    return BandedProgram(blocks, columns)
 
 
 # ---- The program of one step for the native library: rows join it while it is being solved.
@@ -148,7 +91,10 @@ class BandedProgram:
             self._program.add_quadratic(column.ravel(), other.ravel(), square.ravel())
         self._slack = np.zeros(0)
         for leg, block in enumerate(blocks):
-            self._add_ends(leg, block)
+            changes = joint.over_all(block.width_changes, leg)
+            for sign in (1.0, -1.0):
+                if len(changes.count):
+                    self._add(replace(changes, data=sign * changes.data), block.widths)
         # The numbers of each leg's rows in the program, and the number of sets of rows it has.
         self._numbers = [np.zeros(0, dtype=np.int64) for _ in blocks]
         self._set_counts = [0] * len(blocks)
@@ -191,13 +137,6 @@ class BandedProgram:
         self._slack = np.concatenate([self._slack, slack])
         return np.arange(len(self._slack) - len(slack), len(self._slack))
 
-    def _add_ends(self, leg: int, block: Block) -> None:
-        """Add the bounds on the changes of the phases' widths."""
-        changes = self._blocks.over_all(block.width_changes, leg)
-        for sign in (1.0, -1.0):
-            if len(changes.count):
-                self._add(replace(changes, data=sign * changes.data), block.widths)
-
     def _first(self) -> FloatArray:
         first = np.zeros(self._blocks.size)
         for block, own in zip(self._blocks.blocks, self._columns, strict=True):
@@ -206,7 +145,7 @@ class BandedProgram:
         return first
 
     def _band(self) -> int:
-        """Return the number of first variables that are coupled with near ones only.
+        """Return the number of first variables that are coupled with near variables only.
 
         The configuration in which a cycle closes is behind all others.
         """
@@ -277,6 +216,103 @@ def _projected(rows: SparseRows, columns: IntArray, directions: FloatArray) -> S
     return SparseRows(data, column, np.bincount(number, minlength=len(rows.count)))
 
 
+# ---- The native program of one step: quadratic, sparse, banded but for a few variables.
+
+_new = native_function(
+    "step_program_new", c_int64, c_int64, Doubles, Doubles, Doubles, Doubles, returns=c_void_p
+)
+_delete = native_function("step_program_delete", c_void_p)
+_add_quadratic = native_function(
+    "step_program_add_quadratic", c_void_p, c_int64, Integers, Integers, Doubles
+)
+_add_rows = native_function(
+    "step_program_add_rows", c_void_p, c_int64, Integers, Integers, Doubles, Doubles
+)
+_set_slack = native_function("step_program_set_slack", c_void_p, Doubles)
+_solve = native_function("step_program_solve", c_void_p, c_double, c_int64, returns=c_int)
+_read = native_function("step_program_read", c_void_p, Doubles, Doubles, returns=c_int64)
+_MOST_ITERATIONS = 100
+
+
+class NativeProgram:
+    """Minimisation of x . Q x / 2 + c . x under A x <= b and bounds on x.
+
+    Rows may be added after it was solved: the next solution goes on from the last.
+    """
+
+    def __init__(
+        self,
+        first: FloatArray,
+        linear: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
+        band: int,
+    ) -> None:
+        """Set the program up without rows.
+
+        Args:
+            first: The first x, shape (V,).
+            linear: c, shape (V,).
+            lower: Of x, shape (V,).
+            upper: Likewise; may be infinite.
+            band: How many of the first variables only rows and Q's entries of neighbours couple.
+        """
+        self._handle: Any = None
+        self._size, self.row_count, self.iterations = len(linear), 0, 0
+        self._handle = _call(_new)(len(linear), band, first, linear, lower, upper)
+
+    def __del__(self) -> None:
+        if self._handle is not None:
+            _call(_delete)(self._handle)
+
+    def add_quadratic(self, row: IntArray, column: IntArray, value: FloatArray) -> None:
+        """Add entries (E,) of Q; entries below the diagonal are ignored."""
+        own = (np.ascontiguousarray(part, dtype=np.int64) for part in (row, column))
+        _call(_add_quadratic)(self._handle, len(value), *own, np.ascontiguousarray(value))
+
+    def add_rows(
+        self, count: IntArray, column: IntArray, value: FloatArray, slack: FloatArray
+    ) -> None:
+        """Add R rows.
+
+        Args:
+            count: Number of entries of each, shape (R,).
+            column: Columns of the entries, row after row, shape (entries,); they may repeat.
+            value: Values of the entries, shape (entries,).
+            slack: b, shape (R,).
+
+        Raises:
+            ValueError: They do not fit together, or the program has no such variable.
+        """
+        fits = len(count) == len(slack) and len(column) == len(value) == count.sum()
+        if not fits or column.max(initial=0) >= self._size:
+            raise ValueError("rows and slack do not fit the program")
+        own = (np.ascontiguousarray(part, dtype=np.int64) for part in (count, column))
+        _call(_add_rows)(self._handle, len(slack), *own, np.ascontiguousarray(value), slack)
+        self.row_count += len(slack)
+
+    def set_slack(self, slack: FloatArray) -> None:
+        """Set the slack (R,) of all rows; the next solution begins anew."""
+        _call(_set_slack)(self._handle, slack)
+
+    def solve(self, tolerance: float) -> tuple[FloatArray, FloatArray] | None:
+        """Return x (V,) and the rows' multipliers (R,), or None if it does not converge.
+
+        Args:
+            tolerance: Of the gradient, the rows and the cost, absolute.
+        """
+        is_solved = _call(_solve)(self._handle, tolerance, _MOST_ITERATIONS)
+        x, multipliers = np.empty(self._size), np.empty(self.row_count)
+        self.iterations = _call(_read)(self._handle, x, multipliers)
+        return (x, multipliers) if is_solved else None
+
+
+def _call(function: Any) -> Any:
+    if function is None:
+        raise RuntimeError("the native library is left out")
+    return function
+
+
 # ---- The program of one step for PIQP, an interior-point method for sparse problems.
 
 # Tried in turn: the first is the fastest for control points in the order of time.
@@ -308,7 +344,7 @@ class SparseProgram:
         return None
 
     def solve(self, tolerance: float) -> tuple[Step, ...] | None:
-        """Return the step of every leg, or None if no solver finds one."""
+        """Return the step of every leg, or None if no solver converges."""
         if self._solver is not None:
             return self._solution(self._solver)
         for kind in _SOLVERS:
@@ -320,10 +356,14 @@ class SparseProgram:
         return None
 
     def _set_up(self, kind: str, tolerance: float) -> Any:
-        # Where the native library is, neither this nor scipy.sparse is loaded.
+        # With the native library, neither of these is loaded.
         import piqp
+        from scipy import sparse
 
-        joint = self._blocks
+        joint, entries = self._blocks, self._blocks.hessian
+        hessian = sparse.coo_matrix(
+            (entries.value, (entries.row, entries.column)), (entries.size, entries.size)
+        )
         solver = piqp.SparseSolver()
         settings = solver.settings
         settings.kkt_solver = getattr(piqp.KKTSolver, kind)
@@ -337,7 +377,7 @@ class SparseProgram:
         lower, upper = joint.bounds
         count = sum(len(block.slack) for block in joint.blocks)
         solver.setup(
-            _symmetric(joint.hessian),
+            hessian.tocsc(),
             joint.linear,
             held if held.shape[0] else None,
             np.zeros(held.shape[0]) if held.shape[0] else None,
@@ -367,13 +407,6 @@ class SparseProgram:
         return joint.steps(x, multipliers)
 
 
-def _symmetric(entries: SymmetricEntries) -> Any:
-    from scipy import sparse
-
-    places = (entries.row, entries.column)
-    return sparse.coo_matrix((entries.value, places), (entries.size, entries.size)).tocsc()
-
-
 def _matrix(parts: Sequence[SparseRows], columns: int) -> Any:
     from scipy import sparse
 
@@ -384,43 +417,3 @@ def _matrix(parts: Sequence[SparseRows], columns: int) -> Any:
     matrix = sparse.csr_matrix((rows.data, column, ends), shape=(len(rows.count), columns))
     matrix.sum_duplicates()  # control points that move as one
     return matrix.tocsc()
-
-
-# ---- The program of one step, of one or more legs: what legs ask together, and who solves it.
-#
-# It minimises the sum over legs of duration * eta + penalty * elastic + gradient . z + x . hessian
-# . x / 2 under the rows, z being a leg's configurations and switching times, x all that may change
-# there: z, eta, elastic. Legs may share variables.
-
-
-class StepProgram(Protocol):
-    """A program that was set up with blocks, one of each leg."""
-
-    def solve(self, tolerance: float) -> tuple[Step, ...] | None:
-        """Return the step of every leg, or None if there is none; tolerance: of the cost."""
-        ...
-
-    def join(self, blocks: Sequence[Block]) -> None:
-        """Take rows that blocks have gained behind those they had, with the slack they have."""
-        ...
-
-    def correct(self, blocks: Sequence[Block]) -> None:
-        """Take rows that blocks have gained, and other slack of all."""
-        ...
-
-    @property
-    def goes_on(self) -> bool:
-        """Whether solutions go on from the last one after rows have joined."""
-        ...
-
-
-def step_program(blocks: Sequence[Block], columns: Sequence[IntArray]) -> StepProgram:
-    """Set up a program.
-
-    Args:
-        blocks: What it asks of each leg.
-        columns: Which of the program's variables each leg's V are, shape (V,).
-    """
-    if LIBRARY.functions is None:
-        return SparseProgram(blocks, columns)
-    return BandedProgram(blocks, columns)

@@ -67,7 +67,9 @@ class TiedLegs:
             None if they leave their tubes on all knots.
         """
         counts = [motion.spline.grid.interval_count for motion in self._motions]
-        choices = [tuple(_joined(count, most) for count in counts) for most in _JOINED]
+        choices = [
+            tuple(max(min(most, count // _FEWEST), 1) for count in counts) for most in _JOINED
+        ]
         for parts in dict.fromkeys(choices):
             legs = zip(self._motions, parts, strict=True)
             self._iterates = self._on_knots([_coarsened(leg.spline, own) for leg, own in legs])
@@ -128,11 +130,6 @@ class TiedLegs:
             max_steps=max_steps,
             checkpoint=lambda iterates: self._checkpoint(_total(iterates)),
         )
-
-
-def _joined(intervals: int, most: int) -> int:
-    """Return the number of knot intervals, at most `most`, to join to one."""
-    return max(min(most, intervals // _FEWEST), 1)
 
 
 def _coarsened(spline: PhasedSpline, parts: int) -> PhasedSpline:
