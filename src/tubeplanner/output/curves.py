@@ -269,7 +269,7 @@ def binding_strip(motions: Sequence[LimitedMotion], duration: float) -> BindingS
 
 
 def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
-    """Return the curves of legs and rests in order, their times those of the whole motion.
+    """Return the curves of legs and rests in order, in times of the whole motion.
 
     The arm of each carries the parts of that leg or rest.
     """
@@ -301,7 +301,7 @@ def cycle_stretches(cycle: Cycle, motion: CycleMotion) -> tuple[Stretch, ...]:
 
 
 def _problem(cycle: Cycle, motion: CycleMotion, k: int) -> PlanningProblem:
-    """Return the problem of a leg as the judge has it, which decides the segment at each time.
+    """Return the problem of a leg under the judge, by which the segment at each time is decided.
 
     A leg that begins where its problem has no solution fails, but is drawn.
     """
@@ -403,7 +403,7 @@ class Stop:
 
     @property
     def text(self) -> str:
-        """Texts of all steps, on one line."""
+        """Texts of all steps, on a single line."""
         return ", ".join(text for _, text in self.ticks)
 
 

@@ -116,7 +116,7 @@ class Surface:
 
 
 def joined(surfaces: Iterable[Surface]) -> Surface:
-    """Return several surfaces joined into one surface."""
+    """Return several surfaces joined into a single surface."""
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
     for surface in surfaces:
         vertices.append(surface.vertices)
@@ -147,7 +147,7 @@ def hull_surface(points: FloatArray) -> Surface:
 
 
 def coarse_hull_points(points: FloatArray) -> FloatArray:
-    """Return the points of (N, 3) that are extreme in one of a few directions."""
+    """Return the points of (N, 3) that are extreme in any of a few directions."""
     if len(points) <= _COARSE_POINTS:
         return points
     return points[np.unique((points @ directions(_COARSE_POINTS).T).argmax(axis=0))]
@@ -162,7 +162,7 @@ def directions(count: int) -> FloatArray:
 
 
 def tube_surfaces(tube: Tube) -> list[Surface]:
-    """Return the outside of a tube, one part per segment.
+    """Return the outside of a tube, a part per segment.
 
     Of every capsule only the part outside all others is kept, so that the parts make one skin:
     inner walls would show through a translucent skin.

@@ -191,8 +191,8 @@ def link_parts(robot: RobotModel, max_faces: int) -> tuple[list[LinkPart], list[
             unseen.append(link.name)
             continue
         for color, surface in pieces:
-            moved = surface.moved(robot.link_placement[link.name])
-            surfaces_by_part[link.name, color].append(moved)
+            placed = surface.moved(robot.link_placement[link.name])
+            surfaces_by_part[link.name, color].append(placed)
     if not surfaces_by_part:
         notes.append("the URDF has no visual geometry: collision geometry is drawn")
         unseen = [link.name for link in description.links]
@@ -212,7 +212,7 @@ def link_parts(robot: RobotModel, max_faces: int) -> tuple[list[LinkPart], list[
 def _pieces(
     robot: RobotModel, visual: Any, materials: dict[str, Any]
 ) -> list[tuple[Color, Surface]]:
-    """Return colours and surfaces of one <visual>, in the frame of its link."""
+    """Return colours and surfaces of a <visual>, in the frame of its link."""
     color, element = _urdf_color(visual.material, materials), element_of(visual)
     if element is None:
         raise RobotError("a <visual> has no known geometry")

@@ -300,21 +300,21 @@ def draw_motor(axis: "Axes", curves: TrajectoryCurves, joint: int) -> None:
     """
     robot = curves.problem.robot
     velocity, effort = curves.samples.velocity[:, joint], curves.effort[:, joint]
-    shown = _shown_velocities(robot, joint, velocity)
+    grid = _velocity_grid(robot, joint, velocity)
     fastest = robot.limits.velocity[joint]
-    for forwards, backwards in _motor_limits(robot, joint, shown):
-        axis.fill_between(shown, -backwards, forwards, where=abs(shown) <= fastest, **_SHADE)
+    for forwards, backwards in _motor_limits(robot, joint, grid):
+        axis.fill_between(grid, -backwards, forwards, where=abs(grid) <= fastest, **_SHADE)
         for bound in (forwards, -backwards):
-            axis.plot(shown, bound, **LIMIT)
+            axis.plot(grid, bound, **LIMIT)
     for bound in (-fastest, fastest):
         axis.axvline(bound, **LIMIT)
-    coulomb = robot.motors.coulomb_effort(np.tile(shown[:, None], robot.joint_count))[:, joint]
-    friction = robot.motors.viscous_friction[joint] * shown + coulomb
-    axis.plot(shown, friction, color=REFERENCE_COLOR, linewidth=1.0, label="friction alone")
+    coulomb = robot.motors.coulomb_effort(np.tile(grid[:, None], robot.joint_count))[:, joint]
+    friction = robot.motors.viscous_friction[joint] * grid + coulomb
+    axis.plot(grid, friction, color=REFERENCE_COLOR, linewidth=1.0, label="friction alone")
     axis.plot(velocity, effort, **_MOTION, label="motion")
     most = robot.limits.effort[joint]
     top = _MOTOR_MARGIN * float(most if np.isfinite(most) else abs(effort).max())
-    axis.set(xlim=(shown[0], shown[-1]), ylim=(-top, top))
+    axis.set(xlim=(grid[0], grid[-1]), ylim=(-top, top))
     units = ("rad/s", "N m") if robot.revolute[joint] else ("m/s", "N")
     axis.set_title(robot.joint_names[joint], fontsize=8)
     axis.set_xlabel(f"velocity [{units[0]}]", fontsize=8)
@@ -323,7 +323,7 @@ def draw_motor(axis: "Axes", curves: TrajectoryCurves, joint: int) -> None:
     axis.grid(alpha=0.25)
 
 
-def _shown_velocities(robot: RobotModel, joint: int, velocity: FloatArray) -> FloatArray:
+def _velocity_grid(robot: RobotModel, joint: int, velocity: FloatArray) -> FloatArray:
     """Return increasing velocities up to a joint's limits, or beyond its motion without limits."""
     most = robot.limits.velocity[joint]
     end = _MOTOR_MARGIN * float(most if np.isfinite(most) else max(abs(velocity).max(), 1e-3))

@@ -1,1 +1,1 @@
-"""3D scenes as one offline HTML page; scripts and styles in assets/ (today views/page/)."""
+"""3D scenes as one offline HTML page; scripts and styles are in `assets`."""

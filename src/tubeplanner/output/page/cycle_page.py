@@ -207,34 +207,34 @@ def build_cycle_scene(
         RobotError: The robot's geometry is of a kind no URDF has.
     """
     all_notes, robot = list(notes), cycle.robot
-    shown = [_moving_arm(robot, *pair) for pair in named.items()]
-    if not shown:
-        shown = [poses_at_rest(cycle.problem_from_anywhere(0), all_notes)]
+    arms = [_moving_arm(robot, *pair) for pair in named.items()]
+    if not arms:
+        arms = [poses_at_rest(cycle.problem_from_anywhere(0), all_notes)]
     marks = [motion.marks for motion in named.values()] or [()]
     body, placement = robot.link_body[robot.tool_frame], robot.link_placement[robot.tool_frame]
     parts = []
-    for each, own_marks in zip(shown, marks, strict=True):
+    for each, own_marks in zip(arms, marks, strict=True):
         poses = np.array([each.placement(step, body) for step in range(len(each.time))])
         parts.append(moved_parts(cycle, own_marks, each.time, np.array(poses @ placement)))
-    shown = [with_bodies(*pair) for pair in zip(shown, parts, strict=True)]
+    arms = [with_bodies(*pair) for pair in zip(arms, parts, strict=True)]
     stretches = tuple(cycle_stretches(cycle, motion) for motion in named.values())
-    links, notes_of_links = link_parts(robot, MAX_FACES // len(shown))
-    drawing = _Drawing(cycle, links, shown, parts, is_executed=execution is not None)
+    links, notes_of_links = link_parts(robot, MAX_FACES // len(arms))
+    drawing = _Drawing(cycle, links, arms, parts, is_executed=execution is not None)
     executed = None
     if execution is not None:
         (motion,) = named.values()
         executed = cycle_executed_paths(motion, execution)
     items: list[Item] = []
-    for i, each in enumerate(shown):
+    for i, each in enumerate(arms):
         items += drawing.items(i)
         own = stretches[i] if stretches else ()
-        shown[i], orientation = turned_tool(i, robot, drawing.tubes, own, each, drawing.thickness)
+        arms[i], orientation = turned_tool(i, robot, drawing.tubes, own, each, drawing.thickness)
         items += orientation
     return CycleScene(
         name=cycle.name,
-        trajectories=tuple(shown),
+        trajectories=tuple(arms),
         items=tuple(items),
-        frame=scene_frame(drawing.points, drawing.direction, len(shown)),
+        frame=scene_frame(drawing.points, drawing.direction, len(arms)),
         thickness=drawing.thickness,
         stretches=stretches,
         notes=(*all_notes, *notes_of_links),

@@ -61,8 +61,16 @@ _USUAL_ENTRIES = {
 
 def panel_data(scene: ProblemScene) -> dict[str, Any]:
     """Return the panel of a problem's page and the frame of its scene, as JSON values."""
-    layers = [_layer_data(layer, scene) for layer in scene.layers]
-    data = page_data(scene, arm_words(scene.problem.robot), layers)
+    problem = scene.problem
+    words = {
+        Layer.CARRIED: listed("Carried", [solid.name for solid in problem.attached]),
+        Layer.TUBE: "Tube: the tool must stay inside",
+        Layer.REFERENCE: "Reference path" + ", goal's ball" * len(goal_ball(problem.endpoints[1])),
+        Layer.OBSTACLES: listed("Obstacles", [obstacle.name for obstacle in problem.obstacles]),
+    }
+    entries = {Layer.TUBE: _segment_entries(problem)}
+    layers = [layer_data(layer, scene, words, entries) for layer in scene.layers]
+    data = page_data(scene, arm_words(problem.robot), layers)
     return {**data, "timelines": [problem_timeline(*each) for each in scene.stretches]}
 
 
@@ -146,17 +154,6 @@ def _trajectory_data(trajectory: ShownTrajectory) -> dict[str, Any]:
     }
 
 
-def _layer_data(layer: Layer, scene: ProblemScene) -> dict[str, Any]:
-    problem = scene.problem
-    words = {
-        Layer.CARRIED: listed("Carried", [solid.name for solid in problem.attached]),
-        Layer.TUBE: "Tube: the tool must stay inside",
-        Layer.REFERENCE: "Reference path" + ", goal's ball" * len(goal_ball(problem.endpoints[1])),
-        Layer.OBSTACLES: listed("Obstacles", [obstacle.name for obstacle in problem.obstacles]),
-    }
-    return layer_data(layer, scene, words, {Layer.TUBE: _segment_entries(problem)})
-
-
 def layer_data(
     layer: Layer,
     scene: Scene,
@@ -218,12 +215,12 @@ def _segment_entries(problem: PlanningProblem) -> list[dict[str, str]]:
     tube = problem.tube
     radii = 1000 * tube.effective_radius
     kinds = ["box" if is_box else "radius" for is_box in tube.is_box]
-    shown = range(min(len(radii), _MAX_SEGMENTS_NAMED))
+    numbers = range(min(len(radii), _MAX_SEGMENTS_NAMED))
     entries = [
         {"color": segment_color(k), "text": f"segment {k}: {kinds[k]} {size_of(tube, k)}"}
-        for k in shown
+        for k in numbers
     ]
-    if len(radii) > len(shown):
+    if len(radii) > len(numbers):
         low, high = radii.min(), radii.max()
         text = f"and so on: {len(radii)} segments, {low:.3g} to {high:.3g} mm"
         text += " (of boxes, half the smaller side)" * bool(tube.is_box.any())

@@ -105,26 +105,26 @@ def build_scene(
         except TrajectoryError as error:
             raise TrajectoryError(f"{name}: {error}") from error
     stretches = tuple((Stretch(problem, motion),) for motion in motions.values())
-    shown = [_moving_arm(robot, *pair) for pair in motions.items()]
-    shown = shown or [at_rest or poses_at_rest(problem, all_notes)]
-    parts, notes_of_parts = link_parts(robot, MAX_FACES // len(shown))
+    arms = [_moving_arm(robot, *pair) for pair in motions.items()]
+    arms = arms or [at_rest or poses_at_rest(problem, all_notes)]
+    parts, notes_of_parts = link_parts(robot, MAX_FACES // len(arms))
     carried = carried_surfaces(robot, problem.attached)
     hulls, tube = arm_hulls(parts, carried), tube_surfaces(problem.tube)
-    swept = [swept_surface(each, hulls) for each in shown]
+    swept = [swept_surface(each, hulls) for each in arms]
     fixed = [points for body, points in hulls if body == 0]
     points = [*(surface.vertices for surface in [*swept, *tube]), *fixed]
-    direction = direction_of(shown[0], [problem.tube.points], problem.obstacles, hulls)
+    direction = direction_of(arms[0], [problem.tube.points], problem.obstacles, hulls)
     thickness = line_thickness([problem.tube], float(np.ptp(np.vstack(points), axis=0).max()))
-    fastest = max(float(each.speed.max()) for each in shown)
+    fastest = max(float(each.speed.max()) for each in arms)
     width = thickness if execution is None else BESIDE_EXECUTED * thickness
     executed = None
     if execution is not None:
         (trajectory,) = named.values()
         executed = executed_paths(tool_runs(problem, trajectory, execution), EXECUTED_STEPS)
     items: list[Item] = []
-    for i, each in enumerate(shown):
+    for i, each in enumerate(arms):
         own = stretches[i] if stretches else ()
-        shown[i], orientation = turned_tool(i, robot, [problem.tube], own, each, thickness)
+        arms[i], orientation = turned_tool(i, robot, [problem.tube], own, each, thickness)
         items += arm_items(i, parts)
         items += carried_items(i, () if each.name in empty_handed else carried)
         items += _surroundings(i, problem, tube, thickness)
@@ -132,9 +132,9 @@ def build_scene(
         items += [*orientation, *swept_item(i, each, swept[i])]
     return ProblemScene(
         name=problem.name,
-        trajectories=tuple(shown),
+        trajectories=tuple(arms),
         items=tuple(items),
-        frame=scene_frame(points, direction, len(shown)),
+        frame=scene_frame(points, direction, len(arms)),
         thickness=thickness,
         notes=(*all_notes, *notes_of_parts),
         stretches=stretches,
