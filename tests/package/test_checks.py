@@ -57,8 +57,8 @@ def test_numbers_of_numpy_are_numbers_finite_or_not_without_a_warning():
 
 # Arguments of public functions: what they may be, and what is said of others.
 def test_options_are_those_of_the_class_unless_others_are_given():
-    given = PlanOptions("suh-bishop")
-    assert given_options(given, PlanOptions) is given
+    options = PlanOptions("suh-bishop")
+    assert given_options(options, PlanOptions) is options
     assert given_options(None, PlanOptions) == PlanOptions()
     with pytest.raises(OptionError, match=r"^options are {}; give PlanOptions$"):
         given_options({}, PlanOptions)

@@ -67,8 +67,10 @@ def turn_by_joints(robot):
     q, _, _ = random_trajectory(robot)
     rotation = robot.tool_pose(q)[0]
     angular = robot.tool_jacobian(q)[1][:, 3:]
-    turned = np.cross(angular.transpose(0, 2, 1)[:, None], rotation.transpose(0, 2, 1)[:, :, None])
-    return lambda x: robot.tool_pose(x)[0].transpose(0, 2, 1), q, turned.transpose(0, 1, 3, 2)
+    axes_rate = np.cross(
+        angular.transpose(0, 2, 1)[:, None], rotation.transpose(0, 2, 1)[:, :, None]
+    )
+    return lambda x: robot.tool_pose(x)[0].transpose(0, 2, 1), q, axes_rate.transpose(0, 1, 3, 2)
 
 
 def points_by_joints(robot):
@@ -80,8 +82,8 @@ def points_by_joints(robot):
     def points(x):
         rotation, position = robot.body_poses(x)
         rows = np.arange(len(x))
-        turned = np.einsum("nab,nb->na", rotation[rows, body], local)
-        return position[rows, body] + turned
+        rotated = np.einsum("nab,nb->na", rotation[rows, body], local)
+        return position[rows, body] + rotated
 
     return points, q, robot.point_jacobian(*robot.body_poses(q), body, points(q))
 
@@ -97,9 +99,9 @@ def rotation_error_by_joints(share):
         tube = t.Tube(points, 9.0, orientations=TURNED, rotation_tolerance=1.0).rotation
 
         def error(x):
-            turned, at = robot.tool_pose(x)
+            rotations, at = robot.tool_pose(x)
             near = tube.error(rotation, tool, 0)
-            return nearest_branch(tube.error(turned, at, 0), near, np.ones(3, dtype=bool))
+            return nearest_branch(tube.error(rotations, at, 0), near, np.ones(3, dtype=bool))
 
         jacobian = robot.tool_pose_jacobian(q)[2]
         return error, q, tube.error_jacobian(rotation, tool, jacobian, 0)[1]
@@ -171,8 +173,8 @@ def objective_by_variables(minimise, **motors):
         objective, variables = MeasuredObjective(measures, 0.8), ControlVariables(problem, grid)
 
         def at(x):
-            moved = points + variables.change(x[0, :-1].reshape(variables.lower.shape))
-            return constraints.at(PhasedSpline(grid, ends + np.array([0, x[0, -1], 0]), moved))
+            shifted = points + variables.change(x[0, :-1].reshape(variables.lower.shape))
+            return constraints.at(PhasedSpline(grid, ends + np.array([0, x[0, -1], 0]), shifted))
 
         here = np.zeros((1, variables.lower.size + 1))
         begun = PhasedSpline(grid, ends, points)

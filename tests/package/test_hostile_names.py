@@ -111,10 +111,10 @@ def test_no_name_is_markup_in_the_page_of_an_explanation(tmp_path):
     plain = Tags(view_explanation(explained(tmp_path, [f"n{k}" for k in range(22)])).html).tags
     for begin in range(0, len(HOSTILE), 5 * 22):
         names = HOSTILE[begin : begin + 5 * 22 : 5]
-        shown = view_explanation(explained(tmp_path, names))
-        assert names[2] in shown.panel["findings"]["reason"]
-        assert Tags(shown.html).tags == plain
-        assert findings_of(shown.html) == shown.panel["findings"]
+        page = view_explanation(explained(tmp_path, names))
+        assert names[2] in page.panel["findings"]["reason"]
+        assert Tags(page.html).tags == plain
+        assert findings_of(page.html) == page.panel["findings"]
 
 
 def findings_of(page):

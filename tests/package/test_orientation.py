@@ -38,9 +38,9 @@ def test_a_matrix_gives_roll_pitch_and_yaw_back():
         np.testing.assert_allclose(rpy_of_matrix(matrix_of_rpy(*own)), own, atol=1e-12)
     for pitch in (np.pi / 2, -np.pi / 2):  # roll and yaw turn about one axis
         upright = matrix_of_rpy(0.3, pitch, 0.8)
-        found = rpy_of_matrix(upright)
-        assert found[0] == 0
-        np.testing.assert_allclose(matrix_of_rpy(*found), upright, atol=1e-12)
+        result = rpy_of_matrix(upright)
+        assert result[0] == 0
+        np.testing.assert_allclose(matrix_of_rpy(*result), upright, atol=1e-12)
 
 
 # Rotation vectors against scipy and their own definitions, at all angles.
@@ -62,12 +62,12 @@ def test_matrix_and_vector_are_inverse_at_every_angle(angle):
     v = np.vstack([angle * directions(), angle * np.eye(3), -angle * np.eye(3)])
     matrix = rotation_matrix(v)
     np.testing.assert_allclose(matrix, Rotation.from_rotvec(v).as_matrix(), atol=4e-15)
-    found = rotation_vector(matrix)
-    off = np.linalg.norm(found - v, axis=1)
+    result = rotation_vector(matrix)
+    off = np.linalg.norm(result - v, axis=1)
     if angle == np.pi:  # either sign
-        off = np.minimum(off, np.linalg.norm(found + v, axis=1))
+        off = np.minimum(off, np.linalg.norm(result + v, axis=1))
     assert off.max() <= 4e-15 * angle + (1e-150 if angle < 1e-150 else 0)
-    assert (np.linalg.norm(found, axis=1) <= np.pi * (1 + 1e-15)).all()
+    assert (np.linalg.norm(result, axis=1) <= np.pi * (1 + 1e-15)).all()
 
 
 def test_a_vector_keeps_any_leading_shape():
@@ -78,8 +78,8 @@ def test_a_vector_keeps_any_leading_shape():
 
 def test_the_inverse_jacobian_turns_spin_into_the_vectors_change():
     v, spin, step = vectors(3.1), directions(seed=3), 1e-6
-    turned = [rotation_matrix(v) @ rotation_matrix(sign * step * spin) for sign in (1, -1)]
-    difference = (rotation_vector(turned[0]) - rotation_vector(turned[1])) / (2 * step)
+    rotations = [rotation_matrix(v) @ rotation_matrix(sign * step * spin) for sign in (1, -1)]
+    difference = (rotation_vector(rotations[0]) - rotation_vector(rotations[1])) / (2 * step)
     exact = np.einsum("nij,nj->ni", inverse_right_jacobian(v), spin)
     np.testing.assert_allclose(exact, difference, atol=1e-8)
 
@@ -124,6 +124,6 @@ def test_an_error_of_the_matrix_is_amplified_no_more_than_said():
 )
 def test_the_nearest_of_a_rotations_vectors_is_taken(v, near, components, expected):
     v, near = np.array(v, dtype=float), np.array(near, dtype=float)
-    found = nearest_branch(v, near, np.array(components, dtype=bool))
-    np.testing.assert_allclose(found, expected, atol=1e-4)
-    np.testing.assert_allclose(rotation_matrix(found), rotation_matrix(v), atol=1e-14)
+    result = nearest_branch(v, near, np.array(components, dtype=bool))
+    np.testing.assert_allclose(result, expected, atol=1e-4)
+    np.testing.assert_allclose(rotation_matrix(result), rotation_matrix(v), atol=1e-14)

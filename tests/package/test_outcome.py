@@ -45,10 +45,10 @@ def test_a_terminal_shows_stage_and_time():
     reader, writer = pty.openpty()
     subprocess.run([sys.executable, "-c", CODE], stderr=writer, check=True)
     os.close(writer)
-    shown = os.read(reader, 10_000).decode()
+    output = os.read(reader, 10_000).decode()
     os.close(reader)
-    assert "part 1 of 2 [red] ..." in shown
-    assert "0:00:0" in shown
+    assert "part 1 of 2 [red] ..." in output
+    assert "0:00:0" in output
 
 
 def test_a_pipe_gets_nothing():

@@ -170,8 +170,8 @@ def test_the_listing_of_the_installed_release_is_true():
     if version not in RELEASES:
         pytest.skip(f"no listing of example-robot-data {version} is kept")
     robots = resources._example_robot_data_share() / "example-robot-data" / "robots"
-    found = sorted(path.relative_to(robots).as_posix() for path in robots.rglob("*.urdf"))
-    assert found == RELEASES[version]
+    files = sorted(path.relative_to(robots).as_posix() for path in robots.rglob("*.urdf"))
+    assert files == RELEASES[version]
 
 
 def test_every_name_of_the_table_is_in_a_release_and_arms_are_in_all():

@@ -110,7 +110,7 @@ def made(planned, small_plan):
     box = t.Obstacle.box("part", (0.1, 0.2, 0.3), np.eye(4))
     limits = t.LimitOverrides(effort={f"joint{k}": 1.0 for k in range(99)})
     peaks = t.trajectory_peaks(problem.robot, result.trajectory)
-    found = [
+    instances = [
         *(problem, problem.robot, problem.tube, *problem.obstacles, result, result.trajectory),
         *(result.certificate, result.certificate.conditions["effort"], result.certificate.braking),
         *(result.certificate.tolerance, result.sensitivities[0], result.status, result.place),
@@ -128,7 +128,7 @@ def made(planned, small_plan):
         *_of_cycles(small_plan),
         *_of_explanations(problem, result),
     ]
-    named = {type(each).__name__: each for each in found}
+    named = {type(each).__name__: each for each in instances}
     return named | {name: _filled(getattr(t, name)) for name in FILLED}
 
 
@@ -146,20 +146,20 @@ def _of_places(problem, result):
     """Return a placement and its parts."""
     stand = Stand(0.1, 0.2, 0.0, 1.0)
     row = t.PlacementRow(stand, "success", result.message, result.place, result.duration)
-    given, region = t.GivenStand(stand, result, result.message), Region.of((0, 1, 0, 1), 0.0)
+    base, region = t.GivenStand(stand, result, result.message), Region.of((0, 1, 0, 1), 0.0)
     grid = region.grid(100, 0.0)
-    found = t.Placement(problem, region, (), grid, (row,) * 100, given, row, result, {})
-    return [stand, row, given, found]
+    placement = t.Placement(problem, region, (), grid, (row,) * 100, base, row, result, {})
+    return [stand, row, base, placement]
 
 
 def _of_explanations(problem, result):
     """Return an explanation, a remedy and room."""
     radii, wider, missed = [0.03] * 99, [0.06] * 99, [0.05] * 99
-    given = ("m", 1.5, "all radii times 2", {"tube.radius": wider}, 1.0, missed, "50 mm", True)
-    remedy = t.Remedy("tube.radius", radii, wider, *given)
+    values = ("m", 1.5, "all radii times 2", {"tube.radius": wider}, 1.0, missed, "50 mm", True)
+    remedy = t.Remedy("tube.radius", radii, wider, *values)
     room = t.Room("clearance", 0.01, 0.02, "m", 1.5, "clearance 10 -> 20 mm", 0.021, "21 mm", True)
-    found = t.Explanation(problem.name, problem, result, None, (remedy,) * 99, ("a",) * 99)
-    return [remedy, room, replace(found, tried=99)]
+    explanation = t.Explanation(problem.name, problem, result, None, (remedy,) * 99, ("a",) * 99)
+    return [remedy, room, replace(explanation, tried=99)]
 
 
 def _filled(cls):

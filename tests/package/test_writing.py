@@ -100,12 +100,12 @@ def test_content_comes_whole_in_pieces(tmp_path, monkeypatch):
 
 
 def test_what_a_killed_process_left_is_taken_over(tmp_path):
-    left = temporary_path(tmp_path / "a")
-    left.write_bytes(b"half of a long answ")
-    left.chmod(0o644)
+    staged = temporary_path(tmp_path / "a")
+    staged.write_bytes(b"half of a long answ")
+    staged.chmod(0o644)
     with StagedFile(tmp_path / "a") as file:
-        assert left.read_bytes() == b""
-        assert left.stat().st_mode & 0o777 == 0o600
+        assert staged.read_bytes() == b""
+        assert staged.stat().st_mode & 0o777 == 0o600
         file.write(b"new")
         file.put()
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"new"}
@@ -306,7 +306,7 @@ def test_a_signal_at_any_line_leaves_the_old_files_or_the_new_ones(tmp_path, num
 
 @pytest.mark.slow  # a process is killed at each of some hundred lines
 def test_a_kill_at_any_line_leaves_whole_files_and_what_the_next_write_removes(tmp_path):
-    left = set()
+    remaining = set()
     for line in range(count_of_lines(tmp_path)):
         out = ready(tmp_path)
         child = os.fork()
@@ -320,8 +320,8 @@ def test_a_kill_at_any_line_leaves_whole_files_and_what_the_next_write_removes(t
             assert found in (old, new), line
         names = {path.name for path in out.iterdir()} - set(NAMES)
         assert names <= {".one.json.tmp", ".two.json.tmp"}, line
-        left |= names
+        remaining |= names
         write(out)
         assert contents(out) == NEW
         assert {path.name for path in out.iterdir()} == set(NAMES)
-    assert left == {".one.json.tmp", ".two.json.tmp"}
+    assert remaining == {".one.json.tmp", ".two.json.tmp"}

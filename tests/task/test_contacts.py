@@ -56,13 +56,13 @@ def required(problem, segment, q, goal=GOAL):
 
 
 def test_a_pair_comes_before_a_segment_and_that_before_the_default(problem):
-    made = problem(clearance=0.01, clearances=[None, 0.02], pair_clearances={PAIR: 0.03})
+    built = problem(clearance=0.01, clearances=[None, 0.02], pair_clearances={PAIR: 0.03})
     for segment, of_segment in ((0, 0.01), (1, 0.02)):
-        distances = required(made, segment, START)
+        distances = required(built, segment, START)
         assert distances[PAIR] == 0.03
         others = [x for names, x in distances.items() if "block" in names]
         assert others and all(x == of_segment for x in others)
-    most = dict(zip(map(frozenset, names_of(made)), required_everywhere(made), strict=True))
+    most = dict(zip(map(frozenset, names_of(built)), required_everywhere(built), strict=True))
     assert most[frozenset(PAIR)] == 0.03
     assert most[frozenset(("block", "link2"))] == 0.02
 
@@ -71,21 +71,21 @@ def test_a_pair_comes_before_a_segment_and_that_before_the_default(problem):
 def test_near_an_end_as_much_is_required_as_there_if_that_is_less(problem, end, segment, q):
     there = distance(problem(), PAIR, q)
     contacts = [Contact(PAIR, 0.1, (end,))]
-    made = problem(clearance=there + 0.05, contacts=contacts)
-    assert required(made, segment, q)[PAIR] == pytest.approx(there)
+    built = problem(clearance=there + 0.05, contacts=contacts)
+    assert required(built, segment, q)[PAIR] == pytest.approx(there)
     # In the other segment, or farther away, the clearance holds; and of other pairs always.
-    assert required(made, 1 - segment, q)[PAIR] == pytest.approx(there + 0.05)
+    assert required(built, 1 - segment, q)[PAIR] == pytest.approx(there + 0.05)
     away = q + np.array([0.2, 0.0])
-    assert required(made, segment, away)[PAIR] == pytest.approx(there + 0.05)
-    block = [x for pair, x in required(made, segment, q).items() if "block" in pair]
+    assert required(built, segment, away)[PAIR] == pytest.approx(there + 0.05)
+    block = [x for pair, x in required(built, segment, q).items() if "block" in pair]
     assert block == [pytest.approx(there + 0.05)] * len(block)
     near = problem(clearance=there - 0.01, contacts=contacts)
     assert required(near, segment, q)[PAIR] == pytest.approx(there - 0.01)
 
 
 def test_the_boundary_of_the_distance_belongs_to_it(problem):
-    made = problem(clearance=5.0, contacts=[Contact(PAIR, 0.25, ("start",))])
-    near = RequiredDistances(made, START, GOAL).near_ends[0]
+    built = problem(clearance=5.0, contacts=[Contact(PAIR, 0.25, ("start",))])
+    near = RequiredDistances(built, START, GOAL).near_ends[0]
     tool = near.tool + np.array([[0.25, 0, 0], [0.25 + 1e-9, 0, 0]])
     assert near.holds(np.array([0, 0]), tool).tolist() == [True, False]
     assert near.holds(np.array([1, 0]), tool).tolist() == [False, False]
@@ -93,30 +93,30 @@ def test_the_boundary_of_the_distance_belongs_to_it(problem):
 
 def test_at_an_open_goal_solids_must_not_overlap(problem):
     """Their distance there is not given: it may be anything."""
-    made = problem(goal=None, clearance=0.5, contacts=TOUCHING)
-    assert required(made, 1, GOAL)[PAIR] == 0.0
-    assert required(made, 0, START)[PAIR] > 0.0
+    built = problem(goal=None, clearance=0.5, contacts=TOUCHING)
+    assert required(built, 1, GOAL)[PAIR] == 0.0
+    assert required(built, 0, START)[PAIR] > 0.0
 
 
 def test_room_or_a_problem_farther_apart_ask_more_of_obstacles_alone(problem):
     contacts = [Contact(("block", "link2"), 0.1)]
     pairs = {PAIR: 0.03}
-    made = problem(
+    built = problem(
         clearance=0.01, clearances=[None, 0.02], pair_clearances=pairs, contacts=contacts
     )
-    farther = made.farther_apart(0.004)
-    plain = RequiredDistances(made, START, GOAL).by_segment
-    wanted = plain + 0.004 * np.array([bool(names & OBSTACLES) for names in names_of(made)])
+    farther = built.farther_apart(0.004)
+    plain = RequiredDistances(built, START, GOAL).by_segment
+    expected = plain + 0.004 * np.array([bool(names & OBSTACLES) for names in names_of(built)])
     for distances in (
-        RequiredDistances(made, START, GOAL, 0.004),
+        RequiredDistances(built, START, GOAL, 0.004),
         RequiredDistances(farther, START, GOAL),
     ):
-        np.testing.assert_allclose(distances.by_segment, wanted)
-    assert farther.contacts == made.contacts
-    block = [names == {"block", "link2"} for names in names_of(made)]
-    np.testing.assert_array_equal(in_contact(made), block)
+        np.testing.assert_allclose(distances.by_segment, expected)
+    assert farther.contacts == built.contacts
+    block = [names == {"block", "link2"} for names in names_of(built)]
+    np.testing.assert_array_equal(in_contact(built), block)
     assert problem().has_one_clearance
-    assert not made.has_one_clearance
+    assert not built.has_one_clearance
 
 
 @pytest.mark.parametrize(

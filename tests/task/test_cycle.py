@@ -40,15 +40,15 @@ def arm():
 def test_what_is_taken_is_no_obstacle_until_it_stands_where_it_is_let_go(arm):
     """It was 0.1 m above the hand when it was taken, and is where it is let go."""
     full = Cell((ball(arm), ball(arm, HOME, "other")), ())
-    held = full.after(TAKE, arm, PICK)
-    assert [each.name for each in held.obstacles] == ["other"]
-    assert [each.name for each in held.attached] == ["part"]
-    left = held.after(LET_GO, arm, PLACE)
-    assert [each.name for each in left.obstacles] == ["other", "part"]
+    carrying = full.after(TAKE, arm, PICK)
+    assert [each.name for each in carrying.obstacles] == ["other"]
+    assert [each.name for each in carrying.attached] == ["part"]
+    released = carrying.after(LET_GO, arm, PLACE)
+    assert [each.name for each in released.obstacles] == ["other", "part"]
     expected = arm.tool_position(PLACE) + np.array([0, 0, PART[1]])
-    np.testing.assert_allclose(middle(left.obstacles[1]), expected, atol=1e-12)
-    assert left.attached == ()
-    assert left.handed_over == ("part", "part")
+    np.testing.assert_allclose(middle(released.obstacles[1]), expected, atol=1e-12)
+    assert released.attached == ()
+    assert released.handed_over == ("part", "part")
     assert full.after(Event("gripper"), arm, PICK) is full
 
 
@@ -59,12 +59,12 @@ def test_a_box_turns_with_the_hand(arm):
     ahead = np.array([np.cos(0.7), np.sin(0.7), 0.0])
     where = arm.tool_position(start) + reach * ahead + np.array([0, 0, 0.1])
     box = Obstacle.box("part", [0.1, 0.02, 0.02], placement_of(where, rpy=[0, 0, 0.7]))
-    left = Cell((box,), ()).after(TAKE, arm, start).after(LET_GO, arm, end)
-    turned = np.array([np.cos(1.3), np.sin(1.3), 0.0])
-    expected = arm.tool_position(end) + reach * turned + np.array([0, 0, 0.1])
-    np.testing.assert_allclose(middle(left.obstacles[0]), expected, atol=1e-12)
-    corners = left.obstacles[0].shapes[0].vertices - expected
-    np.testing.assert_allclose(abs(corners @ turned), 0.05, atol=1e-12)
+    released = Cell((box,), ()).after(TAKE, arm, start).after(LET_GO, arm, end)
+    axis = np.array([np.cos(1.3), np.sin(1.3), 0.0])
+    expected = arm.tool_position(end) + reach * axis + np.array([0, 0, 0.1])
+    np.testing.assert_allclose(middle(released.obstacles[0]), expected, atol=1e-12)
+    corners = released.obstacles[0].shapes[0].vertices - expected
+    np.testing.assert_allclose(abs(corners @ axis), 0.05, atol=1e-12)
 
 
 def test_a_tool_centre_point_moves_nothing_that_is_carried(arm):
@@ -87,11 +87,11 @@ def test_what_does_not_stay_is_gone_and_a_mass_alone_changes_nothing(arm):
 
 def test_a_shape_in_the_tool_frame_is_carried_from_then_on(arm):
     solid = AttachedSolid("tray", Obstacle.sphere("tray", 0.02, placement_of([0, 0, 0.3])).shapes)
-    held = Cell((), ()).after(Attach("tray", solid=solid), arm, PICK)
-    np.testing.assert_allclose(middle(held.attached[0]), [0, 0, 0.3])
-    left = held.after(Detach("tray"), arm, HOME)
+    carrying = Cell((), ()).after(Attach("tray", solid=solid), arm, PICK)
+    np.testing.assert_allclose(middle(carrying.attached[0]), [0, 0, 0.3])
+    released = carrying.after(Detach("tray"), arm, HOME)
     expected = arm.tool_position(HOME) + np.array([0, 0, 0.3])
-    np.testing.assert_allclose(middle(left.obstacles[0]), expected, atol=1e-12)
+    np.testing.assert_allclose(middle(released.obstacles[0]), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize(("gap", "touches"), [(0.0005, True), (0.002, False)])
@@ -107,14 +107,14 @@ def test_links_that_touch_what_is_taken_may(gap, touches):
     tops = [placed[placed[:, 2].argmax()] + [0, 0, radius] for placed, radius in corners]
     highest = max(tops, key=lambda top: top[2])
     at = highest + np.array([0, 0, 0.02 + gap])
-    held = Cell((Obstacle.sphere("part", 0.02, placement_of(at)),), ()).after(TAKE, arm, q)
-    assert ("forearm_link" in held.attached[0].touch_links) == touches
+    carrying = Cell((Obstacle.sphere("part", 0.02, placement_of(at)),), ()).after(TAKE, arm, q)
+    assert ("forearm_link" in carrying.attached[0].touch_links) == touches
 
 
 def test_what_changed_hands_before_the_leg_before_did_so_long_ago():
     cycle = pick_and_place()
-    kept = [step for step in cycle.steps if not isinstance(step, Detach)]
-    cells = replace(cycle, steps=kept, closed=False).cells([HOME, PICK, PLACE])
+    steps = [step for step in cycle.steps if not isinstance(step, Detach)]
+    cells = replace(cycle, steps=steps, closed=False).cells([HOME, PICK, PLACE])
     assert [cell.handed_over for cell in cells] == [(), ("part",), ()]
 
 
@@ -156,8 +156,8 @@ def test_what_is_given_for_something_that_is_not_there_waits_for_it(arm):
     for name, value in pairs.items():
         go = move(arm, "go", HOME, PICK, **{name: value})
         back = move(arm, "back", PICK, HOME, **{name: value})
-        made = Cycle(HOME, [go, Attach("tray", None, solid), back], [wall])
-        first, second = made.problems([HOME, PICK, HOME])
+        built = Cycle(HOME, [go, Attach("tray", None, solid), back], [wall])
+        first, second = built.problems([HOME, PICK, HOME])
         assert len(getattr(first, name)) == 0
         assert len(getattr(second, name)) == 1
 
@@ -197,21 +197,21 @@ def test_two_solids_may_be_carried_at_once_and_let_go_one_by_one(arm):
         Detach("part"),
         move(arm, "back", HOME, PICK),
     ]
-    made = Cycle(PICK, steps, [ball(arm), other])
-    cells = made.cells([PICK, PLACE, HOME])
-    held = [[each.name for each in cell.attached] for cell in cells]
-    assert held == [["part"], ["part", "other"], ["other"]]
+    built = Cycle(PICK, steps, [ball(arm), other])
+    cells = built.cells([PICK, PLACE, HOME])
+    names = [[each.name for each in cell.attached] for cell in cells]
+    assert names == [["part"], ["part", "other"], ["other"]]
     standing = [[each.name for each in cell.obstacles] for cell in cells]
     assert standing == [["other"], [], ["part"]]
-    problems = made.problems([PICK, PLACE, HOME, PICK])
+    problems = built.problems([PICK, PLACE, HOME, PICK])
     assert [len(problem.attached) for problem in problems] == [1, 2, 1]
 
 
 def test_what_is_carried_all_along_is_in_every_problem():
     solid = AttachedSolid("grip", Obstacle.sphere("grip", 0.01, placement_of([0, 0, 0.2])).shapes)
     problems = replace(CYCLE, attached=[solid]).problems(SEAMS)
-    held = [{each.name for each in problem.attached} for problem in problems]
-    assert held == [{"grip"}, {"grip", "part"}, {"grip"}]
+    names = [{each.name for each in problem.attached} for problem in problems]
+    assert names == [{"grip"}, {"grip", "part"}, {"grip"}]
 
 
 def test_a_cycle_says_what_it_is_and_what_happens_at_its_seams():

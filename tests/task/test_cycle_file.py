@@ -347,8 +347,8 @@ def test_what_is_wrong_is_told_by_its_step(fields, message):
 def test_a_cycle_is_the_same_from_python():
     """What the reader makes of a file is what its steps make."""
     read = parse_cycle(cycle_fields())
-    made = Cycle(HOME, read.steps, read.obstacles, closed=True)
-    for mine, its in zip(made.problems(SEAMS), read.problems(SEAMS), strict=True):
+    built = Cycle(HOME, read.steps, read.obstacles, closed=True)
+    for mine, its in zip(built.problems(SEAMS), read.problems(SEAMS), strict=True):
         assert mine.contacts == its.contacts
         np.testing.assert_array_equal(mine.tube.points, its.tube.points)
 
@@ -371,16 +371,16 @@ def box_around(obstacle):
 def standing(obstacles):
     """Return the names of what stands on the floor, or on or at something that does."""
     boxes = {each["name"]: box_around(each) for each in obstacles}
-    found, fresh = set(), {"floor"}
+    names, fresh = set(), {"floor"}
     while fresh:
-        found |= fresh
+        names |= fresh
         fresh = {
             name
             for name, (low, high) in boxes.items()
             for below, above in (boxes[other] for other in fresh)
             if (low - above <= TOUCHING).all() and (below - high <= TOUCHING).all()
-        } - found
-    return found
+        } - names
+    return names
 
 
 @pytest.mark.parametrize("name", CYCLES)

@@ -63,8 +63,8 @@ def test_errors_are_the_distance_and_the_angle_of_the_turn_between(angle):
     pose = ToolPose(placement)
     placement[0, 3] = 5
     assert pose.position.tolist() == [1, 2, 3]
-    turned = pose.rotation @ matrix_of_rpy(0, angle, 0)
-    away, turn = pose.errors(turned, pose.position + np.array([0.3, 0, 0.4]))
+    rotated = pose.rotation @ matrix_of_rpy(0, angle, 0)
+    away, turn = pose.errors(rotated, pose.position + np.array([0.3, 0, 0.4]))
     assert away == pytest.approx(0.5)
     assert turn == pytest.approx(angle, abs=1e-15)
 
@@ -101,8 +101,8 @@ def test_a_file_has_it_as_python_does():
     exact = parsed({"position": LAST})
     assert (exact.goal.tolerance, exact.given_goal) == (0.0, None)
     tube = {"orientations": FLAT, "rotation_tolerance": 0.3}
-    turned = parsed({"position": LAST, "rotation_tolerance": [0.1, 0.2, np.inf]}, **tube)
-    assert turned.goal.rotation_tolerance == (0.1, 0.2, np.inf)
+    bounded = parsed({"position": LAST, "rotation_tolerance": [0.1, 0.2, np.inf]}, **tube)
+    assert bounded.goal.rotation_tolerance == (0.1, 0.2, np.inf)
 
 
 @pytest.mark.parametrize(
@@ -140,12 +140,12 @@ def test_an_open_goal_is_at_the_last_point(problem):
 def test_its_rotation_is_a_row_after_those_of_the_segments(problem):
     tube = {"orientations": FLAT, "rotation_tolerance": np.inf}
     assert problem(GoalRegion(LAST, 0.01), **tube).rotation is None
-    turned = problem(GoalRegion(LAST, 0.01, (0.1, np.inf, 0.2)), **tube)
-    np.testing.assert_array_equal(turned.rotation.bounds[:2], np.inf)
-    assert turned.rotation.bounds[2].tolist() == [0.1, np.inf, 0.2, np.inf]
+    bounded = problem(GoalRegion(LAST, 0.01, (0.1, np.inf, 0.2)), **tube)
+    np.testing.assert_array_equal(bounded.rotation.bounds[:2], np.inf)
+    assert bounded.rotation.bounds[2].tolist() == [0.1, np.inf, 0.2, np.inf]
     expected = matrix_of_rpy(0, 0, 2 * np.arctan2(0.6, 0.8))
     anywhere = np.array([[5.0, 3.0, 1.0], [0.0, 0.0, 0.0]])
-    for reference in turned.rotation.reference(anywhere, 2):
+    for reference in bounded.rotation.reference(anywhere, 2):
         np.testing.assert_allclose(reference, expected, atol=1e-12)
 
 
@@ -243,8 +243,8 @@ def test_a_trajectory_that_gives_no_configuration_is_named(folder):
 )
 def test_a_pose_is_kept_with_its_seed(folder, end, turn):
     position = [0.5, 0.2, 0]
-    given = {"pose": {"position": position, **turn}, "seed": {"joint2": 0.5, "joint1": 0.1}}
-    pose = getattr(posed(folder, **{end: given}), end)
+    fields = {"pose": {"position": position, **turn}, "seed": {"joint2": 0.5, "joint1": 0.1}}
+    pose = getattr(posed(folder, **{end: fields}), end)
     assert isinstance(pose, ToolPose)
     assert pose.position.tolist() == position
     np.testing.assert_allclose(pose.rotation[:2, 0], [np.cos(1), np.sin(1)])

@@ -71,10 +71,12 @@ def test_a_path_leads_to_one_place(path, value, keys):
 
 
 def test_missing_keys_are_made_where_the_schema_has_them():
-    made = changed({"robot.payload.mass": 2, "robot.limits.effort.elbow": 3, "goal.joints": [1, 1]})
-    assert made["robot"]["payload"] == {"mass": 2}
-    assert made["robot"]["limits"] == {"velocity": 2, "effort": {"elbow": 3}}
-    assert made["goal"] == {"joints": [1, 1]}
+    result = changed(
+        {"robot.payload.mass": 2, "robot.limits.effort.elbow": 3, "goal.joints": [1, 1]}
+    )
+    assert result["robot"]["payload"] == {"mass": 2}
+    assert result["robot"]["limits"] == {"velocity": 2, "effort": {"elbow": 3}}
+    assert result["goal"] == {"joints": [1, 1]}
     sections = changed({"tube.cross_section.0.box": [1, 2]})["tube"]["cross_section"]
     assert sections[0] == {"box": [1, 2]}
 

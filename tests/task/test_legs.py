@@ -34,10 +34,10 @@ FREE, UPRIGHT = [np.inf] * 3, [0.1, 0.1, np.inf]
 
 
 def oriented(robot, name, orientation=None, tolerance=None, goal=None) -> Move:
-    given = {}
+    arguments = {}
     if orientation is not None:
-        given = {"orientations": [orientation] * 2, "rotation_tolerance": [tolerance]}
-    return Move(name, robot, Tube(POINTS, 0.05, **given), goal)
+        arguments = {"orientations": [orientation] * 2, "rotation_tolerance": [tolerance]}
+    return Move(name, robot, Tube(POINTS, 0.05, **arguments), goal)
 
 
 def test_a_tool_that_is_free_on_the_way_ends_turned_as_the_next_move_asks(ur5):
@@ -176,8 +176,8 @@ def test_moves_of_other_clearances_keep_their_own_and_points_that_repeat_their_n
 
 
 def test_the_last_move_ends_it_and_contacts_hold_at_its_ends():
-    held = (("b", ("start",)), ("c", ("goal",)), ("d", ("start", "goal")))
-    contacts = [Contact(("a", name), 0.1, when) for name, when in held]
+    ends = (("b", ("start",)), ("c", ("goal",)), ("d", ("start", "goal")))
+    contacts = [Contact(("a", name), 0.1, when) for name, when in ends]
     goal = GoalRegion(CORNERS[4], 0.01)
     first, second = (replace(each, contacts=contacts) for each in (FIRST, SECOND))
     joined = joined_moves([first, replace(second, goal=goal)])
@@ -291,8 +291,8 @@ def test_the_arm_feels_what_it_carries_when_it_carries_it():
         for load, p in (("", None), ("a", first), ("b", second))
     }
     both = alone["a"] + alone["b"] - alone[""]
-    found = gravity_efforts(leg.robot for leg in legs)
-    np.testing.assert_allclose(found, np.vstack([alone[""], both, alone["b"]]), atol=1e-10)
+    efforts = gravity_efforts(leg.robot for leg in legs)
+    np.testing.assert_allclose(efforts, np.vstack([alone[""], both, alone["b"]]), atol=1e-10)
     at_pick = gravity_efforts(legs[1].before.arms)
     np.testing.assert_allclose(at_pick, np.vstack([alone[""], alone["a"], both]), atol=1e-10)
     at_end = gravity_efforts(after.arms)
@@ -326,8 +326,8 @@ def test_a_place_in_a_leg_is_told_as_one_of_its_moves_in_the_cycle():
     cycle = cycle_of(move_fields("first", "abc"), passing, move_fields("third", "dc"))
     leg = cycle.legs[0]
     places = [leg.in_cycle(Place(segment=segment, time=1.0), 2.0) for segment in range(3)]
-    told = [(place.move, place.segment, place.time) for place in places]
-    assert told == [("first", 0, 3.0), ("first", 1, 3.0), ("second", 0, 3.0)]
+    locations = [(place.move, place.segment, place.time) for place in places]
+    assert locations == [("first", 0, 3.0), ("first", 1, 3.0), ("second", 0, 3.0)]
     whole = leg.in_cycle(Place(joint="joint1"), 2.0)
     assert whole == Place(move="first, second", joint="joint1")
     assert [cycle.called(k) for k in (0, 1)] == [

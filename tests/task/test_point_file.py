@@ -31,10 +31,10 @@ def read(folder, text):
     ],
 )
 def test_points_are_read_with_what_columns_there_are(tmp_path, text, radius, turned):
-    found = read(tmp_path, text)
-    assert found.points == [[1, 2, 3], [4, 5, 6]]
-    assert found.radius == radius
-    assert found.orientations == ([[0, 0, 0, 1]] * 2 if turned else None)
+    content = read(tmp_path, text)
+    assert content.points == [[1, 2, 3], [4, 5, 6]]
+    assert content.radius == radius
+    assert content.orientations == ([[0, 0, 0, 1]] * 2 if turned else None)
 
 
 @pytest.mark.parametrize(

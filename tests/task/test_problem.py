@@ -475,9 +475,9 @@ def test_collision_geometry_is_shared_until_its_parts_are_replaced(least):
     problem = least(obstacles=[post(0.2)])
     assert problem.with_tube(problem.tube.with_radius(0.2)).collision is problem.collision
     assert problem.along(problem.tube, problem.start).collision is problem.collision
-    moved = replace(problem, obstacles=[post(0.1)])
-    assert moved.collision is not problem.collision
-    assert moved.collision.shapes[-1].shape.center[0] == pytest.approx(0.1)
+    changed = replace(problem, obstacles=[post(0.1)])
+    assert changed.collision is not problem.collision
+    assert changed.collision.shapes[-1].shape.center[0] == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(

@@ -152,8 +152,8 @@ def test_an_unknown_key_gets_a_suggestion_and_the_known_keys(section, key, meant
 
 
 def test_so_does_one_of_the_top_level_or_of_a_list():
-    known = f"there is: {TOP}"
-    message = f"top level: unknown key 'clearence' (did you mean 'clearance'?); {known}"
+    hint = f"there is: {TOP}"
+    message = f"top level: unknown key 'clearence' (did you mean 'clearance'?); {hint}"
     assert fault(changed("clearence", 1)) == message
     message = f"unknown key 'spere' (did you mean 'sphere'?); there is: {OBSTACLE}"
     solids = [{"name": "a", "sphere": 1}, {"name": "b", "spere": 1}]
@@ -271,9 +271,9 @@ def test_defaults_may_be_written_out(prefix, section):
 
 def test_arguments_of_a_macro_file_keep_their_types():
     arguments = {"prefix": "left_", "grip": True, "count": 2, "length": 0.5}
-    kept = check_problem_fields(changed("robot.xacro_args", arguments), "p").robot.xacro_args
-    assert kept == arguments
-    assert [type(value) for value in kept.values()] == [str, bool, int, float]
+    values = check_problem_fields(changed("robot.xacro_args", arguments), "p").robot.xacro_args
+    assert values == arguments
+    assert [type(value) for value in values.values()] == [str, bool, int, float]
 
 
 def test_yaml_and_json_say_the_same_in_frozen_fields(tmp_path):

@@ -42,17 +42,17 @@ def pair(other, end):
 
 
 def test_what_is_taken_may_be_as_near_to_what_it_lies_on_as_it_is():
-    made = cycle(table(PICK, 0.009), table(PLACE, 0.2, "far"))
-    assert contacts(made, 1, goal=PLACE) == {pair("table", "start")}
+    built = cycle(table(PICK, 0.009), table(PLACE, 0.2, "far"))
+    assert contacts(built, 1, goal=PLACE) == {pair("table", "start")}
     assert contacts(cycle(table(PICK, 0.011)), 1, goal=PLACE) == set()
 
 
 def test_what_is_let_go_may_come_near_to_what_it_will_lie_on():
-    made = cycle(table(PLACE, 0.002), table(PICK, 0.2, "far"))
-    assert contacts(made, 1, goal=PLACE) == {pair("table", "goal")}
+    built = cycle(table(PLACE, 0.002), table(PICK, 0.2, "far"))
+    assert contacts(built, 1, goal=PLACE) == {pair("table", "goal")}
     # Where that is not known, any obstacle may be near.
-    made = cycle(table(PICK, 0.2, "far"), table(PLACE, 0.2, "farther"))
-    assert contacts(made, 1) == {pair("far", "goal"), pair("farther", "goal")}
+    built = cycle(table(PICK, 0.2, "far"), table(PLACE, 0.2, "farther"))
+    assert contacts(built, 1) == {pair("far", "goal"), pair("farther", "goal")}
 
 
 def test_the_hand_may_come_near_to_what_it_will_take_other_links_not():
@@ -66,41 +66,41 @@ def test_the_hand_may_come_near_to_what_it_will_take_other_links_not():
 
 
 def test_what_was_let_go_may_be_as_near_to_the_hand_as_it_is():
-    found = contacts(cycle(clearance=0.09), 2)
-    assert found
-    assert {ends for _, ends, _ in found} == {("start",)}
+    result = contacts(cycle(clearance=0.09), 2)
+    assert result
+    assert {ends for _, ends, _ in result} == {("start",)}
     assert contacts(cycle(clearance=0.01), 2) == set()
 
 
 def test_a_contact_that_is_given_comes_instead():
     own = Contact(("table", "part"), 0.07, ("start",))
-    made = cycle(table(PICK, 0.002), contacts=[own])
-    found = contacts(made, 1)
-    assert (frozenset(own.links), ("start",), 0.07) in found
-    assert pair("table", "start") not in found
-    assert pair("table", "goal") in found  # at the other end it is the usual one
+    built = cycle(table(PICK, 0.002), contacts=[own])
+    result = contacts(built, 1)
+    assert (frozenset(own.links), ("start",), 0.07) in result
+    assert pair("table", "start") not in result
+    assert pair("table", "goal") in result  # at the other end it is the usual one
 
 
 @pytest.mark.parametrize("steps", [(), (Detach("part"),)])
 def test_what_does_not_change_hands_there_gets_no_contact(steps):
     """Only what is taken or let go at a seam is near to anything there."""
-    made = cycle(table(PLACE, 0.002))
-    kept = [each for each in made.steps if not isinstance(each, Detach)][:-1]
-    changed = replace(made, steps=[*kept, *steps])
-    found = contacts(changed, 1, goal=PLACE)
-    assert (pair("table", "goal") in found) == bool(steps)
+    built = cycle(table(PLACE, 0.002))
+    kept = [each for each in built.steps if not isinstance(each, Detach)][:-1]
+    changed = replace(built, steps=[*kept, *steps])
+    result = contacts(changed, 1, goal=PLACE)
+    assert (pair("table", "goal") in result) == bool(steps)
 
 
 @pytest.mark.parametrize(("below", "may"), [(-0.0005, True), (-0.003, False)])
 def test_what_overlaps_deeper_than_rough_geometry_does_was_not_meant_to_touch(below, may):
-    taken, put = cycle(table(PICK, below)), cycle(table(PLACE, below))
-    assert contacts(taken, 1, goal=PLACE) == ({pair("table", "start")} if may else set())
+    attaching, put = cycle(table(PICK, below)), cycle(table(PLACE, below))
+    assert contacts(attaching, 1, goal=PLACE) == ({pair("table", "start")} if may else set())
     assert contacts(put, 1, goal=PLACE) == ({pair("table", "goal")} if may else set())
 
 
 def test_an_open_end_that_is_known_has_the_contacts_of_that_configuration():
-    made = cycle(table(PLACE, 0.002), table(PICK, 0.002, "other"))
-    known = made.problem(1, [HOME, PICK, PLACE])
-    assert known.goal is None
-    found = {(frozenset(each.links), each.ends, each.within) for each in known.contacts}
-    assert found == {pair("other", "start"), pair("table", "goal")}
+    built = cycle(table(PLACE, 0.002), table(PICK, 0.002, "other"))
+    problem = built.problem(1, [HOME, PICK, PLACE])
+    assert problem.goal is None
+    result = {(frozenset(each.links), each.ends, each.within) for each in problem.contacts}
+    assert result == {pair("other", "start"), pair("table", "goal")}

@@ -78,9 +78,9 @@ def cycle(*steps, obstacles=True, attached=(), **more):
 
 
 def test_what_is_consistent_is_taken():
-    made = cycle(GO, Event("gripper"), TAKE, BACK, LET_GO, closed=True)
-    assert [leg.name for leg in made.legs] == ["go", "back"]
-    assert [type(step) for step in made.after.steps] == [Detach]
+    built = cycle(GO, Event("gripper"), TAKE, BACK, LET_GO, closed=True)
+    assert [leg.name for leg in built.legs] == ["go", "back"]
+    assert [type(step) for step in built.after.steps] == [Detach]
 
 
 def test_a_name_may_be_attached_again_once_it_was_let_go():

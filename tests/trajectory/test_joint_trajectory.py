@@ -108,8 +108,8 @@ def test_an_averaged_trajectory_has_means_of_it_at_its_knots():
     step = trajectory.duration / (intervals - 2)  # two intervals come on top
     inner = np.arange(3, intervals - 2)
     before, at, after = (trajectory.position((inner - 1 + k) * step) for k in (-1, 0, 1))
-    found = smooth.position(smooth.breakpoints[inner])
-    close(found, (before + 4 * at + after) / 6, atol=1e-12)
+    values = smooth.position(smooth.breakpoints[inner])
+    close(values, (before + 4 * at + after) / 6, atol=1e-12)
     ends = smooth.at(np.array([0.0, duration]))
     close(ends.position, trajectory.position([0, trajectory.duration]))
     close([ends.velocity, ends.acceleration], 0.0, atol=1e-9)

@@ -20,8 +20,10 @@ def test_they_are_the_roots_between_the_ends():
     roots = [[[0.2, 0.7], [-0.1, 0.5]], [[1.5], [0.4, 2.5, 3.1]]]
     widths = np.array([1.0, 3.0])
     rows = np.stack([rows_of([np.poly1d(r, r=True) for r in piece], 3) for piece in roots], axis=1)
-    found = sign_changes(rows, widths)
-    places = sorted(zip(found.piece, found.column, found.share * widths[found.piece], strict=True))
+    changes = sign_changes(rows, widths)
+    places = sorted(
+        zip(changes.piece, changes.column, changes.share * widths[changes.piece], strict=True)
+    )
     expected = [(0, 0, 0.2), (0, 0, 0.7), (0, 1, 0.5), (1, 0, 1.5), (1, 1, 0.4), (1, 1, 2.5)]
     close(places, expected, atol=1e-9)
 
@@ -30,9 +32,9 @@ def test_they_are_the_roots_between_the_ends():
 def test_where_there_are_none_nothing_is_found(degree):
     rows = np.zeros((degree + 1, 2, 3))
     rows[-1] = 1.0
-    found = sign_changes(rows, np.array([1.0, 2.0]))
-    assert [len(column) for column in found] == [0, 0, 0]
-    assert found.piece.dtype == np.int64
+    changes = sign_changes(rows, np.array([1.0, 2.0]))
+    assert [len(column) for column in changes] == [0, 0, 0]
+    assert changes.piece.dtype == np.int64
 
 
 def test_between_them_polynomials_keep_their_sign():
@@ -40,21 +42,21 @@ def test_between_them_polynomials_keep_their_sign():
     rows, widths = rng.uniform(-1, 1, (6, 5, 4)), rng.uniform(0.5, 1.5, 5)
     rows *= 2.0 ** np.arange(6)[::-1, None, None]
     rows[-1] *= 0.1
-    found = sign_changes(rows, widths)
+    changes = sign_changes(rows, widths)
     for piece, column in np.ndindex(5, 4):
-        mine = found.share[(found.piece == piece) & (found.column == column)]
+        mine = changes.share[(changes.piece == piece) & (changes.column == column)]
         share = np.linspace(0, 1, 5001)
         sign = np.sign(np.polyval(rows[:, piece, column], share * widths[piece]))
-        turned = np.flatnonzero(np.diff(sign))
-        close(np.sort(mine), share[turned] + 1e-4, atol=1.1e-4)
-    assert len(found.share) > 5
+        reversals = np.flatnonzero(np.diff(sign))
+        close(np.sort(mine), share[reversals] + 1e-4, atol=1.1e-4)
+    assert len(changes.share) > 5
 
 
 def test_a_root_that_rounding_puts_just_inside_an_end_is_at_that_end():
     """Added to the piece's number, it would be in the next piece."""
     just_inside = [np.poly1d([1 - 1e-13, 0.5], r=True), np.poly1d([1e-17, 0.5], r=True)]
-    found = sign_changes(rows_of(just_inside, 2)[:, None], np.ones(1))
-    close(found.share, 0.5)
+    changes = sign_changes(rows_of(just_inside, 2)[:, None], np.ones(1))
+    close(changes.share, 0.5)
 
 
 def moved(velocities, widths=(1.0,)):
@@ -114,5 +116,5 @@ def test_directions_are_those_of_the_velocity():
 def test_at_a_reversal_it_is_the_next_direction_and_at_the_end_the_last():
     v = np.poly1d([0.5], r=True)
     stretches = directed_stretches(moved([[v], [-v]], (1.0, 1.0)))
-    found = stretches.at(np.array([0, 0, 0, 1, 1]), np.array([0.0, 0.5, 1.0, 0.0, 1.0]))
-    same(found[:, 0], [-1, 1, 1, 1, -1])
+    directions = stretches.at(np.array([0, 0, 0, 1, 1]), np.array([0.0, 0.5, 1.0, 0.0, 1.0]))
+    same(directions[:, 0], [-1, 1, 1, 1, -1])

@@ -72,8 +72,8 @@ def test_a_part_does_what_the_whole_does_then(begin, end, pieces):
         assert part.coefficients.shape == (6, pieces, 2)
         for order in range(4):
             expected = scipys(whole)(begin + time, order)
-            found = scipys(part)(time, order)
-            close(found, expected, rtol=1e-10, atol=1e-10)
+            result = scipys(part)(time, order)
+            close(result, expected, rtol=1e-10, atol=1e-10)
 
 
 def test_a_part_keeps_what_jumps_out_of_itself():

@@ -24,10 +24,10 @@ def test_values_and_derivatives_are_those_of_scipy(degree):
     reference = PPoly(coefficients, breakpoints)
     t = np.append(rng.uniform(-0.1, breakpoints[-1] + 0.1, 55), breakpoints).reshape(12, 5)
     for order in range(4):
-        found = PiecewisePolynomial(coefficients, breakpoints).derivative(order)
-        close(found(t), reference(t, order), rtol=1e-12, atol=1e-12)
-        assert found.coefficients.shape == reference.derivative(order).c.shape
-    assert found(t[0, 0]).shape == (2,)
+        derivative = PiecewisePolynomial(coefficients, breakpoints).derivative(order)
+        close(derivative(t), reference(t, order), rtol=1e-12, atol=1e-12)
+        assert derivative.coefficients.shape == reference.derivative(order).c.shape
+    assert derivative(t[0, 0]).shape == (2,)
 
 
 DEGREES = (1, 4, 7)
@@ -94,50 +94,50 @@ def test_maxima_are_those_by_the_roots_of_the_derivative_and_attained_where_they
             for piece in range(12)
         ]
     )
-    found = maxima(coefficients, widths)
-    close(found.value, exact.max(axis=0), rtol=1e-9, atol=1e-12)
-    same(found.piece, exact.argmax(axis=0))
-    assert ((found.local_time >= 0) & (found.local_time <= widths[found.piece])).all()
-    chosen = coefficients[:, found.piece, np.arange(4)]
-    close(values(chosen, found.local_time), found.value, atol=1e-11)
+    extrema = maxima(coefficients, widths)
+    close(extrema.value, exact.max(axis=0), rtol=1e-9, atol=1e-12)
+    same(extrema.piece, exact.argmax(axis=0))
+    assert ((extrema.local_time >= 0) & (extrema.local_time <= widths[extrema.piece])).all()
+    polynomials = coefficients[:, extrema.piece, np.arange(4)]
+    close(values(polynomials, extrema.local_time), extrema.value, atol=1e-11)
 
 
 @pytest.mark.parametrize("degree", [0, 7])
 def test_a_constant_is_its_own_maximum_and_the_largest_of_several_is_found(degree):
     coefficients = np.zeros((degree + 1, 3, 2))
     coefficients[-1] = [[1.0, 5.0], [3.0, 4.0], [2.0, -1.0]]
-    found = maxima(coefficients, np.array([0.5, 1.0, 2.0]))
-    assert found.value.tolist() == [3.0, 5.0]
-    assert found.piece.tolist() == [1, 0]
+    extrema = maxima(coefficients, np.array([0.5, 1.0, 2.0]))
+    assert extrema.value.tolist() == [3.0, 5.0]
+    assert extrema.piece.tolist() == [1, 0]
 
 
 @pytest.mark.parametrize("touch", [0.0, 0.3])
 @pytest.mark.parametrize("power", [2, 6])
 def test_a_polynomial_that_only_touches_zero_has_maximum_zero(power, touch):
     polynomial = -np.poly([touch] * power)
-    found = maxima(polynomial[:, None, None], np.array([0.7]))
-    close(found.value, [0.0], atol=1e-15)
-    assert abs(found.local_time[0] - touch) < 0.02
+    extrema = maxima(polynomial[:, None, None], np.array([0.7]))
+    close(extrema.value, [0.0], atol=1e-15)
+    assert abs(extrema.local_time[0] - touch) < 0.02
 
 
 def test_a_narrow_peak_between_samples_is_not_missed():
     spike = np.array([-1.0, 1e-3, 0.0])[:, None, None]
     flat = np.zeros((3, 1, 1))
-    found = maxima(np.concatenate([flat, spike, flat], axis=1), np.array([1.0, 1e-3, 1.0]))
-    close(found.value, [2.5e-7], rtol=1e-9)
-    assert found.piece.tolist() == [1]
-    close(found.local_time, [5e-4], rtol=1e-4)
+    extrema = maxima(np.concatenate([flat, spike, flat], axis=1), np.array([1.0, 1e-3, 1.0]))
+    close(extrema.value, [2.5e-7], rtol=1e-9)
+    assert extrema.piece.tolist() == [1]
+    close(extrema.local_time, [5e-4], rtol=1e-4)
 
 
 @pytest.mark.parametrize("degree", DEGREES)
 def test_peak_magnitudes_are_the_larger_of_maximum_and_minimum(degree):
     coefficients, widths = random_polynomials(degree)
-    found = peak_magnitudes(coefficients, widths)
-    for j, (value, piece) in enumerate(zip(found.value, found.piece, strict=True)):
+    peaks = peak_magnitudes(coefficients, widths)
+    for j, (value, piece) in enumerate(zip(peaks.value, peaks.piece, strict=True)):
         pieces = zip(coefficients[:, :, j].T, widths, strict=True)
         both = [exact_maximum(sign * p, width) for p, width in pieces for sign in (1, -1)]
         assert value == pytest.approx(max(both), rel=1e-9)
-        there = np.polyval(coefficients[:, piece, j], found.local_time[j])
+        there = np.polyval(coefficients[:, piece, j], peaks.local_time[j])
         assert abs(there) == pytest.approx(value, rel=1e-12)
 
 

@@ -105,8 +105,8 @@ def good(stored):
 def without(text, *quantities):
     """Return a CSV without the columns of some quantities."""
     rows = [line.split(",") for line in text.splitlines()]
-    kept = [i for i, name in enumerate(rows[0]) if name.rpartition(".")[2] not in quantities]
-    return "\n".join(",".join(row[i] for i in kept) for row in rows)
+    columns = [i for i, name in enumerate(rows[0]) if name.rpartition(".")[2] not in quantities]
+    return "\n".join(",".join(row[i] for i in columns) for row in rows)
 
 
 @pytest.mark.parametrize(
@@ -151,8 +151,8 @@ def test_a_ros_goal_and_its_older_dialect_are_read(good, tmp_path):
         YAML(typ="safe", pure=True).dump({"trajectory": message, "path_tolerance": []}, file)
         file.write("---\n")
     t = np.linspace(0, 0.3, 100)
-    found = read_trajectory_file(path).trajectory.position(t)
-    np.testing.assert_allclose(found, part.position(t), atol=5e-6)
+    position = read_trajectory_file(path).trajectory.position(t)
+    np.testing.assert_allclose(position, part.position(t), atol=5e-6)
 
 
 CSV = "time,a.position,b.position\n0,0,0\n0.1,0.1,0\n0.2,0.3,0.1\n"
@@ -226,14 +226,14 @@ def test_what_samples_say_is_kept(tmp_path):
         for x in (0, 1)
     ]
     path = written(tmp_path, "t.yaml", json.dumps({"joint_names": ["a"], "points": points}))
-    given = GivenSamples(0.0, ("position", "velocity"), has_effort=True)
-    assert read_trajectory_file(path).samples == given
+    samples = GivenSamples(0.0, ("position", "velocity"), has_effort=True)
+    assert read_trajectory_file(path).samples == samples
 
 
 def test_the_acceleration_of_a_joint_that_hardly_moves_does_not_jump_between_samples():
     time = np.arange(1000) / 1000
-    known = [0.7 + 1e-3 * np.sin(time), 1e-3 * np.cos(time), -1e-3 * np.sin(time)]
-    joined = joined_samples(("a",), time, [values[:, None] for values in known])
+    tables = [0.7 + 1e-3 * np.sin(time), 1e-3 * np.cos(time), -1e-3 * np.sin(time)]
+    joined = joined_samples(("a",), time, [values[:, None] for values in tables])
     acceleration = joined.per_piece(2).acceleration
     assert abs(acceleration[1:-1:2] - acceleration[2::2]).sum() < 1e-10
 

@@ -39,21 +39,21 @@ def test_control_points_are_those_of_dense_least_squares():
     knots = np.pad(breakpoints, degree, mode="edge")
     times = times_between(breakpoints, 6)
     path, ends = rng.normal(size=(len(times), 4)), tuple(rng.normal(size=(2, 4)))
-    found = fitted_control_points(knots, degree, times, path, ends)
+    control_points = fitted_control_points(knots, degree, times, path, ends)
     design = interpolate.BSpline(knots, np.eye(12 + degree), degree)(times)
     clamped = np.vstack([np.tile(ends[0], (3, 1)), np.tile(ends[1], (3, 1))])
     edges = np.r_[0:3, -3:0]
     rest = path - design[:, edges] @ clamped
     inner = np.linalg.lstsq(design[:, 3:-3], rest, rcond=None)[0]
-    np.testing.assert_allclose(found[edges], clamped)
-    np.testing.assert_allclose(found[3:-3], inner, atol=1e-9)
+    np.testing.assert_allclose(control_points[edges], clamped)
+    np.testing.assert_allclose(control_points[3:-3], inner, atol=1e-9)
 
 
 def test_points_that_no_time_says_anything_about_are_on_the_joint_line():
     knots = np.pad(np.linspace(0, 1, 11), 3, mode="edge")
     times, ends = np.linspace(0.01, 0.3, 20), (np.zeros(2), np.ones(2))
-    found = fitted_control_points(knots, 3, times, np.zeros((20, 2)), ends, draw=1e-8)
-    np.testing.assert_allclose(found[7:10], np.linspace(0, 1, 13)[7:10, None] * [1, 1])
+    control_points = fitted_control_points(knots, 3, times, np.zeros((20, 2)), ends, draw=1e-8)
+    np.testing.assert_allclose(control_points[7:10], np.linspace(0, 1, 13)[7:10, None] * [1, 1])
 
 
 def test_times_between_lie_evenly_inside_their_intervals():
@@ -65,16 +65,18 @@ def test_times_between_lie_evenly_inside_their_intervals():
 def test_they_are_those_of_another_library(orders):
     random = np.random.default_rng(orders)
     time = np.cumsum(random.uniform(0.1, 0.6, 9))
-    known = [random.normal(size=(9, 3)) for _ in range(orders)]
-    expected = PPoly.from_bernstein_basis(BPoly.from_derivatives(time, np.stack(known, axis=1)))
-    np.testing.assert_allclose(hermite_pieces(time, known), expected.c, rtol=1e-9, atol=1e-9)
+    derivatives = [random.normal(size=(9, 3)) for _ in range(orders)]
+    expected = PPoly.from_bernstein_basis(
+        BPoly.from_derivatives(time, np.stack(derivatives, axis=1))
+    )
+    np.testing.assert_allclose(hermite_pieces(time, derivatives), expected.c, rtol=1e-9, atol=1e-9)
 
 
 def test_samples_a_millisecond_apart_join_to_rounding():
     """Far from zero, where positions have the fewest digits behind the point."""
     time = np.arange(2000) / 1000
-    known = [3 + np.sin(time), np.cos(time), -np.sin(time)]
-    pieces = PPoly(hermite_pieces(time, [k[:, None] for k in known]), time)
+    tables = [3 + np.sin(time), np.cos(time), -np.sin(time)]
+    pieces = PPoly(hermite_pieces(time, [k[:, None] for k in tables]), time)
     ends = np.nextafter(time[1:-1], 0.0)
     for order, size in ((0, 3.0), (1, 1.0), (2, 1.0)):
         left, right = pieces(ends, order), pieces(time[1:-1], order)

@@ -71,6 +71,7 @@ def pair_distances(given: Mapping[Names, float]) -> Mapping[Names, float]:
         raise ProblemError(
             f"clearance.pairs is {shown(given)}; give a map from pairs of names to distances [m]"
         )
+    distances = {}
     for links, clearance in given.items():
         names = _names("clearance.pairs", links)
         if not is_number(clearance) or not 0 <= clearance <= MAX_SIZE:
@@ -78,7 +79,8 @@ def pair_distances(given: Mapping[Names, float]) -> Mapping[Names, float]:
                 f"clearance.pairs: clearance is {in_figures(clearance)} m for {_called(names)}; "
                 f"0 to {MAX_SIZE:g} m are accepted"
             )
-    return {_names("", links): float(value) for links, value in given.items()}
+        distances[names] = float(clearance)
+    return distances
 
 
 def require_checked(checker: CollisionChecker, field: str, pairs: Iterable[Names]) -> None:
