@@ -67,7 +67,7 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "_point_velocity": [("place = rotation[:, body] @ in_body[:3] + ", "place = ")],
     "ToolSpeedMargin._speed": [("np.linalg.norm(velocity, axis=1)", "abs(velocity[:, 1])")],
     # Simulation
-    "Plant.tool_pose": [("rotation @ self.tool", "self.tool"), (" + self.base", "")],
+    "Plant.displaced": [("rotation @ self.tool", "self.tool"), (" + self.base", "")],
     "ComputedTorque.effort": [(" + self._plan.friction[k]", "")],
     "_feedback": [("plan.start.velocity[k] - v", "-v")],
     "_drawn_bodies": [(".shifted(by)", "")],

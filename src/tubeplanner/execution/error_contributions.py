@@ -68,7 +68,7 @@ class Shortfall:
     self_collision: float
 
     def most(self, kind: str) -> float:
-        """Return the largest shortfall of one kind, such as "radius" [m or rad]."""
+        """Return the largest shortfall of a kind, such as "radius" [m or rad]."""
         return float(np.max(getattr(self, kind)))
 
 
@@ -128,7 +128,7 @@ _MUCH_TRAVEL = 0.1  # [rad or m], of a joint beyond its position limits
 
 @dataclass(frozen=True)
 class BlamedError:
-    """The contribution of one error.
+    """The contribution of an error.
 
     Attributes:
         error: Its name in the field robustness.

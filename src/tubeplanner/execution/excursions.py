@@ -199,7 +199,7 @@ def _worst(margins: _Margins, margin: FloatArray) -> Extreme:
 
 
 def _worst_passage(margins: _Margins) -> Extreme | None:
-    """Return the compulsory point missed most, while one of its segments is current."""
+    """Return the excursion at the compulsory point missed most."""
     tube, result = margins.problem.tube, []
     for k, margin in margins.passing.items():
         counts = (margins.last >= k - 1) & (margins.first <= k)

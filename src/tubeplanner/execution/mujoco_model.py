@@ -100,7 +100,7 @@ class MujocoArm:
         return np.array(self._data.qacc[self.degrees])
 
     def step(self, effort: FloatArray) -> None:
-        """Integrate one step (Runge-Kutta, fourth order) under constant efforts (n,)."""
+        """Integrate a step (Runge-Kutta, fourth order) under constant efforts (n,)."""
         self._data.qfrc_applied[self.degrees] = effort - self.bias
         self._mujoco.mj_step(self.model, self._data)
 

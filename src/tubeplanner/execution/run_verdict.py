@@ -95,7 +95,7 @@ def judged_runs(
     execution: Execution,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> list[JudgedRun]:
-    """Judge executed motions, one after the other.
+    """Judge executed motions in their order.
 
     The tube is the problem's, in the frame of the cell: errors of tool and base count.
 
@@ -237,7 +237,7 @@ class RunVerdict:
 
     @property
     def share(self) -> tuple[float, float]:
-        """Bounds on the fraction of all such arms that fail, with 95 % confidence.
+        """Bounds on the fraction of all drawn arms that fail, with 95 % confidence.
 
         (Clopper and Pearson, "The use of confidence or fiducial limits illustrated in the case of
         the binomial", Biometrika 26, 1934.)

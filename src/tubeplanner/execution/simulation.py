@@ -169,7 +169,6 @@ class _Run:
         self.execution = Execution(stage.plants, time, position, velocity, effort, is_saturated)
 
     def close(self) -> None:
-        """End the arms' threads."""
         self._arms.close()
 
     def become(self, stage: Stage) -> None:
@@ -180,7 +179,7 @@ class _Run:
     def through(
         self, periods: range, controller: TrackingController, checkpoint: Callable[[], None]
     ) -> None:
-        """Integrate control periods; the controller's plan begins with the first of them."""
+        """Integrate control periods; the controller's plan begins with the first."""
         result, noise, drives = self.execution, self._noise, self._drives
         time = result.time
         for k in periods:
@@ -252,12 +251,10 @@ def cycle_stages(motion: CycleMotion, errors: Robustness, draw: Draw) -> list[St
     for arm in _arms(motion):
         load = frozenset(arm.payloads.items())
         if load not in loaded:
-            loaded[load] = [
-                _carrying(
-                    plant, robot, arm.payloads, {name: factors[name][run] for name in factors}
-                )
-                for run, plant in enumerate(plants)
-            ]
+            loaded[load] = []
+            for run, plant in enumerate(plants):
+                in_run = {name: factors[name][run] for name in arm.payloads}
+                loaded[load].append(_carrying(plant, robot, arm.payloads, in_run))
         stage = Stage(arm.begin, arm.robot, loaded[load])
         if not stages or stages[-1].robot is not stage.robot:
             stages.append(stage)
@@ -280,7 +277,7 @@ class _Arm:
 
 
 def _arms(motion: CycleMotion) -> Iterator[_Arm]:
-    """Yield the arm at every seam, before its steps and after each of them."""
+    """Yield the arm at every seam, before its steps and after each step."""
     payloads: Mapping[str, Payload] = {}
     times = iter([mark.time for mark in motion.marks if mark.kind != MOVE])
     for seam, begin in enumerate([0.0, *(end for _, end in motion.leg_times)]):
@@ -295,7 +292,7 @@ def _arms(motion: CycleMotion) -> Iterator[_Arm]:
 
 
 def _plain_arm(cycle: Cycle) -> RobotModel:
-    """Return the arm without what steps attach, with the widest limits of all moves.
+    """Return the arm without attached payloads, with the widest limits of all moves.
 
     Unmodelled friction is drawn relative to the limits; a move slowed by its limits has the same
     motors.

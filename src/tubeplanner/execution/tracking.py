@@ -188,14 +188,14 @@ class Drives:
     """
 
     def __init__(
-        self, robot: RobotModel, plants: Sequence[Plant], held: FloatArray, step: float
+        self, robot: RobotModel, plants: Sequence[Plant], effort: FloatArray, step: float
     ) -> None:
         """Start the motors; delays are rounded to whole steps.
 
         Args:
             robot: The model, for the limits.
             plants: The arms.
-            held: Efforts at the start, shape (n,) [N m or N].
+            effort: Efforts at the start, shape (n,) [N m or N].
             step: Integration step [s].
         """
         self._limits, self._motors = robot.limits, robot.motors
@@ -205,7 +205,7 @@ class Drives:
         self._remaining = np.where(lag > 0, np.exp(-exponent), 0.0)
         self._mean_remaining = np.where(lag > 0, (1 - self._remaining) / exponent, 0.0)
         self._delay = np.array([round(plant.delay / step) for plant in plants])
-        self._effort = np.tile(held, (len(plants), 1))
+        self._effort = np.tile(effort, (len(plants), 1))
         # Delayed efforts, the newest last: (steps, R, n).
         self._sent = np.tile(self._effort, (int(self._delay.max()) + 1, 1, 1))
 
@@ -214,7 +214,7 @@ class Drives:
         self._limits, self._motors = robot.limits, robot.motors
 
     def bounded(
-        self, asked: FloatArray, q: FloatArray, v: FloatArray
+        self, requested: FloatArray, q: FloatArray, v: FloatArray
     ) -> tuple[FloatArray, BoolArray]:
         """Return efforts (R, n) cut to the motors' bounds in states (R, n), and where cut.
 
@@ -226,13 +226,13 @@ class Drives:
         most, least = np.where(line, with_line, np.inf)
         most = np.minimum(self._limits.effort_at(q, 1.0), most)
         least = -np.minimum(self._limits.effort_at(q, -1.0), least)
-        bounded = np.clip(asked, least, most)
-        return bounded, abs(asked - bounded) > _ROUNDING * self._limits.effort
+        bounded = np.clip(requested, least, most)
+        return bounded, abs(requested - bounded) > _ROUNDING * self._limits.effort
 
-    def stepped(self, asked: FloatArray) -> FloatArray:
+    def stepped(self, requested: FloatArray) -> FloatArray:
         """Return the mean efforts (R, n) of the next step under requested efforts (R, n)."""
-        self._sent = np.concatenate([self._sent[1:], asked[None]])
-        target = self._sent[len(self._sent) - 1 - self._delay, np.arange(len(asked))]
+        self._sent = np.concatenate([self._sent[1:], requested[None]])
+        target = self._sent[len(self._sent) - 1 - self._delay, np.arange(len(requested))]
         error = self._effort - target
         self._effort = target + error * self._remaining
         mean: FloatArray = target + error * self._mean_remaining

@@ -73,14 +73,14 @@ class Trials:
         self.count = 0
 
     def of(
-        self, asked: Sequence[tuple[Change, float]], is_thorough: bool
+        self, sizes: Sequence[tuple[Change, float]], is_thorough: bool
     ) -> Iterator[tuple[int, Trial]]:
         """Yield index and trial of each change, in the order of completion.
 
         A change that makes the problem invalid counts as failed.
 
         Args:
-            asked: Changes and sizes.
+            sizes: Changes and sizes.
             is_thorough: True if planning goes on where its first start leads nowhere.
 
         Raises:
@@ -88,7 +88,7 @@ class Trials:
             KeyboardInterrupt: Ctrl-C.
         """
         self._clock.check()
-        proposals = [change.propose(size) for change, size in asked]
+        proposals = [change.propose(size) for change, size in sizes]
         posed = (self._question.posed.changed(each.changes) for each in proposals)
         until = time.monotonic() + self._clock.remaining
         options = replace(self._options, persistent=is_thorough)
@@ -100,7 +100,7 @@ class Trials:
             if answer.is_cut_short:
                 raise TimeLimitReached
             self.count += 1
-            yield done.index, Trial(asked[done.index][1], proposal, answer.duration, is_thorough)
+            yield done.index, Trial(sizes[done.index][1], proposal, answer.duration, is_thorough)
 
 
 @dataclass(frozen=True)
@@ -131,24 +131,24 @@ class Answer:
     is_cut_short: bool = False
 
 
-def planned(asked: Asked) -> Answer:
+def planned(request: Asked) -> Answer:
     """Plan a problem with its change.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
     """
-    remaining = asked.until - time.monotonic()
+    remaining = request.until - time.monotonic()
     if remaining <= 0:
         return Answer(is_cut_short=True)
-    longest = asked.options.time_limit or remaining
+    longest = request.options.time_limit or remaining
     try:
-        problem = asked.problem.load()
-        result = plan_either(problem, replace(asked.options, time_limit=min(longest, remaining)))
+        problem = request.problem.load()
+        result = plan_either(problem, replace(request.options, time_limit=min(longest, remaining)))
     except TubePlannerError:
         return Answer()
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
-    is_late = time.monotonic() >= asked.until
+    is_late = time.monotonic() >= request.until
     return Answer(result.duration, is_cut_short=is_late and not result.succeeded)
 
 
@@ -169,7 +169,7 @@ _MIN_REMAINDER = 2e-3  # of a reduced quantity: smaller differences do not matte
 
 @dataclass
 class SizeBracket:
-    """Two sizes of one change on either side of the decisive size.
+    """Two sizes of a change on either side of the decisive size.
 
     Attributes:
         change: The change.
@@ -213,11 +213,11 @@ class SizeBracket:
 
     @property
     def cost(self) -> float:
-        """The decisive size over the scale; infinite while it is unknown."""
+        """The decisive size over the scale; inf while unknown."""
         return float("inf") if self.larger is None else self.larger.size / self.change.scale
 
     def keep(self, trial: Trial) -> None:
-        """Add the result of a trial; it overrules earlier results for its size."""
+        """Add the result of a trial, which overrules earlier results for its size."""
         if trial.succeeded == self.helps:
             self.larger = trial
             if self.smaller is not None and self.smaller.size >= trial.size:

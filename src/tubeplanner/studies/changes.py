@@ -161,7 +161,7 @@ class Question:
         return int(np.linalg.norm(position - nearest, axis=1).argmin())
 
     def per_segment(self, given: Any) -> list[Any]:
-        """Return a value for all segments, or one for each, as a list of m."""
+        """Return a value for all segments, or for each, as a list of m."""
         return list(given) if isinstance(given, list | tuple) else [given] * self.segment_count
 
     def load(self, changes: Mapping[str, Any] | None = None) -> PlanningProblem:
@@ -208,10 +208,8 @@ def in_order(
         place: Location of the failure.
     """
     about = _named(place)
-    first: list[Change] = []
-    second: list[Change] = []
-    elsewhere: list[Change] = []
-    unlikely: list[Change] = []
+    groups: tuple[list[Change], ...] = ([], [], [], [])
+    first, second, elsewhere, unlikely = groups
     likelier, others = _HELPFUL.get(status, ((), ()))
     kinds = (*likelier, *others)
     rank = {kind: k for k, kind in enumerate(kinds)}

@@ -179,12 +179,8 @@ class ComparisonRow:
             "duration": self.duration,
             "planning_time": self.planning_time,
             "failures": {
-                name: {
-                    "margin": failed.margin,
-                    "unit": failed.unit,
-                    "where": failed.where.as_dict(),
-                }
-                for name, failed in self.failures.items()
+                name: {"margin": each.margin, "unit": each.unit, "where": each.where.as_dict()}
+                for name, each in self.failures.items()
             },
             **(_NO_MEASURES if self.measures is None else self.measures.as_dict()),
             "message": self.message,
@@ -310,15 +306,8 @@ def _planned(
         raise KeyboardInterrupt
     other = result.method if result.succeeded and result.method != name else None
     message = result.message if other is None else f"answered by {other}; {result.message}"
-    return ComparisonRow(
-        name,
-        result.status,
-        message,
-        result.planning_time,
-        result.trajectory,
-        result.certificate,
-        answered_by=other,
-    )
+    answer = (result.planning_time, result.trajectory, result.certificate)
+    return ComparisonRow(name, result.status, message, *answer, answered_by=other)
 
 
 def _baseline(

@@ -138,7 +138,7 @@ class RetriedAlone(Executor):
         return f"<RetriedAlone: {self._executor!r}>"
 
     def submit(self, fn: Callable[..., _R], /, *args: Any, **kwargs: Any) -> "Future[_R]":
-        """Send a call; while a lost call is made again, the new one waits."""
+        """Send a call, which waits while a lost call is made again."""
         call = _Call(fn, args, kwargs)
         with self._lock:
             if self._alone:
@@ -166,7 +166,7 @@ class RetriedAlone(Executor):
         self._go_on()
 
     def _go_on(self) -> None:
-        """Count one running call less; when none runs, send the waiting calls."""
+        """Count a running call less; when none runs, send the waiting calls."""
         with self._lock:
             self._running -= 1
             if self._running:
@@ -193,7 +193,7 @@ class _Call:
         self.future: Future[Any] = Future()
 
     def sent(self, executor: Executor) -> "Future[Any]":
-        """Send the call; cancelling the user's future cancels the returned one."""
+        """Send the call; cancelling the user's future cancels the sent future."""
         sent = executor.submit(self._function, *self._args, **self._keywords)
         self.future.add_done_callback(lambda future: future.cancelled() and sent.cancel())
         return sent

@@ -1,7 +1,7 @@
 """Explain: reason of an infeasibility, remedies or headroom, in words."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -90,22 +90,17 @@ def _drawn(question: Question) -> PlanningProblem | None:
     """Return a problem of the tube, the solids and a start alone; None without a valid tube."""
     fields, robot, folder = question.fields, question.robot, question.posed.folder
     solids = solids_of(fields, robot, folder)
-    for tube in _tubes(question):
-        with suppress(ProblemError):
-            start = Seed(robot.limits.clip(_given_start(question)))
-            return PlanningProblem(robot, tube, start, name=question.posed.name, **solids)
-    return None
-
-
-def _tubes(question: Question) -> Iterator[Tube]:
-    assert question.fields.tube is not None
+    assert fields.tube is not None
     with suppress(ProblemError):
-        values: dict[str, Any] = {**question.fields.tube.model_dump(), **question.given_tube}
+        values: dict[str, Any] = {**fields.tube.model_dump(), **question.given_tube}
         for names in _LEFT_OUT:
             for name in names:
                 values.pop(name, None)
             with suppress(ProblemError):
-                yield Tube(**values)
+                tube = Tube(**values)
+                start = Seed(robot.limits.clip(_given_start(question)))
+                return PlanningProblem(robot, tube, start, name=question.posed.name, **solids)
+    return None
 
 
 def _given_start(question: Question) -> FloatArray:
@@ -150,12 +145,12 @@ class Explanation:
 
     @property
     def succeeded(self) -> bool:
-        """True if the problem can be solved, as it is or by some change."""
+        """True if the problem can be solved, unchanged or by some change."""
         return self.is_possible or bool(self.remedies)
 
     @property
     def is_possible(self) -> bool:
-        """True if the problem was planned as it is."""
+        """True if the unchanged problem was planned."""
         return self.result is not None and self.result.succeeded
 
     @property
@@ -165,7 +160,7 @@ class Explanation:
 
     @property
     def message(self) -> str:
-        """The answer of the plan, or the reason for invalidity, in one sentence."""
+        """The answer of the plan, or the reason for invalidity, as a sentence."""
         outcome = self.result or self.unposed
         return "" if outcome is None else outcome.message
 
@@ -217,7 +212,7 @@ def explain(
     executor: Executor | None = None,
     progress: ProgressCallback | None = None,
 ) -> Explanation:
-    """Return the remedies of an impossible problem, or the headroom of a possible one.
+    """Return the remedies of an impossible problem, or the headroom of a possible problem.
 
     The remedies of a problem that cannot be solved are single changes that make it possible: wider
     tolerances, other joint signs, more effort, wider ranges of joints, a lighter payload, moved
@@ -271,12 +266,8 @@ def _with_remedies(outcome: Explanation, question: Question, trials: Trials) -> 
     place = outcome.place
     if place.position is not None and place.segment is None:
         place = replace(place, segment=question.segment_near(np.array(place.position)))
-    changes = chain(
-        tube_changes(question),
-        limit_changes(question),
-        cell_changes(question),
-        end_changes(question),
-    )
+    kinds = (tube_changes, limit_changes, cell_changes, end_changes)
+    changes = chain.from_iterable(kind(question) for kind in kinds)
     search = RemedySearch(trials, in_order(changes, outcome.status, place))
     _, stopped_by = until_stopped(search.run)
     return replace(
@@ -298,7 +289,7 @@ def setting_text(changes: Mapping[str, Any]) -> str:
 
 
 def value_text(value: Any) -> str:
-    """Return the value of a field in the syntax of a problem file, on one line."""
+    """Return the value of a field in the syntax of a problem file, without line breaks."""
     if isinstance(value, float) and isinf(value):
         return ".inf" if value > 0 else "-.inf"
     if isinstance(value, list | tuple):
@@ -310,7 +301,7 @@ def value_text(value: Any) -> str:
 
 
 def tried_text(value: str, is_close: bool) -> str:
-    """Return the nearest value tried on the other side, with a remark if it is not narrowed.
+    """Return the nearest value tried on the other side, with a remark if not narrowed.
 
     Args:
         value: The value in words; empty: none was tried.
@@ -346,10 +337,7 @@ _KINDS = (
     ("clearance", "", "clearance", "", "down to 0"),
     ("clearance.default", "", "clearance", "", "down to 0"),
     ("clearance.pairs.", ".clearance", "clearance of pair", "clearance of pairs", "down to 0"),
-    (
-        *("clearance.segments.", "", "clearance of segment", "clearance of segments"),
-        "down to 0",
-    ),
+    (*("clearance.segments.", "", "clearance of segment", "clearance of segments"), "down to 0"),
     ("start", "", "start", "", "left to inverse kinematics"),
     ("goal", "", "goal", "", "left out"),
     ("start.joints", "", "start", "", "each joint by up to 1 rad or m"),
@@ -373,7 +361,7 @@ def in_vain_text(paths: Iterable[str]) -> str:
 
 
 def _kind_of(path: str) -> int | None:
-    """Return the index of a path's kind; None without one."""
+    """Return the index of a path's kind, or None."""
     for k, (begin, end, _, several, _) in enumerate(_KINDS):
         if path == begin if not several else path.startswith(begin) and path.endswith(end):
             return k

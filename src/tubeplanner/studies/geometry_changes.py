@@ -62,7 +62,7 @@ def radius_changes(question: Question, sign: int) -> Iterator[Change]:
 
 
 def _all_radii(question: Question) -> Iterator[Change]:
-    """Yield the change of all radii by one factor."""
+    """Yield the change of all radii by a common factor."""
     radii = question.per_segment(question.given_tube["radius"])
     if len([radius for radius in radii if radius is not None]) > 1:
         before = question.posed.document["tube"].get("radius")
@@ -102,7 +102,7 @@ def _plain(value: Any) -> Any:
 
 
 def _boxes(question: Question) -> Iterator[Change]:
-    """Yield the changes of both sides of each box by one factor; the size is the shorter side's."""
+    """Yield the changes of both sides of each box by a factor; the size is the shorter side's."""
     assert question.fields.tube is not None
     sections = question.posed.document["tube"].get("cross_section")
     for segment, box in enumerate(question.per_segment(sections)):

@@ -76,7 +76,7 @@ def _scaled_effort(effort: Any, factor: float) -> Any:
 
 
 def _limit_of(question: Question, quantity: str, joint: str, value: Any) -> dict[str, Any]:
-    """Return the values that give one joint another limit, and the others their present limits."""
+    """Return the values that give a joint another limit, and the others their present limits."""
     limits = getattr(question.fields.robot.limits, quantity)
     path = f"robot.limits.{quantity}"
     if isinstance(limits, Mapping):
@@ -93,7 +93,7 @@ def _limit_of(question: Question, quantity: str, joint: str, value: Any) -> dict
 
 
 def _positions(question: Question) -> Iterator[Change]:
-    """Yield the changes that move one end of a joint's range outwards."""
+    """Yield the changes that move an end of a joint's range outwards."""
     robot = question.robot
     lower, upper = robot.limits.lower_position.tolist(), robot.limits.upper_position.tolist()
     for k, joint in enumerate(robot.joint_names):

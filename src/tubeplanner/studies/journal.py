@@ -29,7 +29,7 @@ class Journal:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open a journal, or make one.
+        """Open or make a journal.
 
         Args:
             path: Path of the file.
@@ -100,7 +100,7 @@ class Journal:
             ) from None
 
     def add(self, key: str, values: Mapping[str, Any], answer: Mapping[str, Any]) -> None:
-        """Write an answer, and wait until it is on the disk.
+        """Write an answer to the disk.
 
         Args:
             key: Key of the planned problem.

@@ -33,7 +33,7 @@ from tubeplanner.task.problem import PlanningProblem
 # ---- Placement: a grid, then a pattern search from its best base poses.
 
 _STARTS = 5  # of the pattern search
-_HALVINGS = 3
+_HALVINGS = 3  # from half a cell of the grid to a sixteenth
 _MAX_POINTS = 100_000
 
 
@@ -144,7 +144,6 @@ def _names(problem: PlanningProblem, stands_on: Sequence[str] | None) -> tuple[s
 
 
 def _given(movable: MovableProblem, stands_on: Sequence[str], options: PlanOptions) -> GivenStand:
-    """Return the plan of the problem as given."""
     try:
         problem = movable.posed.load()
         assert isinstance(problem, PlanningProblem)
@@ -196,7 +195,7 @@ def _searched(
 
 
 def _starts(rows: Sequence[PlacementRow]) -> list[PlacementRow]:
-    """Return the best rows, those of different positions first.
+    """Return the best rows, different positions first.
 
     Arms whose first axis is vertical are as good at one position at nearly every angle.
     """
@@ -216,7 +215,7 @@ def _neighbours(region: Region, grid: StandGrid, stand: Stand, share: float) -> 
 
 
 def _answered(placement: Placement, movable: MovableProblem, options: PlanOptions) -> Placement:
-    """Return a placement with the plan of its best row, or of the next ones if that fails."""
+    """Return a placement with the plan of its best row, or of the next rows if that fails."""
     for row in _feasible(placement.rows)[:_STARTS]:
         problem = movable.load(row.stand, row.seeds)
         result = plan(problem, options)

@@ -232,14 +232,14 @@ class Placement:
 
     @cached_property
     def reasons(self) -> tuple[tuple[str, int, str], ...]:
-        """The reasons of failures, the most frequent first: reason, count, and one message."""
+        """The reasons of failures, the most frequent first: reason, count, and a message."""
         others = [row for row in self.rows if not row.is_feasible]
         groups = grouped(others, lambda row: row.reason)
         return tuple((reason, len(rows), rows[0].message) for reason, rows in groups)
 
     @property
     def message(self) -> str:
-        """The answer, or the reason for its absence, in one sentence."""
+        """The answer, or the reason for its absence, as a sentence."""
         if self.result is not None:
             return self.result.message
         if self.feasible_count:
@@ -288,17 +288,14 @@ SEARCH_OPTIONS = PlanOptions(quality="fast", slack=0.0, robust=False)
 
 
 class PlacementTrials:
-    """The rows of one problem's base poses so far.
+    """The rows of a problem's base poses so far.
 
     Attributes:
         restored: Number of rows from the journal.
     """
 
     def __init__(
-        self,
-        problem: MovableProblem,
-        stands_on: Sequence[str],
-        journal: Journal | None,
+        self, problem: MovableProblem, stands_on: Sequence[str], journal: Journal | None
     ) -> None:
         """Begin without rows.
 
@@ -339,7 +336,7 @@ class PlacementTrials:
         return [self._rows[stand] for stand in stands]
 
     def _restored(self, stand: Stand) -> bool:
-        """Take the row of a base pose from the journal; return True if it has one."""
+        """Take the row of a base pose from the journal; return True if there is a row."""
         if self._journal is None:
             return False
         key = self._key(stand)
@@ -361,6 +358,6 @@ class PlacementTrials:
             self._journal.add(self._key(stand), values, row.as_dict())
 
     def _key(self, stand: Stand) -> str:
-        """Return a hash of all inputs of a row: those of the plan, and `stands_on`."""
+        """Return a hash of all inputs of a row: the plan's, and `stands_on`."""
         planned = self._problem.at(stand).content_hash(SEARCH_OPTIONS)
         return f"{planned} standing on {', '.join(self._stands_on) or 'nothing'}"

@@ -101,16 +101,15 @@ def plan_many(
 
 
 def plan_either(
-    problem: PlanningProblem | Cycle,
-    options: PlanOptions,
-    progress: ProgressCallback | None = None,
+    problem: PlanningProblem | Cycle, options: PlanOptions, progress: ProgressCallback | None = None
 ) -> PlanResult | CycleResult:
-    """Plan a problem or a cycle; arguments and exceptions are those of `plan`."""
+    """Plan a problem or a cycle, with the arguments and exceptions of `plan`."""
     if isinstance(problem, Cycle):
         return plan_cycle(problem, options, progress)
     return plan(problem, options, progress)
 
 
+# Apart from `plan_many`, which checks its arguments before the first item is taken.
 def _planned_many(
     problems: Iterable[Plannable], options: PlanOptions, executor: Executor | None
 ) -> Iterator[PlannedItem]:
@@ -257,8 +256,6 @@ def _broken(error: BaseException) -> OptionError:
     )
 
 
-# ---- Rows of a sweep: one for every value.
-
 _Row = TypeVar("_Row")
 
 
@@ -286,6 +283,7 @@ def swept_rows(
     require_callback(progress)
     require_executor(executor)
     rows: dict[int, _Row] = {}
+    stopped_by: StoppedBy | None = None
     report = progress or (lambda what: None)
 
     def work_here(item: Any) -> _Row:
@@ -303,12 +301,8 @@ def swept_rows(
     except KeyboardInterrupt:
         if not rows:
             raise
-        return _in_order(rows), "interrupt"
-    return _in_order(rows), None
-
-
-def _in_order(rows: dict[int, _Row]) -> list[_Row]:
-    return [rows[index] for index in sorted(rows)]
+        stopped_by = "interrupt"
+    return [rows[index] for index in sorted(rows)], stopped_by
 
 
 # ---- Parcels: problems and answers pickled for another process, without the scene they share.
@@ -337,7 +331,7 @@ class Parcel:
     scene_hash: str
 
     def unpacked(self) -> PlanningProblem:
-        """Return the problem; robot and scene are those of an earlier parcel of the same hash."""
+        """Return the problem, with robot and scene of an earlier parcel of the same hash."""
         scene = _scenes.pop(self.scene_hash, None) or pickle.loads(self.scene)
         _scenes[self.scene_hash] = scene
         for oldest in list(_scenes)[:-_MAX_SCENES]:

@@ -53,7 +53,7 @@ def content_hash(document: Any, folder: Path, options: PlanOptions) -> str:
 
 
 def document_hash(document: Any, folder: Path) -> str:
-    """Return a hash of a problem file or of a part of it, files by their contents.
+    """Return a hash of a problem file or a part of a file, files by their contents.
 
     Args:
         document: The contents, as dictionaries and lists.
@@ -139,7 +139,7 @@ def _content_of(path: Path, stamp: tuple[int, int]) -> str:
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """Return time of the last change [ns] and size of a file: if they differ, it is read again."""
+    """Return time of the last change [ns] and size of a file, which show a change."""
     status = path.stat()
     return status.st_mtime_ns, status.st_size
 

@@ -105,10 +105,10 @@ class RemedySearch:
             [[SizeBracket(change, helps=True) for change in group] for group in tier]
             for tier in tiers
         ]
-        self._brackets = [one for tier in self._tiers for group in tier for one in group]
+        self._brackets = [each for tier in self._tiers for group in tier for each in group]
 
     def run(self) -> None:
-        """Try changes by their scale, then by their largest size, and narrow those that help.
+        """Try changes by their scale, then by their largest size, and narrow the helpful changes.
 
         The least likely kinds are tried only if no other change helps. Trials are quick at first;
         then the ends of brackets are tried thoroughly, and if no change helps, all changes.
@@ -150,10 +150,11 @@ class RemedySearch:
 
     def _search(self, tier: Sequence[Sequence[SizeBracket]], is_thorough: bool) -> None:
         for times, group in product((1.0, float("inf")), tier):
-            sizes = [
-                (one, rounded(min(times * one.change.scale, one.change.most))) for one in group
-            ]
-            new = [(one, size) for one, size in sizes if _is_new(one, size, is_thorough)]
+            new = []
+            for bracket in group:
+                size = rounded(min(times * bracket.change.scale, bracket.change.most))
+                if _is_new(bracket, size, is_thorough):
+                    new.append((bracket, size))
             try_sizes(self._trials, new, is_thorough)
             self._narrow(is_thorough)
 
@@ -224,8 +225,8 @@ class RoomSearch:
     @property
     def rooms(self) -> tuple[Room, ...]:
         """The headrooms so far, the least for its scale first."""
-        tried = [bracket for bracket in self._brackets if bracket.smaller or bracket.larger]
-        return tuple(map(_room, sorted(tried, key=lambda bracket: bracket.cost)))
+        brackets = [bracket for bracket in self._brackets if bracket.smaller or bracket.larger]
+        return tuple(map(_room, sorted(brackets, key=lambda bracket: bracket.cost)))
 
 
 def _room(bracket: SizeBracket) -> Room:

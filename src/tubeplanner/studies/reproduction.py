@@ -217,7 +217,7 @@ class Reproduction:
 
 
 def reproduce(progress: Callable[[object], None] | None = None) -> Reproduction:
-    """Plan all tabulated cells of Suh & Bishop (1988), by their method and by the default one.
+    """Plan all tabulated cells of Suh & Bishop (1988) by their method and by the default.
 
     Args:
         progress: Called with each stage.
@@ -400,7 +400,7 @@ def _summary(reproduction: Reproduction) -> str:
 def _pairs(
     reproduction: Reproduction, example: int, radius: float
 ) -> dict[str, tuple[float | None, float]]:
-    """Return our duration and the printed one, by name."""
+    """Return our duration and the printed duration, by name."""
     cell = reproduction.cell(example, radius)
     phase_one, phase_two = TABLE_TWO[example].phases[radius]
     return {

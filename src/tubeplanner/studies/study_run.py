@@ -25,7 +25,6 @@ from tubeplanner.studies.problem_spec import PosedProblem
 from tubeplanner.studies.study import Study
 from tubeplanner.studies.worker_processes import WorkerProcesses
 from tubeplanner.text import json_value, short_repr, value_text, without_formulas
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # ---- Rows, made where points are planned, so that little travels.
 
@@ -174,12 +173,8 @@ def _of_result(result: PlanResult | CycleResult) -> dict[str, Any]:
 
 def _hash_of(result: PlanResult | CycleResult) -> str | None:
     """Return a hash of every bit of a motion; None without a motion."""
-    trajectory: JointTrajectory | None
-    if isinstance(result, PlanResult):
-        trajectory = result.trajectory
-    else:
-        trajectory = None if result.motion is None else result.motion.trajectory
-    if trajectory is None:
+    motion = result if isinstance(result, PlanResult) else result.motion
+    if motion is None or (trajectory := motion.trajectory) is None:
         return None
     parts = (trajectory.breakpoints, trajectory.coefficients)
     return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()[:_HASH_DIGITS]
@@ -390,7 +385,6 @@ class _Run:
         self._note(len(points))
 
     def rows(self) -> tuple[StudyRow, ...]:
-        """Return the rows of all finished points."""
         result = []
         for index, key in enumerate(self._keys):
             answer = self._refused.get(index) if key is None else self._answers.get(key)
@@ -400,7 +394,7 @@ class _Run:
         return tuple(result)
 
     def _restored(self, key: str) -> bool:
-        """Take the answer of a key from the journal; return True if it has one."""
+        """Take the answer of a key from the journal; return True if there is an answer."""
         if self._journal is None or key not in self._journal:
             return False
 

@@ -124,7 +124,7 @@ class SweepResult:
         return {**report, "stopped_by": self.stopped_by, "rows": rows}
 
     def csv(self) -> str:
-        """Return the rows as CSV; `radii` has one number per segment [m], spaces between them."""
+        """Return the rows as CSV; `radii` has a number per segment [m], spaces between."""
         stream = io.StringIO()
         first, *others = SweepRow(1.0, None, None, "").as_dict()
         writer = csv.DictWriter(stream, [self.quantity, *others], lineterminator="\n")
@@ -207,9 +207,7 @@ def _tolerance_row(
     result = plan(posed, options, progress)
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
-    elasticities = [
-        _by_whole_radius(sensitivity, posed.tube) for sensitivity in result.sensitivities
-    ]
+    elasticities = [_by_whole_radius(each, posed.tube) for each in result.sensitivities]
     # + 0.0: no minus in front of zero.
     elasticity = sum(elasticities) + 0.0 if elasticities else None
     return SweepRow(value, posed, result, result.message, elasticity)
@@ -285,18 +283,18 @@ class FieldRow:
 
     @property
     def verdict(self) -> RunVerdict | None:
-        """Verdict over the answer's simulated runs; None unless robustness requires them."""
+        """Verdict over the answer's simulated runs; None unless robustness requires runs."""
         survival = None if self.result is None else self.result.survival
         return None if survival is None else survival.verdict
 
     @property
     def runs(self) -> int | None:
-        """Number of simulated runs; None unless robustness requires them."""
+        """Number of simulated runs; None unless robustness requires runs."""
         return None if self.verdict is None else self.verdict.runs
 
     @property
     def runs_failed(self) -> int | None:
-        """Number of failed runs; None unless robustness requires them."""
+        """Number of failed runs; None unless robustness requires runs."""
         return None if self.verdict is None else self.verdict.failed
 
     @property
@@ -361,7 +359,7 @@ class FieldSweep:
         return {**report, "stopped_by": self.stopped_by, "rows": rows}
 
     def csv(self) -> str:
-        """Return the rows as CSV; lists and maps as JSON, notes with semicolons between them."""
+        """Return the rows as CSV; lists and maps as JSON, notes with semicolons between."""
         stream = io.StringIO()
         first, *others = FieldRow(None, None, "", 0.0).as_dict()
         writer = csv.DictWriter(stream, [self.path, *others], lineterminator="\n")
@@ -431,7 +429,7 @@ def _study(
     changes: Mapping[str, Any],
     options: PlanOptions,
 ) -> Study:
-    """Return the values of a field as a study of one axis."""
+    """Return the values of a field as a study with a single axis."""
     if len(values) == 0:
         raise OptionError(f"{path}: give at least one value")
     if path in changes:

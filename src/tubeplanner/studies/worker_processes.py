@@ -70,7 +70,7 @@ class WorkerProcesses(Executor):
         return f"<WorkerProcesses: {self.count}>"
 
     def submit(self, fn: Callable[..., _R], /, *args: Any, **kwargs: Any) -> "Future[_R]":
-        """Send a call to the next free process; it is pickled then.
+        """Send a call to the next free process; the call is pickled then.
 
         Raises:
             RuntimeError: The processes were shut down.
@@ -95,7 +95,10 @@ class WorkerProcesses(Executor):
         """
         with self._lock:
             if cancel_futures:
-                self._drop_waiting()
+                with suppress(queue.Empty):
+                    while True:
+                        if (call := self._calls.get_nowait()) is not None:
+                            call.future.cancel()
             self._closed = True
             # In every shutdown: the Nones of a former one may have been dropped with waiting calls.
             for _ in self._threads:
@@ -122,17 +125,8 @@ class WorkerProcesses(Executor):
             self.kill()
         self.shutdown()
 
-    def _drop_waiting(self) -> None:
-        while True:
-            try:
-                call = self._calls.get_nowait()
-            except queue.Empty:
-                return
-            if call is not None:
-                call.future.cancel()
-
     def _work(self) -> None:
-        """Send calls to one process after the other, until there are no more."""
+        """Send calls to a process, replaced if it dies, until there are no more."""
         worker: _Worker | None = None
         while (call := self._calls.get()) is not None:
             if call.future.set_running_or_notify_cancel():
@@ -140,7 +134,7 @@ class WorkerProcesses(Executor):
         self._end(worker)
 
     def _answered(self, call: "_Call", worker: "_Worker | None") -> "_Worker | None":
-        """Answer a call; return the process for the next call, if it lives."""
+        """Answer a call; return the process for the next call if alive."""
         pickled, how = call.pickled(), ""
         if pickled is None:
             return worker
@@ -250,7 +244,6 @@ class _Worker:
             raise _Dead(f"ended with status {code}") from None
 
     def kill(self) -> None:
-        """End the process at once."""
         self._process.kill()
 
     def end(self) -> None:
@@ -260,7 +253,7 @@ class _Worker:
 
 
 class _Floor:
-    """Access to the processor: of many calls together, or of one alone."""
+    """A lock that many calls share, or a single call holds alone."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
