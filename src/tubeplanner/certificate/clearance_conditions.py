@@ -46,12 +46,9 @@ def judge_self_collision(motion: JudgedMotion) -> JudgedCondition:
 
 
 def _judge_clearance(motion: JudgedMotion, columns: IntArray, not_asked: str) -> JudgedCondition:
-    """Judge the least distance of pairs of solids beyond the required distance.
+    """Judge the least distance of the checker's pairs (P,) beyond the required distance.
 
-    Args:
-        motion: The motion.
-        columns: Indices of the checker's pairs, shape (P,).
-        not_asked: Coverage if there is no pair.
+    Without pairs, the coverage is `not_asked`.
     """
     checker = motion.problem.collision
     required = AskedDistances(motion).over

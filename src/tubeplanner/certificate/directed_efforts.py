@@ -88,10 +88,14 @@ def directed_efforts(
     start = smooth.start[interval] + smooth.width[interval] * parts.start
     width = smooth.width[interval] * (parts.end - parts.start)
     local = start - trajectory.breakpoints[piece]
-    position, velocity, effort = _of_one_degree(
+    polynomials = (
         _on(trajectory.coefficients[:, piece, joint], local, width),
         _on(trajectory.derivative_coefficients(1)[:, piece, joint], local, width),
         _on(smooth.coefficients[:, interval, joint], parts.start, parts.end - parts.start),
+    )
+    most = max(map(len, polynomials))  # rows of the highest degree
+    position, velocity, effort = (
+        np.pad(rows, ((most - len(rows), 0), (0, 0))) for rows in polynomials
     )
     direction = stretches.at(piece, (local + width / 2) / trajectory.widths[piece])
     dry, unsure = _friction(robot.motors, joint, direction, velocity)
@@ -105,11 +109,7 @@ def _friction(
 ) -> tuple[FloatArray, FloatArray]:
     """Return Coulomb friction, (R,), and the uncertainty of all friction, (N, R) [N m or N].
 
-    Args:
-        motors: Of n joints.
-        joint: Index of the joint, shape (R,).
-        direction: Of all joints at that time, shape (R, n).
-        velocity: Of the joint, polynomials (N, R).
+    Of joints (R,), with the directions of all joints (R, n) and polynomials of velocity (N, R).
     """
     row = np.arange(len(joint))
     dry = motors.coulomb_effort(direction)[row, joint]
@@ -159,9 +159,3 @@ def _parts(
 def _on(rows: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
     """Return polynomials (degree+1, R) on intervals, of times from 0 to 1."""
     return restricted(rows[:, :, None], start, width)[:, :, 0]
-
-
-def _of_one_degree(*polynomials: FloatArray) -> list[FloatArray]:
-    """Return polynomials (degree+1, R) padded to the highest degree."""
-    most = max(map(len, polynomials))
-    return [np.pad(rows, ((most - len(rows), 0), (0, 0))) for rows in polynomials]

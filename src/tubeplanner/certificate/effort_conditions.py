@@ -37,7 +37,11 @@ def judge_effort(motion: JudgedMotion) -> JudgedCondition:
     if np.isfinite(plain).any():
         judged.append(judged_peak(motion, motion.smooth_efforts, plain, EFFORT_ENCLOSURE))
     if directed.any():
-        judged.append(_judge_directed(motion, directed))
+        efforts = motion.efforts_of(np.flatnonzero(directed))
+        excess = [
+            efforts.most(way) - _effort_allowed(motion.robot, efforts, way) for way in (1.0, -1.0)
+        ]
+        judged.append(judged_both_ways(motion, efforts, np.array(excess), limit[efforts.joint]))
     return min(judged, key=lambda each: each.margin or 0.0)
 
 
@@ -49,15 +53,6 @@ def _depends_on_direction(robot: RobotModel) -> BoolArray:
         mask |= motors.viscous_friction > 0
     mask[[table.joint for table in robot.limits.effort_ranges]] = True
     return mask
-
-
-def _judge_directed(motion: JudgedMotion, which: BoolArray) -> JudgedCondition:
-    efforts = motion.efforts_of(np.flatnonzero(which))
-    excess = [
-        efforts.most(way) - _effort_allowed(motion.robot, efforts, way) for way in (1.0, -1.0)
-    ]
-    unit = motion.robot.limits.effort[efforts.joint]
-    return judged_both_ways(motion, efforts, np.array(excess), unit)
 
 
 def _effort_allowed(robot: RobotModel, efforts: DirectedEfforts, way: float) -> FloatArray:

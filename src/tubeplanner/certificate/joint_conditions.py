@@ -109,13 +109,7 @@ def judge_goal(motion: JudgedMotion) -> JudgedCondition:
 
 
 def _judge_end(motion: JudgedMotion, index: int, time: float) -> JudgedCondition:
-    """Judge start or goal against its configuration or pose, or else the reference point.
-
-    Args:
-        motion: The motion.
-        index: 0 for the start, -1 for the goal.
-        time: The time at that end [s].
-    """
+    """Judge start (0) or goal (-1) at a time [s]: against joints, pose or the reference point."""
     q, end = motion.trajectory.position(time), motion.problem.endpoints[index]
     if end.pose is not None:
         rotation, position = (part[0] for part in motion.robot.tool_pose(q[None]))

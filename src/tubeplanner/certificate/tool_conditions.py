@@ -233,11 +233,7 @@ def _chord_distance(
 ) -> tuple[FloatArray, FloatArray]:
     """Return bounds on the rotation vector's distance from its chord and error, (R,) [rad] each.
 
-    Args:
-        tube: Reference orientations and bounds.
-        pose: Enclosures of the tool's pose.
-        parts: Parts of their intervals.
-        angle: The larger of the angles at the two ends, shape (R,) [rad].
+    `angle` is the larger of the angles at the two ends, shape (R,) [rad].
     """
     width = parts.width * pose.tool.width[parts.interval]
     axis = np.diff(tube.points, axis=0)[parts.segment]

@@ -164,12 +164,7 @@ def _separations(
 ) -> FloatArray:
     """Return lower bounds on the distances of two shapes, shape (N,) [m].
 
-    Args:
-        first: One shape.
-        second: The other shape.
-        rotation: As for `ClearanceBounds.at`.
-        position: Likewise.
-        enough: Distance beyond which the value does not matter [m].
+    Poses are as for `ClearanceBounds.at`; beyond `enough` [m] the value does not matter.
     """
     # Points of the first shape in the frame of the second one's body: relative @ x + offset.
     back = rotation[:, second.body].transpose(0, 2, 1)

@@ -90,11 +90,8 @@ class ConfigurationSet:
     ) -> FloatArray:
         """Return `moved_tools` of configurations (N, n) within the bounds of the set.
 
-        Args:
-            q: Configurations to start from, shape (N, n).
-            targets: Target positions of the tools, shape (N, 3) [m].
-            turns: Target rotation vectors against the reference there, (N, 3) [rad]; None: any.
-            near: Tolerance as a fraction of that for samples.
+        Targets are positions (N, 3) [m] and rotation vectors against the reference there, (N, 3)
+        [rad], or any rotation; `near` is the tolerance as a fraction of that for samples.
         """
         close = near * np.array([_NEAR_SHARE * self.radius, _NEAR_TURN]) + _INSIDE
         target, tube, bounds = WantedTools(targets), self.problem.tube.rotation, self._turn_bounds

@@ -218,11 +218,7 @@ class BoxSearch:
     def _grown(self, beyond: FloatArray, rows: IntArray, within: Box, speed: FloatArray) -> Box:
         """Return the box that grows at a speed (c,) in each direction until points stop growth.
 
-        Args:
-            beyond: As for `best`.
-            rows: Indices of the points inside `within`.
-            within: As for `best`.
-            speed: Shape (c,).
+        Of the points (B, c), those in `rows` are inside `within`.
         """
         extent, blocker = within.extent.copy(), within.blocker.copy()
         # When the box reaches points in each direction; a point is inside from the last one on.

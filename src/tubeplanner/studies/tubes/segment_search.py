@@ -25,8 +25,6 @@ from tubeplanner.studies.tubes.counterexamples import (
 )
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- The largest set of one segment in which a counterexample search finds no collision.
-
 # The set reaches this far beyond what the branch itself needs [m], [rad or m]; where it is free,
 # its ranges reach the farther one.
 _MIN_RADIUS, _MIN_RANGE = 1e-3, 1e-3

@@ -17,8 +17,6 @@ from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.studies.tubes.joint_routes import FreeSpace
 
-# ---- Few reference points along a route: free straight lines of the tool.
-
 _ROUTE_STEP = 0.05  # [rad or m] of the joint that moves most, between samples of the route
 _MAX_STEP = 0.02  # [m] of the tool on a line
 _MAX_JOINT_STEP = 0.3  # [rad or m] between neighbours on a line: more is another branch
