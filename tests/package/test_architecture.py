@@ -93,7 +93,7 @@ def test_judging_loads_nothing_of_what_makes_trajectories_and_planning_no_heavy_
     ],
 )
 def test_a_command_loads_no_library_that_it_can_do_without(command, parts, bundled):
-    """What reads meshes and finds hulls is not loaded once the cache has what comes of them."""
+    """Mesh readers and hull libraries are not loaded once the cache has their results."""
     name = "ur5/over_the_wall"
     _ = bundled(name).collision
     files = [str(stored_path(name, REFINEMENT))] * (command == "check")

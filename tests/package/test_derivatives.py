@@ -63,7 +63,7 @@ def tool_by_joints(robot):
 
 
 def turn_by_joints(robot):
-    """The angular rows: d R / d q_j = [w_j] R, compared as the matrix's three columns."""
+    """The angular rows: d R / d q_j = [w_j] R, compared by the three columns of R."""
     q, _, _ = random_trajectory(robot)
     rotation = robot.tool_pose(q)[0]
     angular = robot.tool_jacobian(q)[1][:, 3:]
@@ -89,7 +89,7 @@ def points_by_joints(robot):
 
 
 def rotation_error_by_joints(share):
-    """The tool beside the middle of a segment, or beyond its end, where the reference rests."""
+    """The tool beside the middle of a segment, or past the end, where the reference is constant."""
 
     def case(robot):
         q, _, _ = random_trajectory(robot)
@@ -115,7 +115,7 @@ TURNED = [[0, 0, 0, 1], [0.5, 0.5, -0.5, 0.5]]
 
 
 def required_distance_by_joints(robot):
-    """Near the start, where less is required of solids in contact the nearer the tool is."""
+    """Near the start, where the required distance of solids in contact is less."""
     q, _, _ = random_trajectory(robot)
     q = q[0] + 0.02 * (q - q[0])
     tube = t.Tube(robot.tool_position(q[[0, -1]]) + np.diag([0.0, 1.0])[:, [0, 0, 1]], 9.0)
@@ -149,7 +149,7 @@ def trajectory_by_time(order):
 
 
 def objective_by_variables(minimise, **motors):
-    """By the control points that may move, and by the switching time; with motors if given."""
+    """Derivatives by free control points and by the switching time, with and without motors."""
 
     def case(robot):
         robot = with_motors(robot, **motors) if motors else robot

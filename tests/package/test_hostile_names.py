@@ -118,13 +118,13 @@ def test_no_name_is_markup_in_the_page_of_an_explanation(tmp_path):
 
 
 def findings_of(page):
-    """Return what the scripts of a page are given of the findings."""
+    """Return the data of the findings in the scripts of a page."""
     begin = page.index(">", page.index('<script type="application/json"')) + 1
     return json.loads(page[begin : page.index("</script", begin)])["findings"]
 
 
 def require_printable(capfd):
-    """Return what was printed."""
+    """Return the printed text."""
     out, err = capfd.readouterr()
     assert all(character.isprintable() for character in (out + err).replace("\n", ""))
     return out, err

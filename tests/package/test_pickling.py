@@ -90,13 +90,13 @@ def test_without_its_files_a_problem_is_planned_and_a_view_names_what_is_missing
 
 
 def run_together(*calls):
-    """Make calls at the same time; return what comes of each."""
+    """Return the results of calls made at the same time."""
     with ThreadPoolExecutor(len(calls)) as threads:
         return [future.result() for future in [threads.submit(call) for call in calls]]
 
 
 def test_two_threads_judge_against_one_problem_as_one_does(post):
-    """Poses that one thread gives to links must not be measured by the other."""
+    """A thread must not measure link poses of another thread."""
     problem, result = post
     motions = (result.trajectory, result.trajectory.scaled(1.5))
     alone = [[t.verify(problem, motion)] * 5 for motion in motions]

@@ -195,7 +195,7 @@ def test_a_package_path_may_not_leave_its_package(tmp_path):
 
 
 def test_a_package_is_the_folder_that_says_it_is_one(tmp_path, no_ros):
-    """A folder of the same name nearby is none; without any that says so, it serves."""
+    """A folder with package.xml precedes a nearer folder of the same name without the file."""
     file, find_package = write(tmp_path / "cell" / "arm.xacro"), resources.find_package
     nearby = write(tmp_path / "cell" / "arm_description" / "arm.stl").parent
     assert find_package("arm_description", file) == nearby

@@ -133,7 +133,7 @@ def made(planned, small_plan):
 
 
 def _of_cycles(result):
-    """Return a cycle, its steps and what planning makes of it."""
+    """Return a cycle, its steps and its plan."""
     cycle, motion = result.motion.cycle, result.motion
     steps = {type(step): step for step in cycle.steps}
     return [
@@ -153,7 +153,7 @@ def _of_places(problem, result):
 
 
 def _of_explanations(problem, result):
-    """Return an explanation, a remedy and room."""
+    """Return an explanation, a remedy and slack."""
     radii, wider, missed = [0.03] * 99, [0.06] * 99, [0.05] * 99
     values = ("m", 1.5, "all radii times 2", {"tube.radius": wider}, 1.0, missed, "50 mm", True)
     remedy = t.Remedy("tube.radius", radii, wider, *values)

@@ -24,7 +24,7 @@ from tubeplanner.writing import (
 
 @contextmanager
 def handled(**handlers):
-    """Handle signals by name otherwise for a while."""
+    """Replace handlers of signals, by name, for a while."""
     before = {name: signal.signal(getattr(signal, name), each) for name, each in handlers.items()}
     try:
         yield
@@ -175,7 +175,7 @@ def test_a_replaced_file_keeps_its_mode_and_a_link_its_target(tmp_path):
 
 @contextmanager
 def file_sizes_up_to(most):
-    """Let this process write no file beyond some size [bytes], as a full disk does."""
+    """Limit the size [bytes] of files that this process writes, like a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
     try:
@@ -185,7 +185,7 @@ def file_sizes_up_to(most):
 
 
 def test_a_failure_leaves_all_files_as_they_were(tmp_path):
-    """The second file does not fit, when the first is there already, beside its target."""
+    """The second file does not fit; the first is already staged beside its target."""
     first, second, folder = tmp_path / "first", tmp_path / "second", tmp_path / "folder"
     first.write_text("precious")
     message = r"second could not be written: File too large; raise the limit .*ulimit"

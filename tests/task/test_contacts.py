@@ -24,7 +24,7 @@ TOUCHING = [Contact(PAIR, 0.1)]
 
 @pytest.fixture
 def problem(two_link):
-    """Return a maker of a problem from START to GOAL, its tube about the line between."""
+    """Return a function that makes a problem from START to GOAL in a tube about their line."""
     tool = two_link.tool_position(np.array([START, (START + GOAL) / 2, GOAL]))
 
     def make(goal=GOAL, clearances=None, **others):
@@ -92,7 +92,7 @@ def test_the_boundary_of_the_distance_belongs_to_it(problem):
 
 
 def test_at_an_open_goal_solids_must_not_overlap(problem):
-    """Their distance there is not given: it may be anything."""
+    """At an open goal the distance of the solids is unknown."""
     built = problem(goal=None, clearance=0.5, contacts=TOUCHING)
     assert required(built, 1, GOAL)[PAIR] == 0.0
     assert required(built, 0, START)[PAIR] > 0.0

@@ -38,7 +38,7 @@ def arm():
 
 
 def test_what_is_taken_is_no_obstacle_until_it_stands_where_it_is_let_go(arm):
-    """It was 0.1 m above the hand when it was taken, and is where it is let go."""
+    """The solid keeps its pose in the tool frame from attaching to detaching."""
     full = Cell((ball(arm), ball(arm, HOME, "other")), ())
     carrying = full.after(TAKE, arm, PICK)
     assert [each.name for each in carrying.obstacles] == ["other"]
@@ -53,7 +53,7 @@ def test_what_is_taken_is_no_obstacle_until_it_stands_where_it_is_let_go(arm):
 
 
 def test_a_box_turns_with_the_hand(arm):
-    """The hand of an arm in a plane is turned by the sum of its joints."""
+    """The rotation of the tool of a planar arm is the sum of its joints."""
     reach = 0.15
     start, end = np.array([0.3, 0.4]), np.array([-0.2, 1.5])
     ahead = np.array([np.cos(0.7), np.sin(0.7), 0.0])
@@ -68,7 +68,7 @@ def test_a_box_turns_with_the_hand(arm):
 
 
 def test_a_tool_centre_point_moves_nothing_that_is_carried(arm):
-    """Solids are in the tool frame, not at the centre point."""
+    """Attached solids are placed in the tool frame, not at the tool centre point."""
     start, q = ball(arm), np.array([0.4, -0.2])
     shifted = planar_arm(tool_offset=ToolOffset((0.1, 0.0, 0.05)))
     plain = Cell((start,), ()).after(TAKE, arm, PICK).after(LET_GO, arm, q).obstacles[0]
@@ -96,7 +96,7 @@ def test_a_shape_in_the_tool_frame_is_carried_from_then_on(arm):
 
 @pytest.mark.parametrize(("gap", "touches"), [(0.0005, True), (0.002, False)])
 def test_links_that_touch_what_is_taken_may(gap, touches):
-    """A ball beside the forearm of a UR5 that the tool takes without being near it."""
+    """A ball beside the forearm of a UR5, far from the tool that it is attached to."""
     arm, q = load_robot("example:ur5", "tool0"), np.array([0.0, -1.2, 1.5, -0.3, 1.57, 0.0])
     rotation, position = (each[arm.link_body["forearm_link"]] for each in arm.body_poses(q))
     corners = [
@@ -145,7 +145,7 @@ def test_a_leg_begins_and_ends_where_it_is_said_to():
 
 
 def test_what_is_given_for_something_that_is_not_there_waits_for_it(arm):
-    """Pairs with what comes and goes count only in moves where it is there."""
+    """Pairs with an attachable solid count only in moves with the solid."""
     solid = AttachedSolid("tray", Obstacle.sphere("tray", 0.02, placement_of([0, 0, 0.2])).shapes)
     wall = Obstacle.box("wall", [0.1, 0.1, 0.1], placement_of([-1, 0, 0]))
     pairs = {

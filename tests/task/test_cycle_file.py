@@ -44,7 +44,7 @@ TO_PICK, CLOSE, TAKE, TO_PLACE, OPEN, LET_GO, BACK = range(7)
 
 
 def cycle_fields():
-    """Return `pick_and_place` as a cycle file has it."""
+    """Return the fields of the cycle `pick_and_place`."""
     robot = planar_arm()
     home, pick, place = robot.tool_position(np.array([HOME, PICK, PLACE])).round(9).tolist()
     return {
@@ -66,7 +66,7 @@ def cycle_fields():
 
 
 def with_(k, **changes):
-    """Return the fields of the cycle of which step k, or the header, has others; None: without."""
+    """Return the fields of the cycle with changes of step k or the header; None removes a field."""
     fields = cycle_fields()
     holder = fields if k is None else fields["moves"][k]
     holder.update(changes)
@@ -345,7 +345,7 @@ def test_what_is_wrong_is_told_by_its_step(fields, message):
 
 
 def test_a_cycle_is_the_same_from_python():
-    """What the reader makes of a file is what its steps make."""
+    """A cycle read from a file equals a cycle made of its steps."""
     read = parse_cycle(cycle_fields())
     built = Cycle(HOME, read.steps, read.obstacles, closed=True)
     for mine, its in zip(built.problems(SEAMS), read.problems(SEAMS), strict=True):
@@ -369,7 +369,7 @@ def box_around(obstacle):
 
 
 def standing(obstacles):
-    """Return the names of what stands on the floor, or on or at something that does."""
+    """Return the names of the obstacles that stand on the floor or touch one that does."""
     boxes = {each["name"]: box_around(each) for each in obstacles}
     names, fresh = set(), {"floor"}
     while fresh:

@@ -35,7 +35,7 @@ MINIMAL = {
 
 @pytest.fixture
 def problem(two_link):
-    """Return a maker of a problem from a goal and fields of the tube."""
+    """Return a function that makes a problem from a goal and fields of the tube."""
 
     def make(goal, **tube):
         start = Seed(np.array([0.0, -1.0]))
@@ -276,7 +276,7 @@ def test_an_end_that_is_none_is_named(folder, start, fragment):
 
 
 def test_where_nothing_bounds_the_tool_an_end_says_where_it_is(folder):
-    """As `route` reads it."""
+    """Read without a tube, as by `route`."""
     stored(["joint1", "joint2"], Q).save(folder / "last.json")
     data = copy.deepcopy(WIDE) | {
         "start": {"trajectory": "last.json"},

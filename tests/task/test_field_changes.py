@@ -38,7 +38,7 @@ DOCUMENT = {
 
 
 def changed(changes):
-    """Return the document with changes, which leave the given one as it was."""
+    """Return the document with changes; the original stays unchanged."""
     before = copy.deepcopy(DOCUMENT)
     after = changed_problem(DOCUMENT, changes)
     assert before == DOCUMENT
@@ -96,7 +96,7 @@ SECTIONS = {
 
 @pytest.mark.parametrize("path", SECTIONS)
 def test_every_field_of_the_schema_can_be_made(path):
-    """A key that a file leaves out is as good as one that it has."""
+    """Every key of the schema can be changed, also where the file leaves the key out."""
     schema = ProblemFields.model_json_schema(by_alias=True)
     fields = (schema["$defs"][SECTIONS[path]] if path else schema)["properties"]
     assert fields

@@ -29,7 +29,7 @@ obstacles: [{name: bin, position: [1, 0, 0]}, {name: post, sphere: 0.1}]
 
 
 def moved(fields):
-    """Return fields as the folder `plans` has them, of a file in another one."""
+    """Return the fields of a file of another folder, with paths from the folder `plans`."""
     result = copy.deepcopy(fields)
     move_paths(result, Path("/cells/one"), Path("/plans"))
     return result
@@ -37,7 +37,7 @@ def moved(fields):
 
 @pytest.fixture
 def main(tmp_path):
-    """Return a problem file that includes another one from a folder beside it."""
+    """Return a problem file that includes a file of a folder beside it."""
     (tmp_path / "cells").mkdir()
     (tmp_path / "cells" / "cell.yaml").write_text(CELL)
     (tmp_path / "main.yaml").write_text(MAIN)
@@ -248,7 +248,7 @@ def test_a_fault_is_blamed_on_the_file_that_has_it(tmp_path, cell, own, blamed):
 
 
 def test_an_item_is_found_by_its_name_in_the_file_that_has_it(tmp_path):
-    """Behind another file's items it has another index."""
+    """An item after those of another file has another index."""
     write(tmp_path, low="obstacles: [{name: a, sphere: 1}]")
     write(tmp_path, high="obstacles: [{name: b, sphere: big}]")
     write(tmp_path, main="include: [low.yaml, high.yaml]\nrobot: {urdf: a, tool_frame: b}")

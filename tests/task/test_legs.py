@@ -71,7 +71,7 @@ def test_a_given_goal_another_orientation_and_a_free_tool_stay_as_they_are(ur5):
 
 
 def test_what_counts_is_where_the_moves_meet(ur5):
-    """The first ends as it does last, the second begins as it does first."""
+    """The last orientation of the first tube counts, and the first bound of the second tube."""
     turning = Tube(
         [*POINTS, [0.5, 0.3, 0.4]],
         0.05,
@@ -282,7 +282,7 @@ def gravity_efforts(arms, q=PICK):
 
 
 def test_the_arm_feels_what_it_carries_when_it_carries_it():
-    """Held efforts are the empty arm's, and the sum of what each weighs through the Jacobian."""
+    """Gravity efforts are the empty arm's plus the weight of each load through the Jacobian."""
     first, second = weight(1.5, (0.1, 0.0, 0.0)), weight(0.5, (-0.2, 0.1, 0.0))
     steps = [GO, Attach("a", first), Attach("b", second), ON, Detach("a"), BACK, Detach("b")]
     legs, after = legs_of(steps)
@@ -312,7 +312,7 @@ def test_what_is_attached_adds_to_the_robots_own_payload():
 
 
 def test_arms_that_carry_the_same_are_one_and_a_rest_names_what_changes_hands():
-    """What is computed of an arm is computed once."""
+    """Legs with the same payload share one arm."""
     load = weight(1.0)
     legs, after = legs_of([Attach("a", load), GO, Event("x"), ON, Detach("a"), BACK])
     assert legs[0].robot is legs[1].robot is legs[2].before.arms[0]

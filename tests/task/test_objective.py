@@ -18,7 +18,7 @@ NO_NUMBERS = (np.inf, np.nan, "1", True)
 
 @pytest.fixture
 def written(tmp_path):
-    """Return a function from fields to a problem file with them."""
+    """Return a function that writes a problem file with fields."""
 
     def write(**fields):
         path = tmp_path / "problem.json"
@@ -39,7 +39,7 @@ def test_slack_is_a_share_of_time_as_is_that_of_options(slack):
 
 
 def test_the_shortest_is_asked_for_unless_a_slack_is_given():
-    """0 is a slack that is given."""
+    """The options for the shortest motion have a slack of 0 unless the user gives a slack."""
     assert PlanOptions().shortest.slack == 0.0
     assert PlanOptions(slack=0.02).shortest.slack == 0.02
     assert PlanOptions("refinement", "fast").shortest.quality == "fast"
@@ -178,7 +178,7 @@ def test_the_usual_errors_are_assumed_but_for_the_given_ones():
 
 
 def test_enlarged_the_arms_build_is_off_by_more_and_its_control_is_as_it_was():
-    """As far as errors may be: masses by no more than 90 %."""
+    """Enlarged errors stay within their bounds: masses within 90 %."""
     control = {"controller": "pd", "control_period": 0.002}
     enlarged = Robustness(mass=0.7, **control).enlarged(1.5)
     build = {"mass": 0.9, "com": 0.0075, "payload": 0.15, "friction": 0.3}

@@ -67,7 +67,7 @@ def fault(kind=ProblemError, **changes):
 
 @pytest.fixture
 def least(two_link):
-    """Return a maker of the least problem from its start and other fields."""
+    """Return a function that makes the least problem from its start and other fields."""
     tube = Tube(POINTS, 0.1)
     return lambda start=(0.0, 0.0), **more: PlanningProblem(two_link, tube, start, **more)
 

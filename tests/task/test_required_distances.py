@@ -13,7 +13,7 @@ ARM = planar_arm()
 
 
 def table(q, below, name="table"):
-    """Return a slab whose top is so far under the ball where the hand is in a configuration."""
+    """Return a slab with its top a distance [m] below the ball of the tool in a configuration."""
     middle = ARM.tool_position(q) + np.array([0, 0, 0.1 - 0.02 - below - 0.005])
     return Obstacle.box(name, [0.05, 0.05, 0.01], placement_of(middle))
 
@@ -56,7 +56,7 @@ def test_what_is_let_go_may_come_near_to_what_it_will_lie_on():
 
 
 def test_the_hand_may_come_near_to_what_it_will_take_other_links_not():
-    """Where that is open: links that move with the tool; where it is known: what is near."""
+    """At an open end: links that move with the tool; at a known end: near solids."""
     owners = {shape.owner for shape in cycle().problem(0, [HOME]).collision.shapes}
     of_tool = {name for name in owners if ARM.link_body.get(name) == ARM.link_body["hand"]}
     assert {"link1", "part"} & (owners - of_tool)
@@ -83,7 +83,7 @@ def test_a_contact_that_is_given_comes_instead():
 
 @pytest.mark.parametrize("steps", [(), (Detach("part"),)])
 def test_what_does_not_change_hands_there_gets_no_contact(steps):
-    """Only what is taken or let go at a seam is near to anything there."""
+    """Only solids attached or detached at a seam get contacts there."""
     built = cycle(table(PLACE, 0.002))
     kept = [each for each in built.steps if not isinstance(each, Detach)][:-1]
     changed = replace(built, steps=[*kept, *steps])

@@ -142,7 +142,7 @@ def test_hands_are_empty_at_the_end_of_a_closed_cycle_and_keep_what_is_carried_a
 
 
 def outside(goal, by):
-    """Return steps of which the second begins so far beyond where the first one ends."""
+    """Return two moves, the end of the first a distance [m] outside the tube of the second."""
     end = ARM.tool_position(PICK)
     away = (end - ARM.tool_position(HOME)) / np.linalg.norm(end - ARM.tool_position(HOME))
     begin = end + (0.1 + by) * away
@@ -161,7 +161,7 @@ def outside(goal, by):
     ],
 )
 def test_a_move_begins_where_the_one_before_ends(goal, within, beyond):
-    """Its tube holds that place, up to its radius."""
+    """The tube of the next move contains the end, up to its radius."""
     Cycle(HOME, outside(goal, within))
     message = rf"move 'back': tube.points\[0\] is .* m, but move 'go' .* {beyond:g} m outside the "
     with pytest.raises(ProblemError, match=message + "first segment; begin where it ends"):

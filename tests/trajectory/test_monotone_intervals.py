@@ -16,7 +16,7 @@ def rows_of(polynomials, degree):
 
 
 def test_they_are_the_roots_between_the_ends():
-    """In two pieces of other widths, of two polynomials each."""
+    """Two pieces of different widths, two polynomials each."""
     roots = [[[0.2, 0.7], [-0.1, 0.5]], [[1.5], [0.4, 2.5, 3.1]]]
     widths = np.array([1.0, 3.0])
     rows = np.stack([rows_of([np.poly1d(r, r=True) for r in piece], 3) for piece in roots], axis=1)
@@ -53,7 +53,7 @@ def test_between_them_polynomials_keep_their_sign():
 
 
 def test_a_root_that_rounding_puts_just_inside_an_end_is_at_that_end():
-    """Added to the piece's number, it would be in the next piece."""
+    """A root that, added to the piece's number, rounds into the next piece."""
     just_inside = [np.poly1d([1 - 1e-13, 0.5], r=True), np.poly1d([1e-17, 0.5], r=True)]
     changes = sign_changes(rows_of(just_inside, 2)[:, None], np.ones(1))
     close(changes.share, 0.5)
@@ -81,7 +81,7 @@ def test_stretches_end_at_reversals_and_pieces():
 
 @pytest.mark.parametrize("at", [0.25, 0.5, 0.75, 0.371])
 def test_a_joint_that_stops_and_goes_on_moves_one_way(at):
-    """Wherever it stops, also where its velocity is looked at."""
+    """The stop may also be at a sample of the velocity."""
     touching = np.poly1d([at, at], r=True) * np.poly1d([1.0, 0.0, 0.5])
     stretches = directed_stretches(moved([[touching]]))
     lasting = stretches.end - stretches.start > 1e-6

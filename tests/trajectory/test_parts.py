@@ -77,7 +77,7 @@ def test_a_part_does_what_the_whole_does_then(begin, end, pieces):
 
 
 def test_a_part_keeps_what_jumps_out_of_itself():
-    """Where the whole jumps, a part ends before, and the next begins after."""
+    """At a jump, a part ends with the value before it, and the next begins with the value after."""
     whole = trajectory()
     before, after = part_of(whole, 0.0, 0.4), part_of(whole, 0.4, 1.0)
     close(after.position(0.0), whole.coefficients[-1, 1])

@@ -218,7 +218,7 @@ def test_short_files_that_are_sound_are_read_and_time_may_begin_anywhere(tmp_pat
 
 
 def test_what_samples_say_is_kept(tmp_path):
-    """Trajectories begin at zero and know no efforts; a controller is given both."""
+    """First time and efforts are reported: trajectories begin at zero and have no efforts."""
     path = written(tmp_path, "t.csv", "time,a.position,a.effort\n2.5,0,1\n3.5,1,1\n")
     assert read_trajectory_file(path).samples == GivenSamples(2.5, ("position",))
     points = [

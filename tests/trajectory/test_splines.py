@@ -73,7 +73,7 @@ def test_they_are_those_of_another_library(orders):
 
 
 def test_samples_a_millisecond_apart_join_to_rounding():
-    """Far from zero, where positions have the fewest digits behind the point."""
+    """Positions far from zero have the fewest digits behind the point."""
     time = np.arange(2000) / 1000
     tables = [3 + np.sin(time), np.cos(time), -np.sin(time)]
     pieces = PPoly(hermite_pieces(time, [k[:, None] for k in tables]), time)
