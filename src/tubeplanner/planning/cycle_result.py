@@ -12,18 +12,17 @@ from tubeplanner.outcome import Place, PlanStatus, StoppedBy
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion, move_rows
+from tubeplanner.task.legs import Leg
 from tubeplanner.task.problem import PlanningProblem
-
-# ---- The plan of one leg of a cycle.
 
 
 @dataclass(frozen=True, eq=False)
 class LegPlan:
-    """The plan of one leg.
+    """The plan of one leg of a cycle.
 
     Attributes:
-        problem: What was planned.
-        result: Its certified answer, the shortest or what is written.
+        problem: The leg's problem.
+        result: The certified answer, the shortest or the written motion.
     """
 
     problem: PlanningProblem
@@ -31,24 +30,24 @@ class LegPlan:
 
     @property
     def duration(self) -> float:
-        """Of the answer [s]."""
+        """Duration of the answer [s]."""
         assert self.result.duration is not None
         return self.result.duration
 
     @property
     def begin(self) -> FloatArray:
-        """The configuration in which it begins, shape (n,)."""
+        """First configuration, shape (n,) [rad or m]."""
         assert self.result.trajectory is not None
         return self.result.trajectory.position(0.0)
 
     @property
     def end(self) -> FloatArray:
-        """The configuration in which it ends, shape (n,)."""
+        """Last configuration, shape (n,) [rad or m]."""
         assert self.result.trajectory is not None
         return self.result.trajectory.position(self.result.trajectory.duration)
 
     def between(self, problem: PlanningProblem) -> "LegPlan":
-        """Return the plan as one of a problem with given ends, those of the plan."""
+        """Return the plan as a plan of a problem whose given ends are the plan's."""
         motion = self.result.motion
         if motion is not None and not motion.is_smoother:
             motion = replace(motion, problem=problem.joined)
@@ -59,8 +58,8 @@ class BlockedLeg(Exception):
     """A leg has no answer.
 
     Attributes:
-        leg: Which one.
-        result: Why not.
+        leg: The leg's index.
+        result: The refusal.
     """
 
     def __init__(self, leg: int, result: PlanResult) -> None:
@@ -68,31 +67,28 @@ class BlockedLeg(Exception):
         self.leg, self.result = leg, result
 
 
-# ---- The result of planning a cycle: a certified motion of all of it, or why there is none.
-
-
 @dataclass(frozen=True, eq=False)
 class CycleResult:
-    """The result of planning a cycle.
+    """The result of planning a cycle: a certified motion of all moves, or the reason without it.
 
     Attributes:
         status: Success means that the certificate passed.
-        message: One sentence: the answer, or why there is none.
-        place: Where, if there is no answer; it names the move.
+        message: One sentence: the answer, or the reason without an answer.
+        place: Place of that reason, with the move.
         method: As of a `PlanResult`.
         motion: The answer; None unless successful.
-        certificate: Of the answer, or of an attempt that failed; None if there was none.
+        certificate: Certificate of the answer, or of a failed attempt; None without an attempt.
         legs: The plan of every leg of the answer.
-        greedy_duration: What it takes to run the moves planned alone, each from where the last
-            ended, rests included [s]; None if that led nowhere.
+        greedy_duration: Duration of the moves planned alone, each from the end of the last one,
+            dwells included [s]; None if that led nowhere.
         planning_time: Wall time from the loaded cycle to the certified result [s].
-        certificate_time: The share of it for the answer's certificate [s].
-        stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
-        sensitivities: What every limit costs over the cycle, the dearest first; a segment's name
+        certificate_time: Part of the planning time for the answer's certificate [s].
+        stopped_by: "time_limit" or "interrupt" if planning was stopped early; None otherwise.
+        sensitivities: Cost of every limit over the cycle, largest first; limits of segments name
             their move.
-        notes: What else is worth knowing about the answer.
+        notes: Further information about the answer.
         proved: As of a `PlanResult`.
-        starts_tried: Likewise.
+        starts_tried: As of a `PlanResult`.
     """
 
     status: PlanStatus
@@ -116,21 +112,21 @@ class CycleResult:
 
     @property
     def succeeded(self) -> bool:
-        """Whether there is a certified motion."""
+        """True if there is a certified motion."""
         return self.status is PlanStatus.SUCCESS
 
     @property
     def duration(self) -> float | None:
-        """Duration of the cycle [s], rests included; None if there is none."""
+        """Duration of the cycle, dwells included [s]; None without a motion."""
         return None if self.motion is None else self.motion.trajectory.duration
 
     @property
     def shortest_duration(self) -> float | None:
-        """Of the shortest motions that were found, rests included [s]; None if there is none."""
+        """Duration by the shortest motions, dwells included [s]; None without a motion."""
         if self.duration is None:
             return None
-        spared = [leg.duration - (leg.result.shortest_duration or 0.0) for leg in self.legs]
-        return self.duration - sum(spared)
+        excess = [leg.duration - (leg.result.shortest_duration or 0.0) for leg in self.legs]
+        return self.duration - sum(excess)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields of the command line's JSON, but for loading_time."""
@@ -160,14 +156,14 @@ class CycleResult:
 
 @dataclass(frozen=True)
 class CycleSensitivity:
-    """What one limit costs over a cycle, with the ends of all moves fixed.
+    """The cost of one limit over a cycle, with the ends of all moves fixed.
 
     Attributes:
         limit: As of a `Sensitivity`.
-        joint: Likewise.
-        move: Whose tolerance; None for the limits of joints, which count in all moves.
-        segment: Likewise, of the move.
-        saved: What 10 % more would save [s], to first order.
+        joint: As of a `Sensitivity`.
+        move: The move of a tolerance; None for limits of joints, which count in all moves.
+        segment: The segment of that move, if the limit is a segment's.
+        saved: Time saved by 10 % more [s], to first order.
     """
 
     limit: str
@@ -184,18 +180,18 @@ class CycleSensitivity:
 
 
 def cycle_sensitivities(cycle: Cycle, plans: Sequence[LegPlan]) -> tuple[CycleSensitivity, ...]:
-    """Return what every limit costs over a cycle, largest first: the sum over its moves."""
+    """Return the costs of all limits over a cycle, largest first: sums over its moves."""
     saved: dict[tuple[str, str | None, str | None, int | None], float] = {}
     for leg, plan in zip(cycle.legs, plans, strict=True):
         for each in plan.result.sensitivities:
-            key = (each.limit, each.joint, *_whose(leg, each))
+            key = (each.limit, each.joint, *_move_and_segment(leg, each))
             saved[key] = saved.get(key, 0.0) + each.saved
-    found = [CycleSensitivity(*key, saved=value) for key, value in saved.items()]
-    return tuple(sorted(found, key=lambda each: -each.saved))
+    sums = [CycleSensitivity(*key, saved=value) for key, value in saved.items()]
+    return tuple(sorted(sums, key=lambda each: -each.saved))
 
 
-def _whose(leg: Any, each: Sensitivity) -> tuple[str | None, int | None]:
-    """Return the move and its segment that a leg's limit belongs to; None: all moves."""
+def _move_and_segment(leg: Leg, each: Sensitivity) -> tuple[str | None, int | None]:
+    """Return the move and segment of a leg's limit; None for a limit of all moves."""
     if each.joint is not None:
         return None, None
     if each.segment is None:

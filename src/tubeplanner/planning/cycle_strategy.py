@@ -1,4 +1,4 @@
-"""Plan_cycle: cycle to one certified motion."""
+"""Planning of a cycle: one certified motion of all moves."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,42 +26,12 @@ from tubeplanner.planning.result import refused_result, with_grounds
 from tubeplanner.planning.second_stage import followed_plan
 from tubeplanner.planning.strategy import require_honoured
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.cycle_motion import CycleMotion, LegMotion, cycle_motion
+from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
 from tubeplanner.task.legs import Leg
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- The motion of a leg with the times at which its moves begin.
-
 _SAMPLES = 200
-
-
-def leg_motion(leg: Leg, plan: LegPlan) -> LegMotion:
-    """Return the motion of a leg's plan, which has one."""
-    trajectory = plan.result.trajectory
-    assert trajectory is not None
-    begins = [_begin(plan.problem, trajectory, first) for first in leg.first_segments[1:]]
-    return LegMotion(trajectory, tuple(begins))
-
-
-def _begin(problem: PlanningProblem, trajectory: JointTrajectory, first: int) -> float:
-    """Return when a segment begins, one of those that the problem's file has [s].
-
-    Where segments on one line are joined: when the tool is nearest to its first point.
-    """
-    numbers = problem.joined.tube.numbers
-    visits = judged_visits(problem, trajectory)
-    k = int(np.searchsorted(numbers, first))
-    if numbers[k] == first:
-        return next(visit.begin for visit in visits if visit.segment >= k)
-    inside = [visit for visit in visits if visit.segment == k - 1]
-    times = np.linspace(inside[0].begin, inside[-1].end, _SAMPLES)
-    tool = problem.robot.tool_position(trajectory.position(times))
-    point = problem.tube.points[np.searchsorted(problem.tube.numbers, first)]
-    return float(times[np.linalg.norm(tool - point, axis=1).argmin()])
-
-
-# ---- From a cycle to a certified motion of all of it, or to the reason why there is none.
 
 
 def plan_cycle(
@@ -73,23 +43,22 @@ def plan_cycle(
 ) -> CycleResult:
     """Plan the motion of a whole cycle and certify it.
 
-    Moves are planned alone, in order, each from where the last one ended. Then the configurations
-    in which moves end of which only the hand's position is given, and in which the next begin, are
-    chosen so that the sum of durations is least.
+    Moves are planned alone, in order, each from the end of the last one. Then the configurations
+    between moves, where a move ends openly, are chosen for the least sum of durations.
 
     Args:
         cycle: The cycle.
-        options: How to plan every move; the time limit is that of the whole.
+        options: Options of planning for every move; the time limit is that of the whole.
         progress: As of `plan`.
         shares_configurations: False: moves stay as they were planned alone.
 
     Returns:
         A result whose status is success only if the certificate passed; else its message and place
-        name the move and say what is in the way.
+        name the move and the obstruction.
 
     Raises:
         OptionError: A slack is asked for that the method does not honour.
-        ProblemError: The cycle is none, or a move cannot begin where the one before ended.
+        ProblemError: The cycle is no `Cycle`, or a move cannot begin at the end of the last one.
         KeyboardInterrupt: Ctrl-C before all moves were certified.
     """
     Cycle.require(cycle)
@@ -98,7 +67,11 @@ def plan_cycle(
         require_honoured(cycle.problem_from_anywhere(k), options)
     clock = PlanningClock(options.time_limit, progress)
     try:
-        _require_within_bound(cycle)
+        for k in range(len(cycle.legs)):
+            try:
+                require_within_bound(cycle.problem_from_anywhere(k), start_is_known=k == 0)
+            except Infeasible as reason:
+                raise BlockedLeg(k, refused_result(reason, "")) from None
         greedy = greedy_plan(cycle, options, clock)
     except BlockedLeg as blocked:
         return _blocked(cycle, blocked, options, clock)
@@ -118,8 +91,8 @@ def _answer(
     stopped_by: StoppedBy | None,
     plans: Sequence[LegPlan],
 ) -> CycleResult:
-    """Return the result of the shortest motions of all legs, as they are written."""
-    if stopped_by is not None:  # then they stay as they are, but for whole periods
+    """Return the result of all legs, from their shortest motions."""
+    if stopped_by is not None:  # then motions stay as they are, but for whole periods
         plans = [
             replace(plan, result=replace(plan.result, stopped_by=stopped_by)) for plan in plans
         ]
@@ -131,11 +104,10 @@ def _answer(
 def _followed(
     cycle: Cycle, k: int, plan: LegPlan, options: PlanOptions, clock: PlanningClock
 ) -> LegPlan:
-    """Return the motion of a leg that is written, between the ends of its shortest one."""
+    """Return the written motion of a leg, between the ends of its shortest motion."""
     with clock.within(cycle.called(k)):
         problem = replace(plan.problem, start=plan.begin, goal=plan.end)
-        fixed = plan.between(problem)
-        result = followed_plan(problem, fixed.result, options.slack, clock)
+        result = followed_plan(problem, plan.between(problem).result, options.slack, clock)
     return LegPlan(problem, result)
 
 
@@ -151,20 +123,23 @@ def _certified(
     for k, plan in enumerate(plans):
         if not plan.result.succeeded:
             return _blocked(cycle, BlockedLeg(k, plan.result), options, clock)
-    each = zip(cycle.legs, plans, strict=True)
-    motion = cycle_motion(cycle, [leg_motion(leg, plan) for leg, plan in each])
+    legs = zip(cycle.legs, plans, strict=True)
+    motion = cycle_motion(cycle, [leg_motion(leg, plan) for leg, plan in legs])
+    moves = sum(len(leg.moves) for leg in cycle.legs)
+    moving = sum(end - begin for begin, end in motion.leg_times)
     begin = clock.elapsed
     certificate = verify_cycle(cycle, motion)
-    rests = motion.trajectory.duration - sum(plan.duration for plan in plans)
+    dwells = motion.trajectory.duration - sum(plan.duration for plan in plans)
     result = CycleResult(
         PlanStatus.SUCCESS,
-        _message(cycle, motion),
+        f"certified cycle of {motion.trajectory.duration:.4f} s: {moves} moves in {moving:.4f} s, "
+        f"{motion.trajectory.duration - moving:.4g} s at rest",
         Place(),
         options.method,
         motion,
         certificate,
         tuple(plans),
-        greedy_duration=rests + sum(plan.duration for plan in greedy),
+        greedy_duration=dwells + sum(plan.duration for plan in greedy),
         planning_time=clock.elapsed,
         certificate_time=clock.elapsed - begin,
         stopped_by=stopped_by,
@@ -181,13 +156,29 @@ def _certified(
     )
 
 
-def _require_within_bound(cycle: Cycle) -> None:
-    """Raise BlockedLeg if a point of a leg is out of reach for certain."""
-    for k in range(len(cycle.legs)):
-        try:
-            require_within_bound(cycle.problem_from_anywhere(k), start_is_known=k == 0)
-        except Infeasible as reason:
-            raise BlockedLeg(k, refused_result(reason, "")) from None
+def leg_motion(leg: Leg, plan: LegPlan) -> LegMotion:
+    """Return the motion of a leg's successful plan, with the times at which its moves begin."""
+    trajectory = plan.result.trajectory
+    assert trajectory is not None
+    begins = [_begin(plan.problem, trajectory, first) for first in leg.first_segments[1:]]
+    return LegMotion(trajectory, tuple(begins))
+
+
+def _begin(problem: PlanningProblem, trajectory: JointTrajectory, first: int) -> float:
+    """Return the time at which a segment of the problem's file begins [s].
+
+    Where segments on one line are joined: the time of the sample nearest to its first point.
+    """
+    numbers = problem.joined.tube.numbers
+    visits = judged_visits(problem, trajectory)
+    k = int(np.searchsorted(numbers, first))
+    if numbers[k] == first:
+        return next(visit.begin for visit in visits if visit.segment >= k)
+    inside = [visit for visit in visits if visit.segment == k - 1]
+    times = np.linspace(inside[0].begin, inside[-1].end, _SAMPLES)
+    tool = problem.robot.tool_position(trajectory.position(times))
+    point = problem.tube.points[np.searchsorted(problem.tube.numbers, first)]
+    return float(times[np.linalg.norm(tool - point, axis=1).argmin()])
 
 
 def _blocked(
@@ -196,7 +187,7 @@ def _blocked(
     """Return the result that a leg has no answer.
 
     Raises:
-        KeyboardInterrupt: It was Ctrl-C that ended it.
+        KeyboardInterrupt: Ctrl-C stopped the leg's planning.
     """
     result, leg = with_grounds(blocked.result), cycle.legs[blocked.leg]
     if result.status is PlanStatus.INTERRUPTED:
@@ -218,47 +209,33 @@ def _blocked(
 
 
 def _stop_of(plans: Sequence[LegPlan]) -> StoppedBy | None:
-    """Return what stopped the planning of any leg early."""
+    """Return the cause of the first early stop of the legs' planning, or None."""
     return next((each for plan in plans if (each := plan.result.stopped_by) is not None), None)
 
 
-def _message(cycle: Cycle, motion: CycleMotion) -> str:
-    moving = sum(end - begin for begin, end in motion.leg_times)
-    whole = motion.trajectory.duration
-    moves = sum(len(leg.moves) for leg in cycle.legs)
-    return (
-        f"certified cycle of {whole:.4f} s: {moves} moves in {moving:.4f} s, "
-        f"{whole - moving:.4g} s at rest"
-    )
-
-
 def _notes(cycle: Cycle, shortest: Sequence[LegPlan], plans: Sequence[LegPlan]) -> tuple[str, ...]:
-    """Return what is worth knowing of the legs, once where it is the same of several.
+    """Return the notes on the legs; a note of several legs once.
 
     Args:
         cycle: The cycle.
         shortest: The shortest motions.
-        plans: Those that are written.
+        plans: The written motions.
     """
-    said: dict[str, list[str]] = {}
+    names_by_note: dict[str, list[str]] = {}
     for leg, plan in zip(cycle.legs, shortest, strict=True):
         problem = plan.problem
         for note in (*problem.robot.limits.notes, *problem.tube.notes, *plan.result.notes):
-            said.setdefault(note, []).append(leg.name)
+            names_by_note.setdefault(note, []).append(leg.name)
     notes = [
         note if len(names) == len(cycle.legs) else f"move {', '.join(names)}: {note}"
-        for note, names in said.items()
+        for note, names in names_by_note.items()
     ]
-    return (*notes, *_smoothing_note(shortest, plans))
-
-
-def _smoothing_note(shortest: Sequence[LegPlan], plans: Sequence[LegPlan]) -> list[str]:
-    """Return how many legs take longer than they must, to be smooth or thrifty."""
     longer = [p for s, p in zip(shortest, plans, strict=True) if p.duration > s.duration]
-    if not longer:
-        return []
-    fewest, most = sum(p.duration for p in shortest), sum(p.duration for p in plans)
-    return [
-        f"{len(longer)} of {len(plans)} motions between rests are not the shortest, but better by "
-        f"their objective: {most:.4f} s in all instead of {fewest:.4f} s; --slack 0 gives these"
-    ]
+    if longer:
+        least, total = sum(p.duration for p in shortest), sum(p.duration for p in plans)
+        notes.append(
+            f"{len(longer)} of {len(plans)} motions between rests are not the shortest, but better "
+            f"by their objective: {total:.4f} s in all instead of {least:.4f} s; --slack 0 gives "
+            "these"
+        )
+    return tuple(notes)

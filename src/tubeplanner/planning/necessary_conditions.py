@@ -1,4 +1,4 @@
-"""Necessary conditions before planning: reach, held and free ends."""
+"""Necessary conditions before planning: reach, ends that motors hold, free ends."""
 
 from dataclasses import dataclass
 
@@ -14,12 +14,10 @@ from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- How far an arm can reach at most: the sum of the lengths between its joints.
-
 
 @dataclass(frozen=True, eq=False)
 class ReachBound:
-    """A ball that the tool cannot leave, whatever the joints do within their limits.
+    """A ball that the tool cannot leave, wherever joints are within their limits.
 
     Attributes:
         center: The first joint's origin, shape (3,), base frame [m].
@@ -30,19 +28,16 @@ class ReachBound:
     radius: float
 
     def beyond(self, points: FloatArray) -> FloatArray:
-        """Return how far outside points (N, 3) are, negative inside, shape (N,) [m]."""
+        """Return the distances of points (N, 3) outside the ball, negative inside, (N,) [m]."""
         outside: FloatArray = np.linalg.norm(points - self.center, axis=1) - self.radius
         return outside
 
 
 def reach_bound(robot: RobotModel) -> ReachBound:
-    """Return a bound on where the tool centre point can be.
+    """Return a bound on the tool centre point: the sum of the lengths between joints.
 
-    From one joint's origin to the next one's it is as far wherever turning joints are; a sliding
-    joint's is farthest at one end of its range, as distances are convex along a line.
-
-    Args:
-        robot: The arm.
+    The distance between the origins of successive joints does not depend on revolute joints; with a
+    prismatic joint it is largest at an end of the range, as distances are convex along a line.
     """
     limits = robot.limits
     ends = np.stack([limits.lower_position, limits.upper_position])
@@ -59,28 +54,26 @@ def reach_bound(robot: RobotModel) -> ReachBound:
     return ReachBound(center, float(lengths.sum() + travel))
 
 
-# ---- Points that the tool cannot come to whatever the joints do: the links are too short.
-
 # Ends and margins are exact to this [m].
-_SURELY = 2 * MARGIN_TOLERANCE
+_ROUNDING = 2 * MARGIN_TOLERANCE
 
 
 def require_within_bound(problem: PlanningProblem, *, start_is_known: bool = True) -> None:
-    """Check that no point is farther away than all links are long together.
+    """Check that all points are within the bound of the arm's reach.
 
     Args:
         problem: The planning problem.
-        start_is_known: False: where it starts is left aside.
+        start_is_known: False: the first point is left out.
 
     Raises:
-        Infeasible: Status unreachable, proved; the place is the point that is farthest beyond.
+        Infeasible: Status unreachable, proved; the place is the point farthest outside.
     """
     points, allowed = required_points(problem)
     allowed[0] = allowed[0] if start_is_known else np.inf
     bound = reach_bound(problem.robot)
     missing = bound.beyond(points) - allowed
     k = int(missing.argmax())
-    if missing[k] <= _SURELY:
+    if missing[k] <= _ROUNDING:
         return
     place = point_place(problem.tube, k, points[k])
     x, y, z = (f"{value:.3f}" for value in bound.center)
@@ -96,9 +89,10 @@ def require_within_bound(problem: PlanningProblem, *, start_is_known: bool = Tru
 
 
 def required_points(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
-    """Return points (m + 1, 3) [m], and how far from each the tool may stay, inf: anywhere.
+    """Return points (m+1, 3) to pass, and the tool's allowed distances from them (m+1,) [m].
 
-    A configuration that is given for an end has the tool near enough already.
+    The distance is infinite for an end with a given configuration, whose tool is near enough
+    already.
     """
     tube = problem.tube
     points, allowed = tube.points.copy(), np.append(0.0, largest_distances(tube))
@@ -114,21 +108,21 @@ def required_points(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
 
 
 def point_place(tube: Tube, k: int, point: FloatArray) -> Place:
-    """Return where the tool passes reference point k, or what is asked in its place (3,) [m]."""
+    """Return the place of reference point k, or of a point (3,) [m] instead of it."""
     number = tube.segment_number(max(k - 1, 0), point)
     return Place(segment=number, point=int(tube.numbers[k])).at(point)
 
 
 def point_name(k: int, count: int) -> str:
-    """Return what the k-th of so many reference points is called."""
+    """Return the name of the k-th of a number of reference points."""
     return "goal" if k == count - 1 else "start" if k == 0 else "reference point"
 
 
 def largest_distances(tube: Tube) -> FloatArray:
-    """Return how far from each point but the first the tool may be when it passes it, (m,) [m].
+    """Return the tool's largest distances from points as it passes them, but the first, (m,) [m].
 
-    From segment to segment it passes where their regions overlap. Within r of two legs at an angle
-    phi, it is at most r / sin(phi / 2) from their corner. Of the goal it is 0.
+    The tool passes from segment to segment where their regions overlap. Within r of two lines at
+    an angle phi, it is at most r / sin(phi / 2) from their corner. At the goal the distance is 0.
     """
     radius = np.where(tube.is_box, np.sqrt(3), 1.0) * tube.reach  # the corners of a box are farther
     axis = np.diff(tube.points, axis=0)
@@ -140,28 +134,27 @@ def largest_distances(tube: Tube) -> FloatArray:
     return np.append(corner, 0.0)
 
 
-# ---- What every trajectory needs, seen before one is planned: free and held ends, points in reach.
+# ---- Necessary conditions of every trajectory: free ends that motors hold, points in reach.
 
-# A point counts as out of reach if the tool stays this much farther away than it may [m].
+# A point counts as out of reach if the tool's distance exceeds the allowed one by more [m].
 _MAX_SEARCH_ERROR = 1e-4
-# The nearest configuration is looked for from the start and from so many others.
-_OTHER_SEEDS = 4
+_OTHER_SEEDS = 4  # of inverse kinematics, besides the start
 _SEED_RANGE = np.pi  # [rad or m]
 
 
 def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
-    """Check what no trajectory can do without.
+    """Check the necessary conditions of every trajectory.
 
     Start and a given goal must be free, the motors must hold them, the joints may move to that
-    goal, and the arm must reach the farthest place at which the tool passes from segment to segment
+    goal, and the arm must reach the farthest point at which the tool passes from segment to segment
     or ends.
 
     Args:
         problem: The planning problem.
-        branches: Its branches.
+        branches: The problem's branches.
 
     Raises:
-        Infeasible: There is no trajectory; status, message and place say why.
+        Infeasible: There is no trajectory; status, message and place give the reason.
         TimeLimitReached: Before that was known.
     """
     ends = branches.require_ends()
@@ -173,7 +166,7 @@ def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
 
 
 def _require_reach(problem: PlanningProblem, start: FloatArray) -> None:
-    """Raise unless the arm, its joints without limits, comes near enough to the farthest point."""
+    """Raise Infeasible unless the arm, without joint limits, reaches the farthest point."""
     robot, (points, allowed) = problem.robot, required_points(problem)
     base = robot.body_poses(start[None])[1][0, 1]
     k = 1 + int((np.linalg.norm(points[1:] - base, axis=1) - allowed[1:]).argmax())

@@ -9,17 +9,17 @@ from tubeplanner.task.demands import ENERGY, SMOOTHNESS, START, Objective
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- What is inside what, where a motion begins or ends in contact.
+# ---- Overlaps where a motion begins or ends in contact.
 
-_DEEP = 1e-4  # [m]: less is what rough geometry and rounding make
+_MIN_DEPTH = 1e-4  # [m]: less comes of rough geometry and rounding
 
 
 def contact_notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
-    """Return notes on solids that contacts let overlap at start or goal, by more than 0.1 mm.
+    """Return notes on solids that overlap in contact at start or goal by more than 0.1 mm.
 
     Args:
         problem: The planning problem.
-        trajectory: Its answer.
+        trajectory: The problem's answer.
     """
     checker = problem.collision
     times = {True: 0.0, False: trajectory.duration}
@@ -30,7 +30,7 @@ def contact_notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tupl
             q = trajectory.position(times[end == START])
             rotation, position = problem.robot.body_poses(q[None])
             depth = -float(np.min(checker.distances(rotation[0], position[0], pairs)))
-            if depth > _DEEP:
+            if depth > _MIN_DEPTH:
                 first, second = contact.links
                 key = (end, frozenset(contact.links))
                 notes[key] = (
@@ -40,31 +40,31 @@ def contact_notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tupl
     return tuple(notes.values())
 
 
-# ---- How fast motors that switch instantly could run the path of a trajectory.
+# ---- The least time of a path by motors that switch instantly.
 #
-# What this needs and plans do not is imported when first asked for.
+# Libraries that plans do not need are imported on first use.
 
 _GRID_POINTS = 1600
-# Points of the path nearer to each other than this share of its length are one: rounding errors
-# between them would look like curvature.
+# Points of the path nearer to each other than this fraction of its length count as one: rounding
+# errors between them would look like curvature.
 _APART = 1e-6
 
 
 def path_minimum(problem: PlanningProblem, trajectory: JointTrajectory) -> float | None:
     """Return the least time [s] for the path of a trajectory, from rest to rest.
 
-    Under the limits of velocity, acceleration, effort, motors and tool speed at 1,600 points of the
-    path, jerk and effort rate unlimited: good to about 0.1 %; less where segments with different
-    tool speeds overlap, since the loosest of them counts. With viscous friction or torque-speed
-    lines it is the least that was found, an upper bound on the least that there is; on the paths of
-    bundled problems, the phase plane searched finely has none that is 0.2 % less.
+    Under the limits of velocity, acceleration, effort, motors and tool speed at up to 1,600 points
+    of the path, jerk and effort rate unlimited: good to about 0.1 %; less where segments with
+    different tool speeds overlap, since the loosest counts. With viscous friction or torque-speed
+    lines it is an upper bound on the least time; on the paths of bundled problems, a fine search of
+    the phase plane has no time that is 0.2 % less.
 
     Args:
         problem: The planning problem.
-        trajectory: Whose path is meant, of the problem's joints in their order.
+        trajectory: The path's trajectory, of the problem's joints in their order.
 
     Returns:
-        The time, or None if the solver finds none.
+        The time, or None if the solver has no solution.
     """
     from tubeplanner.first_guess.fastest_parameterization import fastest_parameterization
 
@@ -76,8 +76,8 @@ def path_minimum(problem: PlanningProblem, trajectory: JointTrajectory) -> float
 def _by_length(trajectory: JointTrajectory) -> JointTrajectory:
     """Return the path over the arc length in joint space, from 0 to 1.
 
-    Its points are equal times apart, so that they are close together wherever the trajectory rests:
-    there the path begins, ends, or has a corner.
+    Points at equal times are close together wherever the trajectory rests: there the path begins,
+    ends, or has a corner.
     """
     from scipy.interpolate import CubicSpline
 
@@ -88,18 +88,18 @@ def _by_length(trajectory: JointTrajectory) -> JointTrajectory:
     return JointTrajectory(trajectory.joint_names, spline.x, spline.c)
 
 
-# ---- What a trajectory's jerk is, where nothing limits it.
+# ---- The largest jerk, and the gain of the second stage.
 
 
 def largest_jerk(
     robot: RobotModel, trajectory: JointTrajectory, *, unlimited: bool = False
 ) -> tuple[float, str]:
-    """Return a trajectory's largest jerk, and in words, with its joint.
+    """Return a trajectory's largest jerk [rad/s^3 or m/s^3], and its message with the joint.
 
     Args:
         robot: The arm.
-        trajectory: A cubic of its joints, in their order.
-        unlimited: Of joints alone whose jerk and effort rate nothing limits.
+        trajectory: A cubic of the arm's joints, in their order.
+        unlimited: True: only joints without limits of jerk and effort rate count.
     """
     peak = abs(trajectory.derivative_coefficients(3)).max(axis=(0, 1))
     if unlimited:
@@ -111,11 +111,11 @@ def largest_jerk(
 
 
 def jerk_note(robot: RobotModel, trajectory: JointTrajectory) -> tuple[str, ...]:
-    """Return a note on the jerk of a shortest motion, where neither it nor effort rate is limited.
+    """Return a note on a shortest motion's jerk, if some joint has no limit of jerk or effort rate.
 
     Args:
         robot: The arm.
-        trajectory: A cubic of its joints, in their order.
+        trajectory: A cubic of the arm's joints, in their order.
     """
     peak, words = largest_jerk(robot, trajectory, unlimited=True)
     if not peak > 0:
@@ -126,35 +126,37 @@ def jerk_note(robot: RobotModel, trajectory: JointTrajectory) -> tuple[str, ...]
     )
 
 
-# ---- A note on what the second stage has gained.
-
-
 def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTrajectory) -> str:
-    """Return what the second stage has gained, as the problem's objective counts it.
+    """Return the note on the gain of the second stage, by the problem's objective.
 
     Args:
         problem: The planning problem.
         before: The shortest motion.
-        after: What the second stage has made of it.
+        after: The second stage's motion.
     """
-    objective = problem.objective or Objective()
+    objective, robot = problem.objective or Objective(), problem.robot
     longer = 100 * (after.duration / before.duration - 1)
     if objective.minimise == SMOOTHNESS:
         done = "smoothed"
-        gained = _smoothness_gained(problem.robot, before, after)
+        swings = [_largest_swing(robot, trajectory, before) for trajectory in (after, before)]
+        jerks = [largest_jerk(robot, trajectory)[1] for trajectory in (after, before)]
+        gain = (
+            f"the effort that swings most moves through {swings[0]} instead of {swings[1]}, "
+            f"and the largest jerk is {jerks[0]} instead of {jerks[1]}"
+        )
     else:
         done = f"{objective.minimise} saved"
-        gained = _saved(problem.robot, objective, before, after)
+        gain = _saved(robot, objective, before, after)
     return (
         f"{done}: the shortest motion takes {before.duration:.4f} s; in {longer:.2f} % more time, "
-        f"{gained}"
+        f"{gain}"
     )
 
 
 def _saved(
     robot: RobotModel, objective: Objective, before: JointTrajectory, after: JointTrajectory
 ) -> str:
-    """Return how much energy or work two motions take."""
+    """Return the message on energy or work of two motions."""
     costs = [EffortCosts(robot, trajectory) for trajectory in (after, before)]
     if objective.minimise == ENERGY:
         weights = objective.energy_weights(robot)
@@ -164,16 +166,6 @@ def _saved(
     else:
         values, unit, what = [cost.work() for cost in costs], "J", "work of the motors"
     return f"the {what} is {values[0]:.4g} instead of {values[1]:.4g} {unit}"
-
-
-def _smoothness_gained(robot: RobotModel, before: JointTrajectory, after: JointTrajectory) -> str:
-    """Return what smoothing has done, with the joints whose efforts swing most."""
-    swings = [_largest_swing(robot, trajectory, before) for trajectory in (after, before)]
-    jerks = [largest_jerk(robot, trajectory)[1] for trajectory in (after, before)]
-    return (
-        f"the effort that swings most moves through {swings[0]} instead of {swings[1]}, "
-        f"and the largest jerk is {jerks[0]} instead of {jerks[1]}"
-    )
 
 
 def _largest_swing(

@@ -14,15 +14,15 @@ METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS, SUH_BISHOP)
 
 @dataclass(frozen=True)
 class Quality:
-    """How thoroughly refinement works.
+    """Thoroughness of refinement.
 
     Attributes:
-        knots: About how many knot intervals it begins with, and into how many parts it then divides
-            them, repeatedly; one run per pair, from the most natural start.
+        knots: First number of knot intervals, about, and numbers of parts of their successive
+            divisions; one run per pair, from the most natural start.
         narrow_knots: The same for tubes that the first of these knots are too coarse to follow, and
             for paths of many points, whose segments form chains.
-        other_knots: Where it tries again from a start that led all but to an answer.
-        every_start: Whether it tries other starts too, even after a certified trajectory.
+        other_knots: The same for another attempt from a start that led nearly to an answer.
+        every_start: Whether other starts are tried even after a certified trajectory.
     """
 
     knots: tuple[tuple[int, tuple[int, ...]], ...]
@@ -41,7 +41,7 @@ QUALITIES = {
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """How to plan.
+    """Options of planning.
 
     Attributes:
         method: "refinement": path and speed optimised together; the next one where that is not
@@ -52,20 +52,20 @@ class PlanOptions:
         quality: Of refinement. "fast": few knots, half to three quarters of the time, trajectories
             about 1 % slower. "balanced". "best": also with more knots and from every start there
             is, three to eight times the time.
-        candidate_points: From how many points on the reference path, start and goal included,
-            branch and bound chooses. More take longer, exponentially in the worst case, and give
-            other trajectories, not always faster ones.
-        node_budget: After how many nodes branch and bound ends with the best it has; the result
+        candidate_points: Number of points on the reference path, start and goal included, among
+            which branch and bound chooses. More take longer, exponentially in the worst case, and
+            give other trajectories, not always faster ones.
+        node_budget: Number of nodes after which branch and bound ends with its best; the result
             says so.
-        suh_bishop: How phase 2 of "suh-bishop" is done.
-        time_limit: Wall time after which planning ends with the best it has [s]; None: never.
-        slack: By which share longer than the shortest motion refinement's answer may be, to be
-            smooth or thrifty; 0: the shortest. None: what the problem's objective says.
+        suh_bishop: Options of phase 2 of "suh-bishop".
+        time_limit: Wall time after which planning ends with its best [s]; None: never.
+        slack: Fraction by which refinement's answer may exceed the shortest duration, to be smooth
+            or efficient; 0: the shortest. None: the slack of the problem's objective.
         robust: Whether the problem's field robustness counts.
-        persistent: Whether "refinement" goes on where its first start leads to no answer, or where
-            no configuration was found at some place of the reference path: with other starts,
-            narrower tubes, branch and bound. Without, a refusal takes a quarter of the time or
-            less, and answers are the same.
+        persistent: Whether "refinement" goes on after its first start without an answer, or where
+            some sample of the reference path has no configuration: with other starts, narrower
+            tubes, branch and bound. Without, a refusal takes a quarter of the time or less, and
+            answers are the same.
     """
 
     method: str = METHODS[0]
@@ -93,5 +93,5 @@ class PlanOptions:
 
     @property
     def shortest(self) -> "PlanOptions":
-        """These with slack 0 unless one is given, as marks are of shortest motions."""
+        """Options with slack 0 unless given, as marks are of shortest motions."""
         return replace(self, slack=0.0) if self.slack is None else self

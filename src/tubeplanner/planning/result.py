@@ -1,4 +1,4 @@
-"""PlanResult: certified, refused or stopped; grounds of a refusal."""
+"""PlanResult: certified, refused or stopped; proof or search behind a refusal."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -24,14 +24,12 @@ from tubeplanner.robot.notes import robot_notes
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# ---- The result of planning: a certified trajectory, or the reason why there is none.
-
 _MAX_MESSAGE = 200  # [characters] in the representation
-# The message names a reference point that the tool passes farther away than this.
+# The message names reference points at more than this distance from the tool's path.
 _FAR_IN_RADII = 3.0
 _SAMPLES_PER_PIECE = 20
-# A note says so when more than this share of the speed is not used.
-_MUCH_UNUSED = 0.02
+# A larger unused fraction of the speed gets a note.
+_MAX_UNUSED = 0.02
 
 
 def _no_trajectory() -> None:
@@ -40,36 +38,37 @@ def _no_trajectory() -> None:
 
 @dataclass(frozen=True, eq=False)
 class PlanResult:
-    """The result of planning.
+    """The result of planning: a certified trajectory, or the reason why there is none.
 
     Attributes:
         status: Success means that the certificate passed.
-        message: One sentence: the answer, or why there is none.
-        place: Where, if there is no answer.
-        proved: Whether there is none for certain; False: none was found. None if there is one, or
-            planning was stopped.
-        starts_tried: From how many configurations or branches one was looked for in vain; None
-            unless `proved` is False.
-        configuration: Of the arm at the place, shape (n,) [rad or m]; None if it is not known.
-        method: The method that found the answer: one of `METHODS`.
+        message: One sentence: the answer, or the reason without an answer.
+        place: Place of that reason.
+        method: The method of the answer: one of `METHODS`.
         trajectory: The answer; None unless successful.
-        certificate: Of the answer, or of the best attempt; None if there was none.
+        certificate: Certificate of the answer, or of the best attempt; None without an attempt.
         planning_time: Wall time from the loaded problem to the certified result [s].
-        certificate_time: The share of it for the answer's certificate [s].
-        search: What branch and bound did; None if it did not run.
-        phase_two: What "suh-bishop" did after that; None if it did not.
-        stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
-        sensitivities: What every limit costs, the dearest first; empty unless the answer is
-            refinement's.
-        notes: What else is worth knowing about the answer.
-        motion: What `Planner.replan` begins with; None unless the answer is refinement's.
-        shortest: The shortest certified trajectory that was found, if the answer is another one
-            that takes a little longer; None if it is the answer.
-        survival: What was seen of it in simulation; None unless field robustness asks for it.
+        certificate_time: Part of the planning time for the answer's certificate [s].
+        search: Statistics of branch and bound; None if it did not run.
+        phase_two: Statistics of phase 2 of "suh-bishop"; None if it did not run.
+        stopped_by: "time_limit" or "interrupt" if planning was stopped early; None otherwise.
+        notes: Further information about the answer.
+        sensitivities: Cost of every limit, largest first; empty unless the answer is refinement's.
+        motion: Start of `Planner.replan`; None unless the answer is refinement's.
+        shortest: The shortest certified trajectory, if the answer is another one that takes a
+            little longer; None if the answer is the shortest.
+        survival: Survival of the answer in simulation; None unless field robustness asks for it.
+        proved: True if it is proved that there is no answer; False if no answer was found; None if
+            there is an answer, or planning was stopped.
+        starts_tried: Number of configurations or branches from which the search failed; None
+            unless `proved` is False.
+        configuration: Configuration of the arm at the place, shape (n,) [rad or m]; None if not
+            known.
         path_minimum: The least time [s] in which motors that switch at once could run the answer's
-            path; computed when first asked for. None if there is no answer. With viscous friction
-            or torque-speed lines an upper bound on it.
-        peaks: The answer's largest joint acceleration, tool speed and tool acceleration; likewise.
+            path; with viscous friction or torque-speed lines an upper bound on it. Computed on
+            first use; None without an answer.
+        peaks: The answer's largest joint acceleration, tool speed and tool acceleration. Computed
+            on first use; None without an answer.
     """
 
     status: PlanStatus
@@ -99,7 +98,7 @@ class PlanResult:
 
     @cached_property
     def path_minimum(self) -> float | None:
-        """The least time for the answer's path [s], if motors switch instantly."""
+        """Least time for the answer's path [s], if motors switch instantly."""
         return self._path_minimum()
 
     @cached_property
@@ -109,22 +108,22 @@ class PlanResult:
 
     @property
     def succeeded(self) -> bool:
-        """Whether there is a certified trajectory."""
+        """True if there is a certified trajectory."""
         return self.status is PlanStatus.SUCCESS
 
     @property
     def duration(self) -> float | None:
-        """Duration of the trajectory [s], None if there is none."""
+        """Duration of the trajectory [s], None without a trajectory."""
         return None if self.trajectory is None else self.trajectory.duration
 
     @property
     def shortest_duration(self) -> float | None:
-        """Duration of the shortest certified trajectory that was found [s], None if none was."""
+        """Duration of the shortest certified trajectory [s], None without a trajectory."""
         return self.duration if self.shortest is None else self.shortest.duration
 
     @property
     def phase1_duration(self) -> float | None:
-        """Duration of branch and bound's trajectory [s], None if it found nothing faster."""
+        """Duration of branch and bound's trajectory [s], None if it is no faster."""
         return None if self.search is None else self.search.best_duration
 
     def as_dict(self) -> dict[str, Any]:
@@ -154,21 +153,20 @@ class PlanResult:
 
 
 def refused_result(reason: Infeasible, method: str) -> PlanResult:
-    """Return the result that there is no answer, for a reason."""
-    starts = None if reason.proved else reason.starts
+    """Return the result of a refusal."""
     return PlanResult(
         reason.status,
         str(reason),
         reason.place,
         method,
         proved=reason.proved,
-        starts_tried=starts,
+        starts_tried=None if reason.proved else reason.starts,
         configuration=reason.configuration,
     )
 
 
 def stopped_result(clock: PlanningClock, stopped_by: StoppedBy, method: str) -> PlanResult:
-    """Return the result of a method that was stopped before it had anything."""
+    """Return the result of a method that was stopped before it had a trajectory."""
     if stopped_by == "interrupt":
         status, message = PlanStatus.INTERRUPTED, "interrupted before anything was certified"
     else:
@@ -179,7 +177,7 @@ def stopped_result(clock: PlanningClock, stopped_by: StoppedBy, method: str) -> 
 def certified_result(
     problem: PlanningProblem, trajectory: JointTrajectory, method: str, clock: PlanningClock
 ) -> PlanResult:
-    """Return the result of a method that made a trajectory: success if its certificate passes."""
+    """Return the result of a method's trajectory: success if its certificate passes."""
     begin = clock.elapsed
     certificate = verify(problem, trajectory)
     return judged_result(problem, trajectory, certificate, clock.elapsed - begin, method)
@@ -192,7 +190,7 @@ def judged_result(
     certificate_time: float,
     method: str,
 ) -> PlanResult:
-    """Return the result of a method whose trajectory has its certificate, passed or not."""
+    """Return the result of a method's trajectory with its certificate, passed or not."""
     reason = refusal(problem, certificate)
     if reason is not None:
         refused = refused_result(_with_arm(problem, trajectory, reason), method)
@@ -214,7 +212,7 @@ def judged_result(
 def _with_arm(
     problem: PlanningProblem, trajectory: JointTrajectory, reason: Infeasible
 ) -> Infeasible:
-    """Return why a trajectory is refused, with where arm and tool are then."""
+    """Return the refusal of a trajectory, with the configuration and the tool at its time."""
     if reason.place.time is None:
         return reason
     q = trajectory.position(reason.place.time)
@@ -223,10 +221,10 @@ def _with_arm(
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
-    """Return notes on what the motors could do more, on contacts, and on the robot as described."""
+    """Return notes on unused speed, on contacts, and on the robot's description."""
     notes = []
     unused = unused_speed(problem, trajectory)
-    if unused > _MUCH_UNUSED:
+    if unused > _MAX_UNUSED:
         notes.append(
             f"on average {unused:.1%} of the speed that the limits allow is not used: there may "
             "well be a faster trajectory; --quality best looks for it from more starts"
@@ -248,9 +246,9 @@ def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> s
 
 
 def _passed_by(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
-    """Return the message about reference points that the tool passes far away; empty if none."""
+    """Return the message on reference points far from the tool's path; empty if none is far."""
     reach = _FAR_IN_RADII * (problem.tube.reach.max() + problem.tube.tool_radius)
-    for count in (2, _SAMPLES_PER_PIECE):  # as a rule, the few show that it passes them all
+    for count in (2, _SAMPLES_PER_PIECE):  # as a rule, 2 samples show that no point is far
         tool = problem.robot.tool_position(trajectory.per_piece(count).position)
         away = [np.linalg.norm(tool - point, axis=1).min() for point in problem.tube.points]
         far = np.flatnonzero(np.array(away) > reach)
@@ -263,23 +261,18 @@ def _passed_by(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
     )
 
 
-# ---- How sure it is that there is no answer: proved, or looked for in vain.
-
-
 def with_grounds(result: PlanResult) -> PlanResult:
-    """Return a result whose message says so, if it is a refusal.
+    """Return a result whose message tells proof from search, if it is a refusal.
 
-    What stopped planning proves nothing, and says so itself.
+    The messages of stopped planning stay as they are.
     """
     if result.proved is None:
         return result
-    return replace(result, message=f"{result.message}; {_grounds(result)}")
-
-
-def _grounds(result: PlanResult) -> str:
     if result.proved:
-        return "proved: there is no motion"
-    if not result.starts_tried:
-        return "not found"
-    plural = "s" if result.starts_tried > 1 else ""
-    return f"not found, {result.starts_tried} start{plural} tried"
+        grounds = "proved: there is no motion"
+    elif not result.starts_tried:
+        grounds = "not found"
+    else:
+        plural = "s" if result.starts_tried > 1 else ""
+        grounds = f"not found, {result.starts_tried} start{plural} tried"
+    return replace(result, message=f"{result.message}; {grounds}")

@@ -1,17 +1,16 @@
 """Robust plans: survival of wrong masses, friction, delay.
 
-What a certificate proves, it proves of the model. Of a motion at the limits little is left for
-feedback, and one at the tube's border leaves it with any error. So some of every limit is kept back
-and the motion planned again, until its simulated runs keep all limits: first the share of the
-efforts with which, by first-order prices of what the tube then lacks, the motion is the shortest;
-then radii, clearance and position limits by what is short with that.
+A certificate proves conditions of the model alone. A motion at the limits leaves little effort for
+feedback, and a motion at the tube's border leaves the tube with any error. So the problem is
+tightened and planned again, until its simulated runs keep all limits: first by the fraction of the
+efforts with which the motion is the shortest, by first-order prices of the tube's shortfall; then
+radii, clearance and position limits by their shortfall.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
 from tubeplanner.execution.error_contributions import Blame, blamed_errors, simulated_runs
 from tubeplanner.execution.plants import Draw
 from tubeplanner.execution.run_verdict import RunVerdict, run_verdict
@@ -35,7 +34,7 @@ from tubeplanner.task.problem import PlanningProblem
 
 # Arms that no choice was made with.
 _FRESH = Draw(200, seed=1)
-_DEAR = 0.05  # surviving that costs a larger share of the duration is explained
+_MAX_COST = 0.05  # a larger cost of survival, as a fraction of the duration, is explained
 
 
 def robust_plan(
@@ -49,14 +48,15 @@ def robust_plan(
 
     Args:
         problem: The planning problem, of joined segments.
-        shortest: Its shortest motion, certified; or why there is none.
-        again: What plans the problem with less room.
-        follow: What makes of a shortest motion the one that is written.
+        shortest: The problem's shortest motion, certified; or a refusal.
+        again: Plans tightened problems.
+        follow: Makes the written motion of the shortest one.
         clock: The planning's.
 
     Returns:
-        Certified for the problem itself. Where none survives, the one that lacks least, and it says
-        so. Planning that is stopped early ends with what there is, not simulated if need be.
+        A plan certified for the problem itself. Where no plan survives, the plan with the smallest
+        fraction of failed runs, with notes on them. Planning that is stopped early
+        ends with the best so far, perhaps not simulated.
     """
     default = follow(problem, shortest)
     if default.trajectory is None or default.stopped_by is not None:
@@ -70,22 +70,15 @@ def robust_plan(
     return replace(search.answer(), stopped_by=stopped_by)
 
 
-def _ends(problem: PlanningProblem, plan: PlanResult) -> FloatArray:
-    """Return the configurations that all motions begin in and, if it is given, end in."""
-    assert plan.trajectory is not None and plan.duration is not None
-    times = [0.0] if problem.endpoints[1].is_open else [0.0, plan.duration]
-    return plan.trajectory.position(np.array(times))
-
-
 def _not_simulated(plan: PlanResult) -> PlanResult:
-    """Return a plan that was not simulated, which says so."""
+    """Return a plan with the message that it was not simulated."""
     if plan.trajectory is None:
         return plan
     return replace(plan, message=f"{plan.message}; whether it survives was not simulated")
 
 
 class _Search:
-    """Plans and simulates until a plan survives; keeps what it has when it is stopped."""
+    """Plans and simulates until a plan survives; keeps the best plan so far."""
 
     def __init__(
         self,
@@ -100,7 +93,12 @@ class _Search:
         self._follow, self._clock = follow, clock
         assert problem.robustness is not None
         self._errors = problem.robustness
-        self._plans = TightenedPlans(problem, again, _ends(problem, default), clock)
+        # All motions begin and, if the goal is given, end in the same configurations.
+        assert default.trajectory is not None
+        duration = default.trajectory.duration
+        times = [0.0] if problem.endpoints[1].is_open else [0.0, duration]
+        ends = default.trajectory.position(np.array(times))
+        self._plans = TightenedPlans(problem, again, ends, clock)
         self._first: TriedPlan | None = None
         self.best: TriedPlan | None = None
         self._verdict: RunVerdict | None = None
@@ -112,7 +110,7 @@ class _Search:
         """Do all the work.
 
         Raises:
-            TimeLimitReached: It was not done in time; likewise KeyboardInterrupt.
+            TimeLimitReached: Before it was done; likewise KeyboardInterrupt.
         """
         nothing = Tightening.nothing(self._problem)
         self._first = self.best = self._plans.simulated(nothing, self._default, WORKING)
@@ -125,22 +123,26 @@ class _Search:
         if self.best is not self._first:
             self._verdict_without = self._judged(self._default)
             self._costs = self._split_costs(self._added)
-        if not self.best.survives or self._added > _DEAR * self._first.duration:
-            self._blame = self._blamed()
+        if not self.best.survives or self._added > _MAX_COST * self._first.duration:
+            plan = self._default if self.best.survives else self.best.result
+            assert plan.trajectory is not None
+            self._clock.enter("which error is to blame")
+            checkpoint = self._clock.check
+            self._blame = blamed_errors(self._problem, plan.trajectory, self._errors, checkpoint)
 
     def keep_survivor(self) -> None:
-        """Take the shortest plan that survived so far, if the search was stopped."""
+        """Take the shortest survivor so far, if the search was stopped."""
         if self.best is not None and not self.best.survives:
             self.best = self._plans.survivor or self.best
 
     @property
     def _added(self) -> float:
-        """By how much the answer is longer than the default plan [s]."""
+        """Duration of the answer beyond the default plan's [s]."""
         assert self._first is not None and self.best is not None
         return self.best.duration - self._first.duration
 
     def _judged(self, plan: PlanResult) -> RunVerdict:
-        """Return what becomes of a plan with arms that nothing was chosen by."""
+        """Return the verdict of a plan's runs with arms that no choice was made with."""
         assert plan.trajectory is not None
         self._clock.enter(f"{_FRESH.runs} fresh simulated runs")
         checkpoint = self._clock.check
@@ -148,28 +150,20 @@ class _Search:
         return run_verdict(runs)
 
     def _split_costs(self, added: float) -> dict[str, float]:
-        """Return what each part that is kept back costs [s], one after the other added."""
+        """Return the cost of each part of the tightening [s], parts added in turn."""
         assert self.best is not None
         kept_back = self.best.kept_back
         parts = [part for part in PARTS if kept_back.has(part)]
         durations, motion = [self._shortest.duration or 0.0], self._shortest.motion
         for count in range(1, len(parts)):
-            found = self._plans.planned(kept_back.only(parts[:count]), motion)
-            durations.append(durations[-1] if found is None else found.duration or 0.0)
+            plan = self._plans.planned(kept_back.only(parts[:count]), motion)
+            durations.append(durations[-1] if plan is None else plan.duration or 0.0)
         last = self._plans.planned(kept_back, motion) if parts else None
         durations.append(durations[-1] if last is None else last.duration or 0.0)
         steps = np.diff(durations)[: len(parts)]
         whole = float(steps.sum())
         scale = added / whole if whole > 0 else 0.0
         return {part: float(scale * step) for part, step in zip(parts, steps, strict=True)}
-
-    def _blamed(self) -> Blame:
-        """Return what errors do to the best plan, or if that survives, to the default one."""
-        assert self.best is not None
-        plan = self._default if self.best.survives else self.best.result
-        assert plan.trajectory is not None
-        self._clock.enter("which error is to blame")
-        return blamed_errors(self._problem, plan.trajectory, self._errors, self._clock.check)
 
     def answer(self) -> PlanResult:
         """Return the best plan, certified for the problem itself."""
@@ -200,19 +194,19 @@ class _Search:
 
 
 def _of_whole_limits(problem: PlanningProblem, tried: TriedPlan) -> tuple[Sensitivity, ...]:
-    """Return what the problem's limits cost, from what those cost that a plan was left with.
+    """Return the sensitivities of the problem's limits, from those of a plan's tightened limits.
 
-    Shares of limits leave relative changes as they are; of a radius that is smaller by a length,
-    they are larger.
+    Fractions of limits leave relative changes as they are. Of a radius reduced by a length,
+    relative changes grow by the ratio of the radii.
     """
     tube, kept_back = problem.tube, tried.kept_back
     sizes = tube_sizes(tube)
-    left = tube_sizes(narrowed_tube(tube, kept_back.radius, kept_back.rotation))
-    found = []
-    for one in tried.result.sensitivities:
-        if one.limit in sizes and one.segment is not None:
-            k = tube.segment_index(one.segment)
-            larger = float(sizes[one.limit][k] / left[one.limit][k])
-            one = replace(one, elasticity=larger * one.elasticity, saved=larger * one.saved)
-        found.append(one)
-    return tuple(sorted(found, key=lambda one: -one.saved))
+    narrowed = tube_sizes(narrowed_tube(tube, kept_back.radius, kept_back.rotation))
+    result = []
+    for each in tried.result.sensitivities:
+        if each.limit in sizes and each.segment is not None:
+            k = tube.segment_index(each.segment)
+            ratio = float(sizes[each.limit][k] / narrowed[each.limit][k])
+            each = replace(each, elasticity=ratio * each.elasticity, saved=ratio * each.saved)
+        result.append(each)
+    return tuple(sorted(result, key=lambda each: -each.saved))

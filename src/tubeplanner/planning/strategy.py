@@ -1,4 +1,4 @@
-"""Plan, Planner: order of the attempts under one time limit."""
+"""Planner and `plan`: the order of attempts under one time limit."""
 
 from dataclasses import replace
 from functools import partial
@@ -43,23 +43,23 @@ _PROVIDED_AT = 0.25  # of the time limit
 
 
 class Planner:
-    """Plans a problem, and plans it again after it has changed a little.
+    """Plans a problem, and plans changed problems from the last motion.
 
-    It remembers the last motion that refinement found and the certificate passed. A changed problem
-    begins with it, on the finest knots, if it has the same joints and segments: that takes about
-    half the processor time. After small changes durations were within 0.3 % of a fresh plan's
-    wherever that was tried; like refinement itself, it finds the best motion near its start.
+    The last certified motion of refinement is remembered. A changed problem with the same joints
+    and segments begins with it, on the finest knots: that takes about half the processor time.
+    After small changes durations were within 0.3 % of a fresh plan's wherever that was tried; like
+    refinement itself, replanning finds the best motion near its start.
     """
 
     def __init__(self, problem: PlanningProblem, options: PlanOptions | None = None) -> None:
-        """Keep what is planned, and how.
+        """Keep a problem and options.
 
         Args:
             problem: The planning problem.
-            options: How to plan, always.
+            options: Options of all plans.
 
         Raises:
-            ProblemError: The problem is none.
+            ProblemError: The problem is no `PlanningProblem`.
             OptionError: A slack or robustness is asked for that the method does not honour, or
                 robustness without MuJoCo.
             RobotError: Robustness is asked for, and joints of the robot follow others.
@@ -77,7 +77,7 @@ class Planner:
         """Plan a trajectory afresh and certify it, as `tubeplanner.plan` does.
 
         Args:
-            progress: As there.
+            progress: As of `tubeplanner.plan`.
 
         Raises:
             KeyboardInterrupt: Ctrl-C before anything was certified.
@@ -89,20 +89,20 @@ class Planner:
     ) -> PlanResult:
         """Plan a changed problem from the last motion, or afresh where that leads to no answer.
 
-        Afresh too: before any motion was found, where joints or segments are others, with quality
-        "best" or other methods than refinement.
+        Afresh too: before the first motion, with other joints or segments, with quality "best" or
+        other methods than refinement.
 
         Args:
             problem: The changed problem: another radius, start, goal, obstacle, payload or limit.
-                Made from the one before by `dataclasses.replace` or `with_tube`, it shares what did
-                not change.
+                Made from the former problem by `dataclasses.replace` or `with_tube`, it shares
+                unchanged parts.
             progress: As of `plan`.
 
         Returns:
-            As `plan`; a note says so if it was planned from the last motion.
+            As `plan`; with a note if it was planned from the last motion.
 
         Raises:
-            ProblemError: The problem is none.
+            ProblemError: The problem is no `PlanningProblem`.
             KeyboardInterrupt: Ctrl-C before anything was certified.
         """
         PlanningProblem.require(problem)
@@ -112,11 +112,11 @@ class Planner:
         return self._answer(None if every_start else self._last, progress)
 
     def _answer(self, last: RefinedMotion | None, progress: ProgressCallback | None) -> PlanResult:
-        """Return the answer, from the last motion if it is given; remember how it ended."""
+        """Return the answer, from the last motion if given, and remember the answer's motion."""
         options = self._options
         clock = PlanningClock(options.time_limit, progress)
         try:
-            problem, chosen = _configured(self._problem)
+            problem, choices = _configured(self._problem)
         except Infeasible as reason:
             return with_grounds(refused_result(reason, options.method))
         result = _shortest(problem, options, clock, last)
@@ -124,11 +124,11 @@ class Planner:
             self._last = result.motion or self._last
         follow = partial(followed_plan, slack=options.slack, clock=clock)
         if options.robust and problem.robustness is not None:
-            again = partial(_planned_from, options, clock)
+            again = partial(_planned, options=options, clock=clock)
             result = robust_plan(problem.joined, result, again, follow, clock)
         else:
             result = follow(problem, result)
-        notes = (*chosen, *problem.robot.limits.notes, *problem.tube.notes, *result.notes)
+        notes = (*choices, *problem.robot.limits.notes, *problem.tube.notes, *result.notes)
         result = with_grounds(_of_poses(self._problem, result))
         return replace(result, planning_time=clock.elapsed, notes=notes)
 
@@ -136,36 +136,36 @@ class Planner:
 def shortest_plan(
     problem: PlanningProblem, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
-    """Return the shortest motion that is found, without period, slack and robustness.
+    """Return the shortest motion, without period, slack and robustness.
 
     Args:
         problem: The planning problem.
-        options: How to plan it; the time limit is the clock's.
+        options: Options of planning; the time limit is the clock's.
         clock: The planning's.
 
     Raises:
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
     try:
-        configured, chosen = _configured(problem)
+        configured, choices = _configured(problem)
     except Infeasible as reason:
         return refused_result(reason, options.method)
     result = _of_poses(problem, _shortest(configured, options, clock, None))
-    return replace(result, notes=(*chosen, *result.notes))
+    return replace(result, notes=(*choices, *result.notes))
 
 
 def _configured(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[str, ...]]:
     """Return the problem between configurations, and notes on their choice.
 
     Raises:
-        Infeasible: A point is out of reach for certain, or a pose has no configuration.
+        Infeasible: A point is out of reach, proved, or a pose has no configuration.
     """
     require_within_bound(problem)
     return configured_ends(problem)
 
 
 def _of_poses(problem: PlanningProblem, result: PlanResult) -> PlanResult:
-    """Return a result; what is proved of a configuration that was chosen is not of its pose."""
+    """Return a result; a proof for a configuration chosen for a pose is none for the pose."""
     has_poses = any(end.pose is not None for end in problem.endpoints)
     if not (result.proved and has_poses):
         return result
@@ -178,13 +178,12 @@ def _shortest(
     clock: PlanningClock,
     last: RefinedMotion | None,
 ) -> PlanResult:
-    """Return the shortest motion between configured ends, or what is known when it is stopped.
+    """Return the shortest motion between configured ends; if stopped early, the best so far.
 
     Raises:
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
-    work = partial(_planned, problem.joined, options, clock, last)
-    result, stopped_by = until_stopped(work)
+    result, stopped_by = until_stopped(partial(_planned, problem.joined, last, options, clock))
     if result is None:
         result = stopped_result(clock, stopped_by or "interrupt", options.method)
     if result.status is PlanStatus.INTERRUPTED:
@@ -192,17 +191,13 @@ def _shortest(
     return result
 
 
-def _planned_from(
-    options: PlanOptions,
-    clock: PlanningClock,
-    problem: PlanningProblem,
-    last: RefinedMotion | None,
-) -> PlanResult:
-    return _planned(problem, options, clock, last)
-
-
 def require_honoured(problem: PlanningProblem, options: PlanOptions) -> None:
-    """Raise OptionError if a method makes nothing of time, or nothing simulates what is asked."""
+    """Check that the method honours slack and robustness, and that MuJoCo can simulate the latter.
+
+    Raises:
+        OptionError: The method does not honour them, or robustness without MuJoCo.
+        RobotError: Robustness is asked for, and joints of the robot follow others.
+    """
     is_robust = options.robust and problem.robustness is not None
     if is_robust:
         require_mujoco("the field robustness")
@@ -218,9 +213,9 @@ def require_honoured(problem: PlanningProblem, options: PlanOptions) -> None:
     if slack is None and problem.objective is not None:
         slack, duration = problem.objective.slack, problem.objective.duration
     if slack or duration is not None:
-        given = f"slack is {slack:g}" if slack else f"objective.duration is {duration:g} s"
+        request = f"slack is {slack:g}" if slack else f"objective.duration is {duration:g} s"
         raise OptionError(
-            f"{given}, but method '{options.method}' makes nothing smoother and saves nothing; "
+            f"{request}, but method '{options.method}' makes nothing smoother and saves nothing; "
             f"give slack 0, or method '{REFINEMENT}'"
         )
 
@@ -234,15 +229,15 @@ def plan(
 
     Args:
         problem: The planning problem.
-        options: How to plan.
+        options: Options of planning.
         progress: Called as each stage begins, and many times during the search.
 
     Returns:
         A result whose status is success only if the certificate passed; else its message and place
-        say what is in the way. Ctrl-C ends the search with the best so far.
+        give the obstruction. Ctrl-C ends the search with the best so far.
 
     Raises:
-        ProblemError: The problem is none.
+        ProblemError: The problem is no `PlanningProblem`.
         OptionError: A slack or robustness is asked for that the method does not honour, or
             robustness without MuJoCo.
         RobotError: Robustness is asked for, and joints of the robot follow others.
@@ -253,14 +248,14 @@ def plan(
 
 def _planned(
     problem: PlanningProblem,
+    last: RefinedMotion | None,
     options: PlanOptions,
     clock: PlanningClock,
-    last: RefinedMotion | None,
 ) -> PlanResult:
-    """Return the answer of the first method in question that has one.
+    """Return the answer of the first attempt with an answer, or the refusal.
 
     Raises:
-        TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
+        TimeLimitReached: Before there was a result; likewise KeyboardInterrupt.
     """
     branches = KnownBranches(problem, clock)
     try:
@@ -280,10 +275,10 @@ def _attempted(
     clock: PlanningClock,
     last: RefinedMotion | None,
 ) -> PlanResult:
-    """Return the answer of the first method in question that has one, by branches.
+    """Return the answer of the first attempt with an answer, or the last refusal.
 
     Raises:
-        TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
+        TimeLimitReached: Before there was a result; likewise KeyboardInterrupt.
     """
     if options.method == SUH_BISHOP:
         return suh_bishop_plan(problem, branches, options, clock)
@@ -300,7 +295,7 @@ def _attempted(
     corners: StoppingPlan | None = None
 
     def stop_at_corners() -> None:
-        # With a part of the time gone: an answer, in case nothing better is found in time.
+        # After a part of the time: an answer, in case no better one comes in time.
         nonlocal corners
         if corners is None and clock.used >= _PROVIDED_AT:
             corners = stopping_plan(problem, branches, clock)
@@ -326,7 +321,7 @@ def _attempted(
 
 
 def _is_last(refined: PlanResult | None) -> TypeGuard[PlanResult]:
-    """Return whether no other method is tried after refinement's result."""
+    """Return True if no other method is tried after refinement's result."""
     return refined is not None and (refined.succeeded or refined.stopped_by is not None)
 
 
@@ -337,9 +332,9 @@ def _after_stop(
     refined: PlanResult,
     clock: PlanningClock,
 ) -> PlanResult:
-    """Return what there is when refinement was stopped and left nothing certified."""
-    if corners is None and branches.has_any:  # along it, corners take little time
-        silent = PlanningClock(None, None)  # its callback would only interrupt again
+    """Return the result after refinement was stopped before a motion was certified."""
+    if corners is None and branches.has_any:  # along a branch, corners take little time
+        silent = PlanningClock(None, None)  # the callback would only interrupt again
         corners = stopping_plan(problem, branches.under(silent), silent)
     if corners is None or (refined.stopped_by == "interrupt" and not corners.result.succeeded):
         return stopped_result(clock, refined.stopped_by or "interrupt", REFINEMENT)
@@ -350,20 +345,20 @@ def _after_stop(
 def _searched(
     problem: PlanningProblem, corners: StoppingPlan, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
-    """Return what branch and bound makes of a branch, or stopping at corners alone."""
+    """Return the result of branch and bound along a branch, or of stopping at corners alone."""
     branch = corners.branch
-    is_asked = options.method != STOP_AT_CORNERS and corners.result.stopped_by is None
-    if not is_asked or branch is None or not branch.moving_segments:
+    searches = options.method != STOP_AT_CORNERS and corners.result.stopped_by is None
+    if not searches or branch is None or not branch.moving_segments:
         return corners.result
     try:
         require_free(problem, "goal", branch.goal)
-    except Infeasible:  # where all trajectories of the search would end
+    except Infeasible:  # all trajectories of the search would end there
         return corners.result
     return searched_plan(problem, branch, corners, options, clock)
 
 
 def _with_better_reason(result: PlanResult, refined: PlanResult | None) -> PlanResult:
-    """Return a result; if links are in the way, only those that refinement could not move away."""
+    """Return a result; of blocking links, those that refinement could not move away."""
     blocked = PlanStatus.TUBE_BLOCKED
     if refined is not None and result.status is blocked and refined.status is blocked:
         return replace(refined, search=result.search)

@@ -18,31 +18,32 @@ from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.tightening import Tightening, allowed_tightening, tightened_problem
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- Plans for problems with some of their limits kept back, and what simulation shows of them.
+# ---- Plans for tightened problems, and their simulated runs.
 
-# What plans a problem, from the last motion if there is one.
+# Plans a problem, from the last motion if there is one.
 Planning: TypeAlias = Callable[[PlanningProblem, RefinedMotion | None], PlanResult]
-# What makes of the shortest motion the one that is written.
+# Makes the written motion of the shortest one.
 Following: TypeAlias = Callable[[PlanningProblem, PlanResult], PlanResult]
 
-# Among few runs are none of the worst of many. With errors enlarged by so much there are: of 32
-# such runs as many left the tube as of 400 and more with the errors as they are.
+# Few runs hold none of the worst of many, but with enlarged errors they do: of 32 such runs as many
+# left the tube as of 400 and more with the errors as they are.
 _ENLARGED = 1.3
-_KEPT = ("radius", "rotation", "clearance", "position")
+# The parts of a tightening that a shortfall changes.
+_SIZES = ("radius", "rotation", "clearance", "position")
 
 
 @dataclass(frozen=True, eq=False)
 class TriedPlan:
-    """A plan and what its runs show.
+    """A plan for a tightened problem, and the verdict of its simulated runs.
 
     Attributes:
-        kept_back: Of the problem's limits.
+        kept_back: Tightening of the problem.
         result: The plan, certified.
-        verdict: Of the runs, with enlarged errors.
-        shortfall: What they lack, and runs like them are expected to.
-        wanted: What would have to be kept back for them to lack nothing, as far as that is allowed.
-        lacking: Of what they lack, the largest share of a tolerance for which there is no room.
-        expected: The duration with what is wanted kept back, by first-order prices [s].
+        verdict: Verdict of the runs, with enlarged errors.
+        shortfall: Expected shortfall of such runs.
+        wanted: Tightening without a shortfall, as far as the problem allows it.
+        lacking: Largest fraction of a tolerance by which that tightening is not allowed.
+        expected: Duration with that tightening, by first-order prices [s].
     """
 
     kept_back: Tightening
@@ -55,18 +56,18 @@ class TriedPlan:
 
     @property
     def survives(self) -> bool:
-        """Whether none of its runs failed."""
+        """True if no run failed."""
         return self.verdict.failed == 0
 
     @property
     def duration(self) -> float:
-        """Of the plan [s]."""
+        """Duration of the plan [s]."""
         assert self.result.duration is not None
         return self.result.duration
 
 
 def require_not_stopped(result: PlanResult) -> None:
-    """Raise TimeLimitReached or KeyboardInterrupt if that ended planning early."""
+    """Raise TimeLimitReached or KeyboardInterrupt if planning was stopped so."""
     if result.stopped_by == "time_limit":
         raise TimeLimitReached
     if result.stopped_by is not None:
@@ -74,115 +75,115 @@ def require_not_stopped(result: PlanResult) -> None:
 
 
 class TightenedPlans:
-    """Plans one problem with more or less kept back of its limits, and simulates the plans."""
+    """Plans a problem with more or less tightening, and simulates the plans."""
 
     def __init__(
         self, problem: PlanningProblem, again: Planning, ends: FloatArray, clock: PlanningClock
     ) -> None:
-        """Take a problem of joined segments with field robustness, and what plans others like it.
+        """Take a problem of joined segments with field robustness.
 
         Args:
             problem: The planning problem.
-            again: What plans it with less room.
-            ends: Configurations in which its motions begin and, if that is given, end, shape
-                (1 or 2, n).
+            again: Plans tightened problems.
+            ends: First and, if given, last configuration of the motions, shape (1 or 2, n).
             clock: The planning's.
         """
         assert problem.robustness is not None
         self._errors = problem.robustness.enlarged(_ENLARGED)
         self._problem, self._again, self._ends, self._clock = problem, again, ends, clock
-        self._known: dict[str, PlanResult | None] = {}
+        self._cached: dict[str, PlanResult | None] = {}
         self._simulated: list[TriedPlan] = []
 
     @property
     def survivor(self) -> TriedPlan | None:
-        """Of the plans that survived the most runs the shortest; None: none has survived."""
-        survivors = (tried for tried in self._simulated if tried.survives)
-        return min(survivors, key=lambda one: (-one.verdict.runs, one.duration), default=None)
+        """The shortest of the plans that survived the most runs; None if no plan survived."""
+        survivors = (plan for plan in self._simulated if plan.survives)
+        return min(survivors, key=lambda plan: (-plan.verdict.runs, plan.duration), default=None)
 
     def problem(self, kept_back: Tightening) -> PlanningProblem:
-        """Return the problem with some of its limits kept back.
+        """Return the tightened problem.
 
         Raises:
-            ProblemError: It is none any more.
+            ProblemError: Start or goal break a tightened limit.
         """
         return tightened_problem(self._problem, kept_back)
 
     def allowed(self, asked: Tightening) -> Tightening:
-        """Return as much of a tightening as limits, start and goal leave room for."""
+        """Return a tightening reduced to the slack of limits, start and goal."""
         return allowed_tightening(self._problem, asked, self._ends)
 
     def planned(self, kept_back: Tightening, motion: RefinedMotion | None) -> PlanResult | None:
-        """Return the shortest plan with that, from a motion if there is one; None: none was found.
+        """Return the shortest plan of a tightened problem, from a motion if given, or None.
 
         Raises:
-            TimeLimitReached: Before there was one; likewise KeyboardInterrupt.
+            TimeLimitReached: Before there was a plan; likewise KeyboardInterrupt.
         """
         key = str(kept_back.as_dict())
-        if key not in self._known:
-            self._known[key] = self._planned(kept_back, motion)
-        return self._known[key]
+        if key not in self._cached:
+            self._cached[key] = self._planned(kept_back, motion)
+        return self._cached[key]
 
     def _planned(self, kept_back: Tightening, motion: RefinedMotion | None) -> PlanResult | None:
         try:
-            found = self._again(self.problem(kept_back), motion)
+            result = self._again(self.problem(kept_back), motion)
         except (ProblemError, Infeasible):
             return None
-        require_not_stopped(found)
-        return replace(found, notes=()) if found.succeeded else None
+        require_not_stopped(result)
+        return replace(result, notes=()) if result.succeeded else None
 
     def simulated(self, kept_back: Tightening, result: PlanResult, draw: Draw) -> TriedPlan:
-        """Return a plan with what its runs show, and remember it.
+        """Return a plan with the verdict of its simulated runs, and remember it.
 
         Raises:
-            TimeLimitReached: Before they ended.
+            TimeLimitReached: Before the runs ended.
         """
         assert result.trajectory is not None
         problem, clock = self._problem, self._clock
         clock.enter(f"{draw.runs} simulated runs")
         runs = simulated_runs(problem, result.trajectory, self._errors, draw, clock.check)
-        found = shown_shortfall(problem, runs)
-        asked = _with(kept_back, found)
-        wanted = self.allowed(asked)
+        shortfall = shown_shortfall(problem, runs)
+        requested = _with(kept_back, shortfall)
+        target = self.allowed(requested)
         prices = _prices(self.problem(kept_back).tube, result)
         more = sum(
-            float(np.sum(price * (getattr(wanted, part) - getattr(kept_back, part))))
+            float(np.sum(price * (getattr(target, part) - getattr(kept_back, part))))
             for part, price in prices.items()
         )
-        tried = TriedPlan(
+        candidate = TriedPlan(
             kept_back,
             result,
             run_verdict(runs),
-            found,
-            wanted,
-            _lacking(problem, asked, wanted) + max(found.self_collision, 0.0),
+            shortfall,
+            target,
+            _lacking(problem, requested, target) + max(shortfall.self_collision, 0.0),
             (result.duration or 0.0) + more,
         )
-        self._simulated.append(tried)
-        return tried
+        self._simulated.append(candidate)
+        return candidate
 
     def tried(
         self, kept_back: Tightening, motion: RefinedMotion | None, draw: Draw
     ) -> TriedPlan | None:
-        """Return the shortest plan with what its runs show; None: no plan was found.
+        """Return the shortest plan of a tightened problem, simulated, or None without a plan.
 
         Raises:
-            TimeLimitReached: Before they ended; likewise KeyboardInterrupt.
+            TimeLimitReached: Before the runs ended; likewise KeyboardInterrupt.
         """
         result = self.planned(kept_back, motion)
         return None if result is None else self.simulated(kept_back, result, draw)
 
 
 def _with(kept_back: Tightening, shortfall: Shortfall) -> Tightening:
-    """Return what would have to be kept back, to the nearest that is short or to spare."""
-    asked = {
-        part: np.maximum(getattr(kept_back, part) + getattr(shortfall, part), 0.0) for part in _KEPT
+    """Return the tightening by which runs would fall neither short nor have slack."""
+    sizes = {
+        part: np.maximum(getattr(kept_back, part) + getattr(shortfall, part), 0.0)
+        for part in _SIZES
     }
-    return replace(kept_back, **(asked | {"clearance": float(asked["clearance"])}))
+    return replace(kept_back, **(sizes | {"clearance": float(sizes["clearance"])}))
 
 
-def _lacking(problem: PlanningProblem, asked: Tightening, allowed: Tightening) -> float:
-    """Return the largest share of a tolerance that is asked for and not allowed."""
+def _lacking(problem: PlanningProblem, requested: Tightening, allowed: Tightening) -> float:
+    """Return the largest fraction of a tolerance that is requested and not allowed."""
     rotation, tube = problem.tube.rotation, problem.tube
     whole = {
         "radius": tube.effective_radius,
@@ -190,12 +191,14 @@ def _lacking(problem: PlanningProblem, asked: Tightening, allowed: Tightening) -
         "clearance": tube.effective_radius.min(),
         "position": 1.0,
     }
-    shares = [(getattr(asked, part) - getattr(allowed, part)) / whole[part] for part in _KEPT]
-    return max(float(np.max(share)) for share in shares)
+    return max(
+        float(np.max((getattr(requested, part) - getattr(allowed, part)) / whole[part]))
+        for part in _SIZES
+    )
 
 
 def _prices(tube: Tube, result: PlanResult) -> dict[str, FloatArray]:
-    """Return what radii and rotation tolerances of a plan's tube cost, (m,) each [s/m or s/rad]."""
+    """Return the prices of radii and rotation tolerances of a plan's tube, (m,) [s/m, s/rad]."""
     sizes = tube_sizes(tube)
     prices = {part: np.zeros(tube.segment_count) for part in ("radius", "rotation")}
     for sensitivity in result.sensitivities:
@@ -209,10 +212,9 @@ def _prices(tube: Tube, result: PlanResult) -> dict[str, FloatArray]:
 
 
 def tube_sizes(tube: Tube) -> dict[str, FloatArray]:
-    """Return the sizes that a tube's limits have, by their names in sensitivities, (m,) each.
+    """Return the sizes of a tube's limits, by their names in sensitivities, (m,) [m or rad].
 
-    Of boxes half the sides: what is kept back is taken off both [m]. Of rotation the least bound of
-    each segment [rad].
+    Of boxes half the sides, as both sides are moved; of rotation the least bound of each segment.
     """
     sizes = {"radius": tube.radius}
     if tube.rotation is not None:
@@ -222,140 +224,131 @@ def tube_sizes(tube: Tube) -> dict[str, FloatArray]:
     return sizes
 
 
-# ---- How much of every limit a plan keeps back, so that it survives and is still the shortest.
+# ---- The tightening with which a plan survives and is the shortest.
 
 WORKING = Draw(32, seed=0)
-FEWER = Draw(16, seed=0)  # of the same arms; enough to compare shares of effort
-MANY = Draw(96, seed=0)  # which the plan that is written is to survive
-# Shares of the effort limits, and of the velocity limits, that are tried.
+FEWER = Draw(16, seed=0)  # of the same arms; enough to compare fractions of effort
+MANY = Draw(96, seed=0)  # which the written plan is to survive
+# Fractions of the effort limits and of the velocity limits, in turn.
 _EFFORTS = (1, 0.98, 0.96, 0.945, 0.93, 0.91, 0.89, 0.865, 0.83, 0.79, 0.74, 0.67, 0.58, 0.48, 0.36)
 _VELOCITIES = (1, 0.985, 0.97, 0.95, 0.93, 0.9, 0.86)
 _BINDING = 0.01  # d ln T / d ln limit, from which on velocity limits are worth a try
 _ROUNDS = 5
-_MORE = 3  # smaller shares of effort that may still be better where radii cost more than expected
-# So much of what is short is taken at a time, and so much of what is to spare is given back; which
-# is worth a round if it gains more than this share of the duration.
-_TAKEN, _GIVEN_BACK, _WORTH_IT = 1.1, 0.5, 2e-3
+_MORE = 3  # smaller fractions of effort to try where radii cost more than expected
+# Fraction of a shortfall that is added at a time, and fraction of slack that is given back; a round
+# is worthwhile for a gain of more than this fraction of the duration.
+_ADDED, _GIVEN_BACK, _MIN_GAIN = 1.1, 0.5, 2e-3
 
 
 def surviving_plan(plans: TightenedPlans, shortest: TriedPlan, follow: Following) -> TriedPlan:
-    """Return the plan that survives and is the shortest; or the one that lacks least.
+    """Return the shortest plan that survives, or the plan with the fewest failures.
 
     Args:
-        plans: What plans and simulates.
-        shortest: The shortest motion, nothing kept back.
-        follow: What makes of such a motion the one that is written.
+        plans: Plans and simulates tightened problems.
+        shortest: The shortest motion, nothing tightened.
+        follow: Makes the written motion of the shortest one.
 
     Raises:
-        TimeLimitReached: Before it was found; likewise KeyboardInterrupt.
+        TimeLimitReached: Before the plan was known; likewise KeyboardInterrupt.
     """
-    rung = _best_share(plans, shortest, "effort", _EFFORTS)
-    if _is_bound_by_velocity(rung.result):
-        rung = _best_share(plans, rung, "velocity", _VELOCITIES)
-    best = _settled(plans, rung)
-    if not best.survives or _gains(rung, best):
-        best = _with_less_effort(plans, rung, best)
+    candidate = _best_fraction(plans, shortest, "effort", _EFFORTS)
+    if any(
+        each.limit == "velocity" and -each.elasticity > _BINDING
+        for each in candidate.result.sensitivities
+    ):
+        candidate = _best_fraction(plans, candidate, "velocity", _VELOCITIES)
+    best = _refined(plans, candidate)
+    if not best.survives or _gains(candidate, best):
+        best = _with_less_effort(plans, candidate, best)
     return _written(plans, best, follow)
 
 
-def _with_less_effort(plans: TightenedPlans, rung: TriedPlan, best: TriedPlan) -> TriedPlan:
-    """Return the best plan with less effort than one whose radii cost more than expected."""
-    for effort in [share for share in _EFFORTS if share < rung.kept_back.effort][:_MORE]:
-        kept_back = replace(rung.kept_back, effort=effort)
-        result = plans.planned(kept_back, rung.result.motion)
+def _best_fraction(
+    plans: TightenedPlans, start: TriedPlan, part: str, fractions: Sequence[float]
+) -> TriedPlan:
+    """Return the plan with the best fraction of some limits, by its lack and expected duration.
+
+    Every second fraction is tried, until there is no gain; then the best one's neighbours.
+    """
+    candidates: dict[int, TriedPlan] = {0: start}
+
+    def is_better(k: int, best: int) -> bool:
+        fraction: dict[str, Any] = {part: fractions[k]}
+        kept_back, current = replace(start.kept_back, **fraction), candidates[best]
+        result = plans.planned(kept_back, current.result.motion)
+        if result is None or _is_surely_longer(result, current):
+            return False
+        new = candidates[k] = plans.simulated(kept_back, result, FEWER)
+        # Tolerances that cannot be had count before the duration.
+        return (new.lacking, new.expected) < (current.lacking, current.expected)
+
+    best = 0
+    for k in range(2, len(fractions), 2):
+        if is_better(k, best):
+            best = k
+        elif candidates[best].lacking <= 0:
+            break
+    for k in (best - 1, best + 1):
+        if 0 < k < len(fractions) and is_better(k, best):
+            return candidates[k]
+    return candidates[best]
+
+
+def _is_surely_longer(result: PlanResult, other: TriedPlan) -> bool:
+    """Return True if a plan takes longer than another's expected duration, whatever it lacks."""
+    if not other.survives and other.lacking > 0:
+        return False
+    return (result.duration or np.inf) >= other.expected
+
+
+def _refined(plans: TightenedPlans, candidate: TriedPlan) -> TriedPlan:
+    """Return the shortest survivor near a candidate, or the plan with the fewest failures."""
+    now = candidate
+    if candidate.survives:  # of few arms; now of all
+        now = plans.simulated(candidate.kept_back, candidate.result, WORKING)
+    best = now
+    for _ in range(_ROUNDS):
+        following = plans.tried(_next(plans, now), now.result.motion, WORKING)
+        if following is None:
+            break
+        had_survivor, now = best.survives, following
+        best = _better(best, now)
+        if now.lacking > 0 or had_survivor or (now.survives and not _gains(now, now)):
+            break
+    return best
+
+
+def _with_less_effort(plans: TightenedPlans, candidate: TriedPlan, best: TriedPlan) -> TriedPlan:
+    """Return the best plan with less effort than a candidate, whose radii cost too much."""
+    for effort in [each for each in _EFFORTS if each < candidate.kept_back.effort][:_MORE]:
+        kept_back = replace(candidate.kept_back, effort=effort)
+        result = plans.planned(kept_back, candidate.result.motion)
         if result is None or (best.survives and _is_surely_longer(result, best)):
             break
         lower = plans.simulated(kept_back, result, FEWER)
         if not best.survives or (lower.lacking <= 0 and _gains(lower, best)):
-            best = _better(best, _settled(plans, lower))
+            best = _better(best, _refined(plans, lower))
     return best
 
 
-def _gains(tried: TriedPlan, best: TriedPlan) -> bool:
-    """Return whether a plan, with what it lacks or has to spare, is expected to be shorter.
-
-    Than another, or than it is itself, by what is worth a try.
-    """
-    return best.duration - tried.expected > _WORTH_IT * best.duration
+def _gains(candidate: TriedPlan, best: TriedPlan) -> bool:
+    """Return True if a plan's expected duration is worth a round, against the best or itself."""
+    return best.duration - candidate.expected > _MIN_GAIN * best.duration
 
 
-def _is_bound_by_velocity(result: PlanResult) -> bool:
-    return any(
-        one.limit == "velocity" and -one.elasticity > _BINDING for one in result.sensitivities
-    )
-
-
-def _best_share(
-    plans: TightenedPlans, start: TriedPlan, part: str, shares: Sequence[float]
-) -> TriedPlan:
-    """Return the plan with the best share of some limits, by what it is expected to take.
-
-    Every second share is tried, until one is no better; then those beside the best.
-    """
-    found: dict[int, TriedPlan] = {0: start}
-
-    def is_better(k: int, best: int) -> bool:
-        share: dict[str, Any] = {part: shares[k]}
-        kept_back = replace(start.kept_back, **share)
-        result = plans.planned(kept_back, found[best].result.motion)
-        if result is None or _is_surely_longer(result, found[best]):
-            return False
-        found[k] = plans.simulated(kept_back, result, FEWER)
-        return _rank(found[k]) < _rank(found[best])
-
-    best = 0
-    for k in range(2, len(shares), 2):
-        if is_better(k, best):
-            best = k
-        elif found[best].lacking <= 0:
-            break
-    for k in (best - 1, best + 1):
-        if 0 < k < len(shares) and is_better(k, best):
-            return found[k]
-    return found[best]
-
-
-def _rank(tried: TriedPlan) -> tuple[float, float]:
-    """Return what is less for better plans: what cannot be had counts before the duration."""
-    return tried.lacking, tried.expected
-
-
-def _is_surely_longer(result: PlanResult, known: TriedPlan) -> bool:
-    """Return whether a plan takes longer than a known one is expected to, whatever it lacks."""
-    if not known.survives and known.lacking > 0:
-        return False
-    return (result.duration or np.inf) >= known.expected
-
-
-def _settled(plans: TightenedPlans, rung: TriedPlan) -> TriedPlan:
-    """Return the shortest plan that survives near one that lacks something, or what lacks least."""
-    now = rung
-    if rung.survives:  # of few arms; now of all
-        now = plans.simulated(rung.kept_back, rung.result, WORKING)
-    best = now
-    for _ in range(_ROUNDS):
-        tried = plans.tried(_next(plans, now), now.result.motion, WORKING)
-        if tried is None:
-            break
-        had_one, now = best.survives, tried
-        best = _better(best, now)
-        if now.lacking > 0 or had_one or (now.survives and not _gains(now, now)):
-            break
-    return best
-
-
-def _written(plans: TightenedPlans, settled: TriedPlan, follow: Following) -> TriedPlan:
-    """Return the plan that is written: made smooth or thrifty, until it survives many arms."""
-    kept_back, shortest, best = settled.kept_back, settled.result, settled
+def _written(plans: TightenedPlans, refined: TriedPlan, follow: Following) -> TriedPlan:
+    """Return the plan that is written: smooth or efficient, tightened until it survives."""
+    kept_back, shortest, best = refined.kept_back, refined.result, refined
     for _ in range(_ROUNDS):
         result = follow(plans.problem(kept_back), shortest)
         require_not_stopped(result)
         if result.trajectory is None:
             break
         written = plans.simulated(kept_back, result, MANY)
-        had_one = best is not settled and best.survives
-        best = written if best is settled else _better(best, written)
-        if had_one or not settled.survives or (written.survives and not _gains(written, written)):
+        had_survivor = best is not refined and best.survives
+        best = written if best is refined else _better(best, written)
+        is_settled = written.survives and not _gains(written, written)
+        if had_survivor or not refined.survives or is_settled:
             break
         kept_back = _next(plans, written)
         again = plans.planned(kept_back, shortest.motion)
@@ -366,31 +359,28 @@ def _written(plans: TightenedPlans, settled: TriedPlan, follow: Following) -> Tr
 
 
 def _next(plans: TightenedPlans, tried: TriedPlan) -> Tightening:
-    """Return what to keep back after a plan: all that it lacks, less of what it has to spare.
-
-    As much as there is room for.
-    """
-    now, wanted = tried.kept_back, tried.wanted
+    """Return the next tightening after a plan: more than its shortfall, half of its slack back."""
+    now, target = tried.kept_back, tried.wanted
 
     def between(before: FloatArray, after: FloatArray) -> FloatArray:
         change = after - before
-        more: FloatArray = np.where(change > 0, _TAKEN, _GIVEN_BACK) * change
+        more: FloatArray = np.where(change > 0, _ADDED, _GIVEN_BACK) * change
         return before + more
 
     following = replace(
         now,
-        radius=between(now.radius, wanted.radius),
-        rotation=between(now.rotation, wanted.rotation),
-        position=between(now.position, wanted.position),
-        clearance=float(between(np.array(now.clearance), np.array(wanted.clearance))),
+        radius=between(now.radius, target.radius),
+        rotation=between(now.rotation, target.rotation),
+        position=between(now.position, target.position),
+        clearance=float(between(np.array(now.clearance), np.array(target.clearance))),
     )
     return plans.allowed(following)
 
 
-def _better(known: TriedPlan, tried: TriedPlan) -> TriedPlan:
-    """Return the shorter of two plans that survive, the one that does, or what lacks less."""
-    if known.survives and tried.survives:
-        return min(known, tried, key=lambda plan: plan.duration)
-    if known.survives or tried.survives:
-        return known if known.survives else tried
-    return min(known, tried, key=lambda plan: plan.verdict.failed / plan.verdict.runs)
+def _better(first: TriedPlan, second: TriedPlan) -> TriedPlan:
+    """Return the shorter of two survivors, the only survivor, or the plan with fewer failures."""
+    if first.survives and second.survives:
+        return min(first, second, key=lambda plan: plan.duration)
+    if first.survives or second.survives:
+        return first if first.survives else second
+    return min(first, second, key=lambda plan: plan.verdict.failed / plan.verdict.runs)

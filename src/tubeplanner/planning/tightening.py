@@ -1,4 +1,4 @@
-"""Tightening: a problem with reserves in limits and tolerances; Survival of its plan in runs."""
+"""Tightening of a problem's limits and tolerances, and the survival of a plan in runs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,26 +10,25 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.execution.error_contributions import Blame
 from tubeplanner.execution.run_verdict import RunVerdict
 from tubeplanner.geometry.tube.tube import Tube, narrowed_tube
-from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances, in_contact
 from tubeplanner.text import short_repr
 
-# ---- Problems with a little of every limit kept back, whose motions keep the limits themselves.
+# ---- Tightened problems, whose motions keep the limits of the problem itself.
 
-# At most this share of a radius, of a rotation tolerance or of a joint's range is kept back.
-_MOST = 0.9
-_ROUNDING = 1e-6  # [m or rad]: by which start and goal stay inside what is left
+# Largest tightening, as a fraction of a radius or of a rotation tolerance.
+_MAX_FRACTION = 0.9
+_ROUNDING = 1e-6  # [m or rad]: margin of start and goal inside the tightened limits
 PARTS = ("effort", "velocity", "radius", "rotation", "clearance", "position")
 
 
 @dataclass(frozen=True, eq=False)
 class Tightening:
-    """What is kept back of the limits of a problem with m segments and n joints.
+    """The tightening of a problem with m segments and n joints.
 
     Attributes:
-        effort: Share of the effort limits and of torque-speed lines that is left.
-        velocity: Share of the velocity limits that is left.
+        effort: Remaining fraction of the effort limits and of torque-speed lines.
+        velocity: Remaining fraction of the velocity limits.
         radius: Taken off every segment's region, at every side, shape (m,) [m].
         rotation: Taken off the rotation tolerances, shape (m,) [rad].
         clearance: Added to the clearance [m].
@@ -47,25 +46,26 @@ class Tightening:
 
     @classmethod
     def nothing(cls, problem: PlanningProblem) -> "Tightening":
-        """Return the one that leaves a problem as it is."""
-        segments, joints = problem.tube.segment_count, problem.robot.joint_count
-        free = np.zeros(segments)
-        return cls(1.0, 1.0, free, free, 0.0, np.zeros((2, joints)))
+        """Return the tightening that leaves a problem as it is."""
+        zero = np.zeros(problem.tube.segment_count)
+        return cls(1.0, 1.0, zero, zero, 0.0, np.zeros((2, problem.robot.joint_count)))
 
     def only(self, parts: Sequence[str]) -> "Tightening":
-        """Return some of its parts, nothing of the others."""
-        none: dict[str, Any] = {
-            name: 1.0 if name in PARTS[:2] else 0.0 * getattr(self, name) for name in PARTS
+        """Return the tightening of some parts alone."""
+        others: dict[str, Any] = {
+            name: 1.0 if name in PARTS[:2] else 0.0 * getattr(self, name)
+            for name in PARTS
+            if name not in parts
         }
-        return replace(self, **{name: none[name] for name in PARTS if name not in parts})
+        return replace(self, **others)
 
     def has(self, part: str) -> bool:
-        """Return whether anything is kept back of one of `PARTS`."""
+        """Return True if a part is tightened."""
         value = getattr(self, part)
         return bool(value != 1.0) if part in PARTS[:2] else bool(np.any(value))
 
     def of_parts(self, tube: Tube) -> "Tightening":
-        """Return it for the segments that were joined to those of a tube."""
+        """Return the tightening for the segments that were joined to a tube's."""
         if tube.parts is None:
             return self
         joined = np.searchsorted(tube.numbers, tube.parts.numbers[:-1], side="right") - 1
@@ -77,108 +77,103 @@ class Tightening:
 
 
 def allowed_tightening(problem: PlanningProblem, asked: Tightening, ends: FloatArray) -> Tightening:
-    """Return as much of a tightening as limits, start and goal leave room for.
+    """Return a tightening reduced to the slack of limits, start and goal.
 
     Args:
         problem: The planning problem.
-        asked: What would be kept back.
-        ends: Configurations in which the motion begins and, if that is given, ends: (1 or 2, n).
+        asked: The tightening to reduce.
+        ends: First and, if given, last configuration of the motion, shape (1 or 2, n).
     """
     tube, limits = problem.tube, problem.robot.limits
-    turned, tool = problem.robot.tool_pose(ends)
+    rotations, tool = problem.robot.tool_pose(ends)
     angle = np.zeros(tube.segment_count)
     if tube.rotation is not None:
         tightest = tube.rotation.bounds.min(axis=1)
         angle = np.where(np.isfinite(tightest), tightest, 0.0)
-    radius = np.minimum(asked.radius, _MOST * tube.effective_radius)
-    rotation = np.minimum(asked.rotation, _MOST * angle)
-    inside, straight = tube.margin(tool), tube.rotation_margin(turned, tool)
+    radius = np.minimum(asked.radius, _MAX_FRACTION * tube.effective_radius)
+    rotation = np.minimum(asked.rotation, _MAX_FRACTION * angle)
+    margin, rotation_margin = tube.margin(tool), tube.rotation_margin(rotations, tool)
     for end, segment in enumerate((0, -1)[: len(ends)]):
-        radius[segment] = min(radius[segment], inside[end, segment] - _ROUNDING)
-        rotation[segment] = min(rotation[segment], straight[end, segment] - _ROUNDING)
+        radius[segment] = min(radius[segment], margin[end, segment] - _ROUNDING)
+        rotation[segment] = min(rotation[segment], rotation_margin[end, segment] - _ROUNDING)
     goal = problem.endpoints[1]
     if goal.kind == "position" and goal.region is not None:  # its position is to stay inside too
-        inside = tube.margin(goal.region.position[None])
-        radius[-1] = min(radius[-1], inside[0, -1] - _ROUNDING)
-    room = np.array([ends - limits.lower_position, limits.upper_position - ends]).min(axis=1)
-    spare = _spare_distance(problem, ends) - _ROUNDING
+        margin = tube.margin(goal.region.position[None])
+        radius[-1] = min(radius[-1], margin[0, -1] - _ROUNDING)
+    slack = np.array([ends - limits.lower_position, limits.upper_position - ends]).min(axis=1)
+    distance = _spare_distance(problem, ends) - _ROUNDING
     return replace(
         asked,
         radius=radius.clip(min=0),
         rotation=rotation.clip(min=0),
-        position=np.minimum(asked.position, room - _ROUNDING).clip(min=0),
-        clearance=max(min(asked.clearance, spare), 0.0),
+        position=np.minimum(asked.position, slack - _ROUNDING).clip(min=0),
+        clearance=max(min(asked.clearance, distance), 0.0),
     )
 
 
 def tightened_problem(problem: PlanningProblem, kept_back: Tightening) -> PlanningProblem:
-    """Return a problem that asks more; geometry is shared.
+    """Return the tightened problem; geometry is shared.
 
     Args:
         problem: The planning problem.
-        kept_back: As `allowed_tightening` has it.
+        kept_back: A tightening that `allowed_tightening` returned.
 
     Raises:
-        ProblemError: Start or goal break a limit that is left.
+        ProblemError: Start or goal break a tightened limit.
     """
     farther = problem.farther_apart(kept_back.clearance)
-    return replace(
-        farther,
-        robot=_limited(problem.robot, kept_back),
-        tube=narrowed_tube(farther.tube, kept_back.radius, kept_back.rotation),
-    )
-
-
-def _limited(robot: RobotModel, kept_back: Tightening) -> RobotModel:
-    limits, motors, share = robot.limits, robot.motors, kept_back.effort
+    limits, motors, ratio = problem.robot.limits, problem.robot.motors, kept_back.effort
     limits = replace(
         limits,
-        effort=share * limits.effort,
-        effort_ranges=tuple(each.scaled(share) for each in limits.effort_ranges),
+        effort=ratio * limits.effort,
+        effort_ranges=tuple(each.scaled(ratio) for each in limits.effort_ranges),
         velocity=kept_back.velocity * limits.velocity,
         lower_position=limits.lower_position + kept_back.position[0],
         upper_position=limits.upper_position - kept_back.position[1],
     )
-    return robot.with_limits(
-        limits, replace(motors, saturation_effort=share * motors.saturation_effort)
+    motors = replace(motors, saturation_effort=ratio * motors.saturation_effort)
+    return replace(
+        farther,
+        robot=problem.robot.with_limits(limits, motors),
+        tube=narrowed_tube(farther.tube, kept_back.radius, kept_back.rotation),
     )
 
 
 def _spare_distance(problem: PlanningProblem, ends: FloatArray) -> float:
-    """Return by how much links are farther from obstacles at start and goal than they must be [m].
+    """Return the least slack of distances to obstacles at start and goal [m].
 
-    Pairs in contact there do not count: they may stay as near.
+    Pairs in contact do not count: they may stay as near.
     """
     checker, poses = problem.collision, problem.robot.body_poses(ends)
     count = len(checker.obstacle_pairs)
     counts = ~in_contact(problem)[:count]
     segments = np.array([0, problem.tube.segment_count - 1])[: len(ends)]
-    asked = RequiredDistances(problem, ends[0], ends[-1]).at(
-        segments, problem.robot.tool_position(ends)
-    )
+    required = RequiredDistances(problem, ends[0], ends[-1])
+    least = required.at(segments, problem.robot.tool_position(ends))[:, :count]
     distances = [
         checker.distances(*pose, checker.obstacle_pairs) for pose in zip(*poses, strict=True)
     ]
-    return float((np.array(distances) - asked[:, :count])[:, counts].min(initial=np.inf))
+    return float((np.array(distances) - least)[:, counts].min(initial=np.inf))
 
 
-# ---- What a plan that is to survive errors keeps back, what that costs, and what was seen of it.
+# ---- The survival of a plan: its tightening, the costs, and the verdict of its runs.
 
 _UNITS = {"rotation": "rad", "position": "rad or mm"}
 
 
 @dataclass(frozen=True, eq=False)
 class Survival:
-    """What became of a plan under errors. Seen in simulated runs; nothing of it is proved.
+    """The survival of a plan under errors, as seen in simulated runs; it is not proved.
 
     Attributes:
-        verdict: Of runs that were used for nothing else; None if planning was stopped before.
-        reached: Whether all runs that it was planned with survive, errors 1.3 times as large.
-        kept_back: What the plan leaves of the limits.
-        duration_without: Of the plan that would be written without robustness [s].
-        verdict_without: Of that plan, of the same runs; None if it is the answer, or likewise.
-        costs: What keeping back each part costs, by name [s]; they sum up to what all costs.
-        blame: Which errors do the most; None where the plan survives at little cost.
+        verdict: Verdict of runs used for nothing else; None if planning was stopped before.
+        reached: Whether all runs of the plan's search survive, with errors 1.3 times as large.
+        kept_back: The plan's tightening.
+        duration_without: Duration of the plan without robustness [s].
+        verdict_without: Verdict of the same runs with that plan; None if that plan is the answer,
+            or planning was stopped before.
+        costs: Cost of each part of the tightening, by name [s]; their sum is the whole cost.
+        blame: Contributions of errors; None where the plan survives at little cost.
     """
 
     verdict: RunVerdict | None
@@ -193,31 +188,31 @@ class Survival:
 
     @property
     def added(self) -> float:
-        """What surviving costs [s]."""
+        """Cost of survival [s]."""
         return sum(self.costs.values())
 
     @property
     def seen(self) -> str:
-        """What was seen of the plan, in words."""
+        """Message on the verdict."""
         if self.verdict is None:
             return "its runs were not simulated to the end"
         return f"seen in simulation: {self.verdict}"
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What surviving costs and by what, and what is to blame, in words."""
+        """Notes on the cost of survival, by parts, and on the errors to blame."""
         if not self.costs:
             return self._blamed
         parts = "; ".join(
-            f"{_kept(self.kept_back, part)} ({1000 * cost:.1f} ms)"
+            f"{_part_in_words(self.kept_back, part)} ({1000 * cost:.1f} ms)"
             for part, cost in self.costs.items()
         )
-        share = 100 * self.added / self.duration_without
+        percent = 100 * self.added / self.duration_without
         without = f"without robustness the plan takes {self.duration_without:.4f} s"
         if self.verdict_without is not None:
             without += f", and {self.verdict_without}"
         costs = (
-            f"surviving takes {1000 * self.added:.1f} ms more, {share:.2g} %: {parts}; {without}"
+            f"surviving takes {1000 * self.added:.1f} ms more, {percent:.2g} %: {parts}; {without}"
         )
         return (costs, *self._blamed)
 
@@ -246,8 +241,7 @@ class Survival:
         }
 
 
-def _kept(kept_back: Tightening, part: str) -> str:
-    """Return how much of one part is kept back, in words."""
+def _part_in_words(kept_back: Tightening, part: str) -> str:
     value = getattr(kept_back, part)
     if part in ("effort", "velocity"):
         return f"{100 * value:.3g} % of the {part} limits"

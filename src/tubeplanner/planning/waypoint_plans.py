@@ -1,11 +1,10 @@
-"""Attempts without refinement: stops at corners, branch and bound, method of 1988."""
+"""Attempts without refinement: stops at corners, branch and bound, the method of 1988."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.certificate.verification import Certificate
 from tubeplanner.first_guess.branch_and_bound import BranchAndBound
 from tubeplanner.first_guess.branches import (
     KnownBranches,
@@ -58,16 +57,16 @@ def stopping_plan(
     *,
     every_rule: bool = True,
 ) -> StoppingPlan:
-    """Return the first certified trajectory that stops at corners.
+    """Return the first certified trajectory with stops at corners, or a refusal.
 
-    If there is none, the reason is that of the most natural rule for redundant joints; branch and
-    trajectory are the first found.
+    A refusal has the reason of one rule for redundant joints, AS_NEEDED if every rule is tried;
+    branch and trajectory are the first ones.
 
     Args:
         problem: The planning problem.
-        branches: Its branches.
+        branches: The problem's branches.
         clock: The planning's.
-        every_rule: Whether others are tried than the most natural one.
+        every_rule: True: all rules in turn; False: the most natural one alone.
     """
     reasons: dict[RedundancyRule, PlanResult] = {}
     first_branch = first_trajectory = None
@@ -102,11 +101,11 @@ def searched_plan(
     options: PlanOptions,
     clock: PlanningClock,
 ) -> PlanResult:
-    """Return what branch and bound finds, if it is faster than stopping at corners.
+    """Return the result of branch and bound, if it is faster than stopping at corners.
 
-    Even if that one failed its certificate: a search without a bound takes very long.
+    Stops at corners bound the search even if their certificate failed: without a bound it takes
+    very long.
     """
-    known = corners.result
 
     def prepared() -> BranchAndBound:
         clock.enter("candidate points on the reference path")
@@ -120,22 +119,22 @@ def searched_plan(
 
     search, stopped_by = until_stopped(prepared)
     if search is not None:
-        stopped_by = run_search(search, known.duration, clock)
-    has_answer = known.succeeded or (search is not None and search.best is not None)
+        stopped_by = run_search(search, corners.result.duration, clock)
+    has_answer = corners.result.succeeded or (search is not None and search.best is not None)
     if stopped_by == "interrupt" and not has_answer:
         return stopped_result(clock, stopped_by, BRANCH_AND_BOUND)
-    return _better(problem, replace(known, stopped_by=stopped_by), search, options)
+    return _better(problem, replace(corners.result, stopped_by=stopped_by), search, options)
 
 
 def run_search(
     search: BranchAndBound, known: float | None, clock: PlanningClock
 ) -> StoppedBy | None:
-    """Search until there is nothing better or the budget is used; return what stopped it earlier.
+    """Search until no node is better or the budget is used; return the cause of an earlier stop.
 
     Args:
-        search: Its best trajectory is the answer.
-        known: Duration of the best trajectory known before [s].
-        clock: Announces how far the search has come.
+        search: The search; its best trajectory is the answer.
+        known: Duration of the best trajectory before the search [s].
+        clock: Announces the statistics of the search.
     """
 
     def work() -> None:
@@ -151,20 +150,20 @@ def run_search(
 
 def _better(
     problem: PlanningProblem,
-    known: PlanResult,
+    corners: PlanResult,
     search: BranchAndBound | None,
     options: PlanOptions,
 ) -> PlanResult:
-    """Return the search's answer, or else what was known before, with what the search did."""
-    result, stopped_by = known, known.stopped_by
+    """Return the search's answer, or the result of stops at corners, with search statistics."""
+    result, stopped_by = corners, corners.stopped_by
     if search is not None and search.best is not None and search.certificate is not None:
         result = judged_result(
             problem, search.best, search.certificate, search.certificate_time, BRANCH_AND_BOUND
         )
-    elif stopped_by == "time_limit" and not known.succeeded:
+    elif stopped_by == "time_limit" and not corners.succeeded:
         message = "the time limit passed before a trajectory was found"
         result = PlanResult(PlanStatus.TIME_LIMIT, message, Place(), BRANCH_AND_BOUND)
-    elif stopped_by is None and known.succeeded:
+    elif stopped_by is None and corners.succeeded:
         message = f"{result.message}; branch and bound found nothing faster"
         result = replace(result, message=message)
     result = replace(result, stopped_by=stopped_by)
@@ -176,18 +175,18 @@ def _better(
     return replace(result, search=search.statistics)
 
 
-# ---- Planning by the method of Suh & Bishop (1988): both its phases and no other method.
+# ---- Planning by the method of Suh & Bishop (1988): both phases and no other method.
 
 
 def suh_bishop_plan(
     problem: PlanningProblem, branches: KnownBranches, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
-    """Return what both phases find, or why the first one finds nothing.
+    """Return the result of both phases, or the refusal of phase 1.
 
     Tries rules for redundant joints in turn until phase 1 has a certified trajectory.
 
     Raises:
-        TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
+        TimeLimitReached: Before there was a result; likewise KeyboardInterrupt.
     """
     reasons = []
     for rule in redundancy_rules(problem):
@@ -204,7 +203,7 @@ def suh_bishop_plan(
 def _along(
     problem: PlanningProblem, branch: ReferenceBranch, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
-    """Return what both phases find along a branch.
+    """Return the result of both phases along a branch.
 
     Raises:
         Infeasible: Nothing is to be moved, or gravity is too strong for phase 1's trajectories.
@@ -223,11 +222,18 @@ def _along(
         return stopped_result(clock, stopped_by, SUH_BISHOP)
     if search.best is None or search.certificate is None:
         _require_held(problem, waypoints)
-        nothing = _nothing_found(search, options, stopped_by)
-        return replace(nothing, search=search.statistics, stopped_by=stopped_by)
+        result = _nothing_found(search, options, stopped_by)
+        return replace(result, search=search.statistics, stopped_by=stopped_by)
     knots = waypoints[list(search.best_waypoints)]
     candidate = KnotTrajectory(knots, sequential_quartics, search.best)
-    phase_two = _phase_two(problem, candidate, search.certificate, options, clock)
+
+    def checkpoint() -> None:
+        now = phase_two.statistics
+        clock.announce(Progress("moving knots", now.nodes, None, phase_two.best.duration))
+        clock.check()
+
+    certificate, settings = search.certificate, options.suh_bishop
+    phase_two = SuhBishop(problem, candidate, certificate, settings, checkpoint)
     if stopped_by is None:
         _, stopped_by = until_stopped(phase_two.run)
     certificate_time = phase_two.certificate_time or search.certificate_time
@@ -250,35 +256,17 @@ def _along(
 def _require_held(problem: PlanningProblem, waypoints: FloatArray) -> None:
     """Raise Infeasible if gravity alone is too strong on the joint lines between waypoints (M, n).
 
-    Not on quartics through all of them: those swing ever farther, and soon beyond all numbers.
+    Quartics through all waypoints would not do: they swing ever farther, beyond all numbers.
     """
     rows = [np.diff(waypoints, axis=0), waypoints[:-1]]
     lines = JointTrajectory(problem.robot.joint_names, np.arange(len(waypoints)), rows)
     scaled_to_limits(problem, lines)
 
 
-def _phase_two(
-    problem: PlanningProblem,
-    candidate: KnotTrajectory,
-    certificate: Certificate,
-    options: PlanOptions,
-    clock: PlanningClock,
-) -> SuhBishop:
-    """Return phase 2, ready to run; its checkpoint ends it at the time limit or at Ctrl-C."""
-
-    def checkpoint() -> None:
-        now = phase_two.statistics
-        clock.announce(Progress("moving knots", now.nodes, None, phase_two.best.duration))
-        clock.check()
-
-    phase_two = SuhBishop(problem, candidate, certificate, options.suh_bishop, checkpoint)
-    return phase_two
-
-
 def _nothing_found(
     search: BranchAndBound, options: PlanOptions, stopped_by: StoppedBy | None
 ) -> PlanResult:
-    """Say that phase 1 ended without a trajectory."""
+    """Return the result that phase 1 ended without a trajectory."""
     if stopped_by == "time_limit":
         message = "the time limit passed before phase 1 found a trajectory"
         return PlanResult(PlanStatus.TIME_LIMIT, message, Place(), SUH_BISHOP)
