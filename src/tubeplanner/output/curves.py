@@ -364,7 +364,7 @@ def _held_curves(
 
 # ---- The time line of a cycle: moves as bands, steps at rest as ticks.
 
-# Texts nearer than this fraction to an end of the line extend to that end.
+# A text nearer to an end of the line than this fraction of it extends to that end.
 _EDGE = 0.1
 
 

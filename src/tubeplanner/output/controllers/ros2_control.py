@@ -94,13 +94,7 @@ def _altered(
 
 
 def _moving(
-    robot: RobotModel,
-    joint: int,
-    order: int,
-    value: float,
-    effect: Effect,
-    error: str,
-    time: float,
+    robot: RobotModel, joint: int, order: int, value: float, effect: Effect, error: str, time: float
 ) -> ControllerFinding:
     """Return the finding of a joint that is not at rest at the start or the end."""
     unit = ("rad" if robot.revolute[joint] else "m") + ("/s" if order == 1 else "/s^2")

@@ -30,7 +30,7 @@ class ControllerFinding:
         limit: Limit of the value.
         unit: Of value and limit.
         time: Of the value [s].
-        first_time: First time beyond the limit [s], at which the motion would end.
+        first_time: First time beyond the limit [s]; a refused motion ends there.
     """
 
     effect: Effect

@@ -101,10 +101,7 @@ def plot_execution(
 
 
 def _over_time(
-    problem: PlanningProblem,
-    trajectory: JointTrajectory,
-    execution: Execution,
-    tools: ToolRuns,
+    problem: PlanningProblem, trajectory: JointTrajectory, execution: Execution, tools: ToolRuns
 ) -> list[Callable[["Axes"], None]]:
     """Return the functions that draw the panels over time, from top to bottom."""
     draws: list[Callable[[Axes], None]]
@@ -125,10 +122,7 @@ def _over_time(
 
 
 def plot_cycle_execution(
-    motion: CycleMotion,
-    execution: Execution,
-    judged: JudgedCycle,
-    path: str | Path | None = None,
+    motion: CycleMotion, execution: Execution, judged: JudgedCycle, path: str | Path | None = None
 ) -> "Figure":
     """Draw an executed cycle: margins over time.
 
@@ -315,11 +309,7 @@ def _draw_close(axis: "Axes", whole: "Axes", tube: Tube, tools: ToolRuns, plane:
 
 
 def _draw_plane(
-    axis: "Axes",
-    problem: PlanningProblem,
-    tools: ToolRuns,
-    paths: ExecutedPaths,
-    plane: Plane,
+    axis: "Axes", problem: PlanningProblem, tools: ToolRuns, paths: ExecutedPaths, plane: Plane
 ) -> None:
     from matplotlib.collections import LineCollection
 

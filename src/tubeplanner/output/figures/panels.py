@@ -23,7 +23,8 @@ _DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1
 LIMIT: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": (0, (4, 3))}
 _MAIN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.6}
 _MAX_FACTOR = 3.0  # larger factors are drawn as this
-_LONG_LABEL, _SHORT_LABEL = 0.2, 0.1  # least visits that have such a label, of the panel
+# Fractions of the panel from which on visits have such a label.
+_LONG_LABEL, _SHORT_LABEL = 0.2, 0.1
 _MARGIN = 0.08
 
 DrawPanel: TypeAlias = "Callable[[Axes, TrajectoryCurves], None]"
@@ -324,7 +325,7 @@ def draw_motor(axis: "Axes", curves: TrajectoryCurves, joint: int) -> None:
 
 
 def _velocity_grid(robot: RobotModel, joint: int, velocity: FloatArray) -> FloatArray:
-    """Return increasing velocities up to a joint's limits, or beyond its motion without limits."""
+    """Return increasing velocities to beyond a joint's limits, without limits beyond its motion."""
     most = robot.limits.velocity[joint]
     end = _MOTOR_MARGIN * float(most if np.isfinite(most) else max(abs(velocity).max(), 1e-3))
     # Friction jumps at zero: one sample on either side.

@@ -149,7 +149,7 @@ def _motor_parts(motors: JointMotors) -> list[object]:
 def _optional_parts(holder: Any) -> list[object]:
     """Return the fields with another value than their default, each after its name.
 
-    Files without a new field so keep their hash.
+    So files without a new field keep their hash.
     """
     parts: list[object] = []
     for field in dataclasses.fields(holder):

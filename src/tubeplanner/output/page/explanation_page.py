@@ -34,7 +34,7 @@ def view_explanation(found: Explanation) -> View:
         found: The explanation.
 
     Raises:
-        OptionError: The problem is contradictory, as its tube cannot be drawn.
+        OptionError: The tube contradicts itself and cannot be drawn.
         RobotError: The robot's geometry is of a kind no URDF has.
     """
     problem, result = found.drawn, found.result

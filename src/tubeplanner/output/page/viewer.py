@@ -91,7 +91,7 @@ _RENDER_ORDER = {
 _FLOOR_COLOR = 0xC3CAD4
 _LIGHT_DISTANCE = 50.0  # [m]
 _FRONT_SIDE, _BOTH_SIDES = 0, 2
-_IDENTIFIERS = ("uuid", "geometry", "material")  # keys of an object's own and of its parts
+_IDENTIFIERS = ("uuid", "geometry", "material")  # keys, of an object or of a part
 
 
 @dataclass(frozen=True, eq=False)
