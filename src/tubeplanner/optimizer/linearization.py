@@ -131,19 +131,15 @@ class Linearization:
 
     def limits(self) -> tuple[IntArray, IntArray]:
         """Return the numbers of limits of the program's rows, and of the rows, -1 for planes."""
-        limit, index = (
-            np.concatenate([getattr(part, name) for part in self._parts])
-            for name in ("limit", "index")
-        )
-        return limit, index
+        limit = np.concatenate([part.limit for part in self._parts])
+        return limit, np.concatenate([part.index for part in self._parts])
 
     def binding(self, step: Step) -> tuple[Planes, ...]:
         """Return the planes, of every kind of regions, that bind a step."""
+        each = zip(self._current.regions, self._planes, self._after(step), strict=True)
         return tuple(
             planes.where(regions.slack(planes, vector - regions.vector) < _BINDING - step.elastic)
-            for regions, planes, vector in zip(
-                self._current.regions, self._planes, self._after(step), strict=True
-            )
+            for regions, planes, vector in each
         )
 
     def absorb(self, step: Step) -> bool:
@@ -164,10 +160,8 @@ class Linearization:
         """
         rows = self._rows
         predicted = self._slack_after(step) - self._is_elastic * step.elastic
-        bends = [
-            there.vector - vector
-            for there, vector in zip(trial.regions, self._after(step), strict=True)
-        ]
+        each = zip(trial.regions, self._after(step), strict=True)
+        bends = [there.vector - vector for there, vector in each]
         self._add_planes([regions.vector for regions in trial.regions], step.elastic)
         return Slack(rows.slack + slack[rows.index] - predicted, bends)
 
@@ -230,13 +224,10 @@ class Linearization:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """R rows of a program.
+    """R rows of a program, attributes as of `Rows`; planes have the index -1.
 
     Attributes:
-        rows: The rows.
         is_elastic: 1 for rows that may be violated, else 0, shape (R,).
-        limit: Numbers of their limits, shape (R,).
-        index: Their own numbers, -1 for planes, shape (R,).
         slack: Returns their slack (R,) from `Slack.rows` and `Slack.bends`.
     """
 

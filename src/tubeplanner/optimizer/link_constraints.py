@@ -400,12 +400,7 @@ class EvaluatedLinks:
         return len(self.pairs)
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:
-        """Return rows that keep the pairs apart.
-
-        Args:
-            duration: T [s], without effect.
-            size: Largest step; rows that it cannot break are left out. None: all rows.
-        """
+        """Return rows that keep the pairs apart; see `EvaluatedRows`."""
         limit = np.full(len(self.pairs), NO_LIMIT)
         return plane_rows(self.at, self._by_joint, self._slack[:, None], limit, size)
 

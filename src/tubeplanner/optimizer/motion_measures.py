@@ -21,8 +21,6 @@ from tubeplanner.task.demands import ENERGY, SMOOTHNESS, Objective
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import from_spline
 
-# ---- A motion run in a given duration, at the beginning, middle and end of every knot interval.
-
 # Number of control points that count from the beginning of an interval to that of the next.
 POINTS = DEGREE + 2
 # Beginning, middle and end; the integral by Simpson's rule.
@@ -31,7 +29,7 @@ SIMPSON = np.array([1.0, 4.0, 1.0]) / 6
 
 
 class IntervalMotion:
-    """A motion by intervals.
+    """A motion in a given duration, at the beginning, middle and end of every knot interval.
 
     Attributes:
         run_in: The duration [s].
@@ -181,8 +179,6 @@ class Measure(Protocol):
 # Measures with the weights of their logarithms.
 Weighted = tuple[tuple[float, Measure], ...]
 
-
-# ---- The measures of a problem's objective.
 
 # Weight of the logarithm of energy or work, and the share of smoothness beside it: joints that cost
 # nothing would wiggle, and efforts chatter where that costs next to nothing.

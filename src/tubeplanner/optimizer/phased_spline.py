@@ -24,9 +24,7 @@ _weights = native_function("cubic_weights", *_PLACES, Doubles)
 _by_switching = native_function(
     "cubic_by_switching", *_PLACES, c_int64, Doubles, c_int64, Doubles, Integers
 )
-_values = native_function(
-    "cubic_values", c_int64, c_int64, c_int64, Doubles, Integers, Doubles, Doubles
-)
+_values = native_function("cubic_values", *3 * (c_int64,), Doubles, Integers, Doubles, Doubles)
 
 
 def cubic_weights(switching_times: FloatArray, knots: Knots, samples: Places) -> FloatArray | None:
@@ -153,9 +151,8 @@ class Samples:
 
     def times(self, switching_times: FloatArray) -> FloatArray:
         """Return the times x of the samples for switching times (m+1,), shape (N,)."""
-        times: FloatArray = (
-            switching_times[self.phase] + np.diff(switching_times)[self.phase] * self.share
-        )
+        widths = np.diff(switching_times)
+        times: FloatArray = switching_times[self.phase] + widths[self.phase] * self.share
         return times
 
     def _by_recursion(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
@@ -245,9 +242,8 @@ class KnotGrid:
         """Return samples at times x from 0 to 1, shape (N,)."""
         last = self.interval_count - 1
         interval = np.searchsorted(self.breakpoints(switching_times), x, side="right") - 1
-        phase = np.clip(
-            np.searchsorted(switching_times, x, side="right") - 1, 0, len(switching_times) - 2
-        )
+        phase = np.searchsorted(switching_times, x, side="right") - 1
+        phase = np.clip(phase, 0, len(switching_times) - 2)
         share = (x - switching_times[phase]) / np.diff(switching_times)[phase]
         return Samples(phase, np.clip(share, 0.0, 1.0), np.clip(interval, 0, last))
 

@@ -351,12 +351,7 @@ class EvaluatedRotation:
         )
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:
-        """Return rows that keep the components of the rotation vector within their bounds.
-
-        Args:
-            duration: T [s], without effect.
-            size: Largest step; rows that it cannot break are left out. None: all rows.
-        """
+        """Return rows that keep the components within their bounds; see `EvaluatedRows`."""
         bounds = np.hstack([self._bounds, self._bounds])
         by_side = np.matmul(_SIDES, self._by_joint) / bounds[:, :, None]
         slack = np.where(np.isfinite(bounds), self._slack.reshape(bounds.shape), np.inf)
@@ -368,7 +363,7 @@ class EvaluatedRotation:
         return len(_SIDES) * len(self.segment)
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
-        """Return the slack of all rows that `rows` numbers, the same for every duration."""
+        """Return the slack of all rows, the same for every duration."""
         return self._slack
 
     @property
@@ -422,10 +417,7 @@ def goal_keys(problem: PlanningProblem) -> list[LimitKey]:
 
 
 def evaluated_ball(
-    problem: PlanningProblem,
-    at: SampledSpline,
-    path: PathSamples,
-    numbers: Mapping[LimitKey, int],
+    problem: PlanningProblem, at: SampledSpline, path: PathSamples, numbers: Mapping[LimitKey, int]
 ) -> list[EvaluatedRegions]:
     """Return the ball of the goal, a capsule without length, or nothing.
 
@@ -455,10 +447,7 @@ def evaluated_ball(
 
 
 def evaluated_turn(
-    problem: PlanningProblem,
-    at: SampledSpline,
-    path: PathSamples,
-    numbers: Mapping[LimitKey, int],
+    problem: PlanningProblem, at: SampledSpline, path: PathSamples, numbers: Mapping[LimitKey, int]
 ) -> list[EvaluatedRotation]:
     """Return the bound on the rotation at the goal, or nothing; arguments as for the ball."""
     goal, beyond = problem.open_goal, problem.tube.segment_count

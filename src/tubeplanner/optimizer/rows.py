@@ -156,8 +156,8 @@ def used_by_step(
 
     Args:
         rows: The rows.
-        control_change: Of the control points, shape (K, n).
-        switching: Of the inner switching times, shape (m-1,).
+        control_change: Step of the control points, shape (K, n).
+        switching: Step of the inner switching times, shape (m-1,).
         duration: The relative step eta.
     """
     step = (control_change, switching, duration)
@@ -178,20 +178,7 @@ def _breakable(
     little: float,
     size: StepSize | None,
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the rows that a step can break or that have little slack, and their derivatives.
-
-    Args:
-        at: The spline at N samples.
-        by_path: Derivatives of I quantities of each sample, by order, each (N, I, n).
-        slack: Shape (S, N, I).
-        signs: Of the quantities on the S sides.
-        little: Rows with less slack are included for every step.
-        size: Largest step; None: all rows with a finite slack.
-
-    Returns:
-        The rows' flat indices in the slack, shape (R,), and their derivatives by control points,
-        (R, 4, n), and switching times, (R, m-1).
-    """
+    """Return the rows that a step can break or that have little slack; see `native.near_rows`."""
     sizes = None if size is None else (little, size.control, size.switching)
     result = native.near_rows(at.changes, by_path, slack, signs, sizes)
     if result is not None:
@@ -227,9 +214,6 @@ def _reach(control: FloatArray, switching: FloatArray, size: StepSize) -> FloatA
         return result
     reach: FloatArray = size.control * abs(control).sum(axis=(-2, -1))
     return reach + abs(switching) @ size.switching
-
-
-# ---- Constraints at samples of a spline, as rows.
 
 
 class EvaluatedRows(Protocol):

@@ -56,15 +56,14 @@ _reach = native_function(
     "row_reach", c_int64, c_int64, Doubles, c_double, c_int64, Doubles, Doubles, Doubles
 )
 _used = native_function(
-    *("used_by_step", c_int64, c_int64, c_int64, Integers, Doubles, Doubles, Doubles),
-    *(Doubles, Doubles, c_double, Doubles),
+    "used_by_step", *3 * (c_int64,), Integers, *5 * (Doubles,), c_double, Doubles
 )
 
 
 def chained_rows(
     spline: SplineChange, by_path: Mapping[int, FloatArray], sample: IntArray, entry: IntArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return the derivatives of quantities by control points, (R, 4, n), and switching times.
+    """Return the derivatives of R quantities by control points and switching times.
 
     Args:
         spline: The spline.
@@ -120,11 +119,11 @@ def near_rows(
 def row_reach(
     control: FloatArray, switching: FloatArray, size: tuple[float, FloatArray]
 ) -> FloatArray | None:
-    """Return the largest change of rows by a step, shape (R,).
+    """Return the largest change of rows (R, 4, n), (R, G) by a step, shape (R,).
 
     Args:
-        control: Derivatives by control points, shape (R, 4, n).
-        switching: Derivatives by switching times, shape (R, G).
+        control: Derivatives by control points.
+        switching: Derivatives by switching times.
         size: Largest step of control points and of every switching time.
     """
     if _reach is None:

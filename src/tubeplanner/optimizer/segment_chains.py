@@ -154,7 +154,7 @@ class OrderedSegments:
         chains: The segments of every phase.
         samples: The samples, in any order.
         is_asked: Whether a segment gets a sample wherever the tool is, shape (m,): the segments
-            that it missed between samples. None: no segment.
+            that it missed at denser samples. None: no segment.
     """
 
     points: FloatArray

@@ -231,9 +231,8 @@ class SplineConstraints:
             squared_duration: The trial's, as a multiple of the spline's.
         """
         duration = current.duration
-        return np.concatenate(
-            [constraint.slack(duration, squared_duration) for constraint in trial.constraints]
-        )
+        parts = [constraint.slack(duration, squared_duration) for constraint in trial.constraints]
+        return np.concatenate(parts)
 
     def look_for_links(self, spline: PhasedSpline) -> bool:
         """Watch links where they come close; return True if a new pair is too close."""
@@ -296,7 +295,6 @@ class SplineConstraints:
     def _at(
         self, spline: PhasedSpline, watched: Mapping[bool, Samples], tube_samples: Samples
     ) -> Iterate:
-        """Return an iterate with limits that depend on the configuration, and the tube, there."""
         arm = _ArmAlong(self._problem, spline, self._radius, self._blended, self._is_asked)
         limits = tuple(
             EvaluatedSpeedLimit(limit, *arm.at(self._points(limit, watched)), numbers)

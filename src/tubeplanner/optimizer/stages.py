@@ -312,11 +312,11 @@ class Sensitivity:
             "jerk", "velocity_by_position", "tool_speed", "point_speed", "radius", "rotation",
             "width" or "height" of a box, or "tolerance" or "rotation_tolerance" of the goal.
         joint: Name of the joint; None for a limit of a segment, a point or the goal.
-        segment: Number of the segment, or of the first part of a divided one; None for others.
+        segment: Number of the segment, or of the first of joined ones; None for others.
         elasticity: d ln T / d ln limit, at most 0: the relative change of the duration per relative
             rise of the limit.
         saved: Duration that 10 % more would save [s], to first order.
-        last_segment: Number of the last part; None for others.
+        last_segment: Number of the last of joined segments; None for others.
         link: Link of the point; None for others.
         point: Index of the point among those whose speed is limited; None for others.
     """
@@ -353,7 +353,7 @@ def limit_sensitivities(
     for key, elasticity in refinement.elasticities().items():
         joint = None if key.joint is None else problem.robot.joint_names[key.joint]
         first = last = None
-        if key.segment is not None:  # parts of a divided segment have its number
+        if key.segment is not None:  # joined segments have a first and a last number
             begin, end = (tube.points[key.segment + k] for k in (0, 1))
             first = tube.segment_number(key.segment, begin)
             last = tube.segment_number(key.segment, end)
@@ -375,7 +375,7 @@ _PENALTY = 1.0
 _SMOOTHING_GAIN = 5e-4
 _SMOOTHING_STEPS, _SMOOTHING_ROUNDS = 4, 8
 # For peaks between samples, the second stage aims at this share less than the longest duration:
-# between the first two, a part of the time gained over the shortest motion. Peaks at dense samples
+# between the first two, a part of the extra time over the shortest motion. Peaks at dense samples
 # stay the last share below, for peaks between those.
 _LEAST_RESERVE, _MOST_RESERVE, _RESERVE_SHARE = 1e-4, 2.5e-4, 0.25
 _BETWEEN_LOOKS = 5e-5

@@ -79,15 +79,14 @@ def starting_spline(
     covered = x**3 * (10 - 15 * x + 6 * x**2)
     chains = tube_chains(problem)
     ends = [chain.stop - 1 for chain in chains[:-1]]
-    switching_times = _with_width(
-        np.concatenate([[0.0], np.interp(corners[ends], covered, x), [1.0]])
-    )
+    inner = np.interp(corners[ends], covered, x)
+    switching_times = _with_width(np.concatenate([[0.0], inner, [1.0]]))
     grid = knot_grid(switching_times, intervals, chains)
     apart = np.concatenate([[True], np.diff(travel) > 0])
     times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
     course = np.interp(times, x, covered)
     path = np.array([np.interp(course, travel[apart], column[apart]) for column in q.T]).T
-    return _fitted(grid, switching_times, times, path, branch.start, branch.goal)
+    return _fitted(grid, switching_times, times, path, (branch.start, branch.goal))
 
 
 def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
@@ -107,8 +106,8 @@ def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
 def on_knots(spline: PhasedSpline, grid: KnotGrid, switching_times: FloatArray) -> PhasedSpline:
     """Return the spline on other knots that is nearest to a spline."""
     times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
-    ends = spline.control_points[[0, -1]]
-    return _fitted(grid, switching_times, times, spline.bspline()(times), *ends)
+    ends = (spline.control_points[0], spline.control_points[-1])
+    return _fitted(grid, switching_times, times, spline.bspline()(times), ends)
 
 
 def knot_grid(
@@ -163,12 +162,11 @@ def _fitted(
     switching_times: FloatArray,
     times: FloatArray,
     path: FloatArray,
-    start: FloatArray,
-    goal: FloatArray,
+    ends: tuple[FloatArray, FloatArray],
 ) -> PhasedSpline:
-    """Return the least-squares spline through configurations (N, n), at rest at its ends."""
+    """Return the least-squares spline through configurations (N, n), at rest at both ends (n,)."""
     knots = grid.knots(switching_times)
-    points = fitted_control_points(knots, DEGREE, times, path, (start, goal), _DRAW)
+    points = fitted_control_points(knots, DEGREE, times, path, ends, _DRAW)
     return PhasedSpline(grid, switching_times, points)
 
 

@@ -14,8 +14,6 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.native.library import LIBRARY, Doubles, Integers, native_function
 from tubeplanner.optimizer.rows import Rows
 
-# ---- Symmetric matrices by their entries.
-
 
 @dataclass(frozen=True, eq=False)
 class SymmetricEntries:
@@ -278,20 +276,7 @@ def compressed_rows(
     variable: IntArray,
     free: int,
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the non-zero entries of R rows over the variables; needs the native library.
-
-    Args:
-        first: The first control point that counts, shape (R,).
-        control: By the four control points that count, shape (R, 4, n).
-        switching: By switching times, shape (R, m-1).
-        duration: By eta, shape (R,).
-        is_elastic: By the elastic variable, but for the sign, shape (R,).
-        variable: The configuration of every control point, -1 where it is fixed, shape (K,).
-        free: Number F of configurations.
-
-    Returns:
-        Number of entries of each row (R,), their columns and values, row after row.
-    """
+    """Return counts (R,), columns and values of the rows of `sparse_rows`; needs the library."""
     (rows, weights, joints), switches = control.shape, switching.shape[1]
     most = rows * (weights * joints + switches + 2)
     count, column, value = np.empty(rows, np.int64), np.empty(most, np.int64), np.empty(most)
@@ -302,9 +287,6 @@ def compressed_rows(
     assert _compressed is not None  # the caller asks LIBRARY first
     end = _compressed(*sizes, own, *arrays, variables, count, column, value)
     return count, column[:end], value[:end]
-
-
-# ---- The legs' blocks of a program over the program's own variables.
 
 
 @dataclass(frozen=True, eq=False)

@@ -111,14 +111,9 @@ class StepCost:
 def _squared_differences(
     column: IntArray, weights: tuple[float, ...]
 ) -> tuple[IntArray, FloatArray]:
-    """Return the sum of squared differences of control points, as entries over the variables.
+    """Return the sum of squared differences with weights of consecutive control points.
 
-    Args:
-        column: The variable of every control point, -1 where it is fixed, shape (K,).
-        weights: Of consecutive control points in a difference.
-
-    Returns:
-        Rows and columns (2, E), and values (E,); they may repeat.
+    As entries over the variables: rows and columns (2, E), and values (E,); places may repeat.
     """
     order = len(weights)
     which = column[np.arange(len(column) - order + 1)[:, None] + np.arange(order)]
@@ -199,11 +194,8 @@ class ShortestDuration:
         """Do nothing: durations need no weight."""
 
 
-# ---- Sums of blocks, one for every knot interval, over the variables of a step.
-
-
 class IntervalBlocks:
-    """The pattern of the sum of all intervals' blocks."""
+    """The sum of blocks of all knot intervals over the variables of a step, in one pattern."""
 
     def __init__(
         self, variables: ControlVariables, intervals: int, points: int, switches: int

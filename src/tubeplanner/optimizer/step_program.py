@@ -160,7 +160,7 @@ class BandedProgram:
 
 
 def _without(rows: SparseRows, held: Sequence[SparseRows]) -> SparseRows:
-    """Return rows that do not change along held directions, which are orthogonal."""
+    """Return rows without their changes along held directions, which are orthogonal."""
     for columns, directions in _groups(held):
         rows = _projected(rows, columns, directions)
     return rows
@@ -241,12 +241,7 @@ class NativeProgram:
     """
 
     def __init__(
-        self,
-        first: FloatArray,
-        linear: FloatArray,
-        lower: FloatArray,
-        upper: FloatArray,
-        band: int,
+        self, first: FloatArray, linear: FloatArray, lower: FloatArray, upper: FloatArray, band: int
     ) -> None:
         """Set the program up without rows.
 
