@@ -31,7 +31,7 @@ def random_configurations(robot, count, seed):
 
 
 def all_distances(distance, robot, q):
-    """Return what `distance` makes of the poses of every configuration: shape (N, P)."""
+    """Return `distance` of the poses of every configuration: shape (N, P)."""
     return np.array([distance(*poses) for poses in zip(*robot.body_poses(q), strict=True)])
 
 
@@ -247,15 +247,15 @@ def test_distances_are_exact_where_they_matter_and_lower_bounds_elsewhere(bundle
     q = (1 - share) * start + share * end
     exact = our_distances(checker, q, checker.pairs)
     matters = np.full(exact.shape, MATTERS)
-    found = near_distances(checker, q, checker.pairs, matters, np.full(exact.shape, -np.inf))
+    result = near_distances(checker, q, checker.pairs, matters, np.full(exact.shape, -np.inf))
     near = exact < MATTERS - 1e-6
     assert (exact < 0).any()
     assert near.sum() > 20
-    close(found[near], exact[near], rtol=0, atol=2e-5)
-    assert (found <= exact + 2e-5).all()
-    assert (found[~near] >= MATTERS - 2e-5).all()
-    known = matters + 100.0  # what is known to be far enough stays as it is
-    same(near_distances(checker, q, checker.pairs, matters, known), known)
+    close(result[near], exact[near], rtol=0, atol=2e-5)
+    assert (result <= exact + 2e-5).all()
+    assert (result[~near] >= MATTERS - 2e-5).all()
+    bounds = matters + 100.0  # what is known to be far enough stays as it is
+    same(near_distances(checker, q, checker.pairs, matters, bounds), bounds)
 
 
 def test_a_pose_that_is_not_finite_never_reaches_fcl(two_link):

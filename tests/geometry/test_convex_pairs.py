@@ -19,7 +19,7 @@ PROBLEMS = ("two_link/paper_1_30mm", "ur5/over_the_wall")
 
 
 class Placed(NamedTuple):
-    """A checker that measures natively, one that does not, and pairs in configurations."""
+    """A native checker, a checker without native library, and pairs in configurations."""
 
     native: CollisionChecker
     other: CollisionChecker
@@ -62,26 +62,26 @@ def test_quick_bounds_are_those_of_numpy(placed):
         ("box_distances", (row, pairs)),
         ("separations_along", (pairs, direction, row)),
     ):
-        found, expected = (
+        result, expected = (
             getattr(checker, name)(rotation, position, *arguments) for checker in (native, other)
         )
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13, err_msg=name)
+        np.testing.assert_allclose(result, expected, rtol=0, atol=1e-13, err_msg=name)
 
 
 def test_closest_points_are_never_looser_than_those_of_fcl_and_their_own_proof(placed):
     native, other, rotation, position, pairs, row = placed
     expected = other.closest_points(rotation, position, pairs, row)
-    found = native.closest_points(rotation, position, pairs, row)
-    more = found.distance - expected.distance
+    result = native.closest_points(rotation, position, pairs, row)
+    more = result.distance - expected.distance
     assert more.min() > -1e-9
     assert more.max() < 2e-5
     apart = expected.distance > 1e-6
-    gap = (found.second - found.first)[apart]
-    size = (found.distance + placed.radii(pairs))[apart]
-    along = np.einsum("pi,pi->p", gap, found.direction[apart])
+    gap = (result.second - result.first)[apart]
+    size = (result.distance + placed.radii(pairs))[apart]
+    along = np.einsum("pi,pi->p", gap, result.direction[apart])
     for length in (np.linalg.norm(gap, axis=1), along):
         np.testing.assert_allclose(length, size, rtol=0, atol=1e-9)
-    for checker, closest in ((native, found), (other, expected)):
+    for checker, closest in ((native, result), (other, expected)):
         distance, direction = checker.separations_at(rotation, position, pairs, row)
         np.testing.assert_allclose(distance, closest.distance, rtol=0, atol=1e-12)
         along = checker.separations_along(rotation, position, pairs, direction, row)
@@ -91,13 +91,13 @@ def test_closest_points_are_never_looser_than_those_of_fcl_and_their_own_proof(p
 def test_the_search_begins_anywhere_and_finds_the_same(placed):
     native, _, rotation, position, pairs, row = placed
     shapes = native._native
-    found = shapes.closest_points(rotation, position, row, pairs)
-    others = np.roll(found.direction, 1, axis=0)
+    result = shapes.closest_points(rotation, position, row, pairs)
+    others = np.roll(result.direction, 1, axis=0)
     again = shapes.closest_points(rotation, position, row, pairs, others)
-    both = found.proven & again.proven
+    both = result.proven & again.proven
     assert both.mean() > 0.9
-    np.testing.assert_array_equal(found.proven, again.proven)
-    np.testing.assert_allclose(again.distance[both], found.distance[both], rtol=0, atol=2e-9)
+    np.testing.assert_array_equal(result.proven, again.proven)
+    np.testing.assert_allclose(again.distance[both], result.distance[both], rtol=0, atol=2e-9)
 
 
 def test_the_least_room_is_that_of_all_pairs(placed):
@@ -108,17 +108,17 @@ def test_the_least_room_is_that_of_all_pairs(placed):
     required = np.random.default_rng(4).uniform(0, 0.02, len(pairs))
     required[::7] = -np.inf if len(pairs) > 1 else 0.0
     room = np.where(required > -np.inf, exact - required, np.inf)
-    found = native.least_room(rotation, position, pairs, required, NEAR)
+    result = native.least_room(rotation, position, pairs, required, NEAR)
     least = room.min(axis=1)
     assert (least < NEAR).sum() > 10
     none = least >= NEAR
-    assert ((found.pair[none] == -1) & (found.room[none] == NEAR)).all()
-    proven = ~none & found.proven
-    np.testing.assert_allclose(found.room[proven], least[proven], rtol=0, atol=2e-9)
-    np.testing.assert_array_equal(found.pair[proven], room[proven].argmin(axis=1))
+    assert ((result.pair[none] == -1) & (result.room[none] == NEAR)).all()
+    proven = ~none & result.proven
+    np.testing.assert_allclose(result.room[proven], least[proven], rtol=0, atol=2e-9)
+    np.testing.assert_array_equal(result.pair[proven], room[proven].argmin(axis=1))
     cores = exact + placed.radii(pairs)
-    assert (cores[rows, found.pair][~found.proven] < 1e-6).all()
-    assert not found.proven[(cores[:, required > -np.inf] < -1e-6).any(axis=1)].any()
+    assert (cores[rows, result.pair][~result.proven] < 1e-6).all()
+    assert not result.proven[(cores[:, required > -np.inf] < -1e-6).any(axis=1)].any()
 
 
 @pytest.mark.parametrize("near", [0.03, 0.0])
@@ -130,14 +130,14 @@ def test_bounds_on_clearances_are_those_of_numpy(near, monkeypatch, bundled):
     required = rng.uniform(0, 0.02, len(checker.pairs))
     required[::5] = -np.inf  # may touch
     arguments = checker, checker.pairs, required
-    found, least = clearance_bounds.ClearanceBounds(*arguments).at(*poses, near)
+    result, least = clearance_bounds.ClearanceBounds(*arguments).at(*poses, near)
     monkeypatch.setattr(clearance_bounds, "LIBRARY", NativeLibrary(None, ""))
     expected, expected_least = clearance_bounds.ClearanceBounds(*arguments).at(*poses, near)
     close = np.isfinite(expected)
     assert not close[:, ::5].any()
     assert 50 < close.sum() < close.size / 2
     assert (expected[close] < 0).any()
-    for one, other in ((found, expected), (least, expected_least)):
+    for one, other in ((result, expected), (least, expected_least)):
         np.testing.assert_array_equal(np.isfinite(one), np.isfinite(other))
-        known = np.isfinite(other)
-        assert one[known] == pytest.approx(other[known], abs=1e-10)
+        finite = np.isfinite(other)
+        assert one[finite] == pytest.approx(other[finite], abs=1e-10)

@@ -23,7 +23,7 @@ def directions(count, seed=0):
 
 
 def support(shape, direction):
-    """Return how far the grown polytope extends along unit directions (N, 3)."""
+    """Return the extent of the grown polytope along unit directions (N, 3)."""
     return (direction @ shape.vertices.T).max(axis=1) + shape.radius
 
 
@@ -80,10 +80,10 @@ def test_the_bounding_sphere_and_the_reach_hold_the_whole_shape(shape):
 
 def test_a_transformed_shape_is_turned_and_moved_and_keeps_its_radius():
     shape = capsule(0.1, 0.8)
-    moved, d = shape.transformed(PLACEMENT), directions(200)
-    turned = d @ PLACEMENT[:3, :3]
-    close(support(moved, d), support(shape, turned) + d @ PLACEMENT[:3, 3])
-    assert moved.radius == 0.1
+    image, d = shape.transformed(PLACEMENT), directions(200)
+    local = d @ PLACEMENT[:3, :3]
+    close(support(image, d), support(shape, local) + d @ PLACEMENT[:3, 3])
+    assert image.radius == 0.1
 
 
 def test_a_hull_keeps_corners_only_and_holds_every_point():

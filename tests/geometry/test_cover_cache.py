@@ -126,12 +126,12 @@ def test_another_mesh_or_scale_is_another_entry_and_a_moved_mesh_is_the_same(
 ):
     first = ring().cover()
     MeshFile("link 'ring'", ring().path, 2.0).cover()
-    moved = ring().path.rename(tmp_path / "moved.stl")
+    target = ring().path.rename(tmp_path / "moved.stl")
     trimesh.creation.box([0.1, 0.1, 0.1]).export(ring().path)
     assert len(ring().cover()[0].vertices) == 8 != len(first[0].vertices)
     assert len(list(folder.glob("cover-*"))) == 3
     uncomputed()
-    assert_same(MeshFile("another link", moved).cover(), first)
+    assert_same(MeshFile("another link", target).cover(), first)
 
 
 def test_what_a_killed_process_or_a_write_that_fails_left_is_removed(folder, ring, monkeypatch):

@@ -46,12 +46,12 @@ def described(elements):
 
 
 def test_elements_are_those_of_the_urdf_or_the_cache_which_parses_nothing(robot, monkeypatch):
-    found = link_elements(robot)
-    assert list(found) == ["arm"]
-    cold = found["arm"]
+    result = link_elements(robot)
+    assert list(result) == ["arm"]
+    cold = result["arm"]
     assert described(cold) == EXPECTED
-    turned = np.array([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
-    close(cold[0].placement, turned, atol=1e-15)
+    pose = np.array([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
+    close(cold[0].placement, pose, atol=1e-15)
     np.testing.assert_array_equal(cold[1].placement, np.eye(4))
     monkeypatch.setattr(module, "read_geometry", None)
     warm = link_elements(robot)["arm"]
@@ -83,15 +83,15 @@ def collision_meshes(robot):
             if mesh is None:
                 continue
             path = find_mesh(mesh.get("filename"), Path(robot.urdf.path))
-            found = trimesh.load(str(path), force="mesh")
-            found.apply_scale([float(s) for s in mesh.get("scale", "1 1 1").split()])
+            result = trimesh.load(str(path), force="mesh")
+            result.apply_scale([float(s) for s in mesh.get("scale", "1 1 1").split()])
             if origin is not None:
                 xyz, rpy = (origin.get(key, "0 0 0").split() for key in ("xyz", "rpy"))
                 euler = [float(angle) for angle in rpy]
                 placement = trimesh.transformations.euler_matrix(*euler, axes="sxyz")
                 placement[:3, 3] = [float(x) for x in xyz]
-                found.apply_transform(placement)
-            yield element.get("name"), found
+                result.apply_transform(placement)
+            yield element.get("name"), result
 
 
 def test_every_point_of_every_link_mesh_is_covered(panda):
@@ -200,7 +200,7 @@ def test_a_prefix_that_is_not_declared_leaves_geometry_and_joints_as_they_are(tm
 
 
 def arm_of(folder, base, tip):
-    """Return an arm of two links, given what they are."""
+    """Return an arm of two links, given their elements."""
     parts = solid_link("base", base), solid_link("tip", tip)
     return loaded(folder, *parts, joint("one", "base", "tip"))
 

@@ -96,10 +96,10 @@ def test_motion_weights_are_the_farthest_a_joint_can_move_a_point(snake):
 def test_pairs_are_found_by_the_names_of_their_solids(snake):
     checker = CollisionChecker(snake(), [BLOCK, MARBLE])
     for names in owners(checker, checker.pairs):
-        found = checker.between(*names)
-        same(found, checker.between(*names[::-1]))
-        assert owners(checker, checker.pairs[found]) == {names}
-        assert names not in owners(checker, checker.pairs[~found])
+        result = checker.between(*names)
+        same(result, checker.between(*names[::-1]))
+        assert owners(checker, checker.pairs[result]) == {names}
+        assert names not in owners(checker, checker.pairs[~result])
     assert not checker.between("a", "nothing").any()
 
 

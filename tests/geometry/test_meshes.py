@@ -29,7 +29,7 @@ def put(path, kind):
 
 
 def readers(path):
-    """Yield what reads a mesh for shapes and for pictures."""
+    """Yield the readers of a mesh, for shapes and for pictures."""
     yield lambda: load_mesh("obstacle 'part'", path)
     yield lambda: read_visual_mesh(path)
 
@@ -110,9 +110,9 @@ def test_a_scale_that_leads_too_far_is_refused(tmp_path):
     path.write_bytes(stl([[0, 0, 0], [10, 0, 0], [0, 1, 0]], *GOOD))
     with pytest.raises(RobotError, match=r"reaches 1e\+05 m from its origin"):
         load_mesh("link 'a'", path, [1e4, 1.0, 1.0])
-    for scale, shown in (("a", "'a'"), (0.0, "0")):
+    for scale, values in (("a", "'a'"), (0.0, "0")):
         message = refusal(ProblemError, Obstacle.mesh, "part", path, placement_of(), scale)
-        assert message.startswith(f"obstacle 'part': scale {shown}; 1e-06 to 10000 are accepted")
+        assert message.startswith(f"obstacle 'part': scale {values}; 1e-06 to 10000 are accepted")
 
 
 @pytest.mark.parametrize("triangle", [[[0, 0, 0], [1, 0, 0], [0, 1, 1e-9]], [[1, 1, 1]] * 3])
@@ -125,9 +125,9 @@ def test_what_is_flat_becomes_a_thin_solid(tmp_path, triangle):
 
 
 def test_equal_triangles_count_once_and_the_two_sides_of_a_sheet_are_two(tmp_path):
-    turned, back = np.roll(GOOD, 1, axis=1), [GOOD[0][::-1]]
+    rolled, back = np.roll(GOOD, 1, axis=1), [GOOD[0][::-1]]
     meshes = []
-    for triangles in (GOOD, [*GOOD, *turned, *GOOD], [*GOOD, *back]):
+    for triangles in (GOOD, [*GOOD, *rolled, *GOOD], [*GOOD, *back]):
         (tmp_path / "part.stl").write_bytes(stl(*triangles))
         meshes.append(load_mesh("m", tmp_path / "part.stl"))
     once, often, sheet = meshes

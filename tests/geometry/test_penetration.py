@@ -22,18 +22,18 @@ def shortest(first, second):
 def hulls():
     rng = np.random.default_rng(8)
     first, second = rng.uniform(-0.2, 0.2, (2, 8, 3))
-    turned = Rotation.random(12, random_state=9).as_matrix()
-    moved = rng.normal(size=(12, 3))
-    moved *= rng.uniform(0.5, 1.0, (12, 1)) / np.linalg.norm(moved, axis=1, keepdims=True)
-    return first, second, turned, moved
+    rotation = Rotation.random(12, random_state=9).as_matrix()
+    origin = rng.normal(size=(12, 3))
+    origin *= rng.uniform(0.5, 1.0, (12, 1)) / np.linalg.norm(origin, axis=1, keepdims=True)
+    return first, second, rotation, origin
 
 
 def test_distances_are_those_of_least_squares(hulls):
-    first, second, turned, moved = hulls
-    placed = np.einsum("nij,vj->nvi", turned, first) + moved[:, None]
+    first, second, rotation, origin = hulls
+    placed = np.einsum("nij,vj->nvi", rotation, first) + origin[:, None]
     gap = second[0] - placed[:, 0]
     distance, direction = separating_directions(
-        first, second, turned, moved, gap, max_steps=3000, loose=1e-5
+        first, second, rotation, origin, gap, max_steps=3000, loose=1e-5
     )
     exact = np.array([shortest(points, second) for points in placed])
     assert (exact > 0.01).sum() > 8
@@ -45,9 +45,9 @@ def test_distances_are_those_of_least_squares(hulls):
 
 
 def test_what_has_enough_is_no_longer_looked_at(hulls):
-    first, second, turned, moved = hulls
-    gap = second[0] - np.einsum("nij,j->ni", turned, first[0]) - moved
-    arguments = (first, second, turned, moved, gap)
+    first, second, rotation, origin = hulls
+    gap = second[0] - np.einsum("nij,j->ni", rotation, first[0]) - origin
+    arguments = (first, second, rotation, origin, gap)
     once, _ = separating_directions(*arguments, max_steps=1)
     again, _ = separating_directions(*arguments, max_steps=50, enough=0.0)
     assert (once >= 0).any()
@@ -60,10 +60,10 @@ PART = (0.06, 0.06, 0.1)
 
 
 def separation(first, second, rotation, position):
-    """Return what is found of two shapes, the second moved."""
-    turned = np.array([np.eye(3), rotation])[None]
+    """Return the closest points of two shapes, the second moved."""
+    rotations = np.array([np.eye(3), rotation])[None]
     placed = np.array([np.zeros(3), position])[None]
-    return PlacedShapes([first, second]).separations(np.array([[0, 1]]), turned, placed)
+    return PlacedShapes([first, second]).separations(np.array([[0, 1]]), rotations, placed)
 
 
 def on_the_table(gap, tilt, turn=0.3, part=None):
@@ -77,9 +77,9 @@ def on_the_table(gap, tilt, turn=0.3, part=None):
 @pytest.mark.parametrize("gap", [0.0, -1e-9, -1e-6, -1e-3])
 def test_a_part_on_a_table_is_as_deep_as_its_lowest_corner(gap, tilt):
     """FCL ends the process on some of these, and its direction is off on most."""
-    found = separation(box(TABLE), box(PART), *on_the_table(gap, tilt))
-    assert gap - 5e-7 <= found.distance[0] <= gap + 1e-12
-    close(found.direction[0], [0, 0, 1], atol=1e-5)
+    result = separation(box(TABLE), box(PART), *on_the_table(gap, tilt))
+    assert gap - 5e-7 <= result.distance[0] <= gap + 1e-12
+    close(result.direction[0], [0, 0, 1], atol=1e-5)
 
 
 def test_no_pose_of_solids_that_touch_ends_the_process():
@@ -89,8 +89,8 @@ def test_no_pose_of_solids_that_touch_ends_the_process():
             rng.choice([0, 1e-7, -1e-7, -2e-6]), rng.choice([0, 1e-6, 2e-6]), rng.uniform(-3, 3)
         )
         position[:2] = rng.uniform(-0.3, 0.3, 2)
-        found = separation(box(PART), box(TABLE), rotation.T, -rotation.T @ position)
-        assert abs(found.distance[0]) < 3e-6
+        result = separation(box(PART), box(TABLE), rotation.T, -rotation.T @ position)
+        assert abs(result.distance[0]) < 3e-6
 
 
 def test_crossed_edges_are_as_deep_as_the_edges():
@@ -101,27 +101,27 @@ def test_crossed_edges_are_as_deep_as_the_edges():
     )
     upper = Rotation.from_euler("x", 45, True).as_matrix()
     depth = 0.01
-    found = separation(lower, box((1.0, 0.1, 0.1)), upper, [0, 0, 2 * diagonal - depth])
-    assert found.distance[0] == pytest.approx(-depth, abs=1e-6)
-    close(found.direction[0], [0, 0, 1], atol=1e-4)
-    close(found.second[0] - found.first[0], [0, 0, -depth], atol=1e-5)
+    result = separation(lower, box((1.0, 0.1, 0.1)), upper, [0, 0, 2 * diagonal - depth])
+    assert result.distance[0] == pytest.approx(-depth, abs=1e-6)
+    close(result.direction[0], [0, 0, 1], atol=1e-4)
+    close(result.second[0] - result.first[0], [0, 0, -depth], atol=1e-5)
 
 
 @pytest.mark.parametrize("shape", [sphere(0.02), capsule(0.02, 0.1)], ids=["ball", "capsule"])
 @pytest.mark.parametrize("deep", [0.0, 0.005])
 def test_balls_and_capsules_whose_centre_is_inside(shape, deep):
-    turned = Rotation.from_euler("x", 90, True).as_matrix()
-    found = separation(box(TABLE), shape, turned, [0.1, 0.2, TABLE[2] / 2 - deep])
-    assert found.distance[0] == pytest.approx(-deep - 0.02, abs=2e-9)
+    rotation = Rotation.from_euler("x", 90, True).as_matrix()
+    result = separation(box(TABLE), shape, rotation, [0.1, 0.2, TABLE[2] / 2 - deep])
+    assert result.distance[0] == pytest.approx(-deep - 0.02, abs=2e-9)
 
 
 def test_the_points_lie_on_the_faces_across_from_each_other():
     rotation, position = on_the_table(-0.003, 0.05)
-    found = separation(box(TABLE), box(PART), rotation, position)
-    close(found.first[0][2], TABLE[2] / 2, atol=1e-8)
+    result = separation(box(TABLE), box(PART), rotation, position)
+    close(result.first[0][2], TABLE[2] / 2, atol=1e-8)
     corners = box(PART).vertices @ rotation.T + position
-    close(found.second[0], corners[corners[:, 2].argmin()], atol=1e-5)
-    close(found.first[0][:2], found.second[0][:2], atol=1e-5)
+    close(result.second[0], corners[corners[:, 2].argmin()], atol=1e-5)
+    close(result.first[0][:2], result.second[0][:2], atol=1e-5)
 
 
 @pytest.mark.parametrize("gap", [0.0, -1e-6])
@@ -129,11 +129,11 @@ def test_an_edge_on_a_face_that_no_other_is_parallel_to(gap):
     """The normal of the second shape's face alone is exact."""
     corners = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0.2, 0.1, -1]]
     wedge = convex_hull(np.array(corners, dtype=float))
-    turned = Rotation.from_euler("y", 45, True).as_matrix()
+    rotation = Rotation.from_euler("y", 45, True).as_matrix()
     height = np.sqrt(2) * 0.05 + gap
-    found = separation(box((0.1, 0.8, 0.1)), wedge, turned.T, turned.T @ [0, 0, -height])
-    assert gap - 1e-9 <= found.distance[0] <= gap + 1e-12
-    close(turned @ found.direction[0], [0, 0, -1], atol=1e-9)
+    result = separation(box((0.1, 0.8, 0.1)), wedge, rotation.T, rotation.T @ [0, 0, -height])
+    assert gap - 1e-9 <= result.distance[0] <= gap + 1e-12
+    close(rotation @ result.direction[0], [0, 0, -1], atol=1e-9)
 
 
 def test_a_disc_of_many_corners_is_as_deep_as_it_is():
@@ -144,6 +144,6 @@ def test_a_disc_of_many_corners_is_as_deep_as_it_is():
     disc = convex_hull(np.vstack([np.c_[rim, np.full(corners, z)] for z in (-0.02, 0.02)]))
     assert np.bincount(disc.faces.ravel()).max() > corners / 2
     for tilt, accuracy in ((0.0, 1e-9), (0.4, 1e-6)):
-        found = separation(box(TABLE), disc, *on_the_table(-0.003, tilt, part=disc))
-        assert found.distance[0] == pytest.approx(-0.003, abs=accuracy)
-        close(found.direction[0], [0, 0, 1], atol=1e-5)
+        result = separation(box(TABLE), disc, *on_the_table(-0.003, tilt, part=disc))
+        assert result.distance[0] == pytest.approx(-0.003, abs=accuracy)
+        close(result.direction[0], [0, 0, 1], atol=1e-5)

@@ -196,9 +196,9 @@ def test_what_is_let_go_elsewhere_stands_where_the_tool_is_then():
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_let_go_where_it_was_taken_stands_as_before_and_pictures_show_it_there(kind):
     solid = KINDS[kind]
-    moved, before = taken(solid, TILTED), solid.contents
-    close(moved.contents.placement, np.linalg.inv(TILTED) @ before.placement, atol=1e-12)
-    assert (moved.contents.kind, moved.contents.sizes) == (before.kind, before.sizes)
-    back = left(moved, TILTED)
+    carried, before = taken(solid, TILTED), solid.contents
+    close(carried.contents.placement, np.linalg.inv(TILTED) @ before.placement, atol=1e-12)
+    assert (carried.contents.kind, carried.contents.sizes) == (before.kind, before.sizes)
+    back = left(carried, TILTED)
     close(corners(back), corners(solid), atol=1e-12)
     close(back.contents.placement, before.placement, atol=1e-12)

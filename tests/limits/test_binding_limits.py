@@ -81,12 +81,12 @@ def test_points_are_on_the_surfaces(ball):
 def test_what_must_be_farther_apart_is_closer(ball):
     problem = changed(ball, pair_clearances={("arm", "far"): 0.5})
     motion = rest_to_rest(["turn"], 0.0, np.pi / 4, 1.0)
-    (found,) = closest_pairs(problem, motion, np.array([1.0]))
-    assert found.names == (("arm", "far"),)
+    (result,) = closest_pairs(problem, motion, np.array([1.0]))
+    assert result.names == (("arm", "far"),)
     place = 0.5 * np.sqrt(0.5)
     distance = np.hypot(place, 1.0 - place) - 0.15
-    assert found.distance == pytest.approx([distance])
-    assert found.margin == pytest.approx([distance - 0.5])
+    assert result.distance == pytest.approx([distance])
+    assert result.margin == pytest.approx([distance - 0.5])
 
 
 def test_what_may_touch_is_left_out_while_it_may(tmp_path):
@@ -105,9 +105,9 @@ EFFORT, MASS = 10.0, 2.0  # of the slider on its rail [N], [kg]
 def bang_bang(cruise=0.0):
     """Return a move of the slider at full effort, then for a time at full speed, then braked."""
     widths, signs = np.array([[0.2, cruise, 0.2], [1.0, 0.0, -1.0]])
-    kept = widths > 0
-    time = np.append(0.0, np.cumsum(widths[kept]))
-    position = PPoly(EFFORT / MASS * signs[None, kept], time).antiderivative(2)
+    rows = widths > 0
+    time = np.append(0.0, np.cumsum(widths[rows]))
+    position = PPoly(EFFORT / MASS * signs[None, rows], time).antiderivative(2)
     return JointTrajectory(["slide"], time, position.c[:, :, None])
 
 

@@ -31,7 +31,7 @@ LINE = {"saturation_effort": STALL, "no_load_velocity": NO_LOAD}
 
 
 def table(position, forwards, backwards=None):
-    """Return what the bar's motor has, by position."""
+    """Return the effort limits of the bar's motor, by position."""
     backwards = forwards if backwards is None else backwards
     return EffortRange(0, *(np.array(each) for each in (position, backwards, forwards)))
 
@@ -112,8 +112,10 @@ def test_coulomb_friction_counts_where_it_is_asked_for(ur5, viscous, counts):
     effort = ur5.inverse_dynamics(q, SPEED * v, SPEED**2 * a) + viscous * SPEED * v
     rubbing = np.where(v > 0, np.arange(6) + 1, -np.arange(6) - 11) * counts
     rubbing[1] = 0
-    kept = [0, 2, 3, 4, 5]
-    np.testing.assert_allclose(used, ((effort + rubbing) / limit)[:, kept], rtol=1e-10, atol=1e-12)
+    columns = [0, 2, 3, 4, 5]
+    np.testing.assert_allclose(
+        used, ((effort + rubbing) / limit)[:, columns], rtol=1e-10, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("v", [1.5, -1.5])
@@ -146,8 +148,8 @@ def test_upwards_the_most_counts_and_downwards_the_least(bar, v):
     ],
 )
 def test_each_way_and_place_has_its_own_limit_and_friction(bar, ranges, motors, state, available):
-    found = largest_speed(EffortLimit, bar(ranges, **motors), *state)
-    assert found == pytest.approx(np.sqrt(available / (INERTIA * 2.0)))
+    result = largest_speed(EffortLimit, bar(ranges, **motors), *state)
+    assert result == pytest.approx(np.sqrt(available / (INERTIA * 2.0)))
 
 
 def test_shares_are_of_the_most_and_allowed_is_less(bar):
@@ -293,8 +295,8 @@ def test_the_joint_that_lacks_most_is_named(ur5):
     arm = with_motors(ur5, forwards_friction=forwards, backwards_friction=friction)
     with pytest.raises(Infeasible, match="elbow_joint") as caught:
         require_held(anywhere(arm), q)
-    held = abs(ur5.gravity_effort(q[None])[0, 2])
-    assert f"needs {400 - held:.2f} N m against gravity and friction" in str(caught.value)
+    effort = abs(ur5.gravity_effort(q[None])[0, 2])
+    assert f"needs {400 - effort:.2f} N m against gravity and friction" in str(caught.value)
 
 
 def test_planning_refuses_it(bar):

@@ -90,8 +90,8 @@ def test_one_that_moves_on_is_refused_by_name(limited):
     reason = limit.refusal(at)
     assert reason.status is PlanStatus.NO_TRAJECTORY
     assert reason.place.joint == "turn"
-    shown = f"{UPPER - ZONE / 2:.4f}"
-    assert f"moves up at {shown}, where limits.velocity_by_position" in str(reason)
+    edge = f"{UPPER - ZONE / 2:.4f}"
+    assert f"moves up at {edge}, where limits.velocity_by_position" in str(reason)
     assert f"from {UPPER - ZONE:.4f} on" in str(reason)
     assert "moves down at -1.0000" in str(limit.refusal(path(problem, LOWER, -1.0)))
 

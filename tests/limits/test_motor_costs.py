@@ -194,9 +194,9 @@ def test_friction_is_what_work_overcomes_and_motors_heat_for(tmp_path):
     q, duration, motion = OUT_AND_BACK, 2.5, in_one_second(OUT_AND_BACK)
 
     def effort(x):
-        held = 0.5 * 9.81 * 0.5 * np.cos(q(x)) + (FORTH if x < 0.5 else -BACK)
+        static = 0.5 * 9.81 * 0.5 * np.cos(q(x)) + (FORTH if x < 0.5 else -BACK)
         inertia = INERTIA + 0.5 * 0.5**2 + ARMATURE
-        return held + VISCOUS * q.deriv()(x) / duration + inertia * q.deriv(2)(x) / duration**2
+        return static + VISCOUS * q.deriv()(x) / duration + inertia * q.deriv(2)(x) / duration**2
 
     def integral(function):
         halves = ((0.0, 0.5), (0.5, 1.0))
@@ -217,9 +217,9 @@ def test_a_rest_to_rest_quintic_moves_its_effort_up_down_and_back(tmp_path):
     """From 0 to the peak, to the opposite one, and to 0: four peaks."""
     duration = 0.4
     peak = INERTIA * PEAK_ACCELERATION * ANGLE / duration**2
-    found = effort_variation(one_joint(tmp_path), quintic(duration=duration))
-    assert found == pytest.approx([4 * peak / EFFORT], rel=5e-3)
-    assert found <= 4 * peak / EFFORT
+    result = effort_variation(one_joint(tmp_path), quintic(duration=duration))
+    assert result == pytest.approx([4 * peak / EFFORT], rel=5e-3)
+    assert result <= 4 * peak / EFFORT
 
 
 def test_a_pendulums_effort_moves_with_gravity_too(tmp_path):
@@ -230,9 +230,9 @@ def test_a_pendulums_effort_moves_with_gravity_too(tmp_path):
     weight = MASS * GRAVITY * LEVER * np.cos(q)
     effort = (INERTIA + MASS * LEVER**2) * acceleration + weight
     expected = abs(np.diff(effort)).sum() / EFFORT
-    found = effort_variation(one_joint(tmp_path, mass=MASS), quintic())
-    assert found == pytest.approx([expected], rel=1e-2)
-    assert abs(found - 4 * INERTIA * PEAK_ACCELERATION * ANGLE / EFFORT) > 0.1
+    result = effort_variation(one_joint(tmp_path, mass=MASS), quintic())
+    assert result == pytest.approx([expected], rel=1e-2)
+    assert abs(result - 4 * INERTIA * PEAK_ACCELERATION * ANGLE / EFFORT) > 0.1
 
 
 def test_jumps_between_pieces_count_and_the_hold_before_and_after_does_not(tmp_path, two_link):

@@ -28,11 +28,11 @@ def blended(own, rate, directions=np.nan):
 
 def test_its_direction_is_that_of_the_motion_and_none_at_rest():
     """Each side has its own."""
-    found = directed_friction(motors(uncertainty=0.5), np.array([[2.0], [-1.0], [0.0]]))
-    np.testing.assert_allclose(found.most[:, 0], [1.5 * FORTH, -0.5 * BACK, 0.0])
-    np.testing.assert_allclose(found.least[:, 0], [0.5 * FORTH, -1.5 * BACK, 0.0])
-    assert not found.most_by_rate.any()
-    assert not found.least_by_rate.any()
+    result = directed_friction(motors(uncertainty=0.5), np.array([[2.0], [-1.0], [0.0]]))
+    np.testing.assert_allclose(result.most[:, 0], [1.5 * FORTH, -0.5 * BACK, 0.0])
+    np.testing.assert_allclose(result.least[:, 0], [0.5 * FORTH, -1.5 * BACK, 0.0])
+    assert not result.most_by_rate.any()
+    assert not result.least_by_rate.any()
     friction = CoulombFriction(*(np.full((1, 1), value) for value in (1.0, 2.0, 3.0, 4.0)))
     assert [float(part[0, 0]) for part in friction.side(1.0)] == [1.0, 3.0]
     assert [float(part[0, 0]) for part in friction.side(-1.0)] == [2.0, 4.0]
@@ -51,8 +51,8 @@ def test_blended_it_is_no_less_anywhere_and_exact_at_speed(uncertainty):
         assert (beyond >= -1e-12).all()
         assert ((beyond > 1e-3) & ~fast).any(axis=0).all()
     for name in CoulombFriction.__dataclass_fields__:
-        found, expected = getattr(even, name), getattr(exact, name)
-        np.testing.assert_allclose(found[fast], expected[fast], atol=1e-12)
+        result, expected = getattr(even, name), getattr(exact, name)
+        np.testing.assert_allclose(result[fast], expected[fast], atol=1e-12)
 
 
 @pytest.mark.parametrize("uncertainty", [0.0, 0.5])
@@ -62,17 +62,17 @@ def test_it_changes_evenly_before_a_reversal_and_is_whole_a_tenth_early(directio
     width = SHARE * 5.0
     shares = np.array([1.2, 1.0, 0.775, 0.55, 0.1, 0.05, 0.0])
     rate = -direction * width * np.append(shares, 5 / width)[:, None]
-    found = blended(motors(uncertainty=uncertainty), rate)
+    result = blended(motors(uncertainty=uncertainty), rate)
     more, less = 1 + uncertainty, 1 - uncertainty
     ramp = np.array([0, 0, 0.25, 0.5, 1, 1, 1])
     if direction > 0:
         expected = -BACK * less + (BACK * less + FORTH * more) * ramp
-        np.testing.assert_allclose(found.most[:-1, 0], expected)
-        np.testing.assert_allclose(found.least[:-1], -BACK * more)
+        np.testing.assert_allclose(result.most[:-1, 0], expected)
+        np.testing.assert_allclose(result.least[:-1], -BACK * more)
     else:
         expected = FORTH * less - (FORTH * less + BACK * more) * ramp
-        np.testing.assert_allclose(found.least[:-1, 0], expected)
-        np.testing.assert_allclose(found.most[:-1], FORTH * more)
+        np.testing.assert_allclose(result.least[:-1, 0], expected)
+        np.testing.assert_allclose(result.most[:-1], FORTH * more)
 
 
 def test_its_slopes_are_those_of_differences():
@@ -92,11 +92,11 @@ def test_its_slopes_are_those_of_differences():
 def test_at_the_ends_it_is_that_of_the_direction_there():
     """Whatever rounding makes of a velocity of zero."""
     rate = np.array([[1e-18], [1.0], [-1e-18], [0.05]])
-    found = blended(motors(), rate, np.array([[-2.0], [np.nan], [3.0], [0.0]]))
-    for each in (found.most, found.least):
+    result = blended(motors(), rate, np.array([[-2.0], [np.nan], [3.0], [0.0]]))
+    for each in (result.most, result.least):
         np.testing.assert_allclose(each[:, 0], [-BACK, FORTH, FORTH, 0.0])
-    assert not found.most_by_rate.any()
-    assert not found.least_by_rate.any()
+    assert not result.most_by_rate.any()
+    assert not result.least_by_rate.any()
 
 
 def test_a_joint_that_stands_still_has_none():

@@ -36,8 +36,8 @@ def test_a_peak_just_beside_a_doubled_sample_is_found_on_either_side(shift):
 
     value = function(time)
     value[6] -= 1e-16
-    found, when = refined_maximum(function, time, value, band=0.5)
-    assert found == pytest.approx(0, abs=1e-9)
+    result, when = refined_maximum(function, time, value, band=0.5)
+    assert result == pytest.approx(0, abs=1e-9)
     assert when == pytest.approx(1 + shift, abs=1e-4)
 
 
@@ -71,8 +71,8 @@ def test_a_peak_beside_a_jump_is_found_whatever_the_next_piece_does(centre, othe
     def function(piece, share):
         return np.where(piece == 1, 1 - 40 * (share - centre) ** 2, other)
 
-    found = refined_maximum_of_pieces(function, pieces_of(function, 3), band=10.0)
-    assert found == pytest.approx(1.0, abs=1e-7)
+    result = refined_maximum_of_pieces(function, pieces_of(function, 3), band=10.0)
+    assert result == pytest.approx(1.0, abs=1e-7)
 
 
 def test_a_peak_at_an_end_is_the_sample_there_and_soon_done_with():
@@ -97,8 +97,8 @@ def test_of_many_peaks_the_highest_is_found():
     def function(piece, share):
         return -((share - centres[piece]) ** 2) + 1e-3 * (piece == 137)
 
-    found = refined_maximum_of_pieces(function, pieces_of(function, 200), band=1.0)
-    assert found == pytest.approx(1e-3, abs=1e-8)
+    result = refined_maximum_of_pieces(function, pieces_of(function, 200), band=1.0)
+    assert result == pytest.approx(1e-3, abs=1e-8)
 
 
 LEVER = 0.5  # [m]
@@ -158,10 +158,10 @@ def test_the_tool_s_peaks_are_those_of_its_path(stored):
 
 def test_joints_may_come_in_any_order(stored):
     problem, trajectory = stored("ur5/over_the_wall")
-    turned = trajectory.reordered(trajectory.joint_names[::-1])
-    known = trajectory_peaks(problem.robot, trajectory)
-    assert trajectory_peaks(problem.robot, turned) == known
-    assert str(known).startswith("joint acceleration ")
-    shown = peaks_as_dict(known)
-    assert shown["peak_acceleration"]["joint"] in trajectory.joint_names
-    assert dict.fromkeys(shown) == peaks_as_dict(None)
+    backwards = trajectory.reordered(trajectory.joint_names[::-1])
+    peaks = trajectory_peaks(problem.robot, trajectory)
+    assert trajectory_peaks(problem.robot, backwards) == peaks
+    assert str(peaks).startswith("joint acceleration ")
+    values = peaks_as_dict(peaks)
+    assert values["peak_acceleration"]["joint"] in trajectory.joint_names
+    assert dict.fromkeys(values) == peaks_as_dict(None)

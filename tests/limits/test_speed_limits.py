@@ -55,10 +55,10 @@ def test_a_shape_is_run_at_the_limit_of_each_segment(stored):
     problem, trajectory = stored("two_link/around_a_post")
     problem = problem.with_tube(replace(problem.tube, tool_speed=[None, 0.3, 0.4]))
     at = trajectory.at(np.linspace(0, trajectory.duration, 50)[1:-1])
-    known, speed = (at.position, at.velocity, at.acceleration), tool_speed(problem.robot, at)
-    free = scaling_factor(problem, *known, segment=np.zeros(48, dtype=int))
+    state, speed = (at.position, at.velocity, at.acceleration), tool_speed(problem.robot, at)
+    free = scaling_factor(problem, *state, segment=np.zeros(48, dtype=int))
     for segment, limit in ((1, 0.3), (2, 0.4)):
-        factor = scaling_factor(problem, *known, segment=np.full(48, segment))
+        factor = scaling_factor(problem, *state, segment=np.full(48, segment))
         np.testing.assert_allclose(factor, np.minimum(free, limit / speed), rtol=1e-9)
     pieces = np.full(len(trajectory.widths), 2)
     scaled = scaled_to_limits(problem, trajectory, segments=pieces)
@@ -117,15 +117,15 @@ def test_they_leave_what_the_certificate_leaves(stored):
         sample = abs(uses.samples.time - judged.where.time).argmin()
         assert joint.share[sample] == pytest.approx(1 - judged.margin, abs=5e-3)
     half = (problem.joint_upper - problem.joint_lower)[uses.segment] / 2
-    left = [(1 - use.share) * half[:, use.joint] for use in uses.of("position")]
+    slack = [(1 - use.share) * half[:, use.joint] for use in uses.of("position")]
     judged = [conditions[kind].margin for kind in ("position", "joint_signs")]
     expected = min(margin for margin in judged if margin is not None)
-    assert np.min(left) == pytest.approx(expected, abs=2e-3)
-    left = (1 - only(uses, "tube").share) * problem.tube.effective_radius[uses.segment]
-    assert left.min() == pytest.approx(conditions["tube"].margin, abs=2e-4)
+    assert np.min(slack) == pytest.approx(expected, abs=2e-3)
+    slack = (1 - only(uses, "tube").share) * problem.tube.effective_radius[uses.segment]
+    assert slack.min() == pytest.approx(conditions["tube"].margin, abs=2e-4)
     bounds = problem.tube.rotation.bounds
-    left = conditions["rotation"].margin / bounds[np.isfinite(bounds)].min()
-    assert 1 - only(uses, "rotation").share.max() == pytest.approx(left, abs=2e-3)
+    slack = conditions["rotation"].margin / bounds[np.isfinite(bounds)].min()
+    assert 1 - only(uses, "rotation").share.max() == pytest.approx(slack, abs=2e-3)
 
 
 def test_every_limit_on_the_speed_is_there(tmp_path):
@@ -247,8 +247,8 @@ def test_a_slower_one_leaves_what_it_is_slower_and_the_fastest_hardly_any(planne
     unused = unused_speed(problem, result.trajectory)
     assert 0 <= unused < 0.01
     expected = 1 - (1 - unused) / slower
-    found = unused_speed(problem, result.trajectory.scaled(slower))
-    assert found == pytest.approx(expected, abs=0.003)
+    slow_unused = unused_speed(problem, result.trajectory.scaled(slower))
+    assert slow_unused == pytest.approx(expected, abs=0.003)
 
 
 @pytest.mark.parametrize("slower", [1.0, 2.0])

@@ -129,9 +129,9 @@ def test_effort_rates_are_met_exactly_on_both_sides_of_breakpoints(kinked):
     assert estimated_duration(problem, shape) == pytest.approx(scaled.duration, rel=1e-2)
     assert estimated_duration(problem, shape) < scaled.duration
     assert minimum_duration(problem, shape, with_jerk=False) < 0.9 * scaled.duration
-    known = scaled.at(np.linspace(0.01, 0.9, 50) * scaled.duration)
-    states = (known.position, known.velocity, known.acceleration)
-    jerk = scaled.jerk(known.time)
+    samples = scaled.at(np.linspace(0.01, 0.9, 50) * scaled.duration)
+    states = (samples.position, samples.velocity, samples.acceleration)
+    jerk = scaled.jerk(samples.time)
     assert scaling_factor(problem, *states, jerk).min() < scaling_factor(problem, *states).min()
 
 
@@ -150,8 +150,8 @@ def test_a_peak_of_an_effort_rate_between_samples_counts(tmp_path):
 @pytest.mark.parametrize("turned", [0.0, -1e-17])
 def test_what_rounding_makes_of_standing_still_has_no_friction(slide, turned):
     """A joint that gravity and friction together would stop, and that does not move."""
-    held = float(slide.gravity_effort(np.array([[0.0, 0.0, 0.3]]))[0, 2])
-    friction = np.array([0.0, 0.0, slide.limits.effort[2] - held / 2])
+    weight = float(slide.gravity_effort(np.array([[0.0, 0.0, 0.3]]))[0, 2])
+    friction = np.array([0.0, 0.0, slide.limits.effort[2] - weight / 2])
     robot = with_motors(slide, forwards_friction=friction, backwards_friction=friction)
     rows = np.outer([6.0, -15.0, 10.0, 0.0, 0.0, 0.0], [1.0, 0.0, turned])
     rows[-1, 2] = 0.3
@@ -174,7 +174,7 @@ def worst(robot, plain, state, speed):
     smooth = plain.inverse_dynamics(q, v, a) + motors.armature * a
     rubbing = np.where(v >= 0, motors.forwards_friction, -motors.backwards_friction)
     rubbing = rubbing + motors.viscous_friction * v
-    found = abs(v) / limits.velocity - 1
+    result = abs(v) / limits.velocity - 1
     for factor in (1 - motors.friction_uncertainty, 1 + motors.friction_uncertainty):
         effort = smooth + factor * rubbing
         forwards = np.broadcast_to(limits.effort, q.shape).copy()
@@ -186,8 +186,8 @@ def worst(robot, plain, state, speed):
         line = v / motors.no_load_velocity
         share = effort / motors.saturation_effort
         beyond = [(effort - forwards) / limits.effort, (-effort - backwards) / limits.effort]
-        found = np.maximum(found, np.max([*beyond, share + line - 1, -share - line - 1], axis=0))
-    return found.max(axis=1)
+        result = np.maximum(result, np.max([*beyond, share + line - 1, -share - line - 1], axis=0))
+    return result.max(axis=1)
 
 
 @pytest.mark.parametrize(("name", "seed"), [("two_link", 0), ("two_link", 1), ("ur5", 2)])
@@ -216,9 +216,9 @@ def test_braking_is_limited_by_what_viscous_friction_takes_first(tmp_path):
         robot = with_motors(plain, viscous_friction=viscous)
         return robot, scaling_factor(anywhere(robot), 0 * v, v, a)[0]
 
-    robot, found = factor(4.0)
+    robot, result = factor(4.0)
     edges = np.roots([-INERTIA, 4.0, -5.0])
-    assert found == pytest.approx(min(edges))
+    assert result == pytest.approx(min(edges))
     assert worst(robot, plain, (0 * v, v, a), np.array([1.01 * max(edges)])) < 0
     assert factor(2.0)[1] == pytest.approx(max(np.roots([INERTIA, -2.0, -5.0])))
 
@@ -251,8 +251,8 @@ def test_friction_counts_on_both_sides_of_reversals_and_at_ends(
     rows = way * np.array(polynomial)[:, None, None]
     dry = FORTH if way > 0 else BACK
     expected = np.sqrt(INERTIA * acceleration / (5.0 + helps * dry))
-    found = minimum_duration(anywhere(robot), JointTrajectory(["turn"], [0.0, 1.0], rows))
-    assert found == pytest.approx(expected, rel=1e-7)
+    result = minimum_duration(anywhere(robot), JointTrajectory(["turn"], [0.0, 1.0], rows))
+    assert result == pytest.approx(expected, rel=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -288,8 +288,8 @@ def test_random_motions_pass_the_judge_with_nothing_to_spare(request, name, seed
             continue
         break
     certificate = verify(problem, scaled)
-    found = [certificate.conditions[kind].margin for kind in ("effort", "motor_curve", "velocity")]
-    margins = [margin for margin in found if margin is not None]
+    result = [certificate.conditions[kind].margin for kind in ("effort", "motor_curve", "velocity")]
+    margins = [margin for margin in result if margin is not None]
     assert len(margins) >= 2
     assert min(margins) == pytest.approx(0.0, abs=1e-5)
     assert min(margins) > -1e-6

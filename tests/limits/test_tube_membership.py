@@ -94,10 +94,10 @@ def test_many_segments_follow_one_another_as_step_by_step():
 
 def one_step(before, now, passable):
     """Return the segments after one sample more: entered, or passed whole, one by one."""
-    after, left = before & now, before.copy()
+    after, passed = before & now, before.copy()
     for k in range(1, now.shape[1]):
-        after[:, k] |= now[:, k] & (left[:, k - 1] | after[:, k - 1])
-        left[:, k] |= left[:, k - 1] & passable[k]
+        after[:, k] |= now[:, k] & (passed[:, k - 1] | after[:, k - 1])
+        passed[:, k] |= passed[:, k - 1] & passable[k]
     return after
 
 
@@ -159,7 +159,7 @@ def test_the_margin_knows_the_rotation(stored):
     q[1, 4] += 0.04
     q[2, 4] += 0.07
     rotation, tool = problem.robot.tool_pose(q)
-    turned = problem.tube.rotation.margin(rotation, tool, 1)
-    assert turned[1] > 0 > turned[2]
-    assert (problem.tube.margin(tool)[1:, 1] > turned[1:]).all()
-    np.testing.assert_allclose(membership_margin(problem, q)[1:, 1], turned[1:], atol=1e-12)
+    margin = problem.tube.rotation.margin(rotation, tool, 1)
+    assert margin[1] > 0 > margin[2]
+    assert (problem.tube.margin(tool)[1:, 1] > margin[1:]).all()
+    np.testing.assert_allclose(membership_margin(problem, q)[1:, 1], margin[1:], atol=1e-12)

@@ -44,9 +44,9 @@ def test_every_point_is_within_the_deviation_of_the_kept_lines(deviation):
     corner = np.array([[0, 0, 0], [0.5, 0, 0], [1, 0, 0], [1, 0.5, 0], [1, 1, 0.0]])
     assert simplified(corner, 0.01) == [0, 2, 4]
     points = np.cumsum(np.random.default_rng(3).normal(0, 0.01, (300, 3)), axis=0)
-    kept = simplified(points, deviation)
-    assert kept[0] == 0 and kept[-1] == 299
-    for i, j in pairwise(kept):
+    corners = simplified(points, deviation)
+    assert corners[0] == 0 and corners[-1] == 299
+    for i, j in pairwise(corners):
         ahead, between = points[j] - points[i], points[i : j + 1] - points[i]
         share = np.clip(between @ ahead / (ahead @ ahead), 0, 1)[:, None]
         assert np.linalg.norm(between - share * ahead, axis=1).max() <= deviation + 1e-12
@@ -78,8 +78,8 @@ def test_a_point_like_the_one_before_is_left_out_with_its_segment_and_a_note():
 @pytest.mark.parametrize("at", [0, 1, 2])
 def test_orientations_go_with_their_points(at):
     points, quaternions = [*LINE[: at + 1], *LINE[at:]], [UP, UP, [0, 0, np.sin(0.3), np.cos(0.3)]]
-    turned = [*quaternions[: at + 1], *quaternions[at:]]
-    tube = Tube(points, 0.1, orientations=turned, rotation_tolerance=0.2)
+    orientations = [*quaternions[: at + 1], *quaternions[at:]]
+    tube = Tube(points, 0.1, orientations=orientations, rotation_tolerance=0.2)
     np.testing.assert_allclose(tube.orientations, quaternions)
     np.testing.assert_allclose(tube.rotation.angles, [0, 0.6])
     assert tube.rotation_tolerance == (0.2, 0.2)
@@ -91,15 +91,15 @@ def test_demands_of_the_segment_left_out_alone_are_not_lost(change):
     tolerance = [0.2, 0.1 if change == "tolerance" else 0.2, 0.2]
     radius = [0.1, 0.05 if change == "radius" else 0.1, 0.1]
     speed = [0.5, 0.4 if change == "speed" else 0.5, 0.5]
-    turned = {"orientations": [UP] * 4, "rotation_tolerance": tolerance}
+    rotation = {"orientations": [UP] * 4, "rotation_tolerance": tolerance}
     with pytest.raises(ProblemError, match=r"points 1 and 2 .* segment 1 .* \(0 and 2\)"):
-        Tube(TWICE, radius, joint_signs=signs, tool_speed=speed, **turned)
+        Tube(TWICE, radius, joint_signs=signs, tool_speed=speed, **rotation)
 
 
 def test_a_turn_on_the_spot_is_refused_and_so_is_a_single_point():
-    turned = [UP, UP, [0, 0, np.sin(0.1), np.cos(0.1)], UP]
+    orientations = [UP, UP, [0, 0, np.sin(0.1), np.cos(0.1)], UP]
     with pytest.raises(ProblemError, match=r"turn by 0.2 rad between them"):
-        Tube(TWICE, 0.1, orientations=turned, rotation_tolerance=1.0)
+        Tube(TWICE, 0.1, orientations=orientations, rotation_tolerance=1.0)
     with pytest.raises(ProblemError, match="points 0 and 2 are the same within 1e-06 m"):
         Tube([[0, 0, 0]] * 3, 0.1)
 

@@ -79,8 +79,8 @@ def test_the_margin_is_what_is_left_of_the_tightest_bound(tolerance, vector, mar
     reference = Rotation.from_rotvec([0.4, -1.0, 0.7])
     tube = turned(LINE, [reference.as_quat()] * 2, [tolerance])
     rotation = (reference * Rotation.from_rotvec(vector)).as_matrix()
-    left = tube.rotation.margin(rotation[None], np.array([[0.5, 0, 0]]), 0)
-    np.testing.assert_allclose(left, [margin], atol=1e-14)
+    slack = tube.rotation.margin(rotation[None], np.array([[0.5, 0, 0]]), 0)
+    np.testing.assert_allclose(slack, [margin], atol=1e-14)
 
 
 def test_the_margin_has_no_jump_at_half_a_turn():

@@ -236,10 +236,10 @@ def test_every_point_is_inside_by_as_much_less(tube):
     before, after = tube.margin(tool), narrowed_tube(tube, BY, NOT_TURNED).margin(tool)
     inside = after >= 0
     assert inside.any() and not inside.all()
-    taken, by = before - after, np.broadcast_to(BY, before.shape)
-    assert taken[:, ~tube.is_box] == pytest.approx(by[:, ~tube.is_box])
-    assert (taken <= by + 1e-12).all()
-    assert taken[inside] == pytest.approx(by[inside])
+    reduction, by = before - after, np.broadcast_to(BY, before.shape)
+    assert reduction[:, ~tube.is_box] == pytest.approx(by[:, ~tube.is_box])
+    assert (reduction <= by + 1e-12).all()
+    assert reduction[inside] == pytest.approx(by[inside])
 
 
 @pytest.mark.parametrize("shape", [{"radius": 0.03}, {"radius": None, "cross_section": BOX}])
@@ -281,9 +281,12 @@ def divided(parts, quaternions=None, **options):
     points[::parts] = BENT
     signs = [{"elbow": "+"}] * parts + [{"elbow": [0.0, 2.0]}] * parts
     if quaternions is not None:
-        turned = Slerp([0, 1, 2], Rotation.from_quat(quaternions))(at).as_quat()
-        turned[::parts] = quaternions
-        options |= {"orientations": turned, "rotation_tolerance": [0.2] * parts + [0.3] * parts}
+        orientations = Slerp([0, 1, 2], Rotation.from_quat(quaternions))(at).as_quat()
+        orientations[::parts] = quaternions
+        options |= {
+            "orientations": orientations,
+            "rotation_tolerance": [0.2] * parts + [0.3] * parts,
+        }
     speeds, radius = [0.5] * parts + [None] * parts, np.repeat([0.1, 0.2], parts)
     return Tube(points, radius, joint_signs=signs, tool_speed=speeds, **options)
 
@@ -292,13 +295,13 @@ def divided(parts, quaternions=None, **options):
 @pytest.mark.parametrize(("quaternions", "visit"), [(None, "ordered"), (QUATERNIONS, "any")])
 def test_a_divided_line_is_one_segment_to_the_last_digit(parts, quaternions, visit):
     whole = divided(1, quaternions, visit=visit, tool_radius=0.01)
-    given = divided(parts, quaternions, visit=visit, tool_radius=0.01)
-    joined = joined_segments(given)
+    original = divided(parts, quaternions, visit=visit, tool_radius=0.01)
+    joined = joined_segments(original)
     for name in ("points", "tool_speed", "radius"):
         np.testing.assert_array_equal(getattr(joined, name), getattr(whole, name))
     assert joined.joint_ranges == whole.joint_ranges
     assert (joined.visit, joined.tool_radius) == (visit, 0.01)
-    assert joined.parts is given
+    assert joined.parts is original
     assert joined.numbers.tolist() == [0, parts, 2 * parts]
     if quaternions is not None:
         for name in ("begin", "turn", "bounds"):
@@ -341,12 +344,12 @@ def test_segments_of_different_demands_stay_apart(points, radius, options):
 
 @pytest.mark.parametrize("step", [1.0, np.pi / 4])
 def test_segments_join_only_as_long_as_the_short_way_round_is_the_same(step):
-    turned = Rotation.from_rotvec(np.arange(5)[:, None] * [0, 0, step]).as_quat()
+    orientations = Rotation.from_rotvec(np.arange(5)[:, None] * [0, 0, step]).as_quat()
     points = np.arange(5)[:, None] * [1.0, 0, 0]
-    tube = Tube(points, 0.1, orientations=turned, rotation_tolerance=0.1)
+    tube = Tube(points, 0.1, orientations=orientations, rotation_tolerance=0.1)
     assert joined_segments(tube).numbers.tolist() == [0, 3, 4]
 
 
 def test_orientations_that_bound_nothing_are_no_reason():
-    turned = {"orientations": [UP, SIDEWAYS, UP], "rotation_tolerance": INF}
-    assert joined_segments(Tube(STRAIGHT, 0.1, **turned)).segment_count == 1
+    rotation = {"orientations": [UP, SIDEWAYS, UP], "rotation_tolerance": INF}
+    assert joined_segments(Tube(STRAIGHT, 0.1, **rotation)).segment_count == 1
