@@ -15,7 +15,7 @@ from small_cycle import small_cycle
 from studied import Here, small_study
 
 import tubeplanner as t
-from tubeplanner.cli import explain as explain_command
+from tubeplanner.cli import console
 from tubeplanner.cli.main import main
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning import strategy as planner
@@ -157,7 +157,7 @@ def nothing_is_planned():
             patch.setattr(module, "plan_either", refused)
         for module in (placement, plan_many_module, study_run):
             patch.setattr(module, "WorkerProcesses", lambda: nullcontext(Here()))
-        patch.setattr(explain_command, "workers_of", lambda processes: nullcontext(None))
+        patch.setattr(console, "workers_of", lambda *arguments: nullcontext(None))
         patch.setattr(planner, "_shortest", refused)
         patch.setattr(tube_measurement, "_segments_of_some_branch", raises)
         patch.setattr(teach_module, "_corners", raises)
