@@ -155,7 +155,7 @@ def bang_bang_trajectory(
 
 
 def _grid(path: ToolPath) -> FloatArray:
-    """Return arc lengths (N,) from the path's start to its end, all breakpoints among them."""
+    """Return arc lengths (N,) from the path's start to its end, with all breakpoints."""
     breakpoints, length = path.joints.breakpoints, path.joints.duration
     least = max(_PATH_STEPS, _PIECE_STEPS * len(path.curve.start))
     counts = np.ceil(least * path.joints.widths / length).astype(int)
@@ -201,16 +201,20 @@ def smoothed_trajectory(
 def _smoothed(
     problem: PlanningProblem, path: JointTrajectory, timing: JointTrajectory, intervals: int
 ) -> JointTrajectory:
-    """Return the fastest trajectory of all rounds, slowed until it keeps the limits."""
+    """Return the fastest trajectory of all rounds, slowed until the limits hold."""
     factor, shortest, best = np.ones(len(timing.widths)), np.inf, path
+    middle = timing.position((timing.breakpoints[:-1] + timing.breakpoints[1:]) / 2)[:, 0]
     for _ in range(_ROUNDS):
         smooth = averaged_parameterization(_stretched(timing, factor), intervals)
         trajectory = run_along(path, smooth)
         duration = estimated_duration(problem, trajectory)
         if duration < shortest:
             shortest, best = duration, trajectory
-        count = _SAMPLES_PER_INTERVAL * intervals
-        speed_factor = _speed_factor(problem, trajectory, smooth, timing, count)
+        times = np.linspace(0, trajectory.duration, _SAMPLES_PER_INTERVAL * intervals + 1)
+        samples = trajectory.at(times)
+        allowed = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
+        least = minimum_filter1d(allowed, _WINDOW)
+        speed_factor = np.interp(middle, smooth.position(samples.time)[:, 0], least)
         factor = factor / np.minimum(speed_factor, _MAX_GAIN) ** _POWER
     return scaled_to_limits(problem, best)
 
@@ -221,18 +225,3 @@ def _stretched(timing: JointTrajectory, factor: FloatArray) -> JointTrajectory:
     times = np.concatenate([[0.0], np.cumsum(factor * timing.widths)])
     rows = timing.coefficients / (factor ** powers[:, None])[:, :, None]
     return JointTrajectory(timing.joint_names, times, rows)
-
-
-def _speed_factor(
-    problem: PlanningProblem,
-    trajectory: JointTrajectory,
-    smooth: JointTrajectory,
-    timing: JointTrajectory,
-    count: int,
-) -> FloatArray:
-    """Return the speed factors of a run under the limits at samples, at each piece's middle."""
-    samples = trajectory.at(np.linspace(0, trajectory.duration, count + 1))
-    factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
-    least = minimum_filter1d(factor, _WINDOW)
-    middle = timing.position((timing.breakpoints[:-1] + timing.breakpoints[1:]) / 2)[:, 0]
-    return np.interp(middle, smooth.position(samples.time)[:, 0], least)

@@ -180,15 +180,19 @@ class BranchAndBound:
         if not nodes:
             return
         self._nodes += len(nodes)
-        parent, goal = np.arange(len(nodes)), np.full(len(nodes), len(self._waypoints) - 1)
-        last_segments = self._continued(nodes, parent, goal, last_two_quartics)
+        parents, goals = np.arange(len(nodes)), np.full(len(nodes), len(self._waypoints) - 1)
+        last_segments = self._continued(nodes, parents, goals, last_two_quartics)
         for batch in (last_segments, self._inner_segments(nodes)):
             self._children += len(batch)
             survivors = self._rules.clear(self._rules.surviving(batch, self._upper_bound))
-            if batch.complete:
-                self._try_trajectories(nodes, survivors)
-            else:
-                self._open_nodes(nodes, survivors)
+            bound = self._rules.lower_bound(survivors)
+            if not batch.complete:
+                self._open_nodes(nodes, survivors, bound)
+                continue
+            for i in np.argsort(bound, kind="stable"):  # the most promising first
+                if bound[i] < self._upper_bound:
+                    parent = nodes[survivors.parent[i]]
+                    self._try_trajectory((*parent.waypoints, len(self._waypoints) - 1))
 
     @property
     def _has_open_nodes(self) -> bool:
@@ -231,8 +235,7 @@ class BranchAndBound:
             inside=np.zeros((len(parent), 0, new, self._problem.tube.segment_count), dtype=bool),
         )
 
-    def _open_nodes(self, nodes: Sequence[_Node], batch: SegmentBatch) -> None:
-        bound = self._rules.lower_bound(batch)
+    def _open_nodes(self, nodes: Sequence[_Node], batch: SegmentBatch, bound: FloatArray) -> None:
         velocity, acceleration = (batch.at(_END, order)[:, 0, 0] for order in (1, 2))
         for i, parent in enumerate(batch.parent):
             node = _Node(
@@ -244,16 +247,8 @@ class BranchAndBound:
             )
             self._push(float(bound[i]), node)
 
-    def _try_trajectories(self, nodes: Sequence[_Node], batch: SegmentBatch) -> None:
-        """Try complete trajectories, the most promising first."""
-        bound = self._rules.lower_bound(batch)
-        goal = len(self._waypoints) - 1
-        for i in np.argsort(bound, kind="stable"):
-            if bound[i] < self._upper_bound:
-                self._try_trajectory((*nodes[batch.parent[i]].waypoints, goal))
-
     def _try_trajectory(self, waypoints: tuple[int, ...]) -> None:
-        """Keep a trajectory if it is the fastest so far and certified."""
+        """Keep a certified trajectory if no earlier trajectory is as fast."""
         q = self._waypoints[list(waypoints)]
         stands_still = np.ptp(q, axis=0).max() == 0
         if stands_still or self._begins_like_a_failed_one(waypoints):
@@ -284,7 +279,7 @@ class BranchAndBound:
             self._failed.add(waypoints[: fault + 3])
 
     def _faulty_segment(self, certificate: Certificate, trajectory: JointTrajectory) -> int | None:
-        """Return a segment that no other continuation can repair, if the certificate names one.
+        """Return the certificate's first segment that no other continuation can repair, or None.
 
         Another continuation may choose other switching times, but not other links or another union.
         """

@@ -348,7 +348,7 @@ class KnownBranches:
         return same
 
     def require_ends(self) -> FloatArray:
-        """Return the start and, unless it is open, the goal: shape (1 or 2, n).
+        """Return the configurations of the start and of a given goal, shape (1 or 2, n).
 
         Raises:
             Infeasible: A seed does not lead to its point, or start or goal is in collision or too

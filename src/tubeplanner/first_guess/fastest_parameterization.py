@@ -64,7 +64,7 @@ class PathRows:
 
 
 def with_reversals(path: JointTrajectory, arc_length: FloatArray, apart: float) -> FloatArray:
-    """Return arc lengths joined with reversals of joints more than `apart` from all of them."""
+    """Return arc lengths, and reversals of joints that are more than `apart` away from all."""
     stretches = directed_stretches(path)
     reversals = path.breakpoints[stretches.piece] + stretches.start * path.widths[stretches.piece]
     reversals = np.unique(reversals)
@@ -202,7 +202,12 @@ def fastest_parameterization(
     rate = _solved(arc_length, free[: 1 + at_both_ends], most)
     if rate is not None and rows[0].speed.any():
         rate = _settled(solved, rate, arc_length)
-    return None if rate is None else _parabolas(arc_length, rate)
+    if rate is None:
+        return None
+    durations = _step_times(arc_length, rate)
+    parabolas = np.array([np.diff(rate) / (2 * durations), rate[:-1], arc_length[:-1]])
+    times = np.concatenate([[0.0], np.cumsum(durations)])
+    return JointTrajectory(("arc_length",), times, parabolas[:, :, None])
 
 
 def _settled(
@@ -272,14 +277,6 @@ def _unit(arc_length: FloatArray, limits: PathRows) -> float:
 def _step_times(arc_length: FloatArray, rate: FloatArray) -> FloatArray:
     """Return the durations of steps [s]: at constant acceleration, length over mean rate."""
     return 2 * np.diff(arc_length) / (rate[1:] + rate[:-1])
-
-
-def _parabolas(arc_length: FloatArray, rate: FloatArray) -> JointTrajectory:
-    """Return the arc length over time, with rates (N,) [1/s] at points."""
-    durations = _step_times(arc_length, rate)
-    parabolas = np.array([np.diff(rate) / (2 * durations), rate[:-1], arc_length[:-1]])
-    times = np.concatenate([[0.0], np.cumsum(durations)])
-    return JointTrajectory(("arc_length",), times, parabolas[:, :, None])
 
 
 class _Limits:

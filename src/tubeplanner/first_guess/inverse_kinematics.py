@@ -262,7 +262,7 @@ class _Descent:
         return PositionSolution(q, *_lengths(self._tasks(q)))
 
     def _next(self, q: FloatArray, tasks: list[_Task], pull: FloatArray) -> FloatArray:
-        """Return the next configuration (n,); joints pushed out of their bounds stay at them."""
+        """Return the next configuration (n,); joints pushed out of bounds stay there."""
         free, step = np.ones(len(q), dtype=bool), _free_step(tasks, pull)
         while True:
             ahead = q + step * min(1.0, _MAX_STEP / max(float(np.abs(step).max()), 1e-300))

@@ -63,7 +63,7 @@ def feasible_trajectory(
     clearance: LinkClearance,
     upper_bound: float = np.inf,
 ) -> KnotTrajectory | None:
-    """Return the trajectory through knots, or None if a test refuses it.
+    """Return the trajectory through knots, or None if a test fails.
 
     Position limits are judged for all t, the tube at 65 samples per piece with the valleys between
     them, collisions at 9. The certificate judges more strictly.
@@ -247,7 +247,7 @@ class _Search:
             self._try(choices)
 
     def _popped(self, depth: int, most: int) -> _Open:
-        """Remove the most promising nodes of a depth from the open ones and return them."""
+        """Remove and return the most promising open nodes of a depth."""
         nodes = self._open[depth]
         count = min(most, int(np.searchsorted(nodes.bound, self._upper_bound)))
         self._open[depth] = nodes.where(slice(count, None))
@@ -417,7 +417,7 @@ class KnotModification:
         return self.candidates[-1]
 
     def _step(self, increments: FloatArray) -> bool:
-        """Move the knots along the best direction; return True if it helped."""
+        """Move the knots along the best direction; return True if any is faster."""
         candidate, options = self.candidates[-1], self._options
         clearance = LinkClearance(self._problem, candidate.knots)
         direction = best_direction(

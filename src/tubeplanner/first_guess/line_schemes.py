@@ -107,7 +107,7 @@ def _scaled_speed(
 
 
 def _run(robot: RobotModel, line: ToolPath, timing: JointTrajectory) -> JointTrajectory:
-    """Return the trajectory along one line, in phases of constant acceleration."""
+    """Return the trajectory along a line, in phases of constant acceleration."""
     phases = []
     for begin, end in zip(timing.breakpoints[:-1], timing.breakpoints[1:], strict=True):
         nodes, off = _MIN_NODES, np.inf
@@ -218,7 +218,7 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
 
 
 def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
-    """Return knots (K, n) on a line of the tool; joint lines between them stay near the line."""
+    """Return knots (K, n) on a line of the tool with joint lines near that line."""
     distances = np.array([0.0, line.curve.length])
     for _ in range(_MAX_ROUNDS):
         knots = line.joints.position(arc_lengths_on_line(robot, line, distances))
@@ -253,7 +253,11 @@ def _fastest(problem: PlanningProblem, knots: FloatArray, share: float) -> Joint
     best, shortest = times, np.inf
     for _ in range(_TIMING_ROUNDS):
         trajectory = _trajectory(names, knots, times, share)
-        speed_factor = _speed_factor(problem, trajectory, len(times))
+        samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
+        factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
+        pieces = factor.reshape(-1, _SAMPLES_PER_PIECE).min(axis=1)
+        # Pieces alternate: a transition, the line after it, the next transition.
+        speed_factor = np.minimum(np.minimum(pieces[:-2:2], pieces[1:-1:2]), pieces[2::2])
         if (speed_factor == 0).any():  # scaling to the limits says why
             break
         if times.sum() / speed_factor.min() < shortest:
@@ -261,17 +265,6 @@ def _fastest(problem: PlanningProblem, knots: FloatArray, share: float) -> Joint
         times = times / speed_factor**_TIMING_POWER
     trajectory = _trajectory(names, knots, best, share)
     return scaled_to_limits(problem, trajectory, with_jerk=False)
-
-
-def _speed_factor(
-    problem: PlanningProblem, trajectory: JointTrajectory, intervals: int
-) -> FloatArray:
-    """Return the speed factors of the intervals under the limits at samples, shape (K-1,)."""
-    samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
-    factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
-    pieces = factor.reshape(-1, _SAMPLES_PER_PIECE).min(axis=1)
-    # Pieces alternate: a transition, the line after it, the next transition.
-    return np.minimum(np.minimum(pieces[:-2:2], pieces[1:-1:2]), pieces[2::2])
 
 
 def _trajectory(

@@ -70,7 +70,7 @@ def stop_at_corners(
 
 
 def _ramped_fits(problem: PlanningProblem, q: FloatArray, segment: int) -> list[JointTrajectory]:
-    """Return fits of a segment's configurations (P, n) in one second, one for each ramp.
+    """Return fits of a segment's configurations (P, n) in a second, for all ramps.
 
     Each has as few knots as follow the configurations closely. All ramps are fitted at once: one by
     one, most of the time would go into calls.
@@ -111,7 +111,7 @@ def _require_inside(
 
 
 def _least_margins(problem: PlanningProblem, q: FloatArray, segment: int) -> FloatArray:
-    """Return the least margin of the tool [m] and, if it is bounded, of its rotation [rad]."""
+    """Return the least margins of the tool [m] and, if bounded, of its rotation [rad]."""
     rotation, tool = problem.robot.tool_pose(q)
     only = slice(segment, segment + 1)
     margins = [problem.tube.margin(tool, only).min()]
@@ -121,7 +121,7 @@ def _least_margins(problem: PlanningProblem, q: FloatArray, segment: int) -> Flo
 
 
 def _bounds(problem: PlanningProblem, segment: int) -> FloatArray:
-    """Return the radius [m] and, if there is one, the tightest bound on the rotation [rad]."""
+    """Return the radius [m] and the tightest bound on the rotation [rad], if any."""
     tube = problem.tube
     tightest = np.inf if tube.rotation is None else tube.rotation.bounds[segment].min()
     bounds = np.array([tube.effective_radius[segment], tightest])
@@ -131,7 +131,7 @@ def _bounds(problem: PlanningProblem, segment: int) -> FloatArray:
 def _fits(
     problem: PlanningProblem, q: FloatArray, segment: int, ramps: list[float], intervals: int
 ) -> list[JointTrajectory]:
-    """Return the least-squares splines of one second along configurations (P, n), one per ramp.
+    """Return the least-squares splines of a second along configurations (P, n) for all ramps.
 
     Control points are moved into the segment's joint bounds, which then hold for all t: a spline
     lies in the hull of its control points.

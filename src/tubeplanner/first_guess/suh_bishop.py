@@ -207,7 +207,7 @@ class SuhBishop:
         return modified
 
     def _best_certified(self, candidates: list[KnotTrajectory]) -> KnotTrajectory:
-        """Keep the fastest certified trajectory of ever faster ones, if it is the best so far.
+        """Keep the fastest certified trajectory of a sequence, if it is the best so far.
 
         Samples may miss faults that the certificate finds: then slower trajectories are judged, by
         bisection.
@@ -232,7 +232,7 @@ class SuhBishop:
         return better[passed] if passed >= 0 else candidates[0]
 
     def _with_other_knots(self, candidate: KnotTrajectory) -> Iterator[KnotTrajectory]:
-        """Yield a trajectory through other numbers of knots; phase 1's where it is infeasible."""
+        """Yield a trajectory through other numbers of knots; phase 1's where that is infeasible."""
         count = len(candidate.knots)
         fewest = max(count - self._options.fewer_knots, _MIN_KNOTS)
         most = min(count + self._options.more_knots, self._options.max_knots)
@@ -257,6 +257,6 @@ class SuhBishop:
                 yield doubled
 
     def _spline(self, knots: FloatArray) -> KnotTrajectory | None:
-        """Return the 4-3-...-3-4 spline through knots (K, n), or None if it is infeasible."""
+        """Return the 4-3-...-3-4 spline through knots (K, n); None if infeasible."""
         clearance = LinkClearance(self._problem, knots)
         return feasible_trajectory(self._problem, knots, quartic_spline, clearance, np.inf)

@@ -116,7 +116,7 @@ def _arc_radius(allowed: FloatArray, turn: float) -> float:
 def _between_stops(
     points: FloatArray, before: FloatArray, cut: FloatArray, first: int, last: int
 ) -> ToolCurve:
-    """Return the curve from one point of a polyline to another."""
+    """Return the curve between two points of a polyline."""
     rows: list[tuple[FloatArray, FloatArray, FloatArray, float, float, float]] = []
     for k in range(first, last):
         line = points[k + 1] - points[k]
