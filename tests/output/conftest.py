@@ -21,7 +21,7 @@ NO_BROWSER = "no Chromium found (Debian: apt-get install --no-install-recommends
 
 @pytest.fixture(scope="session", autouse=True)
 def quick_pictures():
-    """Draw with few pixels, and read the meshes of a robot once: what is seen is the same."""
+    """Draw with few pixels, and read the meshes of a robot once; the content is the same."""
     known = {}
 
     def link_parts(robot, max_faces):
@@ -41,7 +41,7 @@ def quick_pictures():
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Save figures without drawing them, which takes a second or two; return what is saved."""
+    """Save figures without drawing, which takes a second or two; return the saved bytes."""
     monkeypatch.setattr(figure_files, "figure_file", lambda figure, path: b"a figure")
     return b"a figure"
 

@@ -76,12 +76,12 @@ def test_a_quintic_just_below_a_limit_is_accepted_and_one_above_it_aborts(
     limits = replace(FREE, **{field: np.full(7, limit)})
     exact = duration * (peak * angle / duration**order / limit) ** (1 / order)
     assert refusals(panda, turning(panda, angle, 1.001 * exact), limits) == {}
-    found = refusals(panda, turning(panda, angle, 0.95 * exact), limits)
-    assert list(found) == [error]
-    assert found[error].joint == "panda_joint3"
-    assert abs(found[error].value) == pytest.approx(limit / 0.95**order, rel=0.05)
-    assert found[error].limit == pytest.approx(np.sign(found[error].value) * limit)
-    assert 0 < found[error].first_time <= found[error].time
+    result = refusals(panda, turning(panda, angle, 0.95 * exact), limits)
+    assert list(result) == [error]
+    assert result[error].joint == "panda_joint3"
+    assert abs(result[error].value) == pytest.approx(limit / 0.95**order, rel=0.05)
+    assert result[error].limit == pytest.approx(np.sign(result[error].value) * limit)
+    assert 0 < result[error].first_time <= result[error].time
 
 
 def test_differences_are_those_that_a_loop_over_commands_takes(panda):
@@ -100,8 +100,8 @@ def test_differences_are_those_that_a_loop_over_commands_takes(panda):
     limits = replace(
         FREE, velocity=np.full(7, 1e-3), acceleration=np.full(7, 1e-3), jerk=np.full(7, 1e-3)
     )
-    found = refusals(panda, trajectory, limits)
-    values = [abs(found[error].value) for error in (VELOCITY, ACCELERATION, JERK)]
+    result = refusals(panda, trajectory, limits)
+    values = [abs(result[error].value) for error in (VELOCITY, ACCELERATION, JERK)]
     assert values == pytest.approx(list(worst.values()), rel=1e-5)
 
 
@@ -143,9 +143,9 @@ def test_near_its_end_the_fr3_is_slower(panda):
     high = START.copy()
     high[1] = 1.2
     slow = turning(panda, 0.5, 0.7, joint=1, start=high)
-    found = refusals(panda, slow, FR3)[VELOCITY]
-    q = float(slow.position(found.time - 1e-3)[1])
-    assert found.limit == pytest.approx(-0.2 + np.sqrt(5.17 * (1.7918 - q)), rel=1e-6)
+    result = refusals(panda, slow, FR3)[VELOCITY]
+    q = float(slow.position(result.time - 1e-3)[1])
+    assert result.limit == pytest.approx(-0.2 + np.sqrt(5.17 * (1.7918 - q)), rel=1e-6)
     assert VELOCITY not in refusals(panda, turning(panda, -0.5, 0.7, joint=1, start=high), FR3)
 
 
@@ -170,10 +170,10 @@ def test_joints_may_come_in_any_order(panda):
     motion = turning(panda, 0.9, 0.1)
     other = motion.reordered(panda.joint_names[::-1])
     assert judged_by_franka("fer", panda, other, FER) == judged_by_franka("fer", panda, motion, FER)
-    turned = load_robot("example:panda", "panda_hand_tcp", joints=panda.joint_names[::-1])
+    reordered = load_robot("example:panda", "panda_hand_tcp", joints=panda.joint_names[::-1])
     findings = [
         [(each.error, each.joint) for each in judged_by_franka("fer", arm, motion, FER).findings]
-        for arm in (turned, panda)
+        for arm in (reordered, panda)
     ]
     assert findings[0] == findings[1]
 

@@ -22,7 +22,7 @@ def problem(bundled):
 
 @pytest.fixture
 def judged(problem, tmp_path):
-    """Return a function that writes points as ROS YAML and returns what the controller says."""
+    """Return a function that writes points as ROS YAML and returns the verdict."""
 
     def judge(points):
         path = tmp_path / "t.yaml"
@@ -138,11 +138,11 @@ def verdict(*effects):
     ],
 )
 def test_the_gravest_finding_decides(effects, accepted, summary):
-    said = verdict(*effects)
-    assert (said.accepted, said.summary) == (accepted, summary)
-    assert said.lines()[0] == f"fer (an arm): {summary}"
-    assert len(said.lines()) == 1 + len(effects)
-    fields = json.loads(json.dumps(said.as_dict()))
+    result = verdict(*effects)
+    assert (result.accepted, result.summary) == (accepted, summary)
+    assert result.lines()[0] == f"fer (an arm): {summary}"
+    assert len(result.lines()) == 1 + len(effects)
+    fields = json.loads(json.dumps(result.as_dict()))
     assert fields["accepted"] is accepted
     assert [each["effect"] for each in fields["findings"]] == [each.value for each in effects]
     assert all(each["time"] is None for each in fields["findings"])

@@ -26,23 +26,23 @@ ASIDE = 0.012  # [m]
 
 def test_a_plan_that_is_followed_has_the_margins_of_the_plan(stored):
     problem, motion = stored("ur5/level_tray", REFINEMENT)
-    found = tool_runs(problem, motion, followed(problem, motion, np.zeros((2, 3)), 0.0005))
-    for band, condition in ((found.tube, "tube"), (found.rotation, "rotation")):
+    result = tool_runs(problem, motion, followed(problem, motion, np.zeros((2, 3)), 0.0005))
+    for band, condition in ((result.tube, "tube"), (result.rotation, "rotation")):
         np.testing.assert_array_equal(band.runs, [band.plan, band.plan])
         judged = verify(problem, motion).conditions[condition]
         assert band.plan.min() == pytest.approx(judged.margin, abs=1e-3)
-    np.testing.assert_array_equal(found.runs[0], found.plan)
+    np.testing.assert_array_equal(result.runs[0], result.plan)
 
 
 def test_a_base_that_stands_aside_takes_as_much_from_the_margin(slider):
     """The cart runs along the axis of a straight tube."""
     problem, motion = slider, quintic(0.6, joint="slide")
     bases = [[0, 0, 0], [0, ASIDE, 0], [0, 0, -2 * ASIDE], [0, 9 * ASIDE, 0]]
-    found = tool_runs(problem, motion, followed(problem, motion, bases))
-    for margin, less in zip(found.tube.runs, (0, ASIDE, 2 * ASIDE, 9 * ASIDE), strict=True):
-        assert margin == pytest.approx(found.tube.plan - less, abs=1e-9)
-    assert found.worst[0] == 3
-    assert found.rotation is None
+    result = tool_runs(problem, motion, followed(problem, motion, bases))
+    for margin, less in zip(result.tube.runs, (0, ASIDE, 2 * ASIDE, 9 * ASIDE), strict=True):
+        assert margin == pytest.approx(result.tube.plan - less, abs=1e-9)
+    assert result.worst[0] == 3
+    assert result.rotation is None
 
 
 def test_the_distance_of_obstacles_is_the_judges_and_moves_with_the_base(stored, slider):
@@ -216,6 +216,6 @@ def test_moves_and_what_happens_between_are_named(of_cycle):
     first = next(iter(shown.values()))
     assert {text.get_text() for text in first.texts} == {"reach", "carry", "back"}
     steps = shown["tool from the plan [mm]"].texts
-    said = {"close (0.1 s)", "attach part", "settle (0.1 s)", "open (0.1 s)", "detach part"}
-    assert {word for text in steps for word in text.get_text().split(", ")} == said
+    texts = {"close (0.1 s)", "attach part", "settle (0.1 s)", "open (0.1 s)", "detach part"}
+    assert {word for text in steps for word in text.get_text().split(", ")} == texts
     assert "0 of 3 runs failed" in figure.get_suptitle()

@@ -25,7 +25,7 @@ MOTORS = {
 
 @pytest.fixture(scope="module")
 def fast(stored):
-    """A fast motion over a wall, and what limits it."""
+    """A fast motion over a wall, and its limits."""
     return limited_motion(*stored("ur5/over_the_wall", "refinement"))
 
 
@@ -59,9 +59,9 @@ def test_the_strip_has_a_bar_for_every_stretch_and_names_its_kind():
     bars = [patch for patch in axis.patches if patch.get_zorder() == 2]
     spans = [(bar.get_x(), bar.get_width()) for bar in bars]
     assert spans == [(0.0, 0.5), (0.5, pytest.approx(0.002))]
-    said = [text.get_text() for text in axis.texts]
-    assert "effort" in said and "tube" not in said  # in its bar; the other one is too short
-    assert any("50 % of the time" in text for text in said)
+    texts = [text.get_text() for text in axis.texts]
+    assert "effort" in texts and "tube" not in texts  # in its bar; the other one is too short
+    assert any("50 % of the time" in text for text in texts)
     legend = [text.get_text() for text in axis.get_legend().get_texts()]
     assert legend == ["effort 50 %", "new 1 %", "tube 0.2 %"]  # "new": a kind that is not known
     shown = [percent(share) for share in (0.0, 0.0003, 0.234, 0.9996, 1.0)]
@@ -95,7 +95,7 @@ def curves(motion):
 
 @pytest.fixture(scope="module")
 def panels(curves):
-    """Return what is drawn of both motors."""
+    """Return the panels of both motors."""
     axes = Figure().subplots(1, 2)
     for joint, axis in enumerate(axes):
         draw_motor(axis, curves, joint)
@@ -103,7 +103,7 @@ def panels(curves):
 
 
 def lines(axis):
-    """Return what is drawn: the motor's limits, those of velocity, friction, motion."""
+    """Return the lines of a panel: the motor's limits, velocity limits, friction, motion."""
     *limits, backwards, forwards, friction, motion = axis.lines
     return limits, (backwards, forwards), friction, motion
 

@@ -75,7 +75,7 @@ def test_sharp_edges_are_drawn_dark():
 
 
 def drawn(*boxes, handed_over=()):
-    """Return what is drawn of boxes, given by sides and place [m], about a cube of 1 m."""
+    """Return the drawn solids of boxes, by sides and position [m], about a cube of 1 m."""
     placed = enumerate(boxes)
     obstacles = [Obstacle.box(f"box{k}", sides, placement_of(at)) for k, (sides, at) in placed]
     return obstacle_solids(obstacles, handed_over, np.zeros(3), np.ones(3))

@@ -82,7 +82,7 @@ def drawn(path, values):
 
 
 def lines(axes):
-    """Return what is drawn by its label: points, and places without a plan."""
+    """Return the drawn points by label, with values without a plan."""
     series = {line.get_label(): line.get_xydata() for line in axes.lines if len(line.get_xdata())}
     gaps = [xy[0, 0] for label, xy in series.items() if label.startswith("_")]
     return {label: xy for label, xy in series.items() if not label.startswith("_")}, gaps
@@ -112,9 +112,9 @@ def test_answers_of_which_runs_failed_are_marked():
     series, _ = lines(axes)
     points = series["certified trajectory"]
     np.testing.assert_array_equal(series["some of its runs failed"], points[[1, 3]])
-    said = {text.get_text(): text.xy for text in axes.texts}
-    assert list(said) == ["0 of 200 failed", "3 of 200 failed", "200 of 200 failed"]
-    np.testing.assert_array_equal(list(said.values()), points[[0, 1, 3]])
+    texts = {text.get_text(): text.xy for text in axes.texts}
+    assert list(texts) == ["0 of 200 failed", "3 of 200 failed", "200 of 200 failed"]
+    np.testing.assert_array_equal(list(texts.values()), points[[0, 1, 3]])
 
 
 def labelled():
@@ -153,7 +153,7 @@ def test_another_ending_is_refused_and_nothing_written(tmp_path):
 
 
 def marks(axis):
-    """Return what lines are drawn, by label."""
+    """Return the drawn lines by label."""
     return {line.get_label(): line.get_xydata() for line in axis.lines}
 
 

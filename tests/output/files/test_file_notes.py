@@ -148,9 +148,9 @@ def test_samples_are_judged_as_check_judges_them(stored, tmp_path):
 
 def test_samples_may_be_rounded_polynomials_not(stored, file):
     rounded = replace(file, trajectory=shifted(file.trajectory, 1e-5))
-    for interpolation, said in ((None, "t: fails: start"), ("cubic", "t: passes")):
+    for interpolation, begin in ((None, "t: fails: start"), ("cubic", "t: passes")):
         one = replace(rounded, interpolation=interpolation)
-        assert motion_notes(stored(NAME)[0], "t", one)[0].startswith(said)
+        assert motion_notes(stored(NAME)[0], "t", one)[0].startswith(begin)
 
 
 def test_a_file_of_ours_is_held_to_what_plans_are(stored, file):

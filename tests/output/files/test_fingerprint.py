@@ -360,9 +360,9 @@ def cycle():
 def test_what_changes_the_answer_changes_the_hash_and_is_named(changes, differing, cycle):
     changed = small_cycle(**changes)
     assert cycle_hash(changed) != cycle_hash(cycle)
-    found = differing_cycle_parts(changed, cycle_part_hashes(cycle))
-    assert found
-    assert differing is None or found == differing
+    result = differing_cycle_parts(changed, cycle_part_hashes(cycle))
+    assert result
+    assert differing is None or result == differing
 
 
 def test_the_same_cycle_has_the_same_hash(cycle):

@@ -60,10 +60,10 @@ OWN = {"clearance": 0.1, "obstacles": [BALL, OTHER_BALL]}
 )
 def test_only_what_is_changed_is_written(path, value, written):
     own, merged = copy.deepcopy(OWN), merged_fields(BELOW, OWN)
-    wanted = changed_fields(merged, {path: value}, SchemaPlace.of(ProblemFields))
-    change_own(own, merged, wanted)
+    target = changed_fields(merged, {path: value}, SchemaPlace.of(ProblemFields))
+    change_own(own, merged, target)
     assert own == OWN | written
-    assert merged_fields(BELOW, own) == wanted
+    assert merged_fields(BELOW, own) == target
 
 
 # A tube and ends in place of a file's, or with a file's cell.
@@ -399,25 +399,25 @@ def test_a_route_stands_above_the_tube_and_ends_of_the_cell(folder, monkeypatch)
     cell = folder / "cells" / "cell.yaml"
     cell.write_text(CELL + "goal: {seed: [0, 1]}\n")
     problem = load_problem(folder / "main.yaml")
-    found = problem.with_tube(Tube(SHORT_POINTS, [0.1]), np.array([0.5, 0.5]))
-    found = found.with_tube(
-        Tube([SHORT_POINTS[0], found.robot.tool_position(found.goal[None])[0]], 0.1)
+    result = problem.with_tube(Tube(SHORT_POINTS, [0.1]), np.array([0.5, 0.5]))
+    result = result.with_tube(
+        Tube([SHORT_POINTS[0], result.robot.tool_position(result.goal[None])[0]], 0.1)
     )
     fields = read_fields(folder / "main.yaml")
-    contents = with_problem(fields, folder, folder / "new.yaml", found)
+    contents = with_problem(fields, folder, folder / "new.yaml", result)
     assert parse_yaml(contents.decode())["start"] == {"joints": [0.0, 1.0]}
     read = written(folder, "new.yaml", contents, monkeypatch)
-    assert problem_hash(read) == problem_hash(found)
+    assert problem_hash(read) == problem_hash(result)
     assert read.tube.tool_radius == 0
 
 
 @pytest.mark.parametrize("text", ["include: main.yaml\nstart: {joints: [0, 1]}\n", "{}\n"])
 def test_a_tube_stands_where_a_reader_expects_it_though_the_robot_is_included(folder, text):
-    found = load_problem(folder / "main.yaml")
-    found = found.with_tube(Tube(SHORT_POINTS, 0.4), found.start)
+    result = load_problem(folder / "main.yaml")
+    result = result.with_tube(Tube(SHORT_POINTS, 0.4), result.start)
     (folder / "short.yaml").write_text(text)
     fields = read_fields(folder / "short.yaml")
-    contents = with_problem(fields, folder, folder / "new.yaml", found).decode()
+    contents = with_problem(fields, folder, folder / "new.yaml", result).decode()
     order = ["include", "tube", "start", "goal"]
     assert list(parse_yaml(contents)) == [key for key in order if f"{key}:" in contents]
 
@@ -464,7 +464,7 @@ def best(tmp_path):
 
 
 def placed(source, target, changes=None):
-    """Write a placement to a file; return what that holds."""
+    """Write a placement to a file; return its content."""
     target.write_bytes(with_placement(source, target, PLACE, changes))
     return yaml.safe_load(target.read_text())
 

@@ -311,10 +311,10 @@ def test_notes_are_comments_in_the_ros_file(post, tmp_path):
 
 def test_joints_are_put_in_the_order_of_the_problem(post, tmp_path):
     problem, trajectory = post
-    turned = trajectory.reordered(trajectory.joint_names[::-1])
+    reordered = trajectory.reordered(trajectory.joint_names[::-1])
     for suffix in (".json", ".csv", ".yaml"):
         one, other = tmp_path / f"one{suffix}", tmp_path / f"other{suffix}"
-        assert trajectory.save(one, problem) == turned.save(other, problem)
+        assert trajectory.save(one, problem) == reordered.save(other, problem)
         assert one.read_bytes() == other.read_bytes()
     renamed = JointTrajectory(["a", "b"], trajectory.breakpoints, trajectory.coefficients)
     with pytest.raises(TrajectoryError, match=r"moves the joints a, b; the problem's are joint1"):

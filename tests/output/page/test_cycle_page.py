@@ -82,8 +82,8 @@ def test_a_part_may_be_taken_again_and_stands_before_there_is_a_motion(cycle):
     again = Cycle(cycle.start, steps, [part])
     time, tool = np.arange(4.0), np.array([at(x, 0, 0) for x in (0, 1, 3, 7)])
     marks = [Mark(t, "event", "any") for t in (0, 0, 1, 1, 2, 2)]
-    (found,) = moved_parts(again, marks, time, tool)
-    np.testing.assert_allclose(found.poses[:, 0, 3], [0, 1, 1, 5])
+    (result,) = moved_parts(again, marks, time, tool)
+    np.testing.assert_allclose(result.poses[:, 0, 3], [0, 1, 1, 5])
     (standing,) = moved_parts(cycle, (), np.zeros(1), np.eye(4)[None])
     assert (standing.name, standing.present.all()) == ("part", True)
 
@@ -94,7 +94,7 @@ def commands(page):
 
 
 def track_of(commands, path, name):
-    """Return times and values of a property in the animation of what an object is part of."""
+    """Return times and values of a property in the animation of an object's parent."""
     (animation,) = (c for c in commands if c["type"] == "set_animation")
     above = path.rsplit("/", 2)[0]
     (clip,) = (each["clip"] for each in animation["animations"] if each["path"] == above)
@@ -130,14 +130,14 @@ def test_frames_have_every_mark_among_them_and_speeds_equal_steps(cycle):
     assert {mark.time for mark in motion.marks} <= set(time.tolist())
     assert (np.diff(time) > 0).all()
     assert (np.diff(time) < 1 / 199).all()
-    (told,) = page.panel["trajectories"]
-    even = np.linspace(0, told["duration"], len(told["speed"]))[1:-1]
+    (stated,) = page.panel["trajectories"]
+    even = np.linspace(0, stated["duration"], len(stated["speed"]))[1:-1]
     before, after = (
         cycle.robot.tool_position(motion.trajectory.position(even + by))
         for by in (-instant, instant)
     )
     speed = np.linalg.norm(after - before, axis=1) / (2 * instant)
-    np.testing.assert_allclose(told["speed"][1:-1], speed, atol=1e-3)
+    np.testing.assert_allclose(stated["speed"][1:-1], speed, atol=1e-3)
 
 
 def test_the_time_line_has_moves_and_what_happens_at_rest(motion):

@@ -35,14 +35,14 @@ RED = rgb(BLOCKED_COLOR)
 
 
 def blocked_at(place, configuration=None):
-    """Return the arm of an explanation of what is blocked at a place."""
+    """Return the arm of an explanation with a blockage at a place."""
     result = PlanResult(PlanStatus.TUBE_BLOCKED, "", place, "refinement")
     result = replace(result, configuration=configuration)
     return blocked_arm(PROBLEM, Explanation("name", PROBLEM, result, None))
 
 
 def known(path, changes=None, **more):
-    """Return an explanation as far as it is known before anything is tried."""
+    """Return an explanation before any change is tried."""
     try:
         problem = load_problem(path, changes=changes)
     except ProblemError as error:

@@ -69,17 +69,17 @@ def at(page, time):
 
 
 def colours(picture):
-    """Return how many colours a picture has; a blank one has one."""
+    """Return the number of colours of a picture; 1 if blank."""
     return len(np.unique(picture @ [1 << 16, 1 << 8, 1]))
 
 
 def near(picture, color, most):
-    """Return how many points are nearly of a colour."""
+    """Return the number of points near a colour."""
     return (abs(picture - 255 * rgb(color)).max(axis=2) < most).sum()
 
 
 def changed(before, after):
-    """Return the share of points that differ."""
+    """Return the fraction of points that differ."""
     height = min(len(before), len(after))
     return (abs(before[:height] - after[:height]).max(axis=2) > 20).mean()
 

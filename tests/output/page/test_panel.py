@@ -28,7 +28,7 @@ def stretch(stored):
 
 @pytest.fixture(scope="module")
 def curves(stretch):
-    """Times, and what the page shows over them."""
+    """Times, and the curves of the page."""
     time = np.linspace(0, stretch.trajectory.duration, STEPS)
     return time, page_curves([stretch], time)
 
@@ -91,8 +91,8 @@ def test_between_the_legs_of_a_cycle_nothing_is_said_and_marks_have_its_time(tmp
         rests &= (time < begin) | (time > end)
     assert 0 < rests.sum() < STEPS
     shares = [line["share"] for line in curves["limits"]["lines"]]
-    for said in (*shares, curves["clearance"][0]["distance"]):
-        np.testing.assert_array_equal([each is None for each in said], rests)
+    for values in (*shares, curves["clearance"][0]["distance"]):
+        np.testing.assert_array_equal([each is None for each in values], rests)
     lasts = [span["end"] for mark in binding_marks(stretches) for span in mark["spans"]]
     assert max(lasts) > motion.leg_times[-1][0]
 

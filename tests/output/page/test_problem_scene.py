@@ -35,7 +35,7 @@ def test_the_cone_is_about_the_axis_that_may_turn_farthest(bounds, axis):
 
 
 def tilt_allowed(rim, axis, tip):
-    """Return how far the rim lies in the direction of a tip, and how far the tip, as angles."""
+    """Return the angles of the rim in the direction of a tip, and of the tip."""
     ways = np.arctan2(rim[:-1, axis - 1], rim[:-1, axis - 2])
     way = np.arctan2(tip[axis - 1], tip[axis - 2])
     k = np.argmin(abs((ways - way + np.pi) % (2 * np.pi) - np.pi))

@@ -148,9 +148,9 @@ def test_without_a_trajectory_the_arm_is_at_its_start_or_its_seed(bundled):
 
 def test_joints_are_known_by_name_and_others_are_refused_by_it(shown, bundled, stored):
     problem, trajectory = stored("two_link/around_a_post")
-    turned = view(problem, trajectory.reordered(problem.robot.joint_names[::-1])).scene
+    reordered = view(problem, trajectory.reordered(problem.robot.joint_names[::-1])).scene
     usual = shown("two_link/around_a_post").scene
-    assert turned.trajectories[0].tool == pytest.approx(usual.trajectories[0].tool)
+    assert reordered.trajectories[0].tool == pytest.approx(usual.trajectories[0].tool)
     other = bundled("ur5/over_the_wall")
     with pytest.raises(TrajectoryError, match=r"elbow\.json: the trajectory moves the joints"):
         view(other, trajectory, names=["elbow.json"])
