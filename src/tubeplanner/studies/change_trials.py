@@ -124,7 +124,7 @@ class Answer:
 
     Attributes:
         duration: Duration of the certified motion [s]; None if there is none.
-        is_cut_short: True if the time for all plans had passed.
+        is_cut_short: True if the time for all plans passed before an answer.
     """
 
     duration: float | None = None
