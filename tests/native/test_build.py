@@ -73,13 +73,13 @@ def test_a_library_knows_its_sources_level_and_compiler(tmp_path, monkeypatch):
     assert built == [library_path(level, tmp_path) for level in LEVELS]
     for level, path in zip(LEVELS, built, strict=True):
         library = ctypes.CDLL(str(path))
-        said = []
+        answers = []
         for name in ("sources", "level", "compiler"):
             function = getattr(library, f"tubeplanner_{name}")
             function.restype = ctypes.c_char_p
-            said.append(function().decode())
-        assert said[:2] == [source_key(), level]
-        assert said[2] in ("zig", Path(compiler()[0]).name)
+            answers.append(function().decode())
+        assert answers[:2] == [source_key(), level]
+        assert answers[2] in ("zig", Path(compiler()[0]).name)
 
 
 def test_any_change_of_a_source_or_header_gives_another_key(tmp_path, monkeypatch):

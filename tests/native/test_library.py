@@ -38,16 +38,16 @@ def test_without_a_library_it_is_pure_python_and_says_so(monkeypatch, tmp_path):
     reason = "no native library was compiled at the installation"
     assert loaded(monkeypatch) == NativeLibrary(None, f"pure Python ({reason})")
     library_path("baseline", tmp_path).write_bytes(b"no library")
-    found = loaded(monkeypatch)
-    assert found.functions is None
-    assert found.build.startswith("pure Python (the library does not load: ")
+    result = loaded(monkeypatch)
+    assert result.functions is None
+    assert result.build.startswith("pure Python (the library does not load: ")
 
 
 @pytest.mark.parametrize(("value", "is_left_out"), [("yes", True), ("0", False)])
 def test_the_environment_leaves_it_out(value, is_left_out, monkeypatch):
-    found = loaded(monkeypatch, TUBEPLANNER_PURE=value)
-    said = NativeLibrary(None, "pure Python (TUBEPLANNER_PURE is set)")
-    assert (found == said) == is_left_out
+    result = loaded(monkeypatch, TUBEPLANNER_PURE=value)
+    pure = NativeLibrary(None, "pure Python (TUBEPLANNER_PURE is set)")
+    assert (result == pure) == is_left_out
 
 
 @IS_BUILT
@@ -115,10 +115,10 @@ def test_python_declares_all_functions_as_the_sources_do():
         types = tuple(one.type.removeprefix("const ") for one in export.arguments)
         types = tuple(C_TYPES["void*" if one == "Shapes*" else one] for one in types)
         declared[name] = types, C_TYPES.get(export.returns, export.returns)
-    asked = {}
+    signatures = {}
 
     def note(name, *arguments, returns=None):
-        asked[name] = arguments, returns
+        signatures[name] = arguments, returns
 
     package = SOURCES.parents[1]
     for path in package.rglob("*.py"):
@@ -128,7 +128,7 @@ def test_python_declares_all_functions_as_the_sources_do():
         for call in calls:
             eval(compile(ast.Expression(call), name, "eval"), names)
     texts = {f"tubeplanner_{name}" for name in ("sources", "level", "compiler", "runs_v3")}
-    assert asked == {name: each for name, each in declared.items() if name not in texts}
+    assert signatures == {name: each for name, each in declared.items() if name not in texts}
 
 
 HERE = Path(__file__).parent

@@ -77,11 +77,11 @@ def test_a_given_start_is_where_the_smoother_path_begins(ur5):
     start, points = np.array(SEED.joints), scan(200)
     tool = ur5.tool_position(start[None])
     points += tool[0] - points[0] + [0.001, 0, 0]
-    given = replace(problem(ur5, points), start=start)
-    inner = smoother_problem(given)
+    task = replace(problem(ur5, points), start=start)
+    inner = smoother_problem(task)
     np.testing.assert_allclose(inner.tube.points[0], tool[0], atol=1e-12)
     assert inner.tube.margin(tool, slice(0, 1))[0, 0] > 0
-    far = replace(given, tube=given.tube.with_radius(0.00105))
+    far = replace(task, tube=task.tube.with_radius(0.00105))
     assert smoother_problem(far) is None
 
 

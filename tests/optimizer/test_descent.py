@@ -289,8 +289,8 @@ def test_a_closed_cycle_begins_where_it_ends(robot, results):
     begin, end = splines[0].control_points[:3], splines[-1].control_points[-3:]
     np.testing.assert_array_equal(begin, np.tile(end[-1], (3, 1)))
     assert np.ptp(end, axis=0).max() == 0
-    moved = robot.tool_position(begin[:1])[0] - POINTS[0]
-    assert 0.001 < np.linalg.norm(moved) <= TOLERANCE
+    shift = robot.tool_position(begin[:1])[0] - POINTS[0]
+    assert 0.001 < np.linalg.norm(shift) <= TOLERANCE
     assert abs(begin[0] - goal).max() > 0.01
     open_legs = TiedLegs([first.motion, back], [True])
     open_legs.run()

@@ -186,13 +186,13 @@ def test_what_was_far_off_at_the_last_look_is_seen_once_it_comes_near(two_link):
     bent = far.control_points.copy()
     bent[3:-3, 1] *= 0.4
     near = PhasedSpline(far.grid, far.switching_times, bent)
-    known, fresh = LinkConstraints(problem), LinkConstraints(problem)
-    assert not known.look(far)
-    assert known.look(near)
+    used, fresh = LinkConstraints(problem), LinkConstraints(problem)
+    assert not used.look(far)
+    assert used.look(near)
     assert fresh.look(near)
-    found = [links.at(near).closest.distance.min() for links in (known, fresh)]
-    assert found[0] == pytest.approx(found[1], abs=1e-12)
-    assert found[0] < -0.005
+    distances = [links.at(near).closest.distance.min() for links in (used, fresh)]
+    assert distances[0] == pytest.approx(distances[1], abs=1e-12)
+    assert distances[0] < -0.005
 
 
 @pytest.mark.dear("refines the motion of seven joints between meshes")

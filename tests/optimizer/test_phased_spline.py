@@ -49,8 +49,8 @@ def test_values_and_changes_agree_to_rounding(points, monkeypatch):
     def parts():
         at = sampled_anew(points)
         change = np.random.default_rng(4).normal(size=at.spline.control_points.shape)
-        moved = at.change(change, np.array([0.1, -0.2, 0.3, 0.1]))
-        return at, (at.basis, at.by_x, at.by_switching, moved)
+        displaced = at.change(change, np.array([0.1, -0.2, 0.3, 0.1]))
+        return at, (at.basis, at.by_x, at.by_switching, displaced)
 
     at, compiled = parts()
     if points is POINTS[0]:
@@ -155,17 +155,17 @@ def test_directions_near_the_ends_are_known_until_a_joint_is_fast():
     spline = PhasedSpline(grid, times, points)
     samples = grid.samples(np.array([0.0, 0.99]))
     interval, at = samples.interval, sampled(spline, samples)
-    found = spline.end_directions(samples, np.array([1.5, 1.5, 1.5, 1.5]))
+    signs = spline.end_directions(samples, np.array([1.5, 1.5, 1.5, 1.5]))
     begins, ends = interval == 0, interval == last
-    expected = np.full(found.shape, np.nan)
+    expected = np.full(signs.shape, np.nan)
     expected[interval <= 1, 0] = -1.0  # fast from the second control point on
     expected[begins, 1] = -1.0
     expected[ends, :2] = 1.0  # never fast
     expected[begins | ends, 2] = 1.0
     expected[:, 3] = 0.0
-    np.testing.assert_array_equal(found, expected)
-    moves = ~np.isnan(found) & (abs(at.by_x[1]) > 1e-9)
-    np.testing.assert_array_equal(np.sign(at.by_x[1][moves]), found[moves])
+    np.testing.assert_array_equal(signs, expected)
+    moves = ~np.isnan(signs) & (abs(at.by_x[1]) > 1e-9)
+    np.testing.assert_array_equal(np.sign(at.by_x[1][moves]), signs[moves])
     exact = spline.end_directions(samples, np.full(4, 0.5))
     assert not np.isnan(exact[begins | ends]).any()
     assert np.isnan(exact[~(begins | ends), :3]).all()

@@ -89,15 +89,15 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     sides, vectors = [], []
     for sign in (STEP, -STEP):
         switching_times = spline.switching_times + sign * np.array([0, switching[0], 0])
-        moved = PhasedSpline(spline.grid, switching_times, spline.control_points + sign * change)
-        there = evaluated(kind, case, moved)
+        after = PhasedSpline(spline.grid, switching_times, spline.control_points + sign * change)
+        there = evaluated(kind, case, after)
         sides.append(there.slack(planes))
         vectors.append(there.vector)
     numeric = (sides[1] - sides[0]) / (2 * STEP)
     np.testing.assert_allclose(numeric, expected, atol=3e-4 * abs(expected).max())
-    moved = (vectors[0] - vectors[1]) / (2 * STEP)
+    after = (vectors[0] - vectors[1]) / (2 * STEP)
     predicted = here.after(change, switching) - here.vector
-    np.testing.assert_allclose(moved, predicted, atol=3e-4 * abs(predicted).max())
+    np.testing.assert_allclose(after, predicted, atol=3e-4 * abs(predicted).max())
     assert here.after(change, 0 * switching).shape == here.vector.shape
 
 
@@ -258,9 +258,9 @@ def test_every_tolerance_of_a_goal_has_its_key(goal_case):
     assert kinds(replace(problem, goal=None)) == kinds(with_goal()) == []
     assert kinds(with_goal(0.01)) == ["tolerance"]
     if problem.tube.rotation is not None:
-        turned = with_goal(0.0, 0.04)
-        assert kinds(turned) == ["rotation_tolerance"]
-        iterate = SequentialProgram(turned, spline.grid).iterate(spline)
+        rotated = with_goal(0.0, 0.04)
+        assert kinds(rotated) == ["rotation_tolerance"]
+        iterate = SequentialProgram(rotated, spline.grid).iterate(spline)
         assert iterate.regions[-1].regions.radius[-1] == 0.04
         bounds = with_goal(0.0, (0.04, 0.03, np.inf))
         iterate = SequentialProgram(bounds, spline.grid).iterate(spline)

@@ -28,11 +28,11 @@ def sliding(slider):
 def smoothed(problem, shortest, slack):
     """Return a smoothing that has run, within a slack."""
     longest = shortest.duration * (1 + slack)
-    found = SecondStage(problem, shortest.motion.spline, longest, 0.0)
-    assert not found.has_spline
-    assert found.run()
-    assert found.has_spline
-    return found
+    result = SecondStage(problem, shortest.motion.spline, longest, 0.0)
+    assert not result.has_spline
+    assert result.run()
+    assert result.has_spline
+    return result
 
 
 def integral(trajectory, power):
@@ -66,26 +66,26 @@ def least_fourth_power():
 def test_with_time_enough_the_least_jerk_is_what_calculus_says(slider, sliding, monkeypatch):
     """Where jerk vanishes its fourth power is flat: the last tenths are found slowly, if at all."""
     monkeypatch.setattr(smoothness_measures, "_WEIGHTS", (0.0, 0.0, 4.0))
-    found = smoothed(slider, sliding, 2.0).trajectory
+    result = smoothed(slider, sliding, 2.0).trajectory
     least = least_fourth_power()
-    assert least <= integral(found, 4) < 1.3 * least
+    assert least <= integral(result, 4) < 1.3 * least
 
 
 def test_the_mixture_is_no_worse_than_the_quintic_and_within_what_is_possible(slider, sliding):
     """No motion has less jerk than the quintic, nor less variation than a bang-bang one."""
     longest = 4 * sliding.duration
-    found = smoothed(slider, sliding, 3.0)
-    assert integral(found.trajectory, 2) >= LEAST_JERK
-    assert variation(found.trajectory) >= LEAST_VARIATION
-    grid, objective = sliding.motion.spline.grid, found._objective
+    result = smoothed(slider, sliding, 3.0)
+    assert integral(result.trajectory, 2) >= LEAST_JERK
+    assert variation(result.trajectory) >= LEAST_VARIATION
+    grid, objective = sliding.motion.spline.grid, result._objective
     knots, count = grid.knots(np.array([0.0, 1.0])), grid.control_point_count
     # A cubic of nearly the quintic: control points at the means of their knots.
     x = np.mean([knots[k : k + count] for k in (1, 2, 3)], axis=0)
     points = quintic(x)[:, None]
     points[:3], points[-3:] = 0.0, TRAVEL
-    at = found._program.iterate(replace(sliding.motion.spline, control_points=points))
+    at = result._program.iterate(replace(sliding.motion.spline, control_points=points))
     assert at.squared_duration < longest**2
-    assert objective.value(found._found) < objective.value(at) + 0.05
+    assert objective.value(result._found) < objective.value(at) + 0.05
 
 
 @pytest.fixture(scope="module")
@@ -102,14 +102,14 @@ def stage(post, longer, clearance=0.0, *checkpoint):
 
 def test_it_runs_in_its_time_between_samples_too(post):
     problem, shortest = post
-    found = smoothed(problem, shortest, 0.005)
-    segments = found.segments
+    result = smoothed(problem, shortest, 0.005)
+    segments = result.segments
     np.testing.assert_array_equal(segments, segments_of_pieces(shortest.motion.spline.grid))
-    assert len(segments) == len(found.trajectory.widths)
-    fastest = scaled_to_limits(problem, found.trajectory, segments=segments)
+    assert len(segments) == len(result.trajectory.widths)
+    fastest = scaled_to_limits(problem, result.trajectory, segments=segments)
     assert fastest.duration <= 1.005 * shortest.duration * (1 + 1e-6)
-    assert verify(problem, found.trajectory.scaled(1.005 * shortest.duration)).passed
-    assert not found.gave_up
+    assert verify(problem, result.trajectory.scaled(1.005 * shortest.duration)).passed
+    assert not result.gave_up
 
 
 @pytest.mark.parametrize(
@@ -117,12 +117,12 @@ def test_it_runs_in_its_time_between_samples_too(post):
     [(0.0, 0.9998, True), (0.01, 0.9998, False), (0.0, 1.0, False)],
 )
 def test_what_is_outside_or_late_between_samples_is_no_answer(excess, longer, is_answer, post):
-    found, longest = stage(post, 1.005)
-    constraints = found._program.constraints
+    result, longest = stage(post, 1.005)
+    constraints = result._program.constraints
     here = constraints.at(post[1].motion.spline)
     dense = replace(here, excess=excess, squared_duration=longer * longest**2)
     constraints.look_between_samples = lambda iterate: (dense, False)
-    assert found._looked_at(here) is is_answer
+    assert result._looked_at(here) is is_answer
 
 
 def test_without_time_or_a_start_there_is_nothing(post):
@@ -147,40 +147,40 @@ def test_its_checkpoint_gets_the_duration_and_ends_it(post):
         if len(heard) == 2:
             raise TimeoutError
 
-    found, longest = stage(post, 1.01, 0.0, checkpoint)
+    result, longest = stage(post, 1.01, 0.0, checkpoint)
     with pytest.raises(TimeoutError):
-        found.run()
+        result.run()
     assert heard == [longest, longest]
 
 
 def test_it_answers_a_certificate_with_samples_where_that_fails(post, monkeypatch):
     problem, shortest = post
-    found, longest = smoothed(problem, shortest, 0.005), 1.005 * shortest.duration
-    added, before = [], found._found.spline
-    kind = type(found._program.constraints)
+    result, longest = smoothed(problem, shortest, 0.005), 1.005 * shortest.duration
+    added, before = [], result._found.spline
+    kind = type(result._program.constraints)
     monkeypatch.setattr(kind, "add_samples", lambda self, spline, x: added.append((spline, x)))
-    passed = verify(problem, found.trajectory.scaled(longest))
+    passed = verify(problem, result.trajectory.scaled(longest))
     tube = passed.conditions["tube"]
     failed = replace(tube, margin=-1.0, where=replace(tube.where, time=0.25 * longest))
     certificate = replace(passed, conditions={**passed.conditions, "tube": failed})
-    assert found.answer(certificate, longest)
+    assert result.answer(certificate, longest)
     assert added == [(before, 0.25)]
-    assert not found.answer(passed, longest)  # nothing to do
-    assert not found.has_spline
+    assert not result.answer(passed, longest)  # nothing to do
+    assert not result.has_spline
 
 
 @pytest.mark.parametrize(("clearance", "kept"), [(-0.01, 0.0), (0.01, 0.009), (0.5, 0.018)])
 def test_most_of_the_distance_from_obstacles_is_kept(clearance, kept, post, monkeypatch):
     """A tenth of it may go, and of more than 2 cm all that is beyond."""
-    asked, links = [], second_stage.LinkConstraints
+    clearances, links = [], second_stage.LinkConstraints
 
     def spy(problem, room=0.0):
-        asked.append(room)
+        clearances.append(room)
         return links(problem, room)
 
     monkeypatch.setattr(second_stage, "LinkConstraints", spy)
     stage(post, 1.005, clearance)
-    assert asked[-1] == pytest.approx(kept, abs=1e-15)
+    assert clearances[-1] == pytest.approx(kept, abs=1e-15)
 
 
 def test_room_is_what_the_worst_instant_leaves_by_segment(slider, sliding):

@@ -67,8 +67,8 @@ def test_a_chain_ends_where_joint_ranges_or_the_rotation_bound_change():
     signs = [{"turn": [-1.0, 1.0 if k < 30 else 2.0]} for k in range(100)]
     assert chains_of(circle(100), joint_signs=signs) == (range(30), range(30, 100))
     upright, bounds = np.tile([0.0, 0.0, 0.0, 1.0], (101, 1)), [0.1] * 70 + [0.2] * 30
-    turned = chains_of(circle(100), orientations=upright, rotation_tolerance=bounds)
-    assert turned == (range(70), range(70, 100))
+    rotated = chains_of(circle(100), orientations=upright, rotation_tolerance=bounds)
+    assert rotated == (range(70), range(70, 100))
 
 
 def test_a_kink_is_what_samples_miss_at_the_inner_side_of_a_corner():

@@ -111,8 +111,10 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     sides = []
     for sign in (STEP, -STEP):
         switching_times = ENDS + sign * np.array([0, switching[0], 0])
-        moved = PhasedSpline(spline.grid, switching_times, spline.control_points + sign * change)
-        sides.append(kinds.at(moved).slack(duration, 1 + sign * eta)[rows.index])
+        displaced = PhasedSpline(
+            spline.grid, switching_times, spline.control_points + sign * change
+        )
+        sides.append(kinds.at(displaced).slack(duration, 1 + sign * eta)[rows.index])
     numeric = -(sides[0] - sides[1]) / (2 * STEP)
     scale = abs(expected).max()
     np.testing.assert_allclose(numeric / scale, expected / scale, atol=3e-4)
@@ -248,11 +250,11 @@ def test_segments_that_a_motion_missed_are_asked_for_from_then_on(case, monkeypa
     constraints = constraints_of(case[0], case[1].grid)
     missed = [np.array([True, False]), np.array([False, True]), np.array([True, True])]
     monkeypatch.setattr(OrderedSegments, "missed", lambda self, tool: missed.pop(0))
-    asked = []
+    requested = []
     for is_new in (True, True, False):
         assert constraints._ask_for_missed(np.zeros((1, 3))) is is_new
-        asked.append(constraints._is_asked.tolist())
-    assert asked == [[True, False], [True, True], [True, True]]
+        requested.append(constraints._is_asked.tolist())
+    assert requested == [[True, False], [True, True], [True, True]]
 
 
 # Blended friction in the optimisation, beside what is exact: on whole splines.
@@ -269,8 +271,8 @@ def constraints_and_spline(robot, turns, intervals=60, **motors):
     robot, grid = with_motors(robot, **motors), knot_grid(ENDS, intervals)
     knots = grid.knots(ENDS)
     x = np.convolve(knots[1:-1], np.full(3, 1 / 3), "valid")[:, None]
-    moved = step(np.minimum(x / 0.35, (1 - x) / 0.65)) if turns else step(x)
-    points = np.hstack([0.2 * step(x), 0.8 * moved - 1.5])
+    displaced = step(np.minimum(x / 0.35, (1 - x) / 0.65)) if turns else step(x)
+    points = np.hstack([0.2 * step(x), 0.8 * displaced - 1.5])
     points[:3], points[-3:] = points[0], points[-1]
     tube = Tube(robot.tool_position(points[[0, len(points) // 2, -1]]), 9.0)
     problem = PlanningProblem(robot, tube, points[0], points[-1], self_collision=False)

@@ -47,9 +47,9 @@ def test_its_tool_moves_with_the_reference_points_and_it_stays_at_rest(motion):
 
 def test_a_goal_out_of_reach_is_none(motion):
     far = moved(motion.problem, [[0, 0, 0]] * 3 + [[0.0, 0.5, 0.0]])
-    with pytest.raises(Infeasible, match="does not lead to reference point 3") as found:
+    with pytest.raises(Infeasible, match="does not lead to reference point 3") as error:
         motion.shifted(far)
-    assert found.value.status is PlanStatus.UNREACHABLE
+    assert error.value.status is PlanStatus.UNREACHABLE
 
 
 def test_it_suits_problems_with_the_same_joints_and_segments(motion, slide):
@@ -82,23 +82,23 @@ def spline():
 @pytest.mark.parametrize("periods", [FINE, 60, FEWER_THAN_KNOTS, FEWER_THAN_PHASES_NEED, FEWEST])
 def test_all_knots_are_multiples_and_every_phase_keeps_its_own(periods):
     """As many knots as before or as there is room for, no two the same; the segments stay."""
-    before, found = spline(), on_periodic_knots(spline(), periods)
-    knots = found.grid.breakpoints(found.switching_times) * periods
+    before, regular = spline(), on_periodic_knots(spline(), periods)
+    knots = regular.grid.breakpoints(regular.switching_times) * periods
     np.testing.assert_allclose(knots, knots.round(), atol=1e-9)
     widths = np.diff(knots.round())
     assert widths.min() >= 1
     assert (knots[0], knots[-1]) == (0.0, pytest.approx(periods))
-    assert found.grid.interval_count == min(before.grid.interval_count, periods)
-    assert len(found.control_points) == found.grid.control_point_count
-    assert found.grid.chains == CHAINS
-    for share in found.grid.shares:
+    assert regular.grid.interval_count == min(before.grid.interval_count, periods)
+    assert len(regular.control_points) == regular.grid.control_point_count
+    assert regular.grid.chains == CHAINS
+    for share in regular.grid.shares:
         assert (share[0], share[-1]) == (0.0, 1.0)
         assert np.diff(share).min() > 0
-    ends = np.cumsum([0, *(len(share) - 1 for share in found.grid.shares)])
-    np.testing.assert_allclose(found.switching_times * periods, knots[ends])
+    ends = np.cumsum([0, *(len(share) - 1 for share in regular.grid.shares)])
+    np.testing.assert_allclose(regular.switching_times * periods, knots[ends])
     # Switching times no longer move.
-    assert found.grid.is_fixed
-    assert (before.grid.switch_count, found.grid.switch_count) == (2, 0)
+    assert regular.grid.is_fixed
+    assert (before.grid.switch_count, regular.grid.switch_count) == (2, 0)
     if periods == 60:
         # Chebyshev's are closest at the ends: there every period has one. Knots that fall onto
         # one are made up for in the widest intervals.
@@ -120,15 +120,15 @@ def test_switching_times_stay_to_a_period_and_move_apart_if_they_are_closer(
 ):
     grid = knot_grid(np.array(times), 40)
     before = PhasedSpline(grid, np.array(times), np.zeros((grid.control_point_count, 1)))
-    found = on_periodic_knots(before, periods)
-    np.testing.assert_allclose(found.switching_times * periods, expected, atol=1e-12)
-    assert found.grid.interval_count == min(grid.interval_count, periods)
+    regular = on_periodic_knots(before, periods)
+    np.testing.assert_allclose(regular.switching_times * periods, expected, atol=1e-12)
+    assert regular.grid.interval_count == min(grid.interval_count, periods)
 
 
 @pytest.mark.parametrize(("periods", "apart"), [(FINE, 1e-4), (100, 1e-2)])
 def test_it_is_nearly_the_same_motion_at_rest_at_both_ends(periods, apart):
-    before, found = spline(), on_periodic_knots(spline(), periods)
+    before, regular = spline(), on_periodic_knots(spline(), periods)
     x = np.linspace(0, 1, 500)
-    assert abs(found.bspline()(x) - before.bspline()(x)).max() < apart
-    np.testing.assert_array_equal(found.control_points[[0, 1, 2]], before.control_points[[0] * 3])
-    np.testing.assert_array_equal(found.control_points[-3:], before.control_points[[-1] * 3])
+    assert abs(regular.bspline()(x) - before.bspline()(x)).max() < apart
+    np.testing.assert_array_equal(regular.control_points[[0, 1, 2]], before.control_points[[0] * 3])
+    np.testing.assert_array_equal(regular.control_points[-3:], before.control_points[[-1] * 3])

@@ -93,8 +93,8 @@ def test_the_model_of_energy_is_exact_where_efforts_are_linear(tmp_path):
     model = energy.model(at, 3.0)
     change = np.einsum("mrv,mv->mr", model.control, by_interval(step, len(model.slope)))
     expected = (model.slope * change).sum() + (model.curvature * change**2).sum() / 2
-    moved = motion(problem, replace(spline, control_points=points + step))
-    assert 3.0 * (energy.total(moved) - energy.total(at)) == pytest.approx(expected, rel=1e-9)
+    displaced = motion(problem, replace(spline, control_points=points + step))
+    assert 3.0 * (energy.total(displaced) - energy.total(at)) == pytest.approx(expected, rel=1e-9)
 
 
 def test_of_an_arm_they_are_nearly_those_of_the_trajectory(slide):
@@ -132,8 +132,8 @@ def test_the_model_of_work_bends_more_than_power(tmp_path):
             for sign in (1, -1)
         ]
         bend = sum(sides) - 2 * work.total(at)
-        moved = by_interval(step, len(model.slope))
-        bends = model.curvature * np.einsum("mrv,mv->mr", model.control, moved) ** 2
+        displaced = by_interval(step, len(model.slope))
+        bends = model.curvature * np.einsum("mrv,mv->mr", model.control, displaced) ** 2
         assert bends.sum() > bend
         missed.append(bend > bends[:, own].sum())
     assert any(missed)  # by the residuals of power alone

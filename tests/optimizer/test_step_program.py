@@ -95,8 +95,8 @@ def test_rows_lose_what_would_move_what_is_held_and_no_more():
     rows = SparseRows(np.array([3.0, 1.0, 2.0, 5.0]), np.array([0, 1, 2, 0]), np.array([3, 1]))
     held = SparseRows(np.array([0.6, 0.8]), np.array([1, 2]), np.array([2]))
     first, second = _without(rows, [held]).rows()
-    found = dict(zip(first.column.tolist(), first.data, strict=True))
-    assert found == pytest.approx({0: 3.0, 1: 1 - 0.6 * 2.2, 2: 2 - 0.8 * 2.2})
+    values = dict(zip(first.column.tolist(), first.data, strict=True))
+    assert values == pytest.approx({0: 3.0, 1: 1 - 0.6 * 2.2, 2: 2 - 0.8 * 2.2})
     assert second.data.tolist() == [5.0]
 
 
@@ -184,8 +184,8 @@ NARROW = {"bounds": (-0.01, 0.03)}
 )
 def test_two_legs_end_and_begin_where_it_costs_least(solved, legs, is_tied, ends, accuracy):
     _, (first, second) = solved(legs, [is_tied, False])
-    found = [first.control[1, 0], second.control[0, 0]]
-    assert found == pytest.approx(ends, abs=accuracy)
+    values = [first.control[1, 0], second.control[0, 0]]
+    assert values == pytest.approx(ends, abs=accuracy)
 
 
 @pytest.mark.parametrize(("slope", "way"), [(1.0, 1), (2.0, -1)])
