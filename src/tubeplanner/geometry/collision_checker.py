@@ -139,19 +139,17 @@ class CollisionChecker(BodyShapes):
         return links, obstacles[0] if obstacles else None
 
     def _select(self, pairs: Iterator[tuple[int, int]]) -> IntArray:
-        """Return the pairs (P, 2) that must stay apart, without judging covers of links."""
-        return _as_pairs([pair for pair in pairs if self._must_stay_apart(*pair)])
-
-    def _must_stay_apart(self, i: int, j: int) -> bool:
-        first, second = self.shapes[i], self.shapes[j]
-        if frozenset((first.owner, second.owner)) in self._ignored:
-            return False
-        moves = self.robot.carries
-        between = moves[first.body] != moves[second.body]
-        # Neighbouring links meet at their joint; nothing else may touch.
-        solid_names = self._obstacle_names | self._attached_names
-        neighbours_may_touch = not {first.owner, second.owner} & solid_names
-        return int(between.sum()) > (1 if neighbours_may_touch else 0)
+        """Return the pairs (P, 2) that must stay apart, before covers of links are judged."""
+        solids = self._obstacle_names | self._attached_names
+        moves, result = self.robot.carries, []
+        for i, j in pairs:
+            first, second = self.shapes[i], self.shapes[j]
+            owners = frozenset((first.owner, second.owner))
+            joints = int((moves[first.body] != moves[second.body]).sum())
+            # Neighbouring links meet at their joint; nothing else may touch.
+            if owners not in self._ignored and joints > (0 if owners & solids else 1):
+                result.append((i, j))
+        return _as_pairs(result)
 
     def _judge_links(
         self,
