@@ -39,7 +39,7 @@ _SAME = 0.1  # [rad or m] of every joint
 
 
 def other_ends(cycle: Cycle, k: int, seams: list[FloatArray]) -> Iterator[FloatArray]:
-    """Yield other configurations (n,) for leg k's begin, from which a branch leads along it.
+    """Yield other configurations (n,) for leg k's begin, each with a branch along the leg.
 
     Configurations nearest to the begin of the leg before come first.
 
@@ -82,7 +82,7 @@ def _reaching(
 
 
 def _leads_on(cycle: Cycle, k: int, seams: list[FloatArray]) -> bool:
-    """Return True if a leg can begin at its junction, and a branch leads along it."""
+    """Return True if a leg can begin at its junction, and has a branch."""
     try:
         problem = cycle.problem(k, seams).joined
     except ProblemError:
@@ -176,7 +176,7 @@ def first_configuration(cycle: Cycle) -> FloatArray:
 
 
 def leg_problem(cycle: Cycle, k: int, seams: list[FloatArray]) -> PlanningProblem:
-    """Return a leg's problem from the end of the leg before; a closed cycle's last leg closes it.
+    """Return a leg's problem from the end of the leg before; the last leg closes a closed cycle.
 
     Args:
         cycle: The cycle.
@@ -274,7 +274,11 @@ def shared_plan(
             replace(motion, problem=replace(problem.joined, goal=goal), spline=spline)
             for motion, problem, goal, spline in zip(motions, problems, goals, splines, strict=True)
         ]
-        is_open = [_presses(*each) for each in zip(opened, is_open, strict=True)]
+        # Ends that were chosen stay open if not free: what is put down there is too deep.
+        is_open = [
+            opens and not is_free(motion.problem, "goal", motion.spline.control_points[-1])
+            for motion, opens in zip(opened, is_open, strict=True)
+        ]
         motions = [
             motion if opens else replace(motion, problem=problem.joined)
             for motion, problem, opens in zip(opened, problems, is_open, strict=True)
@@ -348,12 +352,6 @@ def _chains(is_open: Sequence[bool], *, closed: bool) -> list[list[int]]:
         if not is_open[k]:
             chains.append([])
     return [chain for chain in chains if any(is_open[k] for k in chain)]
-
-
-def _presses(motion: RefinedMotion, is_open: bool) -> bool:
-    """Return True if a leg's end was chosen and is not free: its part is put down too deep."""
-    end = motion.spline.control_points[-1]
-    return is_open and not is_free(motion.problem, "goal", end)
 
 
 def _planned(

@@ -41,7 +41,7 @@ def plan_cycle(
     *,
     shares_configurations: bool = True,
 ) -> CycleResult:
-    """Plan the motion of a whole cycle and certify it.
+    """Plan and certify the motion of a whole cycle.
 
     Moves are planned alone, in order, each from the end of the last one. Then the configurations
     between moves, where a move ends openly, are chosen for the least sum of durations.
@@ -96,19 +96,14 @@ def _answer(
         plans = [
             replace(plan, result=replace(plan.result, stopped_by=stopped_by)) for plan in plans
         ]
-    written = [_followed(cycle, k, plan, options, clock) for k, plan in enumerate(plans)]
+    written = []
+    for k, plan in enumerate(plans):
+        with clock.within(cycle.called(k)):
+            problem = replace(plan.problem, start=plan.begin, goal=plan.end)
+            followed = followed_plan(problem, plan.between(problem).result, options.slack, clock)
+        written.append(LegPlan(problem, followed))
     result = _certified(cycle, written, greedy, options, clock, stopped_by or _stop_of(written))
     return replace(result, notes=(*result.notes, *_notes(cycle, plans, written)))
-
-
-def _followed(
-    cycle: Cycle, k: int, plan: LegPlan, options: PlanOptions, clock: PlanningClock
-) -> LegPlan:
-    """Return the written motion of a leg, between the ends of its shortest motion."""
-    with clock.within(cycle.called(k)):
-        problem = replace(plan.problem, start=plan.begin, goal=plan.end)
-        result = followed_plan(problem, plan.between(problem).result, options.slack, clock)
-    return LegPlan(problem, result)
 
 
 def _certified(
@@ -119,7 +114,7 @@ def _certified(
     clock: PlanningClock,
     stopped_by: StoppedBy | None,
 ) -> CycleResult:
-    """Return the result of all legs together, judged as one motion."""
+    """Return the result of all legs, judged as a single motion."""
     for k, plan in enumerate(plans):
         if not plan.result.succeeded:
             return _blocked(cycle, BlockedLeg(k, plan.result), options, clock)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -94,7 +95,7 @@ def path_spots(problem: PlanningProblem, end: Place, is_wide: bool = False) -> l
 
 
 def _segments(problem: PlanningProblem, end: Place) -> list[int]:
-    """Return the segments nearest to the end of a branch, and the last one."""
+    """Return the segments nearest to the end of a branch, and the last segment."""
     tube = problem.tube
     count = tube.segment_count
     around = next((k for k in range(count) if tube.segment_number(k) == end.segment), 0)
@@ -103,7 +104,7 @@ def _segments(problem: PlanningProblem, end: Place) -> list[int]:
 
 
 def _inside(problem: PlanningProblem, segment: int, end: Place) -> list[Spot]:
-    """Return the middle of a segment, and the end of the branch if it lies in the segment."""
+    """Return the middle of a segment, and a branch's end inside the segment."""
     tube = problem.tube
     begin = tube.points[segment]
     tools = [(begin + tube.points[segment + 1]) / 2]
@@ -154,7 +155,7 @@ def blocked_spot(
     end: Place,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> Infeasible | None:
-    """Return the reason why the arm cannot follow the reference path, or None if it can.
+    """Return the reason why the arm cannot follow the reference path, or None.
 
     At each sample inverse kinematics begins with the start and with many more configurations: a
     condition that no solution satisfies counts as impossible. The tool may miss a sample by half of
@@ -342,12 +343,17 @@ def _out_of_bounds(at: _Configurations) -> Infeasible | None:
     )
 
 
-def _not_held(at: _Configurations) -> Infeasible | None:
-    return _without(at, at.is_held, lambda q: require_held(at.problem, q), turned=False)
+def _not_held(at: _Configurations, *, turned: bool = False) -> Infeasible | None:
+    return _without(at, at.is_held, lambda q: require_held(at.problem, q), turned=turned)
 
 
-def _not_free(at: _Configurations) -> Infeasible | None:
-    return _without(at, at.is_free, lambda q: _require_free(at, q), turned=False)
+def _not_free(at: _Configurations, *, turned: bool = False) -> Infeasible | None:
+    name = at.spot.name if at.spot.is_goal else str(at.spot.place)
+
+    def require(q: FloatArray) -> None:
+        require_free(at.problem, name, q, at.required(q))
+
+    return _without(at, at.is_free, require, turned=turned)
 
 
 def _turned_away(at: _Configurations) -> Infeasible | None:
@@ -373,18 +379,10 @@ def _turned_out_of_bounds(at: _Configurations) -> Infeasible | None:
     )
 
 
-def _turned_not_held(at: _Configurations) -> Infeasible | None:
-    return _without(at, at.is_held, lambda q: require_held(at.problem, q), turned=True)
-
-
-def _turned_not_free(at: _Configurations) -> Infeasible | None:
-    return _without(at, at.is_free, lambda q: _require_free(at, q), turned=True)
-
-
 _POSITION_CHECKS: tuple[_Check, ...] = (_out_of_reach, _out_of_bounds, _not_held)
 _TURNED_CHECKS: tuple[_Check, ...] = (
     *(_turned_away, _turned_out_of_bounds),
-    *(_turned_not_held, _turned_not_free),
+    *(partial(_not_held, turned=True), partial(_not_free, turned=True)),
 )
 
 
@@ -402,11 +400,6 @@ def _without(
         place = replace(reason.place, segment=spot.segment, point=spot.point)
         return reason.replaced(starts=at.starts, place=place)
     return None
-
-
-def _require_free(at: _Configurations, q: FloatArray) -> None:
-    name = at.spot.name if at.spot.is_goal else str(at.spot.place)
-    require_free(at.problem, name, q, at.required(q))
 
 
 def _least_outside(at: _Configurations, *, turned: bool) -> tuple[str, OutsideBounds]:

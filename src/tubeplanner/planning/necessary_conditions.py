@@ -89,7 +89,7 @@ def require_within_bound(problem: PlanningProblem, *, start_is_known: bool = Tru
 
 
 def required_points(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
-    """Return points (m+1, 3) to pass, and the tool's allowed distances from them (m+1,) [m].
+    """Return points (m+1, 3) to pass, and the tool's allowed distances (m+1,) [m].
 
     The distance is infinite for an end with a given configuration, whose tool is near enough
     already.
@@ -108,7 +108,7 @@ def required_points(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
 
 
 def point_place(tube: Tube, k: int, point: FloatArray) -> Place:
-    """Return the place of reference point k, or of a point (3,) [m] instead of it."""
+    """Return the place of reference point k, or of a point (3,) [m] in its stead."""
     number = tube.segment_number(max(k - 1, 0), point)
     return Place(segment=number, point=int(tube.numbers[k])).at(point)
 
@@ -119,7 +119,7 @@ def point_name(k: int, count: int) -> str:
 
 
 def largest_distances(tube: Tube) -> FloatArray:
-    """Return the tool's largest distances from points as it passes them, but the first, (m,) [m].
+    """Return the tool's largest distances when it passes points, without the first, (m,) [m].
 
     The tool passes from segment to segment where their regions overlap. Within r of two lines at
     an angle phi, it is at most r / sin(phi / 2) from their corner. At the goal the distance is 0.

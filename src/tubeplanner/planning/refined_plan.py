@@ -53,7 +53,7 @@ class OptimisedMotion(Protocol):
 
     @property
     def trajectory(self) -> JointTrajectory:
-        """The best motion so far, as a trajectory of one second."""
+        """The best motion so far, as a trajectory of a second."""
         ...
 
     @property
@@ -302,8 +302,11 @@ def _starts(
             return
         if any(branch.is_as(other) for other in distinct):
             continue
-        knots = _knots(problem, branch, quality)[: 1 if distinct else None]
-        for start in _starts_from(problem, branch, knots):
+        wide = sufficient_start(problem, branch, quality.knots[0][0])
+        has_chains = any(len(chain) > 1 for chain in wide.grid.chains)
+        is_narrow = has_chains or _is_widened(problem, wide)
+        knots = quality.narrow_knots if is_narrow else quality.knots
+        for start in _starts_from(problem, branch, knots[: 1 if distinct else None]):
             first = first or start
             yield start
         distinct.append(branch)
@@ -320,14 +323,6 @@ def _starts_from(
     for intervals, divisions in knots:
         spline = sufficient_start(problem, branch, intervals)
         yield _Start(branch, spline, _divisions(spline.grid, intervals, divisions))
-
-
-def _knots(problem: PlanningProblem, branch: ReferenceBranch, quality: Quality) -> _Knots:
-    """Return the quality's choices of knots for a branch."""
-    wide = sufficient_start(problem, branch, quality.knots[0][0])
-    has_chains = any(len(chain) > 1 for chain in wide.grid.chains)
-    is_narrow = has_chains or _is_widened(problem, wide)
-    return quality.narrow_knots if is_narrow else quality.knots
 
 
 def _is_other(problem: PlanningProblem, last: _Start, gave_up: bool) -> bool:

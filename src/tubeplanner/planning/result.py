@@ -123,7 +123,7 @@ class PlanResult:
 
     @property
     def phase1_duration(self) -> float | None:
-        """Duration of branch and bound's trajectory [s], None if it is no faster."""
+        """Duration of branch and bound's trajectory [s], None if no faster."""
         return None if self.search is None else self.search.best_duration
 
     def as_dict(self) -> dict[str, Any]:
@@ -166,7 +166,7 @@ def refused_result(reason: Infeasible, method: str) -> PlanResult:
 
 
 def stopped_result(clock: PlanningClock, stopped_by: StoppedBy, method: str) -> PlanResult:
-    """Return the result of a method that was stopped before it had a trajectory."""
+    """Return the result of a method that was stopped before its first trajectory."""
     if stopped_by == "interrupt":
         status, message = PlanStatus.INTERRUPTED, "interrupted before anything was certified"
     else:
@@ -193,7 +193,11 @@ def judged_result(
     """Return the result of a method's trajectory with its certificate, passed or not."""
     reason = refusal(problem, certificate)
     if reason is not None:
-        refused = refused_result(_with_arm(problem, trajectory, reason), method)
+        if reason.place.time is not None:
+            q = trajectory.position(reason.place.time)
+            place = reason.place.at(problem.robot.tool_position(q[None])[0])
+            reason = reason.replaced(configuration=q, place=place)
+        refused = refused_result(reason, method)
         return replace(refused, certificate=certificate, certificate_time=certificate_time)
     return PlanResult(
         PlanStatus.SUCCESS,
@@ -207,17 +211,6 @@ def judged_result(
         _path_minimum=partial(path_minimum, problem, trajectory),
         _peaks=partial(trajectory_peaks, problem.robot, trajectory),
     )
-
-
-def _with_arm(
-    problem: PlanningProblem, trajectory: JointTrajectory, reason: Infeasible
-) -> Infeasible:
-    """Return the refusal of a trajectory, with the configuration and the tool at its time."""
-    if reason.place.time is None:
-        return reason
-    q = trajectory.position(reason.place.time)
-    place = reason.place.at(problem.robot.tool_position(q[None])[0])
-    return reason.replaced(configuration=q, place=place)
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
@@ -262,7 +255,7 @@ def _passed_by(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
 
 
 def with_grounds(result: PlanResult) -> PlanResult:
-    """Return a result whose message tells proof from search, if it is a refusal.
+    """Return a result; messages of refusals tell proof from search.
 
     The messages of stopped planning stay as they are.
     """

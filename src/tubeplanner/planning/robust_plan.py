@@ -71,7 +71,7 @@ def robust_plan(
 
 
 def _not_simulated(plan: PlanResult) -> PlanResult:
-    """Return a plan with the message that it was not simulated."""
+    """Return a plan with the message that simulation is missing."""
     if plan.trajectory is None:
         return plan
     return replace(plan, message=f"{plan.message}; whether it survives was not simulated")
@@ -194,7 +194,7 @@ class _Search:
 
 
 def _of_whole_limits(problem: PlanningProblem, tried: TriedPlan) -> tuple[Sensitivity, ...]:
-    """Return the sensitivities of the problem's limits, from those of a plan's tightened limits.
+    """Return the sensitivities of the problem's limits, from a plan's tightened limits.
 
     Fractions of limits leave relative changes as they are. Of a radius reduced by a length,
     relative changes grow by the ratio of the radii.

@@ -50,7 +50,7 @@ def most_periods(duration: float, period: float) -> int:
 def lengthened(
     trajectory: JointTrajectory, duration: float, period: float | None = None
 ) -> JointTrajectory:
-    """Return a trajectory slowed to a duration [s]; as it is if it takes longer.
+    """Return a trajectory slowed to a duration [s]; a longer trajectory stays.
 
     Args:
         trajectory: The trajectory.
@@ -197,7 +197,7 @@ def _certified(
     longest: float,
     clock: PlanningClock,
 ) -> PlanResult | None:
-    """Return the certified result of the second stage; None if it fails."""
+    """Return the certified result of the second stage; None on failure."""
     assert shortest.motion is not None and shortest.certificate is not None
     objective = problem.objective or Objective()
     name = "smoothing" if _is_smoothing(problem) else f"saving {objective.minimise}"
@@ -292,7 +292,7 @@ def _followed(
 def _longest(
     problem: PlanningProblem, shortest: PlanResult, slack: float, duration: float | None
 ) -> float | None:
-    """Return the duration for the second stage [s]; None: there is no time for it."""
+    """Return the duration for the second stage [s]; None: there is no time."""
     assert shortest.trajectory is not None
     if duration is not None:
         return duration if no_longer(shortest.trajectory.duration, duration) else None
@@ -303,7 +303,7 @@ def _longest(
 
 
 def _in_duration(problem: PlanningProblem, answer: PlanResult, duration: float) -> PlanResult:
-    """Return an answer in the objective's exact duration [s], or a refusal if it is too short."""
+    """Return an answer in the objective's exact duration [s], or a refusal if too short."""
     if answer.trajectory is None or answer.duration is None:
         return answer
     if not no_longer(answer.duration, duration):

@@ -74,7 +74,7 @@ class Planner:
         return f"<Planner of {self._problem.name}: {self._options.method}, {state}>"
 
     def plan(self, progress: ProgressCallback | None = None) -> PlanResult:
-        """Plan a trajectory afresh and certify it, as `tubeplanner.plan` does.
+        """Plan and certify a trajectory afresh, as `tubeplanner.plan` does.
 
         Args:
             progress: As of `tubeplanner.plan`.
@@ -225,7 +225,7 @@ def plan(
     options: PlanOptions | None = None,
     progress: ProgressCallback | None = None,
 ) -> PlanResult:
-    """Plan a trajectory and certify it.
+    """Plan and certify a trajectory.
 
     Args:
         problem: The planning problem.
@@ -358,7 +358,7 @@ def _searched(
 
 
 def _with_better_reason(result: PlanResult, refined: PlanResult | None) -> PlanResult:
-    """Return a result; of blocking links, those that refinement could not move away."""
+    """Return a result, with refinement's reason if links block both."""
     blocked = PlanStatus.TUBE_BLOCKED
     if refined is not None and result.status is blocked and refined.status is blocked:
         return replace(refined, search=result.search)

@@ -132,7 +132,7 @@ class TightenedPlans:
         return replace(result, notes=()) if result.succeeded else None
 
     def simulated(self, kept_back: Tightening, result: PlanResult, draw: Draw) -> TriedPlan:
-        """Return a plan with the verdict of its simulated runs, and remember it.
+        """Return and remember a plan with the verdict of its simulated runs.
 
         Raises:
             TimeLimitReached: Before the runs ended.
@@ -295,7 +295,7 @@ def _best_fraction(
 
 
 def _is_surely_longer(result: PlanResult, other: TriedPlan) -> bool:
-    """Return True if a plan takes longer than another's expected duration, whatever it lacks."""
+    """Return True if a plan takes longer than another's expected duration."""
     if not other.survives and other.lacking > 0:
         return False
     return (result.duration or np.inf) >= other.expected

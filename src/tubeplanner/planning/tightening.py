@@ -46,7 +46,7 @@ class Tightening:
 
     @classmethod
     def nothing(cls, problem: PlanningProblem) -> "Tightening":
-        """Return the tightening that leaves a problem as it is."""
+        """Return the tightening that leaves a problem unchanged."""
         zero = np.zeros(problem.tube.segment_count)
         return cls(1.0, 1.0, zero, zero, 0.0, np.zeros((2, problem.robot.joint_count)))
 

@@ -101,7 +101,7 @@ def searched_plan(
     options: PlanOptions,
     clock: PlanningClock,
 ) -> PlanResult:
-    """Return the result of branch and bound, if it is faster than stopping at corners.
+    """Return the result of branch and bound, if faster than stops at corners.
 
     Stops at corners bound the search even if their certificate failed: without a bound it takes
     very long.
