@@ -63,10 +63,10 @@ def cubic_by_switching(
         return None
     count, joints, control = len(samples[0]), control.shape[1], np.ascontiguousarray(control)
     changes = np.zeros((switches, 4, count, joints))
-    moved = np.empty((count, 2), dtype=np.int64)
+    ranges = np.empty((count, 2), dtype=np.int64)
     places = (switching_times, len(knots[0]) - 1, *knots, count, *samples)
-    _by_switching(*places, joints, control, switches, changes, moved)
-    return changes, moved
+    _by_switching(*places, joints, control, switches, changes, ranges)
+    return changes, ranges
 
 
 def cubic_values(weights: FloatArray, first: IntArray, control: FloatArray) -> FloatArray | None:

@@ -245,14 +245,14 @@ class SequentialProgram:
         widths *= min(_MAX_WIDTH_SHARE, _WIDTH_SHARE * trust.radius)
         switching = np.minimum(np.cumsum(widths)[:-1], np.cumsum(widths[::-1])[-2::-1])
         points = current.spline.control_points
-        now, held = self.variables.of(points), self.variables.held(points)
+        now, fixed = self.variables.of(points), self.variables.held(points)
         return Bounds(
             np.clip(self.variables.lower - now, -trust.largest_change, 0.0),
             np.clip(self.variables.upper - now, 0.0, trust.largest_change),
             switching[: self.grid.switch_count],
             widths,
             (self._objective.least_duration_step, _LARGEST_DURATION_STEP),
-            held if goal_moves or len(held) == 0 else np.eye(points.shape[1]),
+            fixed if goal_moves or len(fixed) == 0 else np.eye(points.shape[1]),
         )
 
 

@@ -368,14 +368,14 @@ class SparseProgram:
         rows = [
             joint.over_all(own, k) for k, block in enumerate(joint.blocks) for own in block.rows
         ]
-        held = _matrix(joint.held, joint.size)
+        fixed = _matrix(joint.held, joint.size)
         lower, upper = joint.bounds
         count = sum(len(block.slack) for block in joint.blocks)
         solver.setup(
             hessian.tocsc(),
             joint.linear,
-            held if held.shape[0] else None,
-            np.zeros(held.shape[0]) if held.shape[0] else None,
+            fixed if fixed.shape[0] else None,
+            np.zeros(fixed.shape[0]) if fixed.shape[0] else None,
             _matrix([*rows, *joint.width_changes], joint.size),
             np.concatenate([np.full(count, -np.inf), -joint.widths]),
             self._most(),

@@ -106,7 +106,7 @@ class TiedLegs:
     def _programs(
         self, splines: Sequence[PhasedSpline]
     ) -> tuple[tuple[bool, ...], tuple[SequentialProgram, ...]]:
-        """Return whether each leg is tied to the next, and the legs' programs."""
+        """Return True for each leg that is tied to the next, and the legs' programs."""
         legs = list(zip(self._motions, splines, self._is_open, strict=True))
         is_tied = tuple(
             is_open and ControlVariables(motion.problem, spline.grid).goal_moves
