@@ -242,9 +242,9 @@ def _links_without(links: Sequence[LinkInfo]) -> list[str]:
 def _frame_lines(info: RobotInfo) -> list[str]:
     leaves = [name for name in info.leaf_links if name != info.tool_frame]
     inner = [link.name for link in info.links if not link.is_leaf and link.name != info.tool_frame]
-    chosen = "given" if info.tool_frame_is_given else "choose another by --tool-frame"
+    choice = "given" if info.tool_frame_is_given else "choose another by --tool-frame"
     return [
-        f"tool_frame: {info.tool_frame} ({chosen})",
+        f"tool_frame: {info.tool_frame} ({choice})",
         *([f"other ends of chains: {', '.join(leaves)}"] if leaves else []),
         *([f"inner links: {', '.join(inner)}"] if inner else []),
     ]

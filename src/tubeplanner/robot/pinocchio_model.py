@@ -64,8 +64,8 @@ class BasePose:
             is_row = are_numbers(self.quaternion, 4)
             norm = float(np.linalg.norm(self.quaternion)) if is_row else 0.0
             if not _MIN_NORM < norm < _MAX_NORM:
-                given = f"quaternion {shown(self.quaternion)}"
-                raise RobotError(f"robot.base: {given} has no direction; give x, y, z, w")
+                field = f"quaternion {shown(self.quaternion)}"
+                raise RobotError(f"robot.base: {field} has no direction; give x, y, z, w")
 
     @cached_property
     def placement(self) -> FloatArray:
