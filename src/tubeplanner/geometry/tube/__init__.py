@@ -1,1 +1,1 @@
-"""The tube: positions and orientations of the tool. Pure geometry."""
+"""The tube: positions and orientations of the tool.."""
