@@ -52,8 +52,11 @@ def require_free(
     """
     if required is None:
         segment = 0 if name == "start" else problem.tube.segment_count - 1
-        tool = problem.robot.tool_position(q[None])
-        required = RequiredDistances(problem, q, q).at(np.array([segment]), tool)[0]
+        tool, distances = problem.robot.tool_position(q[None]), RequiredDistances(problem, q, q)
+        if problem.tube.visit == "ordered":
+            required = distances.at(np.array([segment]), tool)[0]
+        else:  # any segment may be current there
+            required = distances.anywhere(tool)[0]
     margins = clear_by(problem, q, required)
     if not (margins < -Tolerance().absolute).any():
         return
