@@ -319,6 +319,8 @@ class EffortRate:
 # ---- Holding efforts: at rest, gravity and friction count.
 
 _HALVINGS = 40  # of the payload's mass
+# Tolerances of a certificate, which lets both efforts and ends be off.
+_PROVED = 10
 
 
 def require_held(
@@ -351,7 +353,7 @@ def require_held(
     needed_most, allowed_most = float(needed[side, joint]), float(allowed[side, joint])
     mass = _held_mass(problem, q, gravity, must_leave) if is_given else None
     limits = (problem.robot.limits.effort[joint], problem.robot.motors.saturation_effort[joint])
-    tolerated = MARGIN_TOLERANCE * max(limit for limit in limits if limit < np.inf)
+    tolerated = _PROVED * MARGIN_TOLERANCE * max(limit for limit in limits if limit < np.inf)
     proved = is_given and bool(lacking[joint] > tolerated)
     raise effort_refusal(at, 0, joint, needed_most, allowed_most, mass=mass, proved=proved)
 
