@@ -8,7 +8,17 @@ import pytest
 from cases import wandering
 from numpy.polynomial import Chebyshev, Polynomial
 
-from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
+from tubeplanner import (
+    JointTrajectory,
+    LimitOverrides,
+    Obstacle,
+    PlanningProblem,
+    Seed,
+    Tube,
+    load_robot,
+    placement_of,
+    verify,
+)
 from tubeplanner.certificate.enclosed_quantities import enclosed_tool
 from tubeplanner.certificate.enclosure import Enclosure
 from tubeplanner.certificate.segment_margins import best_switching_samples
@@ -343,3 +353,64 @@ def test_what_the_polynomials_miss_is_taken_off_a_passage_too(two_link):
     rough = replace(tool, error=tool.error + 1e-3)
     (exact,), (passage,) = (passages(problem, trajectory, t, visits) for t in (tool, rough))
     assert passage.margin == pytest.approx(exact.margin - 1e-3, abs=1e-12)
+
+
+# Where a motion fails: what is broken is named, and nothing that would hold beside it.
+
+SWING = JointTrajectory(
+    ("joint1", "joint2"),
+    [0.0, 1.0],
+    [[[9.0, -4.8]], [[-22.5, 12.0]], [[15.0, -8.0]], [[0, 0]], [[0, 0]], [[-0.5, -1.0]]],
+)
+OF_SEGMENTS = ("tube", "joint_signs", "rotation", "obstacles", "tool_speed")
+
+
+def seam(visit, broken=None):
+    """Return a problem whose middle segment is as tight about `SWING` as can be, or tighter."""
+    factor = dict.fromkeys(OF_SEGMENTS, 1.0) | {broken: 1.5}
+    limits = LimitOverrides(effort=1e4, velocity=1e3)
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    times = np.array([0.0, 0.4, 0.6, 1.0])
+    q = SWING.position(np.linspace(times[:-1], times[1:], 801).T.ravel()).reshape(3, 801, 2)
+    tool = robot.tool_position(q.reshape(-1, 2)).reshape(3, 801, 3)
+    points = np.vstack([tool[:, 0], tool[-1:, -1]])
+    axis = np.diff(points, axis=0)[:, None]
+    along = np.clip(
+        (tool - tool[:, :1]) @ axis[:, 0, :, None] / (axis**2).sum(2, keepdims=True), 0, 1
+    )
+    radius = 1.001 * np.linalg.norm(tool - tool[:, :1] - along * axis, axis=2).max(axis=1)
+    turned = SWING.position(times).sum(axis=1)  # about z
+    off = abs(q[1].sum(axis=1) - np.interp(along[1, :, 0], [0, 1], turned[1:3])).max()
+    speed = np.linalg.norm(np.gradient(tool[1], 0.2 / 800, axis=0), axis=1).max()
+    low, high = q[1, :, 0].min() - 1e-4, q[1, :, 0].max() + 1e-4
+    post = Obstacle.sphere("post", 0.05, placement_of(tool[1, 400] + [0.12, 0.12, 0]))
+    fields = {"obstacles": (post,), "self_collision": False}
+    checker = PlanningProblem(robot, Tube(points[[0, -1]], 9.0), SEED, **fields).collision
+    poses = zip(*robot.body_poses(q[1]), strict=True)
+    gap = min(checker.distances(*pose, checker.pairs).min() for pose in poses)
+    high -= (factor["joint_signs"] - 1) * (high - low)
+    tube = Tube(
+        points,
+        radius / [1, factor["tube"], 1],
+        visit=visit,
+        joint_signs=[{}, {"joint1": [low, high]}, {}],
+        orientations=[[0, 0, np.sin(a / 2), np.cos(a / 2)] for a in turned],
+        rotation_tolerance=[3.0, 1.001 * off / factor["rotation"], 3.0],
+        tool_speed=[None, 1.001 * speed / factor["tool_speed"], None],
+        clearance=[0.0, 0.999 * gap * factor["obstacles"], 0.0],
+        pass_through_points="none",
+    )
+    return PlanningProblem(robot, tube, q[0, 0], q[-1, -1], **fields)
+
+
+@pytest.mark.parametrize(
+    ("visit", "broken"),
+    [*(("ordered", name) for name in OF_SEGMENTS), ("any", "joint_signs"), ("any", "tool_speed")],
+)
+def test_the_condition_that_is_broken_is_named_alone(visit, broken):
+    """The largest margin of metres, radians and fractions would break others in its stead."""
+    certificate = verify(seam(visit, broken), SWING)
+    assert certificate.failures() == [broken]
+    if broken == "tool_speed":
+        assert verify(seam(visit), SWING).passed
+        assert certificate.conditions[broken].margin == pytest.approx(-0.5, abs=2e-3)

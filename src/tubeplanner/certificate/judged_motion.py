@@ -16,7 +16,7 @@ from tubeplanner.certificate.enclosed_quantities import (
 )
 from tubeplanner.certificate.enclosure import Enclosure
 from tubeplanner.certificate.segment_margins import MarginMaker
-from tubeplanner.certificate.tube_visits import Visit, tube_visits
+from tubeplanner.certificate.tube_visits import Visit, telling_visits, tube_visits
 from tubeplanner.checks import NUMBER
 from tubeplanner.errors import OptionError, shown
 from tubeplanner.geometry.tube.tube import Tube
@@ -139,12 +139,14 @@ class JudgedMotion:
         trajectory: In the robot's joint order.
         tolerance: Largest violation that counts as none.
         further: Makers of further margins of segments, as for `segment_margins`.
+        is_telling: False: visits are those with the largest margins; True: `telling_visits`.
     """
 
     problem: PlanningProblem
     trajectory: JointTrajectory
     tolerance: Tolerance
     further: tuple[MarginMaker, ...] = ()
+    is_telling: bool = False
 
     @property
     def robot(self) -> RobotModel:
@@ -179,7 +181,8 @@ class JudgedMotion:
     @cached_property
     def visits(self) -> list[Visit]:
         """The visits of segments, in the order of time."""
-        return tube_visits(self.problem, self.trajectory, self.tool, self.rotation, self.further)
+        visits = telling_visits if self.is_telling else tube_visits
+        return visits(self.problem, self.trajectory, self.tool, self.rotation, self.further)
 
     @cached_property
     def stretches(self) -> DirectedStretches:

@@ -10,6 +10,7 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances
 
 _TOUCHING = 0.05  # [mm]
+_PROVED = 10  # tolerances
 _REMEDY = "move the reference points or choose another configuration"
 
 
@@ -52,8 +53,11 @@ def require_free(
     """
     if required is None:
         segment = 0 if name == "start" else problem.tube.segment_count - 1
-        tool = problem.robot.tool_position(q[None])
-        required = RequiredDistances(problem, q, q).at(np.array([segment]), tool)[0]
+        tool, distances = problem.robot.tool_position(q[None]), RequiredDistances(problem, q, q)
+        if problem.tube.visit == "ordered":
+            required = distances.at(np.array([segment]), tool)[0]
+        else:  # any segment may be current there
+            required = distances.anywhere(tool)[0]
     margins = clear_by(problem, q, required)
     if not (margins < -Tolerance().absolute).any():
         return
@@ -73,7 +77,9 @@ def require_free(
         )
     place = Place(links=links, obstacle=obstacle).at(problem.robot.tool_position(q[None])[0])
     refused = _blocked(problem, place, margin, when, remedy)
-    raise refused.replaced(proved=is_given, starts=0 if is_given else 1, configuration=q)
+    # A certificate lets a given end be off by a tolerance, and solids by as much times a lever.
+    proved = is_given and margin < -_PROVED * Tolerance().absolute
+    raise refused.replaced(proved=proved, starts=0 if is_given else 1, configuration=q)
 
 
 def clear_by(problem: PlanningProblem, q: FloatArray, required: FloatArray) -> FloatArray:

@@ -1,6 +1,7 @@
 """Visits: current segment and margin, for all t."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -100,30 +101,45 @@ def tube_visits(
         further: As for `segment_margins`.
     """
     fit = _Fit(problem, trajectory, tool, rotation, further)
-    time = fit.sample_times()
-    values = fit.at(time)
-    if problem.tube.visit == "ordered":
-        points = problem.tube.compulsory_points.tolist()
-        samples = ordered_switching_samples(
-            values, {k: fit.passing_margin(k, time) for k in points}
-        )
-        # The nearest other times: at a breakpoint two samples share one.
-        before = np.searchsorted(time, time[samples], "left") - 1
-        after = np.searchsorted(time, time[samples], "right")
-        low, high = time[np.maximum(before, 0)], time[np.minimum(after, len(time) - 1)]
-        segments = np.arange(problem.tube.segment_count)
-    else:
-        best = values.argmax(axis=1)
-        changes = np.flatnonzero(np.diff(best))
-        low, high = time[changes], time[changes + 1]
-        segments = best[np.append(changes, len(best) - 1)]
-    times = fit.best_times((segments[:-1], segments[1:]), low, high)
-    # Refined on their own, switching times that share an instant could swap.
-    times = np.maximum.accumulate([0.0, *times, trajectory.duration]).tolist()
-    return [
-        Visit(segment, begin, end)
-        for segment, (begin, end) in zip(segments.tolist(), pairwise(times), strict=True)
-    ]
+    return fit.visits(fit.sample_times())
+
+
+def telling_visits(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    tool: Enclosure,
+    rotation: Enclosure | None,
+    further: tuple[MarginMaker, ...],
+) -> list[Visit]:
+    """Return visits of a failed trajectory that break no condition for the sake of another one.
+
+    The largest margin of all conditions together compares metres with radians and fractions: a tool
+    that is 5 % too fast would rather be outside of its segment. Here conditions come in turn: as
+    far as each can be kept beside those before it, it is kept.
+
+    Args:
+        problem: As for `tube_visits`, like all others.
+        trajectory: The trajectory.
+        tool: Enclosed position of the tool.
+        rotation: Enclosed rotation matrix of the tool.
+        further: Further conditions, in turn.
+    """
+    fit = _Fit(problem, trajectory, tool, rotation, further)
+    alone = [visit.begin for one in fit.each() for visit in one.visits(one.sample_times())]
+    time = np.union1d(fit.sample_times(), alone)
+    is_ordered, levels = problem.tube.visit == "ordered", []
+    kept = np.ones((len(time), problem.tube.segment_count), dtype=bool)
+    for one in fit.each():
+        margin = one.at(time)
+        values = np.where(kept, margin, -np.inf)
+        if is_ordered:
+            most = _worst_visit(best_switching_samples(values), values)
+        else:
+            most = float(_least_of_steps(values).max(axis=1).min())
+        levels.append(min(most, 0.0))
+        kept &= margin >= levels[-1]
+    fit.levels = levels
+    return fit.visits(time, is_refined=False)
 
 
 def ordered_switching_samples(values: FloatArray, passing: dict[int, FloatArray]) -> IntArray:
@@ -144,6 +160,11 @@ def ordered_switching_samples(values: FloatArray, passing: dict[int, FloatArray]
     others = best_switching_samples(values, passing)
     needed = min(0.0, _worst_visit(samples, values))
     return others if _worst_visit(others, values) >= needed else samples
+
+
+def _least_of_steps(values: FloatArray) -> FloatArray:
+    """Return the least of values (N, m) at both ends of each step, shape (N-1, m)."""
+    return np.minimum(values[:-1], values[1:])
 
 
 def _worst_visit(samples: IntArray, values: FloatArray) -> float:
@@ -256,7 +277,11 @@ def visited_parts(
 
 
 class _Fit:
-    """Margins of all conditions of segments on a trajectory, at any time."""
+    """Margins of all conditions of segments on a trajectory, at any time.
+
+    Attributes:
+        levels: Of each condition, what its margin is counted from [m, rad or relative].
+    """
 
     def __init__(
         self,
@@ -268,6 +293,14 @@ class _Fit:
     ) -> None:
         self._tube, self._trajectory, self._tool = problem.tube, trajectory, tool
         self._margins = segment_margins(problem, trajectory, tool, rotation, further)
+        self.levels = [0.0] * len(self._margins)
+
+    def each(self) -> Iterator["_Fit"]:
+        """Yield the fit of each condition alone."""
+        for margin, level in zip(self._margins, self.levels, strict=True):
+            one = copy(self)
+            one._margins, one.levels = (margin,), [level]
+            yield one
 
     def sample_times(self) -> FloatArray:
         pieces = len(self._trajectory.widths)
@@ -283,7 +316,33 @@ class _Fit:
         Returns:
             For every segment, shape (N, m).
         """
-        return np.minimum.reduce([margin.at(time) for margin in self._margins])
+        both = zip(self._margins, self.levels, strict=True)
+        return np.minimum.reduce([margin.at(time) - level for margin, level in both])
+
+    def visits(self, time: FloatArray, *, is_refined: bool = True) -> list[Visit]:
+        """Return the visits with the largest margins at times (N,) [s], and between if refined."""
+        values, step = self.at(time), 1 if is_refined else 0
+        if self._tube.visit == "ordered":
+            points = self._tube.compulsory_points.tolist()
+            passing = {k: self.passing_margin(k, time) for k in points}
+            samples = ordered_switching_samples(values, passing)
+            # The nearest other times: at a breakpoint two samples share one.
+            before = np.searchsorted(time, time[samples], "left") - step
+            after = np.searchsorted(time, time[samples], "right") - 1 + step
+            low, high = time[np.maximum(before, 0)], time[np.minimum(after, len(time) - 1)]
+            segments = np.arange(self._tube.segment_count)
+        else:
+            best = (values if is_refined else _least_of_steps(values)).argmax(axis=1)
+            changes = np.flatnonzero(np.diff(best))
+            low, high = time[changes + 1 - step], time[changes + 1]
+            segments = best[np.append(changes, len(best) - 1)]
+        times = self.best_times((segments[:-1], segments[1:]), low, high)
+        # Refined on their own, switching times that share an instant could swap.
+        times = np.maximum.accumulate([0.0, *times, self._trajectory.duration]).tolist()
+        return [
+            Visit(segment, begin, end)
+            for segment, (begin, end) in zip(segments.tolist(), pairwise(times), strict=True)
+        ]
 
     def passing_margin(self, k: int, time: FloatArray) -> FloatArray:
         """Return the tool's margins inside the ball about point k at times (N,), (N,) [m]."""
@@ -327,7 +386,12 @@ class _Fit:
 
         def worse(time: FloatArray) -> FloatArray:
             before, after = (
-                np.minimum.reduce([margin.within(segment, time) for margin in self._margins])
+                np.minimum.reduce(
+                    [
+                        margin.within(segment, time) - level
+                        for margin, level in zip(self._margins, self.levels, strict=True)
+                    ]
+                )
                 for segment in pairs
             )
             return np.minimum(before, after)

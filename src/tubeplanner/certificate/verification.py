@@ -1,7 +1,7 @@
 """Verify: the independent judge of trajectories, its conditions and the Certificate."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -69,8 +69,14 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
 )
 CONDITION_NAMES = tuple(JUDGED)
 # Margins of segments, beside those of tool and joints, by which switching times are chosen.
-SEGMENT_MARGINS: tuple[MarginMaker, ...] = (tool_speed_margin, clearance_margin)
+# Of a failed trajectory in turn: a slower run mends the speed, and nothing else.
+SEGMENT_MARGINS: tuple[MarginMaker, ...] = (clearance_margin, tool_speed_margin)
+_OF_SEGMENTS = (
+    *("tool_speed", "tube", "joint_signs", "rotation", "points"),
+    *("obstacles", "self_collision"),
+)
 
+_TOLERANCE = Tolerance()
 
 # Limits that a slower run keeps if the trajectory does.
 _SPEED_LIMITS = ("velocity", "acceleration", "jerk", "tool_speed", "point_speed")
@@ -201,7 +207,8 @@ def verify(
     """Judge a trajectory.
 
     Uses robot, tube, collision geometry and the trajectory's polynomials, and nothing of the code
-    that made the trajectory.
+    that made the trajectory. Of a trajectory that fails, segments are visited so that what is named
+    is broken itself, and not for the sake of another condition.
 
     Args:
         problem: The planning problem.
@@ -216,11 +223,42 @@ def verify(
     PlanningProblem.require(problem)
     JointTrajectory.require(trajectory)
     tolerance = given_options(tolerance, Tolerance, "the tolerance is")
-    trajectory = trajectory.reordered(problem.robot.joint_names)
-    motion = JudgedMotion(problem.joined, trajectory, tolerance, SEGMENT_MARGINS)
+    certificate = quick_certificate(problem, trajectory, tolerance)
+    if certificate.passed or set(certificate.failures()).isdisjoint(_OF_SEGMENTS):
+        return certificate
+    motion = _motion(problem, trajectory, tolerance, is_telling=True)
+    telling = {name: JUDGED[name](motion) for name in _OF_SEGMENTS}
+    named = replace(certificate, conditions={**certificate.conditions, **telling})
+    return certificate if named.passed else named
+
+
+def quick_certificate(
+    problem: PlanningProblem, trajectory: JointTrajectory, tolerance: Tolerance = _TOLERANCE
+) -> Certificate:
+    """Return a certificate with the verdict of `verify`, for planners.
+
+    Of a trajectory that fails, a condition of segments that holds may be named with a broken one.
+
+    Args:
+        problem: The planning problem.
+        trajectory: Of the problem's joints, in any order.
+        tolerance: Largest violation that counts as none.
+    """
+    motion = _motion(problem, trajectory, tolerance)
     conditions = {name: judge(motion) for name, judge in JUDGED.items()}
-    speeds = OtherSpeeds(problem.robot, trajectory, tolerance.relative)
+    speeds = OtherSpeeds(problem.robot, motion.trajectory, tolerance.relative)
     return Certificate(conditions, tolerance, problem.collision.left_out, speeds)
+
+
+def _motion(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    tolerance: Tolerance,
+    *,
+    is_telling: bool = False,
+) -> JudgedMotion:
+    trajectory = trajectory.reordered(problem.robot.joint_names)
+    return JudgedMotion(problem.joined, trajectory, tolerance, SEGMENT_MARGINS, is_telling)
 
 
 def judged_visits(problem: PlanningProblem, trajectory: JointTrajectory) -> list[Visit]:
@@ -230,5 +268,4 @@ def judged_visits(problem: PlanningProblem, trajectory: JointTrajectory) -> list
         problem: The planning problem; the segments are those of `PlanningProblem.joined`.
         trajectory: Of the problem's joints, in any order.
     """
-    trajectory = trajectory.reordered(problem.robot.joint_names)
-    return JudgedMotion(problem.joined, trajectory, Tolerance(), SEGMENT_MARGINS).visits
+    return _motion(problem, trajectory, Tolerance()).visits

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.certificate.verification import Certificate, verify
+from tubeplanner.certificate.verification import Certificate
+from tubeplanner.certificate.verification import quick_certificate as verify
 from tubeplanner.first_guess.segment_rules import SegmentBatch, SegmentRules
 from tubeplanner.first_guess.waypoints import (
     last_two_quartics,

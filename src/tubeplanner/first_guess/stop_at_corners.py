@@ -59,7 +59,7 @@ def stop_at_corners(
     moving = branch.moving_segments
     if not moving:
         message = "the start is the goal: there is nothing to move"
-        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place(), proved=True)
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
     trajectories = []
     for k in moving:
         checkpoint()

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.certificate.verification import Certificate, verify
+from tubeplanner.certificate.verification import Certificate
+from tubeplanner.certificate.verification import quick_certificate as verify
 from tubeplanner.checks import require_between, require_count, require_kind
 from tubeplanner.first_guess.knot_modification import (
     KnotModification,

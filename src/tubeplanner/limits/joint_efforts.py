@@ -8,10 +8,11 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.limits.path_samples import LimitKey, PathSamples, directed_friction
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.model import effort_rate_derivatives
 from tubeplanner.robot.motors import JointMotors
+from tubeplanner.robot.overrides import CURVE
 from tubeplanner.task.problem import PlanningProblem
 
 
@@ -33,19 +34,23 @@ def effort_refusal(
         joint: Index of the joint.
         needed: Size of its effort at rest or at low speed [N m or N].
         limit: The effort limit of its motor there, in that direction [N m or N].
-        mass: The heaviest payload that all joints hold there [kg]; None: not known.
+        mass: The heaviest payload that all joints hold there [kg]; 0: none; None: not known.
         proved: As of `Infeasible`.
     """
     robot = at.problem.robot
     name, unit = robot.joint_names[joint], "N m" if robot.revolute[joint] else "N"
     has_friction = robot.motors.backwards_friction[joint] or robot.motors.forwards_friction[joint]
     against = "gravity and friction" if has_friction else "gravity alone"
-    lighten = "lighten the payload" if mass is None else f"carry at most {mass:.3g} kg"
+    lighten = "lighten the payload, " if mass is None else f"carry at most {mass:.3g} kg, "
+    if robot.payload is None or mass == 0:
+        lighten = ""
+    stalls = limit >= robot.motors.saturation_effort[joint]
+    key = f"motors.{CURVE[0]}" if stalls else "limits.effort"
     return Infeasible(
         PlanStatus.GRAVITY_EXCEEDS_EFFORT,
         f"joint '{name}' needs {needed:.2f} {unit} against {against}, its effort limit is "
-        f"{limit:.2f}; {lighten}, choose another configuration or a motor with "
-        f"{needed - limit:.3g} {unit} more (robot.limits.effort.{name})",
+        f"{limit:.2f}; {lighten}choose another configuration or a motor with "
+        f"{needed - limit:.3g} {unit} more (robot.{key}.{name})",
         Place(joint=name).at(at.tool_pose[1][sample]),
         proved=proved,
         configuration=at.position[sample],
@@ -314,51 +319,64 @@ class EffortRate:
 # ---- Holding efforts: at rest, gravity and friction count.
 
 _HALVINGS = 40  # of the payload's mass
+# Tolerances of a certificate, which lets both efforts and ends be off.
+_PROVED = 10
 
 
-def require_held(problem: PlanningProblem, q: FloatArray, *, is_given: bool = False) -> None:
-    """Check that every joint can move slowly in some direction, or is held at all.
+def require_held(
+    problem: PlanningProblem, q: FloatArray, *, is_given: bool = False, must_leave: bool = False
+) -> None:
+    """Check that every joint can stand still or move slowly in some direction.
 
     Args:
         problem: The planning problem.
         q: A configuration, shape (n,).
-        is_given: Whether every trajectory has this configuration: then no trajectory exists for
-            certain, and the message names the payload that would be held.
+        is_given: Whether every trajectory rests in this configuration: then no trajectory exists
+            for certain, and the message names the payload that would be held.
+        must_leave: Whether every trajectory moves some joint from or to there. At rest no joint is
+            carried along by others: one of them must be able to move slowly.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
     gravity = problem.robot.gravity_effort(q[None])
-    directions = _creep_efforts(problem, q, gravity)
+    directions = _slow_efforts(problem, q, gravity, must_leave)
     beyond = _beyond(directions)
-    joint = int(beyond.min(axis=0).argmax())
-    if (beyond[:, joint] <= 0).any():
+    lacking = beyond.min(axis=0)
+    joint = int(lacking.argmax())
+    if lacking[joint] <= 0:
         return
     needed, allowed = directions[int(beyond[:, joint].argmin())]
     side = int((needed - allowed)[:, joint].argmax())
     still = np.zeros_like(q)
     at = PathSamples(problem, np.stack([q, still, still])[:, None])
     needed_most, allowed_most = float(needed[side, joint]), float(allowed[side, joint])
-    mass = _held_mass(problem, q, gravity) if is_given else None
-    raise effort_refusal(at, 0, joint, needed_most, allowed_most, mass=mass, proved=is_given)
+    mass = _held_mass(problem, q, gravity, must_leave) if is_given else None
+    limits = (problem.robot.limits.effort[joint], problem.robot.motors.saturation_effort[joint])
+    tolerated = _PROVED * MARGIN_TOLERANCE * max(limit for limit in limits if limit < np.inf)
+    proved = is_given and bool(lacking[joint] > tolerated)
+    raise effort_refusal(at, 0, joint, needed_most, allowed_most, mass=mass, proved=proved)
 
 
-def _held_mass(problem: PlanningProblem, q: FloatArray, gravity: FloatArray) -> float | None:
-    """Return the heaviest payload that all joints hold [kg]; None if the empty arm is not held.
+def _held_mass(
+    problem: PlanningProblem, q: FloatArray, gravity: FloatArray, must_leave: bool
+) -> float:
+    """Return the heaviest payload that all joints hold [kg]; 0 if the empty arm is not held.
 
     Efforts (1, n) against gravity are affine in the payload's mass.
     """
     payload = problem.robot.payload
     if payload is None:
-        return None
+        return 0.0
     empty = problem.robot.with_payload(None).gravity_effort(q[None])
 
     def is_held(fraction: float) -> bool:
-        directions = _creep_efforts(problem, q, empty + fraction * (gravity - empty))
+        there = empty + fraction * (gravity - empty)
+        directions = _slow_efforts(problem, q, there, must_leave)
         return bool((_beyond(directions).min(axis=0) <= 0).all())
 
     if not is_held(0.0):
-        return None
+        return 0.0
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
@@ -369,20 +387,24 @@ def _held_mass(problem: PlanningProblem, q: FloatArray, gravity: FloatArray) -> 
 _Efforts: TypeAlias = tuple[FloatArray, FloatArray]
 
 
-def _creep_efforts(problem: PlanningProblem, q: FloatArray, gravity: FloatArray) -> list[_Efforts]:
-    """Return needed and available efforts when all joints creep upwards, and downwards.
+def _slow_efforts(
+    problem: PlanningProblem, q: FloatArray, gravity: FloatArray, must_leave: bool
+) -> list[_Efforts]:
+    """Return needed and available efforts when all joints stand still, creep up, creep down.
 
-    Each (2, n): forwards and backwards.
+    Each (2, n): forwards and backwards. A joint that stands still has no Coulomb friction. Without
+    standing still, if joints must leave and none can creep.
     """
     robot = problem.robot
     sides = [robot.limits.effort_at(q[None], sign) for sign in (1.0, -1.0)]
     allowed = np.minimum(np.concatenate(sides), robot.motors.saturation_effort)
     result = []
-    for direction in (1.0, -1.0):
+    for direction in (0.0, 1.0, -1.0):
         friction = directed_friction(robot.motors, np.full_like(gravity, direction))
         needed = np.concatenate([gravity + friction.most, -gravity - friction.least])
         result.append((needed, allowed))
-    return result
+    is_locked = must_leave and bool((_beyond(result[1:]) > 0).all())
+    return result[1:] if is_locked else result
 
 
 def _beyond(directions: Sequence[_Efforts]) -> FloatArray:

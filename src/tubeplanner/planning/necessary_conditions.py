@@ -36,16 +36,19 @@ class ReachBound:
 def reach_bound(robot: RobotModel) -> ReachBound:
     """Return a bound on the tool centre point: the sum of the lengths between joints.
 
-    The distance between the origins of successive joints does not depend on revolute joints; with a
-    prismatic joint it is largest at an end of the range, as distances are convex along a line.
+    The distance between the origins of successive joints does not depend on turning joints; with a
+    sliding joint, which may follow a turning one, it is largest at an end of the range, as
+    distances are convex along a line.
     """
     limits = robot.limits
-    ends = np.stack([limits.lower_position, limits.upper_position])
-    ends = np.where(robot.revolute, 0.0, ends)
+    tolerance = [[-MARGIN_TOLERANCE], [MARGIN_TOLERANCE]]
+    ends = np.stack([limits.lower_position, limits.upper_position]) + tolerance
     tool = robot.link_body[robot.tool_frame]
     chain = [body for body in range(1, robot.body_count) if robot.carries[tool, body - 1]]
-    if not np.isfinite(ends).all() or not chain:
+    sliding = robot.body_joints[chain][~robot.body_turns[chain]]  # or what these follow
+    if not chain or not np.isfinite(ends[:, sliding]).all():
         return ReachBound(np.zeros(3), np.inf)
+    ends = np.where(np.isfinite(ends), ends, 0.0)
     origins = robot.body_poses(ends)[1][:, chain]
     points = np.concatenate([origins, robot.tool_position(ends)[:, None]], axis=1)
     lengths = np.linalg.norm(np.diff(points, axis=1), axis=2).max(axis=0)
@@ -158,8 +161,10 @@ def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
         TimeLimitReached: Before that was known.
     """
     ends = branches.require_ends()
-    for q, end in zip(ends, problem.endpoints, strict=False):
-        require_held(problem, q, is_given=end.joints is not None)
+    are_given = [end.joints is not None for end in problem.endpoints]
+    differ = all(are_given) and bool(abs(ends[1] - ends[0]).max() > _ROUNDING)
+    for q, is_given in zip(ends, are_given, strict=False):
+        require_held(problem, q, is_given=is_given, must_leave=differ)
     if len(ends) > 1:
         require_approachable(problem, *ends)
     _require_reach(problem, ends[0])

@@ -9,7 +9,8 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.refusal import refusal
-from tubeplanner.certificate.verification import Certificate, verify
+from tubeplanner.certificate.verification import Certificate
+from tubeplanner.certificate.verification import quick_certificate as verify
 from tubeplanner.first_guess.branch_and_bound import SearchStatistics
 from tubeplanner.first_guess.suh_bishop import PhaseTwoStatistics
 from tubeplanner.limits.peaks import TrajectoryPeaks, peaks_as_dict, trajectory_peaks

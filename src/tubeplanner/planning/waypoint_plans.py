@@ -211,7 +211,7 @@ def _along(
     """
     if not branch.moving_segments:
         message = "the start is the goal: there is nothing to move"
-        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place(), proved=True)
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
     clock.enter("candidate points on the reference path")
     waypoints = candidate_waypoints(problem, branch, options.candidate_points, clock.check)
     search = BranchAndBound(

@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.checks import is_number
 from tubeplanner.errors import ProblemError, shown
-from tubeplanner.outcome import ContradictionError, Place
+from tubeplanner.outcome import MARGIN_TOLERANCE, ContradictionError, Place
 
 
 class SegmentNumber(NamedTuple):
@@ -157,5 +157,5 @@ def _require_switch(
                 f"{k} and {list(after[name])} in segment {k + 1}, which do not meet; give ranges "
                 "that share a value",
                 Place(joint=name, segment=k),
-                proved=True,
+                proved=lower - upper > 2 * MARGIN_TOLERANCE or None,
             )
