@@ -4,7 +4,6 @@ Lines that begin with `##` explain. Lines that begin with `# ` contain a field, 
 as the `# ` is removed, alone or with all others.
 """
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import TrajectoryError
 from tubeplanner.output.files.problem_file import included_fields, new_fields, read_fields
-from tubeplanner.resources import EXAMPLE_PREFIX, find_problem
+from tubeplanner.resources import find_problem, rebased
 from tubeplanner.studies.tubes.starter_problem import StarterProblem
 from tubeplanner.studies.tubes.teach import joint_trail
 from tubeplanner.task.problem import PlanningProblem
@@ -25,7 +24,6 @@ from tubeplanner.trajectory.reader import TrajectoryFile
 
 # ---- A first problem file with comments: active fields, and fields to be switched on.
 
-_PACKAGE_PREFIX = "package://"
 _WHY = {
     "position": "ranges that the URDF lacks [rad] or [m]",
     "velocity": "velocity limits that the URDF lacks [rad/s] or [m/s]",
@@ -68,11 +66,11 @@ def _robot_lines(
     starter: StarterProblem, urdf: str, package_dirs: tuple[str, ...], folder: Path
 ) -> list[str]:
     frame = starter.info.tool_frame
-    folders = [_as_yaml(_path_from(each, folder)) for each in package_dirs]
+    folders = [_as_yaml(rebased(each, Path(), folder)) for each in package_dirs]
     others = [name for name in starter.info.leaf_links if name != frame]
     return [
         "robot:",
-        f"  urdf: {_as_yaml(_path_from(urdf, folder))}",
+        f"  urdf: {_as_yaml(rebased(urdf, Path(), folder))}",
         *([f"  package_dirs: [{', '.join(folders)}]"] if folders else []),
         f"  tool_frame: {_as_yaml(frame)}",
         *([f"  ## other ends of chains: {', '.join(others)}"] if others else []),
@@ -146,13 +144,6 @@ def _cell_lines(starter: StarterProblem) -> list[str]:
         "## of the controller: duration and breakpoints are multiples of it [s]",
         "# period: 0.001",
     ]
-
-
-def _path_from(path: str, folder: Path) -> str:
-    """Return a path in the working folder, relative to another folder."""
-    if path.startswith((EXAMPLE_PREFIX, _PACKAGE_PREFIX)) or Path(path).is_absolute():
-        return path
-    return os.path.relpath(Path(path).resolve(), folder.resolve())
 
 
 def _row(values: Any) -> str:
