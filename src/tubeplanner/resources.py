@@ -437,8 +437,8 @@ def _find_in_packages(uri: str, roots: tuple[Path, ...], package_dirs: tuple[Pat
         raise RobotError(f"{shown(uri)} {fault}")
     if paths:
         raise RobotError(
-            f"{uri} was not found: the package has no file {paths[0]}{_other_case(paths)}. If it is "
-            "another package of that name, add the folder of the right one to package_dirs"
+            f"{uri} was not found: the package has no file {paths[0]}{_other_case(paths)}. If this "
+            "is another package of that name, add the folder of the right one to package_dirs"
         )
     raise RobotError(_not_found(uri, package, roots))
 

@@ -232,6 +232,11 @@ class RobotModel:
         return self._model is other._model
 
     @property
+    def locked_joints(self) -> Mapping[str, float]:
+        """The values of joints outside the group that the user gave, by name [rad or m]."""
+        return cast(Mapping[str, float], self._others["locked_joints"])
+
+    @property
     def joint_count(self) -> int:
         """Number n of joints."""
         return len(self.joint_names)

@@ -42,7 +42,7 @@ from tubeplanner.task.problem_format import (
     TubeFields,
 )
 from tubeplanner.task.side_files import read_limits_file, read_points, read_preset
-from tubeplanner.trajectory.reader import read_trajectory
+from tubeplanner.trajectory.reader import read_trajectory_file
 
 _Value = TypeVar("_Value")
 
@@ -364,7 +364,7 @@ def _group_state(end: str, name: str, robot: RobotModel, srdf: Path | None) -> F
 def _last_configuration(what: str, path: Path, robot: RobotModel) -> FloatArray:
     """Return the configuration (n,) at the end of a trajectory file."""
     try:
-        trajectory = read_trajectory(path)
+        trajectory = read_trajectory_file(path, robot.joint_names).trajectory
     except TrajectoryError as error:
         raise ProblemError(f"{what}: {error}") from None
     columns = {name: k for k, name in enumerate(trajectory.joint_names)}

@@ -20,7 +20,7 @@ from tubeplanner.studies.tubes.teach import joint_trail
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import PROBLEM_FORMAT, check_problem_fields
 from tubeplanner.task.problem_reader import parse_problem, robot_of
-from tubeplanner.trajectory.reader import TrajectoryFile
+from tubeplanner.trajectory.reader import read_trajectory_file
 
 # ---- A first problem file with comments: active fields, and fields to be switched on.
 
@@ -224,23 +224,23 @@ def read_cell(
     return Cell(fields, without_ends, folder, source)
 
 
-def taught_problem(
-    cell: Cell, read: TrajectoryFile, source: str
-) -> tuple[PlanningProblem, FloatArray]:
-    """Return the problem from a trail's start to its end, the tool anywhere, and the trail (N, n).
+def taught_problem(cell: Cell, path: Path) -> tuple[PlanningProblem, FloatArray, tuple[str, ...]]:
+    """Return the problem from a trail's start to its end, the tool anywhere, the trail, and notes.
+
+    The trail has shape (N, n); the notes say how its file was read.
 
     Args:
         cell: The robot and its surroundings.
-        read: The file of the trail.
-        source: Name of that file in messages.
+        path: The file of the trail.
 
     Raises:
         ProblemError: The cell contradicts its format or itself.
         RobotError: The robot cannot be planned with.
-        TrajectoryError: The trail is not of this robot.
+        TrajectoryError: The trail cannot be read, or is not of this robot.
     """
     ends: dict[str, Any] = {"start": {"joints": []}, "goal": {"joints": []}}
     robot = robot_of(check_problem_fields({**cell.known, **ends}, cell.source), cell.folder)
+    read = read_trajectory_file(path, robot.joint_names)
     trajectory = read.trajectory
     if read.interpolation is None:
         samples = trajectory.per_piece(_SAMPLES_PER_PIECE).position
@@ -249,7 +249,7 @@ def taught_problem(
     try:
         trail = joint_trail(robot, trajectory.joint_names, samples)
     except TrajectoryError as error:
-        raise TrajectoryError(f"{source}: {error}") from None
+        raise TrajectoryError(f"{path}: {error}") from None
     ends = {"start": {"joints": trail[0].tolist()}, "goal": {"joints": trail[-1].tolist()}}
-    name = Path(source).stem
-    return parse_problem({**cell.known, **ends}, cell.folder, name, reads_tube=False), trail
+    problem = parse_problem({**cell.known, **ends}, cell.folder, path.stem, reads_tube=False)
+    return problem, trail, read.remarks
