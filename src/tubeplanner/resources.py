@@ -7,14 +7,18 @@ distribution example-robot-data.
 import importlib.metadata
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from typing import TypeAlias
 from urllib.parse import unquote
 
 from tubeplanner.documents import DocumentError, read_text
 from tubeplanner.errors import ProblemError, RobotError, shown, unknown_name
 
+# Folders that hold packages, or the name and the folder of a package.
+PackageDirs: TypeAlias = tuple[Path | tuple[str, Path], ...]
+GivenPackageDirs: TypeAlias = Sequence[str | Path] | Mapping[str, str | Path]
 EXAMPLE_PREFIX = "example:"
 _PACKAGE_PREFIX = "package://"
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
@@ -211,7 +215,7 @@ def find_preset(name: str | Path, directory: Path) -> Path:
     return path
 
 
-def find_limits_file(name: str, directory: Path, package_dirs: tuple[Path, ...] = ()) -> Path:
+def find_limits_file(name: str, directory: Path, package_dirs: PackageDirs = ()) -> Path:
     """Return the path of a file of joint limits: a path, `file://`, or `package://PACKAGE/...`.
 
     Raises:
@@ -220,9 +224,7 @@ def find_limits_file(name: str, directory: Path, package_dirs: tuple[Path, ...] 
     return _find_named("robot.limits_file", name, directory, package_dirs)
 
 
-def find_description(
-    name: str | Path, directory: Path, package_dirs: tuple[Path, ...] = ()
-) -> Path:
+def find_description(name: str | Path, directory: Path, package_dirs: PackageDirs = ()) -> Path:
     """Return the path of a robot's URDF.
 
     Args:
@@ -241,7 +243,7 @@ def find_description(
     return path if text.startswith(_PACKAGE_PREFIX) else path.resolve()
 
 
-def find_mesh(filename: str, urdf: Path, package_dirs: tuple[Path, ...] = ()) -> Path:
+def find_mesh(filename: str, urdf: Path, package_dirs: PackageDirs = ()) -> Path:
     """Return the path of a mesh named in a URDF, the same for every reader of the URDF.
 
     Args:
@@ -256,7 +258,7 @@ def find_mesh(filename: str, urdf: Path, package_dirs: tuple[Path, ...] = ()) ->
     return _find_named("mesh", filename, urdf.parent, package_dirs, urdf)
 
 
-def find_package(package: str, file: Path, package_dirs: tuple[Path, ...] = ()) -> Path:
+def find_package(package: str, file: Path, package_dirs: PackageDirs = ()) -> Path:
     """Return the folder of a package that a robot's file names.
 
     Args:
@@ -350,7 +352,7 @@ def _environment_paths(variable: str) -> list[str]:
 
 
 def _find_named(
-    label: str, name: str, directory: Path, package_dirs: tuple[Path, ...], urdf: Path | None = None
+    label: str, name: str, directory: Path, package_dirs: PackageDirs, urdf: Path | None = None
 ) -> Path:
     """Return the file of a path or URI; with a URDF, the folders above it may hold packages."""
     if name.startswith(_PACKAGE_PREFIX):
@@ -415,7 +417,7 @@ def _other_case(paths: list[Path]) -> str:
     return ""
 
 
-def _find_in_packages(uri: str, roots: tuple[Path, ...], package_dirs: tuple[Path, ...]) -> Path:
+def _find_in_packages(uri: str, roots: PackageDirs, package_dirs: PackageDirs) -> Path:
     """Return the file of a `package://` URI, in a folder of the package."""
     paths, package = [], ""
     for text in dict.fromkeys((uri, unquote(uri))):
@@ -443,21 +445,22 @@ def _find_in_packages(uri: str, roots: tuple[Path, ...], package_dirs: tuple[Pat
     raise RobotError(_not_found(uri, package, roots))
 
 
-def _package_folders(
-    package: str, roots: tuple[Path, ...], package_dirs: tuple[Path, ...]
-) -> Iterator[Path]:
+def _package_folders(package: str, roots: PackageDirs, package_dirs: PackageDirs) -> Iterator[Path]:
     """Yield the folders of a package by their names, or by the names in their package.xml.
 
     A root holds the package or is the package. Under another name it is looked for in the package
     folders of the user alone: others may hold thousands of folders.
     """
     for root in roots:
-        if os.path.isdir(root / package):
+        if isinstance(root, tuple):
+            if root[0] == package:
+                yield root[1]
+        elif os.path.isdir(root / package):
             yield root / package
         elif root in package_dirs:
             files = sorted(root.glob("*/package.xml"))
             yield from (file.parent for file in files if _package_name(file.parent) == package)
-        if package in (root.name, _package_name(root)):
+        if isinstance(root, Path) and package in (root.name, _package_name(root)):
             yield root
 
 
@@ -471,9 +474,10 @@ def _package_name(folder: Path) -> str | None:
     return None if match is None else match[1]
 
 
-def _not_found(what: str, package: str, roots: tuple[Path, ...]) -> str:
-    tried = ", ".join(str(root) for root in dict.fromkeys(roots))
-    names = {name for root in roots for name in (root.name, _package_name(root)) if name}
+def _not_found(what: str, package: str, roots: PackageDirs) -> str:
+    folders = [root if isinstance(root, Path) else root[1] for root in roots]
+    tried = ", ".join(map(str, dict.fromkeys(folders)))
+    names = {name for each in folders for name in (each.name, _package_name(each)) if name}
     near = sorted(name for name in names if name.casefold() == package.casefold())
     case = f"; there is '{near[0]}' (upper and lower case count)" if near else ""
     return (

@@ -8,6 +8,7 @@ import pytest
 
 from tubeplanner import resources
 from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.robot.loader import package_folders
 
 BUNDLED = resources.bundled_folder()
 
@@ -223,6 +224,22 @@ def test_a_mesh_is_found_by_the_rules_of_uris(unzipped, filename):
     literal = write(mesh.with_name("a%20b.stl"))
     found = resources.find_mesh("../meshes/a%20b.stl", urdf)
     assert found.resolve() == literal
+
+
+def test_a_package_of_a_map_is_the_folder_under_its_name(tmp_path, no_ros):
+    """A wheel keeps packages without package.xml in folders of other names."""
+    mesh = write(tmp_path / "robots" / "kr5" / "meshes" / "a.stl")
+    hidden = write(tmp_path / "cell" / "kr5_description" / "meshes" / "a.stl")
+    urdf = write(tmp_path / "cell" / "arm.urdf")
+    folders = package_folders({"kr5_description": "robots/kr5"}, tmp_path)
+    name = "package://kr5_description/meshes/a.stl"
+    assert resources.find_mesh(name, urdf) == hidden
+    assert resources.find_mesh(name, urdf, folders) == mesh
+    assert resources.find_package("kr5_description", urdf, folders) == mesh.parents[1]
+    with pytest.raises(
+        RobotError, match=f"tried: {tmp_path / 'robots/kr5'}, .*holds 'kr5' to pack"
+    ):
+        resources.find_mesh("package://kr5/meshes/a.stl", urdf, folders)
 
 
 NAMES = {

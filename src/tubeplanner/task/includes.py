@@ -107,10 +107,11 @@ def _paths_in_move(fields: Any) -> Iterator[tuple[Any, Any, str]]:
 
 
 def _paths_in(holder: Any, field: str) -> Iterator[tuple[Any, Any, str]]:
-    """Yield holder and key of the path, or of each of the list of paths, in a field."""
+    """Yield holder and key of the path, or of each of the list or map of paths, in a field."""
     value = holder.get(field)
-    if isinstance(value, list):
-        yield from ((value, k, field) for k in range(len(value)))
+    if isinstance(value, list | dict):
+        keys = value if isinstance(value, dict) else range(len(value))
+        yield from ((value, key, field) for key in keys)
     elif value is not None:
         yield holder, field, field
 
