@@ -257,7 +257,7 @@ BAD = {
     ),
     "two decimal marks.csv": (
         COMMAS.replace("0,125", "0.125"),
-        r"has decimal points .row 4, a.position: 0.125. and commas .row 2, time: 0,0.; write one",
+        r"has decimal points .row 4, a.position: '0.125'. and commas .row 2, time: '0,0'.; write",
     ),
     "thousands.csv": ("time;a.position\n1,000;1\n1,008;2\n", "stand between thousands; write"),
     "numbers without joints.csv": (BY_NUMBER, "its columns are 'timestamp', 'actual_q_0', 'ac"),

@@ -309,7 +309,9 @@ def _csv_columns(
         for index, name, column in columns:
             text = row[index]
             if "," in text or "." in text:
-                marks.setdefault("," if "," in text else ".", f"row {number}, {name}: {text}")
+                marks.setdefault(
+                    "," if "," in text else ".", f"row {number}, {name}: {shown(text)}"
+                )
                 if text.count(",") == 1 and "." not in text:
                     is_clear = is_clear or _THOUSANDS.fullmatch(text.strip()) is None
                     text = text.replace(",", ".")
