@@ -275,7 +275,7 @@ def _csv_header(text: str) -> tuple[int, str, list[str]]:
     for separator in _SEPARATORS:
         for number, row in enumerate(_csv_rows(text, separator), 1):
             names = [name.strip() for name in row]
-            if names[0] in ("#", "%"):
+            if separator == " " and names[0] in ("#", "%"):
                 del names[0]
             if len(names) > 1 and any(map(_is_time, names)):
                 return number, separator, names
@@ -308,13 +308,12 @@ def _csv_columns(
             raise _too_many_samples()
         for index, name, column in columns:
             text = row[index]
-            if "," in text or "." in text:
-                marks.setdefault(
-                    "," if "," in text else ".", f"row {number}, {name}: {shown(text)}"
-                )
-                if text.count(",") == 1 and "." not in text:
-                    is_clear = is_clear or _THOUSANDS.fullmatch(text.strip()) is None
-                    text = text.replace(",", ".")
+            mark = "," if "," in text else "."
+            if mark not in marks and mark in text:
+                marks[mark] = f"row {number}, {name}: {shown(text)}"
+            if mark == "," and text.count(",") == 1 and "." not in text:
+                is_clear = is_clear or _THOUSANDS.fullmatch(text.strip()) is None
+                text = text.replace(",", ".")
             column.append(_number(text, "row {}, {}", number, name))
     if len(marks) > 1:
         raise TrajectoryError(
@@ -520,7 +519,7 @@ def _require_same_units(time: FloatArray, tables: dict[str, FloatArray]) -> None
 
 _TIME = "time"
 _TIMES = ("time", "t", "timestamp")
-_TIME_MARKS = "#_ "  # before a time's name: "#time", PlotJuggler's "__time"
+_TIME_MARKS = "#%_ "  # before a time's name: "#time", PlotJuggler's "__time"
 _MAX_COLUMNS_SHOWN = 20
 _BY_NUMBER = (  # RTDE: names by quantity, the joints numbered from 0 in chain order
     {"position": "actual_q_{}", "velocity": "actual_qd_{}"},
