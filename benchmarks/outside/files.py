@@ -57,6 +57,9 @@ def find_file(name: str, folder: Path, package_dirs: list[Path]) -> Path:
             return path.resolve()
         raise BadInput(f"{path} does not exist")
     package, _, tail = name.removeprefix(PACKAGE).partition("/")
+    tail = os.path.normpath(tail.lstrip("/"))
+    if tail.split("/")[0] == "..":
+        raise BadInput(f"{name} leads out of its package")
     roots = [*package_dirs, folder, *folder.parents, *_environment_roots()]
     for root in roots:
         is_package = root.name == package

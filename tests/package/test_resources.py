@@ -8,6 +8,7 @@ import pytest
 
 from tubeplanner import resources
 from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.robot.loader import package_folders
 
 BUNDLED = resources.bundled_folder()
 
@@ -186,12 +187,97 @@ def test_a_robot_of_another_release_says_so(monkeypatch):
         resources.find_description("example:gone", Path())
 
 
-def test_a_package_path_may_not_leave_its_package(tmp_path):
-    urdf = write(tmp_path / "arm" / "arm.urdf")
-    write(tmp_path / "secret.stl", "x")
-    message = r"package://arm/\.\./secret\.stl leads out of the package"
-    with pytest.raises(RobotError, match=message):
-        resources.find_mesh("package://arm/../secret.stl", urdf, (tmp_path,))
+@pytest.fixture
+def unzipped(tmp_path, no_ros):
+    """A package in a folder of another name, as an archive of its repository has it."""
+    declared = "<!-- <name>old</name> --><package>\n<name> my_arm </name></package>"
+    write(tmp_path / "my_arm-main" / "package.xml", declared)
+    write(tmp_path / "my_arm-main" / "meshes" / "a b.stl")
+    for outside in ("secret.stl", "urdf/model:/my_arm/secret.stl"):
+        write(tmp_path / outside)
+    (tmp_path / "my_arm-main" / "out").symlink_to(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "filename",
+    [
+        "package://my_arm/meshes/a b.stl",
+        "package://my_arm//meshes/a%20b.stl",
+        "package://my_arm/urdf/../meshes/./a%20b.stl",
+        "package://my_arm/../my_arm/meshes/a%20b.stl",
+        "package://my_arm/out/../meshes/a b.stl",
+        "file://FOLDER/my_arm-main/meshes/a%20b.stl",
+        "file://localhostFOLDER/my_arm-main/meshes/a b.stl",
+        "file:FOLDER/my_arm-main/meshes/a%20b.stl",
+        "file://../meshes/a b.stl",
+    ],
+)
+def test_a_mesh_is_found_by_the_rules_of_uris(unzipped, filename):
+    mesh = unzipped / "my_arm-main" / "meshes" / "a b.stl"
+    urdf = unzipped / "my_arm-main" / "urdf" / "arm.urdf"
+    name = filename.replace("FOLDER", str(unzipped))
+    assert resources.find_mesh(name, write(urdf)).resolve() == mesh
+    if filename.startswith("package:"):
+        assert resources.find_mesh(name, Path("/nowhere/arm.urdf"), (unzipped,)) == mesh
+    # A file that has the very name precedes what its signs stand for.
+    literal = write(mesh.with_name("a%20b.stl"))
+    found = resources.find_mesh("../meshes/a%20b.stl", urdf)
+    assert found.resolve() == literal
+
+
+def test_a_package_of_a_map_is_the_folder_under_its_name(tmp_path, no_ros):
+    """A wheel keeps packages without package.xml in folders of other names."""
+    mesh = write(tmp_path / "robots" / "kr5" / "meshes" / "a.stl")
+    hidden = write(tmp_path / "cell" / "kr5_description" / "meshes" / "a.stl")
+    urdf = write(tmp_path / "cell" / "arm.urdf")
+    folders = package_folders({"kr5_description": "robots/kr5"}, tmp_path)
+    name = "package://kr5_description/meshes/a.stl"
+    assert resources.find_mesh(name, urdf) == hidden
+    assert resources.find_mesh(name, urdf, folders) == mesh
+    assert resources.find_package("kr5_description", urdf, folders) == mesh.parents[1]
+    with pytest.raises(
+        RobotError, match=f"tried: {tmp_path / 'robots/kr5'}, .*holds 'kr5' to pack"
+    ):
+        resources.find_mesh("package://kr5/meshes/a.stl", urdf, folders)
+
+
+NAMES = {
+    "package://my_arm/../secret.stl": "leads out of the package 'my_arm'",
+    "package://my_arm/%2e%2e/secret.stl": "leads out of the package 'my_arm'",
+    "package://my_arm//../secret.stl": "leads out of the package 'my_arm'",
+    "package://../secret.stl": "leads out of the package '..'",
+    "package://my_arm/urdf/../secret.stl": "the package has no file FOLDER/my_arm-main/secret.stl",
+    "package://my_arm/out/../secret.stl": "the package has no file FOLDER/my_arm-main/secret.stl",
+    "package://my_arm/FOLDER/secret.stl": "the package has no file FOLDER/my_arm-mainFOLDER/secret",
+    "package://my_arm/Meshes/a b.stl": "there is FOLDER/my_arm-main/meshes/a b.stl (upper and",
+    "package://My_Arm/meshes/a b.stl": "was not found; there is 'my_arm' (upper and lower case",
+    "package://old/meshes/a b.stl": "Add the folder that holds 'old' to package_dirs",
+    "package:///meshes/none.stl": "names no package; write package://PACKAGE/PATH",
+    "Package://my_arm/meshes/a b.stl": "begins with Package:; write package://",
+    "package:/my_arm/meshes/a b.stl": "begins with package:; write package://",
+    "package://my_arm\\meshes\\a b.stl": "has backslashes; write / instead",
+    "model://my_arm/secret.stl": "has the unknown scheme model:; known are package:// and file://",
+    "urn:arm:1": "has the unknown scheme urn:; known are",
+    "$(find my_arm)/a.stl": "holds $(find my_arm), which xacro or a shell replaces",
+    "file://${dir}/a.stl": "holds ${dir}, which xacro",
+    "C:\\arm\\a.stl": "is on the Windows drive C:",
+    "file:///D:/arm/a.stl": "is on the Windows drive D:",
+    "~/a.stl": "begins with ~, which only a shell replaces",
+    " ../meshes/a b.stl": "begins or ends with blanks; remove them",
+    "../meshes/A B.STL": "does not exist; there is FOLDER/my_arm-main/meshes/a b.stl (upper and",
+    "file://host/a.stl": "does not exist (file:// without a third slash is relative)",
+}
+
+
+@pytest.mark.parametrize("filename", NAMES)
+def test_the_name_of_a_mesh_is_refused_for_what_it_is(unzipped, filename):
+    urdf = unzipped / "my_arm-main" / "urdf" / "arm.urdf"
+    name = filename.replace("FOLDER", str(unzipped))
+    with pytest.raises(RobotError) as caught:
+        resources.find_mesh(name, urdf)
+    assert NAMES[filename].replace("FOLDER", str(unzipped)) in str(caught.value)
+    assert "model:/my" not in str(caught.value)
 
 
 def test_a_package_is_the_folder_that_says_it_is_one(tmp_path, no_ros):

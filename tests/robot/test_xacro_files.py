@@ -57,14 +57,15 @@ def test_includes_are_relative_to_the_file_that_names_them(write):
     assert read_urdf(path).movable() == JOINTS
 
 
-@pytest.mark.parametrize("found", ["package_dirs", "ROS_PACKAGE_PATH", "above"])
+@pytest.mark.parametrize("found", ["package_dirs", "map", "ROS_PACKAGE_PATH", "above"])
 def test_packages_are_found_without_ros(write, tmp_path, monkeypatch, found):
     write(BODY, "src/slide_description/body.xacro")
     include = '<xacro:include filename="$(find slide_description)/body.xacro"/>'
     path = write(include, "src/arm.xacro" if found == "above" else "cell/arm.xacro")
     if found == "ROS_PACKAGE_PATH":
         monkeypatch.setenv(found, str(tmp_path / "src"))
-    folders = (tmp_path / "src",) if found == "package_dirs" else ()
+    named = ("slide_description", tmp_path / "src" / "slide_description")
+    folders = {"package_dirs": (tmp_path / "src",), "map": (named,)}.get(found, ())
     assert read_urdf(path, package_dirs=folders).movable() == JOINTS
     assert "ament_index_python" not in sys.modules
 

@@ -138,9 +138,10 @@ def test_our_sources_and_presets_are_read(tmp_path, monkeypatch):
     assert found[2] == found[3]
 
 
-def test_a_mesh_in_a_package_is_found(folder):
+@pytest.mark.parametrize("dirs", [["share"], {"cell": "share/cell"}], ids=["list", "map"])
+def test_a_mesh_in_a_package_is_found(folder, dirs):
     held = document()
-    held["robot"]["package_dirs"] = ["share"]
+    held["robot"]["package_dirs"] = dirs
     held["obstacles"][0]["mesh"] = "package://cell/part.stl"
     (folder / "share" / "cell").mkdir(parents=True)
     (folder / "share" / "cell" / "part.stl").write_text(FILES["part.stl"])

@@ -107,7 +107,8 @@ def all_paths(here, above):
 
 def test_every_path_is_moved():
     assert moved(all_paths("", "../")) == all_paths("../cells/one/", "../cells/")
-    for fields in ({"include": "a.yaml"}, {"robot": {"preset": "a.yaml"}}):  # one, not a list
+    one = ({"include": "a.yaml"}, {"robot": {"preset": "a.yaml"}})  # not a list
+    for fields in (*one, {"robot": {"package_dirs": {"arms": "a.yaml"}}}):
         assert "../cells/one/a.yaml" in str(moved(fields))
     shared = {"mesh": "part.stl"}
     fields = {"obstacles": [shared, shared]}
@@ -124,6 +125,9 @@ def test_every_path_is_moved():
         ("/arms/arm.urdf", "/arms/arm.urdf"),
         ("file:///arms/part.stl", "file:///arms/part.stl"),
         ("file://part.stl", "file://../cells/one/part.stl"),
+        ("file://localhost/arms/part.stl", "file://localhost/arms/part.stl"),
+        ("file:/arms/part.stl", "file:/arms/part.stl"),
+        ("model://arms/part.stl", "model://arms/part.stl"),
     ],
 )
 def test_only_relative_paths_are_moved(path, there):

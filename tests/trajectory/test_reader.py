@@ -155,6 +155,79 @@ def test_a_ros_goal_and_its_older_dialect_are_read(good, tmp_path):
     np.testing.assert_allclose(position, part.position(t), atol=5e-6)
 
 
+PLAIN = "time,a.position,b.position\n0.0,-0.5,0.25\n0.5,-0.25,0.5\n1.0,0.125,1.0\n"
+COMMAS = PLAIN.replace(",", ";").replace(".", ",").replace(",position", ".position")
+BY_NUMBER = PLAIN.replace("time,a.position,b.position", "timestamp,actual_q_0,actual_q_1")
+FORMS_OF_TABLES = {
+    "semicolons": PLAIN.replace(",", ";"),
+    "semicolons and decimal commas": COMMAS,
+    "tabs and decimal commas": COMMAS.replace(";", "\t"),
+    "blanks": PLAIN.replace(",", "   ").replace("\n", "  \r\n  "),
+    "quotes": COMMAS.replace(";", '","').replace("\n", '"\n"')[:-1].replace("time", '"time'),
+    "a header behind #": "# a log\n# " + PLAIN.replace(",", " "),
+    "a spreadsheet's": "sep=;\n" + COMMAS + ";;\n;;\n",
+    "RTDE": BY_NUMBER.replace(",", " "),
+}
+
+
+@pytest.mark.parametrize("form", FORMS_OF_TABLES)
+def test_tables_of_any_separator_and_decimal_mark_are_one_motion(tmp_path, form):
+    name = {"blanks": "t.txt", "tabs and decimal commas": "t.tsv"}.get(form, "t.csv")
+    read = read_trajectory_file(written(tmp_path, name, FORMS_OF_TABLES[form]), ["a", "b"])
+    assert read.trajectory.joint_names == ("a", "b")
+    at = read.trajectory.position(np.array([0.0, 0.5, 1.0]))
+    assert at.tolist() == [[-0.5, 0.25], [-0.25, 0.5], [0.125, 1.0]]
+    by_number = "columns are read by number: actual_q_0 as a, actual_q_1 as b"
+    assert read.remarks == ((by_number,) if form == "RTDE" else ())
+
+
+POINTS = """
+  joint_names: [a, b]
+  points:
+  - {positions: [0, 0], time_from_start: {sec: 0, nanosec: 0}}
+  - {positions: [0.5, 0.25], time_from_start: {sec: 1, nanosec: 0}}
+"""
+ROBOT = f"joint_trajectory:{POINTS}multi_dof_joint_trajectory: {{joint_names: [], points: []}}\n"
+ITEM = "- " + ROBOT.replace("\n", "\n  ").rstrip() + "\n"
+EMPTY = "- joint_trajectory: {joint_names: [], points: []}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "duration", "remarks"),
+    [
+        (ROBOT + "---\n", 1.0, ()),
+        ("planned_trajectory:\n  " + ROBOT.replace("\n", "\n  "), 1.0, ()),
+        (f"model_id: arm\ntrajectory:\n{ITEM}{EMPTY}trajectory_start: {{}}\n", 1.0, ()),
+        (
+            f"trajectory:\n{ITEM}{ITEM}",
+            2.0,
+            ("its 2 trajectories are joined, one after the other",),
+        ),
+        (f"---\n{ROBOT}---\n{ROBOT}", 1.0, ("of its 2 messages the first alone is read",)),
+    ],
+    ids=["RobotTrajectory", "a plan", "DisplayTrajectory", "two trajectories", "two messages"],
+)
+def test_messages_of_moveit_are_read(tmp_path, text, duration, remarks):
+    read = read_trajectory_file(written(tmp_path, "t.yaml", text))
+    assert (read.trajectory.duration, read.remarks) == (duration, remarks)
+    assert read.trajectory.position(duration).tolist() == [0.5, 0.25]
+
+
+def test_further_joints_are_left_out_if_they_stand_still(tmp_path):
+    table = "time,a.position,grip.position,b.position\n0,0,0.02,0\n1,0.5,{},0.25\n"
+    for moved, names, still in ((0.02005, ("a", "b"), {"grip": 0.02}), (0.03, None, {})):
+        ros = POINTS.replace("a, b", "a, grip, b").replace("0, 0]", "0, 0.02, 0]")
+        ros = ros.replace("0.5, ", f"0.5, {moved}, ").replace("\n  ", "\n")
+        for name, text in (("t.csv", table.format(moved)), ("t.yaml", ros)):
+            path = written(tmp_path, name, text)
+            read = read_trajectory_file(path, ["b", "a"])
+            assert read.still == still
+            assert read.trajectory.joint_names == (names or ("a", "grip", "b"))
+            assert read_trajectory_file(path).trajectory.joint_names == ("a", "grip", "b")
+    message = refusal(TrajectoryError, read.trajectory.reordered, ["b", "a"])
+    assert message.endswith("the problem's are b, a; leave out grip, or plan these joints too")
+
+
 CSV = "time,a.position,b.position\n0,0,0\n0.1,0.1,0\n0.2,0.3,0.1\n"
 ROS = """joint_names: [a, b]
 points:
@@ -178,6 +251,24 @@ BAD = {
     ),
     "a word.csv": (CSV.replace("0.3", "fast"), "row 4, a.position is 'fast', no number"),
     "no number.csv": (CSV.replace("0.3", "nan"), "row 4, a.position is nan; it must be finite"),
+    "decimal commas between commas.csv": (
+        PLAIN.replace("0.", "0,"),
+        "row 2 has 6 values for 3 columns; are there decimal commas\\? Write points, or",
+    ),
+    "two decimal marks.csv": (
+        COMMAS.replace("0,125", "0.125"),
+        r"has decimal points .row 4, a.position: '0.125'. and commas .row 2, time: '0,0'.; write",
+    ),
+    "thousands.csv": ("time;a.position\n1,000;1\n1,008;2\n", "stand between thousands; write"),
+    "numbers without joints.csv": (BY_NUMBER, "its columns are 'timestamp', 'actual_q_0', 'ac"),
+    "a moving base.yaml": (
+        ROBOT.replace("[], points: []", "[base], points: [{transforms: []}]"),
+        r"multi_dof_joint_trajectory moves \['base'\], which is not read",
+    ),
+    "other joints.yaml": (
+        f"trajectory:\n{ITEM}{ITEM.replace('a, b', 'a, c')}",
+        "trajectory 1 moves a, c, trajectory 0 a, b; trajectories of the same joints alone",
+    ),
     "huge.csv": (CSV.replace("0.3", "1e308"), r"is 1e\+308; it must be finite, at most 1e\+18"),
     "time going back.csv": (CSV.replace("0.2,", "0.05,"), "sample 2 comes 0.05 s before"),
     "degrees.csv": (

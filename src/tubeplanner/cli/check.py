@@ -24,7 +24,7 @@ from tubeplanner.outcome import Place
 from tubeplanner.output.controllers.franka import FRANKA_ARMS, franka_limits, judged_by_franka
 from tubeplanner.output.controllers.ros2_control import judged_by_jtc
 from tubeplanner.output.controllers.verdict import ControllerVerdict
-from tubeplanner.output.files.file_notes import notes_on_cycle_file, notes_on_file
+from tubeplanner.output.files.file_notes import notes_on_cycle_file, notes_on_file, unit_guesses
 from tubeplanner.robot.notes import robot_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion, motion_of_file, move_rows
@@ -75,7 +75,7 @@ def check(
         begin = time.perf_counter()
         certificate = verify(loaded, read.trajectory, margins)
         certificate_time = time.perf_counter() - begin
-    message = _message(certificate, verdict)
+    message = _message(loaded, read, certificate, verdict)
     if as_json:
         times = {"certificate_time": certificate_time, "loading_time": loading_time}
         console.print_json(_report(loaded, read, certificate, verdict) | times)
@@ -98,10 +98,16 @@ def _accepted(verdict: ControllerVerdict | None) -> bool:
     return verdict is None or verdict.accepted
 
 
-def _message(certificate: Certificate, verdict: ControllerVerdict | None) -> str:
+def _message(
+    problem: PlanningProblem,
+    read: TrajectoryFile,
+    certificate: Certificate,
+    verdict: ControllerVerdict | None,
+) -> str:
     """Return the judgement as a predicate of a sentence, without the full stop."""
-    reasons = "; ".join(certificate.describe(name) for name in certificate.failures())
-    message = f"fails: {reasons}" if reasons else "passes every condition"
+    reasons = [certificate.describe(name) for name in certificate.failures()]
+    reasons += unit_guesses(problem, read) if reasons else []
+    message = f"fails: {'; '.join(reasons)}" if reasons else "passes every condition"
     if verdict is None:
         return message
     return f"{message}; {verdict.name}: {verdict.summary}"
@@ -120,7 +126,7 @@ def _report(
 ) -> dict[str, object]:
     """Return the JSON object, times still absent."""
     passed = certificate.passed and _accepted(verdict)
-    message = f"the trajectory {_message(certificate, verdict)}"
+    message = f"the trajectory {_message(problem, read, certificate, verdict)}"
     if verdict is not None and verdict.gravest is not None:
         message += f": {verdict.gravest.error}: {verdict.gravest.message}"
     where = _where(certificate, verdict).as_dict()

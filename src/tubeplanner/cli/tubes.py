@@ -19,7 +19,6 @@ from tubeplanner.studies.tubes.route import RouteOptions, find_route
 from tubeplanner.studies.tubes.teach import TeachOptions
 from tubeplanner.studies.tubes.teach import teach as teach_tube
 from tubeplanner.task.includes import ProblemLayers
-from tubeplanner.trajectory.reader import read_trajectory_file
 from tubeplanner.writing import require_writable
 
 _OUTPUT = click.option("-o", "--output", type=console.PATH, help="Problem file with the tube.")
@@ -148,13 +147,13 @@ def teach(
     outputs = [] if output is None else [output]
     inputs = [Path(name) for name in (trail, urdf, obstacles, template) if name is not None]
     require_writable(outputs, inputs)
-    read = read_trajectory_file(trail)
     cell = read_cell(urdf, tool_frame, obstacles, template, changes)
     with console.shown_progress() as enter:
         enter("loading robot and collision geometry")
-        loaded, recorded = taught_problem(cell, read, str(trail))
+        loaded, recorded, notes = taught_problem(cell, trail)
         require_writable(outputs, [loaded.robot.urdf.path])
         answer = teach_tube(loaded, recorded, options, enter)
+        answer = replace(answer, notes=(*notes, *answer.notes))
     written = _write(cell.fields, cell.folder, {output: answer.found})
     return _print_answer(loaded.name, answer, None, {"problem": output}, written, as_json)
 

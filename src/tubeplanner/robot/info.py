@@ -11,7 +11,7 @@ import numpy as np
 
 from tubeplanner.checks import given_path
 from tubeplanner.errors import RobotError
-from tubeplanner.resources import find_description, find_mesh
+from tubeplanner.resources import GivenPackageDirs, PackageDirs, find_description, find_mesh
 from tubeplanner.robot.joint_limits import JointLimits, resolve_limits
 from tubeplanner.robot.limit_layers import (
     GivenLimits,
@@ -407,7 +407,7 @@ def robot_info(
     payload: Payload | None = None,
     limits: GivenLimits | None = None,
     motors: MotorOverrides | None = None,
-    package_dirs: Sequence[str | Path] = (),
+    package_dirs: GivenPackageDirs = (),
     xacro_args: Mapping[str, object] | None = None,
     directory: str | Path = ".",
 ) -> RobotInfo:
@@ -527,7 +527,7 @@ def _missing_masses(arm: RobotModel, joints: Sequence[JointInfo]) -> list[str]:
 
 
 def _missing_geometry(
-    description: UrdfDescription, links: Sequence[LinkInfo], folders: tuple[Path, ...]
+    description: UrdfDescription, links: Sequence[LinkInfo], folders: PackageDirs
 ) -> list[str]:
     """Return a sentence if there is no collision geometry, or if meshes are not found."""
     if not any(link.collision for link in links):

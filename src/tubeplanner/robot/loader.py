@@ -7,7 +7,7 @@ import numpy as np
 
 from tubeplanner.checks import are_numbers, given_path, given_row
 from tubeplanner.errors import RobotError, shown
-from tubeplanner.resources import find_description
+from tubeplanner.resources import GivenPackageDirs, PackageDirs, find_description
 from tubeplanner.robot.joint_limits import resolve_limits
 from tubeplanner.robot.limit_layers import GivenLimits, LimitLayer, layers_of
 from tubeplanner.robot.model import RobotModel
@@ -32,7 +32,7 @@ def load_robot(
     payload: Payload | None = None,
     limits: GivenLimits | None = None,
     motors: MotorOverrides | None = None,
-    package_dirs: Sequence[str | Path] = (),
+    package_dirs: GivenPackageDirs = (),
     xacro_args: Mapping[str, object] | None = None,
     directory: str | Path = ".",
 ) -> RobotModel:
@@ -53,7 +53,8 @@ def load_robot(
         limits: Limits that replace the URDF's, or several layers, as `read_preset` returns them;
             later layers replace earlier ones; default: none.
         motors: Motors of the joints, above the motors of `limits`; default: none.
-        package_dirs: Further folders that hold the packages of `package://` names.
+        package_dirs: Further folders that hold the packages of `package://` names, or a map from
+            the names of packages to their folders.
         xacro_args: Values of the arguments of a URDF that ends in .xacro, by name.
         directory: Base of relative paths.
 
@@ -93,12 +94,15 @@ def load_robot(
     )
 
 
-def package_folders(given: Sequence[str | Path], directory: Path) -> tuple[Path, ...]:
-    """Return package folders as paths, relative ones joined to a directory.
+def package_folders(given: GivenPackageDirs, directory: Path) -> PackageDirs:
+    """Return package folders as paths, with their names if they are a map, joined to a directory.
 
     Raises:
-        OptionError: The folders are no list of paths.
+        OptionError: The folders are no list or map of paths.
     """
+    if isinstance(given, Mapping):
+        folders = {str(name): given_path("robot.package_dirs", given[name]) for name in given}
+        return tuple((name, directory / folder) for name, folder in folders.items())
     rows = given_row("robot.package_dirs", given, "folders")
     return tuple(directory / given_path("robot.package_dirs", folder) for folder in rows)
 

@@ -3,7 +3,6 @@
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial, wraps
-from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -12,6 +11,7 @@ import pinocchio as pin
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.errors import RobotError, shown
 from tubeplanner.native.library import LIBRARY
+from tubeplanner.resources import PackageDirs
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.kinematics import (
     BodyChain,
@@ -143,7 +143,7 @@ class RobotModel:
         tool_frame: str,
         tool_offset: ToolOffset,
         limits: JointLimits,
-        package_dirs: tuple[Path, ...],
+        package_dirs: PackageDirs,
         locked_joints: Mapping[str, float],
         gravity: Sequence[float],
         payload: Payload | None,
@@ -230,6 +230,11 @@ class RobotModel:
     def moves_as(self, other: "RobotModel") -> bool:
         """Return True if another model is this arm, limits and motors apart."""
         return self._model is other._model
+
+    @property
+    def locked_joints(self) -> Mapping[str, float]:
+        """The values of joints outside the group that the user gave, by name [rad or m]."""
+        return cast(Mapping[str, float], self._others["locked_joints"])
 
     @property
     def joint_count(self) -> int:

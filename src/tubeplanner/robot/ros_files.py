@@ -14,7 +14,7 @@ from typing import Any
 
 from tubeplanner.documents import DocumentError, read_bytes, require_regular
 from tubeplanner.errors import RobotError, not_installed, shown, unknown_name
-from tubeplanner.resources import find_package
+from tubeplanner.resources import PackageDirs, find_package
 from tubeplanner.robot.urdf_elements import read_name
 
 # ---- Macro files of robots, `.xacro`.
@@ -29,7 +29,7 @@ serve()
 """
 
 
-def expanded(path: Path, arguments: Mapping[str, object], package_dirs: tuple[Path, ...]) -> bytes:
+def expanded(path: Path, arguments: Mapping[str, object], package_dirs: PackageDirs) -> bytes:
     """Return the URDF of a macro file, expanded in a process of its own.
 
     Args:
@@ -49,7 +49,9 @@ def expanded(path: Path, arguments: Mapping[str, object], package_dirs: tuple[Pa
         require_regular(path, _MAX_BYTES)
     except DocumentError as error:
         raise RobotError(f"{path} cannot be read: {error}") from None
-    folders = [str(folder) for folder in package_dirs]
+    folders = [
+        [each[0], str(each[1])] if isinstance(each, tuple) else str(each) for each in package_dirs
+    ]
     request = {"path": str(path), "arguments": dict(arguments), "package_dirs": folders}
     answer = _answer(path, request)
     if "fault" in answer:
@@ -96,14 +98,17 @@ def serve() -> None:
     request = json.load(sys.stdin)
     with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # its warnings are for authors
         try:
-            folders = tuple(map(Path, request["package_dirs"]))
+            folders = tuple(
+                (each[0], Path(each[1])) if isinstance(each, list) else Path(each)
+                for each in request["package_dirs"]
+            )
             answer = {"xml": _expanded(Path(request["path"]), request["arguments"], folders)}
         except RobotError as error:
             answer = {"fault": str(error)}
     json.dump(answer, sys.stdout)
 
 
-def _expanded(path: Path, arguments: Mapping[str, object], package_dirs: tuple[Path, ...]) -> str:
+def _expanded(path: Path, arguments: Mapping[str, object], package_dirs: PackageDirs) -> str:
     """Return the URDF of a macro file, expanded in this process."""
     import xacro
 

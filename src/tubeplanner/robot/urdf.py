@@ -14,6 +14,7 @@ import numpy as np
 
 from tubeplanner.documents import DocumentError, read_bytes
 from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.resources import PackageDirs
 from tubeplanner.robot.ros_files import XACRO_ENDING, expanded
 from tubeplanner.robot.urdf_elements import (
     declare_prefixes,
@@ -187,7 +188,7 @@ def joint_id(name: str) -> str:
 def read_urdf(
     path: Path,
     xacro_args: Mapping[str, object] | None = None,
-    package_dirs: tuple[Path, ...] = (),
+    package_dirs: PackageDirs = (),
 ) -> UrdfDescription:
     """Read a URDF and check its structure.
 
@@ -228,7 +229,7 @@ def read_urdf(
     return UrdfDescription(path, name, tuple(links), by_name, declared.xml, declared.undeclared)
 
 
-def _urdf_of(path: Path, xacro_args: Mapping[str, object], package_dirs: tuple[Path, ...]) -> bytes:
+def _urdf_of(path: Path, xacro_args: Mapping[str, object], package_dirs: PackageDirs) -> bytes:
     """Return the contents of a file, expanded by xacro if the file ends in .xacro."""
     try:
         xml = read_bytes(path, _MAX_BYTES)

@@ -19,6 +19,7 @@ from tubeplanner.checks import given_path
 from tubeplanner.errors import TubePlannerError
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.resources import (
+    PackageDirs,
     bundled_presets,
     find_description,
     find_limits_file,
@@ -26,6 +27,7 @@ from tubeplanner.resources import (
     find_preset,
     find_problem,
 )
+from tubeplanner.robot.loader import package_folders
 from tubeplanner.robot.urdf import read_urdf
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import CycleFields, parse_cycle
@@ -63,7 +65,11 @@ def document_hash(document: Any, folder: Path) -> str:
     robot = hashed.get("robot") if isinstance(hashed, dict) else None
     robot = robot if isinstance(robot, dict) else {}
     dirs = robot.pop("package_dirs", [])
-    folders = tuple(folder / str(each) for each in dirs) if isinstance(dirs, list) else ()
+    folders: PackageDirs = ()
+    if isinstance(dirs, dict):
+        folders = package_folders({name: str(dirs[name]) for name in dirs}, folder)
+    elif isinstance(dirs, list):
+        folders = package_folders([str(each) for each in dirs], folder)
     files = _Files(folder, folders, robot.get("xacro_args") or {})
     for holder, key, kind in list(path_places(hashed)):
         if isinstance(holder[key], str):
@@ -84,7 +90,7 @@ class _Files:
     """The contents of the files that a problem names."""
 
     def __init__(
-        self, folder: Path, package_dirs: tuple[Path, ...], xacro_args: Mapping[str, object]
+        self, folder: Path, package_dirs: PackageDirs, xacro_args: Mapping[str, object]
     ) -> None:
         self._folder, self._package_dirs = folder, package_dirs
         self._xacro_args = json.dumps(xacro_args, default=str, sort_keys=True)
@@ -118,7 +124,7 @@ class _Files:
 
 @lru_cache(_MAX_FILES)
 def _robot_parts(
-    path: Path, package_dirs: tuple[Path, ...], xacro_args: str, stamp: tuple[int, int]
+    path: Path, package_dirs: PackageDirs, xacro_args: str, stamp: tuple[int, int]
 ) -> tuple[str, tuple[str, ...]]:
     """Return the text of a URDF, and the names of its collision meshes.
 

@@ -1,6 +1,5 @@
 """Included files: a problem as layers, merged fields, relative paths."""
 
-import os
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from typing import Any
 
 from tubeplanner.documents import DocumentError, require_shallow
 from tubeplanner.errors import ProblemError, shown
-from tubeplanner.resources import EXAMPLE_PREFIX, PRESET_ENDINGS, find_problem
+from tubeplanner.resources import PRESET_ENDINGS, find_problem, rebased
 from tubeplanner.task.problem_format import PROBLEM_FORMAT, read_document
 
 # ---- Merging of documents.
@@ -53,8 +52,6 @@ def _merged_items(below: list[Any], above: list[Any]) -> list[Any]:
 
 # ---- Fields that are paths, relative to the file that holds them.
 
-_PACKAGE_PREFIX, _FILE_PREFIX = "package://", "file://"
-
 
 def move_paths(fields: Any, before: Path, after: Path) -> None:
     """Change the relative paths of a problem to another folder.
@@ -71,7 +68,7 @@ def move_paths(fields: Any, before: Path, after: Path) -> None:
     places = [(holder, key, holder[key]) for holder, key, _ in path_places(fields)]
     for holder, key, path in places:
         if isinstance(path, str):
-            holder[key] = _rebased(path, before, after)
+            holder[key] = rebased(path, before, after)
 
 
 def path_places(fields: Any) -> Iterator[tuple[Any, Any, str]]:
@@ -110,10 +107,11 @@ def _paths_in_move(fields: Any) -> Iterator[tuple[Any, Any, str]]:
 
 
 def _paths_in(holder: Any, field: str) -> Iterator[tuple[Any, Any, str]]:
-    """Yield holder and key of the path, or of each of the list of paths, in a field."""
+    """Yield holder and key of the path, or of each of the list or map of paths, in a field."""
     value = holder.get(field)
-    if isinstance(value, list):
-        yield from ((value, k, field) for k in range(len(value)))
+    if isinstance(value, list | dict):
+        keys = value if isinstance(value, dict) else range(len(value))
+        yield from ((value, key, field) for key in keys)
     elif value is not None:
         yield holder, field, field
 
@@ -124,16 +122,6 @@ def _list(value: Any) -> list[Any]:
 
 def _map(value: Any) -> Any:
     return value if isinstance(value, dict) else {}
-
-
-def _rebased(path: str, before: Path, after: Path) -> str:
-    if path.startswith((EXAMPLE_PREFIX, _PACKAGE_PREFIX)):
-        return path
-    prefix = _FILE_PREFIX if path.startswith(_FILE_PREFIX) else ""
-    plain = path.removeprefix(prefix)
-    if Path(plain).is_absolute():
-        return path
-    return prefix + os.path.relpath((before / plain).resolve(), after.resolve())
 
 
 # ---- A problem file and its included files, each a layer above the earlier ones.

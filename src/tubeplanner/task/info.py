@@ -10,6 +10,7 @@ import numpy as np
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.resources import find_description, find_problem
 from tubeplanner.robot.info import RobotInfo, robot_info
+from tubeplanner.robot.loader import package_folders
 from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_states
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import CycleFields, check_cycle_fields, load_cycle
@@ -94,8 +95,7 @@ def srdf_info(fields: RobotFields, folder: Path) -> SrdfInfo | None:
     """
     if fields.srdf is None:
         return None
-    roots = tuple(folder / root for root in fields.package_dirs)
-    path = find_description(fields.srdf, folder, roots)
+    path = find_description(fields.srdf, folder, package_folders(fields.package_dirs, folder))
     return SrdfInfo(read_group_states(path), tuple(read_allowed_pairs(path)))
 
 

@@ -168,7 +168,9 @@ class RobotFields(Section):
     """The arm."""
 
     urdf: str = Field(description="path relative to this file, package://PKG/..., example:NAME")
-    package_dirs: list[str] = Field([], description="extra roots for package:// names")
+    package_dirs: list[str] | dict[str, str] = Field(
+        [], description="extra roots for package:// names, or a map from packages to their folders"
+    )
     xacro_args: dict[str, XacroValue] = Field(
         {}, description="arguments of a urdf that ends in .xacro, by name"
     )

@@ -11,9 +11,15 @@ from tubeplanner.checks import given_path
 from tubeplanner.errors import ProblemError, RobotError, TrajectoryError
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, placement_of
 from tubeplanner.geometry.tube.tube import Tube
-from tubeplanner.resources import find_description, find_limits_file, find_mesh, find_problem
+from tubeplanner.resources import (
+    PackageDirs,
+    find_description,
+    find_limits_file,
+    find_mesh,
+    find_problem,
+)
 from tubeplanner.robot.limit_layers import LimitLayer
-from tubeplanner.robot.loader import load_robot
+from tubeplanner.robot.loader import load_robot, package_folders
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.overrides import LimitOverrides
 from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset
@@ -42,7 +48,7 @@ from tubeplanner.task.problem_format import (
     TubeFields,
 )
 from tubeplanner.task.side_files import read_limits_file, read_points, read_preset
-from tubeplanner.trajectory.reader import read_trajectory
+from tubeplanner.trajectory.reader import read_trajectory_file
 
 _Value = TypeVar("_Value")
 
@@ -188,7 +194,7 @@ def robot_arguments(fields: RobotFields, directory: Path) -> dict[str, Any]:
 
 def _limit_layers(fields: RobotFields, directory: Path) -> list[LimitOverrides | LimitLayer]:
     """Return the layers of limits, later layers above."""
-    folders = tuple(directory / folder for folder in fields.package_dirs)
+    folders = package_folders(fields.package_dirs, directory)
     layers: list[LimitOverrides | LimitLayer] = []
     if fields.limits_file is not None:
         layers.append(read_limits_file(find_limits_file(fields.limits_file, directory, folders)))
@@ -364,7 +370,7 @@ def _group_state(end: str, name: str, robot: RobotModel, srdf: Path | None) -> F
 def _last_configuration(what: str, path: Path, robot: RobotModel) -> FloatArray:
     """Return the configuration (n,) at the end of a trajectory file."""
     try:
-        trajectory = read_trajectory(path)
+        trajectory = read_trajectory_file(path, robot.joint_names).trajectory
     except TrajectoryError as error:
         raise ProblemError(f"{what}: {error}") from None
     columns = {name: k for k, name in enumerate(trajectory.joint_names)}
@@ -420,7 +426,7 @@ def solids_of(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict
 
 
 def obstacle_of(
-    fields: ObstacleFields, directory: Path, folders: tuple[Path, ...], field: str | None = None
+    fields: ObstacleFields, directory: Path, folders: PackageDirs, field: str | None = None
 ) -> Obstacle:
     """Return the solid of fields of a file.
 
@@ -460,7 +466,7 @@ def obstacle_of(
 
 
 def attached_of(
-    fields: AttachedFields, directory: Path, folders: tuple[Path, ...], field: str | None = None
+    fields: AttachedFields, directory: Path, folders: PackageDirs, field: str | None = None
 ) -> AttachedSolid:
     """Return the attached solid of fields of a file; arguments as `obstacle_of`."""
     field = field or f"robot.attached: '{fields.name}'"
@@ -472,5 +478,5 @@ def _srdf(fields: ProblemFields, directory: Path) -> Path | None:
     """Return the path of the SRDF; None without an SRDF."""
     if fields.robot.srdf is None:
         return None
-    folders = tuple(directory / folder for folder in fields.robot.package_dirs)
+    folders = package_folders(fields.robot.package_dirs, directory)
     return find_description(fields.robot.srdf, directory, folders)

@@ -263,9 +263,11 @@ class JointTrajectory:
             TrajectoryError: The names are not those of the trajectory.
         """
         if sorted(joint_names) != sorted(self.joint_names):
+            extra = [name for name in self.joint_names if name not in joint_names]
+            moves = f"; leave out {', '.join(extra)}, or plan these joints too"
             raise TrajectoryError(
                 f"the trajectory moves the joints {', '.join(self.joint_names)}; the problem's "
-                f"are {', '.join(joint_names)}"
+                f"are {', '.join(joint_names)}{moves * (set(joint_names) < set(self.joint_names))}"
             )
         columns = [self.joint_names.index(name) for name in joint_names]
         return JointTrajectory(joint_names, self.breakpoints, self.coefficients[:, :, columns])

@@ -6,11 +6,13 @@ Our JSON holds the polynomials themselves. The others hold samples, which are jo
 
 import csv
 import io
+import re
 from array import array
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
 from tubeplanner.errors import TrajectoryError, shown
 from tubeplanner.text import require_name
-from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory
+from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory, concatenate
 from tubeplanner.trajectory.parts import Mark, marks_of
 from tubeplanner.trajectory.polynomials import hermite_pieces
 
@@ -34,6 +36,12 @@ _MAX_SAMPLES = 100_000
 _MAX_NUMBER = 1e18  # larger numbers are no reading of a joint or clock, and overflow when joined
 _ROS_FIELDS = dict(zip(QUANTITIES, ("positions", "velocities", "accelerations"), strict=True))
 _SECONDS = (("sec", "nanosec"), ("secs", "nsecs"))
+# Fields that lead to the message: of action goals, of MoveIt's plans and displayed trajectories.
+_WRAPPERS = ("goal", "trajectory", "planned_trajectory", "joint_trajectory")
+_MULTI_DOF = "multi_dof_joint_trajectory"
+_NEXT_MESSAGE = re.compile(r"^---[ \t]*$", re.M)
+_CONTENT = re.compile(r"^[^#\s]", re.M)
+_STANDSTILL = 1e-4  # [rad or m]: a joint that moves less stands still, as for judging such files
 # Velocities that differ from the slope of the positions by more than this factor have another unit.
 _MAX_UNIT_RATIO = 10.0
 
@@ -64,6 +72,8 @@ class TrajectoryFile:
         robot_hash: Of the robot of the trajectory; None if the file has none.
         samples: Content of the samples; None if the file holds polynomials.
         ignored: Columns of a CSV file that are not read.
+        still: Positions of further joints that stand still, by name [rad or m].
+        remarks: Sentences on how the file was read.
         part_hashes: Of the parts of the problem; empty if the file has none.
         marks: Events, in the order of time; empty but for the motion of a cycle.
     """
@@ -74,6 +84,8 @@ class TrajectoryFile:
     robot_hash: str | None = None
     samples: GivenSamples | None = None
     ignored: tuple[str, ...] = ()
+    still: Mapping[str, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
     part_hashes: Mapping[str, str] = field(default_factory=dict)
     marks: tuple[Mark, ...] = ()
 
@@ -87,24 +99,30 @@ def read_trajectory(path: str | Path) -> JointTrajectory:
     return read_trajectory_file(path).trajectory
 
 
-def read_trajectory_file(path: str | Path, joint_names: Collection[str] = ()) -> TrajectoryFile:
-    """Read a trajectory file: `.json` (ours), `.csv`, or `.yaml` / `.yml` (ROS).
+def read_trajectory_file(path: str | Path, joint_names: Sequence[str] = ()) -> TrajectoryFile:
+    """Read a trajectory file: `.json` (ours), `.csv` (`.tsv`, `.txt`), or `.yaml` / `.yml` (ROS).
 
     CSV has a header: `time` and, for every joint, `JOINT.position` and optionally `JOINT.velocity`
-    and `JOINT.acceleration`, each for all joints or none; further columns are ignored. ROS is a
-    trajectory_msgs/JointTrajectory, or a goal with such a message as `trajectory`.
+    and `JOINT.acceleration`, each for all joints or none; further columns are ignored. Columns are
+    separated by commas, semicolons, tabs or blanks; the decimal mark is a point or a comma. ROS is
+    a trajectory_msgs/JointTrajectory, a goal with such a message as `trajectory`, or MoveIt's
+    RobotTrajectory or DisplayTrajectory, whose trajectories follow one another.
 
     Args:
         path: The file.
-        joint_names: Joints whose CSV columns may have other names too: see `joint_columns`.
+        joint_names: The joints of a robot, if known. Their CSV columns may have other names too:
+            see `joint_columns`. Of samples of more joints, those that stand still are left out.
 
     Raises:
         TrajectoryError: The file cannot be read, is no trajectory file, or contradicts itself.
     """
     path = Path(path)
+    table = partial(_read_csv, joint_names=joint_names)
     readers: dict[str, Callable[[str], TrajectoryFile]] = {
         ".json": _read_json,
-        ".csv": partial(_read_csv, joint_names=joint_names),
+        ".csv": table,
+        ".tsv": table,
+        ".txt": table,
         ".yaml": _read_ros,
         ".yml": _read_ros,
     }
@@ -118,7 +136,23 @@ def read_trajectory_file(path: str | Path, joint_names: Collection[str] = ()) ->
         _require_positions_of_arms(file.trajectory)
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from error
-    return file
+    return file if file.samples is None else _without_still_joints(file, joint_names)
+
+
+def _without_still_joints(file: TrajectoryFile, joint_names: Sequence[str]) -> TrajectoryFile:
+    """Return the file without further joints that stand still, if it has all named joints."""
+    motion = file.trajectory
+    others = [name for name in motion.joint_names if name not in joint_names]
+    if not joint_names or not others or not set(joint_names) <= set(motion.joint_names):
+        return file
+    columns = [motion.joint_names.index(name) for name in others]
+    position = motion.position(motion.breakpoints)[:, columns]
+    rests = np.ptp(position, axis=0) <= _STANDSTILL
+    still = {name: float(position[0, k]) for k, name in enumerate(others) if rests[k]}
+    names = [name for name in motion.joint_names if name not in still]
+    rows = [motion.joint_names.index(name) for name in names]
+    motion = JointTrajectory(names, motion.breakpoints, motion.coefficients[:, :, rows])
+    return replace(file, trajectory=motion, still=still)
 
 
 def _require_positions_of_arms(trajectory: JointTrajectory) -> None:
@@ -195,14 +229,14 @@ def _numbers(fields: dict[str, Any], key: str) -> FloatArray:
     return array.astype(np.float64)
 
 
-def _read_csv(text: str, joint_names: Collection[str]) -> TrajectoryFile:
+def _read_csv(text: str, joint_names: Sequence[str]) -> TrajectoryFile:
     # Row by row, and columns as plain numbers: text takes ten times as much memory.
-    rows = (row for row in csv.reader(io.StringIO(text, newline="")) if row)
     try:
-        header = [name.strip() for name in next(rows, [])]
+        number, separator, header = _csv_header(text)
         columns = joint_columns(header, joint_names)
         names = [columns.time, *(name for table in columns.tables.values() for name in table)]
-        time, *values = _csv_columns(rows, header, names)
+        rows = enumerate(islice(_csv_rows(text, separator), number, None), number + 1)
+        time, *values = _csv_columns(rows, separator, header, names)
     except csv.Error as error:
         raise TrajectoryError(f"is no CSV ({error})") from None
     n = len(columns.joints)
@@ -211,22 +245,86 @@ def _read_csv(text: str, joint_names: Collection[str]) -> TrajectoryFile:
     }
     file = _from_samples(columns.joints, time, tables)
     samples = GivenSamples(float(time[0]), tuple(tables))
-    return replace(file, samples=samples, ignored=columns.ignored)
+    return replace(file, samples=samples, ignored=columns.ignored, remarks=columns.remarks)
+
+
+# ---- Rows of a CSV file. Spreadsheets separate by semicolons where the comma is the decimal mark.
+
+_SEPARATORS = (",", ";", "\t", " ")
+_THOUSANDS = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")
+_COMMENTS = ("#", "%", "sep=")  # before the header; "sep=;" is for spreadsheets
+
+
+def _csv_rows(text: str, separator: str) -> Iterator[list[str]]:
+    """Yield the cells of each row that is not empty."""
+    lines = io.StringIO(text, newline="")
+    if separator == " ":
+        rows: Iterable[list[str]] = (line.split() for line in lines)
+    else:
+        rows = csv.reader(lines, delimiter=separator)
+    return (row for row in rows if any(row))
+
+
+def _csv_header(text: str) -> tuple[int, str, list[str]]:
+    """Return the number of the header's row, the separator, and the names of the columns.
+
+    The separator is the first one that makes a column of times. Without such a column it makes the
+    most columns, blanks last.
+    """
+    options: list[tuple[int, str, list[str]]] = []
+    for separator in _SEPARATORS:
+        for number, row in enumerate(_csv_rows(text, separator), 1):
+            names = [name.strip() for name in row]
+            if separator == " " and names[0] in ("#", "%"):
+                del names[0]
+            if len(names) > 1 and any(map(_is_time, names)):
+                return number, separator, names
+            if not row[0].startswith(_COMMENTS):
+                options.append((number, separator, names))
+                break
+    if not options:
+        return 0, ",", []
+    return max(
+        options, key=lambda option: (option[1] != " " and len(option[2]) > 1, len(option[2]))
+    )
 
 
 def _csv_columns(
-    rows: Iterator[list[str]], header: list[str], names: list[str]
+    rows: Iterable[tuple[int, list[str]]], separator: str, header: list[str], names: list[str]
 ) -> list[FloatArray]:
-    """Return the columns of given names, each (N,)."""
+    """Return the columns of given names, each (N,), from numbered rows."""
     index_of = {name: index for index, name in enumerate(header)}
     columns = [(index_of[name], name, array("d")) for name in names]
-    for number, row in enumerate(rows, start=2):
+    marks: dict[str, str] = {}  # per decimal mark, its first place
+    is_clear = False  # True as soon as a comma cannot stand between thousands
+    for count, (number, row) in enumerate(rows):
         if len(row) != len(header):
-            raise TrajectoryError(f"row {number} has {len(row)} values for {len(header)} columns")
-        if number - 1 > _MAX_SAMPLES:
+            has_more = separator == "," and len(row) > len(header)
+            raise TrajectoryError(
+                f"row {number} has {len(row)} values for {len(header)} columns"
+                + "; are there decimal commas? Write points, or separate by semicolons" * has_more
+            )
+        if count >= _MAX_SAMPLES:
             raise _too_many_samples()
         for index, name, column in columns:
-            column.append(_number(row[index], "row {}, {}", number, name))
+            text = row[index]
+            mark = "," if "," in text else "."
+            if mark not in marks and mark in text:
+                marks[mark] = f"row {number}, {name}: {shown(text)}"
+            if mark == "," and text.count(",") == 1 and "." not in text:
+                is_clear = is_clear or _THOUSANDS.fullmatch(text.strip()) is None
+                text = text.replace(",", ".")
+            column.append(_number(text, "row {}, {}", number, name))
+    if len(marks) > 1:
+        raise TrajectoryError(
+            f"has decimal points ({marks['.']}) and commas ({marks[',']}); write one decimal mark, "
+            "and no marks between thousands"
+        )
+    if "," in marks and not is_clear:
+        raise TrajectoryError(
+            f"has commas ({marks[',']}) that may be decimal marks or stand between thousands; "
+            "write decimal points, and no marks between thousands"
+        )
     return [np.frombuffer(column, dtype=np.float64) for *_, column in columns]
 
 
@@ -257,12 +355,70 @@ def _read_ros(text: str) -> TrajectoryFile:
         message = parse_yaml(text, first_of_many=True)
     except DocumentError as error:
         raise TrajectoryError(f"is no YAML ({error})") from error
-    if isinstance(message, dict) and isinstance(message.get("trajectory"), dict):
-        message = message["trajectory"]
-    message = message if isinstance(message, dict) else {}
+    messages = _messages(message)
+    # Plans may hold trajectories without points, where a part of the robot has nothing to do.
+    moving = [each for each in messages if each.get("points") != []]
+    files = [_read_message(each) for each in moving or messages]
+    if not files:
+        raise TrajectoryError(_NO_MESSAGE)
+    remarks = []
+    if len(files) > 1:
+        remarks.append(f"its {len(files)} trajectories are joined, one after the other")
+    count = sum(_CONTENT.search(part) is not None for part in _NEXT_MESSAGE.split(text))
+    if count > 1:
+        remarks.append(f"of its {count} messages the first alone is read")
+    return replace(_joined(files), remarks=tuple(remarks))
+
+
+_NO_MESSAGE = (
+    "is no trajectory_msgs/JointTrajectory, moveit_msgs/RobotTrajectory or DisplayTrajectory: it "
+    "needs a list of points"
+)
+
+
+def _messages(value: object) -> list[dict[str, Any]]:
+    """Return the messages in a value; MoveIt's DisplayTrajectory has a list of trajectories."""
+    if isinstance(value, list):
+        return [message for each in value for message in _messages(each)]
+    if not isinstance(value, dict):
+        return []
+    other = value.get(_MULTI_DOF)
+    if isinstance(other, dict) and other.get("points"):
+        raise TrajectoryError(
+            f"{_MULTI_DOF} moves {shown(other.get('joint_names'))}, which is not read; take a "
+            "group without these joints"
+        )
+    for key in _WRAPPERS:
+        if isinstance(value.get(key), dict | list):
+            return _messages(value[key])
+    return [value]
+
+
+def _joined(files: Sequence[TrajectoryFile]) -> TrajectoryFile:
+    """Return trajectories one after the other."""
+    first, *others = files
+    names = first.trajectory.joint_names
+    for k, file in enumerate(others, 1):
+        if sorted(file.trajectory.joint_names) != sorted(names):
+            raise TrajectoryError(
+                f"trajectory {k} moves {', '.join(file.trajectory.joint_names)}, trajectory 0 "
+                f"{', '.join(names)}; trajectories of the same joints alone can be joined"
+            )
+        if file.interpolation != first.interpolation:
+            raise TrajectoryError(
+                f"samples of trajectory {k} are joined by {file.interpolation}, of trajectory 0 by "
+                f"{first.interpolation}; give the same quantities in all"
+            )
+    if not others:
+        return first
+    motion = concatenate([file.trajectory.reordered(names) for file in files])
+    return replace(first, trajectory=motion)
+
+
+def _read_message(message: dict[str, Any]) -> TrajectoryFile:
     points = message.get("points")
     if not isinstance(points, list) or not all(isinstance(point, dict) for point in points):
-        raise TrajectoryError("is no trajectory_msgs/JointTrajectory: it needs a list of points")
+        raise TrajectoryError(_NO_MESSAGE)
     if len(points) > _MAX_SAMPLES:
         raise _too_many_samples()
     names = _joint_names(message)
@@ -359,12 +515,16 @@ def _require_same_units(time: FloatArray, tables: dict[str, FloatArray]) -> None
 # ---- Columns of a CSV file: times, positions, velocities and accelerations of joints.
 #
 # Our own files have `time` and `JOINT.position`. Recorders write other names; `joint_columns` knows
-# the names of PlotJuggler and of rosbag exports for the joints of a robot.
+# those of PlotJuggler, of rosbag exports and of Universal Robots' RTDE for the joints of a robot.
 
 _TIME = "time"
 _TIMES = ("time", "t", "timestamp")
-_TIME_MARKS = "#_ "  # before a time's name: "#time", PlotJuggler's "__time"
+_TIME_MARKS = "#%_ "  # before a time's name: "#time", PlotJuggler's "__time"
 _MAX_COLUMNS_SHOWN = 20
+_BY_NUMBER = (  # RTDE: names by quantity, the joints numbered from 0 in chain order
+    {"position": "actual_q_{}", "velocity": "actual_qd_{}"},
+    {"position": "target_q_{}", "velocity": "target_qd_{}", "acceleration": "target_qdd_{}"},
+)
 
 
 @dataclass(frozen=True)
@@ -376,22 +536,25 @@ class JointColumns:
         joints: Names of the n joints.
         tables: Per quantity, the columns of all joints, in their order.
         ignored: Columns that are not read, without the efforts of these joints.
+        remarks: Sentences on the meaning of columns.
     """
 
     time: str
     joints: list[str]
     tables: dict[str, list[str]]
     ignored: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
 
 
-def joint_columns(header: Sequence[str], joint_names: Collection[str] = ()) -> JointColumns:
+def joint_columns(header: Sequence[str], joint_names: Sequence[str] = ()) -> JointColumns:
     """Return the columns of a file that are read.
 
     Args:
         header: The names of all columns.
         joint_names: Joints whose columns may have other names than JOINT.position: the joint's name
             (a position), or JOINT/position, JOINT_position, position_JOINT or position/JOINT, after
-            any path such as /joint_states/. Others are found by a column `JOINT.position`.
+            any path such as /joint_states/; or actual_q_0, actual_q_1, ..., one for each joint in
+            this order. Others are found by a column `JOINT.position`.
 
     Raises:
         TrajectoryError: There is no time, there are no positions, two columns are the same
@@ -402,6 +565,11 @@ def joint_columns(header: Sequence[str], joint_names: Collection[str] = ()) -> J
             raise TrajectoryError(f"the column {shown(name)} is there {count} times")
     own = [name.removesuffix(".position") for name in header if name.endswith(".position")]
     columns = _columns_by_quantity(header, dict.fromkeys([*own, *joint_names]))
+    remarks: tuple[str, ...] = ()
+    if not any(quantity == QUANTITIES[0] for _, quantity in columns):
+        columns = _columns_by_number(header, joint_names) or columns
+        pairs = [f"{name} as {key[0]}" for key, name in columns.items() if key[1] == "position"]
+        remarks = (f"columns are read by number: {', '.join(pairs)}",) if pairs else ()
     joints = [joint for joint, quantity in columns if quantity == QUANTITIES[0]]
     time = _time_column(header, {*columns.values()})
     if time is None or not joints:
@@ -420,7 +588,26 @@ def joint_columns(header: Sequence[str], joint_names: Collection[str] = ()) -> J
     }
     used = {time, *(name for names in tables.values() for name in names)}
     used |= {name for joint in joints for name in _names(joint, "effort")}
-    return JointColumns(time, joints, tables, tuple(name for name in header if name not in used))
+    ignored = tuple(name for name in header if name not in used)
+    return JointColumns(time, joints, tables, ignored, remarks)
+
+
+def _columns_by_number(
+    header: Sequence[str], joint_names: Sequence[str]
+) -> dict[tuple[str, str], str]:
+    """Return columns by joint and quantity; empty unless every joint has its number."""
+    n = len(joint_names)
+    for forms in _BY_NUMBER:
+        columns = {
+            (joint, quantity): form.format(k)
+            for quantity, form in forms.items()
+            for k, joint in enumerate(joint_names)
+            if form.format(k) in header
+        }
+        last = forms["position"].format(n)
+        if last not in header and all((joint, "position") in columns for joint in joint_names):
+            return columns
+    return {}
 
 
 def _columns_by_quantity(
@@ -468,11 +655,13 @@ def _names(joint: str, quantity: str) -> list[str]:
     return [*bare, *both, f"{quantity}_{joint}", f"{quantity}/{joint}"]
 
 
+def _is_time(name: str) -> bool:
+    return name.lstrip(_TIME_MARKS).lower() in _TIMES
+
+
 def _time_column(header: Sequence[str], others: Collection[str]) -> str | None:
     """Return the column of times; None: there is none."""
-    times = [
-        name for name in header if name not in others and name.lstrip(_TIME_MARKS).lower() in _TIMES
-    ]
+    times = [name for name in header if name not in others and _is_time(name)]
     if _TIME in times:
         return _TIME
     if len(times) < 2:

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from small_cycle import small_cycle
 
-from tubeplanner import JointTrajectory, load_problem
+from tubeplanner import JointTrajectory, Seed, load_problem
 from tubeplanner.errors import TrajectoryError
 from tubeplanner.output.files.file_notes import (
     has_other_part,
     motion_notes,
     notes_on_cycle_file,
     notes_on_file,
+    unit_guesses,
 )
 from tubeplanner.output.files.fingerprint import origin, problem_hash, robot_hash
 from tubeplanner.output.files.trajectory_writer import (
@@ -22,7 +23,12 @@ from tubeplanner.output.files.trajectory_writer import (
     trajectory_csv,
     trajectory_json,
 )
-from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
+from tubeplanner.trajectory.reader import (
+    GivenSamples,
+    TrajectoryFile,
+    joined_samples,
+    read_trajectory_file,
+)
 
 NAME = "ur5/over_the_wall"
 
@@ -69,7 +75,7 @@ def test_degrees_and_swapped_joints_are_guessed_and_another_start_is_not(stored)
     problem, trajectory = stored(NAME)
     degrees = with_coefficients(trajectory, np.degrees(trajectory.coefficients))
     (note,) = notes_on_file(problem, TrajectoryFile(degrees), failed=True)
-    assert note == "its positions look like degrees; radians are needed"
+    assert note == "degrees? its positions fit the problem when divided by 57.3; give radians"
     names = list(problem.robot.joint_names)
     names[0], names[2] = names[2], names[0]
     swapped = JointTrajectory(names, trajectory.breakpoints, trajectory.coefficients)
@@ -79,6 +85,42 @@ def test_degrees_and_swapped_joints_are_guessed_and_another_start_is_not(stored)
     assert "'shoulder_pan_joint' starts where 'elbow_joint' should" in note
     assert "wrist" not in note
     assert notes_on_file(problem, TrajectoryFile(shifted(trajectory, 0.1)), failed=True) == []
+
+
+def test_units_are_guessed_from_tube_limits_and_speeds(stored):
+    problem, trajectory = stored(NAME)
+    seeded = replace(problem, start=Seed(problem.start))
+    t = np.arange(0, trajectory.duration, 0.008)
+
+    def guesses(unit, slower, samples=True):
+        q = [unit * trajectory.position(t), unit * trajectory.velocity(t) / slower]
+        motion = joined_samples(trajectory.joint_names, t * slower, q)
+        values = GivenSamples(0.0, ("position", "velocity")) if samples else None
+        notes = unit_guesses(seeded, TrajectoryFile(motion, samples=values))
+        return [note.partition("?")[0] for note in notes]
+
+    degree = np.degrees(1.0)
+    assert guesses(1, 1) == guesses(1, 50) == guesses(1, 1e3, samples=False) == []
+    assert guesses(degree, 1) == ["degrees"]
+    assert guesses(1, 1e3) == ["milliseconds"]
+    assert guesses(degree, 1e6) == ["degrees", "microseconds"]
+
+
+def test_joints_that_stand_still_are_named_and_compared_with_the_locked_values(stored):
+    problem, trajectory = stored("panda/between_shelves", "refinement")
+    finger = "panda_finger_joint1"
+    named, other = notes_on_file(
+        problem, TrajectoryFile(trajectory, still={finger: 0.02, "cup": 1.0}), failed=False
+    )
+    assert named == f"joints that stand still and are not planned: '{finger}' at 0.02, 'cup' at 1"
+    assert other == (
+        f"'{finger}' stands at 0.02 rad or m in the file, at 0 in the problem, for which it is "
+        "judged; give it in robot.locked_joints"
+    )
+    changes = {"robot.locked_joints": {finger: 0.02, "panda_finger_joint2": 0.02}}
+    problem = load_problem("example:panda/between_shelves", changes=changes)
+    file = TrajectoryFile(trajectory, still={finger: 0.02})
+    assert len(notes_on_file(problem, file, failed=False)) == 1
 
 
 def test_columns_that_are_not_read_are_named(stored):

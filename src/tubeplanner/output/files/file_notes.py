@@ -1,7 +1,10 @@
 """Notes on trajectory files: other problem, other robot, verdict, likely mistakes."""
 
+from collections.abc import Iterator, Mapping
+
 import numpy as np
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.cycle_verification import verify_cycle
 from tubeplanner.certificate.judged_motion import FOREIGN_TOLERANCE, Tolerance
 from tubeplanner.certificate.verification import verify
@@ -14,6 +17,8 @@ from tubeplanner.output.files.fingerprint import (
     problem_hash,
     robot_hash,
 )
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.pinocchio_model import locked_value
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.problem import PlanningProblem
@@ -23,6 +28,11 @@ from tubeplanner.trajectory.reader import TrajectoryFile
 # ---- Notes on the trajectory of a problem.
 
 _NEAR = 1e-2  # [rad or m]: starts this near count as equal
+_NEAR_LOCKED = 1e-3  # [rad or m]
+_UNITS = {1e3: "milliseconds", 1e6: "microseconds"}  # in a second
+_USUAL_STEPS = 5e-4, 0.1  # [s]: between the samples of recorders and controllers
+_MAX_USE = 2.0  # of the speed limits, in the unit of the guess
+_TURN = 2 * np.pi
 _COLUMNS_SHOWN = 20
 
 
@@ -42,9 +52,64 @@ def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: boo
         columns = ", ".join(map(shown, file.ignored[:_COLUMNS_SHOWN]))
         columns += f" and {more} more" if more > 0 else ""
         notes.append(f"columns that are not read: {columns}")
-    notes += _notes_on_origin(problem, file)
+    notes += [*file.remarks, *_notes_on_still_joints(problem.robot, file.still)]
+    notes += [*_notes_on_origin(problem, file), *unit_guesses(problem, file)]
     misreading = _likely_misreading(problem, file.trajectory) if failed else None
     return notes if misreading is None else [*notes, misreading]
+
+
+def _notes_on_still_joints(robot: RobotModel, still: Mapping[str, float]) -> Iterator[str]:
+    """Yield notes on joints of a file that are not planned, with their values [rad or m]."""
+    if still:
+        values = ", ".join(f"{shown(name)} at {value:.6g}" for name, value in still.items())
+        yield f"joints that stand still and are not planned: {values}"
+    for name in still.keys() & robot.urdf.joints.keys():
+        value = locked_value(robot.urdf, name, robot.joint_names, robot.locked_joints)
+        if not abs(still[name] - value) <= _NEAR_LOCKED:
+            yield (
+                f"'{name}' stands at {still[name]:.6g} rad or m in the file, at {value:.6g} in the "
+                "problem, for which it is judged; give it in robot.locked_joints"
+            )
+
+
+def unit_guesses(problem: PlanningProblem, file: TrajectoryFile) -> list[str]:
+    """Return questions on units in which a file makes sense for the problem; nothing is converted.
+
+    Args:
+        problem: The planning problem.
+        file: Its trajectory has the problem's joints, in any order.
+    """
+    robot, guesses = problem.robot, []
+    motion = file.trajectory.reordered(robot.joint_names)
+    q = motion.position(motion.breakpoints)
+    radians = np.where(robot.revolute, np.radians(q), q)
+    if _fits(problem, radians) > _fits(problem, q):
+        guesses.append("degrees? its positions fit the problem when divided by 57.3; give radians")
+        q = radians
+    step = np.diff(motion.breakpoints)
+    use = float((abs(np.diff(q, axis=0)) / step[:, None] / robot.limits.velocity).max())
+    for factor, unit in _UNITS.items():
+        between, (shortest, longest) = float(np.median(step)), _USUAL_STEPS
+        is_usual = shortest <= between / factor <= longest and 0 < use * factor <= _MAX_USE
+        if file.samples is not None and is_usual:
+            guesses.append(
+                f"{unit}? its samples are {between:.3g} s apart, and its joints reach "
+                f"{100 * use:.2g} % of their speed limits; give seconds"
+            )
+    return guesses
+
+
+def _fits(problem: PlanningProblem, q: FloatArray) -> tuple[bool, bool]:
+    """Return True if positions (N, n) begin at the start, and if they are in limits or one turn."""
+    robot, start = problem.robot, problem.endpoints[0].joints
+    limits, tube = robot.limits, problem.tube
+    if start is None:
+        distance = np.linalg.norm(robot.tool_position(q[0]) - tube.points[0])
+        begins = bool(distance <= tube.radius[0] + _NEAR)
+    else:
+        begins = np.allclose(q[0], start, atol=_NEAR)
+    inside = (q >= limits.lower_position - _NEAR) & (q <= limits.upper_position + _NEAR)
+    return begins, bool((inside | (abs(q) <= _TURN)).all())
 
 
 def _notes_on_origin(problem: PlanningProblem, file: TrajectoryFile) -> list[str]:
@@ -65,13 +130,10 @@ def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) ->
     """Return a guess at the reason of a wrong start; None without a guess."""
     if (start := problem.endpoints[0].joints) is None:
         return None
-    names, revolute = problem.robot.joint_names, problem.robot.revolute
+    names = problem.robot.joint_names
     q = trajectory.reordered(names).position(0.0)
     if np.allclose(q, start, atol=_NEAR):
         return None
-    radians = np.where(revolute, np.radians(q), q)
-    if np.allclose(radians, start, atol=_NEAR):
-        return "its positions look like degrees; radians are needed"
     if np.allclose(np.sort(q), np.sort(start), atol=_NEAR):
         order = np.argsort(np.argsort(start))
         sources = np.argsort(q)[order]

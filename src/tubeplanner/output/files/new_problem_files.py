@@ -4,7 +4,6 @@ Lines that begin with `##` explain. Lines that begin with `# ` contain a field, 
 as the `# ` is removed, alone or with all others.
 """
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,17 +14,16 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import TrajectoryError
 from tubeplanner.output.files.problem_file import included_fields, new_fields, read_fields
-from tubeplanner.resources import EXAMPLE_PREFIX, find_problem
+from tubeplanner.resources import find_problem, rebased
 from tubeplanner.studies.tubes.starter_problem import StarterProblem
 from tubeplanner.studies.tubes.teach import joint_trail
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import PROBLEM_FORMAT, check_problem_fields
 from tubeplanner.task.problem_reader import parse_problem, robot_of
-from tubeplanner.trajectory.reader import TrajectoryFile
+from tubeplanner.trajectory.reader import read_trajectory_file
 
 # ---- A first problem file with comments: active fields, and fields to be switched on.
 
-_PACKAGE_PREFIX = "package://"
 _WHY = {
     "position": "ranges that the URDF lacks [rad] or [m]",
     "velocity": "velocity limits that the URDF lacks [rad/s] or [m/s]",
@@ -68,11 +66,11 @@ def _robot_lines(
     starter: StarterProblem, urdf: str, package_dirs: tuple[str, ...], folder: Path
 ) -> list[str]:
     frame = starter.info.tool_frame
-    folders = [_as_yaml(_path_from(each, folder)) for each in package_dirs]
+    folders = [_as_yaml(rebased(each, Path(), folder)) for each in package_dirs]
     others = [name for name in starter.info.leaf_links if name != frame]
     return [
         "robot:",
-        f"  urdf: {_as_yaml(_path_from(urdf, folder))}",
+        f"  urdf: {_as_yaml(rebased(urdf, Path(), folder))}",
         *([f"  package_dirs: [{', '.join(folders)}]"] if folders else []),
         f"  tool_frame: {_as_yaml(frame)}",
         *([f"  ## other ends of chains: {', '.join(others)}"] if others else []),
@@ -146,13 +144,6 @@ def _cell_lines(starter: StarterProblem) -> list[str]:
         "## of the controller: duration and breakpoints are multiples of it [s]",
         "# period: 0.001",
     ]
-
-
-def _path_from(path: str, folder: Path) -> str:
-    """Return a path in the working folder, relative to another folder."""
-    if path.startswith((EXAMPLE_PREFIX, _PACKAGE_PREFIX)) or Path(path).is_absolute():
-        return path
-    return os.path.relpath(Path(path).resolve(), folder.resolve())
 
 
 def _row(values: Any) -> str:
@@ -233,23 +224,23 @@ def read_cell(
     return Cell(fields, without_ends, folder, source)
 
 
-def taught_problem(
-    cell: Cell, read: TrajectoryFile, source: str
-) -> tuple[PlanningProblem, FloatArray]:
-    """Return the problem from a trail's start to its end, the tool anywhere, and the trail (N, n).
+def taught_problem(cell: Cell, path: Path) -> tuple[PlanningProblem, FloatArray, tuple[str, ...]]:
+    """Return the problem from a trail's start to its end, the tool anywhere, the trail, and notes.
+
+    The trail has shape (N, n); the notes say how its file was read.
 
     Args:
         cell: The robot and its surroundings.
-        read: The file of the trail.
-        source: Name of that file in messages.
+        path: The file of the trail.
 
     Raises:
         ProblemError: The cell contradicts its format or itself.
         RobotError: The robot cannot be planned with.
-        TrajectoryError: The trail is not of this robot.
+        TrajectoryError: The trail cannot be read, or is not of this robot.
     """
     ends: dict[str, Any] = {"start": {"joints": []}, "goal": {"joints": []}}
     robot = robot_of(check_problem_fields({**cell.known, **ends}, cell.source), cell.folder)
+    read = read_trajectory_file(path, robot.joint_names)
     trajectory = read.trajectory
     if read.interpolation is None:
         samples = trajectory.per_piece(_SAMPLES_PER_PIECE).position
@@ -258,7 +249,7 @@ def taught_problem(
     try:
         trail = joint_trail(robot, trajectory.joint_names, samples)
     except TrajectoryError as error:
-        raise TrajectoryError(f"{source}: {error}") from None
+        raise TrajectoryError(f"{path}: {error}") from None
     ends = {"start": {"joints": trail[0].tolist()}, "goal": {"joints": trail[-1].tolist()}}
-    name = Path(source).stem
-    return parse_problem({**cell.known, **ends}, cell.folder, name, reads_tube=False), trail
+    problem = parse_problem({**cell.known, **ends}, cell.folder, path.stem, reads_tube=False)
+    return problem, trail, read.remarks
