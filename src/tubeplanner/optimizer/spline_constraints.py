@@ -73,7 +73,7 @@ def rotation_keys(tube: Tube) -> list[LimitKey]:
 # than these and velocities depend on the configuration.
 _RATE_SAMPLES = np.zeros(1)
 _CONFIGURATION_SAMPLES = np.arange(2) / 2
-_JERK_SAMPLES = np.arange(3) / 2  # at knots, where jerks jump, on both sides
+_JUMP_SAMPLES = np.arange(3) / 2  # at knots, where jerks jump, on both sides
 _TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
 # Where samples are added to the tube's on either side of an instant, in their spacings.
@@ -176,7 +176,7 @@ class SplineConstraints:
         # By whether jerk counts.
         self._watched_samples = {
             False: grid.samples(_CONFIGURATION_SAMPLES).and_also(ends),
-            True: grid.samples(_JERK_SAMPLES),
+            True: grid.samples(_JUMP_SAMPLES),
         }
         self._tube_samples = grid.samples(_TUBE_SAMPLES).and_also(ends)
         # The segment before a compulsory point is the last one of its phase.
@@ -252,7 +252,7 @@ class SplineConstraints:
             worst, has_more = self.between_samples(current.spline), True
         here = [limit for limit in worst.limits if limit.at.evaluation_points is dense]
         for with_jerk, samples in self._watched_samples.items():
-            alike = [part for part in here if _depends_on_jerk(part.limit) is with_jerk]
+            alike = [part for part in here if _jumps_at_knots(part.limit) is with_jerk]
             if alike:
                 slowest = np.max([part.squared_durations for part in alike], axis=0)
                 higher = _peaks(slowest, self._higher * current.duration**2)
@@ -320,7 +320,7 @@ class SplineConstraints:
 
     def _points(self, limit: SpeedLimit, watched: Mapping[bool, Samples]) -> EvaluationPoints:
         if not isinstance(limit, JointRate):
-            return watched[_depends_on_jerk(limit)]
+            return watched[_jumps_at_knots(limit)]
         return self._hull if limit.order == RATES["velocity"] else self._rate_samples
 
     def _numbers_of(self, keys: Sequence[LimitKey]) -> IntArray:
@@ -409,7 +409,7 @@ class _ArmAlong:
         return self.segments_of(samples).at(self.at(samples)[1].tool_pose[1])
 
 
-def _depends_on_jerk(limit: SpeedLimit) -> bool:
+def _jumps_at_knots(limit: SpeedLimit) -> bool:
     return limit.order >= RATES["jerk"]
 
 
