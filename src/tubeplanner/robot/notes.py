@@ -1,6 +1,6 @@
-"""Notes on a robot: undeclared prefixes, unused URDF values, implausible friction."""
+"""Notes on a robot: unused parts of its files, limits by direction, implausible friction."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ _EQUAL = 1e-3  # relative: joints of equal fractions are named together
 # Fields of the problem by the URDF's names; a value given there makes the URDF's irrelevant.
 _FIELDS = {
     "acceleration": "robot.limits.acceleration",
+    "deceleration": "robot.limits.acceleration",
     "jerk": "robot.limits.jerk",
     "deceleration_limit": "robot.limits.velocity_by_position",
     "velocity_offset": "robot.limits.velocity_by_position",
@@ -34,8 +35,28 @@ def robot_notes(robot: RobotModel) -> tuple[str, ...]:
             f"nothing here uses what stands under it: {named}"
             + (f" and {more} more" if more > 0 else "")
         )
-    notes = (unused_note(robot), _friction_note(robot))
-    return (*prefix_notes, *(note for note in notes if note is not None))
+    notes = (unused_note(robot), _acceleration_note(robot), _friction_note(robot))
+    read = (*prefix_notes, *robot.urdf.notes, *robot.limits.notes)
+    return (*read, *(note for note in notes if note is not None))
+
+
+def _acceleration_note(robot: RobotModel) -> str | None:
+    """Return a sentence on joints that the URDF lets slow down otherwise than speed up."""
+    joints: dict[tuple[float, ...], list[str]] = {}
+    for name, limit in zip(robot.joint_names, robot.limits.acceleration, strict=True):
+        both = robot.urdf.joints[name].accelerations
+        if both and limit <= min(both):  # else the problem has its own
+            joints.setdefault(both, []).append(name)
+    if not joints:
+        return None
+    listed = "; ".join(
+        f"acceleration {up:g}, deceleration {down:g} ({_whose(names, robot)})"
+        for (up, down), names in joints.items()
+    )
+    return (
+        f"the URDF limits {listed}; a limit holds in both directions here, so the smaller counts; "
+        "robot.limits.acceleration replaces it"
+    )
 
 
 def _friction_note(robot: RobotModel) -> str | None:
@@ -64,10 +85,7 @@ def unused_note(robot: RobotModel) -> str | None:
         return None
     listed = []
     for key, by_value in joints.items():
-        whose = [
-            f"{value} ({'every joint' if len(names) == robot.joint_count else ', '.join(names)})"
-            for value, names in by_value.items()
-        ]
+        whose = [f"{value} ({_whose(names, robot)})" for value, names in by_value.items()]
         listed.append(f"<{key}> {', '.join(whose)}")
     friction = ""
     largest = _unused_friction(robot, joints)
@@ -77,6 +95,10 @@ def unused_note(robot: RobotModel) -> str | None:
     fields = dict.fromkeys(field for key in joints if (field := _field(key)) is not None)
     remedy = "".join(f"; to keep it, give {field}" for field in fields)
     return f"the URDF says, and nothing here uses: {'; '.join(listed)}{friction}{remedy}"
+
+
+def _whose(names: Sequence[str], robot: RobotModel) -> str:
+    return "every joint" if len(names) == robot.joint_count else ", ".join(names)
 
 
 def _is_given(robot: RobotModel, column: int, key: str) -> bool:
