@@ -20,6 +20,8 @@ _FIELDS = {
     "jerk": "robot.limits.jerk",
     "deceleration_limit": "robot.limits.velocity_by_position",
     "velocity_offset": "robot.limits.velocity_by_position",
+    "limit lower": "robot.limits.position",
+    "limit upper": "robot.limits.position",
     **dict.fromkeys(URDF_FRICTION, "robot.motors.friction_from_urdf: true"),
 }
 
@@ -111,6 +113,8 @@ def _is_given(robot: RobotModel, column: int, key: str) -> bool:
     quantity = (_field(key) or "").rpartition(".")[2]
     if quantity == "velocity_by_position":
         return any(law.joint == column for law in limits.velocity_by_position)
+    if quantity == "position":
+        return bool(np.isfinite(limits.lower_position[column]))
     return bool(quantity) and bool(np.isfinite(getattr(limits, quantity)[column]))
 
 

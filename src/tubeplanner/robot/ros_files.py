@@ -147,7 +147,7 @@ def _expanded(
         reason = f"{_reason(error)}{included}"
         if "Undefined substitution argument" in reason:
             names = ", ".join(_argument_names(path)) or "none"
-            reason += f"; give it in robot.xacro_args or by --xacro-arg; the file has {names}"
+            reason += f"; give it in robot.xacro_args or by --xacro-arg (its <xacro:arg>: {names})"
         raise RobotError(f"{path}: xacro cannot expand it: {reason}") from None
     unused = [name for name in arguments if name not in mappings.requested]
     if unused and uses_all:

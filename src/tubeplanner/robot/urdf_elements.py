@@ -1,7 +1,7 @@
 """Elements of a URDF: values, versions, link checks, unknown tags, undeclared prefixes."""
 
 import difflib
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
@@ -380,16 +380,17 @@ def _require_intended(what: str, name: str, known: Sequence[str]) -> None:
 
 # ---- Values of joints that planning does not use by default: friction, further limits.
 
+_ENDS = ("lower", "upper")  # of a continuous joint, which has none
 # By tag; soft limits count where they differ from the joint's own.
 _TAGS = {
     "dynamics": ("damping", "friction"),
-    "limit": ("acceleration", "deceleration", "jerk"),
+    "limit": ("acceleration", "deceleration", "jerk", *_ENDS),
     _SOFT: ("soft_lower_limit", "soft_upper_limit"),
     _LAW: ("deceleration_limit", "velocity_offset"),
 }
 
 
-def unused_values(joint: Element, used: Container[str] = ()) -> dict[str, str]:
+def unused_values(joint: Element, used: Iterable[str] = ()) -> dict[str, str]:
     """Return the values of a <joint> that are not used, as text of the file; zeros are left out.
 
     Args:
@@ -400,6 +401,7 @@ def unused_values(joint: Element, used: Container[str] = ()) -> dict[str, str]:
         By "tag attribute", such as "dynamics damping" or "limit drake:acceleration".
     """
     values = {}
+    used = {*used, *(() if joint.get("type") == "continuous" else _ENDS)}
     for tag, attributes in _TAGS.items():
         for element in joint.findall(tag):
             for name, text in element.attrib.items():
