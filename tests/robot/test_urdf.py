@@ -59,7 +59,7 @@ FAULTS = {
     robot(): "holds no <link>",
     robot(links("ab"), joint(), "<jiont/>"): ": <robot> has <jiont>; did you mean 'joint'?",
     robot(links("ab"), joint()).replace("<robot", '<robot version="2.0"'): (
-        ': <robot> version="2.0" is no version of URDF that is read here: 1.0, 1.1, 1.2'
+        ': <robot> version="2.0" is unknown; URDF has 1.0, 1.1, 1.2'
     ),
     robot(links("abc"), joint()): f"{ROOTS}['a', 'c']",
     robot(links("rab"), joint(), BACK): f"{LOOP} 'a'",

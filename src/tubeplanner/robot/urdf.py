@@ -288,7 +288,8 @@ def _read_joint(path: Path, element: ElementTree.Element, version: str) -> UrdfJ
         rates = {key: read_number(where, limit, key) for key in _RATES}
         if lower is None or upper is None:  # this version has no default for one of them
             lower = upper = None
-    accelerations = [value for key in _RATES[:2] if (value := rates.get(key)) is not None]
+    up, down = (rates.get(key) for key in ("acceleration", "deceleration"))
+    both = np.inf if up is None else up, np.inf if down is None else down
     return UrdfJoint(
         name=name,
         type=kind,
@@ -299,9 +300,9 @@ def _read_joint(path: Path, element: ElementTree.Element, version: str) -> UrdfJ
         effort=read_number(where, limit, "effort"),
         velocity=read_number(where, limit, "velocity"),
         mimic=_read_mimic(where, element.find("mimic")),
-        acceleration=min(accelerations, default=None),
+        acceleration=None if up is None and down is None else min(both),
         jerk=rates.get("jerk"),
-        accelerations=tuple(accelerations) if len(set(accelerations)) > 1 else (),
+        accelerations=both if down not in (None, up) else (),
         unused=unused_values(element, rates),
     )
 

@@ -143,8 +143,8 @@ def read_version(where: str, robot: Element) -> str:
     version = robot.get("version", _VERSIONS[0]).strip()
     if version not in _VERSIONS:
         raise RobotError(
-            f"{where}: <robot> {written('version', version)} is no version of URDF that is read "
-            f"here: {', '.join(_VERSIONS)}"
+            f"{where}: <robot> {written('version', version)} is unknown; URDF has "
+            f"{', '.join(_VERSIONS)}"
         )
     return version
 
@@ -364,6 +364,8 @@ def _undefined(where: str, element: Element, is_root: bool = False) -> Iterator[
         if name not in tags:
             others = [each for each in tags if each in _MANY or element.find(each) is None]
             _require_intended(f"{where}: <{tag}> has <{name}>", name, others)
+            if tag in _CLOSED:
+                raise RobotError(f"{where}: <{tag}> has <{name}>; it has attributes alone")
             yield f"<{name}>"
         elif counts[name] > 1 and name not in _MANY and tag != "geometry":
             raise RobotError(f"{where}: <{tag}> has {counts[name]} <{name}>; one is needed")
