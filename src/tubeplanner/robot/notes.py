@@ -37,9 +37,22 @@ def robot_notes(robot: RobotModel) -> tuple[str, ...]:
             f"nothing here uses what stands under it: {named}"
             + (f" and {more} more" if more > 0 else "")
         )
-    notes = (unused_note(robot), _acceleration_note(robot), _friction_note(robot))
+    kinds = (_passive_note, unused_note, _acceleration_note, _friction_note)
+    notes = [kind(robot) for kind in kinds]
     read = (*prefix_notes, *robot.urdf.notes, *robot.limits.notes)
     return (*read, *(note for note in notes if note is not None))
+
+
+def _passive_note(robot: RobotModel) -> str | None:
+    """Return a sentence on planned joints that the SRDF calls passive."""
+    srdf = robot.urdf.srdf
+    passive = [] if srdf is None else [j for j in srdf.passive_joints if j in robot.joint_names]
+    if not passive:
+        return None
+    return (
+        f"the SRDF calls {', '.join(passive)} passive, so without a motor; planned all the same "
+        "unless robot.joints names the others alone"
+    )
 
 
 def _acceleration_note(robot: RobotModel) -> str | None:

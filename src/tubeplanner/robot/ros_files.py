@@ -259,6 +259,11 @@ class Srdf:
         pairs = [pair for pair in (*self._pairs[_DISABLED], *default) if known.issuperset(pair)]
         return list({frozenset(pair): pair for pair in reversed(pairs)}.values())[::-1]
 
+    @cached_property
+    def passive_joints(self) -> list[str]:
+        """Names of the joints without a motor."""
+        return [read_name(str(self.path), e, "name") for e in self.root.findall("passive_joint")]
+
     def notes(self, links: Sequence[str]) -> tuple[str, ...]:
         """Return sentences on links that a robot lacks, and on tags that SRDF does not define.
 

@@ -184,7 +184,7 @@ def read_limits_file(path: str | Path) -> LimitLayer:
         raise RobotError(str(error)) from None
     if not isinstance(data, dict):
         raise RobotError(f"{path}: a file of limits is a map with joint_limits")
-    data, unknown = _known_keys(_with_limits(data) or data)
+    data, unknown = _known_keys(data if "joint_limits" in data else _inner_limits(data) or data)
     try:
         fields = _FileFields.model_validate(data)
     except ValidationError as error:
@@ -207,11 +207,11 @@ def read_limits_file(path: str | Path) -> LimitLayer:
     return LimitLayer(f"{path}: ", limits, skips_others=True, notes=tuple(notes), source=source)
 
 
-def _with_limits(data: dict[Any, Any]) -> dict[Any, Any] | None:
-    """Return the map of a document that has joint_limits; None without."""
+def _inner_limits(data: dict[Any, Any]) -> dict[Any, Any] | None:
+    """Return joint_limits of a deeper map, alone in a map; None without."""
     if "joint_limits" in data:
-        return data
-    inner = (_with_limits(value) for value in data.values() if isinstance(value, dict))
+        return {"joint_limits": data["joint_limits"]}
+    inner = (_inner_limits(value) for value in data.values() if isinstance(value, dict))
     return next((each for each in inner if each is not None), None)
 
 
