@@ -1,9 +1,10 @@
 """Pairs that an SRDF allows to touch, and its named configurations."""
 
 import pytest
-from cases import refusal
+from cases import SLIDE, refusal
 
-from tubeplanner import RobotError, parse_problem
+from tubeplanner import RobotError, load_robot, parse_problem
+from tubeplanner.robot.notes import robot_notes
 from tubeplanner.robot.ros_files import read_srdf
 
 PACKAGE = "package://example-robot-data/robots"
@@ -34,6 +35,13 @@ def test_pairs_may_touch_by_default_unless_enabled_and_in_any_case_if_disabled(s
     pairs = [("a", "b"), ("c", "d"), ("d", "b"), ("d", "e")]
     assert read.allowed_pairs(["a", "b", "c", "d", "e"]) == pairs
     assert read.notes(["a", "b", "c", "d", "e"]) == ()
+
+
+def test_a_planned_joint_that_is_passive_is_noted(srdf, tmp_path):
+    (tmp_path / "slide.urdf").write_text(SLIDE)
+    path = srdf('<passive_joint name="lift"/><passive_joint name="other"/>')
+    (note,) = robot_notes(load_robot(tmp_path / "slide.urdf", "tip", srdf=path))
+    assert note.startswith("the SRDF calls lift passive, so without a motor")
 
 
 def test_links_and_tags_that_mean_nothing_are_noted(srdf):
