@@ -55,6 +55,7 @@ FAULTS = {
     "<robot><link></robot>": "cannot be read as URDF: mismatched tag: line 1",
     "<sdf/>": "the root element is <sdf>, not <robot>",
     XACRO: "holds <xacro:property>: it must be expanded first, by xacro arm.urdf > arm.expanded.u",
+    XACRO.replace("www.ros.org/wiki", "wiki.ros.org"): "holds <xacro:property>: it must be expan",
     ENTITY: "declares XML entities, which are not expanded; write them out",
     robot(): "holds no <link>",
     robot(links("ab"), joint(), "<jiont/>"): ": <robot> has <jiont>; did you mean 'joint'?",

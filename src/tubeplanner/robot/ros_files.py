@@ -22,7 +22,7 @@ from tubeplanner.robot.urdf_elements import read_name
 # ---- Macro files of robots, `.xacro`.
 
 XACRO_ENDING = ".xacro"
-_XACRO = "{http://www.ros.org/wiki/xacro}"
+_NAMESPACE = "/xacro"  # end of the namespaces in use: www.ros.org/wiki/xacro, wiki.ros.org/xacro
 _MAX_BYTES = 50_000_000
 _TIME_LIMIT = 10.0  # [s]: robots of hundreds of links take one
 _PROGRAM = """import sys
@@ -35,8 +35,8 @@ serve()
 def require_expanded(path: Path, root: ElementTree.Element) -> None:
     """Raise RobotError if a URDF or SRDF holds tags of xacro."""
     for element in root.iter():
-        if str(element.tag).startswith(_XACRO):
-            tag = str(element.tag).removeprefix(_XACRO)
+        namespace, _, tag = str(element.tag).rpartition("}")
+        if namespace.endswith(_NAMESPACE):
             stem, _, kind = path.name.partition(".")
             raise RobotError(
                 f"{path} holds <xacro:{tag}>: it must be expanded first, by "
@@ -159,7 +159,8 @@ def _expanded(
 def _argument_names(path: Path) -> list[str]:
     """Return the names of the <xacro:arg> of a file; none if the file is no XML."""
     with suppress(ElementTree.ParseError, OSError):
-        elements = ElementTree.parse(path).iter(f"{_XACRO}arg")
+        every = ElementTree.parse(path).iter()
+        elements = [each for each in every if str(each.tag).endswith(f"{_NAMESPACE}}}arg")]
         return list(dict.fromkeys(str(element.get("name")) for element in elements))
     return []
 
