@@ -31,7 +31,7 @@ from tubeplanner.output.files.problem_file import read_fields, with_other_tube
 from tubeplanner.output.link_visuals import read_visual_mesh
 from tubeplanner.resources import bundled_folder
 from tubeplanner.robot.info import robot_info
-from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_states
+from tubeplanner.robot.ros_files import read_srdf
 from tubeplanner.task.side_files import read_limits_file, read_points, read_preset
 from tubeplanner.trajectory.reader import read_trajectory_file
 
@@ -315,8 +315,9 @@ def _read_robot(path: Path) -> None:
 
 
 def _read_srdf(path: Path) -> None:
-    read_allowed_pairs(path)
-    read_group_states(path)
+    srdf = read_srdf(path)
+    srdf.allowed_pairs(["upper_arm", "lower_arm", "hand"])
+    srdf.group_states()
 
 
 def _read_study(path: Path) -> None:

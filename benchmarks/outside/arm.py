@@ -2,6 +2,7 @@
 
 import math
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -147,7 +148,7 @@ class Arm:
         self.moved_by = self._moved_by()
         self.has_masses = all(inertia.mass > 0 for inertia in list(self._model.inertias)[1:])
         srdf = fields.get("srdf")
-        self.allowed = [] if srdf is None else _allowed(srdf, problem, folders)
+        self.allowed = [] if srdf is None else _allowed(srdf, problem, folders, self.links)
 
     def poses(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return where what each joint carries is, for configurations (N, n).
@@ -335,7 +336,7 @@ def _followed(
         low, high = sorted((float(end) - offset) / factor for end in ends)
         lower[k], upper[k] = max(lower[k], low), min(upper[k], high)
         for quantity, bound in rates.items():
-            urdf = joint.velocity if quantity == "velocity" and joint.velocity else math.inf
+            urdf = getattr(joint, quantity) or math.inf
             most = float((fields.get(quantity) or {}).get(name, urdf))
             scale = float((fields.get("scale") or {}).get(quantity, 1.0))
             bound[k] = min(bound[k], most * scale / abs(factor))
@@ -369,8 +370,8 @@ def _limits(
         position[:, 0].astype(float),
         position[:, 1].astype(float),
         row("velocity", [joint.velocity for joint in joints]),
-        row("acceleration", list(free)),
-        row("jerk", list(free)),
+        row("acceleration", [joint.acceleration for joint in joints]),
+        row("jerk", [joint.jerk for joint in joints]),
         np.array([limit.largest for limit in by_place]),
         row("effort_rate", list(free)),
         speed_of(fields.get("tool_speed"), "robot.limits.tool_speed"),
@@ -435,7 +436,15 @@ def _locked(
     return factor * float(given.get(master, default)) + offset
 
 
-def _allowed(srdf: str, problem: Problem, folders: list[Any]) -> list[tuple[str, str]]:
+def _allowed(
+    srdf: str, problem: Problem, folders: list[Any], links: Iterable[str]
+) -> list[tuple[str, str]]:
     root = ElementTree.parse(find_file(srdf, problem.folder, folders)).getroot()
-    pairs = root.findall("disable_collisions")
-    return [(pair.get("link1", ""), pair.get("link2", "")) for pair in pairs]
+    enabled, disabled = (
+        [(pair.get("link1", ""), pair.get("link2", "")) for pair in root.findall(tag)]
+        for tag in ("enable_collisions", "disable_collisions")
+    )
+    for free in root.findall("disable_default_collisions"):
+        pairs = ((free.get("link", ""), other) for other in links)
+        disabled += [p for p in pairs if p not in enabled and p[::-1] not in enabled]
+    return disabled

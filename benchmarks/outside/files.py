@@ -130,6 +130,8 @@ class Joint:
         mimic: (master, multiplier, offset), or None.
         damping: Of `<dynamics>`, 0 if there is none [N m s/rad or N s/m].
         friction: Likewise [N m or N].
+        acceleration: The smaller of acceleration and deceleration, inf before URDF 1.2.
+        jerk: Limit, likewise.
     """
 
     kind: str
@@ -140,6 +142,8 @@ class Joint:
     mimic: tuple[str, float, float] | None
     damping: float = 0.0
     friction: float = 0.0
+    acceleration: float = math.inf
+    jerk: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -179,7 +183,8 @@ def read_description(path: Path, package_dirs: list[Path]) -> Description:
         source = ElementTree.parse(path).getroot()
     except (OSError, ElementTree.ParseError) as error:
         raise BadInput(f"{path} cannot be read as URDF: {error}") from error
-    plain = ElementTree.Element("robot", name=source.get("name", path.stem))
+    version = source.get("version", "1.0")  # by which Pinocchio reads quaternions and capsules
+    plain = ElementTree.Element("robot", name=source.get("name", path.stem), version=version)
     joints: dict[str, Joint] = {}
     parents: dict[str, tuple[str, str, str]] = {}
     for link in source.findall("link"):
@@ -195,7 +200,7 @@ def read_description(path: Path, package_dirs: list[Path]) -> Description:
         parent, child = (_link_of(element, end) for end in ("parent", "child"))
         parents[child] = (name, kind, parent)
         if kind in MOVABLE:
-            joints[name] = _joint(element, kind)
+            joints[name] = _joint(element, kind, has_rates=version == "1.2")
         plain.append(_plain(element, name, kind))
     links = frozenset(link.get("name", "") for link in source.findall("link"))
     return Description(ElementTree.tostring(plain, encoding="unicode"), joints, links, parents)
@@ -264,12 +269,16 @@ def _link_of(joint: ElementTree.Element, end: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
-def _joint(element: ElementTree.Element, kind: str) -> Joint:
+def _joint(element: ElementTree.Element, kind: str, has_rates: bool) -> Joint:
     limit, mimic = element.find("limit"), element.find("mimic")
 
     def number(key: str) -> float | None:
         text = None if limit is None else limit.get(key)
         return None if text is None else float(text)
+
+    def least(*keys: str) -> float:
+        values = [number(key) for key in keys] if has_rates else []
+        return min((value for value in values if value is not None), default=math.inf)
 
     continuous = kind == "continuous"
     rule = None
@@ -286,6 +295,8 @@ def _joint(element: ElementTree.Element, kind: str) -> Joint:
         number("velocity"),
         rule,
         *(float(stated.get(key, 0.0)) for key in ("damping", "friction")),
+        least("acceleration", "deceleration"),
+        least("jerk"),
     )
 
 

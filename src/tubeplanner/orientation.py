@@ -40,8 +40,10 @@ def rpy_of_matrix(matrix: FloatArray) -> tuple[float, float, float]:
     pitch = np.arctan2(-matrix[2, 0], flat)
     if flat < _UPRIGHT:
         return 0.0, float(pitch), float(np.arctan2(-matrix[0, 1], matrix[1, 1]))
-    roll = np.arctan2(matrix[2, 1], matrix[2, 2])
-    return float(roll), float(pitch), float(np.arctan2(matrix[1, 0], matrix[0, 0]))
+    yaw = np.arctan2(matrix[1, 0], matrix[0, 0])
+    # Relative to this yaw, as it is only rounding next to a quarter turn.
+    across = np.array([-np.sin(yaw), np.cos(yaw)]) @ matrix[:2]
+    return float(np.arctan2(-across[2], across[1])), float(pitch), float(yaw)
 
 
 def _plane_rotation(angle: float, first: int, second: int) -> FloatArray:

@@ -139,6 +139,22 @@ def test_paths_are_relative_to_the_file_that_is_written(run, tmp_path, monkeypat
     assert load_problem(path).robot.name == "slide"
 
 
+def test_arguments_of_a_macro_file_are_taken_and_written_as_text(run, tmp_path):
+    head = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="slide">'
+    text = SLIDE.replace('<robot name="slide">', head).replace('effort="60"', 'effort="$(arg e)"')
+    urdf, output = tmp_path / "arm.urdf.xacro", tmp_path / "first.yaml"
+    urdf.write_text(text)
+    status, _, error = run("info", urdf)
+    assert status == 2 and "--xacro-arg (its <xacro:arg>: none)" in error
+    assert run("info", urdf, "--xacro-arg", "e=70")[0] == 0
+    assert run("init", urdf, "--xacro-arg", "e=070", "-o", output)[0] == 0
+    assert '  xacro_args: {"e": "070"}\n' in output.read_text()
+    assert load_problem(output).robot.limits.effort[0] == 70
+    for words in (("e",), ("e=1", "--xacro-arg", "e=2")):
+        assert run("info", urdf, "--xacro-arg", *words)[0] == 2
+    assert "robot.xacro_args" in run("info", output, "--xacro-arg", "e=1")[2]
+
+
 def test_json_has_the_text_and_another_tool_frame_is_taken(run_json, named, tmp_path):
     path = tmp_path / "first.yaml"
     path.write_text("something else")

@@ -13,7 +13,6 @@ from scipy.spatial import ConvexHull
 
 from tubeplanner import LimitOverrides
 from tubeplanner.errors import RobotError
-from tubeplanner.geometry import link_geometry as module
 from tubeplanner.geometry.collision_checker import CollisionChecker, link_covers
 from tubeplanner.geometry.cover_cache import VARIABLE
 from tubeplanner.geometry.link_geometry import link_elements, link_parts, link_shapes
@@ -22,12 +21,14 @@ from tubeplanner.resources import find_mesh
 
 ARM = solid('<box size="0.1 0.2 0.3"/>', '<origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/>')
 ARM += solid('<sphere radius="0.4"/>') + solid('<cylinder radius="0.5" length="0.6"/>')
+ARM += solid('<capsule radius="0.7" length="0.8"/>')
 ARM += solid('<mesh filename="a.stl" scale="1 -2 3"/>') + solid('<mesh filename="b.obj"/>')
 CASES = Path(__file__).parents[1] / "data/cases"
 EXPECTED = [
     ("box", (0.1, 0.2, 0.3), ""),
     ("sphere", (0.4,), ""),
     ("cylinder", (0.5, 0.6), ""),
+    ("capsule", (0.7, 0.8), ""),
     ("mesh", (1.0, -2.0, 3.0), "a.stl"),
     ("mesh", (1.0, 1.0, 1.0), "b.obj"),
 ]
@@ -45,19 +46,13 @@ def described(elements):
     return [(element.kind, element.sizes, element.filename) for element in elements]
 
 
-def test_elements_are_those_of_the_urdf_or_the_cache_which_parses_nothing(robot, monkeypatch):
+def test_elements_are_those_of_the_urdf(robot):
     result = link_elements(robot)
     assert list(result) == ["arm"]
-    cold = result["arm"]
-    assert described(cold) == EXPECTED
+    assert described(result["arm"]) == EXPECTED
     pose = np.array([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
-    close(cold[0].placement, pose, atol=1e-15)
-    np.testing.assert_array_equal(cold[1].placement, np.eye(4))
-    monkeypatch.setattr(module, "read_geometry", None)
-    warm = link_elements(robot)["arm"]
-    assert described(warm) == EXPECTED
-    for one, other in zip(warm, cold, strict=True):
-        np.testing.assert_array_equal(one.placement, other.placement)
+    close(result["arm"][0].placement, pose, atol=1e-15)
+    np.testing.assert_array_equal(result["arm"][1].placement, np.eye(4))
 
 
 @pytest.fixture
@@ -189,7 +184,7 @@ def test_mesh_that_cannot_be_used_is_named(tmp_path, tip_shapes, geometry, messa
 
 
 def test_a_prefix_that_is_not_declared_leaves_geometry_and_joints_as_they_are(tmp_path):
-    """yourdfpy and Pinocchio get the text with the declaration."""
+    """Pinocchio gets the text with the declaration."""
     tip = "<drake:tip/>" + INERTIAL + solid('<box size="1 2 3"/>', "<drake:soft/>")
     limit = "<drake:ball/>" + LIMIT.replace("<limit", '<limit drake:jerk="3"')
     parts = link("base", ""), link("tip", tip), joint("j", "base", "tip", limit=limit)

@@ -22,7 +22,6 @@ KNOWS = {
     "pinocchio": {"robot"},
     "fcl": {"geometry"},
     "coal": {"geometry"},
-    "yourdfpy": {"geometry"},
     "trimesh": {"geometry", "output"},
     "matplotlib": {"output"},
     "meshcat": {"output"},
@@ -81,7 +80,7 @@ def test_judging_loads_nothing_of_what_makes_trajectories_and_planning_no_heavy_
     forbidden = next(c for c in settings["contracts"] if c["type"] == "forbidden")
     assert "certificate" in loaded
     assert loaded & {name.split(".")[1] for name in forbidden["forbidden_modules"]} == set()
-    assert {"meshcat", "matplotlib", "yourdfpy", "trimesh"} & planning == set()
+    assert {"meshcat", "matplotlib", "trimesh"} & planning == set()
 
 
 @pytest.mark.parametrize(
@@ -99,7 +98,7 @@ def test_a_command_loads_no_library_that_it_can_do_without(command, parts, bundl
     files = [str(stored_path(name, REFINEMENT))] * (command == "check")
     words = [command, f"example:{name}", *files]
     (loaded,) = loaded_after(f"from tubeplanner.cli.main import main; assert main({words}) == 0")
-    never = {"trimesh", "yourdfpy", "matplotlib", "meshcat", "ruamel", "toppra", "ompl"}
+    never = {"trimesh", "matplotlib", "meshcat", "ruamel", "toppra", "ompl"}
     assert loaded & never == set()
     of_scipy = {module.split(".")[1] for module in loaded if module.startswith("scipy.")}
     assert {part for part in of_scipy if not part.startswith("_")} == parts

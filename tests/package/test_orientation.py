@@ -41,6 +41,8 @@ def test_a_matrix_gives_roll_pitch_and_yaw_back():
         result = rpy_of_matrix(upright)
         assert result[0] == 0
         np.testing.assert_allclose(matrix_of_rpy(*result), upright, atol=1e-12)
+        nearly = matrix_of_rpy(0.3, 0.99999999 * pitch, 0.8)
+        np.testing.assert_allclose(matrix_of_rpy(*rpy_of_matrix(nearly)), nearly, atol=1e-14)
 
 
 # Rotation vectors against scipy and their own definitions, at all angles.

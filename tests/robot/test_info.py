@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cases import refusal
+from cases import SLIDE, refusal
 
 from tubeplanner import LimitOverrides, MotorOverrides, RobotError, read_limits_file, read_preset
 from tubeplanner.robot.info import likely_tool_frame, robot_info
@@ -64,6 +64,21 @@ def test_limits_that_are_lifted_on_purpose_are_not_missing_and_ranges_show_the_m
     info = robot_info("example:ur5", limits=LimitOverrides(effort={"elbow_joint": (50, 80)}))
     effort = [(150.0, "URDF"), (80.0, "problem file, most of a range")]
     assert limits_of(info, "effort")[1:3] == effort
+
+
+def test_what_a_newer_urdf_limits_has_its_source_and_unused_values_are_noted(tmp_path):
+    newer = SLIDE.replace("<robot", '<robot version="1.2"')
+    newer = newer.replace('effort="60"', 'acceleration="15" jerk="0" effort="60"')
+    newer = newer.replace("<limit", '<dynamics friction="2"/><limit')
+    (tmp_path / "slide.urdf").write_text(newer)
+    info = robot_info(tmp_path / "slide.urdf")
+    turn, extend = info.joints[:2]
+    assert (turn.limits["acceleration"].value, turn.limits["acceleration"].source) == (15, "URDF")
+    assert extend.limits["acceleration"].is_missing and turn.limits["jerk"].is_missing
+    jerk = "jerk limit of turn (the URDF has 0): give the maker's in robot.limits.jerk"
+    assert info.missing[0].startswith(jerk)
+    (note,) = info.notes
+    assert "<dynamics friction> 2 (every joint)" in note
 
 
 def test_motors_have_their_sources():

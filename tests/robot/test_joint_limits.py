@@ -71,6 +71,44 @@ def test_without_overrides_the_limits_are_those_of_the_urdf_in_group_order(resol
     same(resolve().clip(q), [[[-1.0, 0.5], [2.0, 2.0]]])
 
 
+RATES = COMPLETE.replace("/>", ' acceleration="12" deceleration="{}" jerk="400"/>')
+
+
+@pytest.fixture
+def newer(tmp_path):
+    """Return a function that describes an arm of URDF 1.2 whose follower f takes twice as much."""
+
+    def newer(limit, follower=COMPLETE):
+        more = link("d") + joint(
+            "f", "b", "d", limit=follower + '<mimic joint="j" multiplier="2"/>'
+        )
+        path = written(tmp_path, links("a", "b"), joint("j", "a", "b", limit=limit), more)
+        path.write_text(path.read_text().replace("<robot", '<robot version="1.2"'))
+        return read_urdf(path)
+
+    return newer
+
+
+def test_a_urdf_has_accelerations_from_version_1_2_on_and_the_smaller_holds(newer):
+    arm = newer(RATES.format(9))
+    require(resolve_limits(arm, ["j"], ()), acceleration=[9], jerk=[400])
+    assert arm.joints["j"].accelerations == (12, 9)
+    require(resolve_limits(newer(RATES.format(15)), ["j"], ()), acceleration=[12])
+    given = LimitOverrides(acceleration=20, scale={"acceleration": 0.5})
+    require(resolve_limits(arm, ["j"], given), acceleration=[10], jerk=[400])
+    both = newer(RATES.format(12), RATES.format(8))
+    require(resolve_limits(both, ["j"], ()), acceleration=[4], jerk=[200])
+
+
+def test_an_acceleration_of_a_urdf_must_be_one_unless_it_is_replaced(newer):
+    arm = newer(RATES.format(0))
+    message = "joint 'j' has acceleration limit 0; give a positive one in robot.limits.acceleration"
+    assert message in refusal(RobotError, resolve_limits, arm, ["j"], ())
+    require(resolve_limits(arm, ["j"], LimitOverrides(acceleration=3)), acceleration=[3])
+    alone = newer(COMPLETE.replace('lower="-1" ', ""))
+    assert "has position limits [0, 0]" in refusal(RobotError, resolve_limits, alone, ["j"], ())
+
+
 def test_overrides_replace_only_what_they_name(resolve):
     replaced = {"effort": {"j": 7}, "velocity": {"k": INF}, "position": {"j": (0.25, 8)}}
     limits = resolve(**replaced, acceleration={"k": 9}, jerk={"j": 11})

@@ -121,6 +121,25 @@ def test_limits_that_the_problem_gives_itself_are_not_named(arm):
     assert unused_note(arm(turn=soft)) == expected
 
 
+def test_ends_of_a_continuous_joint_are_named(arm):
+    endless = SLIDE.replace('name="turn" type="revolute"', 'name="turn" type="continuous"')
+    assert endless != SLIDE
+    note = unused_note(arm(text=endless))
+    assert "<limit lower>" in note and "<limit upper>" in note
+    assert note.endswith("; to keep it, give robot.limits.position")
+    assert unused_note(arm(LimitOverrides(position={"turn": (-1, 1)}), text=endless)) is None
+
+
+def test_a_smaller_deceleration_is_named_unless_the_problem_has_its_own(arm):
+    newer = SLIDE.replace("<robot", '<robot version="1.2"')
+    newer = newer.replace('effort="60"', 'acceleration="15" deceleration="9" effort="60"')
+    assert robot_notes(arm(text=newer)) == (
+        "the URDF limits acceleration 15, deceleration 9 (turn); a limit holds in both directions "
+        "here, so the smaller counts; robot.limits.acceleration replaces it",
+    )
+    assert robot_notes(arm(LimitOverrides(acceleration={"turn": 12}), text=newer)) == ()
+
+
 def notes(name="ur5", tool="tool0", limits=None, **motors):
     motors = MotorOverrides(**motors)
     return robot_notes(load_robot(f"example:{name}", tool, limits=limits, motors=motors))

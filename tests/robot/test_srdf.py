@@ -1,10 +1,11 @@
 """Pairs that an SRDF allows to touch, and its named configurations."""
 
 import pytest
-from cases import refusal
+from cases import SLIDE, refusal
 
-from tubeplanner import RobotError, parse_problem
-from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_states
+from tubeplanner import RobotError, load_robot, parse_problem
+from tubeplanner.robot.notes import robot_notes
+from tubeplanner.robot.ros_files import read_srdf
 
 PACKAGE = "package://example-robot-data/robots"
 
@@ -13,24 +14,61 @@ PACKAGE = "package://example-robot-data/robots"
 def srdf(tmp_path):
     """Return a function that writes what an SRDF holds."""
 
-    def write(inner):
-        path = tmp_path / "arm.srdf"
-        path.write_text(f'<robot name="arm">{inner}</robot>')
+    def write(inner, name="arm.srdf", attributes=""):
+        path = tmp_path / name
+        path.write_text(f'<robot name="arm"{attributes}>{inner}</robot>')
         return path
 
     return write
 
 
-def test_disabled_pairs_are_read(srdf):
-    pairs = '<disable_collisions link1="a" link2="b"/><disable_collisions link1="b" link2="c"/>'
-    assert read_allowed_pairs(srdf(f'<group name="g"/>{pairs}')) == [("a", "b"), ("b", "c")]
+PAIRS = """
+<group name="g"/><disable_default_collisions link="d"/>
+<disable_collisions link1="a" link2="b"/><disable_collisions link1="c" link2="d"/>
+<enable_collisions link1="d" link2="a"/><enable_collisions link1="d" link2="c"/>
+"""
+
+
+def test_pairs_may_touch_by_default_unless_enabled_and_in_any_case_if_disabled(srdf):
+    """As in MoveIt since 2022: the order of the lines does not matter."""
+    read = read_srdf(srdf(PAIRS))
+    pairs = [("a", "b"), ("c", "d"), ("d", "b"), ("d", "e")]
+    assert read.allowed_pairs(["a", "b", "c", "d", "e"]) == pairs
+    assert read.notes(["a", "b", "c", "d", "e"]) == ()
+
+
+def test_a_planned_joint_that_is_passive_is_noted(srdf, tmp_path):
+    (tmp_path / "slide.urdf").write_text(SLIDE)
+    path = srdf('<passive_joint name="lift"/><passive_joint name="other"/>')
+    (note,) = robot_notes(load_robot(tmp_path / "slide.urdf", "tip", srdf=path))
+    assert note.startswith("the SRDF calls lift passive, so without a motor")
+
+
+def test_links_and_tags_that_mean_nothing_are_noted(srdf):
+    path = srdf(PAIRS + '<disable_collision link1="a" link2="d"/>')
+    unknown, tag = read_srdf(path).notes(["a", "b"])
+    assert "the URDF has no link d, c; pairs with such a name count for nothing" in unknown
+    assert tag == f"{path}: SRDF does not define, and nothing here uses: <disable_collision>"
+    assert read_srdf(path).allowed_pairs(["a", "b"]) == [("a", "b")]
+
+
+def test_macros_are_expanded_and_refused_under_another_name(srdf):
+    macro = (
+        '<xacro:arg name="far" default="c"/><xacro:macro name="off" params="a">'
+        '<disable_collisions link1="${a}" link2="$(arg far)"/></xacro:macro><xacro:off a="b"/>'
+    )
+    path = srdf(macro, "arm.srdf.xacro", ' xmlns:xacro="http://www.ros.org/wiki/xacro"')
+    assert read_srdf(path).allowed_pairs("abc") == [("b", "c")]
+    assert read_srdf(path, {"far": "a", "robot": "x"}).allowed_pairs("abc") == [("b", "a")]
+    plain = path.rename(path.with_name("arm.srdf"))
+    assert "a file named arm.srdf.xacro is expanded" in refusal(RobotError, read_srdf, plain)
 
 
 def test_states_are_read_and_those_of_other_than_numbers_left_out_or_refused(srdf):
     state = '<group_state name="home" group="g"><joint name="a" value="{}"/>{}</group_state>'
     path = srdf(state.format(1.5, '<joint name="ball" value="0 0 0 1"/>'))
-    assert read_group_states(path) == {"home": {"a": 1.5}}
-    message = refusal(RobotError, read_group_states, srdf(state.format("up", "")))
+    assert read_srdf(path).group_states() == {"home": {"a": 1.5}}
+    message = refusal(RobotError, read_srdf(srdf(state.format("up", ""))).group_states)
     assert "home" in message and "up" in message and "must be a number" in message
 
 
@@ -45,7 +83,7 @@ def test_states_are_read_and_those_of_other_than_numbers_left_out_or_refused(srd
 def test_a_fault_is_named_with_its_file(srdf, text, message):
     path = srdf("")
     path.write_text(text)
-    refused = refusal(RobotError, read_allowed_pairs, path)
+    refused = refusal(RobotError, lambda: read_srdf(path).allowed_pairs("a"))
     assert refused.startswith(str(path))
     assert message in refused
 

@@ -4,6 +4,7 @@ import os
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
+import pinocchio
 import pytest
 from arms import JOINTS, LINKS, RULES, follower_arm, solid
 from cases import refusal
@@ -12,6 +13,7 @@ from numpy.testing import assert_allclose as close
 from tubeplanner import LimitOverrides, Obstacle, load_robot
 from tubeplanner.errors import RobotError
 from tubeplanner.geometry.collision_checker import CollisionChecker
+from tubeplanner.geometry.link_geometry import link_elements
 from tubeplanner.geometry.solids import placement_of
 from tubeplanner.robot.urdf import Mimic, followers_of, leader_of, read_urdf
 from tubeplanner.robot.urdf_elements import declare_prefixes
@@ -53,8 +55,13 @@ FAULTS = {
     "<robot><link></robot>": "cannot be read as URDF: mismatched tag: line 1",
     "<sdf/>": "the root element is <sdf>, not <robot>",
     XACRO: "holds <xacro:property>: it must be expanded first, by xacro arm.urdf > arm.expanded.u",
+    XACRO.replace("www.ros.org/wiki", "wiki.ros.org"): "holds <xacro:property>: it must be expan",
     ENTITY: "declares XML entities, which are not expanded; write them out",
-    robot(): f"{ROOTS}none",
+    robot(): "holds no <link>",
+    robot(links("ab"), joint(), "<jiont/>"): ": <robot> has <jiont>; did you mean 'joint'?",
+    robot(links("ab"), joint()).replace("<robot", '<robot version="2.0"'): (
+        ': <robot> version="2.0" is unknown; URDF has 1.0, 1.1, 1.2'
+    ),
     robot(links("abc"), joint()): f"{ROOTS}['a', 'c']",
     robot(links("rab"), joint(), BACK): f"{LOOP} 'a'",
     robot("<link/>"): "a <link> element has no attribute 'name'",
@@ -84,6 +91,13 @@ JOINT_FAULTS = {
     '<limit effort="10,5" velocity="1"/>': ': effort="10,5" is not a number',
     "<mimic/>": ": a <mimic> element has no attribute 'joint'",
     '<parent link="b"/>': " has 2 <parent>; one is needed",
+    '<origin quat="0 0 1 0"/>': ": <origin> has the attribute 'quat'; known are xyz, rpy, quat_xyz",
+    '<origin quat_xyzw="0 0 1 0"/>': (
+        ': <origin> quat_xyzw="0 0 1 0" holds from URDF 1.1 on, and the file is of version 1.0'
+    ),
+    '<limits effort="1" velocity="1"/>': ": <joint> has <limits>; did you mean 'limit'?",
+    '<limit efort="1" velocity="1"/>': ": <limit> has the attribute 'efort'; did you mean 'effort'",
+    LIMIT + LIMIT: ": <joint> has 2 <limit>; one is needed",
     '<origin rpy="0 0 pi"/>': ': <origin> rpy="0 0 pi" must be 3 finite numbers',
     '<origin xyz="0 0 1e308"/>': ": <origin> xyz has 1e+308 m; at most 10000 m are accepted",
 }
@@ -115,9 +129,11 @@ LINK_FAULTS = {
     solid('<sphere radius="1e92"/>'): '<sphere> radius="1e92" must be > 0 m and at most',
     solid("<mesh/>"): "a <mesh> element has no attribute 'filename'",
     solid('<mesh filename="a.stl" scale="1 0 1"/>'): 'scale="1 0 1" must not be 0',
-    solid('<capsule radius="1" length="2"/>'): (
-        "a <geometry> holds <capsule>; it must hold one of <box>, <sphere>, <cylinder>, <mesh>"
+    solid('<cone radius="1" length="2"/>'): (
+        "a <geometry> holds <cone>; it must hold one of <box>, <sphere>, <cylinder>, <capsule>, <me"
     ),
+    solid('<capsule radius="1"/>'): '<capsule> length="" must be one finite number',
+    "<Colision/>": ": <link> has <Colision>; did you mean 'collision'?",
     solid(""): "a <geometry> holds nothing; it must hold one of <box>, <sphere>",
     "<collision/>": "a <collision> has no <geometry>; one is needed",
     ball('xyz="0 0 x"'): '<collision>: <origin> xyz="0 0 x" must be 3 finite numbers',
@@ -139,6 +155,57 @@ def test_a_fault_is_named_with_its_file_and_part_shortly(tmp_path, read, text, p
     assert refused.startswith(f"{tmp_path / 'arm.urdf'}{part}")
     assert message in refused
     assert len(refused) < 300 + len(str(tmp_path))
+
+
+FOREIGN = """
+<gazebo/><transmission><limits/></transmission><material name="m"/><ros2_control/>
+<loop_joint name="l"><link1/></loop_joint>
+"""
+
+
+def test_what_urdf_does_not_define_is_noted_and_simulators_sections_are_passed_over(read):
+    inner = LIMIT.replace("/>", ' accel="3"/>') + "<hardwareInterface/><spring/>"
+    kept = '<link name="c" type="laser"><gravity/><visual><shade/></visual></link>'
+    text = robot(FOREIGN, links("ab"), joint(inner=inner), kept, joint("k", child="c"))
+    expected = "<loop_joint>; <limit accel> (joint 'j'); <spring> (joint 'j')"
+    assert read(text).notes == (f"URDF does not define, and nothing here uses: {expected}",)
+    assert read(robot(links("ab"), joint())).notes == ()
+
+
+QUATERNION = "0.2 -0.4 0.1 1.6"  # of any length
+
+
+@pytest.mark.parametrize("quaternion", [QUATERNION, "0 2 0 2", "0 -0.5 0 0.5"])
+def test_quaternions_turn_frames_solids_and_inertias_as_pinocchio_and_angles_do(
+    tmp_path, quaternion
+):
+    """Each <origin> in the arm is also one of Pinocchio's, which reads quaternions itself."""
+    origin = f'<origin xyz="0.1 0.2 0.3" quat_xyzw="{quaternion}"/>'
+    moments = '<inertia ixx="1" iyy="2" izz="3" ixy="0" ixz="0" iyz="0"/>'
+    inner = f"<inertial>{origin}{ONE}{moments}</inertial>" + solid('<box size="1 2 3"/>', origin)
+    tip = f'<link name="b">{inner}</link>'
+    text = robot(links("a"), tip, joint(inner=origin + LIMIT))
+    path = tmp_path / "arm.urdf"
+    path.write_text(text.replace("<robot", '<robot version="1.1"'))
+    arm = load_robot(path, "b")
+    model = pinocchio.buildModelFromUrdf(str(path))
+    solids = pinocchio.buildGeomFromUrdf(model, str(path), pinocchio.GeometryType.COLLISION)
+    rotation, position = arm.body_poses(np.zeros(1))
+    close(rotation[1], model.jointPlacements[1].rotation, atol=1e-14)
+    close(position[1], model.jointPlacements[1].translation, atol=1e-14)
+    close(arm.inertias[1].inertia, model.inertias[1].inertia, atol=1e-14)
+    (element,) = link_elements(arm)["b"]
+    close(element.placement, solids.geometryObjects[0].placement.homogeneous, atol=1e-14)
+
+
+def test_a_quaternion_stands_alone_and_without_effect_is_no_fault_of_an_old_file(read):
+    both = '<origin rpy="0 0 3.141592653589793" quat_xyzw="0 0 1 0"/>'
+    text = robot(links("ab"), joint(inner=both + LIMIT))
+    assert read(text).joints["j"].upper == 2
+    newer = text.replace("<robot", '<robot version="1.1"')
+    assert "stands beside rpy; remove one of them" in refusal(RobotError, read, newer)
+    zero = newer.replace("0 0 1 0", "0 0 0 0")
+    assert "has no direction" in refusal(RobotError, read, zero)
 
 
 @pytest.mark.parametrize(

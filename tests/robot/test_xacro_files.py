@@ -44,6 +44,16 @@ def test_a_macro_file_is_the_robot_that_it_stands_for(write):
     assert robot_hash(strong) != robot_hash(load_robot(plain, "tip"))
 
 
+def test_an_argument_without_a_value_is_asked_for_and_macros_alone_are_no_robot(write):
+    late = '<xacro:arg name="side" default="l"/><xacro:arg name="far" default="1"/>'
+    path = write(f'<a b="$(arg side)"/>{late}')
+    message = refusal(RobotError, read_urdf, path)
+    assert "give it in robot.xacro_args or by --xacro-arg (its <xacro:arg>: side, far)" in message
+    macros = write('<xacro:macro name="arm"><link name="a"/></xacro:macro>')
+    message = refusal(RobotError, read_urdf, macros)
+    assert message.endswith("holds no <link>, only macros: take the file that calls them")
+
+
 def test_truth_values_are_written_as_xacro_reads_them(write):
     path = write(ARGUMENTS + '<xacro:if value="$(arg far)"><far/></xacro:if>')
     assert b"<far/>" in expanded(path, {"far": True}, ())

@@ -302,6 +302,22 @@ def test_the_factors_of_requests_are_no_limits_and_noted(tmp_path):
     assert read(tmp_path, {"joint1": {}}, default_velocity_scaling_factor=1).notes == ()
 
 
+def test_keys_of_others_are_noted_and_limits_of_ros2_control_lie_deeper(tmp_path):
+    joint = {"max_velocity": 2.0, "has_jerk": False, "has_soft_limits": True, "k_position": 9}
+    others = {"cartesian_limits": {"max_trans_vel": 1}}
+    layer = read(tmp_path, {"joint1": joint, "joint2": {"k_position": 9}}, **others)
+    assert layer.limits.velocity == {"joint1": 2.0}
+    unused = (
+        "cartesian_limits, has_jerk (joint1), has_soft_limits (joint1), k_position (joint1, joi"
+    )
+    (note,) = layer.notes
+    assert f": keys that are no limits here, and are not used: {unused}" in note
+    path = tmp_path / "controllers.yaml"
+    nested = {"controller_manager": {"ros__parameters": {"joint_limits": {"joint1": joint}}}}
+    path.write_text(json.dumps(nested))
+    assert read_limits_file(path).limits == layer.limits
+
+
 JOINT = "joint_limits.joint1"
 
 

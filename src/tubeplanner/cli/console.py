@@ -47,6 +47,29 @@ PACKAGE_DIR = click.option(
 )
 
 
+def _arguments(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> Any:
+    """Return the values of --xacro-arg by name."""
+    arguments: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not name or not equals:
+            raise OptionError(f"--xacro-arg {text}: give NAME=VALUE")
+        if name in arguments:
+            raise OptionError(f"--xacro-arg {name} is given twice; give it once")
+        arguments[name] = value
+    return arguments
+
+
+XACRO_ARG = click.option(
+    "--xacro-arg",
+    "xacro_args",
+    metavar="NAME=VALUE",
+    multiple=True,
+    callback=_arguments,
+    help="Value of an <xacro:arg> of a URDF that ends in .xacro; repeatable.",
+)
+
+
 def _changes(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> Any:
     """Return the values of --set by field path."""
     if not texts:

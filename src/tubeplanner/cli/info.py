@@ -45,6 +45,7 @@ _MAX_NAMES = 12  # joints or links in a line
 @click.argument("robot", metavar="ROBOT|PROBLEM")
 @console.TOOL_FRAME
 @console.PACKAGE_DIR
+@console.XACRO_ARG
 @click.option("--plot", type=console.PATH, help="Arm with its frames named (PNG, PDF or SVG).")
 @console.SET
 @console.AS_JSON
@@ -52,6 +53,7 @@ def info(
     robot: str,
     tool_frame: str | None,
     package_dirs: tuple[str, ...],
+    xacro_args: dict[str, str],
     plot: Path | None,
     changes: dict[str, Any],
     as_json: bool,
@@ -70,13 +72,16 @@ def info(
         if is_problem(robot):
             if package_dirs:
                 raise OptionError("--package-dir is for a URDF; a problem has robot.package_dirs")
+            if xacro_args:
+                raise OptionError("--xacro-arg is for a URDF; a problem has robot.xacro_args")
             frame = {} if tool_frame is None else {"robot.tool_frame": tool_frame}
             read = cycle_info if is_cycle_file(robot) else problem_info
             contents: RobotInfo | ProblemInfo | CycleInfo = read(robot, changes | frame)
         else:
             if changes:
                 raise OptionError(f"--set changes a problem file; {robot} is a robot")
-            contents = robot_info(robot, tool_frame, package_dirs=package_dirs)
+            files: dict[str, Any] = {"package_dirs": package_dirs, "xacro_args": xacro_args}
+            contents = robot_info(robot, tool_frame, **files)
         if plot is not None:
             enter("picture")
             arm = contents.arm if isinstance(contents, RobotInfo) else contents.robot.arm

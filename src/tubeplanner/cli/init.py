@@ -1,6 +1,7 @@
 """`init`: starter problem file."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -16,12 +17,14 @@ from tubeplanner.writing import require_writable
 @click.option("-o", "--output", type=console.PATH, help="Problem file (YAML).")
 @console.TOOL_FRAME
 @console.PACKAGE_DIR
+@console.XACRO_ARG
 @console.AS_JSON
 def init(
     robot: str,
     output: Path | None,
     tool_frame: str | None,
     package_dirs: tuple[str, ...],
+    xacro_args: dict[str, str],
     as_json: bool,
 ) -> None:
     """Print or write a problem file that plans as it stands, for ROBOT, a URDF or example:NAME.
@@ -34,9 +37,11 @@ def init(
         require_writable([output], [Path(robot)])
     with console.shown_progress() as enter:
         enter("reading robot")
-        starter = starter_problem(robot, tool_frame, package_dirs=package_dirs, progress=enter)
+        files: dict[str, Any] = {"package_dirs": package_dirs, "xacro_args": xacro_args}
+        starter = starter_problem(robot, tool_frame, **files, progress=enter)
     hold_interrupts()
-    text = starter_text(starter, robot, package_dirs, Path() if output is None else output.parent)
+    folder = Path() if output is None else output.parent
+    text = starter_text(starter, robot, package_dirs, folder, xacro_args)
     if output is not None:
         console.write_answer({output: text.encode()})
     if as_json:

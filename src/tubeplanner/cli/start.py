@@ -45,7 +45,7 @@ def _silence_libraries() -> None:
 
     warnings.simplefilter("ignore")
     os.environ["PYTHONWARNINGS"] = "ignore"  # worker processes inherit it
-    for name in ("matplotlib", "toppra", "trimesh", "yourdfpy"):
+    for name in ("matplotlib", "toppra", "trimesh"):
         logging.getLogger(name).setLevel(logging.ERROR)
 
 

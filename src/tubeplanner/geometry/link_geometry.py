@@ -1,35 +1,30 @@
-"""Collision elements of the links and their convex covers.
+"""Collision elements of the links and their convex covers."""
 
-yourdfpy reads the elements; it is imported on first use: never for cached elements.
-"""
-
-import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
-from tubeplanner.errors import RobotError
 from tubeplanner.geometry.convex_shapes import (
     ConvexShape,
     box,
+    capsule,
     cylinder,
     inscribed_cylinder,
     sphere,
 )
-from tubeplanner.geometry.cover_cache import Arrays, cached, content_hash
 from tubeplanner.geometry.distances import MeshSolid
 from tubeplanner.geometry.meshes import MeshFile
 from tubeplanner.geometry.solids import SolidContents, mesh_contents, simple_contents
 from tubeplanner.resources import find_mesh
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.urdf_elements import read_placement, read_shape
 
 MESH = "mesh"
-_MAX_SIZES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +32,7 @@ class LinkElement:
     """A <collision> or <visual> of a link.
 
     Attributes:
-        kind: "box", "sphere", "cylinder" or "mesh".
+        kind: "box", "sphere", "cylinder", "capsule" or "mesh".
         sizes: Side lengths, radius, or radius and length [m]; of a mesh its scale along each axis.
         placement: Pose in the link, shape (4, 4).
         filename: Of the mesh, as in the URDF; empty for other kinds.
@@ -55,90 +50,22 @@ def link_elements(robot: RobotModel) -> dict[str, list[LinkElement]]:
     Raises:
         RobotError: The geometry cannot be read, or is of a kind no URDF has.
     """
-    key = content_hash([robot.urdf.xml])
-    return _of_arrays(cached("elements", key, lambda: _as_arrays(_read_elements(robot))))
+    result: dict[str, list[LinkElement]] = {}
+    for link in robot.urdf.links:
+        where = f"{robot.urdf.path}: link '{link}'"
+        for collision in robot.urdf.link_element(link).findall("collision"):
+            result.setdefault(link, []).append(element_of(where, collision))
+    return result
 
 
-def element_of(element: Any) -> LinkElement | None:
-    """Return a <collision> or <visual> read by yourdfpy; None if its geometry is not known."""
-    geometry = element.geometry
-    placement = read_only(np.eye(4) if element.origin is None else element.origin)
-    if geometry.box is not None:
-        return LinkElement("box", _numbers(geometry.box.size), placement)
-    if geometry.sphere is not None:
-        return LinkElement("sphere", _numbers([geometry.sphere.radius]), placement)
-    if geometry.cylinder is not None:
-        sizes = [geometry.cylinder.radius, geometry.cylinder.length]
-        return LinkElement("cylinder", _numbers(sizes), placement)
-    if geometry.mesh is None:
-        return None
-    scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
-    return LinkElement(MESH, _numbers(np.broadcast_to(scale, 3)), placement, geometry.mesh.filename)
-
-
-@lru_cache(maxsize=1)
-def read_geometry(robot: RobotModel) -> Any:
-    """Return links and materials of a robot's URDF, read by yourdfpy; meshes are not loaded.
+def element_of(where: str, element: Element) -> LinkElement:
+    """Return a <collision> or <visual> of a URDF; messages begin with its label.
 
     Raises:
-        RobotError: The geometry cannot be read.
+        RobotError: Its geometry is of an unknown kind, or a number cannot be read.
     """
-    import yourdfpy
-
-    source = robot.urdf
-    try:
-        parsed = yourdfpy.URDF.load(
-            io.BytesIO(source.xml),
-            build_scene_graph=False,
-            load_meshes=False,
-            build_collision_scene_graph=False,
-            load_collision_meshes=False,
-            filename_handler=partial(find_mesh, urdf=source.path, package_dirs=robot.package_dirs),
-        )
-    except (ValueError, IndexError, TypeError, KeyError, AttributeError) as error:
-        raise RobotError(f"{source.path}: link geometry cannot be read: {error}") from error
-    return parsed.robot
-
-
-def _read_elements(robot: RobotModel) -> dict[str, list[LinkElement]]:
-    result: dict[str, list[LinkElement]] = {}
-    for link in read_geometry(robot).links:
-        for collision in link.collisions:
-            element = element_of(collision)
-            if element is None:
-                raise RobotError(
-                    f"{robot.urdf.path}: link '{link.name}' has a <collision> without a known "
-                    "geometry"
-                )
-            result.setdefault(link.name, []).append(element)
-    return result
-
-
-def _numbers(values: Any) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)
-
-
-def _as_arrays(elements: Mapping[str, list[LinkElement]]) -> Arrays:
-    every = [(link, element) for link, own in elements.items() for element in own]
-    padding = [0.0] * _MAX_SIZES
-    return {
-        "links": np.array([link for link, _ in every], dtype=np.str_),
-        "kinds": np.array([element.kind for _, element in every], dtype=np.str_),
-        "filenames": np.array([element.filename for _, element in every], dtype=np.str_),
-        "counts": np.array([len(element.sizes) for _, element in every], dtype=np.int64),
-        "sizes": np.array([[*e.sizes, *padding][:_MAX_SIZES] for _, e in every], dtype=float),
-        "placements": np.array([element.placement for _, element in every], dtype=float),
-    }
-
-
-def _of_arrays(arrays: Arrays) -> dict[str, list[LinkElement]]:
-    result: dict[str, list[LinkElement]] = {}
-    for row, link in enumerate(arrays["links"].tolist()):
-        kind, filename = str(arrays["kinds"][row]), str(arrays["filenames"][row])
-        sizes = tuple(arrays["sizes"][row, : arrays["counts"][row]].tolist())
-        element = LinkElement(kind, sizes, read_only(arrays["placements"][row]), filename)
-        result.setdefault(link, []).append(element)
-    return result
+    kind, sizes, filename = read_shape(where, element)
+    return LinkElement(kind, sizes, read_only(read_placement(where, element)), filename)
 
 
 # ---- Collision shapes of a robot's links: its URDF geometry, covered by convex shapes.
@@ -257,6 +184,8 @@ def simple_shape(element: LinkElement) -> ConvexShape | None:
         return sphere(*element.sizes)
     if element.kind == "cylinder":
         return cylinder(*element.sizes)
+    if element.kind == "capsule":
+        return capsule(*element.sizes)
     return None
 
 

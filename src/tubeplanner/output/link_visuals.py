@@ -7,18 +7,20 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.errors import RobotError, shown
-from tubeplanner.geometry.link_geometry import element_of, link_shapes, read_geometry, simple_shape
+from tubeplanner.geometry.link_geometry import element_of, link_shapes, simple_shape
 from tubeplanner.geometry.meshes import files_beside, length_unit
 from tubeplanner.geometry.solids import AttachedSolid
 from tubeplanner.output.drawing import Surface, coarse_hull_points, joined, shape_surface
 from tubeplanner.resources import find_mesh
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.urdf_elements import read_numbers
 
 if TYPE_CHECKING:
     import trimesh
@@ -179,23 +181,24 @@ def link_parts(robot: RobotModel, max_faces: int) -> tuple[list[LinkPart], list[
     Raises:
         RobotError: A geometry is of a kind no URDF has.
     """
-    description = read_geometry(robot)
-    materials = {material.name: material for material in description.materials}
+    root = fromstring(robot.urdf.xml)
+    materials = {str(each.get("name")): each for each in root.findall("material")}
     surfaces_by_part: dict[tuple[str, Color], list[Surface]] = defaultdict(list)
     notes, unseen = [], []
-    for link in description.links:
+    for link in robot.urdf.links:
+        visuals = robot.urdf.link_element(link).findall("visual")
         try:
-            pieces = [each for visual in link.visuals for each in _pieces(robot, visual, materials)]
+            pieces = [each for visual in visuals for each in _pieces(robot, visual, materials)]
         except RobotError as error:
-            notes.append(f"link '{link.name}' is drawn by its collision geometry: {error}")
-            unseen.append(link.name)
+            notes.append(f"link '{link}' is drawn by its collision geometry: {error}")
+            unseen.append(link)
             continue
         for color, surface in pieces:
-            placed = surface.moved(robot.link_placement[link.name])
-            surfaces_by_part[link.name, color].append(placed)
+            placed = surface.moved(robot.link_placement[link])
+            surfaces_by_part[link, color].append(placed)
     if not surfaces_by_part:
         notes.append("the URDF has no visual geometry: collision geometry is drawn")
-        unseen = [link.name for link in description.links]
+        unseen = list(robot.urdf.links)
     if unseen:
         shapes = link_shapes(robot)
         for name in unseen:
@@ -210,12 +213,10 @@ def link_parts(robot: RobotModel, max_faces: int) -> tuple[list[LinkPart], list[
 
 
 def _pieces(
-    robot: RobotModel, visual: Any, materials: dict[str, Any]
+    robot: RobotModel, visual: Element, materials: dict[str, Element]
 ) -> list[tuple[Color, Surface]]:
     """Return colours and surfaces of a <visual>, in the frame of its link."""
-    color, element = _urdf_color(visual.material, materials), element_of(visual)
-    if element is None:
-        raise RobotError("a <visual> has no known geometry")
+    color, element = _urdf_color(visual.find("material"), materials), element_of("<visual>", visual)
     simple = simple_shape(element)
     if simple is not None:
         pieces: list[tuple[Color | None, Surface]] = [(None, shape_surface(simple))]
@@ -225,13 +226,14 @@ def _pieces(
     return [(own or color, surface.moved(element.placement)) for own, surface in pieces]
 
 
-def _urdf_color(material: Any, materials: dict[str, Any]) -> Color:
+def _urdf_color(material: Element | None, materials: dict[str, Element]) -> Color:
     """Return the colour of a <material>, which may be a mere reference by name."""
-    if material is not None and material.color is None:
-        material = materials.get(material.name)
-    if material is None or material.color is None:
+    if material is not None and material.find("color") is None:
+        material = materials.get(str(material.get("name")))
+    color = None if material is None else material.find("color")
+    if color is None:
         return _PLAIN
-    red, green, blue = (float(value) for value in material.color.rgba[:3])
+    red, green, blue = read_numbers("<material>", color, "rgba", 4)[:3].tolist()
     return red, green, blue
 
 

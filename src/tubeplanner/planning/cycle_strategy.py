@@ -25,6 +25,7 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import refused_result, with_grounds
 from tubeplanner.planning.second_stage import followed_plan
 from tubeplanner.planning.strategy import require_honoured
+from tubeplanner.robot.notes import robot_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
 from tubeplanner.task.legs import Leg
@@ -219,7 +220,7 @@ def _notes(cycle: Cycle, shortest: Sequence[LegPlan], plans: Sequence[LegPlan]) 
     names_by_note: dict[str, list[str]] = {}
     for leg, plan in zip(cycle.legs, shortest, strict=True):
         problem = plan.problem
-        for note in (*problem.robot.limits.notes, *problem.tube.notes, *plan.result.notes):
+        for note in (*robot_notes(problem.robot), *problem.tube.notes, *plan.result.notes):
             names_by_note.setdefault(note, []).append(leg.name)
     notes = [
         note if len(names) == len(cycle.legs) else f"move {', '.join(names)}: {note}"

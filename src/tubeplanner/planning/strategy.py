@@ -36,6 +36,7 @@ from tubeplanner.planning.waypoint_plans import (
     stopping_plan,
     suh_bishop_plan,
 )
+from tubeplanner.robot.notes import robot_notes
 from tubeplanner.task.problem import PlanningProblem
 
 _CONTINUED = "planned from the last motion, not afresh"
@@ -118,7 +119,8 @@ class Planner:
         try:
             problem, choices = _configured(self._problem)
         except Infeasible as reason:
-            return with_grounds(refused_result(reason, options.method))
+            refused = with_grounds(refused_result(reason, options.method))
+            return replace(refused, notes=robot_notes(self._problem.robot))
         result = _shortest(problem, options, clock, last)
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
@@ -128,9 +130,9 @@ class Planner:
             result = robust_plan(problem.joined, result, again, follow, clock)
         else:
             result = follow(problem, result)
-        notes = (*choices, *problem.robot.limits.notes, *problem.tube.notes, *result.notes)
+        notes = (*choices, *robot_notes(problem.robot), *problem.tube.notes, *result.notes)
         result = with_grounds(_of_poses(self._problem, result))
-        return replace(result, planning_time=clock.elapsed, notes=notes)
+        return replace(result, planning_time=clock.elapsed, notes=tuple(dict.fromkeys(notes)))
 
 
 def shortest_plan(

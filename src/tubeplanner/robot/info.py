@@ -11,7 +11,7 @@ import numpy as np
 
 from tubeplanner.checks import given_path
 from tubeplanner.errors import RobotError
-from tubeplanner.resources import GivenPackageDirs, PackageDirs, find_description, find_mesh
+from tubeplanner.resources import GivenPackageDirs, PackageDirs, find_mesh
 from tubeplanner.robot.joint_limits import JointLimits, resolve_limits
 from tubeplanner.robot.limit_layers import (
     GivenLimits,
@@ -22,9 +22,10 @@ from tubeplanner.robot.limit_layers import (
     merged_limits,
     merged_motors,
 )
-from tubeplanner.robot.loader import EARTH_GRAVITY, package_folders
+from tubeplanner.robot.loader import EARTH_GRAVITY, package_folders, read_description
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.motors import JointMotors, resolve_motors
+from tubeplanner.robot.notes import robot_notes
 from tubeplanner.robot.overrides import CURVE, LimitOverrides, MotorOverrides
 from tubeplanner.robot.pinocchio_model import (
     BasePose,
@@ -39,7 +40,6 @@ from tubeplanner.robot.urdf import (
     UrdfDescription,
     UrdfJoint,
     followers_of,
-    read_urdf,
 )
 from tubeplanner.robot.urdf_elements import read_child, read_numbers
 
@@ -243,17 +243,19 @@ def joint_infos(
 def _stand_ins(description: UrdfDescription, group: Sequence[str]) -> LimitLayer:
     """Return limits for the gaps of a URDF, to be put below all layers."""
     joints = [description.joints[name] for name in group]
-    endless = {
+    endless: dict[str, dict[str, float]] = {
         quantity: {j.name: np.inf for j in joints if not 0 < (getattr(j, quantity) or 0.0) < np.inf}
-        for quantity in _REQUIRED
+        for quantity in (*_REQUIRED, "acceleration", "jerk")
     }
     ranges = {}
     for joint in joints:
         is_endless = not np.isfinite([joint.lower, joint.upper]).all()
         if not joint.lower < joint.upper or (joint.type == "prismatic" and is_endless):
             ranges[joint.name] = _STAND_IN_RANGE[joint.type]
-    rates = dict.fromkeys(group, _STAND_IN_RATE)
-    overrides = LimitOverrides(endless["effort"], endless["velocity"], ranges, rates)
+    rates = dict.fromkeys(endless["acceleration"], _STAND_IN_RATE)
+    overrides = LimitOverrides(
+        endless["effort"], endless["velocity"], ranges, rates, jerk=endless["jerk"]
+    )
     return LimitLayer("stand-in ", overrides, source=NOWHERE)
 
 
@@ -265,7 +267,8 @@ def _sourced(
     merged: MergedLimits,
 ) -> SourcedValue:
     """Return the limit of a joint with its source."""
-    default = URDF if quantity in ("position", *_REQUIRED) else NOWHERE
+    is_of_urdf = quantity == "position" or getattr(joint, quantity, None) is not None
+    default = URDF if is_of_urdf or quantity in _REQUIRED else NOWHERE
     source = merged.sources[quantity].get(joint.name, default)
     factor = merged.scale.get(quantity, 1.0)
     own = merged.by_joint[quantity].get(joint.name)
@@ -318,7 +321,12 @@ def _motor_value(motors: JointMotors, quantity: str, column: int) -> tuple[float
 
 # ---- A robot, and the values that it lacks for planning.
 
-_UNITS = {"velocity": "rad/s or m/s", "effort": "N m or N"}
+_UNITS = {
+    "velocity": "rad/s or m/s",
+    "effort": "N m or N",
+    "acceleration": "rad/s^2 or m/s^2",
+    "jerk": "rad/s^3 or m/s^3",
+}
 
 
 @dataclass(frozen=True)
@@ -355,7 +363,7 @@ class RobotInfo:
         other_joints: Joints that can move and are not planned.
         links: All links.
         missing: Values that planning needs and the robot lacks, each with its remedy.
-        notes: Parts of limit files that were not used.
+        notes: Sentences on what the files hold and planning does not use, as `robot_notes`.
         arm: Its kinematics and masses; efforts are unlimited, so that no mass need be there.
     """
 
@@ -409,6 +417,7 @@ def robot_info(
     motors: MotorOverrides | None = None,
     package_dirs: GivenPackageDirs = (),
     xacro_args: Mapping[str, object] | None = None,
+    srdf: str | Path | None = None,
     directory: str | Path = ".",
 ) -> RobotInfo:
     """Return the contents and gaps of a robot; missing limits and masses are no errors.
@@ -420,7 +429,7 @@ def robot_info(
     """
     directory = given_path("directory", directory)
     folders = package_folders(package_dirs, directory)
-    description = read_urdf(find_description(urdf, directory, folders), xacro_args, folders)
+    description = read_description(urdf, srdf, xacro_args, folders, directory)
     frame = likely_tool_frame(description) if tool_frame is None else tool_frame
     group = planning_group(description, frame, joints)
     layers = layers_of(limits or ())
@@ -443,6 +452,12 @@ def robot_info(
         base=base,
     )
     links = link_infos(description)
+    # An acceleration without a source is a stand-in.
+    limited = {joint.name: not joint.limits["acceleration"].is_missing for joint in infos}
+    is_limited = [limited[name] for name in group]
+    acceleration = np.where(is_limited, resolved.acceleration, np.inf)
+    motors_of_arm = resolve_motors(description, group, layers)
+    noted = arm.with_limits(replace(resolved, acceleration=acceleration), motors_of_arm)
     return RobotInfo(
         path=description.path,
         name=description.name,
@@ -456,7 +471,7 @@ def robot_info(
             *_missing_masses(arm, infos),
             *_missing_geometry(description, links, folders),
         ),
-        notes=resolved.notes,
+        notes=robot_notes(noted),
         arm=arm,
     )
 
@@ -490,8 +505,9 @@ def _missing_limits(description: UrdfDescription, joints: Sequence[JointInfo]) -
     for quantity, unit in _UNITS.items():
         named = []
         for joint in joints:
-            if joint.limits[quantity].is_missing:
-                value = getattr(description.joints[joint.name], quantity)
+            value = getattr(description.joints[joint.name], quantity)
+            is_needed = quantity in _REQUIRED or value is not None
+            if is_needed and joint.limits[quantity].is_missing:
                 stated = "none" if value is None else f"{value:g}"
                 named.append(f"{joint.name} (the URDF has {stated})")
         if named:

@@ -14,6 +14,7 @@ from tubeplanner.robot.overrides import SCALABLE, EffortRange, PointSpeed, effor
 from tubeplanner.robot.urdf import Mimic, UrdfDescription, UrdfJoint, followers_of
 from tubeplanner.text import short_repr
 
+_OPTIONAL = ("acceleration", "jerk")  # limits that a URDF need not have
 _LAW_KEYS = ("deceleration", "offset", "lower", "upper")
 # Decelerations that make sense [rad/s^2 or m/s^2].
 _MIN_DECELERATION, _MAX_DECELERATION = 1e-6, 1e9
@@ -123,10 +124,10 @@ def resolve_limits(
     positions = np.array([_position(description, joint, overrides) for joint in joints])
     values = {
         quantity: [_required(description, joint, quantity, overrides[quantity]) for joint in joints]
-        for quantity in ("effort", "velocity")
+        for quantity in ("effort", "velocity", *_OPTIONAL)
     }
-    for quantity in ("acceleration", "jerk", "effort_rate"):
-        values[quantity] = [overrides[quantity].get(name, np.inf) for name in joint_names]
+    effort_rates = overrides["effort_rate"]
+    values["effort_rate"] = [effort_rates.get(name, np.inf) for name in joint_names]
     for name, rule in followers.items():
         column = list(joint_names).index(rule.master)
         _bound_by_follower(description.joints[name], rule, overrides, positions[column])
@@ -186,10 +187,12 @@ def _position(
 def _required(
     description: UrdfDescription, joint: UrdfJoint, quantity: str, override: Mapping[str, float]
 ) -> float:
-    """Return the effort or velocity limit of a joint, the URDF's unless the problem replaces it."""
+    """Return a limit of a joint, the URDF's unless the problem replaces it."""
     if joint.name in override:
         return override[joint.name]
     value: float | None = getattr(joint, quantity)
+    if value is None and quantity in _OPTIONAL:
+        return np.inf
     if value is None or not 0 < value < np.inf:
         stated = "none" if value is None else f"{value:g}"
         raise RobotError(
@@ -223,14 +226,11 @@ def _bound_by_follower(
 
 def _rates_of(follower: UrdfJoint, overrides: _Overrides) -> dict[str, float]:
     """Return the velocity, acceleration and jerk limits of a follower, by quantity."""
-    name, velocity = follower.name, follower.velocity
-    rates = {
-        quantity: overrides[quantity][name]
-        for quantity in ("velocity", "acceleration", "jerk")
-        if name in overrides[quantity]
-    }
-    if velocity is not None and 0 < velocity < np.inf:
-        rates.setdefault("velocity", velocity)
+    rates = {}
+    for quantity in ("velocity", *_OPTIONAL):
+        value = overrides[quantity].get(follower.name, getattr(follower, quantity))
+        if follower.name in overrides[quantity] or (value is not None and 0 < value < np.inf):
+            rates[quantity] = value
     return rates
 
 

@@ -1,6 +1,7 @@
 """`load_robot`: a RobotModel from a URDF and a problem's settings."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.motors import resolve_motors
 from tubeplanner.robot.overrides import LimitOverrides, MotorOverrides
 from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset, planning_group
-from tubeplanner.robot.urdf import read_urdf
+from tubeplanner.robot.ros_files import XACRO_ENDING, read_srdf
+from tubeplanner.robot.urdf import UrdfDescription, read_urdf
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 _KINDS: Mapping[str, type] = {"tool_offset": ToolOffset, "payload": Payload, "base": BasePose}
@@ -34,6 +36,7 @@ def load_robot(
     motors: MotorOverrides | None = None,
     package_dirs: GivenPackageDirs = (),
     xacro_args: Mapping[str, object] | None = None,
+    srdf: str | Path | None = None,
     directory: str | Path = ".",
 ) -> RobotModel:
     """Load the arm that ends at a link of a URDF.
@@ -56,6 +59,7 @@ def load_robot(
         package_dirs: Further folders that hold the packages of `package://` names, or a map from
             the names of packages to their folders.
         xacro_args: Values of the arguments of a URDF that ends in .xacro, by name.
+        srdf: The SRDF, named like the URDF; of xacro_args it may use some; default: none.
         directory: Base of relative paths.
 
     Raises:
@@ -69,10 +73,9 @@ def load_robot(
         if part is not None and not isinstance(part, kind):
             raise RobotError(f"robot.{name} is {shown(part)}; give a {kind.__name__}")
     _require_map("locked_joints", locked_joints)
-    _require_map("xacro_args", xacro_args)
     directory = given_path("directory", directory)
     folders = package_folders(package_dirs, directory)
-    description = read_urdf(find_description(urdf, directory, folders), xacro_args, folders)
+    description = read_description(urdf, srdf, xacro_args, folders, directory)
     group = planning_group(description, tool_frame, joints)
     layers = layers_of(() if limits is None else limits)
     if motors is not None:
@@ -92,6 +95,30 @@ def load_robot(
         resolve_motors(description, group, layers),
         base,
     )
+
+
+def read_description(
+    urdf: str | Path,
+    srdf: str | Path | None,
+    xacro_args: Mapping[str, object] | None,
+    folders: PackageDirs,
+    directory: Path,
+) -> UrdfDescription:
+    """Return the description of a robot with its SRDF; arguments as of `load_robot`.
+
+    Raises:
+        RobotError: A file cannot be read, or neither uses an argument.
+    """
+    _require_map("xacro_args", xacro_args)
+    path = find_description(urdf, directory, folders)
+    if srdf is None:
+        return read_urdf(path, xacro_args, folders)
+    srdf_path = find_description(srdf, directory, folders)
+    uses_all = path.suffix != XACRO_ENDING and srdf_path.suffix == XACRO_ENDING
+    description = read_urdf(path, None if uses_all else xacro_args, folders)
+    read = read_srdf(srdf_path, xacro_args, folders, uses_all)
+    notes = (*description.notes, *read.notes(description.links))
+    return replace(description, srdf=read, notes=notes)
 
 
 def package_folders(given: GivenPackageDirs, directory: Path) -> PackageDirs:

@@ -1,6 +1,6 @@
-"""Notes on a robot: undeclared prefixes, unused URDF values, implausible friction."""
+"""Notes on a robot: unused parts of its files, limits by direction, implausible friction."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +16,12 @@ _EQUAL = 1e-3  # relative: joints of equal fractions are named together
 # Fields of the problem by the URDF's names; a value given there makes the URDF's irrelevant.
 _FIELDS = {
     "acceleration": "robot.limits.acceleration",
+    "deceleration": "robot.limits.acceleration",
     "jerk": "robot.limits.jerk",
     "deceleration_limit": "robot.limits.velocity_by_position",
     "velocity_offset": "robot.limits.velocity_by_position",
+    "limit lower": "robot.limits.position",
+    "limit upper": "robot.limits.position",
     **dict.fromkeys(URDF_FRICTION, "robot.motors.friction_from_urdf: true"),
 }
 
@@ -34,8 +37,41 @@ def robot_notes(robot: RobotModel) -> tuple[str, ...]:
             f"nothing here uses what stands under it: {named}"
             + (f" and {more} more" if more > 0 else "")
         )
-    notes = (unused_note(robot), _friction_note(robot))
-    return (*prefix_notes, *(note for note in notes if note is not None))
+    kinds = (_passive_note, unused_note, _acceleration_note, _friction_note)
+    notes = [kind(robot) for kind in kinds]
+    read = (*prefix_notes, *robot.urdf.notes, *robot.limits.notes)
+    return (*read, *(note for note in notes if note is not None))
+
+
+def _passive_note(robot: RobotModel) -> str | None:
+    """Return a sentence on planned joints that the SRDF calls passive."""
+    srdf = robot.urdf.srdf
+    passive = [] if srdf is None else [j for j in srdf.passive_joints if j in robot.joint_names]
+    if not passive:
+        return None
+    return (
+        f"the SRDF calls {', '.join(passive)} passive, so without a motor; planned all the same "
+        "unless robot.joints names the others alone"
+    )
+
+
+def _acceleration_note(robot: RobotModel) -> str | None:
+    """Return a sentence on joints that the URDF lets slow down otherwise than speed up."""
+    joints: dict[tuple[float, ...], list[str]] = {}
+    for name, limit in zip(robot.joint_names, robot.limits.acceleration, strict=True):
+        both = robot.urdf.joints[name].accelerations
+        if both and limit <= min(both):  # else the problem has its own
+            joints.setdefault(both, []).append(name)
+    if not joints:
+        return None
+    listed = "; ".join(
+        f"acceleration {up:g}, deceleration {down:g} ({_whose(names, robot)})"
+        for (up, down), names in joints.items()
+    )
+    return (
+        f"the URDF limits {listed}; a limit holds in both directions here, so the smaller counts; "
+        "robot.limits.acceleration replaces it"
+    )
 
 
 def _friction_note(robot: RobotModel) -> str | None:
@@ -64,10 +100,7 @@ def unused_note(robot: RobotModel) -> str | None:
         return None
     listed = []
     for key, by_value in joints.items():
-        whose = [
-            f"{value} ({'every joint' if len(names) == robot.joint_count else ', '.join(names)})"
-            for value, names in by_value.items()
-        ]
+        whose = [f"{value} ({_whose(names, robot)})" for value, names in by_value.items()]
         listed.append(f"<{key}> {', '.join(whose)}")
     friction = ""
     largest = _unused_friction(robot, joints)
@@ -77,6 +110,10 @@ def unused_note(robot: RobotModel) -> str | None:
     fields = dict.fromkeys(field for key in joints if (field := _field(key)) is not None)
     remedy = "".join(f"; to keep it, give {field}" for field in fields)
     return f"the URDF says, and nothing here uses: {'; '.join(listed)}{friction}{remedy}"
+
+
+def _whose(names: Sequence[str], robot: RobotModel) -> str:
+    return "every joint" if len(names) == robot.joint_count else ", ".join(names)
 
 
 def _is_given(robot: RobotModel, column: int, key: str) -> bool:
@@ -89,6 +126,8 @@ def _is_given(robot: RobotModel, column: int, key: str) -> bool:
     quantity = (_field(key) or "").rpartition(".")[2]
     if quantity == "velocity_by_position":
         return any(law.joint == column for law in limits.velocity_by_position)
+    if quantity == "position":
+        return bool(np.isfinite(limits.lower_position[column]))
     return bool(quantity) and bool(np.isfinite(getattr(limits, quantity)[column]))
 
 

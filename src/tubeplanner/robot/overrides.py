@@ -69,8 +69,8 @@ class LimitOverrides:
             increasing positions and efforts there: linear between them, constant beyond.
         velocity: Replaces the URDF's velocity limit [rad/s or m/s]; inf: none.
         position: Replaces the URDF's (lower, upper) position limits [rad or m].
-        acceleration: Acceleration limit [rad/s^2 or m/s^2]; a URDF has none.
-        jerk: Jerk limit [rad/s^3 or m/s^3]; a URDF has none.
+        acceleration: Acceleration limit [rad/s^2 or m/s^2]; a URDF has one from version 1.2 on.
+        jerk: Jerk limit [rad/s^3 or m/s^3], likewise.
         scale: Commissioning factors (0, 1] on "effort", "velocity" and "acceleration".
         tool_speed: Limit on the speed of the tool centre point [m/s]; None: none.
         effort_rate: Limit on the rate of the effort [N m/s or N/s]; a URDF has none.

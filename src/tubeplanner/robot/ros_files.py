@@ -6,7 +6,9 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from dataclasses import dataclass
+from functools import cached_property
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
@@ -20,6 +22,7 @@ from tubeplanner.robot.urdf_elements import read_name
 # ---- Macro files of robots, `.xacro`.
 
 XACRO_ENDING = ".xacro"
+_NAMESPACE = "/xacro"  # end of the namespaces in use: www.ros.org/wiki/xacro, wiki.ros.org/xacro
 _MAX_BYTES = 50_000_000
 _TIME_LIMIT = 10.0  # [s]: robots of hundreds of links take one
 _PROGRAM = """import sys
@@ -29,13 +32,32 @@ serve()
 """
 
 
-def expanded(path: Path, arguments: Mapping[str, object], package_dirs: PackageDirs) -> bytes:
-    """Return the URDF of a macro file, expanded in a process of its own.
+def require_expanded(path: Path, root: ElementTree.Element) -> None:
+    """Raise RobotError if a URDF or SRDF holds tags of xacro."""
+    for element in root.iter():
+        namespace, _, tag = str(element.tag).rpartition("}")
+        if namespace.endswith(_NAMESPACE):
+            stem, _, kind = path.name.partition(".")
+            raise RobotError(
+                f"{path} holds <xacro:{tag}>: it must be expanded first, by "
+                f"xacro {path.name} > {stem}.expanded.{kind or 'urdf'}; a file named "
+                f"{stem}.{kind or 'urdf'}{XACRO_ENDING} is expanded when it is read"
+            )
+
+
+def expanded(
+    path: Path,
+    arguments: Mapping[str, object],
+    package_dirs: PackageDirs,
+    uses_all: bool = True,
+) -> bytes:
+    """Return the URDF or SRDF of a macro file, expanded in a process of its own.
 
     Args:
         path: The file; includes are relative to the file that names them.
         arguments: Values of its `<xacro:arg>`, by name; truth values are written true and false.
         package_dirs: Further folders that hold the packages of `$(find PACKAGE)`.
+        uses_all: True if the file must use every argument.
 
     Raises:
         RobotError: xacro is not installed or cannot expand the file, with its reason; it takes too
@@ -53,7 +75,7 @@ def expanded(path: Path, arguments: Mapping[str, object], package_dirs: PackageD
         [each[0], str(each[1])] if isinstance(each, tuple) else str(each) for each in package_dirs
     ]
     request = {"path": str(path), "arguments": dict(arguments), "package_dirs": folders}
-    answer = _answer(path, request)
+    answer = _answer(path, request | {"uses_all": uses_all})
     if "fault" in answer:
         raise RobotError(answer["fault"])
     xml = answer["xml"].encode()
@@ -92,7 +114,7 @@ _MAX_MEMORY = 1_000_000_000  # [bytes] of addresses
 def serve() -> None:
     """Answer the JSON request on standard input by JSON on standard output.
 
-    The request has path, arguments and package_dirs; the answer has either xml or a fault.
+    The request has path, arguments, package_dirs, uses_all; the answer has either xml or a fault.
     """
     resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY, _MAX_MEMORY))
     request = json.load(sys.stdin)
@@ -102,14 +124,17 @@ def serve() -> None:
                 (each[0], Path(each[1])) if isinstance(each, list) else Path(each)
                 for each in request["package_dirs"]
             )
-            answer = {"xml": _expanded(Path(request["path"]), request["arguments"], folders)}
+            parts = Path(request["path"]), request["arguments"], folders, request["uses_all"]
+            answer = {"xml": _expanded(*parts)}
         except RobotError as error:
             answer = {"fault": str(error)}
     json.dump(answer, sys.stdout)
 
 
-def _expanded(path: Path, arguments: Mapping[str, object], package_dirs: PackageDirs) -> str:
-    """Return the URDF of a macro file, expanded in this process."""
+def _expanded(
+    path: Path, arguments: Mapping[str, object], package_dirs: PackageDirs, uses_all: bool
+) -> str:
+    """Return the XML of a macro file, expanded in this process."""
     import xacro
 
     mappings = _Arguments(
@@ -124,12 +149,25 @@ def _expanded(path: Path, arguments: Mapping[str, object], package_dirs: Package
     except Exception as error:  # expressions of the file may raise anything
         files = [file for file in xacro.filestack or () if file]
         included = f" (in {files[-1]})" if files and files[-1] != str(path) else ""
-        raise RobotError(f"{path}: xacro cannot expand it: {_reason(error)}{included}") from None
+        reason = f"{_reason(error)}{included}"
+        if "Undefined substitution argument" in reason:
+            names = ", ".join(_argument_names(path)) or "none"
+            reason += f"; give it in robot.xacro_args or by --xacro-arg (its <xacro:arg>: {names})"
+        raise RobotError(f"{path}: xacro cannot expand it: {reason}") from None
     unused = [name for name in arguments if name not in mappings.requested]
-    if unused:
+    if unused and uses_all:
         message = unknown_name("argument", unused[0], sorted(mappings.requested))
         raise RobotError(f"{path}: robot.xacro_args: {message}")
     return expanded
+
+
+def _argument_names(path: Path) -> list[str]:
+    """Return the names of the <xacro:arg> of a file; none if the file is no XML."""
+    with suppress(ElementTree.ParseError, OSError):
+        every = ElementTree.parse(path).iter()
+        elements = [each for each in every if str(each.tag).endswith(f"{_NAMESPACE}}}arg")]
+        return list(dict.fromkeys(str(element.get("name")) for element in elements))
+    return []
 
 
 class _Arguments(dict[str, str]):
@@ -180,101 +218,186 @@ def _reason(error: BaseException) -> str:
 
 # ---- SRDF files: pairs of links that may touch, and named configurations.
 
+# Tags by which MoveIt allows and forbids contacts, in the order in which it reads them.
+_DEFAULTS, _ENABLED, _DISABLED = (
+    *("disable_default_collisions", "enable_collisions"),
+    "disable_collisions",
+)
+_OTHER_TAGS = (
+    *("group", "group_state", "end_effector", "virtual_joint", "passive_joint"),
+    *("joint_property", "link_sphere_approximation"),
+)
+_MAX_NAMES = 8  # of links in a note
 
-def read_allowed_pairs(path: Path) -> list[tuple[str, str]]:
-    """Return the pairs of links whose collisions an SRDF disables.
 
-    Args:
+@dataclass(frozen=True, eq=False)
+class Srdf:
+    """An SRDF.
+
+    Attributes:
         path: The file.
-
-    Raises:
-        RobotError: The file cannot be read, is no SRDF, or an entry lacks a link.
+        root: Its <robot>.
     """
-    return [
-        (read_name(str(path), entry, "link1"), read_name(str(path), entry, "link2"))
-        for entry in _root(path).findall("disable_collisions")
-    ]
 
+    path: Path
+    root: ElementTree.Element
 
-def read_group_state(path: Path, name: str, joint_names: Sequence[str]) -> list[float]:
-    """Return a named configuration of an SRDF, n values [rad or m].
+    def allowed_pairs(self, links: Sequence[str]) -> list[tuple[str, str]]:
+        """Return the pairs of a robot's links that may touch, each once.
 
-    Other joints of the state do not count. If several groups have the name, the first group with
-    all n joints counts.
+        As in MoveIt: a link of <disable_default_collisions> may touch all others but those of its
+        <enable_collisions>; <disable_collisions> holds in any case.
 
-    Args:
-        path: The file.
-        name: The attribute `name` of a `<group_state>`.
-        joint_names: The n joints.
+        Args:
+            links: Names of the links.
 
-    Raises:
-        RobotError: As `read_allowed_pairs`; or no state has the name, the state lacks a joint, or a
-            value is no number.
-    """
-    states = _root(path).findall("group_state")
-    named = [state for state in states if state.get("name") == name]
-    if not named:
-        names = sorted({state.get("name", "") for state in states})
-        raise RobotError(f"{path}: {unknown_name('group_state', name, names)}")
-    values = [_texts(path, state) for state in named]
-    missing = [[joint for joint in joint_names if joint not in texts] for texts in values]
-    best = min(range(len(named)), key=lambda k: len(missing[k]))
-    if missing[best]:
-        group = named[best].get("group", "")
-        raise RobotError(
-            f"{path}: group_state '{name}' of group '{group}' has no value for joint "
-            f"{', '.join(missing[best])}; its joints are {', '.join(values[best]) or 'none'}"
-        )
-    return [_number(path, name, joint, values[best][joint]) for joint in joint_names]
+        Raises:
+            RobotError: An entry lacks a link.
+        """
+        known = set(links)
+        checked = {frozenset(pair) for pair in self._pairs[_ENABLED]}
+        default = [
+            (link, other)
+            for link in self._links
+            for other in links
+            if other != link and frozenset((link, other)) not in checked
+        ]
+        pairs = [pair for pair in (*self._pairs[_DISABLED], *default) if known.issuperset(pair)]
+        return list({frozenset(pair): pair for pair in reversed(pairs)}.values())[::-1]
 
+    @cached_property
+    def passive_joints(self) -> list[str]:
+        """Names of the joints without a motor."""
+        return [read_name(str(self.path), e, "name") for e in self.root.findall("passive_joint")]
 
-def read_group_states(path: Path) -> dict[str, dict[str, float]]:
-    """Return the positions of joints in every <group_state>, by its name; the last of equal names.
+    def notes(self, links: Sequence[str]) -> tuple[str, ...]:
+        """Return sentences on links that a robot lacks, and on tags that SRDF does not define.
 
-    Joints of several values are left out.
+        Raises:
+            RobotError: As `allowed_pairs`.
+        """
+        paired = (link for pairs in self._pairs.values() for pair in pairs for link in pair)
+        named = [*self._links, *paired]
+        unknown = [name for name in dict.fromkeys(named) if name not in links]
+        known = (*self._pairs, _DEFAULTS, *_OTHER_TAGS)
+        tags = {str(element.tag): None for element in self.root if element.tag not in known}
+        notes = []
+        if unknown:
+            more = len(unknown) - _MAX_NAMES
+            listed = ", ".join(unknown[:_MAX_NAMES]) + f" and {more} more" * (more > 0)
+            notes.append(
+                f"{self.path}: the URDF has no link {listed}; pairs with such a name "
+                "count for nothing: another robot's SRDF, or another spelling?"
+            )
+        if tags:
+            notes.append(
+                f"{self.path}: SRDF does not define, and nothing here uses: "
+                + ", ".join(f"<{tag}>" for tag in tags)
+            )
+        return tuple(notes)
 
-    Args:
-        path: The file.
+    @cached_property
+    def _links(self) -> list[str]:
+        """Names of the links whose contacts are allowed by default."""
+        return [read_name(str(self.path), e, "link") for e in self.root.findall(_DEFAULTS)]
 
-    Raises:
-        RobotError: As `read_allowed_pairs`, or a value is no number.
-    """
-    return {
-        name: {
-            joint: _number(path, name, joint, text)
-            for joint, text in _texts(path, state).items()
-            if len(text.split()) == 1
+    @cached_property
+    def _pairs(self) -> dict[str, list[tuple[str, str]]]:
+        where = str(self.path)
+        return {
+            tag: [
+                (read_name(where, entry, "link1"), read_name(where, entry, "link2"))
+                for entry in self.root.findall(tag)
+            ]
+            for tag in (_ENABLED, _DISABLED)
         }
-        for state in _root(path).findall("group_state")
-        for name in [read_name(str(path), state, "name")]
-    }
+
+    def group_state(self, name: str, joint_names: Sequence[str]) -> list[float]:
+        """Return a named configuration, n values [rad or m].
+
+        Other joints of the state do not count. If several groups have the name, the first group
+        with all n joints counts.
+
+        Args:
+            name: The attribute `name` of a `<group_state>`.
+            joint_names: The n joints.
+
+        Raises:
+            RobotError: No state has the name, the state lacks a joint, or a value is no number.
+        """
+        states = self.root.findall("group_state")
+        named = [state for state in states if state.get("name") == name]
+        if not named:
+            names = sorted({state.get("name", "") for state in states})
+            raise RobotError(f"{self.path}: {unknown_name('group_state', name, names)}")
+        values = [self._texts(state) for state in named]
+        missing = [[joint for joint in joint_names if joint not in texts] for texts in values]
+        best = min(range(len(named)), key=lambda k: len(missing[k]))
+        if missing[best]:
+            group = named[best].get("group", "")
+            raise RobotError(
+                f"{self.path}: group_state '{name}' of group '{group}' has no value for joint "
+                f"{', '.join(missing[best])}; its joints are {', '.join(values[best]) or 'none'}"
+            )
+        return [self._number(name, joint, values[best][joint]) for joint in joint_names]
+
+    def group_states(self) -> dict[str, dict[str, float]]:
+        """Return the positions of joints in every <group_state>, by its name; the last of equals.
+
+        Joints of several values are left out.
+
+        Raises:
+            RobotError: A state has no name, or a value is no number.
+        """
+        return {
+            name: {
+                joint: self._number(name, joint, text)
+                for joint, text in self._texts(state).items()
+                if len(text.split()) == 1
+            }
+            for state in self.root.findall("group_state")
+            for name in [read_name(str(self.path), state, "name")]
+        }
+
+    def _texts(self, state: ElementTree.Element) -> dict[str, str]:
+        """Return the texts of a state's values, by joint."""
+        return {
+            read_name(str(self.path), joint, "name"): joint.get("value", "")
+            for joint in state.findall("joint")
+        }
+
+    def _number(self, state: str, joint: str, text: str) -> float:
+        try:
+            return float(text)
+        except ValueError:
+            raise RobotError(
+                f"{self.path}: group_state '{state}' has {shown(text)} for joint '{joint}'; it "
+                "must be a number"
+            ) from None
 
 
-def _root(path: Path) -> ElementTree.Element:
+def read_srdf(
+    path: Path,
+    xacro_args: Mapping[str, object] | None = None,
+    package_dirs: PackageDirs = (),
+    uses_all: bool = False,
+) -> Srdf:
+    """Read an SRDF; arguments as of `expanded`, for a file that ends in .xacro.
+
+    Raises:
+        RobotError: The file cannot be read or expanded, or is no SRDF.
+    """
     try:
-        root = ElementTree.fromstring(read_bytes(path, _MAX_BYTES))
+        if path.suffix == XACRO_ENDING:
+            xml = expanded(path, xacro_args or {}, package_dirs, uses_all)
+        else:
+            xml = read_bytes(path, _MAX_BYTES)
+        root = ElementTree.fromstring(xml)
     except DocumentError as error:
         raise RobotError(f"{path} cannot be read: {error}") from error
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise RobotError(f"{path} cannot be read as SRDF: {error}") from error
     if root.tag != "robot":
         raise RobotError(f"{path}: the root element is <{root.tag}>, not <robot>")
-    return root
-
-
-def _texts(path: Path, state: ElementTree.Element) -> dict[str, str]:
-    """Return the texts of a state's values, by joint."""
-    return {
-        read_name(str(path), joint, "name"): joint.get("value", "")
-        for joint in state.findall("joint")
-    }
-
-
-def _number(path: Path, state: str, joint: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise RobotError(
-            f"{path}: group_state '{state}' has {shown(text)} for joint '{joint}'; it must be a "
-            "number"
-        ) from None
+    require_expanded(path, root)
+    return Srdf(path, root)

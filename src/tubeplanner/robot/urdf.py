@@ -15,15 +15,19 @@ import numpy as np
 from tubeplanner.documents import DocumentError, read_bytes
 from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.resources import PackageDirs
-from tubeplanner.robot.ros_files import XACRO_ENDING, expanded
+from tubeplanner.robot.ros_files import XACRO_ENDING, Srdf, expanded, require_expanded
 from tubeplanner.robot.urdf_elements import (
+    LIMITS_SINCE,
     declare_prefixes,
     read_child,
     read_name,
     read_number,
     read_numbers,
+    read_version,
+    replace_quaternions,
     require_origin,
     require_valid_link,
+    undefined_note,
     unused_values,
     written,
 )
@@ -33,7 +37,7 @@ MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
 # A planar or floating joint carries a mobile base, which is at rest while its arm moves.
 STANDING_TYPES = ("planar", "floating")
 _JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *STANDING_TYPES)
-_XACRO = "{http://www.ros.org/wiki/xacro}"
+_RATES = ("acceleration", "deceleration", "jerk")
 _MAX_BYTES = 50_000_000
 _MAX_LINKS = 2_000  # of an arm and its cell; kinematics of more takes minutes
 # Tags that Pinocchio's kinematic copy does not need; meshes are read by `link_geometry`.
@@ -63,6 +67,10 @@ class UrdfJoint:
         effort: Effort limit [N m or N], None where the URDF gives none.
         velocity: Velocity limit [rad/s or m/s], None where the URDF gives none.
         mimic: The rule by which the joint follows another, if any.
+        acceleration: The smaller of the acceleration and deceleration limits [rad/s^2 or m/s^2],
+            None where the URDF gives none, or its version has none.
+        jerk: Jerk limit [rad/s^3 or m/s^3], likewise.
+        accelerations: The acceleration and the deceleration limit, if they differ; else empty.
         unused: Values that planning does not use, as `unused_values` returns them.
     """
 
@@ -75,6 +83,9 @@ class UrdfJoint:
     effort: float | None
     velocity: float | None
     mimic: Mimic | None
+    acceleration: float | None = None
+    jerk: float | None = None
+    accelerations: tuple[float, ...] = ()
     unused: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -87,8 +98,11 @@ class UrdfDescription:
         name: The robot's name.
         links: Names of all links.
         joints: All joints by name, in the order of the file.
-        xml: The contents of the file, with declarations for the prefixes that lack one.
+        xml: The contents of the file, with declarations for the prefixes that lack one, and rpy
+            for every quaternion.
         undeclared: The names under each prefix that the file does not declare.
+        notes: Sentences on parts of the files that are not used.
+        srdf: The SRDF beside it; None: there is none.
     """
 
     path: Path
@@ -97,6 +111,8 @@ class UrdfDescription:
     joints: dict[str, UrdfJoint]
     xml: bytes
     undeclared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    srdf: Srdf | None = None
 
     __repr__ = short_repr
 
@@ -210,7 +226,10 @@ def read_urdf(
         root = ElementTree.fromstring(declared.xml)
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise RobotError(f"{path} cannot be read as URDF: {error}") from error
-    _require_robot(path, root)
+    if root.tag != "robot":
+        raise RobotError(f"{path}: the root element is <{root.tag}>, not <robot>")
+    require_expanded(path, root)
+    version = read_version(str(path), root)
     link_count = len(root.findall("link"))
     if link_count > _MAX_LINKS:
         raise RobotError(
@@ -218,7 +237,14 @@ def read_urdf(
             "that do not belong to the arm"
         )
     links = [read_name(str(path), element, "name") for element in root.findall("link")]
-    joints = [_read_joint(path, element) for element in root.findall("joint")]
+    if not links:
+        macros = ", only macros: take the file that calls them"
+        raise RobotError(f"{path} holds no <link>{macros * (path.suffix == XACRO_ENDING)}")
+    note = undefined_note(str(path), root)
+    xml = declared.xml
+    if replace_quaternions(str(path), root, version):
+        xml = ElementTree.tostring(root)
+    joints = [_read_joint(path, element, version) for element in root.findall("joint")]
     _require_unique(path, "link", links)
     _require_unique(path, "joint", [joint.name for joint in joints])
     _require_tree(path, links, joints)
@@ -226,7 +252,8 @@ def read_urdf(
         require_valid_link(f"{path}: link '{name}'", element)
     by_name = {joint.name: joint for joint in joints}
     name = require_name(f"{path}: <robot> name", root.get("name") or path.stem, RobotError)
-    return UrdfDescription(path, name, tuple(links), by_name, declared.xml, declared.undeclared)
+    notes = () if note is None else (note,)
+    return UrdfDescription(path, name, tuple(links), by_name, xml, declared.undeclared, notes)
 
 
 def _urdf_of(path: Path, xacro_args: Mapping[str, object], package_dirs: PackageDirs) -> bytes:
@@ -246,20 +273,7 @@ def _urdf_of(path: Path, xacro_args: Mapping[str, object], package_dirs: Package
     return xml
 
 
-def _require_robot(path: Path, root: ElementTree.Element) -> None:
-    if root.tag != "robot":
-        raise RobotError(f"{path}: the root element is <{root.tag}>, not <robot>")
-    for element in root.iter():
-        if str(element.tag).startswith(_XACRO):
-            tag = str(element.tag).removeprefix(_XACRO)
-            raise RobotError(
-                f"{path} holds <xacro:{tag}>: it must be expanded first, by "
-                f"xacro {path.name} > {path.name.split('.')[0]}.expanded.urdf; a file named "
-                f"{path.name.split('.')[0]}.urdf.xacro is expanded when it is read"
-            )
-
-
-def _read_joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
+def _read_joint(path: Path, element: ElementTree.Element, version: str) -> UrdfJoint:
     name = read_name(str(path), element, "name")
     where = f"{path}: joint '{name}'"
     kind = read_name(where, element, "type")
@@ -270,6 +284,13 @@ def _read_joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
         _require_axis(where, element.find("axis"))
     limit = element.find("limit")
     lower, upper = read_number(where, limit, "lower"), read_number(where, limit, "upper")
+    rates: dict[str, float | None] = {}
+    if version >= LIMITS_SINCE:
+        rates = {key: read_number(where, limit, key) for key in _RATES}
+        if lower is None or upper is None:  # this version has no default for one of them
+            lower = upper = None
+    up, down = (rates.get(key) for key in ("acceleration", "deceleration"))
+    both = np.inf if up is None else up, np.inf if down is None else down
     return UrdfJoint(
         name=name,
         type=kind,
@@ -280,7 +301,10 @@ def _read_joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
         effort=read_number(where, limit, "effort"),
         velocity=read_number(where, limit, "velocity"),
         mimic=_read_mimic(where, element.find("mimic")),
-        unused=unused_values(element),
+        acceleration=None if up is None and down is None else min(both),
+        jerk=rates.get("jerk"),
+        accelerations=both if down not in (None, up) else (),
+        unused=unused_values(element, rates),
     )
 
 

@@ -1,6 +1,7 @@
-"""Elements of a URDF: values, faults with element and text, link checks, undeclared prefixes."""
+"""Elements of a URDF: values, versions, link checks, unknown tags, undeclared prefixes."""
 
-from collections.abc import Mapping
+import difflib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
@@ -9,6 +10,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import RobotError, shown
+from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy, rpy_of_matrix
 from tubeplanner.text import require_name
 
 # ---- Values of URDF elements; each fault is named with its element and its text.
@@ -60,6 +62,21 @@ def require_origin(where: str, element: Element) -> None:
             )
 
 
+def read_placement(where: str, element: Element) -> FloatArray:
+    """Return the pose of an element's <origin>, shape (4, 4).
+
+    Raises:
+        RobotError: As `require_origin`.
+    """
+    require_origin(where, element)
+    placement, origin = np.eye(4), element.find("origin")
+    if origin is not None and origin.get("xyz") is not None:
+        placement[:3, 3] = read_numbers(where, origin, "xyz", 3)
+    if origin is not None and origin.get("rpy") is not None:
+        placement[:3, :3] = matrix_of_rpy(*read_numbers(where, origin, "rpy", 3))
+    return placement
+
+
 def written(key: str, text: str) -> str:
     """Return an attribute as in a file, shortened if long."""
     inner = shown(text).strip("'")
@@ -109,6 +126,69 @@ def _number(text: str) -> float | None:
     return None if np.isnan(value) else value
 
 
+# ---- Versions of URDF, read as by urdfdom 6; quaternions, which came with 1.1, become angles.
+
+_QUATERNION, _QUATERNION_SINCE = "quat_xyzw", "1.1"
+LIMITS_SINCE = "1.2"  # acceleration, deceleration and jerk of <limit>
+_VERSIONS = ("1.0", _QUATERNION_SINCE, LIMITS_SINCE)
+_SAME_ROTATION = 1e-6  # largest difference of matrices
+
+
+def read_version(where: str, robot: Element) -> str:
+    """Return the version of a <robot>; 1.0 without the attribute.
+
+    Raises:
+        RobotError: The version is not known.
+    """
+    version = robot.get("version", _VERSIONS[0]).strip()
+    if version not in _VERSIONS:
+        raise RobotError(
+            f"{where}: <robot> {written('version', version)} is unknown; URDF has "
+            f"{', '.join(_VERSIONS)}"
+        )
+    return version
+
+
+def replace_quaternions(where: str, robot: Element, version: str) -> bool:
+    """Replace quat_xyzw in the <origin> of links and joints by rpy; return True if there was one.
+
+    A quaternion of any length counts, as for urdfdom.
+
+    Raises:
+        RobotError: A quaternion is malformed or stands beside rpy, or the version knows none and
+            the rotation would be another without it.
+    """
+    origins = list(_origins(where, robot))
+    for label, origin in origins:
+        quaternion = read_numbers(label, origin, _QUATERNION, 4)
+        attribute = f"<origin> {written(_QUATERNION, origin.attrib.pop(_QUATERNION))}"
+        if not quaternion.any():
+            raise RobotError(f"{label}: {attribute} has no direction; give x, y, z, w")
+        matrix, rpy = matrix_of_quaternion(quaternion / abs(quaternion).max()), origin.get("rpy")
+        if version >= _QUATERNION_SINCE and rpy is not None:
+            raise RobotError(f"{label}: {attribute} stands beside rpy; remove one of them")
+        if version < _QUATERNION_SINCE:
+            angles = np.zeros(3) if rpy is None else read_numbers(label, origin, "rpy", 3)
+            if abs(matrix_of_rpy(*angles) - matrix).max() > _SAME_ROTATION:
+                raise RobotError(
+                    f"{label}: {attribute} holds from URDF {_QUATERNION_SINCE} on, and the file is "
+                    f'of version {version}; write <robot version="{_QUATERNION_SINCE}">, or rpy'
+                )
+        else:
+            origin.set("rpy", " ".join(map(repr, rpy_of_matrix(matrix))))
+    return bool(origins)
+
+
+def _origins(where: str, robot: Element) -> Iterator[tuple[str, Element]]:
+    """Yield the <origin> elements of links and joints that have a quaternion, with their labels."""
+    for owner in (*robot.findall("link"), *robot.findall("joint")):
+        for part in (owner, *owner.findall("*")):
+            origin = part.find("origin")
+            if origin is not None and _QUATERNION in origin.attrib:
+                inner = "" if part is owner else f": <{part.tag}>"
+                yield f"{where}: {owner.tag} '{owner.get('name')}'{inner}", origin
+
+
 # ---- Checks of a URDF's links: a physical inertia, geometry with a size.
 
 _INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -117,6 +197,7 @@ _SIZES = {
     "box": {"size": 3},
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},  # between the centres of its caps
     "mesh": {},
 }
 # A principal moment may be negative by rounding in exported files: by a fraction of the largest, or
@@ -138,7 +219,7 @@ def require_valid_link(where: str, link: Element) -> None:
         _require_inertia(where, read_child(where, link, "inertial"))
     for collision in link.findall("collision"):
         require_origin(f"{where}: <collision>", collision)
-        _require_geometry(where, read_child(f"{where}: a <collision>", collision, "geometry"))
+        read_shape(where, collision)
 
 
 def _require_inertia(where: str, inertial: Element) -> None:
@@ -156,55 +237,180 @@ def _require_inertia(where: str, inertial: Element) -> None:
         )
 
 
-def _require_geometry(where: str, geometry: Element) -> None:
+def read_shape(where: str, element: Element) -> tuple[str, tuple[float, ...], str]:
+    """Return the kind, the sizes [m] and the file name of the shape of a <collision> or <visual>.
+
+    The sizes of a mesh are its scale along each axis; other shapes have no file.
+
+    Raises:
+        RobotError: There is not exactly one shape of a known kind, or a size is impossible.
+    """
+    geometry = read_child(f"{where}: a <{element.tag}>", element, "geometry")
     shapes = list(geometry)
     if len(shapes) != 1 or shapes[0].tag not in _SIZES:
         tags = ", ".join(f"<{shape.tag}>" for shape in shapes) or "nothing"
         valid_tags = ", ".join(f"<{tag}>" for tag in _SIZES)
         raise RobotError(f"{where}: a <geometry> holds {tags}; it must hold one of {valid_tags}")
-    shape = shapes[0]
+    shape, sizes = shapes[0], list[float]()
     for key, count in _SIZES[shape.tag].items():
-        sizes = read_numbers(where, shape, key, count)
-        if not ((sizes > 0) & (sizes <= MAX_LENGTH)).all():
+        values = read_numbers(where, shape, key, count)
+        if not ((values > 0) & (values <= MAX_LENGTH)).all():
             raise RobotError(
                 f"{where}: <{shape.tag}> {written(key, str(shape.get(key)))} must be > 0 m and at "
                 f"most {MAX_LENGTH:g} m"
             )
-    if shape.tag == "mesh":
-        read_attribute(where, shape, "filename")
-        scale = shape.get("scale")
-        if scale is not None and not read_numbers(where, shape, "scale", 3).all():
-            raise RobotError(f"{where}: <mesh> {written('scale', scale)} must not be 0")
+        sizes += values.tolist()
+    if shape.tag != "mesh":
+        return shape.tag, tuple(sizes), ""
+    scale = np.ones(3)
+    if (text := shape.get("scale")) is not None:
+        scale = read_numbers(where, shape, "scale", 3)
+        if not scale.all():
+            raise RobotError(f"{where}: <mesh> {written('scale', text)} must not be 0")
+    return shape.tag, tuple(scale.tolist()), read_attribute(where, shape, "filename")
+
+
+# ---- Tags and attributes that URDF does not define: misspelt ones are refused, others noted.
+
+_SOFT, _LAW = "safety_controller", "position_based_velocity_limits"
+# Sections of simulators and controllers, and looks, which change no motion.
+_FOREIGN = (
+    *("gazebo", "material", "mujoco", "ros2_control", "sensor", "transmission"),
+    *("contact", "contact_coefficients", "gravity", "hardwareInterface", "kinematic"),
+    *("self_collision_checking", "surface", "verbose"),
+)
+_MANY = ("link", "joint", "visual", "collision", *_FOREIGN)
+# Attributes and inner tags by tag; <visual> is not looked into.
+_DEFINED: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "robot": (("name", "version"), ("link", "joint")),
+    "link": (("name", "type"), ("inertial", "visual", "collision")),
+    "inertial": ((), ("origin", "mass", "inertia")),
+    "collision": (("name", "group"), ("origin", "geometry")),
+    "geometry": (("name",), tuple(_SIZES)),
+    **{shape: (tuple(sizes), ()) for shape, sizes in _SIZES.items()},
+    "mesh": (("filename", "scale"), ()),
+    "joint": (
+        ("name", "type", "dont_collapse"),
+        (
+            *("origin", "parent", "child", "axis", "limit", "mimic", "dynamics"),
+            *(_SOFT, _LAW, "calibration"),
+        ),
+    ),
+    "origin": (("xyz", "rpy", _QUATERNION), ()),
+    "mass": (("value",), ()),
+    "inertia": (_INERTIA, ()),
+    **{end: (("link",), ()) for end in ("parent", "child")},
+    "axis": (("xyz",), ()),
+    "limit": (
+        ("lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"),
+        (),
+    ),
+    "mimic": (("joint", "multiplier", "offset"), ()),
+    "dynamics": (("damping", "friction"), ()),
+    _SOFT: (("k_position", "k_velocity", "soft_lower_limit", "soft_upper_limit"), ()),
+}
+# Whatever else stands in them would move a frame or a joint.
+_CLOSED = ("origin", "axis", "mimic")
+_MISSPELT = 0.75  # least similarity of a misspelt name, from 0 to 1
+_MAX_OWNERS = 3  # links or joints named with a tag
+
+
+def undefined_note(where: str, robot: Element) -> str | None:
+    """Return a sentence that names tags and attributes that URDF does not define, if any.
+
+    Those with a prefix, and sections of simulators and controllers, are passed over.
+
+    Raises:
+        RobotError: One is all but a tag or attribute of URDF, or would move a frame or a joint; or
+            an element has a tag twice of which only one counts.
+    """
+    owners: dict[str, list[str]] = {}
+    for owner in (robot, *robot.findall("link"), *robot.findall("joint")):
+        label = "" if owner is robot else f"{owner.tag} '{owner.get('name')}'"
+        for each in _undefined(f"{where}: {label}".removesuffix(": "), owner, owner is robot):
+            names = owners.setdefault(each, [])
+            if label not in names:
+                names.append(label)
+    if not owners:
+        return None
+    listed = []
+    for each, names in owners.items():
+        more = len(names) - _MAX_OWNERS
+        named = ", ".join(filter(None, names[:_MAX_OWNERS])) + f" and {more} more" * (more > 0)
+        listed.append(f"{each} ({named})" if named else each)
+    return f"URDF does not define, and nothing here uses: {'; '.join(listed)}"
+
+
+def _undefined(where: str, element: Element, is_root: bool = False) -> Iterator[str]:
+    """Yield what an element has that URDF does not define, as `<tag>` or `<tag attribute>`."""
+    tag = element.tag
+    if tag not in _DEFINED:
+        return
+    attributes, tags = _DEFINED[tag]
+    for name in element.attrib:
+        if "}" not in name and name not in attributes:
+            others = [each for each in attributes if each not in element.attrib]
+            _require_intended(f"{where}: <{tag}> has the attribute '{name}'", name, others)
+            if tag in _CLOSED:
+                known = ", ".join(attributes)
+                raise RobotError(f"{where}: <{tag}> has the attribute '{name}'; known are {known}")
+            yield f"<{tag} {name}>"
+    counts: dict[str, int] = {}
+    for child in element:
+        name = child.tag
+        if not isinstance(name, str) or "}" in name or name in _FOREIGN:
+            continue
+        counts[name] = counts.get(name, 0) + 1
+        if name not in tags:
+            others = [each for each in tags if each in _MANY or element.find(each) is None]
+            _require_intended(f"{where}: <{tag}> has <{name}>", name, others)
+            if tag in _CLOSED:
+                raise RobotError(f"{where}: <{tag}> has <{name}>; it has attributes alone")
+            yield f"<{name}>"
+        elif counts[name] > 1 and name not in _MANY and tag != "geometry":
+            raise RobotError(f"{where}: <{tag}> has {counts[name]} <{name}>; one is needed")
+        elif not is_root:
+            yield from _undefined(where, child)
+
+
+def _require_intended(what: str, name: str, known: Sequence[str]) -> None:
+    """Raise RobotError if an unknown name is all but a known one."""
+    close = difflib.get_close_matches(name.lower(), known, n=1, cutoff=_MISSPELT)
+    if close:
+        raise RobotError(f"{what}; did you mean '{close[0]}'?")
 
 
 # ---- Values of joints that planning does not use by default: friction, further limits.
 
-_SOFT = "safety_controller"
+_ENDS = ("lower", "upper")  # of a continuous joint, which has none
 # By tag; soft limits count where they differ from the joint's own.
 _TAGS = {
     "dynamics": ("damping", "friction"),
-    "limit": ("acceleration", "jerk"),
+    "limit": ("acceleration", "deceleration", "jerk", *_ENDS),
     _SOFT: ("soft_lower_limit", "soft_upper_limit"),
-    "position_based_velocity_limits": ("deceleration_limit", "velocity_offset"),
+    _LAW: ("deceleration_limit", "velocity_offset"),
 }
 
 
-def unused_values(joint: Element) -> dict[str, str]:
+def unused_values(joint: Element, used: Iterable[str] = ()) -> dict[str, str]:
     """Return the values of a <joint> that are not used, as text of the file; zeros are left out.
 
     Args:
         joint: The element.
+        used: Attributes of <limit> that are used.
 
     Returns:
         By "tag attribute", such as "dynamics damping" or "limit drake:acceleration".
     """
     values = {}
+    used = {*used, *(() if joint.get("type") == "continuous" else _ENDS)}
     for tag, attributes in _TAGS.items():
         for element in joint.findall(tag):
             for name, text in element.attrib.items():
                 # ElementTree writes {namespace}attribute.
                 namespace, _, local = name.rpartition("}")
-                if local not in attributes or _is_same(text, "0"):
+                is_used = tag == "limit" and name in used
+                if local not in attributes or is_used or _is_same(text, "0"):
                     continue
                 if tag == _SOFT and _is_same(text, _hard_limit(joint, name)):
                     continue

@@ -28,6 +28,7 @@ from tubeplanner.resources import (
     find_problem,
 )
 from tubeplanner.robot.loader import package_folders
+from tubeplanner.robot.ros_files import XACRO_ENDING, read_srdf
 from tubeplanner.robot.urdf import read_urdf
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import CycleFields, parse_cycle
@@ -106,6 +107,10 @@ class _Files:
         try:
             if kind == "urdf":
                 return self._robot(find_description(name, self._folder, self._package_dirs))
+            if kind == "srdf" and name.endswith(XACRO_ENDING):
+                path = search[kind]()
+                root = read_srdf(path, json.loads(self._xacro_args), self._package_dirs).root
+                return _hash_of(ElementTree.tostring(root, encoding="unicode"))
             return _file_hash(search.get(kind, lambda: self._folder / name)())
         except (TubePlannerError, OSError) as error:
             return f"{kind} cannot be read: {error}"
@@ -130,7 +135,8 @@ def _robot_parts(
 
     A changed file is read again; files that only a macro includes, by the next process.
     """
-    xml = read_urdf(path, json.loads(xacro_args), package_dirs).xml
+    arguments = json.loads(xacro_args) if path.suffix == XACRO_ENDING else {}
+    xml = read_urdf(path, arguments, package_dirs).xml
     meshes = ElementTree.fromstring(xml).iterfind(".//collision//mesh")
     return xml.decode("utf-8", "replace"), tuple(mesh.get("filename", "") for mesh in meshes)
 

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.errors import ProblemError, RobotError
-from tubeplanner.resources import find_description, find_problem
+from tubeplanner.resources import find_problem
 from tubeplanner.robot.info import RobotInfo, robot_info
-from tubeplanner.robot.loader import package_folders
-from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_states
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import CycleFields, check_cycle_fields, load_cycle
 from tubeplanner.task.endpoints import Endpoint
@@ -19,7 +17,6 @@ from tubeplanner.task.field_changes import changed_problem, read_problem_fields
 from tubeplanner.task.includes import ProblemLayers
 from tubeplanner.task.legs import Leg, step_text
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.task.problem_format import RobotFields
 from tubeplanner.task.problem_reader import load_problem, robot_arguments
 
 # ---- Problem files.
@@ -79,7 +76,7 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
     path = find_problem(name, Path())
     fields = read_problem_fields(path, changes)
     robot = robot_info(**robot_arguments(fields.robot, path.parent))
-    srdf = srdf_info(fields.robot, path.parent)
+    srdf = srdf_info(robot)
     try:
         problem = load_problem(name, reads_tube=fields.tube is not None, changes=changes)
     except (ProblemError, RobotError) as error:
@@ -87,16 +84,16 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
     return ProblemInfo(robot, srdf, problem, None)
 
 
-def srdf_info(fields: RobotFields, folder: Path) -> SrdfInfo | None:
-    """Return the content of a robot's SRDF, its path relative to a folder; None without an SRDF.
+def srdf_info(robot: RobotInfo) -> SrdfInfo | None:
+    """Return the content of a robot's SRDF; None without an SRDF.
 
     Raises:
-        RobotError: The SRDF cannot be read.
+        RobotError: A value of a state is no number.
     """
-    if fields.srdf is None:
+    urdf = robot.arm.urdf
+    if urdf.srdf is None:
         return None
-    path = find_description(fields.srdf, folder, package_folders(fields.package_dirs, folder))
-    return SrdfInfo(read_group_states(path), tuple(read_allowed_pairs(path)))
+    return SrdfInfo(urdf.srdf.group_states(), tuple(urdf.srdf.allowed_pairs(urdf.links)))
 
 
 def _problem_task(problem: PlanningProblem) -> dict[str, Any]:
@@ -196,7 +193,7 @@ def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> Cy
     data = changed_problem(layers.merged, changes, CycleFields)
     fields = check_cycle_fields(data, layers.sources[-1], layers.source_of)
     robot = robot_info(**robot_arguments(fields.robot, path.parent))
-    srdf = srdf_info(fields.robot, path.parent)
+    srdf = srdf_info(robot)
     try:
         cycle = load_cycle(name, changes=changes)
     except (ProblemError, RobotError) as error:

@@ -172,12 +172,12 @@ class RobotFields(Section):
         [], description="extra roots for package:// names, or a map from packages to their folders"
     )
     xacro_args: dict[str, XacroValue] = Field(
-        {}, description="arguments of a urdf that ends in .xacro, by name"
+        {}, description="arguments of a urdf or srdf that ends in .xacro, by name"
     )
     srdf: str | None = Field(
         None,
-        description="file whose disable_collisions lists pairs of links that may touch, and whose "
-        "group_state names configurations",
+        description="file whose disable_collisions and disable_default_collisions name links that "
+        "may touch, and whose group_state names configurations",
     )
     tool_frame: str = Field(description="any URDF link")
     tool_offset: ToolOffsetFields = Field(

@@ -13,7 +13,6 @@ from tubeplanner.geometry.solids import AttachedSolid, Obstacle, placement_of
 from tubeplanner.geometry.tube.tube import Tube
 from tubeplanner.resources import (
     PackageDirs,
-    find_description,
     find_limits_file,
     find_mesh,
     find_problem,
@@ -23,7 +22,6 @@ from tubeplanner.robot.loader import load_robot, package_folders
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.overrides import LimitOverrides
 from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset
-from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_state
 from tubeplanner.task.demands import Objective, Robustness
 from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration_of
 from tubeplanner.task.field_changes import checked_layers, read_problem_fields
@@ -188,6 +186,7 @@ def robot_arguments(fields: RobotFields, directory: Path) -> dict[str, Any]:
         "motors": motors_of(fields.motors),
         "package_dirs": fields.package_dirs,
         "xacro_args": fields.xacro_args,
+        "srdf": fields.srdf,
         "directory": directory,
     }
 
@@ -306,12 +305,12 @@ def end_of(
     if given.position is None and (given.tolerance or given.rotation_tolerance is not None):
         key = "tolerance" if given.tolerance else "rotation_tolerance"
         raise ProblemError(f"{end}.{key} is for goal.position, which is not given; leave it out")
-    named = named_endpoint(end, given, robot, _srdf(fields, directory), directory)
+    named = named_endpoint(end, given, robot, directory)
     return _endpoint(end, given) if named is None else named
 
 
 def named_endpoint(
-    end: str, fields: EndpointFields, robot: RobotModel, srdf: Path | None, directory: Path
+    end: str, fields: EndpointFields, robot: RobotModel, directory: Path
 ) -> FloatArray | ToolPose | None:
     """Return the start or goal of a pose, a group state or a trajectory file.
 
@@ -319,7 +318,6 @@ def named_endpoint(
         end: Name of the end in messages: start or goal.
         fields: Fields of the end.
         robot: The arm.
-        srdf: File with group states; None: there is none.
         directory: Where relative paths start.
 
     Returns:
@@ -339,7 +337,7 @@ def named_endpoint(
     if fields.pose is not None:
         return _tool_pose(end, fields.pose, fields, robot)
     if fields.group_state is not None:
-        return _group_state(end, fields.group_state, robot, srdf)
+        return _group_state(end, fields.group_state, robot)
     return _last_configuration(f"{end}.trajectory", directory / str(fields.trajectory), robot)
 
 
@@ -357,11 +355,12 @@ def _tool_pose(end: str, pose: PoseFields, fields: EndpointFields, robot: RobotM
     )
 
 
-def _group_state(end: str, name: str, robot: RobotModel, srdf: Path | None) -> FloatArray:
+def _group_state(end: str, name: str, robot: RobotModel) -> FloatArray:
+    srdf = robot.urdf.srdf
     if srdf is None:
         raise ProblemError(f"{end}.group_state '{name}' is one of an SRDF; give robot.srdf")
     try:
-        values = read_group_state(srdf, name, robot.joint_names)
+        values = srdf.group_state(name, robot.joint_names)
     except RobotError as error:
         raise ProblemError(f"{end}.group_state: {error}") from None
     return configuration_of(robot, f"{end}.group_state", values)
@@ -414,14 +413,13 @@ def solids_of(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict
     folders = robot.package_dirs
     obstacles = tuple(obstacle_of(each, directory, folders) for each in fields.obstacles)
     attached = tuple(attached_of(each, directory, folders) for each in fields.robot.attached)
-    srdf = _srdf(fields, directory)
-    pairs = [] if srdf is None else read_allowed_pairs(srdf)
-    of_robot = [pair for pair in pairs if set(pair) <= robot.link_body.keys()]
+    srdf = robot.urdf.srdf
+    pairs = [] if srdf is None else srdf.allowed_pairs(robot.urdf.links)
     return {
         "obstacles": obstacles,
         "attached": attached,
         "self_collision": fields.collision.self_,
-        "ignore_collisions": (*fields.collision.ignore, *of_robot),
+        "ignore_collisions": (*fields.collision.ignore, *pairs),
     }
 
 
@@ -472,11 +470,3 @@ def attached_of(
     field = field or f"robot.attached: '{fields.name}'"
     solid = obstacle_of(fields, directory, folders, field)
     return AttachedSolid(solid.name, solid.shapes, tuple(fields.touch_links), solid.contents)
-
-
-def _srdf(fields: ProblemFields, directory: Path) -> Path | None:
-    """Return the path of the SRDF; None without an SRDF."""
-    if fields.robot.srdf is None:
-        return None
-    folders = package_folders(fields.robot.package_dirs, directory)
-    return find_description(fields.robot.srdf, directory, folders)

@@ -1,6 +1,7 @@
 """Files beside a problem: limits of presets and MoveIt, reference points as CSV."""
 
 import csv
+import difflib
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -134,7 +135,7 @@ _FACTORS = ("default_velocity_scaling_factor", "default_acceleration_scaling_fac
 
 
 class _JointFields(Section):
-    """Limits of one joint; `has_...: false` switches one off."""
+    """Limits of one joint; `has_...: false` switches one off. Further keys are noted."""
 
     has_position_limits: Flag | None = None
     min_position: Number | None = None
@@ -160,12 +161,18 @@ class _FileFields(Section):
     default_acceleration_scaling_factor: Number = 1.0
 
 
+_KNOWN_KEYS = _FileFields.model_fields.keys()
+_MISSPELT = 0.85  # least similarity of a misspelt key, from 0 to 1; it is refused
+
+
 def read_limits_file(path: str | Path) -> LimitLayer:
     """Read MoveIt's `joint_limits.yaml`; joints outside the planning group are left out.
 
     Limits of position, velocity, effort, acceleration and jerk are read; of acceleration and
     deceleration the smaller. A limit that is switched off by `has_...: false` leaves the URDF's.
-    Default scaling factors are for MoveIt's requests and no limits: a note names them.
+    Default scaling factors are for MoveIt's requests and no limits: a note names them, and another
+    names other keys, which MoveIt passes over. ros2_control's files have the same keys, and
+    joint_limits may lie deeper there.
 
     Raises:
         RobotError: The file cannot be read or is malformed.
@@ -177,6 +184,7 @@ def read_limits_file(path: str | Path) -> LimitLayer:
         raise RobotError(str(error)) from None
     if not isinstance(data, dict):
         raise RobotError(f"{path}: a file of limits is a map with joint_limits")
+    data, unknown = _known_keys(data if "joint_limits" in data else _inner_limits(data) or data)
     try:
         fields = _FileFields.model_validate(data)
     except ValidationError as error:
@@ -191,9 +199,37 @@ def read_limits_file(path: str | Path) -> LimitLayer:
         f"{path}: {' and '.join(unused)} not used: what MoveIt asks by default is no limit; "
         "robot.limits.scale slows the robot down"
     )
-    notes = (note,) if unused else ()
+    notes = [note] if unused else []
+    if unknown:
+        listed = ", ".join(f"{key} ({whose})" if whose else key for key, whose in unknown.items())
+        notes.append(f"{path}: keys that are no limits here, and are not used: {listed}")
     source = f"limits_file {path.name}"
-    return LimitLayer(f"{path}: ", limits, skips_others=True, notes=notes, source=source)
+    return LimitLayer(f"{path}: ", limits, skips_others=True, notes=tuple(notes), source=source)
+
+
+def _inner_limits(data: dict[Any, Any]) -> dict[Any, Any] | None:
+    """Return joint_limits of a deeper map, alone in a map; None without."""
+    if "joint_limits" in data:
+        return {"joint_limits": data["joint_limits"]}
+    inner = (_inner_limits(value) for value in data.values() if isinstance(value, dict))
+    return next((each for each in inner if each is not None), None)
+
+
+def _known_keys(data: dict[Any, Any]) -> tuple[dict[Any, Any], dict[str, str]]:
+    """Return a file's map without unknown keys, and these with the names of their joints."""
+    unknown: dict[str, list[str]] = {key: [] for key in map(str, data.keys() - _KNOWN_KEYS)}
+    joints = data.get("joint_limits")
+    if isinstance(joints, dict) and all(isinstance(each, dict) for each in joints.values()):
+        for name, joint in joints.items():
+            for key in joint:
+                if not difflib.get_close_matches(str(key), _JointFields.model_fields, 1, _MISSPELT):
+                    unknown.setdefault(str(key), []).append(str(name))
+        joints = {
+            name: {key: joint[key] for key in joint if name not in unknown.get(str(key), ())}
+            for name, joint in joints.items()
+        }
+    whose = {key: ", ".join(names) for key, names in sorted(unknown.items())}
+    return {k: joints if k == "joint_limits" else data[k] for k in data if k in _KNOWN_KEYS}, whose
 
 
 def _limits_of_joints(fields: _FileFields) -> LimitOverrides:

@@ -4,6 +4,7 @@ Lines that begin with `##` explain. Lines that begin with `# ` contain a field, 
 as the `# ` is removed, alone or with all others.
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,7 +39,11 @@ _GENTLE = (
 
 
 def starter_text(
-    starter: StarterProblem, urdf: str, package_dirs: tuple[str, ...], folder: Path
+    starter: StarterProblem,
+    urdf: str,
+    package_dirs: tuple[str, ...],
+    folder: Path,
+    xacro_args: Mapping[str, str] | None = None,
 ) -> str:
     """Return the contents of a problem file.
 
@@ -47,6 +52,7 @@ def starter_text(
         urdf: Its URDF as named by the user, relative to the working folder.
         package_dirs: Further folders with packages, relative to the working folder.
         folder: Folder of the file, to which its paths are relative.
+        xacro_args: Values of the arguments of the URDF, by name.
     """
     lines = [
         f"## {starter.info.name}: a first problem, which was planned before it was written.",
@@ -54,7 +60,7 @@ def starter_text(
         "## `tubeplanner schema` has all fields, with units and defaults.",
         f"format: {PROBLEM_FORMAT}",
         "version: 1",
-        *_robot_lines(starter, urdf, package_dirs, folder),
+        *_robot_lines(starter, urdf, package_dirs, folder, xacro_args or {}),
         *_tube_lines(starter),
         *_end_lines(starter),
         *_cell_lines(starter),
@@ -63,7 +69,11 @@ def starter_text(
 
 
 def _robot_lines(
-    starter: StarterProblem, urdf: str, package_dirs: tuple[str, ...], folder: Path
+    starter: StarterProblem,
+    urdf: str,
+    package_dirs: tuple[str, ...],
+    folder: Path,
+    xacro_args: Mapping[str, str],
 ) -> list[str]:
     frame = starter.info.tool_frame
     folders = [_as_yaml(rebased(each, Path(), folder)) for each in package_dirs]
@@ -72,6 +82,7 @@ def _robot_lines(
         "robot:",
         f"  urdf: {_as_yaml(rebased(urdf, Path(), folder))}",
         *([f"  package_dirs: [{', '.join(folders)}]"] if folders else []),
+        *([f"  xacro_args: {json.dumps(xacro_args, ensure_ascii=False)}"] if xacro_args else []),
         f"  tool_frame: {_as_yaml(frame)}",
         *([f"  ## other ends of chains: {', '.join(others)}"] if others else []),
         "  ## the tool centre point in tool_frame; it is what stays in the tube [m]",
@@ -88,16 +99,23 @@ def _robot_lines(
 
 def _limit_lines(starter: StarterProblem) -> list[str]:
     """Return placeholders for missing limits, to be replaced, and gentle examples."""
+    joints = starter.info.joints
+    gentle = [
+        line
+        for line in _GENTLE
+        if any(joint.limits[line.partition(":")[0]].is_missing for joint in joints)
+    ]
     why = "  ## without these a motion may be as abrupt as the motors allow"
     if not starter.placeholders:
-        return [why, "  # limits: {acceleration: 10.0, jerk: 500.0}"]
+        fields = ", ".join(line.partition("  #")[0] for line in gentle)
+        return [why, f"  # limits: {{{fields}}}"] if gentle else []
     lines = ["  limits:"]
     for quantity, values in starter.placeholders.items():
         endless = quantity == "effort" and np.isinf(list(values.values())).all()
         lines.append(f"    ## PLACEHOLDERS: {_NO_MASSES if endless else _WHY[quantity]};")
         lines.append("    ## REPLACE THEM by the maker's")
         lines.append(f"    {quantity}: {_row(values)}")
-    return [*lines, f"  {why}", *(f"    # {line}" for line in _GENTLE)]
+    return [*lines, *[f"  {why}"][: len(gentle)], *(f"    # {line}" for line in gentle)]
 
 
 def _tube_lines(starter: StarterProblem) -> list[str]:

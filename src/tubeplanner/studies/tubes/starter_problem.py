@@ -1,6 +1,6 @@
 """A starter problem for a robot: placeholder limits, typical configuration, short tube."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -65,6 +65,7 @@ def starter_problem(
     tool_frame: str | None = None,
     *,
     package_dirs: tuple[str, ...] = (),
+    xacro_args: Mapping[str, object] | None = None,
     progress: Callable[[object], None] | None = None,
 ) -> StarterProblem:
     """Return a first problem for a robot.
@@ -73,16 +74,18 @@ def starter_problem(
         urdf: A path, `package://PACKAGE/...`, or `example:NAME`.
         tool_frame: The link that carries the tool; None: the likely one.
         package_dirs: Further folders that hold the packages of `package://` names.
+        xacro_args: Values of the arguments of a URDF that ends in .xacro, by name.
         progress: Called with a message for each route tried.
 
     Raises:
         RobotError: The URDF is malformed, no joint can move, or a mesh is missing.
         ProblemError: No start or no route was found; the message says why.
     """
-    info = robot_info(urdf, tool_frame, package_dirs=package_dirs)
+    files: dict[str, Any] = {"package_dirs": package_dirs, "xacro_args": xacro_args}
+    info = robot_info(urdf, tool_frame, **files)
     placeholders = placeholder_limits(info)
     limits = LimitOverrides(**placeholders)
-    robot = load_robot(urdf, info.tool_frame, limits=limits, package_dirs=package_dirs)
+    robot = load_robot(urdf, info.tool_frame, limits=limits, **files)
     scene = CollisionScene(robot, (), (), True, ())
     q = typical_configurations(robot)
     _, origins = robot.body_poses(q)
