@@ -5,12 +5,14 @@ separations of two shapes along the directions that FCL finds, and exact nearly 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import fcl
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.geometry.convex_shapes import ConvexShape, frame_along
@@ -232,7 +234,7 @@ def _fcl_geometry(shape: ConvexShape) -> tuple[object, FloatArray]:
 
 _PROBE_RADIUS = 1e-9  # of the ball that represents a point in FCL [m]
 # A point counts as inside from this winding number on: 1 inside and 0 outside of a closed surface,
-# between them near the gaps of an open surface.
+# between them near the gaps of an open surface, of which only covers ask, see `filled`.
 _INSIDE_WINDING = 0.3
 _CHUNK = 50_000  # point-triangle pairs looked at together
 _MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
@@ -242,15 +244,21 @@ _MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
 class MeshSolid:
     """A solid bounded by triangles, or a rounded convex shape.
 
+    Triangles are a closed shell if as many run along each edge one way as the other; equal vertices
+    are one. Only closed shells have an inside for certain. Of open meshes nobody knows it: where a
+    pair is left out, surfaces alone decide; where a solid is covered, it is `filled`.
+
     Attributes:
         vertices: Shape (V, 3) [m].
         faces: Vertex indices: int, shape (F, 3); none for balls and capsules.
         radius: Growth of the vertices if there are no faces [m].
+        lids: Number of triangles, the last ones, that close openings, see `filled`.
     """
 
     vertices: FloatArray
     faces: IntArray
     radius: float = 0.0
+    lids: int = 0
 
     @classmethod
     def of_shape(cls, shape: ConvexShape) -> "MeshSolid":
@@ -267,14 +275,82 @@ class MeshSolid:
     def moved(self, placement: FloatArray) -> "MeshSolid":
         """Return the solid moved by a homogeneous transform, shape (4, 4)."""
         vertices = self.vertices @ placement[:3, :3].T + placement[:3, 3]
-        return MeshSolid(vertices, self.faces, self.radius)
+        return replace(self, vertices=vertices)
 
     def contains(self, points: FloatArray) -> np.ndarray:
-        """Return True for points (N, 3) inside the triangles: bool, shape (N,)."""
+        """Return True for points (N, 3) inside the closed shells: bool, shape (N,)."""
+        inside = np.zeros(len(points), dtype=bool)
         step = max(1, _CHUNK // max(len(self.faces), 1))
-        parts = [points[start : start + step] for start in range(0, len(points), step)]
-        winding = [_winding(self.triangles, part) for part in parts]
-        return abs(np.concatenate([*winding, np.zeros(0)])) > _INSIDE_WINDING
+        for triangles in self._shells:
+            for start in range(0, len(points), step):
+                rows = slice(start, start + step)
+                inside[rows] |= abs(_winding(triangles, points[rows])) > _INSIDE_WINDING
+        return inside
+
+    @cached_property
+    def open_edges(self) -> int:
+        """Number of edges along which unequally many triangles run one way and the other."""
+        return int((_sides(self._corners).surplus != 0).sum())
+
+    @cached_property
+    def filled(self) -> "MeshSolid":
+        """The solid as large as it may be: openings closed, triangles wound alike; often itself.
+
+        A lid is a fan of triangles from an opening's rim to the rim's middle.
+        """
+        once = np.unique(np.sort(self._corners, axis=1), axis=0, return_index=True)[1]
+        if len(once) == len(self.faces) and self.open_edges == 0:
+            return self
+        corners = _wound_alike(self._corners[np.sort(once)])
+        sides = _sides(corners)
+        rim = np.repeat(sides.ends, np.maximum(sides.surplus, 0), axis=0)
+        back = np.repeat(sides.ends[:, ::-1], np.maximum(-sides.surplus, 0), axis=0)
+        rim = np.concatenate([rim, back])
+        used, ends = np.unique(rim, return_inverse=True)
+        ends = ends.reshape(-1, 2)
+        count, opening = _components(ends, len(used))
+        middles = np.zeros((count, 3))
+        np.add.at(middles, opening, self.vertices[used])
+        middles /= np.bincount(opening, minlength=count)[:, None]
+        lids = np.column_stack([rim[:, ::-1], len(self.vertices) + opening[ends[:, 0]]])
+        vertices, faces = np.vstack([self.vertices, middles]), np.vstack([corners, lids])
+        return MeshSolid(vertices, faces, lids=len(lids))
+
+    @cached_property
+    def _corners(self) -> IntArray:
+        """The faces with the first of equal vertices in place of each, shape (F, 3)."""
+        _, first, same = np.unique(
+            self.vertices + 0.0, axis=0, return_index=True, return_inverse=True
+        )
+        corners: IntArray = first[same.reshape(-1)][self.faces]
+        return corners
+
+    @cached_property
+    def _shells(self) -> list[FloatArray]:
+        """Triangles (T, 3, 3) [m] of closed shells; a point inside of any is inside the solid.
+
+        Of a filled solid, also its own triangles: they surround points behind gaps between patches
+        of surface, where lids only lie back on their patches. A closed shell near an open one does
+        not count: the open one may bound a hollow inside of it.
+        """
+        if self.lids:
+            return [self.triangles, self.triangles[: -self.lids]]
+        if len(self.faces) == 0 or self.open_edges == 0:
+            return [self.triangles]
+        sides, faces = _sides(self._corners), np.arange(len(self.faces))
+        links = np.column_stack([np.tile(faces, 3), len(faces) + sides.edge])
+        count, shell = _components(links, len(faces) + len(sides.ends))
+        is_open = np.zeros(count, dtype=bool)
+        is_open[shell[len(faces) :][sides.surplus != 0]] = True
+        shell = shell[: len(faces)]
+        low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+        np.minimum.at(low, shell, self.triangles.min(axis=1))
+        np.maximum.at(high, shell, self.triangles.max(axis=1))
+        counts = np.zeros(count, dtype=bool)
+        for k in np.flatnonzero(~is_open):
+            beside = (low[is_open] > high[k]) | (high[is_open] < low[k])
+            counts[k] = beside.any(axis=1).all()
+        return [self.triangles[counts[shell]]]
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the distance of points (N, 3) from the surface, shape (N,) [m]."""
@@ -363,3 +439,59 @@ def _winding(triangles: FloatArray, points: FloatArray) -> FloatArray:
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     products: FloatArray = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return products
+
+
+# ---- The edges of triangles, which tell closed shells from open ones.
+
+
+@dataclass(frozen=True, eq=False)
+class _Sides:
+    """The sides of F triangles: first sides, second sides, third sides.
+
+    Attributes:
+        edge: Index of the edge on which each side lies, shape (3F,).
+        direction: 1 along the edge, -1 against it, shape (3F,).
+        ends: Vertices of the E edges, shape (E, 2).
+        surplus: Sides along each edge less sides against it, shape (E,).
+    """
+
+    edge: IntArray
+    direction: IntArray
+    ends: IntArray
+    surplus: IntArray
+
+
+def _sides(corners: IntArray) -> _Sides:
+    """Return the sides of triangles, given by their vertices (F, 3)."""
+    sides = np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)])
+    count = int(corners.max(initial=0)) + 1
+    ends, edge = np.unique(sides.min(axis=1) * count + sides.max(axis=1), return_inverse=True)
+    edge, direction = edge.reshape(-1), np.sign(sides[:, 1] - sides[:, 0])
+    surplus = np.bincount(edge, weights=direction, minlength=len(ends)).astype(np.int64)
+    return _Sides(edge, direction, np.column_stack(np.divmod(ends, count)), surplus)
+
+
+def _wound_alike(corners: IntArray) -> IntArray:
+    """Return triangles (F, 3), some turned round, so that neighbours are wound alike.
+
+    Every triangle is there twice, as it is and turned round; what is wound alike is connected.
+    """
+    sides, count = _sides(corners), len(corners)
+    order = np.argsort(sides.edge, kind="stable")
+    starts = np.flatnonzero(np.diff(sides.edge[order], prepend=-1))
+    two = starts[np.diff(starts, append=len(order)) == 2]
+    first, second = order[two], order[two + 1]
+    across = np.where(sides.direction[first] == sides.direction[second], count, 0)
+    first, second = first % count, second % count
+    alike = np.column_stack([first, second + across])
+    turned_round = np.column_stack([first + count, second + count - across])
+    _, side = _components(np.concatenate([alike, turned_round]), 2 * count)
+    turned = side[:count] > side[count:]  # the first of connected triangles stays as it is
+    return np.where(turned[:, None], corners[:, ::-1], corners)
+
+
+def _components(links: IntArray, count: int) -> tuple[int, IntArray]:
+    """Return the number of connected components of a graph, and that of each of its nodes."""
+    graph = coo_array((np.ones(len(links), dtype=bool), tuple(links.T)), shape=(count, count))
+    components, of_node = connected_components(graph, directed=False)
+    return int(components), of_node

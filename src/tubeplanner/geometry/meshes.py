@@ -251,12 +251,20 @@ class MeshFile:
         faces = np.asarray(self._mesh.faces, dtype=np.int64)
         return MeshSolid(np.asarray(self._mesh.vertices), faces)
 
+    def open_edges(self) -> int:
+        """Return the number of edges at which the mesh is open or wound both ways."""
+        arrays = cached("open", self.key, lambda: {"edges": np.array(self.solid.open_edges)})
+        return int(arrays["edges"])
+
     def cover(self) -> list[ConvexShape]:
         """Return few shapes that cover the mesh, where other solids do not come near."""
-        return unpacked(cached("cover", self.key, lambda: packed(cover_mesh(self._mesh))))
+        return unpacked(cached("cover", self.key, lambda: packed(cover_mesh(self._filled))))
 
     def outer_error(self) -> float:
-        """Return the largest distance found from the surface of `cover` to the mesh [m]."""
+        """Return the largest distance found from the surface of `cover` to the mesh [m].
+
+        Of an open mesh to its triangles: openings that `cover` closes count.
+        """
         arrays = cached(
             "error", self.key, lambda: {"error": np.array(cover_error(self.solid, self.cover()))}
         )
@@ -266,8 +274,8 @@ class MeshFile:
         """Return shapes with a cover error of at most 2 mm, or as little as 64 shapes allow."""
 
         def computed() -> dict[str, np.ndarray]:
-            cover: Sequence[ConvexShape] = cover_mesh(self._mesh)
-            error = cover_error(self.solid, cover)
+            cover: Sequence[ConvexShape] = cover_mesh(self._filled)
+            error = cover_error(self.solid.filled, cover)
             if error > OUTER_ERROR:
                 finer = fine_cover(self.solid)
                 cover = finer.shapes if finer.outer_error < error else cover
@@ -280,7 +288,7 @@ class MeshFile:
         return fine_cover(
             self.solid,
             probes,
-            cuts=slab_cuts(self._mesh),
+            cuts=slab_cuts(self._filled),
             outer_error=_LINK_ERROR,
             max_pieces=_LINK_PIECES,
         )
@@ -288,3 +296,13 @@ class MeshFile:
     @cached_property
     def _mesh(self) -> Any:
         return load_mesh(self.owner, self.path, self.scale)
+
+    @cached_property
+    def _filled(self) -> Any:
+        """The mesh with its openings closed: itself if it has none."""
+        import trimesh
+
+        filled = self.solid.filled
+        if not filled.lids:
+            return self._mesh
+        return trimesh.Trimesh(filled.vertices, filled.faces, process=False)

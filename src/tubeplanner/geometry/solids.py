@@ -1,7 +1,7 @@
 """Obstacle and AttachedSolid: placement, contents, hand-over between cell and tool."""
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,6 +29,7 @@ class SolidContents:
         placement: Pose in the user's frame, shape (4, 4).
         mesh_hash: Of the bytes of its mesh file; empty for other kinds.
         path: The mesh file, which need not exist any more; None for other kinds.
+        open_edges: Number of edges at which the mesh is open or wound both ways.
     """
 
     kind: str
@@ -36,6 +37,7 @@ class SolidContents:
     placement: FloatArray
     mesh_hash: str = ""
     path: Path | None = None
+    open_edges: int = 0
 
 
 def simple_contents(kind: str, sizes: Iterable[float], placement: FloatArray) -> SolidContents:
@@ -43,15 +45,30 @@ def simple_contents(kind: str, sizes: Iterable[float], placement: FloatArray) ->
     return SolidContents(kind, tuple(float(size) for size in sizes), read_only(placement))
 
 
-def mesh_contents(path: Path, scale: Iterable[float], placement: FloatArray) -> SolidContents:
+def mesh_contents(mesh: MeshFile, scale: Iterable[float], placement: FloatArray) -> SolidContents:
     """Return the contents of a mesh file, scaled along each axis, in a placement (4, 4).
 
     Raises:
         OSError: The file cannot be read.
+        RobotError: It is no readable mesh.
     """
-    mesh_hash = hashlib.sha256(path.read_bytes()).hexdigest()
-    factors = tuple(float(factor) for factor in scale)
-    return SolidContents("mesh", factors, read_only(placement), mesh_hash, path)
+    mesh_hash = hashlib.sha256(mesh.path.read_bytes()).hexdigest()
+    factors, pose = tuple(float(factor) for factor in scale), read_only(placement)
+    return SolidContents("mesh", factors, pose, mesh_hash, mesh.path, mesh.open_edges())
+
+
+def open_meshes(contents: Mapping[str, Sequence[SolidContents]]) -> dict[str, dict[str, int]]:
+    """Return the number of open edges of each open mesh, by the names of its solid and its file."""
+    is_open = {
+        name: {part.path.name: part.open_edges for part in own if part.path and part.open_edges}
+        for name, own in contents.items()
+    }
+    return {name: files for name, files in is_open.items() if files}
+
+
+def open_mesh_text(name: str, files: Mapping[str, int]) -> str:
+    """Return the name of a solid with its open meshes, as of `open_meshes`."""
+    return f"{name} ({', '.join(f'{file}, {count} open edges' for file, count in files.items())})"
 
 
 # ---- Named solids: obstacles at rest in the base frame, and solids that the tool carries.
@@ -118,7 +135,7 @@ class Obstacle:
         """Return a solid mesh in a placement (4, 4).
 
         At most 64 convex shapes cover it, with a cover error of 2 mm, or as little as 64 shapes
-        allow; larger hollows are free.
+        allow; larger hollows are free. Openings of an open mesh count as closed.
 
         Raises:
             RobotError: The file is no readable mesh.
@@ -132,9 +149,9 @@ class Obstacle:
                 f"obstacle '{name}': scale {in_figures(scale)}; {MIN_SIZE:g} to {MAX_SIZE:g} are "
                 "accepted"
             )
-        shapes = MeshFile(f"obstacle '{name}'", Path(path), scale).close_cover()
-        contents = mesh_contents(Path(path), [scale] * 3, placement)
-        return cls(name, tuple(_placed(name, shape, placement) for shape in shapes), contents)
+        mesh = MeshFile(f"obstacle '{name}'", Path(path), scale)
+        shapes = tuple(_placed(name, shape, placement) for shape in mesh.close_cover())
+        return cls(name, shapes, mesh_contents(mesh, [scale] * 3, placement))
 
 
 @dataclass(frozen=True, eq=False)
