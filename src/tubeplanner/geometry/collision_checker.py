@@ -90,10 +90,7 @@ class CollisionChecker(BodyShapes):
         }
         self.has_link_geometry = bool(covers)
         self.link_contents = link_contents(robot)
-        others = {
-            solid.name: (solid.contents,) for solid in (*obstacles, *attached) if solid.contents
-        }
-        self.open_meshes = open_meshes({**self.link_contents, **others})
+        self.open_meshes = open_meshes(self.link_contents, [*obstacles, *attached])
         touching = [(solid.name, link) for solid in attached for link in solid.touch_links]
         _require_names(robot, obstacles, attached, [*ignore, *touching])
         self._obstacle_names = {obstacle.name for obstacle in obstacles}

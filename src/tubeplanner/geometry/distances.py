@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.geometry.convex_shapes import ConvexShape, frame_along
+from tubeplanner.geometry.convex_shapes import ConvexShape, frame_along, hull_unless_flat
 from tubeplanner.geometry.penetration import (
     Penetration,
     PlacedSolid,
@@ -238,6 +238,7 @@ _PROBE_RADIUS = 1e-9  # of the ball that represents a point in FCL [m]
 _INSIDE_WINDING = 0.3
 _CHUNK = 50_000  # point-triangle pairs looked at together
 _MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
+_FLAT = 1e-9  # of a hull: its volume over its length cubed
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,19 +247,19 @@ class MeshSolid:
 
     Triangles are a closed shell if as many run along each edge one way as the other; equal vertices
     are one. Only closed shells have an inside for certain. Of open meshes nobody knows it: where a
-    pair is left out, surfaces alone decide; where a solid is covered, it is `filled`.
+    pair is left out, surfaces alone decide; links are covered as `filled`, others as `plugged`.
 
     Attributes:
         vertices: Shape (V, 3) [m].
         faces: Vertex indices: int, shape (F, 3); none for balls and capsules.
         radius: Growth of the vertices if there are no faces [m].
-        lids: Number of triangles, the last ones, that close openings, see `filled`.
+        shells: Rows of `faces` that are closed shells; empty: found by the edges.
     """
 
     vertices: FloatArray
     faces: IntArray
     radius: float = 0.0
-    lids: int = 0
+    shells: tuple[slice, ...] = ()
 
     @classmethod
     def of_shape(cls, shape: ConvexShape) -> "MeshSolid":
@@ -294,10 +295,23 @@ class MeshSolid:
 
     @cached_property
     def filled(self) -> "MeshSolid":
-        """The solid as large as it may be: openings closed, triangles wound alike; often itself.
+        """The solid with its openings closed and its triangles wound alike: often itself.
 
-        A lid is a fan of triangles from an opening's rim to the rim's middle.
+        An opening is closed by a fan of triangles from its rim to the rim's middle. The solid is
+        also where the winding number without these is large: behind gaps between patches of
+        surface, where a fan only lies back on its patch.
         """
+        return self._filled(plugged=False)
+
+    @cached_property
+    def plugged(self) -> "MeshSolid":
+        """The solid as `filled`, its openings also filled by the hulls of their rims.
+
+        It contains whatever solid the mesh is the surface of, if no vertex is missing.
+        """
+        return self._filled(plugged=True)
+
+    def _filled(self, *, plugged: bool) -> "MeshSolid":
         once = np.unique(np.sort(self._corners, axis=1), axis=0, return_index=True)[1]
         if len(once) == len(self.faces) and self.open_edges == 0:
             return self
@@ -313,8 +327,19 @@ class MeshSolid:
         np.add.at(middles, opening, self.vertices[used])
         middles /= np.bincount(opening, minlength=count)[:, None]
         lids = np.column_stack([rim[:, ::-1], len(self.vertices) + opening[ends[:, 0]]])
-        vertices, faces = np.vstack([self.vertices, middles]), np.vstack([corners, lids])
-        return MeshSolid(vertices, faces, lids=len(lids))
+        vertices, faces = [self.vertices, middles], [corners, lids]
+        total = len(self.vertices) + count
+        for k in np.flatnonzero(np.bincount(opening) > _MIN_CORNERS) if plugged else ():
+            points = self.vertices[used[opening == k]]
+            qhull = hull_unless_flat(points)
+            if qhull is not None and qhull.volume > _FLAT * np.ptp(points, axis=0).max() ** 3:
+                shape = ConvexShape(points[qhull.vertices])
+                vertices.append(shape.vertices)
+                faces.append(shape.faces + total)
+                total += len(shape.vertices)
+        own, closed = len(corners), len(corners) + len(lids)
+        shells = (slice(own), slice(closed), slice(closed, None)) if len(lids) else ()
+        return MeshSolid(np.vstack(vertices), np.vstack(faces), shells=shells)
 
     @cached_property
     def _corners(self) -> IntArray:
@@ -329,12 +354,10 @@ class MeshSolid:
     def _shells(self) -> list[FloatArray]:
         """Triangles (T, 3, 3) [m] of closed shells; a point inside of any is inside the solid.
 
-        Of a filled solid, also its own triangles: they surround points behind gaps between patches
-        of surface, where lids only lie back on their patches. A closed shell near an open one does
-        not count: the open one may bound a hollow inside of it.
+        A closed shell near an open one does not count: the open one may bound a hollow in it.
         """
-        if self.lids:
-            return [self.triangles, self.triangles[: -self.lids]]
+        if self.shells:
+            return [self.triangles[rows] for rows in self.shells]
         if len(self.faces) == 0 or self.open_edges == 0:
             return [self.triangles]
         sides, faces = _sides(self._corners), np.arange(len(self.faces))

@@ -31,7 +31,7 @@ def cover_error(solid: MeshSolid, shapes: Sequence[ConvexShape]) -> float:
     """Return the largest distance found from a cover's surface to a solid [m].
 
     Args:
-        solid: With triangles; `filled`: the cover's openings are no error.
+        solid: With triangles.
         shapes: Its cover, in the same frame.
     """
     rng = np.random.default_rng(_SEED)
@@ -369,10 +369,10 @@ def fine_cover(
     outer_error: float = OUTER_ERROR,
     max_pieces: int = MAX_PIECES,
 ) -> Cover:
-    """Return a close cover of a solid, of an open mesh that of `MeshSolid.filled`.
+    """Return a close cover of a solid.
 
     Args:
-        solid: With triangles.
+        solid: With triangles that are closed, see `MeshSolid.filled`.
         probes: Points that the cover should leave out, outside of the solid, shape (N, 3) [m]; only
             pieces with probes in or near them are cut. None: all pieces matter.
         cuts: Made in any case: axis and coordinate [m].
@@ -399,7 +399,7 @@ class _Search:
     """The pieces so far: those that may be cut, the worst first, and the finished ones."""
 
     def __init__(self, solid: MeshSolid) -> None:
-        self._solid, self._rng = solid.filled, np.random.default_rng(_SEED)
+        self._solid, self._rng = solid, np.random.default_rng(_SEED)
         self._added = 0
         self.waiting: list[_Piece] = []
         self.done: list[_Piece] = []

@@ -258,7 +258,9 @@ class MeshFile:
 
     def cover(self) -> list[ConvexShape]:
         """Return few shapes that cover the mesh, where other solids do not come near."""
-        return unpacked(cached("cover", self.key, lambda: packed(cover_mesh(self._filled))))
+        return unpacked(
+            cached("cover", self.key, lambda: packed(cover_mesh(self._filled(self.solid.filled))))
+        )
 
     def outer_error(self) -> float:
         """Return the largest distance found from the surface of `cover` to the mesh [m].
@@ -274,10 +276,11 @@ class MeshFile:
         """Return shapes with a cover error of at most 2 mm, or as little as 64 shapes allow."""
 
         def computed() -> dict[str, np.ndarray]:
-            cover: Sequence[ConvexShape] = cover_mesh(self._filled)
-            error = cover_error(self.solid.filled, cover)
+            solid = self.solid.plugged
+            cover: Sequence[ConvexShape] = cover_mesh(self._filled(solid))
+            error = cover_error(solid, cover)
             if error > OUTER_ERROR:
-                finer = fine_cover(self.solid)
+                finer = fine_cover(solid)
                 cover = finer.shapes if finer.outer_error < error else cover
             return packed(cover)
 
@@ -286,9 +289,9 @@ class MeshFile:
     def fine_cover(self, probes: FloatArray) -> Cover:
         """Return shapes that cover the mesh closely near probes, shape (N, 3) [m]."""
         return fine_cover(
-            self.solid,
+            self.solid.filled,
             probes,
-            cuts=slab_cuts(self._filled),
+            cuts=slab_cuts(self._filled(self.solid.filled)),
             outer_error=_LINK_ERROR,
             max_pieces=_LINK_PIECES,
         )
@@ -297,12 +300,12 @@ class MeshFile:
     def _mesh(self) -> Any:
         return load_mesh(self.owner, self.path, self.scale)
 
-    @cached_property
-    def _filled(self) -> Any:
-        """The mesh with its openings closed: itself if it has none."""
+    def _filled(self, solid: MeshSolid) -> Any:
+        """Return the mesh with its openings closed as in a solid: itself if it has none."""
         import trimesh
 
-        filled = self.solid.filled
-        if not filled.lids:
-            return self._mesh
-        return trimesh.Trimesh(filled.vertices, filled.faces, process=False)
+        return (
+            trimesh.Trimesh(solid.vertices, solid.faces, process=False)
+            if solid.shells
+            else self._mesh
+        )

@@ -52,23 +52,10 @@ def mesh_contents(mesh: MeshFile, scale: Iterable[float], placement: FloatArray)
         OSError: The file cannot be read.
         RobotError: It is no readable mesh.
     """
+    open_edges = mesh.open_edges()  # first: it says what is wrong with a file
     mesh_hash = hashlib.sha256(mesh.path.read_bytes()).hexdigest()
     factors, pose = tuple(float(factor) for factor in scale), read_only(placement)
-    return SolidContents("mesh", factors, pose, mesh_hash, mesh.path, mesh.open_edges())
-
-
-def open_meshes(contents: Mapping[str, Sequence[SolidContents]]) -> dict[str, dict[str, int]]:
-    """Return the number of open edges of each open mesh, by the names of its solid and its file."""
-    is_open = {
-        name: {part.path.name: part.open_edges for part in own if part.path and part.open_edges}
-        for name, own in contents.items()
-    }
-    return {name: files for name, files in is_open.items() if files}
-
-
-def open_mesh_text(name: str, files: Mapping[str, int]) -> str:
-    """Return the name of a solid with its open meshes, as of `open_meshes`."""
-    return f"{name} ({', '.join(f'{file}, {count} open edges' for file, count in files.items())})"
+    return SolidContents("mesh", factors, pose, mesh_hash, mesh.path, open_edges)
 
 
 # ---- Named solids: obstacles at rest in the base frame, and solids that the tool carries.
@@ -282,6 +269,31 @@ def _require_positive(name: str, kind: str, values: Sequence[float]) -> None:
                 f"obstacle '{name}': {kind} has size {in_figures(value)} m; {MIN_SIZE:g} to "
                 f"{MAX_SIZE:g} m are accepted"
             )
+
+
+# ---- Open meshes of links and solids.
+
+
+def open_meshes(
+    links: Mapping[str, Sequence[SolidContents]], solids: Iterable[Obstacle | AttachedSolid]
+) -> dict[str, dict[str, int]]:
+    """Return the number of open edges of each open mesh, by the names of its solid and its file."""
+    others = {solid.name: (solid.contents,) for solid in solids if solid.contents is not None}
+    is_open = {
+        name: {part.path.name: part.open_edges for part in own if part.path and part.open_edges}
+        for name, own in (*links.items(), *others.items())
+    }
+    return {name: files for name, files in is_open.items() if files}
+
+
+def open_mesh_texts(meshes: Mapping[str, Mapping[str, int]]) -> list[str]:
+    """Return a sentence for each of some `open_meshes`."""
+    return [
+        f"the mesh {file} of {name} is not closed ({count} edges are open or wound both ways), its "
+        "openings count as solid: export it closed"
+        for name, files in meshes.items()
+        for file, count in files.items()
+    ]
 
 
 # ---- Solids that the tool picks up in the cell, or puts down there.
