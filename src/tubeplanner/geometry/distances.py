@@ -11,8 +11,6 @@ from typing import Any
 
 import fcl
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.geometry.convex_shapes import ConvexShape, frame_along, hull_unless_flat
@@ -236,6 +234,7 @@ _PROBE_RADIUS = 1e-9  # of the ball that represents a point in FCL [m]
 # A point counts as inside from this winding number on: 1 inside and 0 outside of a closed surface,
 # between them near the gaps of an open surface, of which only covers ask, see `filled`.
 _INSIDE_WINDING = 0.3
+_IN_ONE_SHELL = 1.5  # a winding number between that of one shell and of two
 _CHUNK = 50_000  # point-triangle pairs looked at together
 _MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
 _FLAT = 1e-9  # of a hull: its volume over its length cubed
@@ -278,14 +277,18 @@ class MeshSolid:
         vertices = self.vertices @ placement[:3, :3].T + placement[:3, 3]
         return replace(self, vertices=vertices)
 
-    def contains(self, points: FloatArray) -> np.ndarray:
-        """Return True for points (N, 3) inside the closed shells: bool, shape (N,)."""
+    def contains(self, points: FloatArray, most: float = np.inf) -> np.ndarray:
+        """Return True for points (N, 3) inside the closed shells: bool, shape (N,).
+
+        Points that the shells go round more often than `most` times do not count.
+        """
         inside = np.zeros(len(points), dtype=bool)
         step = max(1, _CHUNK // max(len(self.faces), 1))
         for triangles in self._shells:
             for start in range(0, len(points), step):
                 rows = slice(start, start + step)
-                inside[rows] |= abs(_winding(triangles, points[rows])) > _INSIDE_WINDING
+                times = abs(_winding(triangles, points[rows]))
+                inside[rows] |= (times > _INSIDE_WINDING) & (times < most)
         return inside
 
     @cached_property
@@ -307,7 +310,8 @@ class MeshSolid:
     def plugged(self) -> "MeshSolid":
         """The solid as `filled`, its openings also filled by the hulls of their rims.
 
-        It contains whatever solid the mesh is the surface of, if no vertex is missing.
+        It contains the solid that the mesh had before triangles were lost, if the triangles of each
+        gap had all of their corners on one rim.
         """
         return self._filled(plugged=True)
 
@@ -391,7 +395,9 @@ class MeshSolid:
         here: tuple[FloatArray, FloatArray],
         there: tuple[FloatArray, FloatArray],
     ) -> bool:
-        """Return True if two placed solids touch, or either contains the other.
+        """Return True if two placed solids touch, or either contains the other for certain.
+
+        Where two shells of a mesh are wound the same way, one may bound a hollow in the other.
 
         Args:
             other: The other solid.
@@ -403,7 +409,7 @@ class MeshSolid:
             return True
         for inner, outer, at, around in ((self, other, here, there), (other, self, there, here)):
             point = around[0].T @ (at[0] @ inner.vertices[0] + at[1] - around[1])
-            if len(outer.faces) and outer.contains(point[None])[0]:
+            if len(outer.faces) and outer.contains(point[None], _IN_ONE_SHELL)[0]:
                 return True
         return False
 
@@ -515,6 +521,9 @@ def _wound_alike(corners: IntArray) -> IntArray:
 
 def _components(links: IntArray, count: int) -> tuple[int, IntArray]:
     """Return the number of connected components of a graph, and that of each of its nodes."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(len(links), dtype=bool), tuple(links.T)), shape=(count, count))
     components, of_node = connected_components(graph, directed=False)
     return int(components), of_node
