@@ -25,6 +25,8 @@ Pair = tuple[Solid, Solid]
 Placed = tuple[Solid, np.ndarray, np.ndarray]  # solid, rotation (3, 3), position (3,) [m]
 TOUCH_SAMPLES = 400  # random configurations; who touches in all of them is taken to touch always
 TOUCH_SEED = 1
+# Rays from a point, in most of which it must be inside a mesh that is not closed.
+RAYS = np.random.default_rng(TOUCH_SEED).normal(size=(49, 3))
 
 
 @dataclass(frozen=True)
@@ -147,9 +149,13 @@ def place(solid: Solid, poses: Poses, row: int) -> tuple[np.ndarray, np.ndarray]
 
 
 def is_inside(first: Placed, second: Placed) -> bool:
-    """Return whether a point of either solid is inside the other one's triangles."""
+    """Return whether a point of either solid is inside the other one's triangles.
+
+    Closed ones, wound alike, have an inside. Of others nobody knows it, and who begins there is not
+    to be passed over: a point is inside if most rays from it leave through them.
+    """
     return any(
-        is_mesh(outer[0].geometry) and _winding(outer, _point(inner)) > 0.5
+        is_mesh(outer[0].geometry) and _surrounds(outer, _point(inner))
         for inner, outer in ((first, second), (second, first))
         if np.linalg.norm(_point(inner) - _middle(outer)) < outer[0].radius
     )
@@ -318,16 +324,50 @@ def _point(placed: Placed) -> np.ndarray:
     return position
 
 
-def _winding(placed: Placed, point: np.ndarray) -> float:
-    """Return how often triangles wind round a point: 1 inside, 0 outside of closed ones.
+def _surrounds(placed: Placed, point: np.ndarray) -> bool:
+    solid, rotation, position = placed
+    vertices = np.array(solid.geometry.vertices()) + 0.0
+    vertices, same = np.unique(vertices, axis=0, return_inverse=True)
+    rows = [solid.geometry.tri_indices(k) for k in range(solid.geometry.num_tris)]
+    faces = same.reshape(-1)[np.array([[row[k] for k in range(3)] for row in rows])]
+    local = rotation.T @ (point - position)
+    once = np.unique(np.sort(faces, axis=1), axis=0)
+    if _is_closed(faces) and len(once) == len(faces):
+        return _winding(vertices[faces] - local) > 0.5
+    return _leaving_rays(vertices[once] - local) > len(RAYS) / 2
+
+
+def _is_closed(faces: np.ndarray) -> bool:
+    """Return whether each edge of triangles (F, 3) has one on either side, wound alike."""
+    sides = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
+    sides = sides[sides[:, 0] != sides[:, 1]]
+    there, back = (np.unique(each, axis=0, return_counts=True) for each in (sides, sides[:, ::-1]))
+    return all(np.array_equal(one, other) for one, other in zip(there, back, strict=True))
+
+
+def _leaving_rays(corners: np.ndarray) -> int:
+    """Return how many rays from the origin go through an odd number of triangles (F, 3, 3).
+
+    Moeller and Trumbore, "Fast, minimum storage ray-triangle intersection", 1997.
+    """
+    a, first, second = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    odd, across = 0, np.cross(-a, first)
+    for ray in RAYS:
+        normal = np.cross(ray, second)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = 1 / np.einsum("ni,ni->n", first, normal)
+            u, v = -np.einsum("ni,ni->n", a, normal) * scale, across @ ray * scale
+            along = np.einsum("ni,ni->n", second, across) * scale
+        odd += int(((u >= 0) & (v >= 0) & (u + v <= 1) & (along > 0)).sum()) % 2
+    return odd
+
+
+def _winding(corners: np.ndarray) -> float:
+    """Return how often closed triangles (F, 3, 3) wind round the origin: 1 inside, 0 outside.
 
     Van Oosterom and Strackee, "The solid angle of a plane triangle", 1983.
     """
-    solid, rotation, position = placed
-    local = rotation.T @ (point - position)
-    corners = np.array(solid.geometry.vertices()) - local
-    rows = [solid.geometry.tri_indices(k) for k in range(solid.geometry.num_tris)]
-    a, b, c = (corners[[row[k] for row in rows]] for k in range(3))
+    a, b, c = corners.transpose(1, 0, 2)
     lengths = [np.linalg.norm(side, axis=1) for side in (a, b, c)]
     above = np.einsum("ni,ni->n", a, np.cross(b, c))
     below = np.prod(lengths, axis=0) + sum(

@@ -7,16 +7,19 @@ from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import NamedTuple
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
+import trimesh
 import yaml
-from arms import RULES, follower_arm, joint, link, solid_link, written
+from arms import OPENED, RULES, follower_arm, joint, link, opened, solid_link, written
 
 import outside_judge
 import tubeplanner as t
-from outside.arm import Arm
+from outside.arm import Arm, placed, solid_geometry
 from outside.conditions import judge_ends
-from outside.distances import Poses, least_margin, signed_distance
+from outside.distances import Poses, is_inside, least_margin, signed_distance
 from outside.files import BadInput, find_urdf
 from outside.problem import read_problem
 from outside.trajectory import Samples, Trajectory, read_trajectory
@@ -759,6 +762,17 @@ def test_a_solid_that_encloses_the_arm_is_met(case):
     shell = {"name": "shell", "mesh": str(part), "scale": 1000.0}
     case.fields["obstacles"] = [shell | {"position": [0.0, 0.0, -10.0]}]
     assert case.broken() == {"obstacles"}
+
+
+@pytest.mark.parametrize("kind", ["closed", *OPENED])
+def test_a_mesh_that_is_not_closed_encloses_what_it_would_closed(tmp_path, kind):
+    path = opened(trimesh.creation.box([0.4, 0.4, 0.4]), kind, tmp_path / "block.stl")
+    geometry, _ = solid_geometry({"name": "block", "mesh": str(path)}, tmp_path, [])
+    block = placed("block", "obstacle", 0, pin.SE3.Identity(), geometry)
+    ball = placed("ball", "link", 0, pin.SE3.Identity(), coal.Sphere(0.01))
+    for x, inside in ((-0.15, True), (-0.22, False)):
+        at = (ball, np.eye(3), np.array([x, 0.02, -0.03]))
+        assert is_inside(at, (block, np.eye(3), np.zeros(3))) == inside
 
 
 def test_links_of_primitives_meet(tmp_path):

@@ -3,6 +3,8 @@
 import json
 
 import pytest
+import trimesh
+from arms import axle, opened
 
 from tubeplanner.cli.info import problem_text
 from tubeplanner.task.info import problem_info
@@ -131,6 +133,19 @@ def test_states_and_pairs_of_an_srdf_are_listed(bare):
     text = problem_text(info)
     assert "state home: turn 0.5" in text
     assert "1 pairs of links may touch" in text
+
+
+def test_meshes_that_are_not_closed_are_named(run, tmp_path):
+    axle(tmp_path)
+    mesh = trimesh.load(tmp_path / "ring.stl")
+    opened(mesh, "no top", tmp_path / "ring.stl")
+    assert _json(run, tmp_path / "arm.urdf")["open_meshes"] == {"ring": {"ring.stl": 32}}
+    _, text, _ = run("info", tmp_path / "arm.urdf")
+    assert "their openings count as solid" in text
+    assert "export them closed: ring (ring.stl, 32 edges)" in text
+    (tmp_path / "ring.stl").write_bytes(b"solid")
+    _, text, _ = run("info", tmp_path / "arm.urdf")
+    assert "note: link 'ring': mesh" in text
 
 
 def test_the_picture_is_a_png(run, bare):

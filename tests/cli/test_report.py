@@ -1,6 +1,7 @@
 """Plans and certificates of problems and cycles as terminal text."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
@@ -10,6 +11,7 @@ from tubeplanner import compare
 from tubeplanner.cli import compare as comparison_report
 from tubeplanner.cli import report
 from tubeplanner.cli.report import cycle_plan_text
+from tubeplanner.geometry.collision_checker import LeftOutPair
 from tubeplanner.planning.cycle_result import CycleSensitivity
 
 METHODS = ("stop-at-corners", "conventional", "smoothed-arc-corners")
@@ -64,6 +66,14 @@ def test_a_refusal_points_to_explain(run):
     assert status == 1
     assert "`tubeplanner explain` looks for the smallest changes" in out
     assert "explain" not in run(*words)[1]
+
+
+def test_the_note_on_pairs_says_in_how_many_configurations_they_touch():
+    pairs = LeftOutPair(("a", "b"), "always touching"), LeftOutPair(("b", "c"), "neighbours")
+    (note,) = report.left_out_lines(SimpleNamespace(left_out=pairs))
+    assert note == (
+        "note: not checked, because they touch in all of 400 sampled configurations: a and b"
+    )
 
 
 def text_of(result):

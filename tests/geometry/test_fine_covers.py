@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from arms import OPENED, opened
 from cases import outside
 
 from tubeplanner.geometry.distances import MeshSolid
 from tubeplanner.geometry.fine_covers import OUTER_ERROR, cover_error, fine_cover
+from tubeplanner.geometry.meshes import MeshFile
 
 CASES = Path(__file__).parents[1] / "data/cases"
 
@@ -45,6 +47,16 @@ def test_nothing_of_a_mesh_lies_outside_and_little_else_inside(name):
     assert cover_error(solid, cover.shapes) < 1.5 * stated
     if name in ("U", "two balls"):
         assert cover.outer_error <= OUTER_ERROR
+
+
+@pytest.mark.parametrize("kind", OPENED)
+def test_what_a_closed_mesh_covers_its_open_twin_covers(tmp_path, kind):
+    mesh = MESHES["U"]()
+    box = np.random.default_rng(2).uniform(*mesh.bounds, (1000, 3))
+    inside = solid_of(mesh).contains(box)
+    twin = MeshFile("twin", opened(mesh, kind, tmp_path / "twin.stl"))
+    for solids in (twin.cover(), twin.close_cover()):
+        assert outside(solids, box[inside]).max() < 1e-6
 
 
 def test_the_inside_of_a_thick_solid_is_covered_where_no_surface_is():

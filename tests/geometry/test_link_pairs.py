@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from arms import axle, joint, loaded, solid_link
+import trimesh
+from arms import OPENED, axle, joint, loaded, opened, solid_link
 from cases import SHORTEST, refusal
 from numpy.testing import assert_array_equal as same
 
@@ -191,6 +192,71 @@ def test_covers_that_always_overlap_are_no_reason_to_leave_a_pair_out(
     rotation, position = robot.body_poses(np.zeros((1, 2)))
     distance = checker.distances(rotation[0], position[0], checker.link_pairs).min()
     assert 0.01 < distance < 0.0205
+
+
+def block_and_rod(folder, mesh, length=0.1, z=0.0):
+    """Return an arm whose last link, a rod, turns inside of its first, a mesh."""
+    return loaded(
+        folder,
+        solid_link("block", f'<mesh filename="{mesh}"/>'),
+        solid_link("middle", '<sphere radius="0.01"/>', '<origin xyz="0 0 9"/>'),
+        solid_link("rod", f'<box size="0.05 0.05 {length}"/>', f'<origin xyz="0 0 {z}"/>'),
+        joint("one", "block", "middle"),
+        joint("two", "middle", "rod"),
+        tool="rod",
+    )
+
+
+@pytest.mark.parametrize("kind", ["closed", *OPENED])
+def test_a_pair_is_left_out_only_if_it_touches_for_certain(tmp_path, kind):
+    """A rod inside of a block is in touch just if the block is closed; one in its wall always."""
+    block = trimesh.creation.box([0.4, 0.4, 0.4])
+    opened(block, kind, tmp_path / "block.stl")
+    beside = block.copy().apply_translation([0, 0, -3])
+    own = trimesh.load(tmp_path / "block.stl", process=False)
+    trimesh.util.concatenate([own, beside]).export(tmp_path / "two.stl")
+    is_closed = kind == "closed"
+    for mesh, length, z, touching in [
+        ("block.stl", 0.1, 0.0, is_closed),
+        ("two.stl", 0.1, 0.0, is_closed),
+        ("two.stl", 0.1, -3.0, True),  # in the shell that is closed
+        ("block.stl", 0.1, 0.3, False),
+        ("block.stl", 0.6, 0.0, True),
+    ]:
+        robot = block_and_rod(tmp_path, mesh, length, z)
+        checker = CollisionChecker(robot)
+        assert (LeftOutPair(("block", "rod"), "always touching") in checker.left_out) == touching
+        assert (len(checker.link_pairs) == 0) == touching
+        named = mesh in checker.open_meshes.get("block", {})
+        assert named == (kind not in ("closed", "both sides"))
+        if not touching and z == 0:
+            poses = (each[0] for each in robot.body_poses(np.zeros((1, 2))))
+            assert checker.distances(*poses, checker.link_pairs).min() < -0.1
+
+
+def test_a_hollow_whose_shell_is_wound_the_wrong_way_or_open_is_no_inside(tmp_path):
+    block, hollow = trimesh.creation.box([0.4, 0.4, 0.4]), trimesh.creation.box([0.2, 0.2, 0.2])
+    lid = trimesh.Trimesh(hollow.vertices, hollow.faces[hollow.face_normals[:, 2] > 0.9])
+    for inner in (hollow, lid):
+        trimesh.util.concatenate([block, inner]).export(tmp_path / "block.stl")
+        assert len(CollisionChecker(block_and_rod(tmp_path, "block.stl")).link_pairs) > 0
+
+
+def test_a_refusal_names_the_mesh_that_is_not_closed(tmp_path):
+    block = trimesh.creation.box([0.4, 0.4, 0.4])
+    opened(block, "no top", tmp_path / "block.stl")
+    solid = {"name": "block", "mesh": str(tmp_path / "block.stl")}
+    fields = {
+        "robot": {"urdf": "example:two_link", "tool_frame": "hand"},
+        "start": {"joints": [0.0, 0.5]},
+        "goal": {"joints": [0.4, 0.5]},
+        "obstacles": [solid],
+    }
+    result = plan(parse_problem(fields, reads_tube=False), SHORTEST)
+    assert (
+        "the mesh block.stl of block is not closed (4 edges are open or wound both ways), its "
+        "openings count as solid: export it closed" in result.message
+    )
 
 
 def test_links_of_one_body_are_not_listed(ur5):

@@ -1,5 +1,6 @@
 """Arms that are not bundled, as URDF: of a few words, with joints that follow, on a rail."""
 
+import numpy as np
 import trimesh
 
 from tubeplanner import load_robot
@@ -58,6 +59,24 @@ def axle(folder, radius=0.08, sections=16):
         joint("two", "middle", "rod"),
         tool="rod",
     )
+
+
+# What becomes of a closed mesh: triangles that are no closed shell, or not wound alike.
+OPENED = {
+    "no top": lambda mesh: mesh.faces[mesh.face_normals[:, 2] < 0.9],
+    "no top, no side": lambda mesh: mesh.faces[mesh.face_normals[:, [0, 2]].max(axis=1) < 0.9],
+    "some turned": lambda mesh: np.vstack(
+        [mesh.faces[::3, ::-1], mesh.faces[1::3], mesh.faces[2::3]]
+    ),
+    "both sides": lambda mesh: np.vstack([mesh.faces, mesh.faces[:, ::-1]]),
+}
+
+
+def opened(mesh, kind, path):
+    """Write a mesh, opened in a way of `OPENED` or as it is; return the path."""
+    faces = OPENED[kind](mesh) if kind in OPENED else mesh.faces
+    trimesh.Trimesh(mesh.vertices, faces, process=False).export(path)
+    return path
 
 
 # An arm with joints that mimic others: turning and sliding, of one another, in two branches.

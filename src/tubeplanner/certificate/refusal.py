@@ -5,6 +5,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.judged_motion import Tolerance
 from tubeplanner.certificate.verification import Certificate
+from tubeplanner.geometry.solids import open_mesh_texts
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances
@@ -108,19 +109,22 @@ def _blocked(
 ) -> Infeasible:
     """Return the refusal with links, obstacle, and depth or distance."""
     links, clearance = place.links or (), problem.clearance
+    meshes = problem.collision.open_meshes
+    own = {name: meshes[name] for name in (*links, place.obstacle) if name in meshes}
+    open_mesh = "".join(f"; {text}" for text in open_mesh_texts(own))
     if not problem.has_one_clearance:
         pair = (*links, place.obstacle) if place.obstacle else links
         message = (
             f"'{pair[0]}' and '{pair[1]}' are {-1000 * margin:.3g} mm nearer to each other than "
             f"they may be {when}; {remedy}, or give the pair less clearance"
         )
-        return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+        return Infeasible(PlanStatus.TUBE_BLOCKED, message + open_mesh, place)
     if place.obstacle is None:
         message = (
             f"{' and '.join(links)} overlap by {-1000 * margin:.1f} mm {when}; {remedy}, "
             "or list the pair in collision.ignore if it may touch"
         )
-        return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+        return Infeasible(PlanStatus.TUBE_BLOCKED, message + open_mesh, place)
     distance = 1000 * (margin + clearance)
     if clearance and distance > _TOUCHING:
         remedy += f", or clearance {1000 * clearance:g} -> {_floored(distance)} mm"
@@ -128,7 +132,7 @@ def _blocked(
     deed = f"comes within {distance:.1f} mm of" if distance >= _TOUCHING else deed
     condition = f" (clearance {1000 * clearance:g} mm)" if clearance else ""
     message = f"'{links[0]}' {deed} '{place.obstacle}'{condition} {when}; {remedy}"
-    return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+    return Infeasible(PlanStatus.TUBE_BLOCKED, message + open_mesh, place)
 
 
 def _floored(value: float) -> str:

@@ -13,7 +13,9 @@ from rich.table import Table
 
 from tubeplanner.cli import console
 from tubeplanner.cli.report import rendered
-from tubeplanner.errors import OptionError
+from tubeplanner.errors import OptionError, RobotError
+from tubeplanner.geometry.link_geometry import link_contents
+from tubeplanner.geometry.solids import AttachedSolid, Obstacle, open_meshes
 from tubeplanner.output.figures.figure_files import figure_file, require_figure
 from tubeplanner.output.figures.robot_figure import plot_robot
 from tubeplanner.resources import EXAMPLE_PREFIX
@@ -33,7 +35,7 @@ from tubeplanner.task.endpoints import Endpoint
 from tubeplanner.task.info import CycleInfo, ProblemInfo, SrdfInfo, cycle_info, problem_info
 from tubeplanner.task.legs import Leg, Rest, rest_text
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.task.steps import Move
+from tubeplanner.task.steps import Attach, Move
 from tubeplanner.writing import require_writable
 
 _PROBLEM_ENDINGS = (".yaml", ".yml", ".json")
@@ -60,7 +62,8 @@ def info(
 ) -> None:
     """Say what is in ROBOT, a URDF or example:NAME, or in PROBLEM, and what is missing.
 
-    Joints and their limits with where each comes from, motors, links, masses, geometry, frames; of
+    Joints and their limits with where each comes from, motors, links, masses, geometry and which
+    meshes of it are not closed, frames; of
     a problem also start, tube, obstacles and payload, of a cycle moves, rests and what is carried.
     Missing limits are no error here.
     """
@@ -82,6 +85,8 @@ def info(
                 raise OptionError(f"--set changes a problem file; {robot} is a robot")
             files: dict[str, Any] = {"package_dirs": package_dirs, "xacro_args": xacro_args}
             contents = robot_info(robot, tool_frame, **files)
+        enter("meshes")
+        meshes, fault = _open_meshes(contents)
         if plot is not None:
             enter("picture")
             arm = contents.arm if isinstance(contents, RobotInfo) else contents.robot.arm
@@ -93,7 +98,8 @@ def info(
         fields = _finite(contents.as_dict())
         message = f"{fields['name']}: {len(fields['missing'])} things missing"
         report = console.empty_report("success", message)
-        console.print_json({**report, **fields, "plot": None if plot is None else str(plot)})
+        more = {"open_meshes": meshes, "plot": None if plot is None else str(plot)}
+        console.print_json({**report, **fields, **more})
         return
     if isinstance(contents, CycleInfo):
         console.say(cycle_text(contents))
@@ -101,6 +107,8 @@ def info(
         console.say(problem_text(contents))
     else:
         console.say(robot_text(contents))
+    for note in [*_open_mesh_notes(meshes), *fault]:
+        console.say(f"note: {note}")
     if plot is not None:
         console.say(f"plot: {plot}")
 
@@ -242,6 +250,37 @@ def _links_without(links: Sequence[LinkInfo]) -> list[str]:
     if unchecked:
         lines.append(f"with mass and no collision geometry, never checked: {_listed(unchecked)}")
     return lines
+
+
+def _open_meshes(
+    contents: RobotInfo | ProblemInfo | CycleInfo,
+) -> tuple[dict[str, dict[str, int]], list[str]]:
+    """Return the open meshes of links and solids, and the fault of a mesh that cannot be read."""
+    solids: list[Obstacle | AttachedSolid] = []
+    robot = contents if isinstance(contents, RobotInfo) else contents.robot
+    if not isinstance(contents, RobotInfo) and (problem := contents.problem) is not None:
+        solids += [*problem.obstacles, *problem.attached]
+    if isinstance(contents, CycleInfo) and contents.cycle is not None:
+        attached = [step.solid for step in contents.cycle.steps if isinstance(step, Attach)]
+        solids += [solid for solid in attached if solid is not None]
+    try:
+        return open_meshes(link_contents(robot.arm), solids), []
+    except RobotError as error:
+        is_listed = any(str(error) in each for each in robot.missing)
+        return open_meshes({}, solids), [] if is_listed else [str(error)]
+
+
+def _open_mesh_notes(meshes: Mapping[str, Mapping[str, int]]) -> list[str]:
+    named = [
+        f"{name} ({file}, {count} edges)"
+        for name, files in meshes.items()
+        for file, count in files.items()
+    ]
+    note = (
+        "meshes with edges that are open or wound both ways; their openings count as solid, and "
+        f"what is only inside of them does not touch them; export them closed: {_listed(named)}"
+    )
+    return [note] * bool(named)
 
 
 def _frame_lines(info: RobotInfo) -> list[str]:

@@ -15,6 +15,7 @@ from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition, Tol
 from tubeplanner.certificate.verification import CONDITION_NAMES, Certificate
 from tubeplanner.first_guess.fastest_parameterization import NOT_PROVED
 from tubeplanner.geometry.collision_checker import ALWAYS_TOUCHING
+from tubeplanner.geometry.link_pairs import TOUCH_SAMPLES
 from tubeplanner.limits.peaks import TrajectoryPeaks, trajectory_peaks
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.cycle import Cycle
@@ -171,7 +172,8 @@ def left_out_lines(certificate: Certificate) -> list[str]:
     """Return a note that names the pairs of links that always touch; none if there are none."""
     pairs = [pair for pair in certificate.left_out if pair.reason == ALWAYS_TOUCHING]
     named = "; ".join(" and ".join(pair.links) for pair in pairs)
-    return [f"note: not checked, because they touch in every configuration: {named}"] * bool(pairs)
+    note = f"not checked, because they touch in all of {TOUCH_SAMPLES} sampled configurations"
+    return [f"note: {note}: {named}"] * bool(pairs)
 
 
 def rendered(table: Table) -> str:

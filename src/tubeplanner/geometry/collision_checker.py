@@ -15,7 +15,7 @@ from tubeplanner.geometry.convex_shapes import ConvexShape
 from tubeplanner.geometry.fine_covers import Cover
 from tubeplanner.geometry.link_geometry import LinkPart, link_contents, link_parts
 from tubeplanner.geometry.link_pairs import judged_pairs
-from tubeplanner.geometry.solids import AttachedSolid, Obstacle
+from tubeplanner.geometry.solids import AttachedSolid, Obstacle, open_meshes
 from tubeplanner.robot.model import RobotModel
 
 _BASE = 0
@@ -57,6 +57,7 @@ class CollisionChecker(BodyShapes):
             links that no joint moves, in the root link's.
         has_link_geometry: Whether the robot itself has any collision geometry.
         link_contents: By link name, the source of the links' collision geometry.
+        open_meshes: Open meshes of links, obstacles and attached solids, see `open_meshes`.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class CollisionChecker(BodyShapes):
         }
         self.has_link_geometry = bool(covers)
         self.link_contents = link_contents(robot)
+        self.open_meshes = open_meshes(self.link_contents, [*obstacles, *attached])
         touching = [(solid.name, link) for solid in attached for link in solid.touch_links]
         _require_names(robot, obstacles, attached, [*ignore, *touching])
         self._obstacle_names = {obstacle.name for obstacle in obstacles}

@@ -21,7 +21,7 @@ from tubeplanner.writing import StagedFile, signals_held
 
 VARIABLE = "TUBEPLANNER_CACHE"  # a folder, or "off"
 # Part of every name: with another number, entries made by other code are not found any more.
-_FORMAT = f"{__version__}-3"
+_FORMAT = f"{__version__}-4"
 _DIGEST_SIZE = hashlib.sha256().digest_size
 
 Arrays = dict[str, np.ndarray]

@@ -372,7 +372,7 @@ def fine_cover(
     """Return a close cover of a solid.
 
     Args:
-        solid: With triangles.
+        solid: With triangles that are closed, see `MeshSolid.filled`.
         probes: Points that the cover should leave out, outside of the solid, shape (N, 3) [m]; only
             pieces with probes in or near them are cut. None: all pieces matter.
         cuts: Made in any case: axis and coordinate [m].

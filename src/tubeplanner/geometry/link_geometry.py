@@ -168,8 +168,8 @@ def link_contents(robot: RobotModel) -> dict[str, tuple[SolidContents, ...]]:
         contents = []
         for each in elements:
             if each.kind == MESH:
-                path = _mesh_path(robot, each)
-                contents.append(mesh_contents(path, each.sizes, each.placement))
+                mesh = MeshFile(f"link '{link}'", _mesh_path(robot, each), each.sizes)
+                contents.append(mesh_contents(mesh, each.sizes, each.placement))
             else:
                 contents.append(simple_contents(each.kind, each.sizes, each.placement))
         result[link] = tuple(contents)

@@ -1,7 +1,8 @@
 """Link pairs that always touch; link pairs that need closer covers.
 
 Random configurations within the limits decide. Overlapping covers prove nothing about the links:
-where covers overlap, the solids themselves are tested.
+where covers overlap, the solids themselves are tested. Pairs are left out if the solids touch for
+certain, in doubt they are checked: open meshes have no inside there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +21,7 @@ from tubeplanner.geometry.link_geometry import LinkPart
 from tubeplanner.robot.model import RobotModel
 
 # Link pairs that touch in all of this many random configurations are assumed to touch always.
-_TOUCH_SAMPLES = 400
+TOUCH_SAMPLES = 400
 _TOUCH_SEED = 0
 # Arms with equal poses of their bodies in this many configurations have equal poses in all.
 _TELLING = 8
@@ -121,7 +122,7 @@ class LinkJudge:
         spheres = self._covers.gaps_of_spheres(self._centers[:1], self._pairs_of(pair))
         if (spheres > 0).all():
             return False
-        return all(self._touch(pair, k) for k in range(_TOUCH_SAMPLES))
+        return all(self._touch(pair, k) for k in range(TOUCH_SAMPLES))
 
     def _falsely_overlapping(self, pair: Pair) -> IntArray:
         """Return the first configurations with overlap of covers alone, at most `_PROBED`."""
@@ -136,14 +137,18 @@ class LinkJudge:
             gaps = self._covers.gaps_of_spheres(self._centers[k, None], indices)[0]
             likely = indices[np.argsort(gaps)[: int((gaps <= 0).sum())]]
             overlap = self._covers.any_overlap(self._rotation[k], self._position[k], likely)
-            if overlap and not self._touch(pair, k):
+            if overlap and not self._touch(pair, k, filled=True):
                 result.append(k)
             if len(result) == _PROBED:
                 break
         return np.array(result, dtype=np.int64)
 
-    def _touch(self, pair: Pair, sample: int) -> bool:
-        solids = [[part.solid for part in self._parts[link]] for link in pair]
+    def _touch(self, pair: Pair, sample: int, *, filled: bool = False) -> bool:
+        """Return True if solids touch for certain, or `filled`: as covers have them at best."""
+        solids = [
+            [part.solid.filled if filled else part.solid for part in self._parts[link]]
+            for link in pair
+        ]
         poses = [self._pose(link, sample) for link in pair]
         return touch(solids[0], solids[1], poses[0], poses[1])
 
@@ -208,7 +213,7 @@ def _random_configurations(robot: RobotModel) -> FloatArray:
     low = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))  # one turn, if the range has it
     high = np.minimum(upper, low + 2 * np.pi)
     rng = np.random.default_rng(_TOUCH_SEED)
-    return rng.uniform(low, high, (_TOUCH_SAMPLES, len(low)))
+    return rng.uniform(low, high, (TOUCH_SAMPLES, len(low)))
 
 
 def _as_arrays(judged: LinkPairs) -> Arrays:

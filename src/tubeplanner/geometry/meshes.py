@@ -251,12 +251,22 @@ class MeshFile:
         faces = np.asarray(self._mesh.faces, dtype=np.int64)
         return MeshSolid(np.asarray(self._mesh.vertices), faces)
 
+    def open_edges(self) -> int:
+        """Return the number of edges at which the mesh is open or wound both ways."""
+        arrays = cached("open", self.key, lambda: {"edges": np.array(self.solid.open_edges)})
+        return int(arrays["edges"])
+
     def cover(self) -> list[ConvexShape]:
         """Return few shapes that cover the mesh, where other solids do not come near."""
-        return unpacked(cached("cover", self.key, lambda: packed(cover_mesh(self._mesh))))
+        return unpacked(
+            cached("cover", self.key, lambda: packed(cover_mesh(self._filled(self.solid.filled))))
+        )
 
     def outer_error(self) -> float:
-        """Return the largest distance found from the surface of `cover` to the mesh [m]."""
+        """Return the largest distance found from the surface of `cover` to the mesh [m].
+
+        Of an open mesh to its triangles: openings that `cover` closes count.
+        """
         arrays = cached(
             "error", self.key, lambda: {"error": np.array(cover_error(self.solid, self.cover()))}
         )
@@ -266,10 +276,11 @@ class MeshFile:
         """Return shapes with a cover error of at most 2 mm, or as little as 64 shapes allow."""
 
         def computed() -> dict[str, np.ndarray]:
-            cover: Sequence[ConvexShape] = cover_mesh(self._mesh)
-            error = cover_error(self.solid, cover)
+            solid = self.solid.plugged
+            cover: Sequence[ConvexShape] = cover_mesh(self._filled(solid))
+            error = cover_error(solid, cover)
             if error > OUTER_ERROR:
-                finer = fine_cover(self.solid)
+                finer = fine_cover(solid)
                 cover = finer.shapes if finer.outer_error < error else cover
             return packed(cover)
 
@@ -278,9 +289,9 @@ class MeshFile:
     def fine_cover(self, probes: FloatArray) -> Cover:
         """Return shapes that cover the mesh closely near probes, shape (N, 3) [m]."""
         return fine_cover(
-            self.solid,
+            self.solid.filled,
             probes,
-            cuts=slab_cuts(self._mesh),
+            cuts=slab_cuts(self._filled(self.solid.filled)),
             outer_error=_LINK_ERROR,
             max_pieces=_LINK_PIECES,
         )
@@ -288,3 +299,13 @@ class MeshFile:
     @cached_property
     def _mesh(self) -> Any:
         return load_mesh(self.owner, self.path, self.scale)
+
+    def _filled(self, solid: MeshSolid) -> Any:
+        """Return the mesh with its openings closed as in a solid: itself if it has none."""
+        import trimesh
+
+        return (
+            trimesh.Trimesh(solid.vertices, solid.faces, process=False)
+            if solid.shells
+            else self._mesh
+        )

@@ -1,7 +1,7 @@
 """Obstacle and AttachedSolid: placement, contents, hand-over between cell and tool."""
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,6 +29,7 @@ class SolidContents:
         placement: Pose in the user's frame, shape (4, 4).
         mesh_hash: Of the bytes of its mesh file; empty for other kinds.
         path: The mesh file, which need not exist any more; None for other kinds.
+        open_edges: Number of edges at which the mesh is open or wound both ways.
     """
 
     kind: str
@@ -36,6 +37,7 @@ class SolidContents:
     placement: FloatArray
     mesh_hash: str = ""
     path: Path | None = None
+    open_edges: int = 0
 
 
 def simple_contents(kind: str, sizes: Iterable[float], placement: FloatArray) -> SolidContents:
@@ -43,15 +45,17 @@ def simple_contents(kind: str, sizes: Iterable[float], placement: FloatArray) ->
     return SolidContents(kind, tuple(float(size) for size in sizes), read_only(placement))
 
 
-def mesh_contents(path: Path, scale: Iterable[float], placement: FloatArray) -> SolidContents:
+def mesh_contents(mesh: MeshFile, scale: Iterable[float], placement: FloatArray) -> SolidContents:
     """Return the contents of a mesh file, scaled along each axis, in a placement (4, 4).
 
     Raises:
         OSError: The file cannot be read.
+        RobotError: It is no readable mesh.
     """
-    mesh_hash = hashlib.sha256(path.read_bytes()).hexdigest()
-    factors = tuple(float(factor) for factor in scale)
-    return SolidContents("mesh", factors, read_only(placement), mesh_hash, path)
+    open_edges = mesh.open_edges()  # first: it says what is wrong with a file
+    mesh_hash = hashlib.sha256(mesh.path.read_bytes()).hexdigest()
+    factors, pose = tuple(float(factor) for factor in scale), read_only(placement)
+    return SolidContents("mesh", factors, pose, mesh_hash, mesh.path, open_edges)
 
 
 # ---- Named solids: obstacles at rest in the base frame, and solids that the tool carries.
@@ -118,7 +122,7 @@ class Obstacle:
         """Return a solid mesh in a placement (4, 4).
 
         At most 64 convex shapes cover it, with a cover error of 2 mm, or as little as 64 shapes
-        allow; larger hollows are free.
+        allow; larger hollows are free. Openings of an open mesh count as closed.
 
         Raises:
             RobotError: The file is no readable mesh.
@@ -132,9 +136,9 @@ class Obstacle:
                 f"obstacle '{name}': scale {in_figures(scale)}; {MIN_SIZE:g} to {MAX_SIZE:g} are "
                 "accepted"
             )
-        shapes = MeshFile(f"obstacle '{name}'", Path(path), scale).close_cover()
-        contents = mesh_contents(Path(path), [scale] * 3, placement)
-        return cls(name, tuple(_placed(name, shape, placement) for shape in shapes), contents)
+        mesh = MeshFile(f"obstacle '{name}'", Path(path), scale)
+        shapes = tuple(_placed(name, shape, placement) for shape in mesh.close_cover())
+        return cls(name, shapes, mesh_contents(mesh, [scale] * 3, placement))
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,6 +269,31 @@ def _require_positive(name: str, kind: str, values: Sequence[float]) -> None:
                 f"obstacle '{name}': {kind} has size {in_figures(value)} m; {MIN_SIZE:g} to "
                 f"{MAX_SIZE:g} m are accepted"
             )
+
+
+# ---- Open meshes of links and solids.
+
+
+def open_meshes(
+    links: Mapping[str, Sequence[SolidContents]], solids: Iterable[Obstacle | AttachedSolid]
+) -> dict[str, dict[str, int]]:
+    """Return the number of open edges of each open mesh, by the names of its solid and its file."""
+    others = {solid.name: (solid.contents,) for solid in solids if solid.contents is not None}
+    is_open = {
+        name: {part.path.name: part.open_edges for part in own if part.path and part.open_edges}
+        for name, own in (*links.items(), *others.items())
+    }
+    return {name: files for name, files in is_open.items() if files}
+
+
+def open_mesh_texts(meshes: Mapping[str, Mapping[str, int]]) -> list[str]:
+    """Return a sentence for each of some `open_meshes`."""
+    return [
+        f"the mesh {file} of {name} is not closed ({count} edges are open or wound both ways), its "
+        "openings count as solid: export it closed"
+        for name, files in meshes.items()
+        for file, count in files.items()
+    ]
 
 
 # ---- Solids that the tool picks up in the cell, or puts down there.

@@ -193,7 +193,7 @@ def cell(tmp_path, monkeypatch, rough_covers):
     bow.export(tmp_path / "fixture.stl")
     monkeypatch.setattr(mesh_file, "cover_mesh", lambda m: [mesh_cover.convex_hull(m.vertices)])
     monkeypatch.setattr(mesh_file, "OUTER_ERROR", 1.0)  # [m]: no cover is refined
-    monkeypatch.setattr(link_pairs, "_TOUCH_SAMPLES", 1)
+    monkeypatch.setattr(link_pairs, "TOUCH_SAMPLES", 1)
     monkeypatch.setenv("TUBEPLANNER_CACHE", str(rough_covers))
     return tmp_path
 
