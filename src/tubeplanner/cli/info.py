@@ -81,9 +81,14 @@ def info(
             enter("picture")
             arm = contents.arm if isinstance(contents, RobotInfo) else contents.robot.arm
             problem = None if isinstance(contents, RobotInfo) else contents.problem
-            picture = figure_file(plot_robot(arm, shown_configuration(arm, problem)), plot)
-            enter("writing")
-            console.write_answer({plot: picture})
+
+            def drawn(path: Path) -> bytes:
+                picture = figure_file(plot_robot(arm, shown_configuration(arm, problem)), path)
+                enter("writing")
+                return picture
+
+            console.write_answer(console.Output("plot", plot, drawn))
+            plot = console.unless_failed(plot)
     if as_json:
         fields = _finite(contents.as_dict())
         message = f"{fields['name']}: {len(fields['missing'])} things missing"

@@ -24,7 +24,7 @@ from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import motion_of_file
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import read_trajectory_file
-from tubeplanner.writing import require_writable
+from tubeplanner.writing import require_writable, write_files
 
 
 @click.command()
@@ -60,7 +60,8 @@ def view(
             hold_interrupts()
             path, opened = motion_view.open()
         else:
-            console.write_answer({html: page})
+            hold_interrupts()
+            write_files({html: page})
             path, opened = html, True
     message = f"view: {path}"
     if not opened:
@@ -138,7 +139,8 @@ def plot(
             notes = notes_on_file(loaded, read, failed=False)
         picture = figure_file(figure, target)
         enter("writing")
-        console.write_answer({target: picture})
+        hold_interrupts()
+        write_files({target: picture})
     duration = read.trajectory.duration
     if as_json:
         report = console.empty_report("success", "drawn, not judged")
