@@ -152,14 +152,18 @@ def load_timed(
 
 
 def load_either_timed(
-    name: str, enter: Callable[[object], None], changes: Mapping[str, Any]
+    name: str,
+    enter: Callable[[object], None],
+    changes: Mapping[str, Any],
+    *,
+    reads_tube: bool | None = True,
 ) -> "tuple[PlanningProblem | Cycle, float]":
     """Return the problem or cycle of a file, changed by field path, and the loading time [s]."""
     begin = time.perf_counter()
     enter("loading robot and collision geometry")
     from tubeplanner.task.cycle_file import load_problem_or_cycle
 
-    loaded = load_problem_or_cycle(name, changes=changes)
+    loaded = load_problem_or_cycle(name, reads_tube=reads_tube, changes=changes)
     return loaded, time.perf_counter() - begin
 
 
