@@ -45,7 +45,7 @@ _MAX_NAMES = 12  # joints or links in a line
 @click.argument("robot", metavar="ROBOT|PROBLEM")
 @console.TOOL_FRAME
 @console.PACKAGE_DIR
-@click.option("--plot", type=console.PATH, help="Arm with its frames named (PNG, PDF or SVG).")
+@click.option("--plot", type=console.PATH, help="Arm and cell, frames named (PNG, PDF or SVG).")
 @console.SET
 @console.AS_JSON
 def info(
@@ -83,7 +83,9 @@ def info(
             problem = None if isinstance(contents, RobotInfo) else contents.problem
 
             def drawn(path: Path) -> bytes:
-                picture = figure_file(plot_robot(arm, shown_configuration(arm, problem)), path)
+                solids = () if problem is None else (problem.obstacles, problem.attached)
+                figure = plot_robot(arm, shown_configuration(arm, problem), None, *solids)
+                picture = figure_file(figure, path)
                 enter("writing")
                 return picture
 
