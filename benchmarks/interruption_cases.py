@@ -99,7 +99,7 @@ place:
   - place PROBLEM --region=-0.02,0.02,0,0 --stands-on none --points 8 --quality fast --processes 1
     -o OUT/a.yaml PNG
   - a.yaml a.png
-  - studies.placement:plan studies.placement_trials:tried
+  - studies.placement:plan studies.placement_rows:tried
   - a.jsonl
 route:
   - route example:two_link/through_the_gap --tries 1 --samples 200 -o OUT/a.yaml
@@ -195,9 +195,8 @@ class Kept:
         self, make: Callable[[str, Callable[..., Any]], Callable[..., Any]]
     ) -> Iterator[None]:
         real = []
-        command = self._case.words.split()[0]
         places = [(name, *name.split(":")) for name in self._case.computed]
-        module = import_module(f"tubeplanner.cli.{command}") if self._case.journal else None
+        module = import_module("tubeplanner.cli.console") if self._case.journal else None
         try:
             for name, where, attribute in places:
                 import_module(where)

@@ -178,7 +178,7 @@ def faults(runs: Runs, place: Place, ended: Ended, number: int, *, exact: bool =
 
 
 def faults_without_room(runs: Runs, place: Place, ended: Ended, remedy: str) -> list[str]:
-    """Return what is wrong with a run that could not write."""
+    """Return what is wrong with a run that could not write all files."""
     found, faults, (_, err) = place.found(), [], place.printed
     found.pop("filler", None)
     found.pop(runs.case.journal or "", None)
@@ -187,13 +187,17 @@ def faults_without_room(runs: Runs, place: Place, ended: Ended, remedy: str) -> 
     if set(found) - set(runs.case.files):
         faults.append("files are left")
     names = runs.case.files
-    if _states(runs, runs.new, found, True) != {"old"}:
-        faults.append("an output is changed")
+    states = _states(runs, runs.new, found, True)
+    if "torn" in states:
+        faults.append("an output is torn")
     if ended.status != BAD_INPUT or "Traceback" in err:
         faults.append(f"status {ended.status}")
-    named = [*(name.split("/")[0] for name in names), *[runs.case.journal] * 1]
-    if not any(name and name in err for name in named):
-        faults.append("no file is named")
+    old = [name for name in names if found.get(name) == _old(name)]
+    named = [name in err for name in old]
+    # A run that is refused before its work names the first file, or its journal or folder.
+    first = [*(name.split("/")[0] for name in names), *[runs.case.journal] * 1]
+    if not all(named) and ("new" in states or not any(name and name in err for name in first)):
+        faults.append("a file is not named")
     if remedy not in err:
         faults.append("no remedy is named")
     return faults

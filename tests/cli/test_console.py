@@ -4,6 +4,7 @@ import json
 import signal
 from contextlib import suppress
 
+import click
 import numpy as np
 import pytest
 from stored_trajectories import REFINEMENT, stored_path
@@ -11,7 +12,7 @@ from stored_trajectories import REFINEMENT, stored_path
 import tubeplanner
 from tubeplanner import PlanOptions, load_problem, plan
 from tubeplanner.cli import sweep as study_commands
-from tubeplanner.cli.console import printable, workers_of, write_answer
+from tubeplanner.cli.console import AnswerFiles, Output, printable, workers_of, write_answer
 from tubeplanner.cli.interrupts import interrupts_remembered
 from tubeplanner.cli.main import cli
 from tubeplanner.documents import parse_yaml
@@ -176,9 +177,27 @@ def test_teach_changes_the_cell_alone(run, tmp_path):
     assert json.loads(out)["where"]["obstacle"] == "post"
 
 
+def test_a_file_that_cannot_be_written_costs_no_other(tmp_path):
+    paths = {name: tmp_path / name for name in ("first", "second", "third")}
+    paths["second"] = tmp_path / "missing" / "second"
+    files, order = AnswerFiles(), []
+
+    def content(path):
+        order.append(path.name)
+        return b"new"
+
+    with click.Context(cli, obj=files):
+        write_answer(*(Output("table", path, content) for path in paths.values()))
+    assert order == list(paths)
+    assert list(files.written) == [paths["first"], paths["third"]]
+    assert [path.read_bytes() for path in files.written] == [b"new", b"new"]
+    assert "the folder" in files.failures[paths["second"]]
+    assert files.message.endswith(f"; saved: table {paths['first']}, table {paths['third']}")
+
+
 def test_from_the_writing_on_an_interrupt_ends_nothing(tmp_path):
     with interrupts_remembered():
-        write_answer({tmp_path / "a": b"new"})
+        write_answer(Output("table", tmp_path / "a", lambda _: b"new"))
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)
     assert (tmp_path / "a").read_bytes() == b"new"

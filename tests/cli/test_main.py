@@ -226,6 +226,38 @@ def test_an_error_of_our_own_is_one_line_and_not_a_verdict(run_json, monkeypatch
     assert "ZeroDivisionError: oops" in fields["message"]
 
 
+def test_a_picture_costs_no_trajectory(run, run_json, tmp_path, monkeypatch):
+    def broken(*_):
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr(planned, "figure_file", broken)
+    json_path, csv_path, plot = (tmp_path / f"t.{end}" for end in ("json", "csv", "png"))
+    words = ("plan", PROBLEM, *STOPS, "--plot", plot, "--csv", csv_path, "-o", json_path)
+    status, out, err = run(*words)
+    assert status == 2 and json_path.exists() and csv_path.exists() and not plot.exists()
+    assert out.endswith(f"trajectory: {json_path}\nCSV: {csv_path}\n")
+    reason = f"output {plot} could not be made: internal error, please report it with the problem "
+    reason += "file: ZeroDivisionError: oops"
+    assert err == f"tubeplanner: {reason}; saved: trajectory {json_path}, CSV {csv_path}\n"
+    status, fields = run_json(*words)
+    assert (status, fields["status"], fields["certificate"]["passed"]) == (2, "bad_input", True)
+    assert fields["message"].startswith("certified trajectory of ")
+    assert f"{reason}; saved: trajectory {json_path}" in fields["message"]
+    assert fields["written"] == [str(json_path), str(csv_path)]
+    assert fields["not_written"] == {str(plot): reason}
+
+
+def test_an_error_after_the_writing_says_what_was_saved(run, tmp_path, monkeypatch):
+    def broken(*_, **__):
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr(planned, "plan_text", broken)
+    path = tmp_path / "t.json"
+    status, _, err = run("plan", PROBLEM, *STOPS, "-o", path)
+    assert status == 2 and path.exists()
+    assert err.endswith(f"ZeroDivisionError: oops; saved: trajectory {path}\n")
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_a_full_disk_under_standard_output_is_no_error_of_ours(monkeypatch, capsys):
     full = os.open("/dev/full", os.O_WRONLY)

@@ -72,18 +72,17 @@ def test_inputs_are_not_overwritten(run, tmp_path):
     assert (status, "is the same file as" in error) == (2, True)
 
 
-def test_nothing_is_written_on_failure(run, tmp_path, monkeypatch):
-    """Of two files that are asked for, the one that could be made neither."""
-
+def test_a_page_that_fails_costs_neither_the_figure_nor_the_answer(run, tmp_path, monkeypatch):
     def failing(*_, **__):
         raise OutputError("no page today")
 
     monkeypatch.setattr("tubeplanner.cli.simulate.view", failing)
-    files = ("--plot", tmp_path / "runs.png", "--html", tmp_path / "runs.html")
+    plot = tmp_path / "runs.png"
+    files = ("--plot", plot, "--html", tmp_path / "runs.html")
     status, text, error = run("simulate", *CASE, "--runs", "1", *files)
-    assert (status, text) == (2, "")
-    assert "no page today" in error
-    assert list(tmp_path.iterdir()) == []
+    assert (status, "seen in 1 runs" in text, text.endswith(f"plot: {plot}\n")) == (2, True, True)
+    assert error == f"tubeplanner: no page today; saved: plot {plot}\n"
+    assert list(tmp_path.iterdir()) == [plot]
 
 
 @pytest.fixture(scope="module")

@@ -80,6 +80,25 @@ def test_a_cell_is_shown_before_anything_is_planned(folder, run):
     assert "The arm at its start" in page.read_text()
 
 
+@pytest.mark.parametrize("goal", [{"position": [0.65, 0.28, 0.5], "tolerance": 0.02}, None])
+def test_a_cell_without_a_tube_is_shown_with_the_arm_at_its_start(goal, folder, run):
+    wall = {"name": "wall", "box": [0.1, 0.1, 0.1], "position": [0.2, 0.9, 0.5]}
+    fields = {
+        "robot": {"urdf": "slide.urdf", "tool_frame": "tip"},
+        "start": {"joints": START},
+        "obstacles": [wall],
+        **({} if goal is None else {"goal": goal}),
+    }
+    path, page = folder / "cell.yaml", folder / "cell.html"
+    path.write_text(json.dumps(fields))
+    status, out, _ = run("view", path, "--html", page)
+    assert (status, out.count("note: there is no tube: the tool may be anywhere; ")) == (0, 1)
+    data = data_of(page.read_text())
+    labels = {layer["name"]: layer["label"] for layer in data["layers"]}
+    assert "tube" not in labels and labels["obstacles"] == "Obstacles: wall"
+    assert labels.get("reference") == (goal and "Goal of the tool, goal's ball")
+
+
 @pytest.mark.slow  # draws a cycle
 def test_a_figure_is_drawn_also_of_what_fails(folder, run, drawn):
     assert run("plot", folder / "cycle.yaml", folder / "fast.json")[0] == 0

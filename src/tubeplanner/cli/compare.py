@@ -84,27 +84,29 @@ def compare(
 def _write_comparison(
     result: Comparison, output: Path | None, figure: Path | None, folder: Path | None
 ) -> list[Path]:
-    """Write all requested files or none; return the paths of the trajectories."""
+    """Write the requested files; return the paths of the trajectories."""
     hold_interrupts()
-    contents: dict[Path, bytes] = {}
-    if output is not None:
-        contents[output] = console.table_bytes(result, output)
-    if figure is not None:
-        contents[figure] = figure_file(plot_comparison(result), figure)
-    trajectories = {} if folder is None else _trajectory_files(result, folder)
-    console.write_answer({**contents, **trajectories}, folder)
-    return list(trajectories)
+    rows = {} if folder is None else {folder / f"{row.method}.json": row for row in result.rows}
+    rows = {path: row for path, row in rows.items() if row.trajectory is not None}
+
+    def trajectory(path: Path) -> bytes:
+        return _trajectory_file(result, rows[path])
+
+    console.write_answer(
+        *(console.Output("trajectory", path, trajectory) for path in rows),
+        console.Output("table", output, lambda path: console.table_bytes(result, path)),
+        console.Output("figure", figure, lambda path: figure_file(plot_comparison(result), path)),
+        folder=folder,
+    )
+    return list(rows)
 
 
-def _trajectory_files(result: Comparison, folder: Path) -> dict[Path, bytes]:
-    """Return the contents of a trajectory file for each row, with the verdict and its failures."""
-    files = {}
-    for row in result.rows:
-        if row.trajectory is not None:
-            verdict = {"certified": row.certified, "failures": row.as_dict()["failures"]}
-            more = {**origin(result.problem, row.answered_by or row.method), **verdict}
-            files[folder / f"{row.method}.json"] = trajectory_json(row.trajectory, **more).encode()
-    return files
+def _trajectory_file(result: Comparison, row: ComparisonRow) -> bytes:
+    """Return the trajectory file of a row, with the verdict and its failures."""
+    assert row.trajectory is not None
+    verdict = {"certified": row.certified, "failures": row.as_dict()["failures"]}
+    more = {**origin(result.problem, row.answered_by or row.method), **verdict}
+    return trajectory_json(row.trajectory, **more).encode()
 
 
 def comparison_text(result: Comparison) -> str:

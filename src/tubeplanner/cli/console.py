@@ -6,17 +6,18 @@ Modules that load NumPy are imported inside functions, as the group of commands 
 import json
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import click
 
 from tubeplanner import __version__
-from tubeplanner.cli.interrupts import hold_interrupts, interrupts_remembered
-from tubeplanner.errors import OptionError, on_one_line
+from tubeplanner.cli.interrupts import hold_interrupts, interrupts_remembered, raise_unheld
+from tubeplanner.errors import OptionError, OutputError, TubePlannerError, on_one_line
 from tubeplanner.outcome import Place
 from tubeplanner.writing import write_files
 
@@ -174,14 +175,18 @@ def load_timed(
 
 
 def load_either_timed(
-    name: str, enter: Callable[[object], None], changes: Mapping[str, Any]
+    name: str,
+    enter: Callable[[object], None],
+    changes: Mapping[str, Any],
+    *,
+    reads_tube: bool | None = True,
 ) -> "tuple[PlanningProblem | Cycle, float]":
     """Return the problem or cycle of a file, changed by field path, and the loading time [s]."""
     begin = time.perf_counter()
     enter("loading robot and collision geometry")
     from tubeplanner.task.cycle_file import load_problem_or_cycle
 
-    loaded = load_problem_or_cycle(name, changes=changes)
+    loaded = load_problem_or_cycle(name, reads_tube=reads_tube, changes=changes)
     return loaded, time.perf_counter() - begin
 
 
@@ -245,14 +250,16 @@ def say(*values: object, sep: str = " ", end: str = "\n") -> None:
 
 
 def say_unwritten(*options: str) -> None:
-    """Print a line with the options that would have written the answer."""
-    say(f"nothing written; to keep the answer, give {' or '.join(options)}")
+    """Print a line with the options that would have written the answer, unless they failed to."""
+    if not answer_files().failures:
+        say(f"nothing written; to keep the answer, give {' or '.join(options)}")
 
 
-def say_files(written: list[Path], *options: str) -> None:
+def say_files(requested: Sequence[Path], *options: str) -> None:
     """Print the written files, one a line; without files, the options that would write some."""
-    if written:
-        say(*written, sep="\n")
+    if requested:
+        paths = [path for path in requested if path not in answer_files().failures]
+        say(*paths, sep="\n", end="\n" if paths else "")
     else:
         say_unwritten(*options)
 
@@ -273,26 +280,106 @@ def empty_report(status: str, message: str, where: dict[str, Any] | None = None)
 
 
 def print_json(fields: dict[str, Any], indent: int | None = None) -> None:
-    """Print the JSON object of a run."""
+    """Print the JSON object of a run; a file that could not be written makes it `bad_input`."""
+    files = answer_files()
+    if files.failures:
+        message = "; ".join(filter(None, [fields["message"], files.message]))
+        fields = {**fields, "status": "bad_input", "message": message, **files.as_dict()}
     say(json.dumps(fields, allow_nan=False, indent=indent))
 
 
-def write_answer(contents: Mapping[Path, bytes], folder: Path | None = None) -> None:
-    """Write all files of an answer or none, and hold Ctrl-C from here on.
+# ---- Files of an answer, in the order of their worth: what fails costs nothing that goes before.
 
-    A command whose work takes long holds Ctrl-C before it draws. A command that only draws enters a
-    stage before it writes: this raises a Ctrl-C that a library swallowed, which may have spoiled
-    the picture.
+
+class Output(NamedTuple):
+    """An output file.
+
+    Attributes:
+        kind: Noun for it.
+        path: Where it goes; None: it is not requested.
+        content: Function from the path to the content.
+    """
+
+    kind: str
+    path: Path | None
+    content: Callable[[Path], bytes]
+
+
+@dataclass
+class AnswerFiles:
+    """The output files of a run.
+
+    Attributes:
+        written: Kinds of the written files, by path, in order.
+        failures: Sentences on the other files, by path, in order.
+    """
+
+    written: dict[Path, str] = field(default_factory=dict)
+    failures: dict[Path, str] = field(default_factory=dict)
+
+    @property
+    def saved(self) -> str:
+        """The end of a message with what was written; empty if nothing was."""
+        listed = ", ".join(f"{kind} {path}" for path, kind in self.written.items())
+        return listed and f"; saved: {listed}"
+
+    @property
+    def message(self) -> str:
+        """What was not written and why, and what was."""
+        return "; ".join(dict.fromkeys(self.failures.values())) + self.saved
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the paths and reasons as JSON values."""
+        failures = {str(path): reason for path, reason in self.failures.items()}
+        return {"written": list(map(str, self.written)), "not_written": failures}
+
+
+def answer_files() -> AnswerFiles:
+    """Return the output files of the current run, which `main` made."""
+    context = click.get_current_context(silent=True)
+    return (context and context.find_object(AnswerFiles)) or AnswerFiles()
+
+
+def write_answer(*outputs: Output, folder: Path | None = None) -> None:
+    """Make and write the requested files, one after the other; hold Ctrl-C from the first one on.
+
+    A file that cannot be made or written is a failure of the run's `AnswerFiles`, and the others
+    are written nevertheless: `main` reports it. A command whose work takes long holds Ctrl-C
+    before. A command that only draws enters a stage when a picture is made: this raises a Ctrl-C
+    that a library swallowed, which may have spoiled the picture.
 
     Args:
-        contents: As for `write_files`.
-        folder: As for `write_files`.
-
-    Raises:
-        OutputError: A file cannot be written.
+        outputs: The most valuable first: trajectories, tables, figures, pages.
+        folder: As for `write_files`, of the files in it.
     """
-    hold_interrupts()
-    write_files(contents, folder)
+    files = answer_files()
+    for kind, path, content in outputs:
+        if path is None:
+            continue
+        try:
+            data = content(path)
+            hold_interrupts()
+            write_files({path: data}, folder if path.parent == folder else None)
+        except OutputError as error:
+            files.failures[path] = str(error)
+        except Exception as error:
+            raise_unheld()  # a library that was interrupted may raise anything
+            own = isinstance(error, TubePlannerError)
+            reason = str(error) if own else internal_error(error)
+            files.failures[path] = f"output {path} could not be made: {reason}"
+        else:
+            files.written[path] = kind
+
+
+def internal_error(error: Exception) -> str:
+    """Return the message for an error of this package itself."""
+    kind = type(error).__name__
+    return f"internal error, please report it with the problem file: {kind}: {error}"
+
+
+def unless_failed(path: Path | None) -> Path | None:
+    """Return the path of a requested file, None if it could not be written."""
+    return None if path in answer_files().failures else path
 
 
 class _Table(Protocol):

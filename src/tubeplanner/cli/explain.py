@@ -73,8 +73,9 @@ def explain(
         notes = [f"{html} was not written: the tube cannot be drawn"]
     elif html is not None:
         hold_interrupts()
-        console.write_answer({html: view_explanation(explanation).html.encode()})
-        notes = [f"page: {html}"]
+        page = console.Output("page", html, lambda _: view_explanation(explanation).html.encode())
+        console.write_answer(page)
+        notes = [f"page: {html}"] if console.unless_failed(html) else []
     if as_json:
         report = {**console.empty_report("", ""), **explanation.as_dict()}
         console.print_json({**report, "search_time": search_time, "notes": notes})

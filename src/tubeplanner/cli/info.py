@@ -48,7 +48,7 @@ _MAX_NAMES = 12  # joints or links in a line
 @console.TOOL_FRAME
 @console.PACKAGE_DIR
 @console.XACRO_ARG
-@click.option("--plot", type=console.PATH, help="Arm with its frames named (PNG, PDF or SVG).")
+@click.option("--plot", type=console.PATH, help="Arm and cell, frames named (PNG, PDF or SVG).")
 @console.SET
 @console.AS_JSON
 def info(
@@ -91,9 +91,16 @@ def info(
             enter("picture")
             arm = contents.arm if isinstance(contents, RobotInfo) else contents.robot.arm
             problem = None if isinstance(contents, RobotInfo) else contents.problem
-            picture = figure_file(plot_robot(arm, shown_configuration(arm, problem)), plot)
-            enter("writing")
-            console.write_answer({plot: picture})
+
+            def drawn(path: Path) -> bytes:
+                solids = () if problem is None else (problem.obstacles, problem.attached)
+                figure = plot_robot(arm, shown_configuration(arm, problem), None, *solids)
+                picture = figure_file(figure, path)
+                enter("writing")
+                return picture
+
+            console.write_answer(console.Output("plot", plot, drawn))
+            plot = console.unless_failed(plot)
     if as_json:
         fields = _finite(contents.as_dict())
         message = f"{fields['name']}: {len(fields['missing'])} things missing"

@@ -9,7 +9,7 @@ from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.output.files.new_problem_files import starter_text
 from tubeplanner.studies.tubes.starter_problem import starter_problem
-from tubeplanner.writing import require_writable
+from tubeplanner.writing import require_writable, write_files
 
 
 @click.command()
@@ -43,7 +43,7 @@ def init(
     folder = Path() if output is None else output.parent
     text = starter_text(starter, robot, package_dirs, folder, xacro_args)
     if output is not None:
-        console.write_answer({output: text.encode()})
+        write_files({output: text.encode()})
     if as_json:
         fields = console.empty_report("success", starter.result.message)
         fields |= {"duration": starter.result.duration, "placeholders": list(starter.placeholders)}

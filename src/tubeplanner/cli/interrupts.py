@@ -82,6 +82,12 @@ def hold_interrupts() -> list[int]:
     return _run.held
 
 
+def raise_unheld() -> None:
+    """Raise KeyboardInterrupt if Ctrl-C was pressed in this run and is not held yet."""
+    if _run.held is None:
+        _raise_pending()
+
+
 def _raise_pending() -> None:
     if _run.pressed:
         raise KeyboardInterrupt

@@ -36,14 +36,18 @@ def main(arguments: Sequence[str]) -> int:
     Args:
         arguments: Without the program's name.
     """
-    as_json = "--json" in arguments
+    as_json, files = "--json" in arguments, console.AnswerFiles()
     try:
         with interrupts_remembered() as raise_pending:
             raise_pending()
-            status = cli.main(list(arguments), "tubeplanner", standalone_mode=False)
+            status = cli.main(list(arguments), "tubeplanner", standalone_mode=False, obj=files)
             hold_interrupts()
             sys.stdout.flush()
-        return int(status or console.SUCCESS)
+        if not files.failures:
+            return int(status or console.SUCCESS)
+        if not as_json:  # the object has it
+            console.fail("bad_input", files.message, as_json, console.BAD_INPUT)
+        return console.BAD_INPUT
     except click.ClickException as error:
         if as_json:
             return console.fail("bad_input", error.format_message(), as_json, console.BAD_INPUT)
@@ -53,7 +57,7 @@ def main(arguments: Sequence[str]) -> int:
         fields = {"where": error.place.as_dict(), "proved": error.proved}
         return console.fail("bad_input", str(error), as_json, console.BAD_INPUT, **fields)
     except TubePlannerError as error:
-        return console.fail("bad_input", str(error), as_json, console.BAD_INPUT)
+        return console.fail("bad_input", f"{error}{files.saved}", as_json, console.BAD_INPUT)
     except (KeyboardInterrupt, click.Abort):
         message = "interrupted before there was an answer"
         return console.fail("interrupted", message, as_json, console.INTERRUPTED)
@@ -61,9 +65,9 @@ def main(arguments: Sequence[str]) -> int:
         if isinstance(error, OSError) and error.errno == ENOSPC:
             # Errors of files name the file: this is standard output, too full for a JSON report.
             message = f"standard output cannot be written: {error.strerror}; make room"
+            message += files.saved
             return console.fail("bad_input", message, as_json=False, code=console.BAD_INPUT)
-        kind = type(error).__name__
-        message = f"internal error, please report it with the problem file: {kind}: {error}"
+        message = console.internal_error(error) + files.saved
         return console.fail("bad_input", message, as_json, console.BAD_INPUT)
 
 

@@ -72,14 +72,16 @@ def measure(
         result = measure_tube(loaded, options, enter)
     if output is not None and result.problem is not None:
         hold_interrupts()
-        contents = with_other_tube(source, output, result.problem.tube, changes)
-        console.write_answer({output: contents})
+        tube = result.problem.tube
+        console.write_answer(
+            console.Output("problem", output, lambda to: with_other_tube(source, to, tube, changes))
+        )
     if as_json:
         fields = {**console.empty_report("", ""), **result.as_dict()}
         console.print_json({**fields, "loading_time": loading_time})
     else:
         console.say(measurement_text(loaded, result, loading_time))
-        if output is not None and result.succeeded:
+        if console.unless_failed(output) and result.succeeded:
             console.say(f"problem: {output}")
         elif result.succeeded:
             console.say_unwritten("-o PROBLEM.yaml")

@@ -135,18 +135,18 @@ def _write(
     figure: Path | None,
     changes: dict[str, Any],
 ) -> dict[str, Path]:
-    """Write all requested files or none; return the files by kind."""
+    """Write the requested files; return the written files by kind."""
     hold_interrupts()
-    contents: dict[Path, bytes] = {}
-    written = {}
-    if output is not None and placement.succeeded:
-        contents[output] = with_placement(source, output, placement.changes, changes)
-        written["problem"] = output
-    if figure is not None:
-        contents[figure] = figure_file(plot_placement(placement), figure)
-        written["map"] = figure
-    console.write_answer(contents)
-    return written
+    outputs = [
+        console.Output(
+            "problem",
+            output if placement.succeeded else None,
+            lambda path: with_placement(source, path, placement.changes, changes),
+        ),
+        console.Output("map", figure, lambda path: figure_file(plot_placement(placement), path)),
+    ]
+    console.write_answer(*outputs)
+    return {each.kind: each.path for each in outputs if each.path in console.answer_files().written}
 
 
 def placement_text(found: Placement) -> str:

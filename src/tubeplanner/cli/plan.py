@@ -3,8 +3,9 @@
 Figures and pages are imported only on request: they load parts of SciPy that plans do not need.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +94,8 @@ def plan(
     else:
         console.say(answer.text(loading_time))
         for kind, path in outputs.paths() if succeeded else ():
-            console.say(f"{kind}: {path}")
+            if console.unless_failed(path):
+                console.say(f"{kind}: {path}")
         if succeeded and not outputs.paths():
             console.say_unwritten("-o T.json", "--csv", "--ros", "--plot", "--html")
     return console.SUCCESS if succeeded else console.INFEASIBLE
@@ -225,29 +227,56 @@ class PlanOutputs:
     def write(
         self, problem: PlanningProblem, method: str, trajectory: JointTrajectory
     ) -> tuple[str, ...]:
-        """Write all files or none; return notes on the files."""
-        contents, notes = self.files.contents(trajectory, problem, method)
-        if self.plot:
+        """Write the files of a trajectory; return notes on the files."""
+
+        def figure(path: Path) -> bytes:
             from tubeplanner.output.figures.trajectory_figures import plot_trajectory
 
-            contents[self.plot] = figure_file(plot_trajectory(problem, trajectory), self.plot)
-        if self.html:
+            return figure_file(plot_trajectory(problem, trajectory), path)
+
+        def page(_: Path) -> bytes:
             from tubeplanner.output.page.viewer import view as view_scene
 
-            contents[self.html] = view_scene(problem, trajectory, names=[method]).html.encode()
-        console.write_answer(contents)
-        return notes
+            return view_scene(problem, trajectory, names=[method]).html.encode()
+
+        return self._write(lambda files: files.contents(trajectory, problem, method), figure, page)
 
     def write_cycle(self, method: str, motion: CycleMotion) -> tuple[str, ...]:
-        """Write all files of a cycle's motion or none; return notes on the files."""
-        contents, notes = cycle_contents(self.files, motion, method)
-        if self.plot:
+        """Write the files of a cycle's motion; return notes on the files."""
+
+        def figure(path: Path) -> bytes:
             from tubeplanner.output.figures.trajectory_figures import plot_cycle
 
-            contents[self.plot] = figure_file(plot_cycle(motion.cycle, motion), self.plot)
-        if self.html:
+            return figure_file(plot_cycle(motion.cycle, motion), path)
+
+        def page(_: Path) -> bytes:
             from tubeplanner.output.page.cycle_page import view_cycle
 
-            contents[self.html] = view_cycle(motion.cycle, [motion], [method]).html.encode()
-        console.write_answer(contents)
-        return notes
+            return view_cycle(motion.cycle, [motion], [method]).html.encode()
+
+        return self._write(lambda files: cycle_contents(files, motion, method), figure, page)
+
+    def _write(
+        self,
+        contents: Callable[[TrajectoryFiles], tuple[dict[Path, bytes], tuple[str, ...]]],
+        figure: Callable[[Path], bytes],
+        page: Callable[[Path], bytes],
+    ) -> tuple[str, ...]:
+        """Write the trajectory, its samples, the figure, the page; return notes on the samples."""
+        notes: list[str] = []
+
+        @cache
+        def samples() -> dict[Path, bytes]:
+            texts, more = contents(replace(self.files, json=None))
+            notes.extend(more)
+            return texts
+
+        own = replace(self.files, csv=None, ros=None)
+        console.write_answer(
+            console.Output("trajectory", self.files.json, lambda path: contents(own)[0][path]),
+            console.Output("CSV", self.files.csv, lambda path: samples()[path]),
+            console.Output("ROS", self.files.ros, lambda path: samples()[path]),
+            console.Output("plot", self.plot, figure),
+            console.Output("view", self.html, page),
+        )
+        return tuple(notes)

@@ -38,14 +38,18 @@ def reproduce(output: Path, as_json: bool) -> int:
         reproduction = reproduce_tables(enter)
         enter("drawing")
         hold_interrupts()
-        contents = {page: reproduction_page(reproduction, files).encode()}
-        for name, (_, draw) in FIGURES.items():
-            path = output / f"{name}.png"
-            contents[path] = figure_file(draw(reproduction), path)
-        console.write_answer(contents, output)
+
+        def drawn(path: Path) -> bytes:
+            return figure_file(FIGURES[path.stem][1](reproduction), path)
+
+        tables = console.Output(
+            "page", page, lambda _: reproduction_page(reproduction, files).encode()
+        )
+        figures = (console.Output("figure", path, drawn) for path in written[1:])
+        console.write_answer(tables, *figures, folder=output)
     if as_json:
         report = console.empty_report("success", f"{len(reproduction.cells)} cases")
         console.print_json({**report, **reproduction.as_dict(), "page": str(page)})
     else:
-        console.say(*contents, sep="\n")
+        console.say_files(written)
     return console.SUCCESS

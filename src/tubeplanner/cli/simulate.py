@@ -126,7 +126,8 @@ def simulate(
         console.print_json(answer.report | more | {"notes": answer.notes} | pictures.as_dict())
     else:
         lines = [*answer.lines, *(f"note: {note}" for note in answer.notes)]
-        console.say(*lines, *(f"{kind}: {path}" for kind, path in pictures.paths), sep="\n")
+        written = [(kind, path) for kind, path in pictures.paths if console.unless_failed(path)]
+        console.say(*lines, *(f"{kind}: {path}" for kind, path in written), sep="\n")
         if not pictures.paths:
             console.say_unwritten("--plot", "--html")
 
@@ -145,8 +146,9 @@ class _Pictures:
         return [(kind, path) for kind, path in paths.items() if path is not None]
 
     def as_dict(self) -> dict[str, str | None]:
-        """Return the fields as JSON values."""
-        return {name: None if path is None else str(path) for name, path in vars(self).items()}
+        """Return the paths of the written files as JSON values."""
+        paths = {name: console.unless_failed(path) for name, path in vars(self).items()}
+        return {name: None if path is None else str(path) for name, path in paths.items()}
 
     def require_usable(self, *inputs: str | Path) -> None:
         """Raise if a file cannot be written, before any work is done."""
@@ -155,14 +157,12 @@ class _Pictures:
         require_writable([path for _, path in self.paths], [Path(path) for path in inputs])
 
     def write(self, figure: Callable[[], Any], page: Callable[[], View]) -> None:
-        """Make and write all files or none."""
+        """Make and write the files."""
         hold_interrupts()
-        contents: dict[Path, bytes] = {}
-        if self.plot is not None:
-            contents[self.plot] = figure_file(figure(), self.plot)
-        if self.html is not None:
-            contents[self.html] = page().html.encode()
-        console.write_answer(contents)
+        console.write_answer(
+            console.Output("plot", self.plot, lambda path: figure_file(figure(), path)),
+            console.Output("view", self.html, lambda _: page().html.encode()),
+        )
 
 
 @dataclass(frozen=True)

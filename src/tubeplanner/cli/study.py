@@ -68,10 +68,10 @@ def study(
         with console.workers_of(processes, scheduler) as workers:
             result = run_study(loaded, journal=journal, executor=workers, progress=enter)
         hold_interrupts()
-        contents = {} if output is None else {output: console.table_bytes(result, output)}
-        if figure is not None:
-            contents[figure] = figure_file(plot_study(result), figure)
-        console.write_answer(contents)
+        console.write_answer(
+            console.Output("table", output, lambda path: console.table_bytes(result, path)),
+            console.Output("figure", figure, lambda path: figure_file(plot_study(result), path)),
+        )
     message = _message(result, journal)
     if as_json:
         status = "success" if result.succeeded else "no_trajectory"

@@ -124,12 +124,15 @@ def _swept_field(
 def _write_sweep(
     result: SweepResult | FieldSweep, output: Path | None, figure: Path | None
 ) -> None:
-    hold_interrupts()
-    contents = {} if output is None else {output: console.table_bytes(result, output)}
-    if figure is not None:
+    def drawn(path: Path) -> bytes:
         picture = plot_field_sweep(result) if isinstance(result, FieldSweep) else plot_sweep(result)
-        contents[figure] = figure_file(picture, figure)
-    console.write_answer(contents)
+        return figure_file(picture, path)
+
+    hold_interrupts()
+    console.write_answer(
+        console.Output("table", output, lambda path: console.table_bytes(result, path)),
+        console.Output("figure", figure, drawn),
+    )
 
 
 def _numbers(option: str, text: str | None) -> list[float] | None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -170,14 +171,14 @@ def _write(
 ) -> list[Path]:
     """Write the problems of tubes to the requested files; return the written files."""
     hold_interrupts()
-    contents = {
-        path: with_problem(fields, folder, path, tube.problem)
-        for path, tube in tubes.items()
-        if path is not None and tube is not None
-    }
-    if contents:
-        console.write_answer(contents)
-    return list(contents)
+    found = {path: tube.problem for path, tube in tubes.items() if path and tube}
+    console.write_answer(
+        *(
+            console.Output("problem", path, partial(with_problem, fields, folder, problem=problem))
+            for path, problem in found.items()
+        )
+    )
+    return [path for path in found if console.unless_failed(path)]
 
 
 def _print_answer(

@@ -24,7 +24,7 @@ from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import motion_of_file
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import read_trajectory_file
-from tubeplanner.writing import require_writable
+from tubeplanner.writing import require_writable, write_files
 
 
 @click.command()
@@ -43,13 +43,14 @@ def view(
     """Show PROBLEM, or a cycle, and TRAJECTORY files, side by side, in 3D.
 
     Notes say whether each motion passes under PROBLEM, and what differs if it was made for another.
-    Of a cycle all moves are on one time line, with what happens between them.
+    PROBLEM needs no tube: the arm is shown at its start, in its cell. Of a cycle all moves are on
+    one time line, with what happens between them.
     """
     console.require_page(html)
     if html is not None:
         require_writable([html], [Path(problem), *trajectories])
     with console.shown_progress() as enter:
-        loaded, _ = console.load_either_timed(problem, enter, changes)
+        loaded, _ = console.load_either_timed(problem, enter, changes, reads_tube=None)
         if isinstance(loaded, Cycle):
             motion_view = _cycle_view(loaded, trajectories, enter)
         else:
@@ -60,7 +61,8 @@ def view(
             hold_interrupts()
             path, opened = motion_view.open()
         else:
-            console.write_answer({html: page})
+            hold_interrupts()
+            write_files({html: page})
             path, opened = html, True
     message = f"view: {path}"
     if not opened:
@@ -83,6 +85,11 @@ def _problem_view(
     """Return the view of a problem and the motions of files, with their certificates as notes."""
     files = [read_trajectory_file(path, problem.robot.joint_names) for path in paths]
     named, notes = dict(zip(names_of_files(paths), files, strict=True)), []
+    if problem.tube.is_anywhere:
+        notes = [
+            "there is no tube: the tool may be anywhere; `tubeplanner route` finds one from start, "
+            "goal and obstacles"
+        ]
     for k, (name, file) in enumerate(named.items()):
         enter(f"certificate {k + 1} of {len(files)}")
         notes += motion_notes(problem, name, file)
@@ -138,7 +145,8 @@ def plot(
             notes = notes_on_file(loaded, read, failed=False)
         picture = figure_file(figure, target)
         enter("writing")
-        console.write_answer({target: picture})
+        hold_interrupts()
+        write_files({target: picture})
     duration = read.trajectory.duration
     if as_json:
         report = console.empty_report("success", "drawn, not judged")

@@ -472,7 +472,8 @@ def _text_spaces(middles: Sequence[float], duration: float) -> list[dict[str, An
     """
     borders = [0.0, *(sum(pair) / 2 for pair in pairwise(middles)), duration]
     rooms = []
-    for k, (middle, (low, high)) in enumerate(zip(middles, pairwise(borders), strict=True)):
+    # Without a text there is one pair of borders, and no space.
+    for k, (middle, (low, high)) in enumerate(zip(middles, pairwise(borders), strict=False)):
         even = min(middle - low, high - middle)
         room = {"begin": middle - even, "end": middle + even, "align": "center"}
         if k == 0 and middle < _EDGE * duration:

@@ -128,8 +128,8 @@ def _certified(
     dwells = motion.trajectory.duration - sum(plan.duration for plan in plans)
     result = CycleResult(
         PlanStatus.SUCCESS,
-        f"certified cycle of {motion.trajectory.duration:.4f} s: {moves} moves in {moving:.4f} s, "
-        f"{motion.trajectory.duration - moving:.4g} s at rest",
+        f"certified cycle of {motion.trajectory.duration:.4f} s: {moves} move{'s' * (moves > 1)} "
+        f"in {moving:.4f} s, {motion.trajectory.duration - moving:.4g} s at rest",
         Place(),
         options.method,
         motion,

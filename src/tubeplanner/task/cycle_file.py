@@ -355,21 +355,27 @@ def _payload(step: AttachFields) -> Payload | None:
 
 
 def load_problem_or_cycle(
-    name: str | Path, directory: str | Path = ".", *, changes: Mapping[str, Any] | None = None
+    name: str | Path,
+    directory: str | Path = ".",
+    *,
+    reads_tube: bool | None = True,
+    changes: Mapping[str, Any] | None = None,
 ) -> PlanningProblem | Cycle:
     """Read a problem file or a cycle file.
 
     Args:
         name: A path, or `example:ROBOT/NAME` for a bundled file.
         directory: Where a relative path starts.
+        reads_tube: Of a problem file, as for `load_problem`.
         changes: Other values by field path, as for `load_problem`.
 
     Raises:
         ProblemError: As `load_problem` or `load_cycle`.
         RobotError: As `load_problem` or `load_cycle`.
     """
-    load = load_cycle if is_cycle_file(name, directory) else load_problem
-    return load(name, directory, changes=changes)
+    if is_cycle_file(name, directory):
+        return load_cycle(name, directory, changes=changes)
+    return load_problem(name, directory, reads_tube=reads_tube, changes=changes)
 
 
 def is_cycle_file(name: str | Path, directory: str | Path = ".") -> bool:

@@ -1,6 +1,7 @@
 """Problems from files and dictionaries: load_problem, parse_problem; their parts from fields."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -55,7 +56,7 @@ def load_problem(
     name: str | Path,
     directory: str | Path = ".",
     *,
-    reads_tube: bool = True,
+    reads_tube: bool | None = True,
     changes: Mapping[str, Any] | None = None,
 ) -> PlanningProblem:
     """Read a problem file, its robot and its robot's collision geometry.
@@ -64,7 +65,8 @@ def load_problem(
         name: A path, or `example:ROBOT/NAME` for a bundled problem.
         directory: Where a relative path starts.
         reads_tube: False: a tube of the file is ignored, the tool may be anywhere, and the goal may
-            be a tool position, the tube's last point.
+            be a tool position, the tube's last point. None: the same for a file without a tube,
+            which then needs no goal.
         changes: Other values by field path, such as `{"obstacles.wall.position": [0.6, 0, 0.2]}`;
             "x0.5" scales every number below the path.
 
@@ -74,8 +76,10 @@ def load_problem(
     """
     path = find_problem(name, given_path("directory", directory))
     label = f"{path.resolve().parent.name}/{path.stem}"
-    tube_of = None if reads_tube else _tube_anywhere
-    return build_problem(read_problem_fields(path, changes), path.parent, label, str(path), tube_of)
+    fields = read_problem_fields(path, changes)
+    needs_tube = fields.tube is not None if reads_tube is None else reads_tube
+    tube_of = None if needs_tube else partial(_tube_anywhere, needs_goal=reads_tube is not None)
+    return build_problem(fields, path.parent, label, str(path), tube_of)
 
 
 def parse_problem(
@@ -247,7 +251,9 @@ def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
     return Tube(**arguments, clearance=segment_clearances(fields.clearance))
 
 
-def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
+def _tube_anywhere(
+    fields: ProblemFields, robot: RobotModel, directory: Path, *, needs_goal: bool = True
+) -> Tube:
     """Return the unbounded tube from the tool's position at the start to that at the goal."""
     if segment_clearances(fields.clearance) is not None:
         raise ProblemError(
@@ -256,6 +262,8 @@ def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) ->
         )
     start = _tool_at("start", end_of("start", fields.start, fields, robot, directory), robot)
     if fields.goal is None:
+        if not needs_goal:
+            return Tube.anywhere(start, start)
         raise ProblemError("goal is required: joints, or the position of the tool")
     goal = end_of("goal", fields.goal, fields, robot, directory)
     if isinstance(goal, Seed | GoalRegion):

@@ -89,3 +89,10 @@ def test_numbers_that_make_no_sense_are_refused_as_a_solid_and_nothing_warns(tmp
         read_visual_mesh(path)
     except RobotError as error:
         assert not np.isfinite(size), error
+
+
+def test_a_cell_is_drawn_around_the_arm():
+    arm = load_robot("example:two_link", "hand")
+    wall = Obstacle.box("wall", [0.1, 0.4, 0.2], placement_of([1.5, 0, 0]))
+    (axis,) = plot_robot(arm, np.full(2, 0.4), None, [wall]).axes
+    assert axis.get_xlim()[1] == pytest.approx(1.55)

@@ -163,6 +163,7 @@ def test_texts_of_rests_stand_beside_each_other_with_what_is_left_to_them():
         (2.875, 7.125, "center"),
         (7.25, 10, "right"),
     ]
+    assert Timeline((), ()).as_dict(10.0)["rests"] == []
 
 
 def test_the_panel_says_what_is_seen(page):

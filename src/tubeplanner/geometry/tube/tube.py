@@ -209,6 +209,11 @@ class Tube:
         aside = np.array([0.0, 0.0, 1e3 * MIN_LENGTH * is_still])
         return cls(np.vstack([begin, end + aside]), MAX_EXTENT)
 
+    @property
+    def is_anywhere(self) -> bool:
+        """True for a tube that excludes no tool position."""
+        return bool((self.radius == MAX_EXTENT).all())
+
     def with_radius(self, radius: float | Sequence[float] | FloatArray) -> "Tube":
         """Return the tube with another tolerance, or m others [m].
 

@@ -8,9 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.output.drawing import LINE_COLORS, REFERENCE_COLOR, best_direction
+from tubeplanner.geometry.solids import AttachedSolid, Obstacle
+from tubeplanner.output.drawing import (
+    CARRIED_COLOR,
+    LINE_COLORS,
+    OBSTACLE_COLOR,
+    REFERENCE_COLOR,
+    Surface,
+    best_direction,
+    rgb,
+    shape_surface,
+)
 from tubeplanner.output.figures.figure_files import new_figure, saved
-from tubeplanner.output.link_visuals import link_parts
+from tubeplanner.output.link_visuals import carried_surfaces, link_parts
 from tubeplanner.robot.model import RobotModel
 
 if TYPE_CHECKING:
@@ -36,13 +46,21 @@ class _Frame:
     origin: FloatArray
 
 
-def plot_robot(robot: RobotModel, q: FloatArray, path: str | Path | None = None) -> "Figure":
+def plot_robot(
+    robot: RobotModel,
+    q: FloatArray,
+    path: str | Path | None = None,
+    obstacles: Sequence[Obstacle] = (),
+    attached: Sequence[AttachedSolid] = (),
+) -> "Figure":
     """Draw an arm, its links in their own colours and the frames along its chain with their names.
 
     Args:
         robot: The arm.
         q: Configuration, shape (n,) [rad or m].
         path: File to save the figure to, as PNG, PDF or SVG by its ending; None: none.
+        obstacles: Drawn beside the arm.
+        attached: Drawn at the tool.
 
     Raises:
         RobotError: A geometry cannot be read.
@@ -54,7 +72,11 @@ def plot_robot(robot: RobotModel, q: FloatArray, path: str | Path | None = None)
     figure.set_layout_engine("none")  # columns of names stand beside the axes
     figure.suptitle(f"{robot.name}: {robot.joint_count} joints to {robot.tool_frame}", fontsize=13)
     axis = figure.add_axes((0.14, 0.05, 0.72, 0.89), projection="3d")
-    points = [_draw_links(axis, robot, rotation, position)]
+    carried, gray = rgb(CARRIED_COLOR), rgb(OBSTACLE_COLOR)
+    solids = [(body, surface, carried) for body, _, surface in carried_surfaces(robot, attached)]
+    shapes = (shape_surface(shape) for each in obstacles for shape in each.shapes)
+    solids += [(0, surface, gray) for surface in shapes]
+    points = [_draw_links(axis, robot, rotation, position, solids)]
     links = _chain_links(robot)
     poses = []
     for link in links:
@@ -80,19 +102,28 @@ def plot_robot(robot: RobotModel, q: FloatArray, path: str | Path | None = None)
 
 
 def _draw_links(
-    axis: Any, robot: RobotModel, rotation: FloatArray, position: FloatArray
+    axis: Any,
+    robot: RobotModel,
+    rotation: FloatArray,
+    position: FloatArray,
+    solids: Sequence[tuple[int, Surface, FloatArray]],
 ) -> FloatArray:
-    """Draw all links, darker on moving bodies; return the vertices (N, 3) [m]."""
+    """Draw all links, and solids by body and colour, darker on moving bodies; return the vertices.
+
+    Returns:
+        Shape (N, 3) [m].
+    """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     parts, _ = link_parts(robot, _MAX_FACES)
     drawn = [np.zeros((0, 3))]
-    for part in parts:
-        vertices = part.surface.vertices @ rotation[part.body].T + position[part.body]
+    links = [(part.body, part.surface, np.array(part.color)) for part in parts]
+    for body, surface, color in [*links, *solids]:
+        vertices = surface.vertices @ rotation[body].T + position[body]
         drawn.append(vertices)
-        alpha = _ARM_ALPHA if robot.joint_moves_body[part.body].any() else _REST_ALPHA
-        faces = vertices[part.surface.faces]
-        look: dict[str, Any] = {"facecolors": [(*part.color, alpha)], "shade": True}
+        alpha = _ARM_ALPHA if robot.joint_moves_body[body].any() else _REST_ALPHA
+        faces = vertices[surface.faces]
+        look: dict[str, Any] = {"facecolors": [(*color, alpha)], "shade": True}
         axis.add_collection3d(Poly3DCollection(faces, **look))
     return np.vstack(drawn)
 

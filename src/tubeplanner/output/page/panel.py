@@ -65,7 +65,8 @@ def panel_data(scene: ProblemScene) -> dict[str, Any]:
     words = {
         Layer.CARRIED: listed("Carried", [solid.name for solid in problem.attached]),
         Layer.TUBE: "Tube: the tool must stay inside",
-        Layer.REFERENCE: "Reference path" + ", goal's ball" * len(goal_ball(problem.endpoints[1])),
+        Layer.REFERENCE: ("Goal of the tool" if problem.tube.is_anywhere else "Reference path")
+        + ", goal's ball" * len(goal_ball(problem.endpoints[1])),
         Layer.OBSTACLES: listed("Obstacles", [obstacle.name for obstacle in problem.obstacles]),
     }
     entries = {Layer.TUBE: _segment_entries(problem)}

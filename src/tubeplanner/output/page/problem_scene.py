@@ -109,10 +109,11 @@ def build_scene(
     arms = arms or [at_rest or poses_at_rest(problem, all_notes)]
     parts, notes_of_parts = link_parts(robot, MAX_FACES // len(arms))
     carried = carried_surfaces(robot, problem.attached)
-    hulls, tube = arm_hulls(parts, carried), tube_surfaces(problem.tube)
+    hulls = arm_hulls(parts, carried)
+    tube = [] if problem.tube.is_anywhere else tube_surfaces(problem.tube)
     swept = [swept_surface(each, hulls) for each in arms]
     fixed = [points for body, points in hulls if body == 0]
-    points = [*(surface.vertices for surface in [*swept, *tube]), *fixed]
+    points = [*(surface.vertices for surface in [*swept, *tube]), *fixed, problem.tube.points]
     direction = direction_of(arms[0], [problem.tube.points], problem.obstacles, hulls)
     thickness = line_thickness([problem.tube], float(np.ptp(np.vstack(points), axis=0).max()))
     fastest = max(float(each.speed.max()) for each in arms)
@@ -153,16 +154,25 @@ def _moving_arm(robot: RobotModel, name: str, trajectory: JointTrajectory) -> Sh
 def _surroundings(
     trajectory: int, problem: PlanningProblem, tube: list[Surface], thickness: float
 ) -> list[Item]:
-    """Return tube, reference path and goal, for lines of a radius [m], and obstacles."""
+    """Return tube, reference path and goal, for lines of a radius [m], and obstacles.
+
+    Without a tube there is no path: its two points are the tool's at start and goal.
+    """
     items = []
     for k, surface in enumerate(tube):
         color, is_smooth = rgb(segment_color(k)), not problem.tube.is_box[k]
         items.append(
             Item(Layer.TUBE, trajectory, f"segment_{k}", surface, color, 0.3, is_smooth=is_smooth)
         )
-    items.append(reference_item(trajectory, "path", problem.tube.points, thickness))
-    for ball in goal_ball(problem.endpoints[1]):
-        items.append(Item(Layer.REFERENCE, trajectory, "goal", ball, rgb(REFERENCE_COLOR), 0.35))
+    goal = [(ball, 0.35) for ball in goal_ball(problem.endpoints[1])]
+    if tube:
+        items.append(reference_item(trajectory, "path", problem.tube.points, thickness))
+    elif problem.goal is not None:
+        point = problem.tube.points[-1] + 1.8 * thickness * directions(_BALL_POINTS)
+        goal.append((hull_surface(point), 1.0))
+    for k, (ball, opacity) in enumerate(goal):
+        name, color = "goal" + f"_{k}" * (k > 0), rgb(REFERENCE_COLOR)
+        items.append(Item(Layer.REFERENCE, trajectory, name, ball, color, opacity))
     return items + obstacle_items(trajectory, problem.obstacles)
 
 
