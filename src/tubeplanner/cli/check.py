@@ -28,6 +28,7 @@ from tubeplanner.output.files.file_notes import notes_on_cycle_file, notes_on_fi
 from tubeplanner.robot.notes import robot_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion, motion_of_file, move_rows
+from tubeplanner.task.info import cycle_doubts, problem_doubts
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 
@@ -109,7 +110,7 @@ def _message(certificate: Certificate, verdict: ControllerVerdict | None) -> str
 
 def _notes(problem: PlanningProblem, read: TrajectoryFile, certificate: Certificate) -> list[str]:
     notes = notes_on_file(problem, read, failed=not certificate.passed)
-    return [*notes, *robot_notes(problem.robot)]
+    return [*notes, *problem_doubts(problem), *robot_notes(problem.robot)]
 
 
 def _report(
@@ -251,7 +252,8 @@ def checked_cycle(
     begin = time.perf_counter()
     certificate = verify_cycle(cycle, motion, tolerance)
     certificate_time = time.perf_counter() - begin
-    notes = (*notes_on_cycle_file(cycle, file), *robot_notes(cycle.robot))
+    on_file = notes_on_cycle_file(cycle, file)
+    notes = (*on_file, *cycle_doubts(cycle), *robot_notes(cycle.robot))
     return CheckedCycle(motion, certificate, certificate_time, notes)
 
 

@@ -30,7 +30,14 @@ from tubeplanner.studies.tubes.starter_problem import shown_configuration
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import is_cycle_file
 from tubeplanner.task.endpoints import Endpoint
-from tubeplanner.task.info import CycleInfo, ProblemInfo, SrdfInfo, cycle_info, problem_info
+from tubeplanner.task.info import (
+    CycleInfo,
+    ProblemInfo,
+    SrdfInfo,
+    cycle_info,
+    problem_info,
+    with_doubts,
+)
 from tubeplanner.task.legs import Leg, Rest, rest_text
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Move
@@ -76,7 +83,7 @@ def info(
         else:
             if changes:
                 raise OptionError(f"--set changes a problem file; {robot} is a robot")
-            contents = robot_info(robot, tool_frame, package_dirs=package_dirs)
+            contents = with_doubts(robot_info(robot, tool_frame, package_dirs=package_dirs))
         if plot is not None:
             enter("picture")
             arm = contents.arm if isinstance(contents, RobotInfo) else contents.robot.arm

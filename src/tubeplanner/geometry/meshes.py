@@ -251,6 +251,10 @@ class MeshFile:
         faces = np.asarray(self._mesh.faces, dtype=np.int64)
         return MeshSolid(np.asarray(self._mesh.vertices), faces)
 
+    def extent(self) -> FloatArray:
+        """Return the least and the largest coordinates, shape (2, 3) [m]."""
+        return cached("extent", self.key, lambda: {"box": np.array(self._mesh.bounds)})["box"]
+
     def cover(self) -> list[ConvexShape]:
         """Return few shapes that cover the mesh, where other solids do not come near."""
         return unpacked(cached("cover", self.key, lambda: packed(cover_mesh(self._mesh))))

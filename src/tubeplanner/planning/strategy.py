@@ -36,6 +36,7 @@ from tubeplanner.planning.waypoint_plans import (
     stopping_plan,
     suh_bishop_plan,
 )
+from tubeplanner.task.info import problem_doubts
 from tubeplanner.task.problem import PlanningProblem
 
 _CONTINUED = "planned from the last motion, not afresh"
@@ -115,10 +116,11 @@ class Planner:
         """Return the answer, from the last motion if given, and remember the answer's motion."""
         options = self._options
         clock = PlanningClock(options.time_limit, progress)
+        doubts = problem_doubts(self._problem)
         try:
             problem, choices = _configured(self._problem)
         except Infeasible as reason:
-            return with_grounds(refused_result(reason, options.method))
+            return replace(with_grounds(refused_result(reason, options.method)), notes=doubts)
         result = _shortest(problem, options, clock, last)
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
@@ -128,7 +130,8 @@ class Planner:
             result = robust_plan(problem.joined, result, again, follow, clock)
         else:
             result = follow(problem, result)
-        notes = (*choices, *problem.robot.limits.notes, *problem.tube.notes, *result.notes)
+        read = (*problem.robot.limits.notes, *problem.tube.notes)
+        notes = (*doubts, *choices, *read, *result.notes)
         result = with_grounds(_of_poses(self._problem, result))
         return replace(result, planning_time=clock.elapsed, notes=notes)
 

@@ -355,7 +355,7 @@ class RobotInfo:
         other_joints: Joints that can move and are not planned.
         links: All links.
         missing: Values that planning needs and the robot lacks, each with its remedy.
-        notes: Parts of limit files that were not used.
+        notes: Parts of limit files that were not used, and implausible values.
         arm: Its kinematics and masses; efforts are unlimited, so that no mass need be there.
     """
 

@@ -15,6 +15,7 @@ from tubeplanner.resources import find_description, find_limits_file, find_mesh,
 from tubeplanner.robot.limit_layers import LimitLayer
 from tubeplanner.robot.loader import load_robot
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.notes import angles_of, doubts
 from tubeplanner.robot.overrides import LimitOverrides
 from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset
 from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_state
@@ -139,6 +140,7 @@ def build_problem(
             period=fields.period,
             robustness=_built(Robustness, fields.robustness),
             name=name,
+            notes=tuple(doubts(angles_of(fields.model_dump()))),
         )
         _ = problem.collision  # built here, so that planning starts with loaded geometry
     except (ProblemError, RobotError) as error:
