@@ -40,11 +40,13 @@ def effort_refusal(
     name, unit = robot.joint_names[joint], "N m" if robot.revolute[joint] else "N"
     has_friction = robot.motors.backwards_friction[joint] or robot.motors.forwards_friction[joint]
     against = "gravity and friction" if has_friction else "gravity alone"
-    lighten = "lighten the payload" if mass is None else f"carry at most {mass:.3g} kg"
+    lighten = "" if robot.payload is None else "lighten the payload, "
+    if mass is not None:
+        lighten = f"carry at most {mass:.3g} kg, "
     return Infeasible(
         PlanStatus.GRAVITY_EXCEEDS_EFFORT,
         f"joint '{name}' needs {needed:.2f} {unit} against {against}, its effort limit is "
-        f"{limit:.2f}; {lighten}, choose another configuration or a motor with "
+        f"{limit:.2f}; {lighten}choose another configuration or a motor with "
         f"{needed - limit:.3g} {unit} more (robot.limits.effort.{name})",
         Place(joint=name).at(at.tool_pose[1][sample]),
         proved=proved,

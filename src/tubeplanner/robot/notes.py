@@ -36,27 +36,26 @@ def robot_notes(robot: RobotModel) -> tuple[str, ...]:
     """Return sentences for the user; none if all is well."""
     prefix_notes = []
     for prefix, names in robot.urdf.undeclared.items():
-        named = ", ".join(shown(f"{prefix}:{name}").strip("'") for name in names[:_MAX_NAMES])
-        more = len(names) - _MAX_NAMES
+        named = [shown(f"{prefix}:{name}").strip("'") for name in names]
         prefix_notes.append(
             f"the URDF does not declare the prefix '{prefix}'; it is read all the same, and "
-            f"nothing here uses what stands under it: {named}"
-            + (f" and {more} more" if more > 0 else "")
+            f"nothing here uses what stands under it: {_listed(named)}"
         )
-    unlimited = np.isinf(robot.limits.effort) & np.isinf(robot.limits.acceleration)
-    free = [name for name, is_free in zip(robot.joint_names, unlimited, strict=True) if is_free]
-    notes = (unlimited_note(free), unused_note(robot), _friction_note(robot))
+    notes = (unlimited_note(robot), unused_note(robot), _friction_note(robot))
     return (*prefix_notes, *(note for note in notes if note is not None))
 
 
-def unlimited_note(joints: Sequence[str]) -> str | None:
-    """Return the sentence on joints with neither effort nor acceleration limit; None without."""
-    if not joints:
+def unlimited_note(robot: RobotModel) -> str | None:
+    """Return a sentence on joints with neither effort nor acceleration limit; None without any."""
+    limits = robot.limits
+    unlimited = np.isinf(limits.effort) & np.isinf(limits.acceleration)
+    if not unlimited.any():
         return None
+    names = ", ".join(robot.joint_names[joint] for joint in np.flatnonzero(unlimited))
     return (
-        f"NEITHER an effort NOR an acceleration limit: {', '.join(joints)}; nothing shows that a "
-        "motor can follow a certified motion of these joints; give the maker's in "
-        "robot.limits.acceleration, or efforts and masses"
+        f"NEITHER an effort NOR an acceleration limit: {names}; nothing shows that a motor can "
+        "follow a certified motion of these joints; give the maker's in robot.limits.acceleration, "
+        "or efforts and masses"
     )
 
 
@@ -241,7 +240,7 @@ BOUNDS = {
     ),
     "centre": Plausible(
         "centre of mass outside the geometry",
-        1.0,
+        3.0,
         "times the size",
         f"{_METRES}: correct the <origin> of <inertial>",
     ),
@@ -281,17 +280,21 @@ def doubts(values: Iterable[Value]) -> list[str]:
     for each in values:
         bound = BOUNDS[each.key]
         if each.value > bound.most:
-            text = f"{each.value:.4g} {bound.unit}{each.origin}"
+            text = f"{each.origin}{each.value:.3g} {bound.unit}"
             by_key.setdefault(each.key, {}).setdefault(text, []).append(each.owner)
     sentences = []
     for key, owners in by_key.items():
-        bound, listed = BOUNDS[key], [f"{text} ({', '.join(who)})" for text, who in owners.items()]
-        more = f" and {len(listed) - _MAX_NAMES} more" if len(listed) > _MAX_NAMES else ""
+        bound = BOUNDS[key]
+        listed = [f"{text} ({_listed(names)})" for text, names in owners.items()]
         sentences.append(
-            f"{bound.quantity} {', '.join(listed[:_MAX_NAMES])}{more}, more than {bound.most:.3g}: "
-            f"{bound.doubt}"
+            f"{bound.quantity} {_listed(listed)}, more than {bound.most:.3g}: {bound.doubt}"
         )
     return sentences
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - _MAX_NAMES
+    return ", ".join(names[:_MAX_NAMES]) + (f" and {more} more" if more > 0 else "")
 
 
 def implausible_values(robot: RobotModel, extents: Mapping[str, Extent]) -> tuple[str, ...]:
@@ -371,7 +374,7 @@ def _values_of_solids(
     if robot.payload is not None:
         points["centre of mass of the payload"] = float(np.linalg.norm(robot.payload.com))
     for owner, distance in points.items():
-        yield Value("offset", owner, distance / reach, f", {distance:.4g} m")
+        yield Value("offset", owner, distance / reach, f"{distance:.4g} m, ")
     base = np.zeros(3) if robot.base is None else np.array(robot.base.position)
     for owner, extent in extents.items():
         low, high = extent.box
@@ -382,7 +385,7 @@ def _values_of_solids(
             away = np.linalg.norm(np.maximum(np.maximum(low - base, base - high), 0.0))
             lengths = {"standing": float(most if least > reach else 0.0), "away": float(away)}
         for key, metres in lengths.items():
-            yield Value(key, owner, metres / reach, f", {metres:.4g} m")
+            yield Value(key, owner, metres / reach, f"{metres:.4g} m, ")
 
 
 def _values_of_inertias(
@@ -404,7 +407,7 @@ def _values_of_inertias(
             if moments[2] - others > max(_MOMENT_ERROR * moments[2], _rounding(inertial)):
                 ratio = moments[2] / others if others > 0 else np.inf
                 named = " and ".join(f"{moment:.3g}" for moment in moments)
-                yield Value("moment", owner, ratio, f", {named} kg m^2")
+                yield Value("moment", owner, ratio, f"{named} kg m^2, ")
         extent = extents.get(owner)
         size, outside = reach, _xyz(inertial)
         if extent is not None:
@@ -414,8 +417,8 @@ def _values_of_inertias(
             outside = np.maximum(np.maximum(low - centre, centre - high), 0.0)
             size = float(np.linalg.norm(high - low))
         away = float(np.linalg.norm(outside)) if mass >= _MIN_MASS else 0.0
-        yield Value("gyration", owner, gyration / size, f", {gyration:.3g} m")
-        yield Value("centre", owner, away / size, f", {away:.3g} m")
+        yield Value("gyration", owner, gyration / size, f"{gyration:.3g} m, ")
+        yield Value("centre", owner, away / size, f"{away:.3g} m, ")
 
 
 def _rounding(inertial: Element) -> float:

@@ -87,7 +87,8 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
     except (ProblemError, RobotError) as error:
         known = [*doubts(angles_of(fields.model_dump())), *robot_doubts(robot.arm)]
         return ProblemInfo(with_doubts(robot, known), srdf, None, str(error))
-    return ProblemInfo(with_doubts(robot, problem_doubts(problem)), srdf, problem, None)
+    known = [*problem_doubts(problem), *_unlimited(problem.robot)]
+    return ProblemInfo(with_doubts(robot, known), srdf, problem, None)
 
 
 def with_doubts(robot: RobotInfo, known: Sequence[str] | None = None) -> RobotInfo:
@@ -97,15 +98,8 @@ def with_doubts(robot: RobotInfo, known: Sequence[str] | None = None) -> RobotIn
         robot: The contents.
         known: Notes on its problem or cycle; None: on the robot alone.
     """
-    names = [
-        joint.name
-        for joint in robot.joints
-        if joint.limits["effort"].value is None and joint.limits["acceleration"].value is None
-    ]
-    is_missing = any(joint.limits["effort"].is_missing for joint in robot.joints)
-    free = None if is_missing else unlimited_note(names)
-    own = robot_doubts(robot.arm) if known is None else known
-    return replace(robot, notes=(*robot.notes, *own, *([] if free is None else [free])))
+    doubts = robot_doubts(robot.arm) if known is None else known
+    return replace(robot, notes=(*robot.notes, *doubts))
 
 
 # ---- Implausible values of problems and cycles.
@@ -118,6 +112,11 @@ def robot_doubts(robot: RobotModel) -> tuple[str, ...]:
     except RobotError:  # a mesh is missing or unreadable, which loading says
         extents = {}
     return implausible_values(robot, extents)
+
+
+def _unlimited(robot: RobotModel) -> list[str]:
+    note = unlimited_note(robot)
+    return [] if note is None else [note]
 
 
 def problem_doubts(problem: PlanningProblem) -> tuple[str, ...]:
@@ -269,7 +268,8 @@ def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> Cy
     except (ProblemError, RobotError) as error:
         known = [*doubts(angles_of(fields.model_dump())), *robot_doubts(robot.arm)]
         return CycleInfo(with_doubts(robot, known), srdf, None, str(error))
-    return CycleInfo(with_doubts(robot, cycle_doubts(cycle)), srdf, cycle, None)
+    known = [*cycle_doubts(cycle), *_unlimited(cycle.robot)]
+    return CycleInfo(with_doubts(robot, known), srdf, cycle, None)
 
 
 def _cycle_task(cycle: Cycle) -> dict[str, Any]:

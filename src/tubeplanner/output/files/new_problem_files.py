@@ -30,6 +30,8 @@ _WHY = {
     "position": "ranges that the URDF lacks [rad] or [m]",
     "velocity": "velocity limits that the URDF lacks [rad/s] or [m/s]",
     "effort": "effort limits that the URDF lacks [N m] or [N]",
+    "acceleration": "without efforts nothing else limits accelerations [rad/s^2] or [m/s^2]",
+    "jerk": "nor jerk [rad/s^3] or [m/s^3]",
 }
 _NO_MASSES = "no effort is limited, as links lack their <inertial>"
 _WORDS = ("true", "false", "null")  # not text in YAML
@@ -99,7 +101,8 @@ def _limit_lines(starter: StarterProblem) -> list[str]:
         lines.append(f"    ## PLACEHOLDERS: {_NO_MASSES if endless else _WHY[quantity]};")
         lines.append("    ## REPLACE THEM by the maker's")
         lines.append(f"    {quantity}: {_row(values)}")
-    return [*lines, f"  {why}", *(f"    # {line}" for line in _GENTLE)]
+    gentle = [line for line in _GENTLE if line.partition(":")[0] not in starter.placeholders]
+    return [*lines, *([f"  {why}"] if gentle else []), *(f"    # {line}" for line in gentle)]
 
 
 def _tube_lines(starter: StarterProblem) -> list[str]:
