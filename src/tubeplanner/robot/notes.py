@@ -227,10 +227,10 @@ BOUNDS = {
         f"{_RADIANS}; no rotation is above 3.14, so that this bounds nothing (.inf: free)",
     ),
     "moment": Plausible(
-        "largest principal moment",
+        "principal moments",
         1.0,
         "times the sum of the others",
-        "no body has that; a decimal point? Correct <inertia>",
+        "no body has such; a decimal point? Correct <inertia>",
     ),
     "gyration": Plausible(
         "radius of gyration",
@@ -239,10 +239,10 @@ BOUNDS = {
         "a placeholder, a decimal point, or other units? Correct <mass> and <inertia>",
     ),
     "centre": Plausible(
-        "centre of mass outside the geometry",
-        3.0,
+        "centre of mass outside the geometry by",
+        1.5,
         "times the size",
-        f"{_METRES}: correct the <origin> of <inertial>",
+        f"a decimal point, or {_METRES}: correct the <origin> of <inertial>",
     ),
 }
 _MIN_REACH = 0.1  # [m]: what stands around a smaller arm is larger by more
@@ -406,8 +406,8 @@ def _values_of_inertias(
             others = moments[0] + moments[1]
             if moments[2] - others > max(_MOMENT_ERROR * moments[2], _rounding(inertial)):
                 ratio = moments[2] / others if others > 0 else np.inf
-                named = " and ".join(f"{moment:.3g}" for moment in moments)
-                yield Value("moment", owner, ratio, f"{named} kg m^2, ")
+                named = ", ".join(f"{moment:.3g}" for moment in moments)
+                yield Value("moment", owner, ratio, f"{named} kg m^2, the largest ")
         extent = extents.get(owner)
         size, outside = reach, _xyz(inertial)
         if extent is not None:

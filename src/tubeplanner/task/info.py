@@ -12,7 +12,7 @@ from tubeplanner.geometry.link_geometry import link_extents
 from tubeplanner.resources import find_description, find_problem
 from tubeplanner.robot.info import RobotInfo, robot_info
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.robot.notes import angles_of, doubts, implausible_values, unlimited_note
+from tubeplanner.robot.notes import Extent, angles_of, doubts, implausible_values, unlimited_note
 from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_states
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import CycleFields, check_cycle_fields, load_cycle
@@ -121,16 +121,17 @@ def _unlimited(robot: RobotModel) -> list[str]:
 
 def problem_doubts(problem: PlanningProblem) -> tuple[str, ...]:
     """Return notes on implausible values of a problem: file, robot, solids, goal."""
-    robot, checker = problem.robot, problem.collision
-    return (*problem.notes, *implausible_values(robot, checker.extents), *_goal_note(problem))
+    points = problem.tube.points
+    tube = Extent(0, np.array([points.min(axis=0), points.max(axis=0)]))
+    extents = {**problem.collision.extents, "the tube's points": tube}
+    return (*problem.notes, *implausible_values(problem.robot, extents), *_goal_note(problem))
 
 
 def cycle_doubts(cycle: Cycle) -> tuple[str, ...]:
     """Return notes on implausible values of a cycle: of its file, its robot and its solids."""
     notes = list(cycle.notes)
     for k in range(len(cycle.legs)):
-        checker = cycle.problem_from_anywhere(k).collision
-        notes += implausible_values(checker.robot, checker.extents)
+        notes += problem_doubts(cycle.problem_from_anywhere(k))
     return tuple(dict.fromkeys(notes))
 
 
