@@ -17,7 +17,7 @@ from tubeplanner.first_guess.fastest_parameterization import NOT_PROVED
 from tubeplanner.geometry.collision_checker import ALWAYS_TOUCHING
 from tubeplanner.limits.peaks import TrajectoryPeaks, trajectory_peaks
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.robot.notes import unlimited_note
+from tubeplanner.robot.notes import unlimited_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion
 from tubeplanner.task.info import cycle_doubts, problem_doubts
@@ -100,9 +100,9 @@ def _sorted_notes(
         doubts: On implausible values, to be read before the answer.
     """
     lines: tuple[list[str], list[str], list[str]] = ([], [], [])
-    beside = unlimited_note(robot)
+    beside = unlimited_notes(robot)
     for note in notes:
-        place = 0 if note in doubts else 1 if note == beside else 2
+        place = 0 if note in doubts else 1 if note in beside else 2
         lines[place].append(f"note: {note}")
     return lines
 

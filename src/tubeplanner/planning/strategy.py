@@ -131,7 +131,7 @@ class Planner:
         else:
             result = follow(problem, result)
         read = (*problem.robot.limits.notes, *problem.tube.notes)
-        notes = (*doubts, *choices, *read, *result.notes)
+        notes = (*choices, *read, *doubts, *result.notes)
         result = with_grounds(_of_poses(self._problem, result))
         return replace(result, planning_time=clock.elapsed, notes=notes)
 

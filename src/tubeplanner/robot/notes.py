@@ -41,21 +41,21 @@ def robot_notes(robot: RobotModel) -> tuple[str, ...]:
             f"the URDF does not declare the prefix '{prefix}'; it is read all the same, and "
             f"nothing here uses what stands under it: {_listed(named)}"
         )
-    notes = (unlimited_note(robot), unused_note(robot), _friction_note(robot))
+    notes = (unused_note(robot), _friction_note(robot))
     return (*prefix_notes, *(note for note in notes if note is not None))
 
 
-def unlimited_note(robot: RobotModel) -> str | None:
-    """Return a sentence on joints with neither effort nor acceleration limit; None without any."""
+def unlimited_notes(robot: RobotModel) -> tuple[str, ...]:
+    """Return a sentence on joints with neither effort nor acceleration limit; none without any."""
     limits = robot.limits
     unlimited = np.isinf(limits.effort) & np.isinf(limits.acceleration)
     if not unlimited.any():
-        return None
+        return ()
     names = ", ".join(robot.joint_names[joint] for joint in np.flatnonzero(unlimited))
     return (
         f"NEITHER an effort NOR an acceleration limit: {names}; nothing shows that a motor can "
         "follow a certified motion of these joints; give the maker's in robot.limits.acceleration, "
-        "or efforts and masses"
+        "or efforts and masses",
     )
 
 
@@ -280,7 +280,8 @@ def doubts(values: Iterable[Value]) -> list[str]:
     for each in values:
         bound = BOUNDS[each.key]
         if each.value > bound.most:
-            text = f"{each.origin}{each.value:.3g} {bound.unit}"
+            figures = f"{each.value:.3g}" if each.value < 1000 else f"{each.value:,.0f}"
+            text = f"{each.origin}{figures} {bound.unit}"
             by_key.setdefault(each.key, {}).setdefault(text, []).append(each.owner)
     sentences = []
     for key, owners in by_key.items():

@@ -12,7 +12,7 @@ from tubeplanner.geometry.link_geometry import link_extents
 from tubeplanner.resources import find_description, find_problem
 from tubeplanner.robot.info import RobotInfo, robot_info
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.robot.notes import Extent, angles_of, doubts, implausible_values, unlimited_note
+from tubeplanner.robot.notes import Extent, angles_of, doubts, implausible_values, unlimited_notes
 from tubeplanner.robot.ros_files import read_allowed_pairs, read_group_states
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import CycleFields, check_cycle_fields, load_cycle
@@ -87,7 +87,7 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
     except (ProblemError, RobotError) as error:
         known = [*doubts(angles_of(fields.model_dump())), *robot_doubts(robot.arm)]
         return ProblemInfo(with_doubts(robot, known), srdf, None, str(error))
-    known = [*problem_doubts(problem), *_unlimited(problem.robot)]
+    known = [*problem_doubts(problem), *unlimited_notes(problem.robot)]
     return ProblemInfo(with_doubts(robot, known), srdf, problem, None)
 
 
@@ -112,11 +112,6 @@ def robot_doubts(robot: RobotModel) -> tuple[str, ...]:
     except RobotError:  # a mesh is missing or unreadable, which loading says
         extents = {}
     return implausible_values(robot, extents)
-
-
-def _unlimited(robot: RobotModel) -> list[str]:
-    note = unlimited_note(robot)
-    return [] if note is None else [note]
 
 
 def problem_doubts(problem: PlanningProblem) -> tuple[str, ...]:
@@ -147,7 +142,7 @@ def _goal_note(problem: PlanningProblem) -> list[str]:
         return []
     away, most = 1000 * region.distance(tool), 1000 * region.tolerance
     return [
-        f"the goal's ball holds the start: there the tool is {away:.3g} mm from goal.position, and "
+        f"the goal's ball holds the start: there the tool is {away:.4g} mm from goal.position, and "
         f"goal.tolerance is {most:g} mm; no motion is needed: move the goal, or give a smaller "
         "tolerance [m]"
     ]
@@ -269,7 +264,7 @@ def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> Cy
     except (ProblemError, RobotError) as error:
         known = [*doubts(angles_of(fields.model_dump())), *robot_doubts(robot.arm)]
         return CycleInfo(with_doubts(robot, known), srdf, None, str(error))
-    known = [*cycle_doubts(cycle), *_unlimited(cycle.robot)]
+    known = [*cycle_doubts(cycle), *unlimited_notes(cycle.robot)]
     return CycleInfo(with_doubts(robot, known), srdf, cycle, None)
 
 
