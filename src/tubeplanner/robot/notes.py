@@ -48,7 +48,8 @@ def robot_notes(robot: RobotModel) -> tuple[str, ...]:
 def unlimited_notes(robot: RobotModel) -> tuple[str, ...]:
     """Return a sentence on joints with neither effort nor acceleration limit; none without any."""
     limits = robot.limits
-    unlimited = np.isinf(limits.effort) & np.isinf(limits.acceleration)
+    efforts = np.minimum(limits.effort, robot.motors.saturation_effort)
+    unlimited = np.isinf(efforts) & np.isinf(limits.acceleration)
     if not unlimited.any():
         return ()
     names = ", ".join(robot.joint_names[joint] for joint in np.flatnonzero(unlimited))

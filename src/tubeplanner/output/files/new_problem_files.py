@@ -18,6 +18,7 @@ from tubeplanner.output.files.problem_file import included_fields, new_fields, r
 from tubeplanner.resources import EXAMPLE_PREFIX, find_problem
 from tubeplanner.studies.tubes.starter_problem import StarterProblem
 from tubeplanner.studies.tubes.teach import joint_trail
+from tubeplanner.task.info import problem_doubts
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import PROBLEM_FORMAT, check_problem_fields
 from tubeplanner.task.problem_reader import parse_problem, robot_of
@@ -56,6 +57,7 @@ def starter_text(
         f"## {starter.info.name}: a first problem, which was planned before it was written.",
         '## Lines with "##" explain. In lines with "#" a field follows: remove "# " to use it.',
         "## `tubeplanner schema` has all fields, with units and defaults.",
+        *(f"## note: {note}" for note in problem_doubts(starter.problem)),
         f"format: {PROBLEM_FORMAT}",
         "version: 1",
         *_robot_lines(starter, urdf, package_dirs, folder),
