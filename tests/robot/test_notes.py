@@ -210,7 +210,7 @@ DOUBTS = {
         "farthest point 204.6 m, 66 times the arm's reach (link 'boom'), more than 10: millimetres?"
     ),
     ('xyz="0.3 0.1 0"', 'xyz="300 0.1 0"'): (
-        "centre of mass outside the geometry by 300 m, 733 times the size (link 'boom'), "
+        "centre of mass outside the geometry by 300 m, 733 times the link's size (link 'boom'), "
     ),
     ('rpy="0.2 0.1 0.3"', 'rpy="0 90 0"'): (
         "rpy 90 rad (<collision> of link 'tip'), more than 6.3: degrees? "
@@ -221,7 +221,7 @@ DOUBTS = {
         "(link 'boom'), more than 1: no body has such"
     ),
     ('ixx="0.01" iyy="0.01" izz="0.01"', 'ixx="1" iyy="1" izz="1"'): (
-        "radius of gyration 1 m, 3.55 times the size (link 'tip'), more than 2: a placeholder"
+        "radius of gyration 1 m, 3.55 times the link's size (link 'tip'), more than 2: a placeholder"
     ),
 }
 RIGHT = {

@@ -236,13 +236,13 @@ BOUNDS = {
     "gyration": Plausible(
         "radius of gyration",
         2.0,
-        "times the size",
+        "times the link's size",
         "a placeholder, a decimal point, or other units? Correct <mass> and <inertia>",
     ),
     "centre": Plausible(
         "centre of mass outside the geometry by",
         1.5,
-        "times the size",
+        "times the link's size",
         f"a decimal point, or {_METRES}: correct the <origin> of <inertial>",
     ),
 }
@@ -417,7 +417,7 @@ def _values_of_inertias(
             centre = placement[:3, :3] @ outside + placement[:3, 3]
             low, high = extent.box
             outside = np.maximum(np.maximum(low - centre, centre - high), 0.0)
-            size = float(np.linalg.norm(high - low))
+            size = max(float(np.linalg.norm(high - low)), _MIN_GYRATION)
         away = float(np.linalg.norm(outside)) if mass >= _MIN_MASS else 0.0
         yield Value("gyration", owner, gyration / size, f"{gyration:.3g} m, ")
         yield Value("centre", owner, away / size, f"{away:.3g} m, ")
