@@ -221,7 +221,7 @@ DOUBTS = {
         "(link 'boom'), more than 1: no body has such"
     ),
     ('ixx="0.01" iyy="0.01" izz="0.01"', 'ixx="1" iyy="1" izz="1"'): (
-        "radius of gyration 1 m, 3.55 times the link's size (link 'tip'), more than 2: a placeholder"
+        "radius of gyration 1 m, 3.55 times the link's size (link 'tip'), more than 2: "
     ),
 }
 RIGHT = {
