@@ -7,6 +7,7 @@ import trimesh
 from arms import axle, opened
 
 from tubeplanner.cli.info import problem_text
+from tubeplanner.task.field_changes import parse_change
 from tubeplanner.task.info import problem_info
 
 BARE = """<robot name="bare"><link name="base"/>
@@ -108,6 +109,33 @@ def test_a_problem_that_does_not_load_is_described_and_says_why(run, bare):
     assert "joint 'slide' has position limits [0, 0]" in found["refused"]
     assert found["joints"][0]["limits"]["effort"] == {"value": 7.0, "source": "problem file"}
     assert "the problem does not load: " in run("info", path)[1]
+
+
+DOUBTS = {
+    "obstacles=[{name: wall, box: [300, 100, 200], position: [900, 0, 0]}]": [
+        "size 300 m, 500 times the arm's reach (obstacle 'wall'), more than 50: millimetres?",
+        "distance from the arm's base 750 m, 1,250 times the arm's reach (obstacle 'wall'), ",
+    ],
+    "obstacles=[{name: hall, box: [40, 40, 0.1], position: [0, 0, -3]}]": [],
+    "obstacles=[{name: wall, sphere: 0.1, position: [0, 0, 3], rpy: [0, 0, 90]}]": [
+        "rpy 90 rad (obstacles.wall.rpy), more than 6.3: degrees?"
+    ],
+    "robot.payload={mass: 0.1, com: [0, 0, 80]}": ["distance from the last link 80 m, 133 times"],
+    "goal={position: [0.3, 0.5, 0], tolerance: 2}": [
+        "the goal's ball holds the start: there the tool is 1000 mm from goal.position, and "
+        "goal.tolerance is 2000 mm; no motion is needed"
+    ],
+    "goal={position: [0.3, 0.5, 0], tolerance: 0.1}": [],
+}
+
+
+@pytest.mark.parametrize(("change", "sentences"), DOUBTS.items())
+def test_what_no_cell_has_is_questioned(change, sentences):
+    field, value = parse_change("--set", change)
+    notes = problem_info("example:two_link/paper_1_30mm", {field: value}).robot.notes
+    assert len(notes) == len(sentences), notes
+    for note, sentence in zip(notes, sentences, strict=True):
+        assert note.startswith(sentence)
 
 
 def test_changed_fields_count(run):

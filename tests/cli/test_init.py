@@ -109,11 +109,15 @@ def test_limits_that_the_urdf_lacks_are_placeholders_to_be_replaced(starter):
     assert "limits" not in parse_yaml(starter("slide"))["robot"]
 
 
-def test_without_masses_no_effort_is_limited(run, tmp_path):
+def test_without_masses_accelerations_are_limited_in_place_of_efforts(run, tmp_path):
     weightless = re.sub(r"<inertial>.*?</inertial>", "", SLIDE, flags=re.DOTALL)
     (tmp_path / "light.urdf").write_text(weightless)
-    fields = parse_yaml(run("init", tmp_path / "light.urdf")[1])
-    assert set(fields["robot"]["limits"]["effort"].values()) == {float("inf")}
+    text = run("init", tmp_path / "light.urdf")[1]
+    limits = parse_yaml(text)["robot"]["limits"]
+    assert set(limits["effort"].values()) == {float("inf")}
+    assert limits["acceleration"] == dict.fromkeys(("turn", "extend", "lift"), 10.0)
+    assert limits["jerk"] == dict.fromkeys(("turn", "extend", "lift"), 500.0)
+    assert text.count("REPLACE THEM by the maker's") == 3 and "# jerk" not in text
 
 
 def test_the_start_is_held_free_and_well_inside_limits(starter):

@@ -127,6 +127,24 @@ def test_limits_that_are_given_are_not_asked_for(with_jerk, missing):
     assert [line.partition("; ")[0] + "; " for line in others] == missing
 
 
+def test_quantities_that_differ_in_their_joints_are_named_with_them():
+    limits = LimitOverrides(acceleration={"joint1": 90.0})
+    robot = load_robot("example:two_link", "hand", limits=limits)
+    missing = "nothing limits acceleration of joint2, or jerk of every joint; "
+    assert peaks_lines(robot, "the peaks")[1].startswith(missing)
+
+
+@pytest.mark.dear("plans a problem")
+def test_doubts_are_told_before_the_answer_and_joints_that_nothing_holds_back_beside_it(run):
+    limits = ("--set", "robot.limits={effort: .inf, velocity: 100}")
+    lines = run("plan", PROBLEM, *STOPS, *limits)[1].splitlines()
+    answer = next(k for k, line in enumerate(lines) if line.startswith("success: "))
+    assert lines[answer - 1].startswith("note: velocity limit 100 rad/s (joint1, joint2), more ")
+    beside = "note: NEITHER an effort NOR an acceleration limit: joint1, joint2; "
+    assert lines[answer + 1].startswith(beside)
+    assert sum(line.startswith("note: velocity limit") for line in lines) == 1
+
+
 def test_a_file_that_plan_writes_passes_check_and_a_faster_one_fails(run, run_json, tmp_path):
     good, fast = stored_path(NAME, REFINEMENT), tmp_path / "fast.json"
     assert "passes every condition" in run("check", PROBLEM, good)[1]

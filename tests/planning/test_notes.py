@@ -1,5 +1,6 @@
 """Notes on a plan: contact at its ends, least time of its path, jerk, gain of the second stage."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from tubeplanner import (
     Contact,
     JointTrajectory,
     LimitOverrides,
+    Objective,
     Obstacle,
     PlanningProblem,
     PlanOptions,
@@ -21,7 +23,13 @@ from tubeplanner import (
     plan,
 )
 from tubeplanner.cli.report import plan_text
-from tubeplanner.planning.notes import contact_notes, jerk_note, largest_jerk, path_minimum
+from tubeplanner.planning.notes import (
+    contact_notes,
+    gain_note,
+    jerk_note,
+    largest_jerk,
+    path_minimum,
+)
 from tubeplanner.trajectory.parts import resting
 
 # Notes on solids that overlap where a motion begins or ends in contact.
@@ -152,3 +160,37 @@ def test_nor_is_there_one_of_joints_that_do_not_jerk(tmp_path):
 def test_sliding_joints_have_their_unit(slide):
     (note,) = jerk_note(slide, cubic(slide.joint_names, 1.0, 3.0, 2.0))
     assert "3 m/s^3 ('extend')" in note
+
+
+# The gain of the second stage.
+
+
+def gained(robot, objective):
+    """Return the note on a bar that turns in five times the time."""
+    problem = replace(anywhere(robot), objective=objective)
+    before = JointTrajectory(["turn"], [0.0, 1.0], np.array([-2.0, 3.0, 0.0, 0.0])[:, None, None])
+    return gain_note(problem, before, before.scaled(5.0))
+
+
+def test_efforts_that_are_all_zero_are_not_told(tmp_path):
+    light = one_joint(tmp_path, effort=np.inf)
+    (tmp_path / "bar.urdf").write_text(
+        re.sub("<inertial>.*</inertial>", "", (tmp_path / "bar.urdf").read_text(), flags=re.DOTALL)
+    )
+    massless = load_robot(
+        tmp_path / "bar.urdf", "bar", limits=LimitOverrides(effort=np.inf, acceleration=5.0)
+    )
+    assert "the effort that swings most moves through" in gained(light, None)
+    assert gained(massless, None).endswith(
+        "% more time, the largest jerk is 0.096 rad/s^3 ('turn') instead of 12 rad/s^3 ('turn')"
+    )
+    work = gained(massless, Objective(0.1, "work"))
+    assert work.startswith("work not saved: ") and work.endswith(
+        "is zero, as the links have no masses"
+    )
+
+
+def test_energy_that_holding_the_arm_takes_is_not_called_saved(tmp_path):
+    heavy = one_joint(tmp_path, mass=1.0)
+    assert gained(heavy, Objective(0.1, "energy")).startswith("energy not saved: ")
+    assert gained(heavy, Objective(0.1, "work")).startswith("work saved: ")

@@ -1,4 +1,4 @@
-"""Notes on a robot: unused URDF values, implausible friction."""
+"""Notes on a robot: unused URDF values, implausible values."""
 
 import xml.etree.ElementTree as ElementTree
 
@@ -7,7 +7,16 @@ import pytest
 from cases import SLIDE
 
 from tubeplanner import LimitOverrides, MotorOverrides, load_robot
-from tubeplanner.robot.notes import robot_notes, unused_note
+from tubeplanner.geometry.link_geometry import link_extents
+from tubeplanner.robot.info import robot_info
+from tubeplanner.robot.notes import (
+    angles_of,
+    doubts,
+    implausible_values,
+    robot_notes,
+    unlimited_notes,
+    unused_note,
+)
 from tubeplanner.robot.urdf_elements import unused_values
 
 UNUSED = "the URDF says, and nothing here uses: "
@@ -193,3 +202,111 @@ def test_prefixes_that_are_not_declared_are_named_with_what_stands_under_them(ar
         f"the URDF does not declare the prefix 'drake'; {why}: {named} and 1 more",
         f"the URDF does not declare the prefix 'other'; {why}: other:x",
     )
+
+
+# Values that no arm has, each with its sentence.
+
+MOMENTS = 'ixx="0.02" iyy="0.2" izz='
+BODILY = SLIDE.replace(f'{MOMENTS}"0.3"', f'{MOMENTS}"0.2"')
+BOOM = '<box size="0.4 0.06 0.06"/>'
+DOUBTS = {
+    # Ranges and speeds in degrees, a slide in millimetres.
+    ('lower="-3" upper="3" effort="60"', 'lower="-170" upper="170" effort="60"'): (
+        "position range 340 rad (turn), more than 62.9: that is ten turns; degrees? "
+    ),
+    ('effort="60" velocity="3"', 'effort="60" velocity="180"'): (
+        "velocity limit 180 rad/s (turn), more than 30: a placeholder, or degrees? "
+    ),
+    ('lower="-1" upper="1"', 'lower="0" upper="800"'): (
+        "position range 800 m (extend), more than 100: millimetres? "
+    ),
+    ('effort="80" velocity="1"', 'effort="80" velocity="250"'): (
+        "velocity limit 250 m/s (extend), more than 30: a placeholder, or millimetres? "
+    ),
+    # A joint, a solid and a centre of mass in millimetres; angles in degrees.
+    ('xyz="0.4 0 0"', 'xyz="400 0 0"'): "length of the arm 401 m (slide), more than 100: ",
+    (BOOM, '<box size="400 60 60"/>'): (
+        "farthest point 204.6 m, 66 times the arm's reach (link 'boom'), more than 10: millimetres?"
+    ),
+    ('xyz="0.3 0.1 0"', 'xyz="300 0.1 0"'): (
+        "centre of mass outside the geometry by 300 m, 733 times the link's size (link 'boom'), "
+    ),
+    ('rpy="0.2 0.1 0.3"', 'rpy="0 90 0"'): (
+        "rpy 90 rad (<collision> of link 'tip'), more than 6.3: degrees? "
+    ),
+    # Inertias: a decimal point, a placeholder.
+    (f'{MOMENTS}"0.2"', f'{MOMENTS}"0.9"'): (
+        "principal moments 0.02, 0.2, 0.9 kg m^2, the largest 4.09 times the sum of the others "
+        "(link 'boom'), more than 1: no body has such"
+    ),
+    ('ixx="0.01" iyy="0.01" izz="0.01"', 'ixx="1" iyy="1" izz="1"'): (
+        "radius of gyration 1 m, 3.55 times the link's size (link 'tip'), more than 2: "
+    ),
+}
+RIGHT = {
+    "a continuous joint has no range": ('"turn" type="revolute"', '"turn" type="continuous"'),
+    "a rail": ('lower="-1" upper="1"', 'lower="-30" upper="30"'),
+    "moments as rounded": ('ixx="0.1" iyy="0.2" izz="0.3"', 'ixx="1e-4" iyy="1e-4" izz="3e-4"'),
+    "a frame without mass": ('<mass value="1"/>', '<mass value="1e-6"/>'),
+    "a whole turn": ('rpy="0.2 0.1 0.3"', 'rpy="0 0 6.28319"'),
+}
+
+
+def implausible(arm, old, new):
+    assert old in BODILY
+    robot = arm(text=BODILY.replace(old, new))
+    return implausible_values(robot, link_extents(robot))
+
+
+@pytest.mark.parametrize(("change", "sentence"), DOUBTS.items(), ids=DOUBTS.values())
+def test_what_no_arm_has_is_named_with_value_owner_bound_and_cause(arm, change, sentence):
+    (doubt,) = implausible(arm, *change)
+    assert doubt.startswith(sentence)
+
+
+@pytest.mark.parametrize("change", RIGHT.values(), ids=RIGHT)
+def test_what_arms_have_is_not_questioned(arm, change):
+    assert implausible(arm, *change) == ()
+
+
+def test_of_the_bundled_arms_only_the_wrist_of_the_ur5_and_a_placeholder_are_questioned():
+    of_arms = {
+        name: implausible_values(arm, link_extents(arm))
+        for name in ("panda", "xarm7", "ur10", "ur5", "two_link")
+        for arm in [robot_info(f"example:{name}").arm]
+    }
+    questioned = {name: [each[:22] for each in own] for name, own in of_arms.items() if own}
+    assert questioned == {
+        "ur5": ["radius of gyration 0.4"],  # as in the maker's file, for links of 0.15 m
+        "two_link": ["velocity limit 100 rad"],
+    }
+
+
+def test_a_joint_that_does_not_move_the_tool_is_named(tmp_path):
+    (tmp_path / "arm.urdf").write_text(BODILY)
+    robot = load_robot(tmp_path / "arm.urdf", "boom", joints=["turn", "extend", "lift"])
+    (doubt,) = implausible_values(robot, {})
+    assert doubt.startswith("planned, but not moving tool_frame 'boom': lift; ")
+
+
+def test_joints_with_neither_effort_nor_acceleration_limit_are_named():
+    def notes_with(**limits):
+        effort = {"joint1": np.inf, "joint2": np.inf}
+        limits = LimitOverrides(effort=effort, velocity=1.0, **limits)
+        return unlimited_notes(load_robot("example:two_link", "hand", limits=limits))
+
+    (note,) = notes_with(acceleration={"joint1": 5.0})
+    assert note.startswith("NEITHER an effort NOR an acceleration limit: joint2; ")
+    assert notes_with(acceleration=5.0) == ()
+
+
+def test_angles_of_fields_are_found_wherever_they_stand():
+    fields = {
+        "obstacles": [{"name": "box", "rpy": [0, 90.0, 0]}, {"name": "wall", "rpy": None}],
+        "moves": [{"tube": {"rotation_tolerance": [0.1, [np.inf, 5, 5]], "points": [[9.0] * 3]}}],
+        "robot": {"base": {"rpy": [3.2, 0, 0]}},
+    }
+    assert [each[:46] for each in doubts(angles_of(fields))] == [
+        "rpy 90 rad (obstacles.box.rpy), more than 6.3:",
+        "rotation tolerance 5 rad (moves.0.tube.rotatio",
+    ]

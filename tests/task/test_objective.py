@@ -139,7 +139,8 @@ def test_they_ignore_the_default_and_a_slack_of_zero(bundled):
 def test_with_a_period_a_duration_is_a_multiple_of_it(duration, bundled):
     problem = replace(bundled(NAME), objective=Objective(duration=duration), period=0.004)
     assert (problem.objective.duration, problem.objective.slack) == (duration, None)
-    with pytest.raises(ProblemError, match=r"is 0\.802 s, no multiple of the period, 0\.004 s"):
+    message = r"is 0\.802 s, no multiple of the period, 0\.004 s; give 0\.8 or 0\.804, or leave"
+    with pytest.raises(ProblemError, match=message):
         replace(problem, objective=Objective(duration=0.802))
 
 

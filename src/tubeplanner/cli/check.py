@@ -25,9 +25,10 @@ from tubeplanner.output.controllers.franka import FRANKA_ARMS, franka_limits, ju
 from tubeplanner.output.controllers.ros2_control import judged_by_jtc
 from tubeplanner.output.controllers.verdict import ControllerVerdict
 from tubeplanner.output.files.file_notes import notes_on_cycle_file, notes_on_file, unit_guesses
-from tubeplanner.robot.notes import robot_notes
+from tubeplanner.robot.notes import robot_notes, unlimited_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion, motion_of_file, move_rows
+from tubeplanner.task.info import cycle_doubts, problem_doubts
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 
@@ -115,7 +116,8 @@ def _message(
 
 def _notes(problem: PlanningProblem, read: TrajectoryFile, certificate: Certificate) -> list[str]:
     notes = notes_on_file(problem, read, failed=not certificate.passed)
-    return [*notes, *robot_notes(problem.robot)]
+    robot = problem.robot
+    return [*notes, *problem_doubts(problem), *unlimited_notes(robot), *robot_notes(robot)]
 
 
 def _report(
@@ -257,7 +259,8 @@ def checked_cycle(
     begin = time.perf_counter()
     certificate = verify_cycle(cycle, motion, tolerance)
     certificate_time = time.perf_counter() - begin
-    notes = (*notes_on_cycle_file(cycle, file), *robot_notes(cycle.robot))
+    doubts = (*cycle_doubts(cycle), *unlimited_notes(cycle.robot))
+    notes = (*notes_on_cycle_file(cycle, file), *doubts, *robot_notes(cycle.robot))
     return CheckedCycle(motion, certificate, certificate_time, notes)
 
 

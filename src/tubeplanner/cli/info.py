@@ -32,7 +32,14 @@ from tubeplanner.studies.tubes.starter_problem import shown_configuration
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import is_cycle_file
 from tubeplanner.task.endpoints import Endpoint
-from tubeplanner.task.info import CycleInfo, ProblemInfo, SrdfInfo, cycle_info, problem_info
+from tubeplanner.task.info import (
+    CycleInfo,
+    ProblemInfo,
+    SrdfInfo,
+    cycle_info,
+    problem_info,
+    with_doubts,
+)
 from tubeplanner.task.legs import Leg, Rest, rest_text
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.steps import Attach, Move
@@ -84,7 +91,7 @@ def info(
             if changes:
                 raise OptionError(f"--set changes a problem file; {robot} is a robot")
             files: dict[str, Any] = {"package_dirs": package_dirs, "xacro_args": xacro_args}
-            contents = robot_info(robot, tool_frame, **files)
+            contents = with_doubts(robot_info(robot, tool_frame, **files))
         enter("meshes")
         meshes, fault = _open_meshes(contents)
         if plot is not None:

@@ -9,6 +9,7 @@ from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.output.files.new_problem_files import starter_text
 from tubeplanner.studies.tubes.starter_problem import starter_problem
+from tubeplanner.task.info import problem_doubts
 from tubeplanner.writing import require_writable, write_files
 
 
@@ -54,7 +55,8 @@ def init(
     if output is None:
         console.say(text, end="")
         return
-    console.say(f"problem: {output}")
+    notes = (f"note: {note}" for note in problem_doubts(starter.problem))
+    console.say(*notes, f"problem: {output}", sep="\n")
     if starter.placeholders:
         console.say(
             f"placeholders to be replaced by the maker's limits: {', '.join(starter.placeholders)}"

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from tubeplanner.arrays import IntArray
 from tubeplanner.certificate.cycle_verification import CycleCertificate
 from tubeplanner.certificate.judged_motion import RELATIVE, JudgedCondition, Tolerance
 from tubeplanner.certificate.verification import CONDITION_NAMES, Certificate
@@ -18,8 +18,10 @@ from tubeplanner.geometry.collision_checker import ALWAYS_TOUCHING
 from tubeplanner.geometry.link_pairs import TOUCH_SAMPLES
 from tubeplanner.limits.peaks import TrajectoryPeaks, trajectory_peaks
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.notes import unlimited_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion
+from tubeplanner.task.info import cycle_doubts, problem_doubts
 from tubeplanner.task.legs import Leg, Rest, rest_text
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.side_files import fitting_presets
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 _WIDTH_OF_A_FILE, _VERY_WIDE = 160, 10_000  # [characters]
 _ROUNDING = 1e-10  # smaller margins are shown as zero
 _SENSITIVITIES_SHOWN = 3
+_NO_SAVING = 1e-6  # [s]: smaller savings are rounding
 
 
 def plan_text(
@@ -64,14 +67,15 @@ def plan_text(
     if result.certificate is not None:
         lines.append(certificate_text(result.certificate))
         lines += left_out_lines(result.certificate)
-    lines.append(f"{result.status}: {result.message}")
+    before, beside, after = _sorted_notes(result.notes, robot, problem_doubts(problem))
+    lines += [*before, f"{result.status}: {result.message}", *beside]
     largest = result.sensitivities[:_SENSITIVITIES_SHOWN]
-    savings = [str(sensitivity) for sensitivity in largest if sensitivity.saved > 0]
+    savings = [str(sensitivity) for sensitivity in largest if sensitivity.saved > _NO_SAVING]
     if savings:
         lines.append(f"10 % more would save: {'; '.join(savings)}")
     if with_minimum:
         lines += _minimum_lines(problem, result)
-    lines += [f"note: {note}" for note in result.notes]
+    lines += after
     place = str(result.place)
     if place:
         lines.append(f"where: {place}")
@@ -84,6 +88,24 @@ def plan_text(
             "note: the robot has no collision geometry; the obstacles were NOT checked against it"
         )
     return "\n".join(lines)
+
+
+def _sorted_notes(
+    notes: Sequence[str], robot: RobotModel, doubts: Sequence[str]
+) -> tuple[list[str], list[str], list[str]]:
+    """Return lines of notes before an answer, beside it, and after it.
+
+    Args:
+        notes: Of the answer.
+        robot: The arm; joints that nothing holds back are named beside the answer.
+        doubts: On implausible values, to be read before the answer.
+    """
+    lines: tuple[list[str], list[str], list[str]] = ([], [], [])
+    beside = unlimited_notes(robot)
+    for note in notes:
+        place = 0 if note in doubts else 1 if note in beside else 2
+        lines[place].append(f"note: {note}")
+    return lines
 
 
 def _minimum_lines(problem: PlanningProblem, result: "PlanResult") -> list[str]:
@@ -110,16 +132,24 @@ def peaks_lines(robot: RobotModel, peaks: TrajectoryPeaks) -> list[str]:
     free = {quantity: robot.limits.unlimited(quantity) for quantity in ("acceleration", "jerk")}
     unlimited = [quantity for quantity, joints in free.items() if len(joints) > 0]
     if unlimited:
-        joints = np.union1d(free["acceleration"], free["jerk"])
-        names = ", ".join(robot.joint_names[joint] for joint in joints)
-        of_some = f" of {names}" if len(joints) < robot.joint_count else ""
+        of_some = [_of_some(robot, free[quantity]) for quantity in unlimited]
+        named = " or ".join(unlimited) + of_some[0]
+        if len(set(of_some)) > 1:
+            each = zip(unlimited, of_some, strict=True)
+            named = ", or ".join(f"{quantity}{own or ' of every joint'}" for quantity, own in each)
         lines.append(
-            f"nothing limits {' or '.join(unlimited)}{of_some}; for a motion that a machine can "
+            f"nothing limits {named}; for a motion that a machine can "
             "follow, give the robot's own as "
             + " and ".join(f"robot.limits.{quantity}" for quantity in unlimited)
             + "".join(f", or robot.preset: {name}" for name in fitting_presets(robot))
         )
     return lines
+
+
+def _of_some(robot: RobotModel, joints: IntArray) -> str:
+    """Return " of" and the names of some joints; empty for every joint."""
+    names = ", ".join(robot.joint_names[joint] for joint in joints)
+    return f" of {names}" if len(joints) < robot.joint_count else ""
 
 
 def certificate_text(certificate: Certificate) -> str:
@@ -221,8 +251,8 @@ def cycle_plan_text(cycle: Cycle, result: "CycleResult", loading_time: float) ->
         lines.append(_timetable(motion, "10 % more saves most", savings))
     if result.certificate is not None:
         lines.append(_certificate_text(result.certificate))
-    lines += [f"{result.status}: {result.message}", *_gain_lines(result)]
-    lines += [f"note: {note}" for note in result.notes]
+    before, beside, after = _sorted_notes(result.notes, robot, cycle_doubts(cycle))
+    lines += [*before, f"{result.status}: {result.message}", *beside, *_gain_lines(result), *after]
     place = str(result.place)
     lines += [f"where: {place}"] * bool(place)
     if result.stopped_by is not None:
@@ -284,7 +314,7 @@ def _span(begin: float, end: float) -> tuple[str, str]:
 def _largest_saving(leg: Leg, plan: "LegPlan") -> str:
     """Return the limit of a leg's largest saving; empty if no limit saves time."""
     largest = max(plan.result.sensitivities, key=lambda each: each.saved, default=None)
-    if largest is None or largest.saved <= 0:
+    if largest is None or largest.saved <= _NO_SAVING:
         return ""
     if largest.segment is None or len(leg.moves) == 1:
         return str(largest)
@@ -294,7 +324,7 @@ def _largest_saving(leg: Leg, plan: "LegPlan") -> str:
 
 def _gain_lines(result: "CycleResult") -> list[str]:
     """Return lines on the savings of limits, and on the gain of configurations chosen together."""
-    lines, savings = [], [each for each in result.sensitivities if each.saved > 0]
+    lines, savings = [], [each for each in result.sensitivities if each.saved > _NO_SAVING]
     if savings:
         listed = "; ".join(str(each) for each in savings[:_SENSITIVITIES_SHOWN])
         lines.append(f"10 % more would save, over the cycle: {listed}")

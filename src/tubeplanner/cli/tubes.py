@@ -14,12 +14,15 @@ from tubeplanner.errors import OptionError
 from tubeplanner.output.files.new_problem_files import read_cell, taught_problem
 from tubeplanner.output.files.problem_file import read_fields, with_problem
 from tubeplanner.resources import find_problem
+from tubeplanner.robot.notes import unlimited_notes
 from tubeplanner.studies.tubes.joint_routes import require_ompl
 from tubeplanner.studies.tubes.planned_tube import PlannedTube, TubeAnswer
 from tubeplanner.studies.tubes.route import RouteOptions, find_route
 from tubeplanner.studies.tubes.teach import TeachOptions
 from tubeplanner.studies.tubes.teach import teach as teach_tube
 from tubeplanner.task.includes import ProblemLayers
+from tubeplanner.task.info import problem_doubts
+from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.writing import require_writable
 
 _OUTPUT = click.option("-o", "--output", type=console.PATH, help="Problem file with the tube.")
@@ -91,7 +94,7 @@ def route(
         note = f"{measured} was not written: there is no measured tube"
         answer = replace(answer, notes=(*answer.notes, note))
     files = {"problem": output, "measured": measured}
-    return _print_answer(loaded.name, answer, loading_time, files, written, as_json)
+    return _print_answer(loaded, answer, loading_time, files, written, as_json)
 
 
 @click.command()
@@ -156,7 +159,7 @@ def teach(
         answer = teach_tube(loaded, recorded, options, enter)
         answer = replace(answer, notes=(*notes, *answer.notes))
     written = _write(cell.fields, cell.folder, {output: answer.found})
-    return _print_answer(loaded.name, answer, None, {"problem": output}, written, as_json)
+    return _print_answer(loaded, answer, None, {"problem": output}, written, as_json)
 
 
 def _require_none_of(changes: Iterable[str], unread: tuple[str, ...], source: str) -> None:
@@ -182,7 +185,7 @@ def _write(
 
 
 def _print_answer(
-    name: str,
+    problem: PlanningProblem,
     answer: TubeAnswer,
     loading_time: float | None,
     files: Mapping[str, Path | None],
@@ -190,13 +193,16 @@ def _print_answer(
     as_json: bool,
 ) -> int:
     """Print an answer and the written files by kind; return the exit status."""
+    doubts = (*problem_doubts(problem), *unlimited_notes(problem.robot))
+    answer = replace(answer, notes=(*doubts, *answer.notes))
     by_kind = {kind: path for kind, path in files.items() if path in written}
     if as_json:
         fields = {**console.empty_report("", ""), **answer.as_dict()}
-        problem = str(by_kind["problem"]) if "problem" in by_kind else None
-        console.print_json({**fields, "loading_time": loading_time, "problem": problem})
+        fields["notes"] = list(dict.fromkeys(fields["notes"]))  # those of the plan come again
+        file = str(by_kind["problem"]) if "problem" in by_kind else None
+        console.print_json({**fields, "loading_time": loading_time, "problem": file})
     else:
-        console.say(tube_text(name, answer))
+        console.say(tube_text(problem.name, answer))
         for kind, path in by_kind.items():
             console.say(f"{kind}: {path}")
         if answer.succeeded and not by_kind:

@@ -11,12 +11,13 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, IntArray
 from tubeplanner.errors import ProblemError, unknown_name
 from tubeplanner.geometry.body_shapes import BodyShape, BodyShapes
-from tubeplanner.geometry.convex_shapes import ConvexShape
+from tubeplanner.geometry.convex_shapes import ConvexShape, extent_of
 from tubeplanner.geometry.fine_covers import Cover
 from tubeplanner.geometry.link_geometry import LinkPart, link_contents, link_parts
 from tubeplanner.geometry.link_pairs import judged_pairs
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, open_meshes
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.notes import Extent
 
 _BASE = 0
 # Reasons to leave pairs out.
@@ -126,6 +127,19 @@ class CollisionChecker(BodyShapes):
             f"<CollisionChecker of {self.robot.name}: {len(self.shapes)} shapes, "
             f"{len(self.obstacle_pairs)} pairs with obstacles, {len(self.link_pairs)} of links>"
         )
+
+    @cached_property
+    def extents(self) -> dict[str, Extent]:
+        """Extents of all links and solids, by label."""
+        shapes: dict[str, list[BodyShape]] = {}
+        for shape in self.shapes:
+            kind = "attached solid" if shape.owner in self._attached_names else "link"
+            kind = "obstacle" if shape.owner in self._obstacle_names else kind
+            shapes.setdefault(f"{kind} '{shape.owner}'", []).append(shape)
+        return {
+            label: Extent(own[0].body, extent_of(each.shape for each in own))
+            for label, own in shapes.items()
+        }
 
     def between(self, first: str, second: str) -> BoolArray:
         """Return True for the `pairs` of two links or obstacles, by name: shape (P,)."""

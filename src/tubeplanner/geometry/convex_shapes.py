@@ -238,6 +238,13 @@ def _box(shape: ConvexShape, axes: FloatArray) -> tuple[FloatArray, FloatArray, 
     return axes, (low + high) / 2, (high - low) / 2 + shape.radius
 
 
+def extent_of(shapes: Iterable[ConvexShape]) -> FloatArray:
+    """Return the least and the largest coordinates of some shapes, shape (2, 3) [m]."""
+    each = [(s.vertices.min(axis=0) - s.radius, s.vertices.max(axis=0) + s.radius) for s in shapes]
+    lows, highs = zip(*each, strict=True)
+    return np.array([np.min(lows, axis=0), np.max(highs, axis=0)])
+
+
 def spread_directions(count: int) -> FloatArray:
     """Return evenly spread unit vectors along a spiral by the golden angle, shape (count, 3)."""
     z = 1 - (2 * np.arange(count) + 1) / count

@@ -14,6 +14,7 @@ from tubeplanner.geometry.convex_shapes import (
     box,
     capsule,
     cylinder,
+    extent_of,
     inscribed_cylinder,
     sphere,
 )
@@ -22,6 +23,7 @@ from tubeplanner.geometry.meshes import MeshFile
 from tubeplanner.geometry.solids import SolidContents, mesh_contents, simple_contents
 from tubeplanner.resources import find_mesh
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.notes import Extent
 from tubeplanner.robot.urdf_elements import read_placement, read_shape
 
 MESH = "mesh"
@@ -100,6 +102,15 @@ class LinkPart:
         assert self.core is not None
         return MeshSolid.of_shape(self.core).moved(self.placement)
 
+    def extent(self) -> FloatArray:
+        """Return the least and the largest coordinates, shape (2, 3) [m], in the body's frame."""
+        shape = self.shape
+        if self.mesh is not None:
+            low, high = self.mesh.extent()
+            shape = ConvexShape((low + high) / 2 + box(high - low).vertices)
+        assert shape is not None
+        return extent_of([shape.transformed(self.placement)])
+
     def outer_error(self) -> float:
         """Return the largest distance found from the cover's surface to the element [m]."""
         if self.mesh is not None:
@@ -140,6 +151,20 @@ def link_parts(robot: RobotModel) -> dict[str, list[LinkPart]]:
                 part = LinkPart(placement, shape=simple, core=core)
             result[link].append(part)
     return result
+
+
+def link_extents(robot: RobotModel) -> dict[str, Extent]:
+    """Return the extents of the links that have collision geometry, by label.
+
+    Raises:
+        RobotError: As `link_shapes`.
+    """
+    extents = {}
+    for link, parts in link_parts(robot).items():
+        lows, highs = zip(*(part.extent() for part in parts), strict=True)
+        extent = np.array([np.min(lows, axis=0), np.max(highs, axis=0)])
+        extents[f"link '{link}'"] = Extent(robot.link_body[link], extent)
+    return extents
 
 
 def link_shapes(robot: RobotModel) -> dict[str, list[ConvexShape]]:

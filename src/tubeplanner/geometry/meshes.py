@@ -256,6 +256,10 @@ class MeshFile:
         arrays = cached("open", self.key, lambda: {"edges": np.array(self.solid.open_edges)})
         return int(arrays["edges"])
 
+    def extent(self) -> FloatArray:
+        """Return the least and the largest coordinates, shape (2, 3) [m]."""
+        return cached("extent", self.key, lambda: {"box": np.array(self._mesh.bounds)})["box"]
+
     def cover(self) -> list[ConvexShape]:
         """Return few shapes that cover the mesh, where other solids do not come near."""
         return unpacked(

@@ -211,8 +211,7 @@ def _listed(row: object) -> object:
 
 def _extent(shapes: Sequence[ConvexShape]) -> str:
     """Return a text: size along the axes, centre and number of shapes of a solid."""
-    low = np.min([shape.vertices.min(axis=0) - shape.radius for shape in shapes], axis=0)
-    high = np.max([shape.vertices.max(axis=0) + shape.radius for shape in shapes], axis=0)
+    low, high = convex_shape.extent_of(shapes)
     size = " x ".join(f"{side:.3g}" for side in high - low)
     centre = ", ".join(f"{x:.3g}" for x in (low + high) / 2 + 0.0)
     return f"{size} m about [{centre}], {len(shapes)} convex shape{'s' * (len(shapes) > 1)}"

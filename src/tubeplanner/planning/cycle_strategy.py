@@ -28,6 +28,7 @@ from tubeplanner.planning.strategy import require_honoured
 from tubeplanner.robot.notes import robot_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import LegMotion, cycle_motion
+from tubeplanner.task.info import cycle_doubts
 from tubeplanner.task.legs import Leg
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -67,6 +68,7 @@ def plan_cycle(
     for k in range(len(cycle.legs)):
         require_honoured(cycle.problem_from_anywhere(k), options)
     clock = PlanningClock(options.time_limit, progress)
+    doubts = cycle_doubts(cycle)
     try:
         for k in range(len(cycle.legs)):
             try:
@@ -75,13 +77,15 @@ def plan_cycle(
                 raise BlockedLeg(k, refused_result(reason, "")) from None
         greedy = greedy_plan(cycle, options, clock)
     except BlockedLeg as blocked:
-        return _blocked(cycle, blocked, options, clock)
+        refused = _blocked(cycle, blocked, options, clock)
+        return replace(refused, notes=(*doubts, *refused.notes))
     shared, stopped_by = None, _stop_of(greedy)
     if shares_configurations and stopped_by is None:
         shared, stopped_by = until_stopped(partial(shared_plan, cycle, greedy, options, clock))
     answer = partial(_answer, cycle, greedy, options, clock, stopped_by)
     result = answer(shared or greedy)
-    return result if result.succeeded or shared is None else answer(greedy)
+    result = result if result.succeeded or shared is None else answer(greedy)
+    return replace(result, notes=(*doubts, *result.notes))
 
 
 def _answer(

@@ -138,15 +138,17 @@ def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTra
     longer = 100 * (after.duration / before.duration - 1)
     if objective.minimise == SMOOTHNESS:
         done = "smoothed"
-        swings = [_largest_swing(robot, trajectory, before) for trajectory in (after, before)]
         jerks = [largest_jerk(robot, trajectory)[1] for trajectory in (after, before)]
-        gain = (
-            f"the effort that swings most moves through {swings[0]} instead of {swings[1]}, "
-            f"and the largest jerk is {jerks[0]} instead of {jerks[1]}"
-        )
+        gain = f"the largest jerk is {jerks[0]} instead of {jerks[1]}"
+        if effort_variation(robot, before, before).any():  # none: the links have no masses
+            swings = [_largest_swing(robot, trajectory, before) for trajectory in (after, before)]
+            gain = (
+                f"the effort that swings most moves through {swings[0]} instead of {swings[1]}, "
+                f"and {gain}"
+            )
     else:
-        done = f"{objective.minimise} saved"
-        gain = _saved(robot, objective, before, after)
+        is_less, gain = _saved(robot, objective, before, after)
+        done = f"{objective.minimise} {'saved' if is_less else 'not saved'}"
     return (
         f"{done}: the shortest motion takes {before.duration:.4f} s; in {longer:.2f} % more time, "
         f"{gain}"
@@ -155,8 +157,8 @@ def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTra
 
 def _saved(
     robot: RobotModel, objective: Objective, before: JointTrajectory, after: JointTrajectory
-) -> str:
-    """Return the message on energy or work of two motions."""
+) -> tuple[bool, str]:
+    """Return True if energy or work of a motion is less than before, and the message on both."""
     costs = [EffortCosts(robot, trajectory) for trajectory in (after, before)]
     if objective.minimise == ENERGY:
         weights = objective.energy_weights(robot)
@@ -165,7 +167,10 @@ def _saved(
         what = "integral of the squared efforts"
     else:
         values, unit, what = [cost.work() for cost in costs], "J", "work of the motors"
-    return f"the {what} is {values[0]:.4g} instead of {values[1]:.4g} {unit}"
+    if not any(values):
+        return False, f"the {what} is zero, as the links have no masses"
+    message = f"the {what} is {values[0]:.4g} instead of {values[1]:.4g} {unit}"
+    return values[0] < values[1], message
 
 
 def _largest_swing(

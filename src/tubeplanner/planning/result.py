@@ -21,7 +21,7 @@ from tubeplanner.optimizer.starts import RefinedMotion
 from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, StoppedBy
 from tubeplanner.planning.notes import contact_notes, path_minimum
 from tubeplanner.planning.tightening import Survival
-from tubeplanner.robot.notes import robot_notes
+from tubeplanner.robot.notes import robot_notes, unlimited_notes
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -223,7 +223,9 @@ def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, 
             f"on average {unused:.1%} of the speed that the limits allow is not used: there may "
             "well be a faster trajectory; --quality best looks for it from more starts"
         )
-    return (*notes, *contact_notes(problem, trajectory), *robot_notes(problem.robot))
+    robot = problem.robot
+    on_robot = (*unlimited_notes(robot), *robot_notes(robot))
+    return (*notes, *contact_notes(problem, trajectory), *on_robot)
 
 
 def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:

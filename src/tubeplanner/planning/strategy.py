@@ -37,6 +37,7 @@ from tubeplanner.planning.waypoint_plans import (
     suh_bishop_plan,
 )
 from tubeplanner.robot.notes import robot_notes
+from tubeplanner.task.info import problem_doubts
 from tubeplanner.task.problem import PlanningProblem
 
 _CONTINUED = "planned from the last motion, not afresh"
@@ -116,11 +117,12 @@ class Planner:
         """Return the answer, from the last motion if given, and remember the answer's motion."""
         options = self._options
         clock = PlanningClock(options.time_limit, progress)
+        doubts = problem_doubts(self._problem)
         try:
             problem, choices = _configured(self._problem)
         except Infeasible as reason:
             refused = with_grounds(refused_result(reason, options.method))
-            return replace(refused, notes=robot_notes(self._problem.robot))
+            return replace(refused, notes=(*doubts, *robot_notes(self._problem.robot)))
         result = _shortest(problem, options, clock, last)
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
@@ -130,7 +132,8 @@ class Planner:
             result = robust_plan(problem.joined, result, again, follow, clock)
         else:
             result = follow(problem, result)
-        notes = (*choices, *robot_notes(problem.robot), *problem.tube.notes, *result.notes)
+        robot = robot_notes(problem.robot)
+        notes = (*choices, *robot, *problem.tube.notes, *doubts, *result.notes)
         result = with_grounds(_of_poses(self._problem, result))
         return replace(result, planning_time=clock.elapsed, notes=tuple(dict.fromkeys(notes)))
 

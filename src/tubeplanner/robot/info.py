@@ -363,7 +363,7 @@ class RobotInfo:
         other_joints: Joints that can move and are not planned.
         links: All links.
         missing: Values that planning needs and the robot lacks, each with its remedy.
-        notes: Sentences on what the files hold and planning does not use, as `robot_notes`.
+        notes: Sentences on what the files hold and planning does not use, and implausible values.
         arm: Its kinematics and masses; efforts are unlimited, so that no mass need be there.
     """
 

@@ -1,7 +1,10 @@
-"""Notes on a robot: unused parts of its files, limits by direction, implausible friction."""
+"""Notes on a robot: unused parts of its files, limits by direction, implausible values."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -9,6 +12,12 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import RobotError, shown
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.motors import URDF_FRICTION, urdf_friction
+from tubeplanner.robot.urdf_elements import (
+    INERTIA,
+    principal_moments,
+    read_child,
+    read_numbers,
+)
 
 _MAX_NAMES = 8  # under a prefix
 _IMPLAUSIBLE = 1 / 3  # geared arms lose up to 27 % (UR10, identified)
@@ -30,12 +39,10 @@ def robot_notes(robot: RobotModel) -> tuple[str, ...]:
     """Return sentences for the user; none if all is well."""
     prefix_notes = []
     for prefix, names in robot.urdf.undeclared.items():
-        named = ", ".join(shown(f"{prefix}:{name}").strip("'") for name in names[:_MAX_NAMES])
-        more = len(names) - _MAX_NAMES
+        named = [shown(f"{prefix}:{name}").strip("'") for name in names]
         prefix_notes.append(
             f"the URDF does not declare the prefix '{prefix}'; it is read all the same, and "
-            f"nothing here uses what stands under it: {named}"
-            + (f" and {more} more" if more > 0 else "")
+            f"nothing here uses what stands under it: {_listed(named)}"
         )
     kinds = (_passive_note, unused_note, _acceleration_note, _friction_note)
     notes = [kind(robot) for kind in kinds]
@@ -71,6 +78,21 @@ def _acceleration_note(robot: RobotModel) -> str | None:
     return (
         f"the URDF limits {listed}; a limit holds in both directions here, so the smaller counts; "
         "robot.limits.acceleration replaces it"
+    )
+
+
+def unlimited_notes(robot: RobotModel) -> tuple[str, ...]:
+    """Return a sentence on joints with neither effort nor acceleration limit; none without any."""
+    limits = robot.limits
+    efforts = np.minimum(limits.effort, robot.motors.saturation_effort)
+    unlimited = np.isinf(efforts) & np.isinf(limits.acceleration)
+    if not unlimited.any():
+        return ()
+    names = ", ".join(robot.joint_names[joint] for joint in np.flatnonzero(unlimited))
+    return (
+        f"NEITHER an effort NOR an acceleration limit: {names}; nothing shows that a motor can "
+        "follow a certified motion of these joints; give the maker's in robot.limits.acceleration, "
+        "or efforts and masses",
     )
 
 
@@ -198,3 +220,283 @@ def friction_share(
     largest = () if is_largest.all() else np.flatnonzero(is_largest)
     names = tuple(robot.joint_names[joint] for joint in largest)
     return FrictionShare(float(fractions.max()), names)
+
+
+# ---- Implausible values: each quantity with the largest value that arms and cells have.
+#
+# The bounds are above what the arms of example-robot-data have where their values are right: legged
+# robots turn with 30 rad/s, the radius of gyration of an identified link is 1.2 times its size.
+
+
+class Plausible(NamedTuple):
+    """A quantity with its largest plausible value and unit, and what a larger value may come of."""
+
+    quantity: str
+    most: float
+    unit: str
+    doubt: str
+
+
+_METRES = "millimetres? Metres are meant"
+_RADIANS = "degrees? Radians are meant"
+_IN_URDF = ": correct the URDF, or give robot.limits"
+_REACHES = "times the arm's reach"
+BOUNDS = {
+    "turning": Plausible(
+        "position range", 62.9, "rad", f"that is ten turns; {_RADIANS}{_IN_URDF}.position"
+    ),
+    "sliding": Plausible("position range", 100.0, "m", f"{_METRES}{_IN_URDF}.position"),
+    "turning speed": Plausible(
+        "velocity limit", 30.0, "rad/s", f"a placeholder, or {_RADIANS}{_IN_URDF}.velocity"
+    ),
+    "sliding speed": Plausible(
+        "velocity limit", 30.0, "m/s", f"a placeholder, or {_METRES}{_IN_URDF}.velocity"
+    ),
+    "length": Plausible("length of the arm", 100.0, "m", f"{_METRES}: correct <origin>"),
+    "carried": Plausible(
+        "farthest point", 10.0, _REACHES, f'{_METRES}; a <mesh> takes scale="0.001 0.001 0.001"'
+    ),
+    "standing": Plausible("size", 50.0, _REACHES, f"{_METRES}; a mesh takes a scale of 0.001"),
+    "away": Plausible("distance from the arm's base", 50.0, _REACHES, _METRES),
+    "offset": Plausible("distance from the last link", 10.0, _REACHES, _METRES),
+    "angle": Plausible("rpy", 6.3, "rad", f"{_RADIANS}, and a full turn is 6.28"),
+    "tolerance": Plausible(
+        "rotation tolerance",
+        3.15,
+        "rad",
+        f"{_RADIANS}; no rotation is above 3.14, so that this bounds nothing (.inf: free)",
+    ),
+    "moment": Plausible(
+        "principal moments",
+        1.0,
+        "times the sum of the others",
+        "no body has such; a decimal point? Correct <inertia>",
+    ),
+    "gyration": Plausible(
+        "radius of gyration",
+        2.0,
+        "times the link's size",
+        "a placeholder, a decimal point, or other units? Correct <mass> and <inertia>",
+    ),
+    "centre": Plausible(
+        "centre of mass outside the geometry by",
+        1.5,
+        "times the link's size",
+        f"a decimal point, or {_METRES}: correct the <origin> of <inertial>",
+    ),
+}
+_MIN_REACH = 0.1  # [m]: what stands around a smaller arm is larger by more
+# A lighter link, and a radius of gyration below 1 mm [kg, m]: a placeholder of no consequence.
+_MIN_MASS, _MIN_GYRATION = 1e-3, 1e-3
+# Of principal moments: relative to the largest; half of the last digit as written [kg m^2].
+_MOMENT_ERROR, _MAX_ROUNDING = 0.01, 1.5e-4
+
+
+class Value(NamedTuple):
+    """A value to be compared with a bound: key in `BOUNDS`, owner, and what it comes from."""
+
+    key: str
+    owner: str
+    value: float
+    origin: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """The extent of a solid.
+
+    Attributes:
+        body: Index of the robot's body that carries it; 0 stands still.
+        box: Least and largest coordinates in the body's frame, shape (2, 3) [m].
+    """
+
+    body: int
+    box: FloatArray
+
+
+def doubts(values: Iterable[Value]) -> list[str]:
+    """Return a sentence for each quantity with values above its bound."""
+    by_key: dict[str, dict[str, list[str]]] = {}
+    for each in values:
+        bound = BOUNDS[each.key]
+        if each.value > bound.most:
+            figures = f"{each.value:.3g}" if each.value < 1000 else f"{each.value:,.0f}"
+            text = f"{each.origin}{figures} {bound.unit}"
+            by_key.setdefault(each.key, {}).setdefault(text, []).append(each.owner)
+    sentences = []
+    for key, owners in by_key.items():
+        bound = BOUNDS[key]
+        listed = [f"{text} ({_listed(names)})" for text, names in owners.items()]
+        sentences.append(
+            f"{bound.quantity} {_listed(listed)}, more than {bound.most:.3g}: {bound.doubt}"
+        )
+    return sentences
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - _MAX_NAMES
+    return ", ".join(names[:_MAX_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def implausible_values(robot: RobotModel, extents: Mapping[str, Extent]) -> tuple[str, ...]:
+    """Return sentences on values of a robot, and of solids, that no arm and no cell has.
+
+    Args:
+        robot: The arm.
+        extents: Of its links, of obstacles and of attached solids, by label: "link 'upper'".
+    """
+    joints, length = list(_values_of_joints(robot)), _length(robot)
+    travel = sum(each.value for each in joints if each.key == "sliding")
+    reach = max(length + travel, _MIN_REACH)
+    values = [
+        *joints,
+        Value("length", robot.name, length),
+        *_values_of_origins(robot),
+        *_values_of_solids(robot, extents, reach),
+        *_values_of_inertias(robot, extents, reach),
+    ]
+    moved = robot.joint_moves_body[robot.link_body[robot.tool_frame]]
+    idle = [robot.joint_names[k] for k in np.flatnonzero(~moved)]
+    idle_note = (
+        f"planned, but not moving tool_frame '{robot.tool_frame}': {', '.join(idle)}; the tube is "
+        "of the tool: leave what does not move it out of robot.joints"
+    )
+    return (*doubts(values), *[idle_note][: len(idle)])
+
+
+def _values_of_joints(robot: RobotModel) -> Iterator[Value]:
+    limits = robot.limits
+    for k, name in enumerate(robot.joint_names):
+        lower, upper = limits.lower_position[k], limits.upper_position[k]
+        kind = "turning" if robot.revolute[k] else "sliding"
+        if np.isfinite([lower, upper]).all():
+            yield Value(kind, name, float(max(upper - lower, -lower, upper)))
+        if np.isfinite(limits.velocity[k]):
+            yield Value(f"{kind} speed", name, float(limits.velocity[k]))
+
+
+def _length(robot: RobotModel) -> float:
+    """Return the sum of the distances between the joints from the root to the tool frame [m]."""
+    description, length, link = robot.urdf, 0.0, robot.tool_frame
+    by_child = {joint.child: joint for joint in description.joints.values()}
+    while link in by_child:
+        length += float(np.linalg.norm(_xyz(description.joint_element(by_child[link].name))))
+        link = by_child[link].parent
+    return length
+
+
+def _values_of_origins(robot: RobotModel) -> Iterator[Value]:
+    """Yield the angles of the origins of joints, collision geometry and inertias."""
+    description = robot.urdf
+    elements = [(f"joint '{name}'", description.joint_element(name)) for name in description.joints]
+    for link in description.links:
+        for tag in ("inertial", "collision"):
+            found = description.link_element(link).findall(tag)
+            elements += [(f"<{tag}> of link '{link}'", element) for element in found]
+    for owner, element in elements:
+        origin = element.find("origin")
+        if origin is not None and origin.get("rpy") is not None:
+            yield Value("angle", owner, float(abs(read_numbers(owner, origin, "rpy", 3)).max()))
+
+
+def _xyz(element: Element) -> FloatArray:
+    """Return the position of an element's <origin>, shape (3,) [m]."""
+    origin = element.find("origin")
+    if origin is None or origin.get("xyz") is None:
+        return np.zeros(3)
+    return read_numbers(element.tag, origin, "xyz", 3)
+
+
+def _values_of_solids(
+    robot: RobotModel, extents: Mapping[str, Extent], reach: float
+) -> Iterator[Value]:
+    """Yield sizes and distances, in the arm's reach [m]; what stands may be large and flat."""
+    points = {"tool centre point": robot.tool_reach}
+    if robot.payload is not None:
+        points["centre of mass of the payload"] = float(np.linalg.norm(robot.payload.com))
+    for owner, distance in points.items():
+        yield Value("offset", owner, distance / reach, f"{distance:.4g} m, ")
+    base = np.zeros(3) if robot.base is None else np.array(robot.base.position)
+    for owner, extent in extents.items():
+        low, high = extent.box
+        if extent.body > 0:
+            lengths = {"carried": float(np.linalg.norm(np.maximum(abs(low), abs(high))))}
+        else:
+            least, most = (high - low).min(), (high - low).max()
+            away = np.linalg.norm(np.maximum(np.maximum(low - base, base - high), 0.0))
+            lengths = {"standing": float(most if least > reach else 0.0), "away": float(away)}
+        for key, metres in lengths.items():
+            yield Value(key, owner, metres / reach, f"{metres:.4g} m, ")
+
+
+def _values_of_inertias(
+    robot: RobotModel, extents: Mapping[str, Extent], reach: float
+) -> Iterator[Value]:
+    """Yield moments, radii of gyration and centres of mass of the links that move.
+
+    A link without collision geometry is compared with the arm's reach [m].
+    """
+    for link, body in robot.link_body.items():
+        owner, inertial = f"link '{link}'", robot.urdf.link_element(link).find("inertial")
+        if body == 0 or inertial is None:
+            continue
+        mass = read_numbers(owner, read_child(owner, inertial, "mass"), "value", 1)[0]
+        moments = principal_moments(owner, inertial)
+        gyration = np.sqrt(max(moments[2], 0.0) / mass) if mass >= _MIN_MASS else 0.0
+        if gyration > _MIN_GYRATION:
+            others = moments[0] + moments[1]
+            if moments[2] - others > max(_MOMENT_ERROR * moments[2], _rounding(inertial)):
+                ratio = moments[2] / others if others > 0 else np.inf
+                named = ", ".join(f"{moment:.3g}" for moment in moments)
+                yield Value("moment", owner, ratio, f"{named} kg m^2, the largest ")
+        extent = extents.get(owner)
+        size, outside = reach, _xyz(inertial)
+        if extent is not None:
+            placement = robot.link_placement[link]
+            centre = placement[:3, :3] @ outside + placement[:3, 3]
+            low, high = extent.box
+            outside = np.maximum(np.maximum(low - centre, centre - high), 0.0)
+            size = max(float(np.linalg.norm(high - low)), _MIN_GYRATION)
+        away = float(np.linalg.norm(outside)) if mass >= _MIN_MASS else 0.0
+        yield Value("gyration", owner, gyration / size, f"{gyration:.3g} m, ")
+        yield Value("centre", owner, away / size, f"{away:.3g} m, ")
+
+
+def _rounding(inertial: Element) -> float:
+    """Return the error of a sum of three moments by the digits written [kg m^2]."""
+    inertia = read_child("inertial", inertial, "inertia")
+    digits = [Decimal(inertia.get(key, "0").strip()).as_tuple().exponent for key in INERTIA[:3]]
+    return min(1.5 * 10.0 ** max(map(int, digits)), _MAX_ROUNDING)
+
+
+# ---- Angles of a problem's fields.
+
+_ANGLES = {"rpy": "angle", "rotation_tolerance": "tolerance"}
+
+
+def angles_of(fields: Any, path: str = "") -> Iterator[Value]:
+    """Yield the largest finite angle of each field of a document that holds angles [rad].
+
+    Args:
+        fields: Maps and lists, as of a problem file.
+        path: Of the fields in the document.
+    """
+    if isinstance(fields, Mapping):
+        for key, value in fields.items():
+            where = f"{path}.{key}" if path else str(key)
+            if key in _ANGLES and value is not None:
+                angles = [abs(angle) for angle in _flat(value) if np.isfinite(angle)]
+                yield Value(_ANGLES[key], where, max(angles, default=0.0))
+            else:
+                yield from angles_of(value, where)
+    elif isinstance(fields, list | tuple):
+        for k, each in enumerate(fields):
+            if isinstance(each, Mapping):
+                yield from angles_of(each, f"{path}.{each.get('name', k)}")
+
+
+def _flat(value: Any) -> list[float]:
+    """Return the numbers of nested lists; a null is left out."""
+    if isinstance(value, list | tuple):
+        return [number for each in value for number in _flat(each)]
+    return [] if value is None else [float(value)]

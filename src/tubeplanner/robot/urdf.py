@@ -145,7 +145,11 @@ class UrdfDescription:
 
     def link_element(self, link: str) -> ElementTree.Element:
         """Return the <link> element of a link."""
-        return self._link_elements[link]
+        return self._elements["link", link]
+
+    def joint_element(self, joint: str) -> ElementTree.Element:
+        """Return the <joint> element of a joint."""
+        return self._elements["joint", joint]
 
     def kinematic_xml(self) -> str:
         """Return the XML for Pinocchio: geometry removed, every limit a finite placeholder.
@@ -168,9 +172,12 @@ class UrdfDescription:
         return ElementTree.tostring(plain, encoding="unicode")
 
     @cached_property
-    def _link_elements(self) -> dict[str, ElementTree.Element]:
+    def _elements(self) -> dict[tuple[str, str], ElementTree.Element]:
+        """The elements of links and joints, by tag and name."""
         root = ElementTree.fromstring(self.xml)
-        return {str(element.get("name")): element for element in root.findall("link")}
+        return {
+            (tag, str(e.get("name"))): e for tag in ("link", "joint") for e in root.findall(tag)
+        }
 
     @staticmethod
     def _plain_joint(element: ElementTree.Element) -> None:

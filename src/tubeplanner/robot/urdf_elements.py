@@ -191,7 +191,7 @@ def _origins(where: str, robot: Element) -> Iterator[tuple[str, Element]]:
 
 # ---- Checks of a URDF's links: a physical inertia, geometry with a size.
 
-_INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 # The lengths of each shape, with their count of numbers.
 _SIZES = {
     "box": {"size": 3},
@@ -227,14 +227,23 @@ def _require_inertia(where: str, inertial: Element) -> None:
     mass = read_numbers(where, read_child(f"{where}: <inertial>", inertial, "mass"), "value", 1)[0]
     if mass < 0:
         raise RobotError(f"{where}: mass {mass:g} kg must be >= 0")
-    inertia = read_child(f"{where}: <inertial>", inertial, "inertia")
-    xx, yy, zz, xy, xz, yz = (read_numbers(where, inertia, key, 1)[0] for key in _INERTIA)
-    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments = principal_moments(where, inertial)
     if moments[0] < -max(_RELATIVE_TOLERANCE * moments[-1], _ABSOLUTE_TOLERANCE):
         raise RobotError(
             f"{where}: the inertia has a principal moment of {moments[0]:.3g} kg m^2; no body has "
             "a negative one"
         )
+
+
+def principal_moments(where: str, inertial: Element) -> FloatArray:
+    """Return the principal moments of an <inertial>, ascending, shape (3,) [kg m^2].
+
+    Raises:
+        RobotError: A number is missing or not finite.
+    """
+    inertia = read_child(f"{where}: <inertial>", inertial, "inertia")
+    xx, yy, zz, xy, xz, yz = (read_numbers(where, inertia, key, 1)[0] for key in INERTIA)
+    return np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def read_shape(where: str, element: Element) -> tuple[str, tuple[float, ...], str]:
@@ -298,7 +307,7 @@ _DEFINED: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "origin": (("xyz", "rpy", _QUATERNION), ()),
     "mass": (("value",), ()),
-    "inertia": (_INERTIA, ()),
+    "inertia": (INERTIA, ()),
     **{end: (("link",), ()) for end in ("parent", "child")},
     "axis": (("xyz",), ()),
     "limit": (

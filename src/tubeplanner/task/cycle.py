@@ -105,6 +105,7 @@ class Cycle:
         self_collision: True if links are checked against each other.
         period: Of the controller [s], as of a `PlanningProblem`.
         name: Name in messages and plots.
+        notes: Sentences on implausible values of its file.
         legs: Runs of moves without a stop.
         after: The rest after the last leg.
 
@@ -122,6 +123,7 @@ class Cycle:
     self_collision: bool = True
     period: float | None = None
     name: str = "cycle"
+    notes: tuple[str, ...] = ()
     legs: tuple[Leg, ...] = field(init=False)
     after: Rest = field(init=False)
 

@@ -11,6 +11,7 @@ from tubeplanner.checks import given_path
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.notes import angles_of, doubts
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.task.cycle import Cycle, anywhere
 from tubeplanner.task.field_changes import changed_problem
@@ -253,6 +254,7 @@ def _build(
             self_collision=fields.collision.self_,
             period=fields.period,
             name=name,
+            notes=tuple(doubts(angles_of(fields.model_dump()))),
         )
     except (ProblemError, RobotError) as error:
         raise type(error)(f"{source}: {error}") from None

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from math import inf
+from math import ceil, floor, inf
 from typing import Any
 
 import numpy as np
@@ -248,9 +248,11 @@ def require_period(period: float, duration: float | None) -> None:
             f"{_MAX_CONTROLLER_PERIOD:g} s, or leave it out"
         )
     if duration is not None and not is_multiple(duration, period):
+        counts = {max(round_to(duration / period), 1) for round_to in (floor, ceil)}
+        nearest = " or ".join(f"{count * period:.9g}" for count in sorted(counts))
         raise ProblemError(
             f"objective.duration is {in_figures(duration)} s, no multiple of the period, "
-            f"{period:g} s; give one, or leave one of them out"
+            f"{period:g} s; give {nearest}, or leave one of them out"
         )
 
 

@@ -1,15 +1,18 @@
 """ProblemInfo and CycleInfo: robot, missing limits, task if it loads."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.geometry.link_geometry import link_extents
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.info import RobotInfo, robot_info
+from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.notes import Extent, angles_of, doubts, implausible_values, unlimited_notes
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_file import CycleFields, check_cycle_fields, load_cycle
 from tubeplanner.task.endpoints import Endpoint
@@ -80,8 +83,67 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
     try:
         problem = load_problem(name, reads_tube=fields.tube is not None, changes=changes)
     except (ProblemError, RobotError) as error:
-        return ProblemInfo(robot, srdf, None, str(error))
-    return ProblemInfo(robot, srdf, problem, None)
+        known = [*doubts(angles_of(fields.model_dump())), *robot_doubts(robot.arm)]
+        return ProblemInfo(with_doubts(robot, known), srdf, None, str(error))
+    known = [*problem_doubts(problem), *unlimited_notes(problem.robot)]
+    return ProblemInfo(with_doubts(robot, known), srdf, problem, None)
+
+
+def with_doubts(robot: RobotInfo, known: Sequence[str] | None = None) -> RobotInfo:
+    """Return the contents of a robot with notes on implausible values.
+
+    Args:
+        robot: The contents.
+        known: Notes on its problem or cycle; None: on the robot alone.
+    """
+    doubts = robot_doubts(robot.arm) if known is None else known
+    return replace(robot, notes=(*robot.notes, *doubts))
+
+
+# ---- Implausible values of problems and cycles.
+
+
+def robot_doubts(robot: RobotModel) -> tuple[str, ...]:
+    """Return notes on implausible values of a robot; on its geometry, if that can be read."""
+    try:
+        extents = link_extents(robot)
+    except RobotError:  # a mesh is missing or unreadable, which loading says
+        extents = {}
+    return implausible_values(robot, extents)
+
+
+def problem_doubts(problem: PlanningProblem) -> tuple[str, ...]:
+    """Return notes on implausible values of a problem: file, robot, solids, goal."""
+    points = problem.tube.points
+    tube = Extent(0, np.array([points.min(axis=0), points.max(axis=0)]))
+    extents = {**problem.collision.extents, "the tube's points": tube}
+    return (*problem.notes, *implausible_values(problem.robot, extents), *_goal_note(problem))
+
+
+def cycle_doubts(cycle: Cycle) -> tuple[str, ...]:
+    """Return notes on implausible values of a cycle: of its file, its robot and its solids."""
+    notes = list(cycle.notes)
+    for k in range(len(cycle.legs)):
+        notes += problem_doubts(cycle.problem_from_anywhere(k))
+    return tuple(dict.fromkeys(notes))
+
+
+def _goal_note(problem: PlanningProblem) -> list[str]:
+    """Return a note if the goal's ball holds the start and all points of the tube."""
+    start, region = problem.endpoints[0], problem.open_goal
+    if region is None or region.bounds_rotation:
+        return []
+    tool = problem.tube.points[0] if start.position is None else start.position
+    if start.joints is not None:
+        tool = problem.robot.tool_position(start.joints)
+    if max(map(region.distance, (tool, *problem.tube.points))) > region.tolerance:
+        return []
+    away, most = 1000 * region.distance(tool), 1000 * region.tolerance
+    return [
+        f"the goal's ball holds the start: there the tool is {away:.4g} mm from goal.position, and "
+        f"goal.tolerance is {most:g} mm; no motion is needed: move the goal, or give a smaller "
+        "tolerance [m]"
+    ]
 
 
 def srdf_info(robot: RobotInfo) -> SrdfInfo | None:
@@ -197,8 +259,10 @@ def cycle_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> Cy
     try:
         cycle = load_cycle(name, changes=changes)
     except (ProblemError, RobotError) as error:
-        return CycleInfo(robot, srdf, None, str(error))
-    return CycleInfo(robot, srdf, cycle, None)
+        known = [*doubts(angles_of(fields.model_dump())), *robot_doubts(robot.arm)]
+        return CycleInfo(with_doubts(robot, known), srdf, None, str(error))
+    known = [*cycle_doubts(cycle), *unlimited_notes(cycle.robot)]
+    return CycleInfo(with_doubts(robot, known), srdf, cycle, None)
 
 
 def _cycle_task(cycle: Cycle) -> dict[str, Any]:

@@ -61,6 +61,7 @@ class PlanningProblem:
         period: Of the controller [s]: duration and breakpoints are multiples of it; None: any.
         robustness: Errors that the plan must survive in simulation; None: none.
         name: Name in messages and plots.
+        notes: Sentences on implausible values of its file.
         joint_lower: Lower bounds of joints per segment, from limits and signs, (m, n) [rad or m].
         joint_upper: Upper bounds of joints per segment, from limits and signs, (m, n) [rad or m].
 
@@ -86,6 +87,7 @@ class PlanningProblem:
     period: float | None = None
     robustness: Robustness | None = None
     name: str = "problem"
+    notes: tuple[str, ...] = ()
     joint_lower: FloatArray = field(init=False)
     joint_upper: FloatArray = field(init=False)
     _scene: CollisionScene | None = field(default=None, repr=False)

@@ -21,6 +21,7 @@ from tubeplanner.resources import (
 from tubeplanner.robot.limit_layers import LimitLayer
 from tubeplanner.robot.loader import load_robot, package_folders
 from tubeplanner.robot.model import RobotModel
+from tubeplanner.robot.notes import angles_of, doubts
 from tubeplanner.robot.overrides import LimitOverrides
 from tubeplanner.robot.pinocchio_model import BasePose, Payload, ToolOffset
 from tubeplanner.task.demands import Objective, Robustness
@@ -147,6 +148,7 @@ def build_problem(
             period=fields.period,
             robustness=_built(Robustness, fields.robustness),
             name=name,
+            notes=tuple(doubts(angles_of(fields.model_dump()))),
         )
         _ = problem.collision  # built here, so that planning starts with loaded geometry
     except (ProblemError, RobotError) as error:

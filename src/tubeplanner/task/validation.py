@@ -68,7 +68,8 @@ def _deepest(data: dict[str, Any], error: ValidationError) -> Any:
 def _requirement(fault: Any, root: type[BaseModel]) -> str:
     if fault["type"] in ("model_type", "dict_type"):
         model = _model_at(root, fault["loc"])
-        keys = _keys(model) if model is not root or not fault["loc"] else []
+        is_model = fault["type"] == "model_type" and (model is not root or not fault["loc"])
+        keys = _keys(model) if is_model else []
         return f"it must be a map with {', '.join(keys)}" if keys else "it must be a map"
     if fault["type"] in _REQUIREMENTS:
         return f"it must be {_REQUIREMENTS[fault['type']]}"

@@ -18,6 +18,7 @@ from tubeplanner.output.files.problem_file import included_fields, new_fields, r
 from tubeplanner.resources import find_problem, rebased
 from tubeplanner.studies.tubes.starter_problem import StarterProblem
 from tubeplanner.studies.tubes.teach import joint_trail
+from tubeplanner.task.info import problem_doubts
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import PROBLEM_FORMAT, check_problem_fields
 from tubeplanner.task.problem_reader import parse_problem, robot_of
@@ -29,6 +30,8 @@ _WHY = {
     "position": "ranges that the URDF lacks [rad] or [m]",
     "velocity": "velocity limits that the URDF lacks [rad/s] or [m/s]",
     "effort": "effort limits that the URDF lacks [N m] or [N]",
+    "acceleration": "without efforts nothing else limits accelerations [rad/s^2] or [m/s^2]",
+    "jerk": "nor jerk [rad/s^3] or [m/s^3]",
 }
 _NO_MASSES = "no effort is limited, as links lack their <inertial>"
 _WORDS = ("true", "false", "null")  # not text in YAML
@@ -58,6 +61,7 @@ def starter_text(
         f"## {starter.info.name}: a first problem, which was planned before it was written.",
         '## Lines with "##" explain. In lines with "#" a field follows: remove "# " to use it.',
         "## `tubeplanner schema` has all fields, with units and defaults.",
+        *(f"## note: {note}" for note in problem_doubts(starter.problem)),
         f"format: {PROBLEM_FORMAT}",
         "version: 1",
         *_robot_lines(starter, urdf, package_dirs, folder, xacro_args or {}),
@@ -103,7 +107,8 @@ def _limit_lines(starter: StarterProblem) -> list[str]:
     gentle = [
         line
         for line in _GENTLE
-        if any(joint.limits[line.partition(":")[0]].is_missing for joint in joints)
+        if (name := line.partition(":")[0]) not in starter.placeholders
+        and any(joint.limits[name].is_missing for joint in joints)
     ]
     why = "  ## without these a motion may be as abrupt as the motors allow"
     if not starter.placeholders:
@@ -115,7 +120,7 @@ def _limit_lines(starter: StarterProblem) -> list[str]:
         lines.append(f"    ## PLACEHOLDERS: {_NO_MASSES if endless else _WHY[quantity]};")
         lines.append("    ## REPLACE THEM by the maker's")
         lines.append(f"    {quantity}: {_row(values)}")
-    return [*lines, *[f"  {why}"][: len(gentle)], *(f"    # {line}" for line in gentle)]
+    return [*lines, *([f"  {why}"] if gentle else []), *(f"    # {line}" for line in gentle)]
 
 
 def _tube_lines(starter: StarterProblem) -> list[str]:

@@ -147,12 +147,17 @@ def _nothing_found(info: RobotInfo, refusals: Sequence[str]) -> str:
 
 _VELOCITY = {"prismatic": 0.25}  # [m/s]
 _TURNING_VELOCITY = 1.0  # [rad/s]
+# Where no effort is limited [rad/s^2 or m/s^2], [rad/s^3 or m/s^3].
+_ACCELERATION, _JERK = 10.0, 500.0
 # Factor on the effort that holds the arm still, and the least effort [N m or N].
 _GRAVITY_TIMES, _MIN_EFFORT = 2.5, 5.0
 
 
 def placeholder_limits(info: RobotInfo) -> Placeholders:
-    """Return limits that a robot lacks; inf for every effort where masses are missing."""
+    """Return limits that a robot lacks.
+
+    Where masses are missing, every effort is inf, and acceleration and jerk are limited instead.
+    """
     missing = {
         quantity: [joint for joint in info.joints if joint.limits[quantity].is_missing]
         for quantity in ("position", "velocity", "effort")
@@ -169,6 +174,9 @@ def placeholder_limits(info: RobotInfo) -> Placeholders:
     }
     if weightless:
         limits["effort"] = {joint.name: np.inf for joint in info.joints}
+        for quantity, value in (("acceleration", _ACCELERATION), ("jerk", _JERK)):
+            lacking = [joint for joint in info.joints if joint.limits[quantity].is_missing]
+            limits[quantity] = {joint.name: value for joint in lacking}
     return {quantity: values for quantity, values in limits.items() if values}
 
 
