@@ -115,6 +115,13 @@ def rotation_vector(matrix: FloatArray) -> FloatArray:
     return (2 * half_angle / np.where(sine == 0, 1.0, sine))[..., None] * q[..., :3]
 
 
+def quaternion_of_matrix(matrix: FloatArray) -> FloatArray:
+    """Return the unit quaternions x y z w, w >= 0, of rotation matrices: (..., 4)."""
+    v = rotation_vector(matrix)
+    half = np.linalg.norm(v, axis=-1, keepdims=True) / 2
+    return np.concatenate([np.sinc(half / np.pi) * v / 2, np.cos(half)], axis=-1)
+
+
 def nearest_branch(v: FloatArray, near: FloatArray, components: BoolArray) -> FloatArray:
     """Return equivalent rotation vectors [rad] nearest to given vectors, shape (..., 3).
 

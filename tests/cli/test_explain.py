@@ -67,7 +67,7 @@ def test_what_helps_is_a_table_and_the_first_is_ready_to_be_tried(run, here, bey
     assert lines[-1].endswith("s; all changes were tried")
     (first,) = [line for line in lines if line.startswith("the first one: --set ")]
     change = first.removeprefix("the first one: --set ").strip("'")
-    assert change == "robot.limits.position.along=[0.0, 1.1]"
+    assert change == "tube.points.1=[1.0, 0.0, 0.0]"
     status, out, _ = run("plan", beyond, "--quality", "fast", "--set", change)
     assert status == 0
 

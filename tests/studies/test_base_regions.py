@@ -51,6 +51,7 @@ def test_a_grid_stands_in_the_middles_of_cells_and_turns_all_the_way():
     ("bounds", "count", "columns"),
     [
         ([1, 1, 1, 1], 3, (1, 1, 1, 3)),
+        ([0, 1, 0, 1], 25, (2, 3, 1, 4)),
         ([0, 1, 0, 1, 0, 1], 9 * 24, (3, 3, 3, 8)),
         ([0, 900, 0, 1], 72, (9, 1, 1, 8)),
     ],

@@ -94,6 +94,14 @@ def test_the_likeliest_kinds_about_the_place_come_first():
     ]
 
 
+def test_what_nobody_can_change_is_tried_last():
+    changes = [change(kind, kind) for kind in ("attached", "points", "ends", "point")]
+    for status in (PlanStatus.TUBE_BLOCKED, PlanStatus.NO_TRAJECTORY):
+        *likely, unlikely = fields_of(changes, status, Place(links=("hand",)))
+        assert unlikely == ["attached", "points", "ends"]
+        assert [each for group in likely for each in group] == ["point"]
+
+
 def test_a_joint_that_is_too_weak_comes_before_the_others():
     changes = [
         change("radius", "radius", "segment 0"),

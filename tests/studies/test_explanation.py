@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +32,7 @@ ABOVE = np.sqrt((CLEARANCE + HEAD) ** 2 - 2 * NEAREST**2)
 QUICK = PlanOptions(quality="fast")
 GRAVITY, HEAD_MASS = 9.81, 1.0
 PAYLOAD = {"mass": 0.5, "com": [0, 0, 0], "inertia": [0, 0, 0, 0, 0, 0]}
+MOVED_POST = "move obstacle 'post'"
 WIDER = "(up to eleven times)"
 MOVED = "(moved by up to 1 m)"
 TURNED = "(each joint by up to 1 rad or m)"
@@ -136,7 +138,7 @@ def test_the_clearance_at_the_start_is_the_cheapest_and_what_helps_nothing_is_sa
     assert (found.status, found.stopped_by) == (PlanStatus.TUBE_BLOCKED, None)
     costs = [each.cost for each in found.remedies]
     assert costs == sorted(costs)
-    vain = {"start", "start.joints", "tube.points.0", "tube.points.1", "tube.radius"}
+    vain = {"start", "start.joints", "goal.tolerance", "tube.points.1", "tube.radius"}
     assert set(found.in_vain) == vain
     assert not {each.field for each in found.remedies} & vain
     remedy = found.remedies[0]
@@ -159,13 +161,20 @@ def test_how_far_an_obstacle_must_move_is_found(near_the_post):
         "in -y": (1, -(WIDE_APART + 0.4)),
     }
     for way, (axis, size) in known.items():
-        remedy = remedy_of(found, way)
+        (remedy,) = [
+            each
+            for each in found.remedies
+            if each.text.split(" by ")[0] == MOVED_POST and each.text.endswith(way)
+        ]
         assert remedy.field == "obstacles.post.position"
         moved = np.array(POST["position"], dtype=float)
         moved[axis] += size
         require_known(remedy.before, remedy.after, moved)
-    assert not [each for each in found.remedies if "in +x" in each.text]
+    assert not [each for each in found.remedies if "'post'" in each.text and "+x" in each.text]
     require_certified(path, remedy_of(found, "in -x"), {"clearance": CLEARANCE})
+    start = remedy_of(found, "in +x")  # the start moves with its point
+    assert start.text == "move reference point 0 by 172 mm in +x; start: its joints as a seed"
+    require_certified(path, start, {"clearance": CLEARANCE})
 
 
 @pytest.mark.dear("tries many changes")
@@ -218,6 +227,43 @@ def test_a_problem_with_an_answer_has_its_room(tmp_path):
     fields = found.as_dict()
     assert fields["room"] == [room.as_dict() for room in found.rooms]
     json.dumps(fields, allow_nan=False)
+
+
+@pytest.mark.slow  # plans with change after change
+def test_a_duration_is_a_multiple_of_the_period_and_the_shortest_that_is_planned(tmp_path):
+    path, period = gantry(tmp_path), 0.04
+    changes = {"period": period, "objective": {"duration": 0.4}}
+    found = explained(path, changes)
+    remedy = next(each for each in found.remedies if each.field == "objective.duration")
+    least = plan(load_problem(path, changes={"period": period}), replace(QUICK, slack=0.0)).duration
+    assert remedy.after == remedy.duration == pytest.approx(least, rel=1e-9)
+    assert remedy.too_little == pytest.approx(least - period)
+    odd = explained(path, {"period": period, "objective": {"duration": least + 0.01}})
+    assert [(each.field, each.after) for each in odd.remedies] == [
+        ("objective.duration", pytest.approx(least + period))
+    ]
+
+
+@pytest.mark.slow  # moves four points, one by one and together
+def test_the_places_above_and_at_the_target_move_together(tmp_path):
+    points = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 1.2, 0.0], [0.6, 1.2, 0.0]]
+    goal = {"position": [0.6, 1.2, 0.0], "tolerance": 0.001}
+    path = gantry(tmp_path, tube={"points": points, "radius": 0.01}, goal=goal, period=0.01)
+    found = explained(path)
+    assert found.status is PlanStatus.UNREACHABLE
+    remedy = remedy_of(found, "in -y")
+    assert remedy.text.startswith("move points 2-3 together by ")
+    require_known(remedy.before, remedy.after, np.subtract(points[2:], [0, 0.2 - 0.001, 0]))
+    require_certified(path, remedy)
+
+
+def test_no_call_is_waited_for_beyond_the_time_limit(path):
+    class Slow(Executor):
+        def submit(self, function, *arguments):
+            return Future()  # never done
+
+    found = explain(path, changes={"clearance": CLEARANCE}, time_limit=0.5, executor=Slow())
+    assert (found.stopped_by, found.tried, found.remedies) == ("time_limit", 0, ())
 
 
 def stopped_at(count, error):

@@ -30,10 +30,12 @@ EFFORT, POSITION = "robot.limits.effort", "robot.limits.position"
 TABLE = {"position": [-1.0, 1.0], "effort": [20.0, 30.0]}
 PAYLOAD = {"mass": 5.0, "com": [0.0, 0.0, 0.0], "inertia": [0.01, 0.01, 0.01, 0, 0, 0]}
 HERE = [0.1, -1.2]
+AT_GOAL = {"position": POINTS[3], "quaternion": TURN}
 LIMITED = {EFFORT: [float("inf"), 20.0], "robot.limits.velocity": 5.0}
 REGION = {"goal": {"position": POINTS[3], "tolerance": 0.02}}
 SMALL_TOOL, CLEAR = {"tube.tool_radius": 0.01236}, {"clearance": 0.01236}
 TIMED = {"objective": {"duration": 0.5}}
+IN_PERIODS = {**TIMED, "period": 0.1}
 
 
 def all_of(question):
@@ -66,6 +68,7 @@ def worse(question):
         (better, REGION, "goal.tolerance", 0.0125, "goal.tolerance 20 -> 32.5 mm", 0.0325),
         (better, TIMED, "objective.duration", 0.25, "objective.duration 500 -> 750 ms", 0.75),
         (better, TIMED, "objective.duration", 1.5, "objective.duration 0.5 -> 2 s", 2),
+        (better, IN_PERIODS, "objective.duration", 0.21, "objective.duration 500 -> 800 ms", 0.8),
     ],
 )
 def test_a_number_is_changed_by_the_size_and_its_text_says_so(
@@ -177,6 +180,32 @@ def test_three_bounds_for_other_than_three_segments_are_one_triple():
     question = asked({**HELD, "tube.rotation_tolerance": [0.2, float("inf"), 0.2]})
     fields = [each.field for each in all_of(question) if each.kind == "rotation_tolerance"]
     assert fields == ["tube.rotation_tolerance.0", "tube.rotation_tolerance.2"]  # one is free
+
+
+@pytest.mark.parametrize(
+    ("given", "words", "read"),
+    [
+        ({}, "2-3 together", {}),
+        ({"goal": {"position": POINTS[3]}}, "2-3 together", {"goal.position": [0.2, 0.35, 0.0]}),
+        ({"goal": {"pose": AT_GOAL}}, "2-3 together", {"goal.pose.position": [0.2, 0.35, 0.0]}),
+        ({"goal": {"joints": HERE}}, "2-3 together", {"goal": {"seed": HERE}}),
+        ({"start": {"joints": HERE}}, "0-1 together", {"start": {"seed": HERE}}),
+        ({"start": {"joints": HERE}}, "whole tube", {"start": {"seed": HERE}}),
+    ],
+)
+def test_points_of_an_end_move_together_and_the_end_with_them(given, words, read):
+    question = asked(given)
+    moves = [each for each in all_of(question) if each.field == "tube.points"]
+    (change,) = [each for each in moves if words in text_of(each) and "in -y" in text_of(each)]
+    proposal = change.propose(0.1)
+    moved = question.posed.changed(proposal.changes).document["tube"]["points"]
+    shift = np.subtract(POINTS, moved)[:, 1]
+    run = {"2-3": [0, 0, 1, 1], "0-1": [1, 1, 0, 0], "who": [1, 1, 1, 1]}[words[:3]]
+    np.testing.assert_allclose(shift, 0.1 * np.array(run))
+    ends = {k: v for k, v in proposal.changes.items() if not k.startswith("tube.")}
+    assert ends == read
+    assert ("as a seed" in proposal.text) == any("seed" in value for value in read.values())
+    assert change.kind == ("points" if words == "whole tube" else "point")
 
 
 def test_a_reference_point_is_moved_along_axes_and_to_the_base():
@@ -344,16 +373,15 @@ def around(joints, **others):
 def test_one_joint_of_the_start_is_turned(joints):
     question = around(joints)
     changes = list(end_changes(question))
-    assert {each.kind for each in changes} == {"start"}
     change = the(changes, "start.joints", "start: -0.05 rad on joint2")
     assert (change.before, change.about) == (HERE, {"start", "joint2"})
     assert change.propose(0.0123).text == "start: -0.0123 rad on joint2"
     assert made(question, change, 0.0123).start.tolist() == [0.1, -1.2123]
-    assert [each.field for each in changes] == ["start.joints"] * 4 + ["start"]
+    fields = ["start.joints"] * 4 + ["start", "goal.tolerance"]
+    assert [each.field for each in changes] == fields
 
 
 def test_joints_that_are_given_may_be_left_to_inverse_kinematics():
-    """Seeds, and joints that are not there, have no changes."""
     question = around(HERE, goal={"joints": [0.5, -1.0]})
     start, goal = (the(end_changes(question), end) for end in ("start", "goal"))
     assert start.is_switch and goal.is_switch
@@ -363,5 +391,22 @@ def test_joints_that_are_given_may_be_left_to_inverse_kinematics():
     assert (turned.propose(0.02).after, turned.about) == ([0.52, -1.0], {"goal", "joint1"})
     beyond = asked({"start": {"joints": [0.1, 5.0]}})
     assert the(end_changes(beyond), "start").propose(1).after["seed"][1] == pytest.approx(np.pi)
-    for others in ({}, {"start": {"joints": {"joint1": 0, "jiont2": 0}}}):
-        assert list(end_changes(asked(others))) == []
+    (typo,) = end_changes(asked({"start": {"joints": {"joint1": 0, "jiont2": 0}}}))
+    assert typo.field == "goal.tolerance"
+
+
+@pytest.mark.parametrize("goal", [None, {"seed": [0.5, -1.0]}, {"pose": AT_GOAL}])
+def test_loose_ends_are_a_start_by_joints_and_a_goal_within_a_tolerance(goal):
+    question = asked({"goal": goal})
+    start, near, both = end_changes(question)
+    q = made(question, start, 1).start
+    tool = question.robot.tool_position(q[None])[0]
+    np.testing.assert_allclose(tool, POINTS[0], atol=1e-6)
+    assert start.propose(1).text.startswith("start: joints [")
+    region = made(question, near, 0.02).goal
+    np.testing.assert_array_equal([*region.position, region.tolerance], [*POINTS[3], 0.02])
+    name = "its position" if goal and "pose" in goal else "reference point 3"
+    assert near.propose(0.02).text == f"goal: within 20 mm of {name}, in any configuration"
+    loose = made(question, both, 0.02)
+    assert (loose.start.tolist(), loose.goal.tolerance) == (q.tolist(), 0.02)
+    assert both.kind == "ends"

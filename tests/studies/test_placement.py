@@ -163,6 +163,21 @@ def test_the_best_is_planned_again_to_the_same_bits(placement, folder):
         np.testing.assert_array_equal(again.breakpoints, best.breakpoints)
 
 
+@pytest.mark.slow  # two searches
+def test_the_search_has_no_period_and_the_answer_is_rounded(folder):
+    path, period = gantry(folder, name="period", period=0.05), 0.05
+    found = placed(path, [-0.1, 0.0, 0.0, 0.0])
+    durations = [row.duration for row in found.rows if row.is_feasible]
+    assert max(abs(each / period - round(each / period)) for each in durations) > 0.01
+    assert found.best.duration == min(durations) <= found.duration
+    assert found.duration / period == pytest.approx(round(found.duration / period))
+    assert found.problem.period == period
+    short = placed(
+        path, [0.0] * 4, changes={"objective": {"duration": 0.1}}, options=PlaceOptions(1)
+    )
+    assert "the best of them: objective.duration is 0.1 s, but the shortest" in short.message
+
+
 @pytest.mark.dear("three searches")
 def test_a_journal_goes_on_where_a_run_was_ended(placement, folder, tmp_path):
     journal = tmp_path / "best.jsonl"
@@ -294,13 +309,13 @@ def test_a_start_that_is_blocked_elsewhere_is_reached_in_another_way(tmp_path):
 
 def test_neighbours_are_half_a_cell_away_on_both_sides_and_in_the_region():
     region = Region.of([0.0, 2.0, 0.0, 0.0], 0.0)
-    grid = region.grid(16, 0.0)
+    grid = region.grid(32, 0.0)
     turned = round(np.pi / 16, 6)
     beside = _neighbours(region, grid, Stand(0.5, 0.0, 0.0, 0.0), 0.5)
-    assert {each[:2] for each in beside} == {(0.75, 0.0), (0.25, 0.0), (0.5, 0.0)}
+    assert {each[:2] for each in beside} == {(0.625, 0.0), (0.375, 0.0), (0.5, 0.0)}
     assert sorted(each.yaw for each in beside) == [-turned, 0.0, 0.0, turned]
     at_the_edge = _neighbours(region, grid, Stand(2.0, 0.0, 0.0, 0.0), 1.0)
-    assert {each.x for each in at_the_edge} == {1.5, 2.0}
+    assert {each.x for each in at_the_edge} == {1.75, 2.0}
     assert len(at_the_edge) == 3
 
 

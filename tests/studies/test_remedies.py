@@ -57,6 +57,26 @@ def test_remedies_are_narrowed_and_come_in_the_order_of_their_cost():
         assert remedy.text == f"{remedy.field} to {remedy.after:g}"
 
 
+def test_another_robot_and_what_is_not_narrowed_come_last_once_a_field():
+    changes = [simple_change("a", is_of_robot=True), simple_change("b")]
+    search, _ = search_of({"a": 0.1, "b": 3.0}, [changes, "", ""])
+    assert [remedy.field for remedy in search.remedies] == ["b", "a"]
+    changes = [simple_change("c"), simple_change("c"), simple_change("a")]
+    stopped = {"budget": 6, "stop": TimeLimitReached}
+    search, _ = search_of({"a": 100.0, "c": 50.0}, [changes, "", ""], **stopped)
+    with pytest.raises(TimeLimitReached):
+        search.run()
+    assert [(each.field, each.is_smallest) for each in search.remedies] == [
+        *(("c", False), ("a", False)),
+    ]
+
+
+def test_a_move_is_tried_by_a_middle_size_too():
+    search, trials = search_of({}, [[simple_change("a", is_move=True)], "", ""])
+    assert trials.asked[:3] == [("a", 1.0), ("a", 10.0), ("a", 100.0)]
+    assert search.in_vain == ("a",)
+
+
 def test_the_least_likely_are_tried_only_if_nothing_else_helps():
     search, trials = search_of({"d": 5.0, "a": 1.0}, ["a", "c", "d"])
     assert "d" not in {field for field, _ in trials.asked}

@@ -57,7 +57,11 @@ _MAX_REASONS = 12
     help="Of the answer: fast, balanced or best; the search is fast.",
 )
 @click.option(
-    "--points", type=int, default=300, show_default=True, help="About how many places the grid has."
+    "--points",
+    type=int,
+    default=300,
+    show_default=True,
+    help="About how many places the grid has: positions times angles, eight at most.",
 )
 @console.processes_option("one per processor")
 @console.SLACK
@@ -78,7 +82,8 @@ def place(
 ) -> int:
     """Look for the place of PROBLEM's robot, in a region of its cell, where its motion is shortest.
 
-    Tries a grid of places and angles about the vertical, then a pattern search from the five best.
+    Tries a grid of positions and angles about the vertical, then a pattern search from the five
+    best. A place is a position and an angle.
     The tube and the obstacles stay; start and goal that are joints become seeds. Links that no
     joint moves are checked against obstacles, but for those that the robot stands on. With -o every
     answer is kept in a journal: run the same command again, and it goes on.
@@ -153,12 +158,14 @@ def placement_text(found: Placement) -> str:
     """Return counts of the places, reasons of places without motion, the given and best place."""
     grid = set(found.grid.stands)
     on_grid = sum(row.stand in grid for row in found.rows)
-    restored = f", {found.restored} of them from the journal" if found.restored else ""
+    positions = len({stand[:3] for stand in grid})
+    restored = f"; {found.restored} of them from the journal" if found.restored else ""
     duration = found.given.duration
     outcome = found.given.message if duration is None else f"{duration:.4f} s"
     lines = [
-        f"{found.problem.name}: {len(found.rows)} places tried, {on_grid} on the grid{restored}; "
-        f"{found.feasible_count} have a motion",
+        f"{found.problem.name}: {len(found.rows)} places tried, {on_grid} on the grid (positions: "
+        f"{positions}, angles at each: {len(grid) // positions}){restored}; {found.feasible_count} "
+        "have a motion",
         *_reason_lines(found),
         f"as given: {_pose_words(found.given.stand)}: {outcome}",
         _best_line(found),

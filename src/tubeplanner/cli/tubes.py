@@ -11,8 +11,12 @@ import click
 from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.errors import OptionError
-from tubeplanner.output.files.new_problem_files import read_cell, taught_problem
-from tubeplanner.output.files.problem_file import read_fields, with_problem
+from tubeplanner.output.files.new_problem_files import (
+    notes_on_dropped,
+    read_cell,
+    taught_problem,
+)
+from tubeplanner.output.files.problem_file import included_fields, read_fields, with_problem
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.notes import unlimited_notes
 from tubeplanner.studies.tubes.joint_routes import require_ompl
@@ -89,7 +93,12 @@ def route(
         require_writable(outputs, [*ProblemLayers.read(source).files, loaded.robot.urdf.path])
         answer = find_route(loaded, options, enter)
     tubes = {output: answer.found, measured: answer.measured}
-    written = _write(read_fields(source, changes), source.parent, tubes)
+    fields = read_fields(source, changes)
+    tube = included_fields(fields, source.parent, source).get("tube")
+    replaced = {"tube": tube} if isinstance(tube, dict) else {}
+    notes = notes_on_dropped(replaced, (), "the tube is a new one")
+    answer = replace(answer, notes=(*answer.notes, *notes))
+    written = _write(fields, source.parent, tubes)
     if measured is not None and answer.succeeded and answer.measured is None:
         note = f"{measured} was not written: there is no measured tube"
         answer = replace(answer, notes=(*answer.notes, note))
@@ -154,10 +163,10 @@ def teach(
     cell = read_cell(urdf, tool_frame, obstacles, template, changes)
     with console.shown_progress() as enter:
         enter("loading robot and collision geometry")
-        loaded, recorded, notes = taught_problem(cell, trail)
+        loaded, recorded, duration, notes = taught_problem(cell, trail)
         require_writable(outputs, [loaded.robot.urdf.path])
         answer = teach_tube(loaded, recorded, options, enter)
-        answer = replace(answer, notes=(*notes, *answer.notes))
+    answer = replace(answer, notes=(*notes, *answer.notes), recorded_duration=duration)
     written = _write(cell.fields, cell.folder, {output: answer.found})
     return _print_answer(loaded, answer, None, {"problem": output}, written, as_json)
 
@@ -237,5 +246,11 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
         )
     lines += [f"note: {note}" for note in answer.notes]
     lines.append(f"{answer.status}: {answer.message}")
+    if answer.found is not None and answer.recorded_duration is not None:
+        before, after = answer.recorded_duration, answer.found.duration
+        lines.append(
+            f"recorded {before:.3f} s -> planned {after:.3f} s, {abs(1 - after / before):.1%} "
+            f"{'less' if after <= before else 'more'}"
+        )
     place = str(answer.place)
     return "\n".join([*lines, f"where: {place}"] if place else lines)

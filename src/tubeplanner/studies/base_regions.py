@@ -135,6 +135,8 @@ class Region:
         """Return the numbers along x, y, z and yaw; cells are nearly square."""
         width, depth, height = (h - low for low, h in zip(self.low, self.high, strict=True))
         yaws = min(_YAWS, count)
+        while width + depth + height > 0 and 2 * (count // yaws) < yaws:
+            yaws //= 2  # few poses are worth more at other positions than at other angles
         heights = min(_HEIGHTS, count // yaws) if height > 0 else 1
         columns = count // (yaws * heights)
         if width == 0 or depth == 0:

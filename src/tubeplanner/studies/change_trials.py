@@ -59,8 +59,9 @@ class Trials:
 
         Args:
             question: The explained problem.
-            options: Planning options; quality becomes "fast", and the motion the shortest unless a
-                duration is required.
+            options: Planning options; quality becomes "fast" but for a longer duration, which the
+                quality decides, and the motion the shortest unless a duration is required.
+                Robustness makes no motion impossible, and does not count.
             clock: Clock with the time limit of all trials.
             executor: Processes of this machine; None: this one.
         """
@@ -69,7 +70,8 @@ class Trials:
         objective = question.fields.objective
         is_timed = objective is not None and objective.duration is not None
         options = options if is_timed else options.shortest
-        self._options = replace(options, quality="fast", time_limit=longest)
+        self._quality = options.quality
+        self._options = replace(options, quality="fast", time_limit=longest, robust=False)
         self.count = 0
 
     def of(
@@ -91,9 +93,11 @@ class Trials:
         proposals = [change.propose(size) for change, size in sizes]
         posed = (self._question.posed.changed(each.changes) for each in proposals)
         until = time.monotonic() + self._clock.remaining
-        options = replace(self._options, persistent=is_thorough)
-        calls = (Asked(problem, options, until) for problem in posed)
-        for done in run_many(planned, calls, self._executor):
+        quick = replace(self._options, persistent=is_thorough)
+        full = replace(quick, quality=self._quality)
+        options = (full if change.kind == "duration" else quick for change, _ in sizes)
+        calls = (Asked(*each, until) for each in zip(posed, options, strict=True))
+        for done in run_many(planned, calls, self._executor, until):
             proposal = proposals[done.index]
             self._clock.announce(Progress(f"tried: {proposal.text}"))
             answer = done.value or Answer()  # a process that died has none
@@ -163,6 +167,7 @@ def planned(request: Asked) -> Answer:
 CLOSE = 1.05  # the ratio of sizes, and of the remaining quantities, at which the search ends
 # While one of the sizes is unknown. Successful plans are quick: so steps down are smaller.
 _STEP_UP, _STEP_DOWN = 10.0, 10.0**0.5
+_BELOW = 1.04  # an estimate: close
 _SMALLEST = 1e-3  # of the scale: smaller sizes do not matter
 _MIN_REMAINDER = 2e-3  # of a reduced quantity: smaller differences do not matter
 
@@ -248,7 +253,8 @@ class SizeBracket:
             return rounded(min(self.change.scale / 3, most))
         if self.smaller is None:
             assert self.larger is not None
-            return rounded(self.larger.size / _STEP_DOWN)
+            is_estimate = self.larger.size == rounded(self.change.estimate or 0.0)
+            return rounded(self.larger.size / (_BELOW if is_estimate else _STEP_DOWN))
         if self.larger is None:
             return rounded(min(self.smaller.size * _STEP_UP, most))
         return _middle(self.smaller.size, self.larger.size)

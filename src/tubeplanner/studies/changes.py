@@ -56,6 +56,9 @@ class Change:
         about: Names that the change concerns: "segment 3", a joint, an obstacle.
         is_switch: True if the only size is 1.
         is_loss: True if sizes are subtracted from the quantity: then the remainder counts as well.
+        is_move: True if a motion may need a middle size: a solid or a point may go too far.
+        is_of_robot: True if another robot is needed: its own limits, or the shape of its tool.
+        estimate: A size that should be enough, and little less not, tried first; None: not known.
     """
 
     kind: str
@@ -68,6 +71,15 @@ class Change:
     about: frozenset[str] = frozenset()
     is_switch: bool = False
     is_loss: bool = False
+    is_move: bool = False
+    is_of_robot: bool = False
+    estimate: float | None = None
+
+    @property
+    def first_sizes(self) -> tuple[float, ...]:
+        """The sizes tried first: the estimate or scale, of a move a middle size, the largest."""
+        ends = (min(self.estimate or self.scale, self.most), self.most)
+        return (ends[0], (ends[0] * ends[1]) ** 0.5, ends[1]) if self.is_move else ends
 
     def __repr__(self) -> str:
         return f"<Change of {self.field}, up to {self.most:g} {self.unit}>"
@@ -148,6 +160,11 @@ class Question:
         return np.array(self.given_tube["points"], dtype=float)
 
     @property
+    def has_point_file(self) -> bool:
+        """True if the reference points are in a file of their own."""
+        return isinstance(self.posed.document["tube"]["points"], str)
+
+    @property
     def segment_count(self) -> int:
         """Number m of segments."""
         return len(self.points) - 1
@@ -182,15 +199,17 @@ class Question:
 _HELPFUL = {
     PlanStatus.TUBE_BLOCKED: (
         ("clearance", "obstacle", "radii", "sign"),
-        ("radius", "rotation_tolerance", "start", "goal", "point", "attached"),
+        ("radius", "rotation_tolerance", "start", "goal", "point"),
     ),
     PlanStatus.GRAVITY_EXCEEDS_EFFORT: (("effort", "payload", "sign"), ()),
     PlanStatus.UNREACHABLE: (
         ("position", "sign", "rotation_tolerance", "radius", "radii"),
         ("point", "start", "goal"),
     ),
-    PlanStatus.BAD_INPUT: (("position", "start", "goal"), ("radius", "sign", "point")),
+    PlanStatus.BAD_INPUT: (("position", "start", "goal", "duration"), ("radius", "sign", "point")),
 }
+# The kinds that are tried only if nothing else helps, whatever the cause.
+_LAST = ("points", "ends", "attached")
 # The kinds that remove the reported cause wherever it is.
 _EVERYWHERE = ("payload", "sign", "radii", "duration")
 
@@ -214,7 +233,7 @@ def in_order(
     kinds = (*likelier, *others)
     rank = {kind: k for k, kind in enumerate(kinds)}
     for change in sorted(changes, key=lambda change: rank.get(change.kind, len(kinds))):
-        is_helpful = not kinds or change.kind in kinds
+        is_helpful = (not kinds or change.kind in kinds) and change.kind not in _LAST
         is_there = bool(about & change.about) or change.kind in _EVERYWHERE or not change.about
         if not is_helpful:
             unlikely.append(change)

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from math import isinf
 from pathlib import Path
@@ -30,7 +31,7 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
 from tubeplanner.studies.change_trials import Trials
-from tubeplanner.studies.changes import Question, in_order
+from tubeplanner.studies.changes import Change, Question, in_order, rounded
 from tubeplanner.studies.geometry_changes import cell_changes, tube_changes
 from tubeplanner.studies.joint_changes import end_changes, limit_changes
 from tubeplanner.studies.problem_spec import PosedProblem
@@ -267,7 +268,10 @@ def _with_remedies(outcome: Explanation, question: Question, trials: Trials) -> 
     if place.position is not None and place.segment is None:
         place = replace(place, segment=question.segment_near(np.array(place.position)))
     kinds = (tube_changes, limit_changes, cell_changes, end_changes)
-    changes = chain.from_iterable(kind(question) for kind in kinds)
+    changes = map(
+        partial(_estimated, outcome.result),
+        chain.from_iterable(kind(question) for kind in kinds),
+    )
     search = RemedySearch(trials, in_order(changes, outcome.status, place))
     _, stopped_by = until_stopped(search.run)
     return replace(
@@ -277,6 +281,15 @@ def _with_remedies(outcome: Explanation, question: Question, trials: Trials) -> 
         tried=trials.count,
         stopped_by=stopped_by,
     )
+
+
+def _estimated(result: PlanResult | None, change: Change) -> Change:
+    """Return a change of the duration with the shortest duration of a plan as estimate."""
+    shortest = None if result is None else result.shortest_duration
+    if change.kind != "duration" or shortest is None or shortest <= change.before:
+        return change
+    size = shortest - change.before
+    return replace(change, estimate=size if rounded(size) >= size else 1.006 * size)
 
 
 # ---- Texts: values as in a problem file, and the changes that do not help.
@@ -324,6 +337,7 @@ _KINDS = (
     ),
     ("tube.tool_radius", "", "tool_radius", "", "down to 0"),
     ("tube.points.", "", "reference point", "reference points", "moved by up to 1 m"),
+    ("tube.points", "", "several reference points together", "", "moved by up to 1 m"),
     ("tube.joint_signs.", "", "sign of", "signs of joints", "any other"),
     ("tube.pass_through_points", "", "pass_through_points", "", "none"),
     ("robot.limits.effort.", "", "effort of", "effort of joints", "up to eleven times"),
@@ -338,11 +352,12 @@ _KINDS = (
     ("clearance.default", "", "clearance", "", "down to 0"),
     ("clearance.pairs.", ".clearance", "clearance of pair", "clearance of pairs", "down to 0"),
     (*("clearance.segments.", "", "clearance of segment", "clearance of segments"), "down to 0"),
-    ("start", "", "start", "", "left to inverse kinematics"),
+    ("start", "", "start", "", "joints, or left to inverse kinematics"),
     ("goal", "", "goal", "", "left out"),
     ("start.joints", "", "start", "", "each joint by up to 1 rad or m"),
     ("goal.joints", "", "goal", "", "each joint by up to 1 rad or m"),
     ("goal.tolerance", "", "goal.tolerance", "", "up to 1 m more"),
+    ("start.joints, goal.tolerance", "", "start by joints with goal.tolerance", "", "up to 1 m"),
     ("objective.duration", "", "objective.duration", "", "up to a hundred times more"),
 )
 

@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import ProblemError
 from tubeplanner.studies.changes import Change, Proposal, Question, exact, figures, from_to
+from tubeplanner.task.endpoints import GoalRegion, Seed, ToolPose, configuration_of
 from tubeplanner.task.fields import ClearanceFields
+from tubeplanner.task.problem_reader import end_of
 
 # ---- Directions of moves, in words and as unit vectors.
 
@@ -92,9 +95,13 @@ def _new_radii(question: Question, radii: Sequence[float | None]) -> dict[str, A
     """Return the values by field path that give the segments other radii."""
     changes = {"tube.radius": radii[0] if len(set(radii)) == 1 else list(radii)}
     if question.posed.document["tube"].get("radius") is None:  # they are in the file of points
-        points = {key: _plain(value) for key, value in question.given_tube.items()}
-        return {f"tube.{key}": value for key, value in points.items()} | changes
+        return _from_file(question) | changes
     return changes
+
+
+def _from_file(question: Question) -> dict[str, Any]:
+    """Return the values by field path that stand in a tube's file of points."""
+    return {f"tube.{key}": _plain(value) for key, value in question.given_tube.items()}
 
 
 def _plain(value: Any) -> Any:
@@ -184,35 +191,81 @@ def _tool_radius(question: Question) -> Iterator[Change]:
         yield Change("radius", field, before, "m", before, before, smaller, is_loss=True)
 
 
+_MAX_END = 4  # reference points of an end that move together
+
+
 def _points(question: Question) -> Iterator[Change]:
-    """Yield the moves of each reference point: to the base, and along the axes."""
-    if question.given_tube["points"] is None or isinstance(
-        question.posed.document["tube"]["points"], str
-    ):
-        return
+    """Yield the moves of reference points: each, those of an end, and all, along the axes.
+
+    Start and goal move with their points: a place to put down has a place above it.
+    """
+    last = question.segment_count
+    ends = [
+        (n, run)
+        for n in range(2, _MAX_END + 1)
+        for run in (range(n), range(last + 1 - n, last + 1))
+    ]
+    runs = [range(k, k + 1) for k in range(last + 1)] * (not question.has_point_file)
+    runs += [*(run for n, run in ends if n <= last), range(last + 1)]
     base = question.robot.body_poses(np.zeros((1, question.robot.joint_count)))[1][0, 1]
-    for k, point in enumerate(question.points):
-        inwards = base - point
-        moves = [("towards the arm's base", inwards / max(np.linalg.norm(inwards), 1e-9)), *AXES]
+    for run in runs:
+        inwards = base - question.points[run].mean(axis=0)
+        moves = [*AXES, ("towards the arm's base", inwards / max(np.linalg.norm(inwards), 1e-9))]
+        is_likely = len(run) <= min(2, last) and not question.has_point_file
+        points = question.points[run].tolist()
+        about = {f"{name} {k}" for k in run for name in ("point", "segment")}
         for name, direction in moves:
             yield Change(
-                kind="point",
-                field=f"tube.points.{k}",
-                before=point.tolist(),
+                kind="point" if is_likely else "points",
+                field=f"tube.points.{run[0]}" if len(run) == 1 else "tube.points",
+                before=points[0] if len(run) == 1 else points,
                 unit="m",
                 scale=0.1,
                 most=_MAX_MOVE,
-                propose=partial(_moved_point, k, point, name, direction),
-                about=frozenset({f"point {k}", f"segment {k - 1}", f"segment {k}"}),
+                propose=partial(_moved_points, question, run, name, direction),
+                about=frozenset({*about, f"segment {run[0] - 1}"}),
+                is_move=True,
             )
 
 
-def _moved_point(
-    k: int, point: FloatArray, name: str, direction: FloatArray, size: float
+def _moved_points(
+    question: Question, run: range, name: str, direction: FloatArray, size: float
 ) -> Proposal:
-    after = along(point, direction, size)
-    text = f"move reference point {k} by {figures(size, 'm')} {name}"
-    return Proposal({f"tube.points.{k}": after}, after, text, figures(size, "m"))
+    after = [along(point, direction, size) for point in question.points[run]]
+    points = question.points.tolist()
+    points[run.start : run.stop] = after
+    if question.has_point_file:
+        changes = {**_from_file(question), "tube.points": points}
+    elif len(run) == len(points):
+        changes = {"tube.points": points}
+    else:
+        changes = {f"tube.points.{k}": point for k, point in zip(run, after, strict=True)}
+    text = f"reference point {run[0]}" if len(run) == 1 else f"points {run[0]}-{run[-1]} together"
+    if len(run) == len(points):
+        text = "the whole tube"
+    text = f"move {text} by {figures(size, 'm')} {name}"
+    for end, point in (("start", 0), ("goal", question.segment_count)):
+        moved = _moved_end(question, end, direction, size) if point in run else {}
+        changes |= moved
+        text += f"; {end}: its joints as a seed" * (end in moved)
+    return Proposal(changes, after[0] if len(run) == 1 else after, text, figures(size, "m"))
+
+
+def _moved_end(question: Question, end: str, direction: FloatArray, size: float) -> dict[str, Any]:
+    """Return the values by field path of an end that moves with its point; joints become a seed."""
+    fields = getattr(question.fields, end)
+    try:
+        value = end_of(end, fields, question.fields, question.robot, question.posed.folder)
+        if isinstance(value, ToolPose):
+            return {f"{end}.pose.position": along(value.position, direction, size)}
+        if isinstance(value, GoalRegion):
+            return {f"{end}.position": along(value.position, direction, size)}
+        if value is None or isinstance(value, Seed):
+            return {}
+        q = question.robot.limits.clip(configuration_of(question.robot, end, value))
+    except ProblemError:  # loading the problem reports that
+        return {}
+    return {end: {"seed": q.tolist()}}
 
 
 def _signs(question: Question) -> Iterator[Change]:
@@ -291,6 +344,8 @@ def _moves(
             most=_MAX_MOVE,
             propose=partial(_moved, kind, solid, path, np.array(position), name, direction),
             about=about,
+            is_move=True,
+            is_of_robot=kind == "attached",
         )
 
 

@@ -3,20 +3,34 @@
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import partial
+from math import ceil
 from typing import Any
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
-from tubeplanner.studies.changes import Change, Proposal, Question, exact, figures, from_to
-from tubeplanner.task.endpoints import configuration_of
+from tubeplanner.first_guess.inverse_kinematics import WantedRotation, solve_position
+from tubeplanner.first_guess.pose_configurations import middle_of
+from tubeplanner.studies.changes import (
+    Change,
+    Proposal,
+    Question,
+    exact,
+    figures,
+    from_to,
+    rounded,
+)
+from tubeplanner.task.endpoints import Seed, ToolPose, configuration_of
+from tubeplanner.task.problem_reader import end_of
 
 # ---- Changes of the joints' limits and of the payload.
 
 _MAX_GROWTH = 10.0  # of an effort, relative
 _MAX_WIDENING = 2 * np.pi  # [rad], or [m]: of a position limit
 _TENTH = 0.1  # [rad], or [m]
+_ROUNDING = 1e-6  # of a period
+_DECIMALS = 6  # of joints
 
 
 def limit_changes(question: Question) -> Iterator[Change]:
@@ -45,6 +59,7 @@ def effort_changes(question: Question, sign: int) -> Iterator[Change]:
             propose=partial(_effort, question, joint, before, value, sign),
             about=frozenset({joint}),
             is_loss=sign < 0,
+            is_of_robot=value is None,
         )
 
 
@@ -94,7 +109,7 @@ def _limit_of(question: Question, quantity: str, joint: str, value: Any) -> dict
 
 def _positions(question: Question) -> Iterator[Change]:
     """Yield the changes that move an end of a joint's range outwards."""
-    robot = question.robot
+    robot, own = question.robot, question.fields.robot.limits.position
     lower, upper = robot.limits.lower_position.tolist(), robot.limits.upper_position.tolist()
     for k, joint in enumerate(robot.joint_names):
         limits = (lower[k], upper[k])
@@ -109,6 +124,7 @@ def _positions(question: Question) -> Iterator[Change]:
                     most=_MAX_WIDENING,
                     propose=partial(_range, question, joint, limits, end, sign),
                     about=frozenset({joint}),
+                    is_of_robot=not isinstance(own, Mapping) or joint not in own,
                 )
 
 
@@ -157,7 +173,7 @@ def end_changes(question: Question) -> Iterator[Change]:
     for end in ("start", "goal"):
         yield from _joints(question, end)
     yield from _open_ends(question)
-    yield from _goal_tolerance(question)
+    yield from _loose_ends(question)
     yield from _duration(question)
 
 
@@ -217,31 +233,84 @@ def _switch(end: str, before: Any, proposal: Proposal) -> Change:
     )
 
 
-def _goal_tolerance(question: Question) -> Iterator[Change]:
+def _loose_ends(question: Question) -> Iterator[Change]:
+    """Yield a start by joints near its point, a goal within a tolerance, and both together."""
+    start = _start_nearby(question)
+    if start is not None:
+        yield _switch("start", question.posed.document["start"], start)
+    goal, last = question.fields.goal, question.segment_count
+    about = frozenset({"goal", f"segment {last - 1}", f"point {last}"})
+    has_position = goal is not None and goal.position is not None
+    before = goal.tolerance if goal is not None and has_position else 0.0
+    proposals: list[tuple[str, Proposal | None]] = [("goal", None)]
+    if start is not None and (goal is None or goal.joints is None):
+        proposals.append(("ends", start))
+    for kind, other in proposals:
+        yield Change(
+            kind=kind,
+            field="goal.tolerance" if other is None else "start.joints, goal.tolerance",
+            before=before,
+            unit="m",
+            scale=before or _TENTH,
+            most=_MAX_MOVE,
+            propose=partial(_goal_within, question, before, has_position, other),
+            about=about,
+        )
+
+
+def _goal_within(
+    question: Question, before: float, has_position: bool, start: Proposal | None, size: float
+) -> Proposal:
+    """Return the goal within a tolerance of its position, with another start if given."""
+    after = exact(before + size)
     goal = question.fields.goal
-    if goal is None or goal.position is None:
-        return
-    before = goal.tolerance
+    changes: dict[str, Any] = {"goal.tolerance": after}
+    text = f"goal.tolerance {from_to(before, after, 'm')}"
+    if not has_position:
+        pose = None if goal is None else goal.pose
+        centre = question.points[-1].tolist() if pose is None else list(pose.position)
+        changes = {"goal": {"position": centre, "tolerance": after}}
+        name = f"reference point {question.segment_count}" if pose is None else "its position"
+        text = f"goal: within {figures(after, 'm')} of {name}, in any configuration"
+    if start is not None:
+        changes, text = {**start.changes, **changes}, f"{start.text} {text}"
+    return Proposal(changes, after, text, figures(after, "m"))
 
-    def wider(size: float) -> Proposal:
-        after = exact(before + size)
-        text = f"goal.tolerance {from_to(before, after, 'm')}"
-        return Proposal({"goal.tolerance": after}, after, text, figures(after, "m"))
 
-    yield Change(
-        *("goal", "goal.tolerance", before, "m", before or _TENTH, _MAX_MOVE, wider),
-        about=frozenset({"goal"}),
-    )
+def _start_nearby(question: Question) -> Proposal | None:
+    """Return a seed's or pose's configuration as near as the arm comes; None of other starts."""
+    robot, fields, limits = question.robot, question.fields, question.robot.limits
+    try:
+        value = end_of("start", fields.start, fields, robot, question.posed.folder)
+        if not isinstance(value, Seed | ToolPose):
+            return None
+        target, rotation = question.points[0], None
+        seed = value.joints if isinstance(value, Seed) else value.seed
+        if isinstance(value, ToolPose):
+            target = value.position
+            rotation = WantedRotation(value.rotation, np.zeros(3), np.ones(3, dtype=bool))
+        if seed is None:
+            seed = middle_of(limits.lower_position, limits.upper_position)
+        q = limits.clip(configuration_of(robot, "start", seed))
+    except ProblemError:  # loading the problem reports that
+        return None
+    bounds = limits.lower_position, limits.upper_position
+    q = limits.clip(solve_position(robot, target, q, *bounds, rotation=rotation).q.round(_DECIMALS))
+    apart = rounded(float(np.linalg.norm(robot.tool_position(q[None])[0] - target)))
+    values = ", ".join(f"{value:g}" for value in q)
+    text = f"start: joints [{values}], {figures(apart, 'm')} from its point;"
+    return Proposal({"start": {"joints": q.tolist()}}, {"joints": q.tolist()}, text)
 
 
 def _duration(question: Question) -> Iterator[Change]:
     objective = question.fields.objective
     if objective is None or objective.duration is None:
         return
-    before = objective.duration
+    before, period = objective.duration, question.fields.period
 
     def longer(size: float) -> Proposal:
-        after = exact(before + size)
+        after = before + size
+        after = exact(after if not period else ceil(after / period - _ROUNDING) * period)
         text = f"objective.duration {from_to(before, after, 's')}"
         return Proposal({"objective.duration": after}, after, text, figures(after, "s"))
 

@@ -42,13 +42,14 @@ class PlaceOptions:
     """Options of a placement.
 
     Attributes:
-        points: Approximate number of base poses of the grid: eight angles at each position, three
-            heights if the height may vary. With 300 the whole search plans about 500 times: some
-            minutes on two processors for an arm that is planned in a second.
+        points: Approximate number of base poses of the grid, angles and heights included: eight
+            angles at each position, fewer if there are few poses, and three heights if the height
+            may vary. With 300 the whole search plans about 500 times: some minutes on two
+            processors for an arm that is planned in a second.
         quality: Quality of the plans of the problem as given and of the best base pose; the search
             has "fast".
         slack: Slack of the same plans; None: that of the problem's objective. The search is for the
-            shortest motion.
+            shortest motion, without the problem's period.
     """
 
     points: int = 300
@@ -119,7 +120,9 @@ def place(
     as_given = _given(movable, on, options.plan_options)
     grid = bounds.grid(options.points, movable.given.yaw)
     with nullcontext() if path is None else Journal(path) as answers:
-        trials = PlacementTrials(movable, on, answers)
+        # In steps of a period, durations have plateaus on which no search finds its way.
+        posed = movable.posed if loaded.period is None else movable.posed.changed({"period": None})
+        trials = PlacementTrials(replace(movable, posed=posed), on, answers)
         stopped_by = _searched(trials, bounds, grid, movable.given, executor, report)
     result = Placement(
         loaded, bounds, on, grid, trials.rows, as_given, None, None, {}, trials.restored, stopped_by
@@ -216,13 +219,15 @@ def _neighbours(region: Region, grid: StandGrid, stand: Stand, share: float) -> 
 
 def _answered(placement: Placement, movable: MovableProblem, options: PlanOptions) -> Placement:
     """Return a placement with the plan of its best row, or of the next rows if that fails."""
+    refusal = ""
     for row in _feasible(placement.rows)[:_STARTS]:
         problem = movable.load(row.stand, row.seeds)
         result = plan(problem, options)
+        refusal = refusal or result.message
         if result.succeeded:
             changes = movable.changes(row.stand, row.seeds)
             return replace(placement, problem=problem, best=row, result=result, changes=changes)
-    return placement
+    return replace(placement, refusal=refusal)
 
 
 def _feasible(rows: Sequence[PlacementRow]) -> list[PlacementRow]:

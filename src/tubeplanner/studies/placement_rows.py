@@ -190,6 +190,7 @@ class Placement:
             takes them; empty if there is none.
         restored: Number of rows from the journal.
         stopped_by: "interrupt" if Ctrl-C ended the search; None otherwise.
+        refusal: Message of the plan at the best base pose, if it failed; empty otherwise.
     """
 
     problem: PlanningProblem
@@ -203,6 +204,7 @@ class Placement:
     changes: Mapping[str, Any]
     restored: int = 0
     stopped_by: StoppedBy | None = None
+    refusal: str = ""
 
     def __repr__(self) -> str:
         answer = "no stand has a motion" if self.best is None else f"best {self.best.stand}"
@@ -245,7 +247,7 @@ class Placement:
         if self.feasible_count:
             return (
                 f"none of the {self.feasible_count} places that have a motion could be planned "
-                "once more; run it again, or ask for another quality"
+                f"once more; the best of them: {self.refusal}"
             )
         reason, count, example = self.reasons[0]
         return (

@@ -8,14 +8,20 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from queue import SimpleQueue
-from time import perf_counter
+from queue import Empty, SimpleQueue
+from time import monotonic, perf_counter
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from tubeplanner.checks import given_options, require_executor
 from tubeplanner.errors import OptionError, TubePlannerError, shown
 from tubeplanner.geometry.collision_checker import CollisionScene
-from tubeplanner.outcome import PlanStatus, ProgressCallback, StoppedBy, require_callback
+from tubeplanner.outcome import (
+    PlanStatus,
+    ProgressCallback,
+    StoppedBy,
+    TimeLimitReached,
+    require_callback,
+)
 from tubeplanner.planning.cycle_result import CycleResult
 from tubeplanner.planning.cycle_strategy import plan_cycle
 from tubeplanner.planning.options import PlanOptions
@@ -196,7 +202,10 @@ class Done(Generic[_R]):
 
 
 def run_many(
-    work: Callable[[_T], _R], items: Iterable[_T], executor: Executor | None = None
+    work: Callable[[_T], _R],
+    items: Iterable[_T],
+    executor: Executor | None = None,
+    until: float | None = None,
 ) -> Iterator[Done[_R]]:
     """Call a function with each item, and yield each result in the order of completion.
 
@@ -204,9 +213,12 @@ def run_many(
         work: The function; it must be importable by name for executors that pickle.
         items: Its arguments; taken a few thousand at most ahead of the finished calls.
         executor: Executor of the calls, by `submit` alone; None: this process, one after the other.
+        until: Time by `time.monotonic` after which no call of an executor is waited for; None:
+            all are waited for.
 
     Raises:
         OptionError: The executor broke, or dropped items: unfinished calls are lost.
+        TimeLimitReached: `until` has passed.
         KeyboardInterrupt: Ctrl-C; calls that have not begun are dropped.
     """
     if executor is None:
@@ -231,7 +243,12 @@ def run_many(
                 waiting[future] = index
                 future.add_done_callback(finished.put)
             elif waiting:
-                future = finished.get()
+                try:
+                    future = finished.get(
+                        timeout=None if until is None else max(until - monotonic(), 0.0)
+                    )
+                except Empty:
+                    raise TimeLimitReached from None
                 yield _of_future(waiting.pop(future), future)
             else:
                 return

@@ -124,8 +124,22 @@ class RemedySearch:
 
     @property
     def remedies(self) -> tuple[Remedy, ...]:
-        """The remedies so far, the smallest for its scale first."""
-        return tuple(map(_remedy, sorted(self._helpful, key=lambda bracket: bracket.cost)))
+        """The remedies so far, the smallest for its scale first.
+
+        After the others: those that need another robot, then those not narrowed, of which a field
+        has one at most, and only without a narrowed one.
+        """
+        result: dict[Any, SizeBracket] = {}
+        fields = set()
+        for bracket in sorted(
+            self._helpful,
+            key=lambda bracket: (not bracket.is_done, bracket.change.is_of_robot, bracket.cost),
+        ):
+            assert bracket.larger is not None
+            if bracket.is_done or bracket.change.field not in fields:
+                result.setdefault(str(bracket.larger.proposal.changes), bracket)
+                fields.add(bracket.change.field)
+        return tuple(map(_remedy, result.values()))
 
     @property
     def in_vain(self) -> tuple[str, ...]:
@@ -149,10 +163,11 @@ class RemedySearch:
             self._search(unlikely, is_thorough)
 
     def _search(self, tier: Sequence[Sequence[SizeBracket]], is_thorough: bool) -> None:
-        for times, group in product((1.0, float("inf")), tier):
+        for k, group in product(range(3), tier):
             new = []
             for bracket in group:
-                size = rounded(min(times * bracket.change.scale, bracket.change.most))
+                sizes = bracket.change.first_sizes
+                size = rounded(sizes[min(k, len(sizes) - 1)])
                 if _is_new(bracket, size, is_thorough):
                     new.append((bracket, size))
             try_sizes(self._trials, new, is_thorough)

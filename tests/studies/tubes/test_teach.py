@@ -150,6 +150,33 @@ def test_the_written_problem_is_planned_from_the_trails_start_to_its_end(taught,
     assert planned["status"] == "success" and planned["duration"] == report["duration"]
 
 
+def test_what_the_trail_saved_is_said(taught):
+    _, q, report = taught
+    assert report["recorded_duration"] == pytest.approx(0.02 * (len(q) - 1))
+
+
+@pytest.mark.dear("measures a tube")
+def test_a_template_keeps_its_tolerances_and_what_is_not_kept_is_named(run, tmp_path):
+    q = write_trail(tmp_path / "trail.csv", ["joint1", "joint2"], lines([0.0, -1.2], [0.8, -1.2]))
+    turn = [0.0, 0.0, 0.0, 1.0]
+    tube = {
+        **{"points": [[0.4, 0, 0], [0.5, 0, 0], [0.5, 0.1, 0]], "radius": 0.1, "visit": "any"},
+        **{"orientations": [turn] * 3, "rotation_tolerance": 1.0, "tool_speed": [2.0, 2.0]},
+    }
+    robot = {"urdf": "example:two_link", "tool_frame": "hand"}
+    goal = {"position": [0.5, 0.1, 0], "tolerance": 0.01}
+    fields = {"robot": robot, "tube": tube, "start": {"seed": [0, -1]}, "goal": goal}
+    (tmp_path / "cell.json").write_text(json.dumps(fields))
+    files = ("--problem", tmp_path / "cell.json", "-o", tmp_path / "tube.json")
+    status, out, _ = run("teach", q, *files, "--samples", 50)
+    assert status == 0, out
+    assert "rotation_tolerance 1.0, about the trail's orientations" in out
+    assert "not kept of the problem: tube.visit, goal.position, goal.tolerance; " in out
+    assert re.search(r"recorded 0\.780 s -> planned 0\.\d+ s, \d+\.\d% less", out)
+    tube = load_problem(tmp_path / "tube.json").tube
+    assert set(tube.rotation_tolerance) == {1.0} and set(tube.tool_speed) == {2.0}
+
+
 def test_a_trail_through_an_obstacle_is_an_answer_with_its_place(run, tmp_path):
     recorded(tmp_path / "trail.csv", CORNERS)
     (tmp_path / "wall.yaml").write_text(WALL)

@@ -5,8 +5,8 @@ as the `# ` is removed, alone or with all others.
 """
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import TrajectoryError
+from tubeplanner.orientation import quaternion_of_matrix
 from tubeplanner.output.files.problem_file import included_fields, new_fields, read_fields
 from tubeplanner.resources import find_problem, rebased
 from tubeplanner.studies.tubes.starter_problem import StarterProblem
@@ -194,6 +195,10 @@ def _as_yaml(value: Any) -> str:
 # ---- The problem of a recorded trail: a robot and its cell, with the trail's ends.
 
 _TRAIL_KEYS = ("tube", "start", "goal")  # keys determined by a trail
+# Fields of a tube that stay beside a trail, and those that a trail gives.
+_KEPT = ("tool_radius", "tool_speed", "rotation_tolerance")
+_NEW = ("points", "radius", "cross_section", "joint_signs")
+_JOINTS = ("joints", "seed")
 _SAMPLES_PER_PIECE = 20  # of a trail that is a trajectory of ours
 
 
@@ -204,12 +209,14 @@ class Cell:
     Attributes:
         fields: The problem file's own fields, without tube, start and goal.
         known: The fields with included files, without tube, start and goal.
+        replaced: Tube, start and goal of the problem file, included files counted.
         folder: Base of relative paths.
         source: Name in messages.
     """
 
     fields: Any
     known: Any
+    replaced: Mapping[str, Any]
     folder: Path
     source: str
 
@@ -236,21 +243,25 @@ def read_cell(
     if template is not None:
         path = find_problem(template, Path())
         fields = read_fields(path, changes)
-        for key in _TRAIL_KEYS:
-            fields.pop(key, None)
         folder, source = path.parent, str(path)
     else:
         assert urdf is not None and tool_frame is not None
         fields, folder, source = new_fields(urdf, tool_frame, obstacles), Path(), "teach"
     merged = included_fields(fields, folder)
+    for key in _TRAIL_KEYS:
+        fields.pop(key, None)
     without_ends = {key: value for key, value in merged.items() if key not in _TRAIL_KEYS}
-    return Cell(fields, without_ends, folder, source)
+    replaced = {key: merged[key] for key in _TRAIL_KEYS if isinstance(merged.get(key), dict)}
+    return Cell(fields, without_ends, replaced, folder, source)
 
 
-def taught_problem(cell: Cell, path: Path) -> tuple[PlanningProblem, FloatArray, tuple[str, ...]]:
-    """Return the problem from a trail's start to its end, the tool anywhere, the trail, and notes.
+def taught_problem(
+    cell: Cell, path: Path
+) -> tuple[PlanningProblem, FloatArray, float, tuple[str, ...]]:
+    """Return the problem from a trail's start to its end, the trail (N, n), its time [s], and notes.
 
-    The trail has shape (N, n); the notes say how its file was read.
+    The tool may be anywhere. What the cell's tube has for all segments alike of `_KEPT` stays; the
+    notes name what stays and what does not, and how the trail was read.
 
     Args:
         cell: The robot and its surroundings.
@@ -275,4 +286,48 @@ def taught_problem(cell: Cell, path: Path) -> tuple[PlanningProblem, FloatArray,
         raise TrajectoryError(f"{path}: {error}") from None
     ends = {"start": {"joints": trail[0].tolist()}, "goal": {"joints": trail[-1].tolist()}}
     problem = parse_problem({**cell.known, **ends}, cell.folder, path.stem, reads_tube=False)
-    return problem, trail, read.remarks
+    fields = cell.replaced.get("tube", {})
+    kept = {key: value for key in _KEPT if (value := _of_all_segments(fields, key)) is not None}
+    notes = [
+        f"kept of the problem's tube: {key} {value}"
+        + ", about the trail's orientations" * (key == "rotation_tolerance")
+        for key, value in kept.items()
+    ]
+    is_turned = "rotation_tolerance" in kept
+    known = (*kept, *["orientations"] * is_turned)
+    notes += notes_on_dropped(cell.replaced, known, "reference points and ends are the trail's")
+    if is_turned:
+        kept["orientations"] = quaternion_of_matrix(robot.tool_pose(trail[[0, -1]])[0])
+    problem = problem.with_tube(replace(problem.tube, **kept))
+    return problem, trail, trajectory.duration, (*read.remarks, *notes)
+
+
+def notes_on_dropped(replaced: Mapping[str, Any], kept: Sequence[str], reason: str) -> list[str]:
+    """Return a note on the fields of a replaced tube, start and goal that are not kept, if any.
+
+    Args:
+        replaced: The fields of each, by its name.
+        kept: Names of fields of the tube that the new tube has.
+        reason: The reason, a clause.
+    """
+    dropped = [
+        f"{part}.{key}"
+        for part, values in replaced.items()
+        for key, value in values.items()
+        if value and key not in ((*kept, *_NEW) if part == "tube" else _JOINTS)
+    ]
+    return [f"not kept of the problem: {', '.join(dropped)}; {reason}"] * bool(dropped)
+
+
+def _of_all_segments(fields: Mapping[str, Any], key: str) -> Any:
+    """Return a value of a tube's fields that all segments share; None: none, or several."""
+    value = fields.get(key)
+    if not isinstance(value, list):
+        return value or None
+    if key == "rotation_tolerance" and len(value) == 3 and not isinstance(value[0], list):
+        points = fields.get("points")
+        # An angle for each of three segments, or the bounds of every segment.
+        value = value if not isinstance(points, list) or len(points) == 4 else [value]
+    alike = all(each == value[0] for each in value)
+    first = list(value[0]) if isinstance(value[0], list) else value[0]
+    return None if not alike else [first] if isinstance(first, list) else first

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.orientation import quaternion_of_matrix
 from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, StoppedBy
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
@@ -26,6 +27,7 @@ from tubeplanner.text import short_repr
 # ---- Measure a tube's radii and ranges, and plan the trajectory.
 
 _MAX_PARTINGS = 4
+_DECIMALS = 9  # of quaternions
 # A segment takes one to two seconds with as few samples as `route` and `teach` draw.
 MAX_CORNER_SEGMENTS = 40
 
@@ -110,15 +112,26 @@ def in_tube(
 ) -> PlanningProblem:
     """Return a problem in the tube around corners of a route, not measured yet.
 
+    The tool radius stays, and so do speed limit and rotation tolerance, about the route's
+    orientations at the corners, if they are the same in all segments.
+
     Args:
-        problem: The planning problem; its tube does not count.
+        problem: The planning problem; nothing else of its tube counts.
         corners: Reference points, and configurations between.
         band: Width by which joints may leave the corners' ranges [rad or m].
         radius: Of all segments [m].
     """
     segments = [np.vstack(pair) for pair in zip(corners.lines, corners.parts, strict=True)]
     tube = reference_tube(problem.robot, corners.points, segments, band, radius)
-    return problem.with_tube(tube, corners.parts[-1][-1])
+    given, kept = problem.tube, dict[str, Any](tool_radius=problem.tube.tool_radius)
+    if given.tool_speed is not None and len(set(given.tool_speed.tolist())) == 1:
+        kept["tool_speed"] = given.tool_speed[0]
+    if given.rotation_tolerance is not None and len(set(given.rotation_tolerance)) == 1:
+        at_corners = np.vstack([*(line[:1] for line in corners.lines), corners.lines[-1][-1:]])
+        rotations = problem.robot.tool_pose(at_corners)[0]
+        kept["orientations"] = quaternion_of_matrix(rotations).round(_DECIMALS)
+        kept["rotation_tolerance"] = [given.rotation_tolerance[0]] * len(segments)
+    return problem.with_tube(replace(tube, **kept), corners.parts[-1][-1])
 
 
 def plan_under(
@@ -165,6 +178,7 @@ class TubeAnswer:
             measuring [s]; None where there was no trajectory.
         search_time: Wall time from the loaded problem to the answer [s].
         stopped_by: "time_limit" or "interrupt" if that ended the search early; None otherwise.
+        recorded_duration: Duration of the trail as recorded [s]; None without a trail file.
     """
 
     status: PlanStatus
@@ -176,6 +190,7 @@ class TubeAnswer:
     compared: tuple[float | None, ...] = ()
     search_time: float = 0.0
     stopped_by: StoppedBy | None = None
+    recorded_duration: float | None = None
 
     __repr__ = short_repr
 
@@ -199,6 +214,7 @@ class TubeAnswer:
             "search_time": self.search_time,
             "compared_durations": list(self.compared),
             "stopped_by": self.stopped_by,
+            "recorded_duration": self.recorded_duration,
             **_tube_fields(self.found),
             "measured": measured,
         }
