@@ -32,6 +32,7 @@ from tubeplanner.planning.robust_plan import robust_plan
 from tubeplanner.planning.second_stage import followed_plan
 from tubeplanner.planning.waypoint_plans import (
     StoppingPlan,
+    resting_plan,
     searched_plan,
     stopping_plan,
     suh_bishop_plan,
@@ -262,6 +263,9 @@ def _planned(
         require_possible(problem, branches)
     except Infeasible as reason:
         return refused_result(reason, options.method)
+    resting = resting_plan(problem, branches.require_ends(), options.method, clock)
+    if resting is not None:
+        return resting
     result = _attempted(problem, branches, options, clock, last)
     if result.proved is not False or result.starts_tried:
         return result
