@@ -16,13 +16,18 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.refusal import require_free
-from tubeplanner.first_guess.inverse_kinematics import PositionSolution, solve_position
+from tubeplanner.first_guess.inverse_kinematics import (
+    PositionSolution,
+    solve_position,
+    solve_positions,
+)
 from tubeplanner.first_guess.pose_configurations import (
     bounded_by,
     is_free,
     outside_bounds,
     pose_configurations,
     reaching,
+    spread_seeds,
 )
 from tubeplanner.first_guess.segment_walk import (
     SegmentWalk,
@@ -32,8 +37,8 @@ from tubeplanner.first_guess.segment_walk import (
     wanted_at,
 )
 from tubeplanner.geometry.tube.points import arc_lengths
-from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus
-from tubeplanner.task.endpoints import Endpoint, ToolPose
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanningClock, PlanStatus
+from tubeplanner.task.endpoints import Endpoint, GoalRegion, ToolPose
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- The arm along the reference path: one continuous branch of the inverse kinematics.
@@ -190,7 +195,7 @@ def end_configuration(problem: PlanningProblem, end: Endpoint, point: int) -> Fl
     rotation_target = wanted_at(problem, target, segment)
     solution = solve_position(problem.robot, target, seed, lower, upper, rotation=rotation_target)
     reason = None
-    if solution.error > _SEED_TOLERANCE:
+    if solution.error > max(_SEED_TOLERANCE, problem.end_radii[point]):
         reason = explain_error(problem, target, seed, segment, solution)
     elif problem.tube.rotation is not None:
         rotation, tool = problem.robot.tool_pose(solution.q[None])
@@ -432,7 +437,7 @@ def configured_ends(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[st
     Raises:
         Infeasible: Status unreachable: a pose has no configuration.
     """
-    notes = []
+    problem, notes = _with_missed_ends(problem)
     start, goal_pose = (end.pose for end in problem.endpoints)
     if start is not None:
         candidates = pose_configurations(problem, start, 0)
@@ -446,6 +451,42 @@ def configured_ends(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[st
         notes += _choice(problem, "goal", candidates, goal, why)
         problem = replace(problem, goal=goal)
     return problem, tuple(notes)
+
+
+def _with_missed_ends(problem: PlanningProblem) -> tuple[PlanningProblem, list[str]]:
+    """Return a problem with its ends in the tube where the arm misses a reference point, and notes.
+
+    A seed's configuration is the one nearest the point; an open goal is the ball about the point.
+
+    Raises:
+        Infeasible: Status unreachable: a seed does not lead into the tube.
+    """
+    notes: list[str] = []
+    for name, point, end in zip(("start", "goal"), (0, -1), problem.endpoints, strict=True):
+        radius, target = float(problem.end_radii[point]), problem.tube.points[point]
+        if not radius or end.kind not in ("seed", "open"):
+            continue
+        if end.seed is not None:
+            q = end_configuration(problem, end, point)
+            away = float(np.linalg.norm(problem.robot.tool_position(q[None])[0] - target))
+            value: FloatArray | GoalRegion = q
+        else:
+            lower, upper = problem.joint_lower[-1], problem.joint_upper[-1]
+            seeds = spread_seeds(lower, upper)
+            if problem.endpoints[0].pose is None:
+                near = end_configuration(problem, problem.endpoints[0], 0)
+                seeds = np.vstack([near, seeds])
+            away = float(solve_positions(problem.robot, target, seeds, lower, upper)[1][:, 0].min())
+            value = GoalRegion(target, radius)
+        if away <= (_SEED_TOLERANCE if end.seed is not None else MARGIN_TOLERANCE / 2):
+            continue
+        problem = replace(problem, **{name: value})
+        notes.append(
+            f"{name}: the joints move the tool in {problem.robot.tool_directions} of 3 directions "
+            f"and bring it no nearer to the reference point than {away:.3g} m; it may be anywhere "
+            f"within {radius:g} m of the point, inside the tube"
+        )
+    return problem, notes
 
 
 def _continuing(

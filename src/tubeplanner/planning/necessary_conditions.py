@@ -99,7 +99,9 @@ def required_points(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
     if tube.visit != "ordered":  # only the goal must be visited
         allowed[1:-1] = np.inf
     for row, end in zip((0, -1), problem.endpoints, strict=True):
-        if end.position is not None:
+        if end.kind in ("seed", "open"):
+            allowed[row] = problem.end_radii[row]
+        elif end.position is not None:
             points[row] = end.position
             allowed[row] = 0.0 if end.region is None else end.region.tolerance
         elif end.joints is not None:
