@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -426,6 +427,7 @@ class KnownBranches:
 # ---- Start and goal as configurations, where a problem gives poses of the tool.
 
 _MAX_CANDIDATES = 8  # configurations of the goal
+_OTHER = 0.1  # [rad or m]: a joint that is farther away makes another configuration
 
 
 def configured_ends(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[str, ...]]:
@@ -453,6 +455,54 @@ def configured_ends(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[st
     return problem, tuple(notes)
 
 
+_MAX_PAIRS = 32  # of configurations of start and goal, where both are poses
+
+
+def other_ends(
+    problem: PlanningProblem, configured: PlanningProblem
+) -> tuple[list[PlanningProblem], int]:
+    """Return further problems with configurations in place of poses, and the number of all.
+
+    Only configurations free of collision, if any is free. The least times between start and goal
+    come first; where both are poses, only so many.
+
+    Args:
+        problem: With poses.
+        configured: The problem that `configured_ends` returned.
+    """
+    by_end, count = [], 1
+    for name, point, end in zip(("start", "goal"), (0, -1), problem.endpoints, strict=True):
+        own = getattr(configured, name)
+        if end.pose is None or end.pose.seed is not None:
+            by_end.append([own])
+            continue
+        candidates = pose_configurations(problem, end.pose, point)
+        others = [q for q in candidates if abs(q - own).max() > _OTHER]
+        free = [q for q in others if is_free(problem, name, q)]
+        count *= len(others) + 1
+        by_end.append([own, *(free or others)])
+    pairs = [(start, goal) for start in by_end[0] for goal in by_end[1]][1:]
+    problems = [replace(configured, start=start, goal=goal) for start, goal in pairs]
+    problems.sort(key=least_time)
+    has_both = len(by_end[0]) > 1 and len(by_end[1]) > 1
+    return problems[: _MAX_PAIRS if has_both else None], count
+
+
+def least_time(problem: PlanningProblem) -> float:
+    """Return a lower bound on the duration between two configurations [s]; 0 if one is open.
+
+    Every joint travels from rest to rest under its limits of velocity and acceleration alone.
+    """
+    start, goal = (end.joints for end in problem.endpoints)
+    if start is None or goal is None:
+        return 0.0
+    limits, travel = problem.robot.limits, abs(goal - start)
+    reached = np.minimum(limits.velocity, np.sqrt(limits.acceleration * travel))
+    is_bound = (travel > 0) & np.isfinite(reached)
+    times = travel[is_bound] / reached[is_bound] + reached[is_bound] / limits.acceleration[is_bound]
+    return float(times.max(initial=0.0))
+
+
 def _with_missed_ends(problem: PlanningProblem) -> tuple[PlanningProblem, list[str]]:
     """Return a problem with its ends in the tube where the arm misses a reference point, and notes.
 
@@ -469,7 +519,7 @@ def _with_missed_ends(problem: PlanningProblem) -> tuple[PlanningProblem, list[s
         if end.seed is not None:
             q = end_configuration(problem, end, point)
             away = float(np.linalg.norm(problem.robot.tool_position(q[None])[0] - target))
-            value: FloatArray | GoalRegion = q
+            value: Any = q
         else:
             lower, upper = problem.joint_lower[-1], problem.joint_upper[-1]
             seeds = spread_seeds(lower, upper)
@@ -480,7 +530,8 @@ def _with_missed_ends(problem: PlanningProblem) -> tuple[PlanningProblem, list[s
             value = GoalRegion(target, radius)
         if away <= (_SEED_TOLERANCE if end.seed is not None else MARGIN_TOLERANCE / 2):
             continue
-        problem = replace(problem, **{name: value})
+        ends: dict[str, Any] = {name: value}
+        problem = replace(problem, **ends)
         notes.append(
             f"{name}: the joints move the tool in {problem.robot.tool_directions} of 3 directions "
             f"and bring it no nearer to the reference point than {away:.3g} m; it may be anywhere "
