@@ -206,6 +206,9 @@ def end_configuration(problem: PlanningProblem, end: Endpoint, point: int) -> Fl
         place = Place(segment=problem.tube.segment_number(segment, target)).at(target)
         name = "start" if point == 0 else "goal"
         message = f"{name} from its seed: {reason}"
+        if solution.error < problem.tube.effective_radius[segment]:  # in the tube's end
+            joints = ", ".join(f"{value:.6g}" for value in solution.q)
+            message += f", or give {name}: {{joints: [{joints}]}}"
         raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=1, configuration=solution.q)
     return solution.q
 

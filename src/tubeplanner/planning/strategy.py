@@ -232,7 +232,7 @@ def _fastest(
             break
         tried.append(result)
         stopped_by = result.stopped_by or stopped_by
-        if (result.duration or np.inf) < shortest:
+        if (result.duration or np.inf) < shortest * (1 - _EQUAL):
             best = each, result
         is_enough = best is not None and (takes_first or last is not None)
         if is_enough or stopped_by == "interrupt" or clock.remaining <= 0:
@@ -247,6 +247,7 @@ def _fastest(
     return best[0], replace(result, stopped_by=result.stopped_by or stopped_by)
 
 
+_EQUAL = 1e-6  # relative: of durations that differ by rounding alone the first counts
 # Refusals of a configuration itself.
 _SURE = (PlanStatus.GRAVITY_EXCEEDS_EFFORT,)
 
@@ -267,7 +268,7 @@ def _of_configurations(
     """
     configured, result = best
     kinds = zip(("start", "goal"), problem.endpoints, strict=True)
-    ends = [name for name, end in kinds if end.pose is not None]
+    ends = [name for name, end in kinds if end.pose is not None and end.pose.seed is None]
     whose = "its pose" if len(ends) == 1 else "their poses"
     of = f"{' and '.join(ends)}: of {count} configurations found for {whose} {len(tried)}"
     if not result.succeeded:
