@@ -222,7 +222,7 @@ def test_the_fastest_of_the_configurations_of_a_pose_is_the_answer():
     assert result.duration < 0.97 * first.duration
     assert verify(problem, result.trajectory).passed
     assert result.notes[0].startswith("start: of ")
-    assert f"is the fastest: {result.duration:.4f} s" in result.notes[0]
+    assert f"is the fastest, {result.duration:.4f} s" in result.notes[0]
     # What is in the way of all of them is said with their number.
     wall = Obstacle.box("wall", (2.0, 0.02, 2.0), placement_of((0.0, 0.0, 0.5)))
     refused = plan(replace(problem, obstacles=(wall,)), replace(options, persistent=False))

@@ -184,7 +184,8 @@ def _fastest(
         problem: The planning problem.
         options: Without `persistent`, the first configuration with an answer is taken.
         clock: The planning's.
-        last: The motion to begin with.
+        last: The motion to begin with: the first configuration with an answer is taken, from the
+            nearest on.
         takes_first: As without `persistent`.
 
     Raises:
@@ -197,7 +198,17 @@ def _fastest(
     if not others:
         result = _shortest(first, options, clock, last)
         return first, replace(result, notes=(*notes, *result.notes))
-    takes_first = takes_first or not options.persistent
+    takes_first = takes_first or last is not None or not options.persistent
+    if last is not None:
+        motion = last.spline.control_points[[0, -1]]
+
+        def away(each: PlanningProblem) -> float:
+            ends = zip(each.endpoints, motion, strict=True)
+            return sum(
+                float(abs(end.joints - q).max()) for end, q in ends if end.joints is not None
+            )
+
+        first, *others = sorted((first, *others), key=away)
     quick = replace(options, persistent=False)
     tried: list[PlanResult] = []
     best: tuple[PlanningProblem, PlanResult] | None = None
@@ -234,8 +245,7 @@ def _fastest(
         stopped_by = result.stopped_by or stopped_by
         if (result.duration or np.inf) < shortest * (1 - _EQUAL):
             best = each, result
-        is_enough = best is not None and (takes_first or last is not None)
-        if is_enough or stopped_by == "interrupt" or clock.remaining <= 0:
+        if (best is not None and takes_first) or stopped_by == "interrupt" or clock.remaining <= 0:
             break
     if best is None and stopped_by is not None:
         return first, stopped_result(clock, stopped_by, options.method)
@@ -270,23 +280,23 @@ def _of_configurations(
     kinds = zip(("start", "goal"), problem.endpoints, strict=True)
     ends = [name for name, end in kinds if end.pose is not None and end.pose.seed is None]
     whose = "its pose" if len(ends) == 1 else "their poses"
-    of = f"{' and '.join(ends)}: of {count} configurations found for {whose} {len(tried)}"
+    number = f"{len(tried)} {'was' if len(tried) == 1 else 'were'}"
+    of = f"{' and '.join(ends)}: of {count} configurations found for {whose} {number}"
     if not result.succeeded:
         starts = sum(each.starts_tried or 1 for each in tried)
-        message = f"{result.message} (in the likeliest configuration); {of} were tried, all refused"
+        message = (
+            f"{result.message} (in the likeliest configuration); {of} tried, none has an answer"
+        )
         return replace(result, message=message, proved=False, starts_tried=starts)
     values = " and ".join(
         f"[{', '.join(f'{x:.6g}' for x in np.round(getattr(configured, end), 6) + 0.0)}]"
         for end in ends
     )
     durations = sorted(each.duration for each in tried if each.duration is not None)
-    note = f"{of} were planned; {values} is the fastest"
+    note = f"{of} planned: {values}"
     if len(durations) > 1:
-        note += f": {durations[0]:.4f} s; {len(durations) - 1} others take "
-        note += " to ".join(
-            f"{x:.4f}" for x in dict.fromkeys(durations[1 :: len(durations) - 2 or 1])
-        )
-        note += " s"
+        note += f" is the fastest, {durations[0]:.4f} s, {len(durations) - 1} others take up to "
+        note += f"{durations[-1]:.4f} s"
     note += "; a seed or joint signs ask for another"
     return replace(result, notes=(note, *result.notes))
 
