@@ -303,8 +303,10 @@ def _of_configurations(
 
 def _of_poses(problem: PlanningProblem, result: PlanResult) -> PlanResult:
     """Return a result; a proof for a configuration chosen for a pose is none for the pose."""
-    has_poses = any(end.pose is not None for end in problem.endpoints)
-    if not (result.proved and has_poses):
+    ends = zip(problem.endpoints, problem.end_radii.tolist(), strict=True)
+    # A seed too leads to one of several configurations where the arm misses the point.
+    has_choice = any(end.pose is not None or (end.kind == "seed" and size) for end, size in ends)
+    if not (result.proved and has_choice):
         return result
     return replace(result, proved=False, starts_tried=1)
 
