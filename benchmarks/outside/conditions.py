@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from outside.arm import Arm
@@ -12,12 +13,14 @@ from outside.files import BadInput, placement_of
 from outside.joint_limits import directions
 from outside.problem import Problem
 from outside.trajectory import ORDERS, Samples, Trajectory
+from outside.tube_fields import TubeFields
 
 RELATIVE = "relative"
 QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 STILL = 1e-6  # of the fastest joint's speed: a slower joint is measured by that
 NEAR_SHARE, NEAR_ABSOLUTE = 0.01, 1e-3  # relative; [rad, m]: where steps are divided
 PARTS = 20  # into so many
+MET = 1e-6  # [m]: a tool that near is at its point
 SHARE = 1e-3  # of a piece: the step of differences
 
 
@@ -76,7 +79,7 @@ def judge_ends(problem: Problem, arm: Arm, trajectory: Trajectory) -> dict[str, 
     q = trajectory.at(ends)
     asked = (("start", problem.start, 0, 0), ("goal", problem.goal, 1, -1))
     found = {
-        name: _end(arm, given, q[row], problem.tube.points[point], float(ends.time[row]))
+        name: _end(arm, given, q[row], problem.tube, point, float(ends.time[row]))
         for name, given, row, point in asked
     }
     largest = _largest(trajectory)
@@ -208,15 +211,23 @@ def _end_rows(trajectory: Trajectory) -> list[tuple[int, float, float]]:
     return [(0, 0.0, 0.0), (last, width, trajectory.duration)]
 
 
-def _end(arm: Arm, given: dict, q: np.ndarray, point: np.ndarray, time: float) -> Condition:
-    """Return whether an end is the given configuration, or else has its tool at the point."""
-    joints = given.get("joints")
+def _end(
+    arm: Arm, given: dict, q: np.ndarray, tube: TubeFields, index: int, time: float
+) -> Condition:
+    """Return whether an end is the given configuration, or else has its tool at the point.
+
+    A tool that no joints move in three directions is hardly ever at a point that somebody typed:
+    where none of the joints' motions from here leads it there, it must be within the radius.
+    """
+    joints, point = given.get("joints"), tube.points[index]
     if given.get("pose") is not None:
         return judge_pose(given["pose"], arm, q, time)
     if "position" in given:
         return judge_ball(given, arm, q, time)
     if joints is None:
         error = float(np.linalg.norm(arm.tool(q[None])[1][0] - point))
+        if error > MET and directions_of_tool(arm) < 3 and _least(arm, q, tube, index) > MET:
+            return Condition(float(tube.radius[index]) - error, "m", time, "tool near the point")
         return Condition(-error, "m", time, "tool at the reference point")
     if isinstance(joints, dict):
         joints = [joints[name] for name in arm.joint_names]
@@ -224,6 +235,33 @@ def _end(arm: Arm, given: dict, q: np.ndarray, point: np.ndarray, time: float) -
     joint = int(error.argmax())
     unit = "m" if arm.slides[joint] else "rad"
     return Condition(-float(error[joint]), unit, time, f"joint {arm.joint_names[joint]}")
+
+
+def directions_of_tool(arm: Arm) -> int:
+    """Return in how many directions joints move the tool, at the most of some configurations."""
+    ranks = []
+    for q in arm.random(np.random.default_rng(1), 5):
+        columns = arm.tool_velocity(np.tile(q, (len(q), 1)), np.eye(len(q)))
+        columns = columns[arm.limits.upper > arm.limits.lower]
+        ranks.append(int(np.linalg.matrix_rank(columns, tol=1e-6)))
+    return max(ranks)
+
+
+def _least(arm: Arm, q: np.ndarray, tube: TubeFields, index: int) -> float:
+    """Return how near the tool comes to an end's point from a configuration (n,) [m]."""
+    ranges = [tube.ranges[index].get(name, (-np.inf, np.inf)) for name in arm.joint_names]
+    lower, upper = np.array(ranges).T
+    lower, upper = np.maximum(lower, arm.limits.lower), np.minimum(upper, arm.limits.upper)
+    free = upper > lower
+
+    def off(moved: np.ndarray) -> np.ndarray:
+        places = q.copy()
+        places[free] = moved
+        return arm.tool(places[None])[1][0] - tube.points[index]
+
+    begin = np.clip(q, lower, upper)[free]
+    found = least_squares(off, begin, bounds=(lower[free], upper[free]), xtol=1e-15, ftol=1e-15)
+    return float(np.linalg.norm(found.fun))
 
 
 def _sides(trajectory: Trajectory, order: int) -> np.ndarray:

@@ -4,12 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from arms import joint, links, loaded
 from cases import SHORTEST, unlimited
 from gantry import gantry
 from placed_problem import TURN, bundled_fields, placed_fields
 from stored_trajectories import REFINEMENT
 
 from tubeplanner import (
+    GoalRegion,
+    LimitOverrides,
     Obstacle,
     OptionError,
     PlanningProblem,
@@ -24,7 +27,7 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.first_guess.branches import KnownBranches
+from tubeplanner.first_guess.branches import KnownBranches, configured_ends
 from tubeplanner.geometry.collision_checker import link_covers
 from tubeplanner.outcome import Place, PlanningClock
 from tubeplanner.planning.diagnosis import blocked_spot, surely_blocked_spot
@@ -135,13 +138,95 @@ def test_an_open_goal_is_reported(two_link):
 
 
 @pytest.mark.parametrize("method", ["refinement", "suh-bishop"])
-def test_a_start_that_is_the_goal_leaves_nothing_to_plan(method, two_link):
+def test_a_start_that_is_the_goal_is_answered_with_no_motion(method, two_link):
     q = np.array([0.3, -1.0])
     tool = two_link.tool_position(q[None])[0]
-    tube = Tube(tool + np.array([[0, 0, 0], [0.02, 0, 0]]), 0.05)
-    result = plan(PlanningProblem(two_link, tube, q, q), PlanOptions(method))
-    assert (result.status, result.proved) == (PlanStatus.NO_TRAJECTORY, False)
-    assert result.message.startswith("the start is the goal: there is nothing to move; not found")
+    near = tool + np.array([[0, 0, 0], [0.02, 0, 0]])
+    for goal in (q, q + 1e-12, GoalRegion(near[1], 0.03)):
+        problem = PlanningProblem(two_link, Tube(near, 0.05), q, goal)
+        result = plan(problem, PlanOptions(method))
+        assert result.succeeded and result.duration < 1e-5
+        assert result.notes[0].startswith("there is nothing to do: ")
+        assert verify(problem, result.trajectory).passed
+        assert result.path_minimum is None
+    # The certificate decides: a tube that leads out and home is driven along.
+    there = two_link.tool_position(np.array([0.5, -1.0]))
+    home = PlanningProblem(two_link, Tube([tool, there, tool], 0.005), q, q)
+    assert plan(home, PlanOptions(STOP, slack=0.0)).duration > 0.1
+    lasting = replace(problem, period=0.004)
+    assert plan(lasting, FAST).duration == pytest.approx(0.004)
+
+
+# ---- An arm whose tool moves on a cylinder: points that somebody typed lie beside it.
+
+
+def lift_problem(folder, **changes):
+    rail = '<limit lower="0" upper="1" effort="500" velocity="1"/>'
+    robot = loaded(
+        folder,
+        links("base", "post", "boom", "tip"),
+        joint("rise", "base", "post", "prismatic", "0 0 0.5", limit=rail),
+        joint("turn", "post", "boom"),
+        joint("fix", "boom", "tip", "fixed", "0.6 0 0"),
+        limits=LimitOverrides(acceleration=5.0),
+    )
+    q = np.array([[0.2, -0.4], [0.4, -0.4], [0.4, 0.0], [0.4, 0.3]])
+    tube = Tube(robot.tool_position(q).round(3) + 1e-3, 0.03)
+    return PlanningProblem(robot, tube, **{"start": Seed(q[0]), **changes})
+
+
+def test_ends_of_a_lift_may_be_anywhere_in_the_tubes_end(tmp_path):
+    problem = lift_problem(tmp_path)
+    result = plan(problem, FAST)
+    assert result.succeeded and "2 of 3 directions" in result.notes[0]
+    certificate = verify(problem, result.trajectory)
+    assert certificate.passed
+    for name in ("start", "goal"):
+        condition = certificate.conditions[name]
+        assert condition.coverage.startswith("tool within 0.03 m of the reference point")
+        assert 0 <= condition.margin <= 0.03
+    # The ball about the point, not the whole of the last segment.
+    shorter = problem.with_tube(replace(problem.tube, radius=0.02))
+    assert "goal" in verify(shorter, result.trajectory).failures()
+
+
+def test_a_lift_that_reaches_its_points_begins_and_ends_there(tmp_path):
+    rounded = lift_problem(tmp_path)
+    robot, q = rounded.robot, np.array([[0.2, -0.4], [0.3, -0.1]])
+    problem = PlanningProblem(robot, Tube(robot.tool_position(q), 0.03), Seed(q[0]))
+    result = plan(problem, FAST)
+    certificate = verify(problem, result.trajectory)
+    assert certificate.conditions["goal"].coverage == "tool at the reference point"
+    ball = replace(problem, goal=GoalRegion(problem.tube.points[-1], 0.03))
+    off = verify(problem, plan(ball, FAST).trajectory)
+    assert off.failures() == ["goal"]
+    assert off.conditions["goal"].margin == pytest.approx(-0.03, rel=0.1)
+
+
+def test_the_fastest_of_the_configurations_of_a_pose_is_the_answer():
+    """The elbow is up or down; the one nearer the middle of its ranges is slower."""
+    down, count = [0, 1, 0, 0], 3
+    fields = {
+        "robot": {"urdf": "example:ur5", "tool_frame": "tool0"},
+        "tube": {
+            "points": [[0.45, -0.3, 0.3], [0.45, -0.3, 0.5], [0.45, 0.3, 0.5]],
+            "radius": 0.05,
+            "orientations": [down] * count,
+            "rotation_tolerance": 0.05,
+            "joint_signs": {"shoulder_pan_joint": [-2, 2], "wrist_2_joint": "-"},
+        },
+        "start": {"pose": {"position": [0.45, -0.3, 0.3], "quaternion": down}},
+    }
+    problem, options = parse_problem(fields), PlanOptions(STOP, slack=0.0)
+    result, first = plan(problem, options), plan(configured_ends(problem)[0], options)
+    assert result.duration < 0.97 * first.duration
+    assert verify(problem, result.trajectory).passed
+    assert result.notes[0].startswith("start: of ")
+    assert f"is the fastest, {result.duration:.4f} s" in result.notes[0]
+    # What is in the way of all of them is said with their number.
+    wall = Obstacle.box("wall", (2.0, 0.02, 2.0), placement_of((0.0, 0.0, 0.5)))
+    refused = plan(replace(problem, obstacles=(wall,)), replace(options, persistent=False))
+    assert "configurations found for its pose" in refused.message
 
 
 def test_redundant_joints_alone_can_be_moved(panda):

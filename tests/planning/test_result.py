@@ -100,10 +100,14 @@ def test_clearance_that_a_given_end_leaves_is_in_the_message(two_link):
 
 def test_what_a_seed_or_a_pose_leads_to_in_collision_is_not_proved(two_link):
     problem = between(two_link, block_at(two_link.tool_position(np.array(START))))
-    for start in (Seed(np.array(START)), pose_at(problem, START)):
+    starts = {", 1 start tried": Seed(np.array(START)), ", 2 starts tried": pose_at(problem, START)}
+    for grounds, start in starts.items():
         result = plan(replace(problem, start=start))
         assert (result.status, result.proved) == (PlanStatus.TUBE_BLOCKED, False)
-    assert ", 1 start tried" in result.message
+        assert result.message.endswith(grounds)
+    assert (
+        "of 2 configurations found for its pose 2 were tried, none has an answer" in result.message
+    )
 
 
 def test_an_answer_has_no_grounds(two_link):

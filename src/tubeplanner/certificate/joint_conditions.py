@@ -119,6 +119,10 @@ def _judge_end(motion: JudgedMotion, index: int, time: float) -> JudgedCondition
     if end.joints is None:
         tool = motion.robot.tool_position(q[None])[0]
         error = float(np.linalg.norm(tool - motion.tube.points[index]))
+        radius = float(motion.problem.end_radii[index])
+        if radius and error > motion.tolerance.absolute and not _reaches(motion, index, q):
+            coverage = f"tool within {radius:g} m of the reference point, out of the arm's reach"
+            return JudgedCondition(radius - error, "m", Place(time=time), coverage)
         return JudgedCondition(0.0 - error, "m", Place(time=time), "tool at the reference point")
     off = abs(q - end.joints)
     joint = motion.robot.joint_names[int(off.argmax())]
@@ -126,6 +130,24 @@ def _judge_end(motion: JudgedMotion, index: int, time: float) -> JudgedCondition
     return JudgedCondition(
         0.0 - float(off.max()), motion.position_unit(joint), place, FOR_ALL_TIMES
     )
+
+
+_MAX_STEPS = 50
+_MET = 1e-7  # [m]: well within the planner's bound, so that it never takes such a point for missed
+_SINGULAR = 1e-6  # of the largest singular value
+
+
+def _reaches(motion: JudgedMotion, index: int, q: FloatArray) -> bool:
+    """Return True if least-squares steps from a configuration (n,) lead to the reference point."""
+    lower, upper = motion.problem.joint_lower[index], motion.problem.joint_upper[index]
+    for _ in range(_MAX_STEPS):
+        tool, jacobian = (part[0] for part in motion.robot.tool_jacobian(q[None]))
+        error = motion.tube.points[index] - tool
+        if np.linalg.norm(error) <= _MET:
+            return True
+        step = np.linalg.lstsq(jacobian[:3], error, rcond=_SINGULAR)[0]
+        q = np.minimum(np.maximum(q + step, lower), upper)
+    return False
 
 
 def judge_rest(motion: JudgedMotion) -> JudgedCondition:

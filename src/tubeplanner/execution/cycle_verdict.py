@@ -170,7 +170,8 @@ def executed_legs(motion: CycleMotion, execution: Execution) -> list[ExecutedLeg
     for leg, problem, span in zip(motion.cycle.legs, problems, _spans(motion), strict=True):
         begin, end = span
         part = part_of(motion.trajectory, begin, min(end, motion.trajectory.duration))
-        instants = slice(first_instant(time, begin), last_instant(time, end) + 1)
+        first = first_instant(time, begin)
+        instants = slice(first, max(last_instant(time, end), first) + 1)  # at least one
         section = replace(
             execution,
             time=time[instants] - begin,

@@ -11,18 +11,24 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.refusal import require_free
-from tubeplanner.first_guess.inverse_kinematics import PositionSolution, solve_position
+from tubeplanner.first_guess.inverse_kinematics import (
+    PositionSolution,
+    solve_position,
+    solve_positions,
+)
 from tubeplanner.first_guess.pose_configurations import (
     bounded_by,
     is_free,
     outside_bounds,
     pose_configurations,
     reaching,
+    spread_seeds,
 )
 from tubeplanner.first_guess.segment_walk import (
     SegmentWalk,
@@ -32,8 +38,8 @@ from tubeplanner.first_guess.segment_walk import (
     wanted_at,
 )
 from tubeplanner.geometry.tube.points import arc_lengths
-from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus
-from tubeplanner.task.endpoints import Endpoint, ToolPose
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanningClock, PlanStatus
+from tubeplanner.task.endpoints import Endpoint, GoalRegion, ToolPose
 from tubeplanner.task.problem import PlanningProblem
 
 # ---- The arm along the reference path: one continuous branch of the inverse kinematics.
@@ -190,7 +196,7 @@ def end_configuration(problem: PlanningProblem, end: Endpoint, point: int) -> Fl
     rotation_target = wanted_at(problem, target, segment)
     solution = solve_position(problem.robot, target, seed, lower, upper, rotation=rotation_target)
     reason = None
-    if solution.error > _SEED_TOLERANCE:
+    if solution.error > max(_SEED_TOLERANCE, problem.end_radii[point]):
         reason = explain_error(problem, target, seed, segment, solution)
     elif problem.tube.rotation is not None:
         rotation, tool = problem.robot.tool_pose(solution.q[None])
@@ -200,6 +206,9 @@ def end_configuration(problem: PlanningProblem, end: Endpoint, point: int) -> Fl
         place = Place(segment=problem.tube.segment_number(segment, target)).at(target)
         name = "start" if point == 0 else "goal"
         message = f"{name} from its seed: {reason}"
+        if solution.error < problem.tube.effective_radius[segment]:  # in the tube's end
+            joints = ", ".join(f"{value:.6g}" for value in solution.q)
+            message += f", or give {name}: {{joints: [{joints}]}}"
         raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=1, configuration=solution.q)
     return solution.q
 
@@ -421,6 +430,7 @@ class KnownBranches:
 # ---- Start and goal as configurations, where a problem gives poses of the tool.
 
 _MAX_CANDIDATES = 8  # configurations of the goal
+_OTHER = 0.1  # [rad or m]: a joint that is farther away makes another configuration
 
 
 def configured_ends(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[str, ...]]:
@@ -432,7 +442,7 @@ def configured_ends(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[st
     Raises:
         Infeasible: Status unreachable: a pose has no configuration.
     """
-    notes = []
+    problem, notes = _with_missed_ends(problem)
     start, goal_pose = (end.pose for end in problem.endpoints)
     if start is not None:
         candidates = pose_configurations(problem, start, 0)
@@ -446,6 +456,91 @@ def configured_ends(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[st
         notes += _choice(problem, "goal", candidates, goal, why)
         problem = replace(problem, goal=goal)
     return problem, tuple(notes)
+
+
+_MAX_PAIRS = 32  # of configurations of start and goal, where both are poses
+
+
+def other_ends(
+    problem: PlanningProblem, configured: PlanningProblem
+) -> tuple[list[PlanningProblem], int]:
+    """Return further problems with configurations in place of poses, and the number of all.
+
+    Only configurations free of collision, if any is free. The least times between start and goal
+    come first; where both are poses, only so many.
+
+    Args:
+        problem: With poses.
+        configured: The problem that `configured_ends` returned.
+    """
+    by_end, count = [], 1
+    for name, point, end in zip(("start", "goal"), (0, -1), problem.endpoints, strict=True):
+        own = getattr(configured, name)
+        if end.pose is None or end.pose.seed is not None:
+            by_end.append([own])
+            continue
+        candidates = pose_configurations(problem, end.pose, point)
+        others = [q for q in candidates if abs(q - own).max() > _OTHER]
+        free = [q for q in others if is_free(problem, name, q)]
+        count *= len(others) + 1
+        by_end.append([own, *(free or others)])
+    pairs = [(start, goal) for start in by_end[0] for goal in by_end[1]][1:]
+    problems = [replace(configured, start=start, goal=goal) for start, goal in pairs]
+    problems.sort(key=least_time)
+    has_both = len(by_end[0]) > 1 and len(by_end[1]) > 1
+    return problems[: _MAX_PAIRS if has_both else None], count
+
+
+def least_time(problem: PlanningProblem) -> float:
+    """Return a lower bound on the duration between two configurations [s]; 0 if one is open.
+
+    Every joint travels from rest to rest under its limits of velocity and acceleration alone.
+    """
+    start, goal = (end.joints for end in problem.endpoints)
+    if start is None or goal is None:
+        return 0.0
+    limits, travel = problem.robot.limits, abs(goal - start)
+    reached = np.minimum(limits.velocity, np.sqrt(limits.acceleration * travel))
+    is_bound = (travel > 0) & np.isfinite(reached)
+    times = travel[is_bound] / reached[is_bound] + reached[is_bound] / limits.acceleration[is_bound]
+    return float(times.max(initial=0.0))
+
+
+def _with_missed_ends(problem: PlanningProblem) -> tuple[PlanningProblem, list[str]]:
+    """Return a problem with its ends in the tube where the arm misses a reference point, and notes.
+
+    A seed's configuration is the one nearest the point; an open goal is the ball about the point.
+
+    Raises:
+        Infeasible: Status unreachable: a seed does not lead into the tube.
+    """
+    notes: list[str] = []
+    for name, point, end in zip(("start", "goal"), (0, -1), problem.endpoints, strict=True):
+        radius, target = float(problem.end_radii[point]), problem.tube.points[point]
+        if not radius or end.kind not in ("seed", "open"):
+            continue
+        if end.seed is not None:
+            q = end_configuration(problem, end, point)
+            away = float(np.linalg.norm(problem.robot.tool_position(q[None])[0] - target))
+            value: Any = q
+        else:
+            lower, upper = problem.joint_lower[-1], problem.joint_upper[-1]
+            seeds = spread_seeds(lower, upper)
+            if problem.endpoints[0].pose is None:
+                near = end_configuration(problem, problem.endpoints[0], 0)
+                seeds = np.vstack([near, seeds])
+            away = float(solve_positions(problem.robot, target, seeds, lower, upper)[1][:, 0].min())
+            value = GoalRegion(target, radius)
+        if away <= (_SEED_TOLERANCE if end.seed is not None else MARGIN_TOLERANCE / 2):
+            continue
+        ends: dict[str, Any] = {name: value}
+        problem = replace(problem, **ends)
+        notes.append(
+            f"{name}: the joints move the tool in {problem.robot.tool_directions} of 3 directions "
+            f"and bring it no nearer to the reference point than {away:.3g} m; it may be anywhere "
+            f"within {radius:g} m of the point, inside the tube"
+        )
+    return problem, notes
 
 
 def _continuing(

@@ -240,6 +240,8 @@ def unused_speed(problem: PlanningProblem, trajectory: JointTrajectory) -> float
     """
     time = (np.arange(_MEAN_SAMPLES) + 0.5) * trajectory.duration / _MEAN_SAMPLES
     at = trajectory.at(time)
+    if not at.velocity.any():  # at rest there is no speed to use
+        return 0.0
     state = np.stack([at.position, at.velocity, at.acceleration, trajectory.jerk(time)])
     samples = PathSamples(problem, state, lambda: current_segments(problem, trajectory, at))
     factor = largest_speeds(samples, speed_limits(problem))

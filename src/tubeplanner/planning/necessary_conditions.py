@@ -102,7 +102,9 @@ def required_points(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
     if tube.visit != "ordered":  # only the goal must be visited
         allowed[1:-1] = np.inf
     for row, end in zip((0, -1), problem.endpoints, strict=True):
-        if end.position is not None:
+        if end.kind in ("seed", "open"):
+            allowed[row] = problem.end_radii[row]
+        elif end.position is not None:
             points[row] = end.position
             allowed[row] = 0.0 if end.region is None else end.region.tolerance
         elif end.joints is not None:
@@ -187,8 +189,12 @@ def _require_reach(problem: PlanningProblem, start: FloatArray) -> None:
             return
     place = point_place(problem.tube, k, point)
     may = f", and must come within {allowed[k]:.4g} m" if allowed[k] else ""
+    name = point_name(k, len(points))
     message = (
         f"{place}: the tool was brought no nearer than {nearest:.4g} m, the joints without limits"
-        f"{may}; move the {point_name(k, len(points))} nearer"
+        f"{may}; move the {name} nearer"
     )
+    goal = problem.open_goal
+    if name == "goal" and goal is not None and nearest < problem.tube.effective_radius[-1]:
+        message += f", or give goal: {{position: {point.tolist()}, tolerance: {1.1 * nearest:.2g}}}"
     raise Infeasible(PlanStatus.UNREACHABLE, message, place, starts=len(seeds))

@@ -64,10 +64,12 @@ def path_minimum(problem: PlanningProblem, trajectory: JointTrajectory) -> float
         trajectory: The path's trajectory, of the problem's joints in their order.
 
     Returns:
-        The time, or None if the solver has no solution.
+        The time, or None if the path has no length or the solver no solution.
     """
     from tubeplanner.first_guess.fastest_parameterization import fastest_parameterization
 
+    if not trajectory.coefficients[:-1].any():
+        return None
     path = _by_length(trajectory)
     timing = fastest_parameterization(problem, path, path.breakpoints, at_both_ends=False)
     return None if timing is None else timing.duration

@@ -65,7 +65,8 @@ class PlanOptions:
         persistent: Whether "refinement" goes on after its first start without an answer, or where
             some sample of the reference path has no configuration: with other starts, narrower
             tubes, branch and bound. Without, a refusal takes a quarter of the time or less, and
-            answers are the same.
+            answers are the same, but that of a pose the first configuration with an answer is
+            taken, not the fastest.
     """
 
     method: str = METHODS[0]

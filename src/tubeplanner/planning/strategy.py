@@ -1,20 +1,30 @@
 """Planner and `plan`: the order of attempts under one time limit."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from typing import TypeGuard
+
+import numpy as np
 
 from tubeplanner.certificate.refusal import require_free
 from tubeplanner.checks import given_options
 from tubeplanner.errors import OptionError
 from tubeplanner.execution.mujoco_model import require_mujoco, require_no_followers
-from tubeplanner.first_guess.branches import KnownBranches, configured_ends
+from tubeplanner.first_guess.branches import (
+    KnownBranches,
+    configured_ends,
+    is_continued,
+    least_time,
+    other_ends,
+)
 from tubeplanner.optimizer.starts import RefinedMotion
 from tubeplanner.outcome import (
     Infeasible,
     PlanningClock,
     PlanStatus,
     ProgressCallback,
+    StoppedBy,
     until_stopped,
 )
 from tubeplanner.planning.diagnosis import right_reason, surely_blocked_spot
@@ -32,6 +42,7 @@ from tubeplanner.planning.robust_plan import robust_plan
 from tubeplanner.planning.second_stage import followed_plan
 from tubeplanner.planning.waypoint_plans import (
     StoppingPlan,
+    resting_plan,
     searched_plan,
     stopping_plan,
     suh_bishop_plan,
@@ -119,11 +130,10 @@ class Planner:
         clock = PlanningClock(options.time_limit, progress)
         doubts = problem_doubts(self._problem)
         try:
-            problem, choices = _configured(self._problem)
+            problem, result = _fastest(self._problem, options, clock, last)
         except Infeasible as reason:
             refused = with_grounds(refused_result(reason, options.method))
             return replace(refused, notes=(*doubts, *robot_notes(self._problem.robot)))
-        result = _shortest(problem, options, clock, last)
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
         follow = partial(followed_plan, slack=options.slack, clock=clock)
@@ -133,7 +143,7 @@ class Planner:
         else:
             result = follow(problem, result)
         robot = robot_notes(problem.robot)
-        notes = (*choices, *robot, *problem.tube.notes, *doubts, *result.notes)
+        notes = (*robot, *problem.tube.notes, *doubts, *result.notes)
         result = with_grounds(_of_poses(self._problem, result))
         return replace(result, planning_time=clock.elapsed, notes=tuple(dict.fromkeys(notes)))
 
@@ -142,6 +152,9 @@ def shortest_plan(
     problem: PlanningProblem, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
     """Return the shortest motion, without period, slack and robustness.
+
+    Of several configurations of a pose, the first one that leads to an answer: a move after it is
+    to go on from there.
 
     Args:
         problem: The planning problem.
@@ -152,27 +165,153 @@ def shortest_plan(
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
     try:
-        configured, choices = _configured(problem)
+        _, result = _fastest(problem, options, clock, None, takes_first=True)
     except Infeasible as reason:
         return refused_result(reason, options.method)
-    result = _of_poses(problem, _shortest(configured, options, clock, None))
-    return replace(result, notes=(*choices, *result.notes))
+    return _of_poses(problem, result)
 
 
-def _configured(problem: PlanningProblem) -> tuple[PlanningProblem, tuple[str, ...]]:
-    """Return the problem between configurations, and notes on their choice.
+def _fastest(
+    problem: PlanningProblem,
+    options: PlanOptions,
+    clock: PlanningClock,
+    last: RefinedMotion | None,
+    *,
+    takes_first: bool = False,
+) -> tuple[PlanningProblem, PlanResult]:
+    """Return the problem between the configurations with the fastest motion, and its result.
+
+    Each of the configurations of poses from which a branch leads along the tube is planned, but for
+    those whose joints need longer than the fastest motion takes; the others where these have no
+    answer. One after the other: the answer does not depend on timing.
+
+    Args:
+        problem: The planning problem.
+        options: Without `persistent`, the first configuration with an answer is taken.
+        clock: The planning's.
+        last: The motion to begin with: the first configuration with an answer is taken, from the
+            nearest on.
+        takes_first: As without `persistent`.
 
     Raises:
         Infeasible: A point is out of reach, proved, or a pose has no configuration.
+        KeyboardInterrupt: Ctrl-C before anything was certified.
     """
     require_within_bound(problem)
-    return configured_ends(problem)
+    first, notes = configured_ends(problem)
+    others, count = other_ends(problem, first)
+    if not others:
+        result = _shortest(first, options, clock, last)
+        return first, replace(result, notes=(*notes, *result.notes))
+    takes_first = takes_first or last is not None or not options.persistent
+    if last is not None:
+        motion = last.spline.control_points[[0, -1]]
+
+        def away(each: PlanningProblem) -> float:
+            ends = zip(each.endpoints, motion, strict=True)
+            return sum(
+                float(abs(end.joints - q).max()) for end, q in ends if end.joints is not None
+            )
+
+        first, *others = sorted((first, *others), key=away)
+    quick = replace(options, persistent=False)
+    tried: list[PlanResult] = []
+    best: tuple[PlanningProblem, PlanResult] | None = None
+    stopped_by: StoppedBy | None = None
+
+    def in_turn() -> Iterator[PlanningProblem]:
+        # Configurations from which no branch leads along the tube only where nothing else helps.
+        yield first
+        rest = []
+        for each in others:
+            if is_continued(each.joined):
+                yield each
+            else:
+                rest.append(each)
+        if best is None:
+            yield from rest
+
+    for number, each in enumerate(in_turn(), 1):
+        shortest = np.inf if best is None else best[1].duration or np.inf
+        if least_time(each) >= shortest:
+            continue
+        # Of the remaining time twice as much as would remain for each further one.
+        left = len(others) + 2 - number
+        limit = 2 * clock.remaining / (left + 1) if np.isfinite(clock.remaining) else None
+        try:
+            with clock.within(f"configurations {number} of {len(others) + 1}"):
+                result = _shortest(each, quick, PlanningClock(limit, clock.announce), last)
+        except KeyboardInterrupt:
+            if best is None:
+                raise
+            stopped_by = "interrupt"
+            break
+        tried.append(result)
+        stopped_by = result.stopped_by or stopped_by
+        if (result.duration or np.inf) < shortest * (1 - _EQUAL):
+            best = each, result
+        if (best is not None and takes_first) or stopped_by == "interrupt" or clock.remaining <= 0:
+            break
+    if best is None and stopped_by is not None:
+        return first, stopped_result(clock, stopped_by, options.method)
+    if best is None:
+        best = first, tried[0]
+        if options.persistent and tried[0].status not in _SURE:
+            best = first, _shortest(first, options, clock, last)
+    result = _of_configurations(problem, best, tried, count)
+    return best[0], replace(result, stopped_by=result.stopped_by or stopped_by)
+
+
+_EQUAL = 1e-6  # relative: of durations that differ by rounding alone the first counts
+# Refusals of a configuration itself.
+_SURE = (PlanStatus.GRAVITY_EXCEEDS_EFFORT,)
+
+
+def _of_configurations(
+    problem: PlanningProblem,
+    best: tuple[PlanningProblem, PlanResult],
+    tried: list[PlanResult],
+    count: int,
+) -> PlanResult:
+    """Return the result of one of several configurations, with what the others led to.
+
+    Args:
+        problem: The problem with poses.
+        best: The problem and the result of the configurations that are taken.
+        tried: Of all configurations that were planned.
+        count: The number of configurations that were found.
+    """
+    configured, result = best
+    kinds = zip(("start", "goal"), problem.endpoints, strict=True)
+    ends = [name for name, end in kinds if end.pose is not None and end.pose.seed is None]
+    whose = "its pose" if len(ends) == 1 else "their poses"
+    number = f"{len(tried)} {'was' if len(tried) == 1 else 'were'}"
+    of = f"{' and '.join(ends)}: of {count} configurations found for {whose} {number}"
+    if not result.succeeded:
+        starts = sum(each.starts_tried or 1 for each in tried)
+        message = (
+            f"{result.message} (in the likeliest configuration); {of} tried, none has an answer"
+        )
+        return replace(result, message=message, proved=False, starts_tried=starts)
+    values = " and ".join(
+        f"[{', '.join(f'{x:.6g}' for x in np.round(getattr(configured, end), 6) + 0.0)}]"
+        for end in ends
+    )
+    durations = sorted(each.duration for each in tried if each.duration is not None)
+    note = f"{of} planned: {values}"
+    if len(durations) > 1:
+        note += f" is the fastest, {durations[0]:.4f} s, {len(durations) - 1} others take up to "
+        note += f"{durations[-1]:.4f} s"
+    note += "; a seed or joint signs ask for another"
+    return replace(result, notes=(note, *result.notes))
 
 
 def _of_poses(problem: PlanningProblem, result: PlanResult) -> PlanResult:
     """Return a result; a proof for a configuration chosen for a pose is none for the pose."""
-    has_poses = any(end.pose is not None for end in problem.endpoints)
-    if not (result.proved and has_poses):
+    ends = zip(problem.endpoints, problem.end_radii.tolist(), strict=True)
+    # A seed too leads to one of several configurations where the arm misses the point.
+    has_choice = any(end.pose is not None or (end.kind == "seed" and size) for end, size in ends)
+    if not (result.proved and has_choice):
         return result
     return replace(result, proved=False, starts_tried=1)
 
@@ -267,6 +406,9 @@ def _planned(
         require_possible(problem, branches)
     except Infeasible as reason:
         return refused_result(reason, options.method)
+    resting = resting_plan(problem, branches.require_ends(), options.method, clock)
+    if resting is not None:
+        return resting
     result = _attempted(problem, branches, options, clock, last)
     if result.proved is not False or result.starts_tried:
         return result

@@ -37,6 +37,45 @@ from tubeplanner.planning.result import (
 )
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.parts import resting
+
+# ---- Planning of no motion: the arm begins where it may end.
+
+_SAME_END = 1e-9  # [rad or m] between start and goal, and [m] outside the goal's ball
+# Trajectories, and moves of cycles, have a duration [s]; parts of some seconds still resolve this.
+_REST = 1e-6
+
+
+def resting_plan(
+    problem: PlanningProblem, ends: FloatArray, method: str, clock: PlanningClock
+) -> PlanResult | None:
+    """Return the certified rest at the start, if the arm may end where it begins; else None.
+
+    A tube that leads out and home is no such problem: the certificate finds the arm nowhere else.
+
+    Args:
+        problem: The planning problem.
+        ends: Configurations of the start and of a given goal, shape (1 or 2, n).
+        method: The method that the result names.
+        clock: The planning's.
+    """
+    region = problem.open_goal
+    if region is None:
+        away = float(abs(ends[-1] - ends[0]).max())
+    else:
+        away = -region.margin(problem.robot.tool_position(ends[:1])[0])
+    if away > _SAME_END:
+        return None
+    still = resting(problem.robot.joint_names, ends[0], _REST)
+    result = certified_result(problem, still, method, clock)
+    if not result.succeeded:
+        return None
+    where = "start and goal are the same configuration"
+    if region is not None:
+        where = "the start is inside the goal's region"
+    note = f"there is nothing to do: {where}; the arm rests for {still.duration:g} s"
+    return replace(result, notes=(note, *result.notes))
+
 
 # ---- Planning without refinement or search: the arm rests at every reference point.
 

@@ -43,6 +43,9 @@ from tubeplanner.robot.urdf import UrdfDescription, followers_of, joint_id
 
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
+_SPREAD = 8  # configurations: a rank below the largest is an accident at none or few of them
+_INDEPENDENT = 1e-6  # of the largest singular value
+
 
 def one_or_many(axis: int = 0) -> Callable[[_Method], _Method]:
     """Decorate a method of an arm that takes configurations (N, n), and rates, to take (n,) too.
@@ -440,6 +443,21 @@ class RobotModel:
     def inertias(self) -> tuple[BodyInertia, ...]:
         """Mass properties of all bodies, the base's zero."""
         return body_inertias(self._model)
+
+    @cached_property
+    def tool_directions(self) -> int:
+        """Number of independent directions in which the joints move the tool, 0 to 3.
+
+        The largest rank of the tool's Jacobian at configurations spread over the joint ranges.
+        """
+        low, high = self.limits.lower_position, self.limits.upper_position
+        low = np.where(np.isfinite(low), low, np.minimum(high, np.pi) - 2 * np.pi)
+        high = np.where(np.isfinite(high), high, low + 2 * np.pi)
+        q = np.random.default_rng(0).uniform(low, high, (_SPREAD, self.joint_count))
+        jacobian = self.tool_jacobian(q)[1][:, :3] * (high > low)
+        singular = np.linalg.svd(jacobian, compute_uv=False)
+        moves = singular > _INDEPENDENT * max(float(singular.max()), 1e-300)
+        return int(moves.sum(axis=1).max())
 
     @cached_property
     def tool_reach(self) -> float:

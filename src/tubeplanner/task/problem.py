@@ -135,6 +135,16 @@ class PlanningProblem:
         points = self.tube.points
         return endpoint_of(self.start, points[0]), endpoint_of(self.goal, points[-1])
 
+    @cached_property
+    def end_radii(self) -> FloatArray:
+        """Radii of the balls about the first and the last reference point, shape (2,) [m].
+
+        A start from a seed and an open goal have the tool anywhere in the ball where the arm does
+        not reach the point. 0 for arms whose tool moves in three directions: it has to be there.
+        """
+        ends = self.tube.effective_radius[[0, -1]]
+        return read_only(ends * (self.robot.tool_directions < 3))
+
     @property
     def given_goal(self) -> FloatArray | Seed | ToolPose | None:
         """Configuration, seed or pose of the goal; None if the goal is open."""

@@ -258,7 +258,7 @@ def read_cell(
 def taught_problem(
     cell: Cell, path: Path
 ) -> tuple[PlanningProblem, FloatArray, float, tuple[str, ...]]:
-    """Return the problem from a trail's start to its end, the trail (N, n), its time [s], and notes.
+    """Return the problem from a trail's start to its end, the trail (N, n), its time [s], notes.
 
     The tool may be anywhere. What the cell's tube has for all segments alike of `_KEPT` stays; the
     notes name what stays and what does not, and how the trail was read.

@@ -193,6 +193,7 @@ def _efforts(info: RobotInfo) -> dict[str, float]:
 
 _SHARES = (0.25, 0.15, 0.08)  # of the reach: the rise, and half of the way over
 _TURN = 0.25  # [rad or m]: a tool that moves on a line or surface does so in steps of joints
+_MAX_TRAVEL = 0.9  # of the distance to the end of a joint's range
 _STRAIGHT = 0.3  # least length of a unit vector's projection on the directions of the tool
 _MIN_GAIN = 1e-3  # of the largest gain
 _DIGITS = 4
@@ -242,9 +243,12 @@ def _in_steps(
     """Yield positions of the tool as the `count` joints that move the tool most take two steps."""
     strongest = np.argsort(-np.linalg.norm(jacobian, axis=0))[:count]
     for step in (_TURN, -_TURN):
-        q_steps = np.tile(q, (3, 1))
+        q_steps, limits = np.tile(q, (3, 1)), robot.limits
         q_steps[1:, strongest[0]] += step
         q_steps[2:, strongest[-1]] += step
+        lower = q - _MAX_TRAVEL * (q - limits.lower_position)
+        upper = q + _MAX_TRAVEL * (limits.upper_position - q)
+        q_steps = np.clip(q_steps, lower, upper)
         yield robot.tool_position(q_steps).round(_DIGITS_ON_A_SURFACE)
 
 
