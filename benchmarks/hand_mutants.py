@@ -47,7 +47,7 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "coulomb_effort": [("np.where(moves, velocity, beside)", "velocity")],
     "EffortRate.used": [("rate - gravity - viscous", "rate - gravity")],
     "EffortCosts.work": [("np.maximum(power, 0.0)", "abs(power)")],
-    "_creep_efforts": [("-gravity - friction.least", "-gravity")],
+    "_slow_efforts": [("-gravity - friction.least", "-gravity")],
     "SpeedPolynomial.largest_speed": [("np.minimum.reduce", "np.maximum.reduce")],
     "ToolSpeed.__init__": [("np.minimum(free, tube.tool_speed)", "free")],
     "speed_by_path": [(" / np.maximum(size, np.finfo(float).tiny)", "")],

@@ -62,9 +62,9 @@ def test_a_motion_is_as_good_wherever_its_cell_stands_and_no_robot_may_be_aside(
         if each.margin is not None:
             assert each.margin == pytest.approx(here[name].margin, rel=1e-6, abs=1e-6)
     for axis in range(3):
-        placed["robot"]["base"]["position"][axis] += 0.03
+        placed["robot"]["base"]["position"][axis] += 0.05
         assert not outside_judge.passes(judged(placed, trajectory))
-        placed["robot"]["base"]["position"][axis] -= 0.03
+        placed["robot"]["base"]["position"][axis] -= 0.05
 
 
 @pytest.mark.dear("judges a cycle")

@@ -59,15 +59,14 @@ def test_what_helps_is_a_table_and_the_first_is_ready_to_be_tried(run, here, bey
     assert re.match(r"beyond\d/gantry: unreachable: segment 0, point 1, tool at \[1\.1", lines[0])
     assert lines[1].startswith("where: along, segment 0, point 1")
     assert "any one of these makes it possible (planned with it and certified)" in lines[2]
-    assert "move reference point 1 by 100 mm in -x" in out
-    assert "along: upper limit 1 -> 1.1 m" in out
-    assert (
-        "by itself none of these helps: radius of the tube as a whole (up to eleven times)" in out
-    )
+    assert "move reference point 1 by 93.1 mm in -x" in out
+    assert "along: upper limit 1 -> 1.0931 m" in out
+    assert "by itself none of these helps: " in out
+    assert "position limits of across (by up to a turn)" in out
     assert lines[-1].endswith("s; all changes were tried")
     (first,) = [line for line in lines if line.startswith("the first one: --set ")]
     change = first.removeprefix("the first one: --set ").strip("'")
-    assert change == "tube.points.1=[1.0, 0.0, 0.0]"
+    assert change == "tube.points.1=[1.0069, 0.0, 0.0]"
     status, out, _ = run("plan", beyond, "--quality", "fast", "--set", change)
     assert status == 0
 
@@ -82,15 +81,15 @@ def test_json_has_what_plan_has_and_the_remedies_and_a_page_lies_beside(
     fields = json.loads(out)
     assert OF_PLAN | {"remedies", "in_vain", "room", "tried", "search_time"} <= set(fields)
     assert (fields["status"], fields["duration"]) == ("unreachable", None)
-    assert (fields["where"]["point"], fields["room"], len(fields["remedies"])) == (1, [], 3)
+    assert (fields["where"]["point"], fields["room"], len(fields["remedies"])) == (1, [], 4)
     for remedy in fields["remedies"]:
         assert set(remedy) == READ | {
             *("changes", "cost", "too_little", "too_little_text", "is_smallest")
         }
         assert remedy["certified"] is True
-    assert "tube.radius" in fields["in_vain"]
+    assert "robot.limits.position.across" in fields["in_vain"]
     assert fields["notes"] == [f"page: {page}"]
-    assert "move reference point 1 by 100 mm in -x" in page.read_text()
+    assert "move reference point 1 by 93.1 mm in -x" in page.read_text()
     _, out, _ = run("explain", beyond, *ONE, "--html", page)
     assert out.splitlines()[-1] == f"page: {page}"
 

@@ -146,7 +146,7 @@ def test_a_start_that_is_the_goal_is_answered_with_no_motion(method, two_link):
         problem = PlanningProblem(two_link, Tube(near, 0.05), q, goal)
         result = plan(problem, PlanOptions(method))
         assert result.succeeded and result.duration < 1e-5
-        assert result.notes[0].startswith("there is nothing to do: ")
+        assert any(note.startswith("there is nothing to do: ") for note in result.notes)
         assert verify(problem, result.trajectory).passed
         assert result.path_minimum is None
     # The certificate decides: a tube that leads out and home is driven along.
@@ -178,7 +178,7 @@ def lift_problem(folder, **changes):
 def test_ends_of_a_lift_may_be_anywhere_in_the_tubes_end(tmp_path):
     problem = lift_problem(tmp_path)
     result = plan(problem, FAST)
-    assert result.succeeded and "2 of 3 directions" in result.notes[0]
+    assert result.succeeded and any("2 of 3 directions" in note for note in result.notes)
     certificate = verify(problem, result.trajectory)
     assert certificate.passed
     for name in ("start", "goal"):
@@ -221,8 +221,8 @@ def test_the_fastest_of_the_configurations_of_a_pose_is_the_answer():
     result, first = plan(problem, options), plan(configured_ends(problem)[0], options)
     assert result.duration < 0.97 * first.duration
     assert verify(problem, result.trajectory).passed
-    assert result.notes[0].startswith("start: of ")
-    assert f"is the fastest, {result.duration:.4f} s" in result.notes[0]
+    (note,) = [note for note in result.notes if note.startswith("start: of ")]
+    assert f"is the fastest, {result.duration:.4f} s" in note
     # What is in the way of all of them is said with their number.
     wall = Obstacle.box("wall", (2.0, 0.02, 2.0), placement_of((0.0, 0.0, 0.5)))
     refused = plan(replace(problem, obstacles=(wall,)), replace(options, persistent=False))

@@ -321,7 +321,7 @@ def test_a_ball_is_reached_where_its_centre_is_not(bundled):
     points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [np.sqrt(reach**2 - 0.1**2) + 0.005, 0.1, 0]]
     tube = Tube(points, 0.03, joint_signs={"joint2": "+"})
     open_end = replace(problem, tube=tube, goal=None, obstacles=())
-    assert plan(open_end, SHORTEST).status == "unreachable"
+    assert plan(with_goal(open_end, 0.0), SHORTEST).status == "unreachable"
     assert plan(with_goal(open_end, 0.01), SHORTEST).succeeded
     refused = plan(with_goal(open_end, 0.003), SHORTEST)
     assert refused.status == "unreachable"
