@@ -178,7 +178,14 @@ def require_base_free(problem: PlanningProblem, stands_on: Collection[str] = ())
     if distance[worst] >= required - MARGIN_TOLERANCE:
         return
     link, obstacle = (checker.shapes[index].owner for index in pairs[worst])
-    message = _words(link, obstacle, float(distance[worst]), required)
+    own, requirement = f"'{link}', which no joint moves,", f"(clearance {1000 * required:g} mm)"
+    least = float(distance[worst])
+    if abs(least) < _TOUCHING:
+        message = f"{own} touches '{obstacle}'{f' {requirement}' if required else ''}"
+    elif least < 0:
+        message = f"{own} stands {-1000 * least:.1f} mm in '{obstacle}'"
+    else:
+        message = f"{own} stands {1000 * least:.1f} mm from '{obstacle}' {requirement}"
     raise Infeasible(PlanStatus.TUBE_BLOCKED, message, Place(links=(link,), obstacle=obstacle))
 
 
@@ -200,15 +207,6 @@ def _base_pairs(problem: PlanningProblem, stands_on: Collection[str]) -> IntArra
         and frozenset((shapes[i].owner, shapes[j].owner)) not in ignored
     ]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-
-def _words(link: str, obstacle: str, distance: float, required: float) -> str:
-    own, requirement = f"'{link}', which no joint moves,", f"(clearance {1000 * required:g} mm)"
-    if abs(distance) < _TOUCHING:
-        return f"{own} touches '{obstacle}'{f' {requirement}' if required else ''}"
-    if distance < 0:
-        return f"{own} stands {-1000 * distance:.1f} mm in '{obstacle}'"
-    return f"{own} stands {1000 * distance:.1f} mm from '{obstacle}' {requirement}"
 
 
 # ---- Problems with a movable base: joints at start and goal become seeds of inverse kinematics.

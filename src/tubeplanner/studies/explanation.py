@@ -366,21 +366,13 @@ def in_vain_text(paths: Iterable[str]) -> str:
     """Return the changes that do not help in words, by the paths of their fields."""
     groups: dict[int | str, list[str]] = {}
     for path in paths:
-        kind = _kind_of(path)
-        if kind is None:
-            groups[path] = []
+        for k, (begin, end, _, several, _) in enumerate(_KINDS):
+            if path == begin if not several else path.startswith(begin) and path.endswith(end):
+                groups.setdefault(k, []).append(path.removeprefix(begin).removesuffix(end))
+                break
         else:
-            begin, end = _KINDS[kind][:2]
-            groups.setdefault(kind, []).append(path.removeprefix(begin).removesuffix(end))
+            groups[path] = []
     return "; ".join(_words(kind, names) for kind, names in groups.items())
-
-
-def _kind_of(path: str) -> int | None:
-    """Return the index of a path's kind, or None."""
-    for k, (begin, end, _, several, _) in enumerate(_KINDS):
-        if path == begin if not several else path.startswith(begin) and path.endswith(end):
-            return k
-    return None
 
 
 def _words(kind: int | str, names: Sequence[str]) -> str:

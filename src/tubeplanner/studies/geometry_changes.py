@@ -43,7 +43,12 @@ def tube_changes(question: Question) -> Iterator[Change]:
     yield from _tool_radius(question)
     yield from _points(question)
     yield from _signs(question)
-    yield from _pass_through(question)
+    assert question.fields.tube is not None
+    before = question.fields.tube.pass_through_points
+    if before != "none" and question.segment_count > 1:
+        path = "tube.pass_through_points"
+        less = Proposal({path: "none"}, "none", f"pass_through_points: {before} -> none")
+        yield Change("pass_through", path, before, "", 1.0, 1.0, lambda size: less, is_switch=True)
 
 
 def radius_changes(question: Question, sign: int) -> Iterator[Change]:
@@ -297,15 +302,6 @@ def _sign_change(
         about=frozenset({joint}),
         is_switch=True,
     )
-
-
-def _pass_through(question: Question) -> Iterator[Change]:
-    assert question.fields.tube is not None
-    before = question.fields.tube.pass_through_points
-    if before != "none" and question.segment_count > 1:
-        path = "tube.pass_through_points"
-        less = Proposal({path: "none"}, "none", f"pass_through_points: {before} -> none")
-        yield Change("pass_through", path, before, "", 1.0, 1.0, lambda size: less, is_switch=True)
 
 
 # ---- Changes of the cell: obstacles, attached solids, clearances.

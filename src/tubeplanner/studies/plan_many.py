@@ -146,7 +146,11 @@ def _answer(call: tuple[Any, PlanOptions]) -> tuple[Any, float]:
     packed, options = call
     begin = perf_counter()
     try:
-        problem = _loaded(packed)
+        problem = PosedProblem.read(packed) if isinstance(packed, str) else packed
+        if isinstance(problem, Parcel):
+            problem = problem.unpacked()
+        elif isinstance(problem, PosedProblem):
+            problem = problem.load()
         loading_time = perf_counter() - begin
         result = plan_either(problem, options)
     except TubePlannerError as error:
@@ -154,16 +158,6 @@ def _answer(call: tuple[Any, PlanOptions]) -> tuple[Any, float]:
     if isinstance(packed, Parcel) and isinstance(problem, PlanningProblem):
         return reply(result, problem), loading_time
     return result, loading_time
-
-
-def _loaded(packed: Any) -> PlanningProblem | Cycle:
-    if isinstance(packed, Parcel):
-        return packed.unpacked()
-    if isinstance(packed, str):
-        packed = PosedProblem.read(packed)
-    if isinstance(packed, PosedProblem):
-        return packed.load()
-    return packed
 
 
 def _item(done: "Done[tuple[Any, float]]", problem: Plannable) -> PlannedItem:

@@ -106,7 +106,9 @@ class _Files:
         }
         try:
             if kind == "urdf":
-                return self._robot(find_description(name, self._folder, self._package_dirs))
+                path = find_description(name, self._folder, self._package_dirs)
+                parts = _robot_parts(path, self._package_dirs, self._xacro_args, _stamp(path))
+                return _hash_of(parts[0], [self._link_mesh(mesh, path) for mesh in parts[1]])
             if kind == "srdf" and name.endswith(XACRO_ENDING):
                 path = search[kind]()
                 root = read_srdf(path, json.loads(self._xacro_args), self._package_dirs).root
@@ -114,11 +116,6 @@ class _Files:
             return _file_hash(search.get(kind, lambda: self._folder / name)())
         except (TubePlannerError, OSError) as error:
             return f"{kind} cannot be read: {error}"
-
-    def _robot(self, path: Path) -> str:
-        """Return a hash of a URDF, macros expanded, and of its collision meshes."""
-        xml, meshes = _robot_parts(path, self._package_dirs, self._xacro_args, _stamp(path))
-        return _hash_of(xml, [self._link_mesh(name, path) for name in meshes])
 
     def _link_mesh(self, name: str, urdf: Path) -> str:
         try:

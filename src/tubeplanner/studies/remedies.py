@@ -168,7 +168,10 @@ class RemedySearch:
             for bracket in group:
                 sizes = bracket.change.first_sizes
                 size = rounded(sizes[min(k, len(sizes) - 1)])
-                if _is_new(bracket, size, is_thorough):
+                failed = bracket.smaller
+                if bracket.larger is None and (
+                    failed is None or size > failed.size or (is_thorough and not failed.is_thorough)
+                ):
                     new.append((bracket, size))
             try_sizes(self._trials, new, is_thorough)
             self._narrow(is_thorough)
@@ -178,14 +181,6 @@ class RemedySearch:
         while sizes := open_sizes(self._helpful, is_thorough):
             smallest = sorted(sizes, key=lambda each: each[0].cost)[:_SIDE_BY_SIDE]
             try_sizes(self._trials, smallest, is_thorough)
-
-
-def _is_new(bracket: SizeBracket, size: float, is_thorough: bool) -> bool:
-    """Return True if the size is beyond the failed size, and no size helps yet."""
-    if bracket.larger is not None:
-        return False
-    failed = bracket.smaller
-    return failed is None or size > failed.size or (is_thorough and not failed.is_thorough)
 
 
 def _remedy(bracket: SizeBracket) -> Remedy:

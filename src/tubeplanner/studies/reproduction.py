@@ -226,7 +226,11 @@ def reproduce(progress: Callable[[object], None] | None = None) -> Reproduction:
         KeyboardInterrupt: Ctrl-C.
     """
     report = progress or (lambda what: None)
-    tabulated = _tabulated()
+    tabulated = [(number, radius) for number, row in TABLE_TWO.items() for radius in row.phases]
+    for table in (TABLE_THREE, TABLE_FOUR):
+        tabulated += [(table.example, radius) for radius in table.durations]
+    tabulated += [(1, radius) for radius in FIGURE_SEVEN]
+    tabulated = sorted(set(tabulated))
     cells = {}
     for number, (example, radius) in enumerate(tabulated, start=1):
         tolerance = "no tube" if radius == NO_TUBE else f"{1000 * radius:.0f} mm"
@@ -245,15 +249,6 @@ def paper_problem(example: int, radius: float) -> PlanningProblem:
     if radius == NO_TUBE:
         return problem.with_tube(Tube(problem.tube.points, _EVERYWHERE))
     return problem.with_tube(problem.tube.with_radius(radius))
-
-
-def _tabulated() -> list[tuple[int, float]]:
-    """Return the examples and tolerances of all tables and figures, each once."""
-    cells = [(number, radius) for number, row in TABLE_TWO.items() for radius in row.phases]
-    for table in (TABLE_THREE, TABLE_FOUR):
-        cells += [(table.example, radius) for radius in table.durations]
-    cells += [(1, radius) for radius in FIGURE_SEVEN]
-    return sorted(set(cells))
 
 
 def _prefixed(report: Callable[[object], None], stage: str) -> Callable[[Progress], None]:
@@ -329,6 +324,12 @@ def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) ->
         reproduction: The results.
         figures: The file of each figure, by its caption.
     """
+    schemes = list(next(iter(reproduction.paths.values())).trajectories)
+    without_tube = [
+        [str(number), f"{TABLE_TWO[number].conventional:.2f}"]
+        + [_seconds(path.duration(scheme)) for scheme in schemes]
+        for number, path in reproduction.paths.items()
+    ]
     parts = [
         _INTRODUCTION,
         "## Table II: five examples\n",
@@ -337,7 +338,7 @@ def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) ->
         _NOT_MONOTONE + _remarks(_on_examples()),
         "## The reference path itself\n",
         _SCHEMES,
-        _table_of_paths(reproduction),
+        _table(("example", "conventional, printed", *schemes), without_tube),
         "## Table III: the line of figure 8(a)\n",
         _table_of_line(reproduction, TABLE_THREE),
         _remarks([TABLE_THREE.remark, _line_itself(reproduction, TABLE_THREE)]),
@@ -408,17 +409,6 @@ def _pairs(
         _PUBLISHED: (cell.published.duration, phase_two),
         _DEFAULT: (cell.default.duration, phase_two),
     }
-
-
-def _table_of_paths(reproduction: Reproduction) -> str:
-    """Return the durations of the schemes without a tube; only the first column is printed."""
-    schemes = list(next(iter(reproduction.paths.values())).trajectories)
-    rows = [
-        [str(number), f"{TABLE_TWO[number].conventional:.2f}"]
-        + [_seconds(path.duration(scheme)) for scheme in schemes]
-        for number, path in reproduction.paths.items()
-    ]
-    return _table(("example", "conventional, printed", *schemes), rows)
 
 
 def _table_of_line(reproduction: Reproduction, table: PrintedLine) -> str:

@@ -154,6 +154,13 @@ def _without_plan(status: PlanStatus, message: str) -> dict[str, Any]:
 
 
 def _of_result(result: PlanResult | CycleResult) -> dict[str, Any]:
+    motion = result if isinstance(result, PlanResult) else result.motion
+    trajectory = None if motion is None else motion.trajectory
+    digest = None
+    if trajectory is not None:
+        parts = (trajectory.breakpoints, trajectory.coefficients)
+        content = b"".join(part.tobytes() for part in parts)
+        digest = hashlib.sha256(content).hexdigest()[:_HASH_DIGITS]
     survival = result.survival if isinstance(result, PlanResult) else None
     verdict = None if survival is None else survival.verdict
     return {
@@ -167,17 +174,8 @@ def _of_result(result: PlanResult | CycleResult) -> dict[str, Any]:
         "runs": None if verdict is None else verdict.runs,
         "runs_failed": None if verdict is None else verdict.failed,
         "notes": list(result.notes),
-        "trajectory_hash": _hash_of(result),
+        "trajectory_hash": digest,
     }
-
-
-def _hash_of(result: PlanResult | CycleResult) -> str | None:
-    """Return a hash of every bit of a motion; None without a motion."""
-    motion = result if isinstance(result, PlanResult) else result.motion
-    if motion is None or (trajectory := motion.trajectory) is None:
-        return None
-    parts = (trajectory.breakpoints, trajectory.coefficients)
-    return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()[:_HASH_DIGITS]
 
 
 # ---- Results: rows, as a table.

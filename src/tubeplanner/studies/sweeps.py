@@ -174,21 +174,17 @@ def sweep(
         remedy = "sweep over factors (scales, --radius-scale), which scale its width and height"
         problem.tube.require_discs("a sweep over radii", remedy)
     quantity, requested = ("radius", radii) if scales is None else ("radius_scale", scales)
-    values = _values(quantity, requested)
-    work = partial(_tolerance_row, problem, quantity, given_options(options, PlanOptions).shortest)
-    label = f"tolerance {{}} of {len(values)}".format
-    rows, stopped_by = swept_rows(work, values, label, executor, progress)
-    return SweepResult(problem, quantity, _noted(quantity, rows), stopped_by)
-
-
-def _values(quantity: str, requested: object) -> list[float]:
     values = given_row(quantity, requested, "numbers")
     if not values:
         raise OptionError(f"{quantity}: give at least one number")
     for value in values:
         if not is_number(value) or not is_finite(value) or value <= 0:
             raise OptionError(f"{quantity} is {in_figures(value)}; it must be > 0 and finite")
-    return sorted({float(value) for value in values})
+    values = sorted({float(value) for value in values})
+    work = partial(_tolerance_row, problem, quantity, given_options(options, PlanOptions).shortest)
+    label = f"tolerance {{}} of {len(values)}".format
+    rows, stopped_by = swept_rows(work, values, label, executor, progress)
+    return SweepResult(problem, quantity, _noted(quantity, rows), stopped_by)
 
 
 def _tolerance_row(

@@ -63,7 +63,18 @@ class ConfigurationSet:
         moves the joints until the tool has its pose, and drops samples that do not reach it.
         """
         q = rng.uniform(self.lower, self.upper, (count, len(self.lower)))
-        q = self._moved(q, self._targets(count, rng), self._turns(count, rng))
+        begin, end = self.problem.tube.points[self.segment : self.segment + 2]
+        beyond = self.radius / float(np.linalg.norm(end - begin))
+        share = np.clip(rng.uniform(-beyond, 1 + beyond, count), 0.0, 1.0)[:, None]
+        line = (1 - share) * begin + share * end
+        targets = line + _WITHIN * self.radius * _in_ball(count, rng)
+        bounds, turns = self._turn_bounds, None
+        if bounds is not None and np.isfinite(bounds[3]):
+            turns = _WITHIN * bounds[3] * _in_ball(count, rng)
+        elif bounds is not None:
+            finite = np.where(np.isfinite(bounds[:3]), bounds[:3], 0.0)
+            turns = _WITHIN * finite * rng.uniform(-1, 1, (count, 3))
+        q = self._moved(q, targets, turns)
         return q[self.contains(q)]
 
     def back_inside(self, q: FloatArray) -> FloatArray:
@@ -99,23 +110,6 @@ class ConfigurationSet:
             counts = np.isfinite(bounds[:3]) | np.isfinite(bounds[3])
             target = WantedTools(targets, tube.reference(targets, self.segment), turns, counts)
         return moved_tools(self.problem.robot, q, (self.lower, self.upper), target, close)
-
-    def _targets(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Return random points of the capsule, shape (count, 3) [m]."""
-        begin, end = self.problem.tube.points[self.segment : self.segment + 2]
-        beyond = self.radius / float(np.linalg.norm(end - begin))
-        share = np.clip(rng.uniform(-beyond, 1 + beyond, count), 0.0, 1.0)[:, None]
-        return (1 - share) * begin + share * end + _WITHIN * self.radius * _in_ball(count, rng)
-
-    def _turns(self, count: int, rng: np.random.Generator) -> FloatArray | None:
-        """Return random rotation vectors within the bounds, (count, 3); None where all is free."""
-        bounds = self._turn_bounds
-        if bounds is None:
-            return None
-        if np.isfinite(bounds[3]):
-            return _WITHIN * bounds[3] * _in_ball(count, rng)
-        finite = np.where(np.isfinite(bounds[:3]), bounds[:3], 0.0)
-        return _WITHIN * finite * rng.uniform(-1, 1, (count, 3))
 
     @property
     def _turn_bounds(self) -> FloatArray | None:

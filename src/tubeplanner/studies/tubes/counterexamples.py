@@ -80,7 +80,13 @@ def search_counterexamples(
         hits.append((q[nearest.clearance < 0], nearest.pair[nearest.clearance < 0]))
         least = min(least, nearest.clearance.min(initial=np.inf))
         if least >= 0:
-            starts = _starts(nearest.clearance, nearest.pair)
+            # Per pair, from the samples of least clearance.
+            order = np.argsort(nearest.clearance)
+            apart = nearest.clearance[order]
+            order = order[(apart >= 0) & np.isfinite(apart)]
+            pairs = nearest.pair[order]
+            of_pairs = [order[pairs == k][:_STARTS_PER_PAIR] for k in np.unique(pairs)]
+            starts = np.concatenate([np.zeros(0, dtype=np.int64), *of_pairs])
             q, pair, lowest = _descended(allowed, clearance, q[starts], nearest.pair[starts])
             hits.append((q[lowest < 0], pair[lowest < 0]))
             least = min(least, lowest.min(initial=np.inf))
@@ -103,14 +109,6 @@ def _beside(
     beside = beside[allowed.contains(beside)]
     nearest = clearance.least(beside, 0.0)
     return beside[nearest.clearance < 0], nearest.pair[nearest.clearance < 0]
-
-
-def _starts(clearance: FloatArray, pair: IntArray) -> IntArray:
-    """Return the indices of samples to descend from: per pair, those of least clearance."""
-    order = np.argsort(clearance)
-    order = order[(clearance[order] >= 0) & np.isfinite(clearance[order])]
-    starts = [order[pair[order] == k][:_STARTS_PER_PAIR] for k in np.unique(pair[order])]
-    return np.concatenate([np.zeros(0, dtype=np.int64), *starts])
 
 
 def _descended(

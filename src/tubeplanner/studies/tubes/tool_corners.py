@@ -109,9 +109,12 @@ class _Corners:
         """Return the corners after sample i, up to sample j."""
         if self._line(i, j) is not None:
             return [j]
-        middle = self._corner(i, j)
-        if middle is None:
-            return None
+        middle, distance = farthest_from_line(self._tool, i, j)
+        if distance <= _MIN_DISTANCE:
+            middle = (i + j) // 2
+            gaps = np.linalg.norm(self._tool[[i, j]] - self._tool[middle], axis=1)
+            if gaps.min() <= _MIN_DISTANCE:
+                return None
         before = self._between(i, middle)
         after = None if before is None else self._between(middle, j)
         return None if before is None or after is None else before + after
@@ -126,15 +129,6 @@ class _Corners:
             else:
                 k += 1
         return corners
-
-    def _corner(self, i: int, j: int) -> int | None:
-        """Return the sample at which to part the line between two samples, or None."""
-        farthest, distance = farthest_from_line(self._tool, i, j)
-        if distance > _MIN_DISTANCE:
-            return farthest
-        middle = (i + j) // 2
-        gaps = np.linalg.norm(self._tool[[i, j]] - self._tool[middle], axis=1)
-        return middle if gaps.min() > _MIN_DISTANCE else None
 
     def _line(self, i: int, j: int) -> FloatArray | None:
         if (i, j) not in self._lines:

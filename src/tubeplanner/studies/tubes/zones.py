@@ -212,14 +212,21 @@ def zones_of_tube(tube: Tube, controller: str) -> ZonedPath:
     directions = _directions(tube.points)
     turns = np.linalg.norm(directions[1:] - directions[:-1], axis=1) > _STRAIGHT
     ends = [0, *(int(k) + 1 for k in np.flatnonzero(turns)), tube.segment_count]
-    zones = []
+    zones: list[Zone] = []
     for k in range(1, len(ends) - 1):
         first, corner, last = (tube.points[end] for end in ends[k - 1 : k + 2])
         lengths = np.linalg.norm([first - corner, last - corner], axis=1)
         available = 0.5 * float(lengths.min()) - (0.0 if rules.half else _APART)
         walls = slice(ends[k - 1], ends[k + 1])
         available = min(available, _passing(tube, walls, ends[k], rules.blend))
-        zones.append(_zone(rules, _largest(tube, walls, ends[k], rules.blend, available)))
+        size = _largest(tube, walls, ends[k], rules.blend, available) + _SLACK
+        if rules.unit is None:
+            named = [(reach, name) for name, reach in rules.named.items() if reach <= size]
+            zones.append(max(named)[1])
+        elif rules.prefix:
+            zones.append(f"{rules.prefix}{math.floor(size * 1e3)}")
+        else:
+            zones.append(round(math.floor(size * 1e6) * 1e-6 / rules.unit, 6))
     return ZonedPath(read_only(tube.points[ends]), tuple(zones))
 
 
@@ -338,13 +345,3 @@ def _exit_distance(
         if not (step[distance < most] > 0).any():
             break
     return distance
-
-
-def _zone(rules: Controller, size: float) -> Zone:
-    """Return the largest zone that a controller takes and that is not above a size [m]."""
-    size += _SLACK
-    if rules.unit is None:
-        return max((reach, name) for name, reach in rules.named.items() if reach <= size)[1]
-    if rules.prefix:
-        return f"{rules.prefix}{math.floor(size * 1e3)}"
-    return round(math.floor(size * 1e6) * 1e-6 / rules.unit, 6)
