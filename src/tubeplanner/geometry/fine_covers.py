@@ -158,7 +158,14 @@ class MeshPiece:
         facets, on_cut = self._facets
         # Where it was cut, a piece is nearly always inside the solid; elsewhere, never.
         cut = surface_samples(facets[on_cut], count, rng)
-        return np.vstack([_middles(facets[~on_cut]), cut[~self.inside(cut)]])
+        # Of the longest other triangles, and of their edges, the middles.
+        triangles = facets[~on_cut]
+        following = np.roll(triangles, 1, axis=1)
+        length = np.linalg.norm(following - triangles, axis=2).max(axis=1)
+        longest = np.argsort(-length, kind="stable")[:_FACETS]
+        edges = (triangles[longest] + following[longest]) / 2
+        middles = np.vstack([triangles[longest].mean(axis=1), edges.reshape(-1, 3)])
+        return np.vstack([middles, cut[~self.inside(cut)]])
 
     @cached_property
     def _facets(self) -> tuple[FloatArray, BoolArray]:
@@ -225,11 +232,14 @@ class MeshPiece:
         corners = self._corners
         between = corners.copy()  # cuts of the box's edges inside the solid, or of some of them
         between[:, axis] = height
+        low, high = self._spans[:, axis].T
+        cut = self.triangles[(low < height + _SNAP) & (high > height - _SNAP)]
         volume = 0.0
         for below in (True, False):
             side = corners[(corners[:, axis] < height) == below]
-            surface = self._points_beside(axis, height, below=below)
-            points = np.vstack([surface, side, between])
+            beyond = (self._points[:, axis] - height) * (-1.0 if below else 1.0) > _SNAP
+            edge = clipped(cut, axis, height, below=below).reshape(-1, 3)
+            points = np.vstack([self._points[beyond], edge, side, between])
             if len(points) > _MAX_SCORED_POINTS:  # the farthest: about the corners of the hull
                 points = points[np.unique((points @ _DIRECTIONS.T).argmax(axis=0))]
             try:
@@ -238,14 +248,6 @@ class MeshPiece:
                 continue
             volume += 0.0 if qhull is None else float(qhull.volume)
         return volume
-
-    def _points_beside(self, axis: int, height: float, *, below: bool) -> FloatArray:
-        """Return the points whose hull is that of the surface on one side of a plane."""
-        low, high = self._spans[:, axis].T
-        cut = self.triangles[(low < height + _SNAP) & (high > height - _SNAP)]
-        beyond = (self._points[:, axis] - height) * (-1.0 if below else 1.0) > _SNAP
-        edge = clipped(cut, axis, height, below=below).reshape(-1, 3)
-        return np.vstack([self._points[beyond], edge])
 
     @cached_property
     def _spans(self) -> FloatArray:
@@ -303,15 +305,6 @@ def _distinct(coordinates: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return coordinates that differ to six digits, and the number of equals of each."""
     _, first, counts = np.unique(coordinates.round(6), return_index=True, return_counts=True)
     return coordinates[first], counts
-
-
-def _middles(triangles: FloatArray) -> FloatArray:
-    """Return the middles of the longest triangles and of their edges, shape (N, 3)."""
-    following = np.roll(triangles, 1, axis=1)
-    length = np.linalg.norm(following - triangles, axis=2).max(axis=1)
-    longest = np.argsort(-length, kind="stable")[:_FACETS]
-    edges = (triangles[longest] + following[longest]) / 2
-    return np.vstack([triangles[longest].mean(axis=1), edges.reshape(-1, 3)])
 
 
 # ---- Closer covers of concave meshes: pieces are cut in two until none stands off the surface.

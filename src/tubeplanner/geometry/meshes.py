@@ -99,7 +99,14 @@ def load_mesh(
     if fault is not None:
         raise RobotError(f"{owner}: mesh {path} {fault}; export it again")
     loaded.process()
-    loaded.update_faces(_first_of_equal(np.asarray(loaded.faces)))
+    # Equal triangles, whose corners go round in the same order, obstruct searches for the nearest,
+    # and count twice in winding numbers: the first of them stays.
+    faces = np.asarray(loaded.faces)
+    rows = np.arange(len(faces))[:, None]
+    rolled = faces[rows, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3]
+    first = np.zeros(len(faces), dtype=bool)
+    first[np.unique(rolled, axis=0, return_index=True)[1]] = True
+    loaded.update_faces(first)
     loaded.apply_scale(unit)
     if scale is not None:
         loaded.apply_scale(scale)
@@ -123,19 +130,6 @@ def _fault(mesh: "trimesh.Trimesh", scale: np.ndarray) -> str | None:
             f"reaches {largest:.3g} m from its origin, where at most {_MAX_LENGTH:g} m make sense"
         )
     return None
-
-
-def _first_of_equal(faces: np.ndarray) -> np.ndarray:
-    """Return True for triangles (F, 3) that equal no triangle before them: bool, shape (F,).
-
-    Equal triangles, whose corners go round in the same order, obstruct searches for the nearest,
-    and count twice in winding numbers.
-    """
-    rows = np.arange(len(faces))[:, None]
-    rolled = faces[rows, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3]
-    first = np.zeros(len(faces), dtype=bool)
-    first[np.unique(rolled, axis=0, return_index=True)[1]] = True
-    return first
 
 
 def length_unit(path: Path) -> float:

@@ -60,16 +60,11 @@ def separating_directions(
         apart = np.sum(direction * end, axis=1)
         better = apart > bound[live]
         bound[live[better]], normal[live[better]] = apart[better], direction[better]
-        gap = _nearest_to_origin(gap, end)
+        edge = end - gap  # whose nearest point to the origin is next
+        squared = np.maximum(np.sum(edge**2, axis=1), _NO_LENGTH**2)
+        share = np.clip(-np.sum(gap * edge, axis=1) / squared, 0.0, 1.0)
+        gap = gap + share[:, None] * edge
     return bound, normal
-
-
-def _nearest_to_origin(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the points on segments between points (N, 3) that are nearest to the origin."""
-    edge = end - start
-    squared = np.maximum(np.sum(edge**2, axis=1), _NO_LENGTH**2)
-    share = np.clip(-np.sum(start * edge, axis=1) / squared, 0.0, 1.0)
-    return start + share[:, None] * edge
 
 
 # ---- Depth and direction of an overlap of two convex shapes.

@@ -107,22 +107,18 @@ def _zoomed(
         # A concave peak rises above its sample by no more than it falls to the lower neighbour.
         rise = value - np.minimum(values[rows, before], values[rows, after])
         at_end = (before == top) | (after == top)  # one neighbour is not start
-        rise[at_end] = _rise_at_end(values[at_end]) if ends_are_smooth else np.inf
+        if ends_are_smooth:  # from an end to the next sample: below the line through the next two
+            ends = values[at_end]
+            falling = np.where((ends[:, 0] >= ends[:, -1])[:, None], ends, ends[:, ::-1])
+            rise[at_end] = np.maximum(2 * falling[:, 1] - falling[:, 2] - falling[:, 0], 0.0)
+        else:
+            rise[at_end] = np.inf
         rows = rows[value + rise >= best]
         if len(rows) == 0:
             break
         low, high = grid[rows, before[rows]], grid[rows, after[rows]]
         peak = peak[rows]
     return best, when
-
-
-def _rise_at_end(values: FloatArray) -> FloatArray:
-    """Return bounds on the rise of concave functions beside an end where they are highest, (K,).
-
-    From there to the next sample they stay below the line through the next two.
-    """
-    falling = np.where((values[:, 0] >= values[:, -1])[:, None], values, values[:, ::-1])
-    return np.maximum(2 * falling[:, 1] - falling[:, 2] - falling[:, 0], 0.0)
 
 
 # ---- The largest accelerations and tool speed of a trajectory.

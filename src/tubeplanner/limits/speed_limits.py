@@ -17,7 +17,6 @@ from tubeplanner.limits.rates import (
 )
 from tubeplanner.limits.speed_polynomial import SpeedPolynomial
 from tubeplanner.limits.tube_membership import current_segments, tube_use
-from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.trajectory.parts import directed_stretches
@@ -25,11 +24,13 @@ from tubeplanner.trajectory.parts import directed_stretches
 
 def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
     """Return the limits on a trajectory's speed that a problem has."""
-    limits = problem.robot.limits
+    limits, motors = problem.robot.limits, problem.robot.motors
+    is_unsure = motors.has_friction and motors.friction_uncertainty > 0
+    needs_ranges = motors.has_coulomb_friction or limits.effort_ranges or is_unsure
     rates = [JointRate(kind, getattr(limits, kind)) for kind in RATES]
     candidates: tuple[SpeedLimit, ...] = (
-        _effort_limit(problem.robot),
-        MotorCurve(problem.robot.motors),
+        EffortLimit(limits) if needs_ranges else JointEffort(limits.effort),
+        MotorCurve(motors),
         EffortRate(limits.effort_rate),
         *rates,
         VelocityByPositionLimit(limits),
@@ -37,15 +38,6 @@ def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
         PointSpeedLimit(limits.point_speed),
     )
     return tuple(limit for limit in candidates if limit.keys)
-
-
-def _effort_limit(robot: RobotModel) -> SpeedLimit:
-    """Return the simpler kind of effort limit where its conditions are met."""
-    limits, motors = robot.limits, robot.motors
-    is_unsure = motors.has_friction and motors.friction_uncertainty > 0
-    if motors.has_coulomb_friction or limits.effort_ranges or is_unsure:
-        return EffortLimit(limits)
-    return JointEffort(limits.effort)
 
 
 def largest_use(at: PathSamples, limits: tuple[SpeedLimit, ...]) -> FloatArray:

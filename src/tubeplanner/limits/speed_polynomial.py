@@ -129,8 +129,11 @@ def largest_speed(c: FloatArray) -> FloatArray:
         result = np.full(len(crosses), np.inf)
         # Where nothing crosses zero, Newton's method would look for it in vain.
         rising, low, high = c[:, crosses], low[crosses], high[crosses]
-        root = _polished(rising, _nearest(rising, _closed_form(rising), low, high), low, high)
-        result[crosses] = root * scale[crosses]
+        roots = (np.clip(np.nan_to_num(root), low, high) for root in _closed_form(rising))
+        inside = np.array([low, high, *roots])
+        misses = np.array([abs(_value(rising, place)) for place in inside])
+        nearest = np.take_along_axis(inside, misses.argmin(axis=0)[None], axis=0)[0]
+        result[crosses] = _polished(rising, nearest, low, high) * scale[crosses]
     result[c[0] > 0] = 0.0
     return result.reshape(shape)
 
@@ -167,15 +170,6 @@ def _bracket(c: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     low = np.where(above_first, 0.0, np.where(above_last, first, before_end))
     high = np.where(above_first, first, np.where(above_last, last, far))
     return low, high, above_first | above_last | (lead > 0)
-
-
-def _nearest(
-    c: FloatArray, roots: tuple[FloatArray, ...], low: FloatArray, high: FloatArray
-) -> FloatArray:
-    """Return the root that is in an interval, or the nearest point of the interval to a root."""
-    inside = np.array([low, high, *(np.clip(np.nan_to_num(root), low, high) for root in roots)])
-    misses = np.array([abs(_value(c, place)) for place in inside])
-    return np.take_along_axis(inside, misses.argmin(axis=0)[None], axis=0)[0]
 
 
 def _polished(c: FloatArray, root: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:

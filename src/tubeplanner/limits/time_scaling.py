@@ -63,7 +63,12 @@ def scaling_factor(
     PlanningProblem.require(problem)
     state = _checked_state(problem, (q, v, a) if jerk is None else (q, v, a, jerk))
     if segment is not None:
-        segment = _checked_segments(problem, segment, len(state[0]))
+        count, last = len(state[0]), problem.tube.segment_count - 1
+        wanted = f"{count} whole numbers from 0 to {last}"
+        row = given_row("segment", segment, wanted)
+        if len(row) != count or not all(isinstance(k, int) and 0 <= k <= last for k in row):
+            raise OptionError(f"segment is {shown(row)}; give {wanted}")
+        segment = np.array(row, dtype=np.int64)
     return largest_speeds(_samples(problem, state, segment), speed_limits(problem))
 
 
@@ -168,19 +173,6 @@ def _checked_state(problem: PlanningProblem, rows: Sequence[FloatArray]) -> tupl
         if not np.isfinite(state[-1]).all():
             raise TrajectoryError(f"{name} has values that are not finite")
     return tuple(state)
-
-
-def _checked_segments(problem: PlanningProblem, segment: IntArray, count: int) -> IntArray:
-    """Return the segment of each of N samples, (N,).
-
-    Raises:
-        OptionError: The count is wrong, or a segment does not exist.
-    """
-    last = problem.tube.segment_count - 1
-    row = given_row("segment", segment, f"{count} whole numbers from 0 to {last}")
-    if len(row) != count or not all(isinstance(k, int) and 0 <= k <= last for k in row):
-        raise OptionError(f"segment is {shown(row)}; give {count} whole numbers from 0 to {last}")
-    return np.array(row, dtype=np.int64)
 
 
 def _rate_factor(rates: list[JointRate], trajectory: JointTrajectory, *, exact: bool) -> float:

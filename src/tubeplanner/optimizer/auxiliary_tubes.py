@@ -56,12 +56,20 @@ def smoother_problem(problem: PlanningProblem) -> PlanningProblem | None:
 def _with_room(problem: PlanningProblem, share: float) -> PlanningProblem | None:
     """Return a problem about a path whose points may move by a share of the radius, if any."""
     tube, radius = problem.tube, problem.tube.effective_radius
-    ends = _ends(problem)
+    ends = tube.points[[0, -1]].copy()
+    for row, end in enumerate(problem.endpoints):
+        if end.joints is not None:
+            ends[row] = problem.robot.tool_position(end.joints[None])[0]
+        elif end.region is not None:
+            ends[row] = end.region.position
     at_ends = np.linalg.norm(ends - tube.points[[0, -1]], axis=1)
     if (at_ends > _MOST_AT_ENDS * radius[[0, -1]]).any():
         return None
     room = share * np.minimum(np.append(radius, np.inf), np.append(np.inf, radius))
-    is_fixed = _turns_back(tube)
+    # Compulsory points where the path turns back over some radii.
+    is_fixed = np.zeros(tube.segment_count + 1, dtype=bool)
+    compulsory = tube.compulsory_points
+    is_fixed[compulsory] = smoothed_turns(tube)[compulsory - 1] > _BACKWARDS
     room[is_fixed] = 0.0
     room[[0, -1]] = 0.0
     old = tube.points.copy()
@@ -117,25 +125,6 @@ def _bending(points: FloatArray, is_free: BoolArray) -> sparse.csr_matrix:
     turn = sparse.diags([-1.0, 1.0], [0, 1], shape=(count - 2, count - 1)) @ direction
     weight = ~is_free[1:-1] * 2 / (steps[1:] + steps[:-1])
     return (turn.T @ sparse.diags(weight) @ turn).tocsr()
-
-
-def _ends(problem: PlanningProblem) -> FloatArray:
-    """Return the tool positions at start and goal, (2, 3) [m]; the tube's ends for seeds."""
-    ends = problem.tube.points[[0, -1]].copy()
-    for row, end in enumerate(problem.endpoints):
-        if end.joints is not None:
-            ends[row] = problem.robot.tool_position(end.joints[None])[0]
-        elif end.region is not None:
-            ends[row] = end.region.position
-    return ends
-
-
-def _turns_back(tube: Tube) -> BoolArray:
-    """Return True for compulsory points where the path turns back over some radii, (m+1,)."""
-    turns_back = np.zeros(tube.segment_count + 1, dtype=bool)
-    compulsory = tube.compulsory_points
-    turns_back[compulsory] = smoothed_turns(tube)[compulsory - 1] > _BACKWARDS
-    return turns_back
 
 
 # ---- A tube as wide as knots are coarse: a few cubics cannot follow a narrow one.

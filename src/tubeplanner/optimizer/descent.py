@@ -268,7 +268,14 @@ class Descent:
                 trust = trust.smaller()
                 continue
             trials, outcome = result
-            if any(map(_mends_nothing, currents, steps)):
+            # A higher penalty may help a step that leaves nearly all of the violation. A step that
+            # mends a part is limited by its trust region: a higher penalty would mend no more, and
+            # drown the duration. (After Byrd, Nocedal & Waltz, "Steering exact penalty methods for
+            # nonlinear programming", 2008.)
+            if any(
+                step.elastic > max(BROKEN, _MENDED * current.excess)
+                for current, step in zip(currents, steps, strict=True)
+            ):
                 penalty = min(4 * penalty, MAX_PENALTY)
             if outcome.ratio > _WORTH_A_MOVE:
                 currents = trials
@@ -389,16 +396,6 @@ class _Linearized:
     def radius_of(self, steps: Sequence[Step], unit: float) -> float:
         each = zip(self._legs, self._currents, steps, strict=True)
         return max(leg.radius_of(current, step, unit) for leg, current, step in each)
-
-
-def _mends_nothing(current: Iterate, step: Step) -> bool:
-    """Return True if a step leaves nearly all of the violation, or more.
-
-    Then a higher penalty may help. A step that mends a part is limited by its trust region: a
-    higher penalty would mend no more, and drown the duration. (After Byrd, Nocedal & Waltz,
-    "Steering exact penalty methods for nonlinear programming", 2008.)
-    """
-    return step.elastic > max(BROKEN, _MENDED * current.excess)
 
 
 # ---- Steps of one or more legs: programs solved until their steps break no constraint.

@@ -273,7 +273,11 @@ class LinkConstraints:
         samples = spline.grid.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
         q = sampled(spline, samples).position
         required = self._required(spline).at(spline.grid, samples, q)
-        distance = self._distances(q, self._still_apart(q), required)
+        apart = np.full((len(q), len(self._pairs)), -np.inf)
+        if self._seen is not None:  # the motion since the last look, times the joints' weights
+            seen, distance = self._seen
+            apart = distance - abs(q - seen) @ self._approach.T
+        distance = self._distances(q, apart, required)
         self._seen = q, distance
         clearance = distance - required
         before = np.vstack([np.full((1, len(self._pairs)), np.inf), clearance[:-1]])
@@ -340,17 +344,6 @@ class LinkConstraints:
         spare = self._spare.copy()  # objects from `on_other_knots` share the array
         spare[pairs] = np.clip(there, 0.0, _INNER_MARGIN)
         self._spare = spare
-
-    def _still_apart(self, q: FloatArray) -> FloatArray:
-        """Return lower bounds of the distances (N, P) [m] at configurations on these knots.
-
-        From the motion since the last look, times the weights of the joints.
-        """
-        if self._seen is None:
-            return np.full((len(q), len(self._pairs)), -np.inf)
-        seen, distance = self._seen
-        bounds: FloatArray = distance - abs(q - seen) @ self._approach.T
-        return bounds
 
     def _distances(self, q: FloatArray, bounds: FloatArray, required: FloatArray) -> FloatArray:
         """Return distances of all pairs at configurations along a spline, shape (N, P) [m].

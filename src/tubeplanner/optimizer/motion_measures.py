@@ -15,7 +15,7 @@ from tubeplanner.limits.joint_efforts import JointEffort
 from tubeplanner.limits.motor_costs import EffortCosts
 from tubeplanner.limits.rates import JointRate
 from tubeplanner.optimizer.phased_spline import DEGREE, PhasedSpline, Samples
-from tubeplanner.optimizer.sampled_spline import SampledSpline, sampled
+from tubeplanner.optimizer.sampled_spline import sampled
 from tubeplanner.optimizer.spline_constraints import Iterate
 from tubeplanner.task.demands import ENERGY, SMOOTHNESS, Objective
 from tubeplanner.task.problem import PlanningProblem
@@ -273,7 +273,12 @@ class Work:
         size = np.hypot(added, rounded)
         driving = share * (1 + added / size) / 2
         scale = _scale(motion)[..., None]
-        control, switching = motion.chained(self._power_by_path(motion))
+        path, speed = motion.path, 1 / motion.run_in
+        velocity, effort = path.by_path[1], self._effort.used(path).at(speed)
+        changes = self._effort.by_path(path, speed)
+        by_path = {order: by * velocity[:, :, None] for order, by in changes.items()}
+        by_path[1] = by_path[1] + effort[:, :, None] * np.eye(velocity.shape[1])
+        control, switching = motion.chained(by_path)
         wider = motion.width_by_switching / motion.width[:, None]
         power = MeasureModel.of(
             share * rounded**2 / (2 * size**3),
@@ -281,7 +286,11 @@ class Work:
             control * scale[..., None] ** 2,
             switching * scale**2 + added[..., None] * wider[:, None, None],
         )
-        control, switching = motion.chained(self._sum_by_path(motion))
+        # Efforts and velocities are scaled to equal size.
+        unit = np.sqrt(_size(effort) / _size(velocity))[:, None]
+        by_path = {order: by / unit for order, by in changes.items()}
+        by_path[1] = by_path[1] + unit * np.eye(len(unit))
+        control, switching = motion.chained(by_path)
         both = MeasureModel.of(
             driving / 2, 0 * driving, control * scale[..., None], switching * scale
         )
@@ -292,25 +301,6 @@ class Work:
         power = motion.effort(self._effort) * motion.at_samples(motion.path.by_path[1])
         rounded = self._rounded / len(power) * SIMPSON[:, None]
         return power * _scale(motion) ** 2, np.broadcast_to(rounded, power.shape)
-
-    def _power_by_path(self, motion: IntervalMotion) -> dict[int, FloatArray]:
-        """Return the derivatives of power by the path, (N, n, n) each."""
-        path, speed = motion.path, 1 / motion.run_in
-        velocity = path.by_path[1]
-        by_path = dict(self._effort.by_path(path, speed))
-        by_path = {order: by * velocity[:, :, None] for order, by in by_path.items()}
-        effort = self._effort.used(path).at(speed)
-        by_path[1] = by_path[1] + effort[:, :, None] * np.eye(velocity.shape[1])
-        return by_path
-
-    def _sum_by_path(self, motion: IntervalMotion) -> dict[int, FloatArray]:
-        """Return the derivatives of sums of efforts and velocities, scaled to equal size."""
-        path, speed = motion.path, 1 / motion.run_in
-        efforts, velocities = self._effort.used(path).at(speed), path.by_path[1]
-        unit = np.sqrt(_size(efforts) / _size(velocities))[:, None]
-        by_path = {order: by / unit for order, by in self._effort.by_path(path, speed).items()}
-        by_path[1] = by_path[1] + unit * np.eye(len(unit))
-        return by_path
 
 
 def _scale(motion: IntervalMotion) -> FloatArray:
@@ -349,7 +339,11 @@ def smoothness_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: 
     looks = spline.grid.samples_at(spline.switching_times, np.linspace(0.0, 1.0, _LOOKS))
     at = sampled(spline, looks)
     travel = np.ptp(at.position, axis=0)
-    effort = JointEffort(_nominal_efforts(problem, at, run_in))
+    limit = problem.robot.limits.effort
+    q, v, a = at.by_x[:3]
+    most = abs(problem.robot.inverse_dynamics(q, v / run_in, a / run_in**2)).max(axis=0)
+    nominal = np.where(np.isfinite(limit), limit, np.where(most > 0, most, 1.0))
+    effort = JointEffort(nominal)
     jerk = JointRate("jerk", np.maximum(travel, _LEAST_TRAVEL * travel.max()))
     measures = (EffortRate(effort), EffortVariation(effort), Jerk(jerk))
     return tuple(zip(_WEIGHTS, measures, strict=True))
@@ -444,11 +438,3 @@ def _change_derivatives(
     """Return the derivatives of `_changes`, (M, 2, I, 5, n) and (M, 2, I, S)."""
     control, switching = motion.effort_derivatives(effort)
     return np.diff(control, axis=1), np.diff(switching, axis=1)
-
-
-def _nominal_efforts(problem: PlanningProblem, at: SampledSpline, run_in: float) -> FloatArray:
-    """Return the scales of the efforts, (n,): limits, or else the largest of the motion."""
-    limit = problem.robot.limits.effort
-    q, v, a = at.by_x[:3]
-    most = abs(problem.robot.inverse_dynamics(q, v / run_in, a / run_in**2)).max(axis=0)
-    return np.where(np.isfinite(limit), limit, np.where(most > 0, most, 1.0))

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.native.library import Doubles, Integers, native_function
 from tubeplanner.trajectory.polynomials import BSpline, basis_functions
 
@@ -339,34 +339,23 @@ class PhasedSpline:
             samples: N samples; nan at samples farther inside.
             slow: Largest velocity of slow joints, shape (n,) [rad or m per unit of x].
         """
-        velocity, last = self._velocity_points(), self.grid.interval_count - 1
+        knots, last = self.grid.knots(self.switching_times), self.grid.interval_count - 1
+        spans = (knots[1 + DEGREE : -1] - knots[1 : -1 - DEGREE]) / DEGREE
+        # Without those at both ends, which vanish: the velocity in knot interval k, counted from
+        # either end, depends on the first k+1 of the others.
+        points = (np.diff(self.control_points, axis=0) / spans[:, None])[DEGREE - 1 : 1 - DEGREE]
         signs = np.full((len(samples.interval), len(slow)), np.nan)
         for step, interval in ((1, samples.interval), (-1, last - samples.interval)):
-            has_sign = _has_first_sign(velocity[::step], slow)
+            velocity = points[::step]
+            fast, first = abs(velocity) >= slow, np.sign(velocity[0])
+            has_sign = np.logical_and.accumulate(np.sign(velocity) == first, axis=0)
+            already = np.logical_or.accumulate(fast, axis=0)
+            has_sign[1:] &= ~already[:-1]
+            has_sign[1:] &= (has_sign & fast).any(axis=0) | (first == 0)
             is_near = has_sign[np.minimum(interval, len(has_sign) - 1)]
-            signs = np.where(is_near, np.sign(velocity[::step][0]), signs)
+            signs = np.where(is_near, first, signs)
         return signs
-
-    def _velocity_points(self) -> FloatArray:
-        """Return the control points of the velocity without those at both ends, which vanish.
-
-        The velocity in knot interval k, counted from either end, depends on the first k+1 of them.
-        """
-        knots = self.grid.knots(self.switching_times)
-        spans = (knots[1 + DEGREE : -1] - knots[1 : -1 - DEGREE]) / DEGREE
-        velocity = np.diff(self.control_points, axis=0) / spans[:, None]
-        return velocity[DEGREE - 1 : 1 - DEGREE]
 
     def bspline(self) -> BSpline:
         """Return the spline over time x."""
         return BSpline(self.grid.knots(self.switching_times), self.control_points, DEGREE)
-
-
-def _has_first_sign(velocity: FloatArray, slow: FloatArray) -> BoolArray:
-    """Return True for control points (L, n) with the sign of the first, up to the first fast."""
-    fast, first = abs(velocity) >= slow, np.sign(velocity[0])
-    onward = np.logical_and.accumulate(np.sign(velocity) == first, axis=0)
-    already = np.logical_or.accumulate(fast, axis=0)
-    onward[1:] &= ~already[:-1]
-    onward[1:] &= (onward & fast).any(axis=0) | (first == 0)
-    return onward

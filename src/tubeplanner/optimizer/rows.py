@@ -294,9 +294,13 @@ class EvaluatedSpeedLimit:
         """Return the rows of all sides, of the spline run in T seconds; see `EvaluatedRows`."""
         used = self._used.at(1 / duration)
         limit = np.broadcast_to(self.numbers[self.limit.key_of(self.path)], used.shape)
-        by_duration = (self._by_duration(duration), self._used.degree / 2)
-        by_path, signs = self._by_path(duration), self.limit.signs
-        return sided_rows(self.at, by_path, used, by_duration, limit, signs, size)
+        degree, powers = self._used.degree, self._used.terms
+        # By eta, in T^degree, of the quantities times T^degree.
+        change = self._used.weighted({k: duration**-k * (degree - k) / 2 for k in powers})
+        if duration not in self._changes:
+            self._changes[duration] = self.limit.by_path(self.path, 1 / duration)
+        by_path, signs = self._changes[duration], self.limit.signs
+        return sided_rows(self.at, by_path, used, (change, degree / 2), limit, signs, size)
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
         """Return the slack at this spline of another spline's rows; see `EvaluatedRows`."""
@@ -312,17 +316,6 @@ class EvaluatedSpeedLimit:
         by_side = np.ones(self._used.shape) if allowed is None else allowed
         return np.tile(by_side.ravel(), len(self.limit.signs))
 
-    def _by_path(self, duration: float) -> Mapping[int, FloatArray]:
-        """Return the quantities' derivatives by position and its derivatives by x."""
-        if duration not in self._changes:
-            self._changes[duration] = self.limit.by_path(self.path, 1 / duration)
-        return self._changes[duration]
-
     @cached_property
     def _used(self) -> SpeedPolynomial:
         return self.limit.used(self.path)
-
-    def _by_duration(self, duration: float) -> FloatArray:
-        """Return the derivatives by eta, in T^degree, of the quantities times T^degree, (N, I)."""
-        degree, powers = self._used.degree, self._used.terms
-        return self._used.weighted({k: duration**-k * (degree - k) / 2 for k in powers})

@@ -33,7 +33,11 @@ _WINDOW = 3.0
 def tube_chains(problem: PlanningProblem) -> tuple[range, ...]:
     """Return the segments of every phase, in order, all of the tube's."""
     tube = problem.tube
-    is_end = _is_corner(tube)
+    kinks = _kinks(tube, _spacing(tube), np.minimum(_turns(tube), smoothed_turns(tube)))
+    is_end = kinks >= (_KINK if len(kinks) > _MANY_CORNERS else 0.0)
+    if is_end.sum() > _MANY_CORNERS:
+        is_end = kinks >= _SHARP_KINK
+        is_end[np.argsort(-kinks, kind="stable")[_MOST_SHARP:]] = False
     is_end |= np.array([a != b for a, b in pairwise(tube.conditions)], dtype=bool)
     is_end[tube.compulsory_points - 1] = True
     ends = 1 + np.flatnonzero(is_end)
@@ -87,16 +91,6 @@ def smoothed_turns(tube: Tube) -> FloatArray:
         for s in (along[1:-1] - window, along[1:-1] + window)
     )
     return _angles(points[1:-1] - before, after - points[1:-1])
-
-
-def _is_corner(tube: Tube) -> BoolArray:
-    """Return True for inner reference points that are corners and end a phase, shape (m-1,)."""
-    kinks = _kinks(tube, _spacing(tube), np.minimum(_turns(tube), smoothed_turns(tube)))
-    is_corner: BoolArray = kinks >= (_KINK if len(kinks) > _MANY_CORNERS else 0.0)
-    if is_corner.sum() > _MANY_CORNERS:
-        is_corner = kinks >= _SHARP_KINK
-        is_corner[np.argsort(-kinks, kind="stable")[_MOST_SHARP:]] = False
-    return is_corner
 
 
 def _spacing(tube: Tube) -> float:
@@ -260,7 +254,11 @@ class _Passage:
         choice = ordered_choice(cost)
         if not self._left_out(choice)[1].any():
             return choice  # as a rule
-        choice = ordered_choice_paying(cost, (self._square_from_lines() / self.radius**2) ** 2)
+        # From lines, between the ends of one and the other: enough where one of both is short.
+        from_points = _squared_distances(self.points, self.tool[:-1], self.tool[1:]).T
+        from_samples = np.minimum(self._square[:-1], self._square[1:])
+        nearest = np.minimum(from_samples, np.minimum(from_points[:, :-1], from_points[:, 1:]))
+        choice = ordered_choice_paying(cost, (nearest / self.radius**2) ** 2)
         farthest, share = self._left_out(choice)
         is_fixed = np.zeros(len(choice), dtype=bool)
         is_fixed[[0, -1]] = True  # these stay in the first segment and the last
@@ -280,15 +278,6 @@ class _Passage:
     def _along(self) -> FloatArray:
         """Arc lengths of the reference points, shape (m+1,) [m]."""
         return arc_lengths(self.points)
-
-    def _square_from_lines(self) -> FloatArray:
-        """Return squared distances of segments from the lines between samples, (N-1, m) [m^2].
-
-        Between the ends of one and the other: enough where one of both is short.
-        """
-        from_points = _squared_distances(self.points, self.tool[:-1], self.tool[1:]).T
-        from_samples = np.minimum(self._square[:-1], self._square[1:])
-        return np.minimum(from_samples, np.minimum(from_points[:, :-1], from_points[:, 1:]))
 
     def _left_out(self, choice: IntArray) -> tuple[IntArray, FloatArray]:
         """Return the farthest segment that each short cut leaves out, and its distance.

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import FloatArray
 from tubeplanner.first_guess.branches import ReferenceBranch, end_configuration
 from tubeplanner.first_guess.inverse_kinematics import solve_position
 from tubeplanner.first_guess.segment_walk import wanted_at
@@ -266,9 +266,20 @@ def on_periodic_knots(spline: PhasedSpline, periods: int) -> PhasedSpline:
         spline: The spline.
         periods: Number of periods of its duration, at least its number of phases.
     """
-    ends = _apart(spline.switching_times * periods, periods)
+    count = len(spline.switching_times)
+    ends = np.round(spline.switching_times * periods).astype(int)
+    for k in range(1, count):
+        ends[k] = max(ends[k], ends[k - 1] + 1)
+    ends = np.minimum(ends, periods - np.arange(count)[::-1])
     breakpoints = np.round(spline.grid.breakpoints(spline.switching_times) * periods).astype(int)
-    breakpoints = _filled(np.union1d(breakpoints, ends), spline.grid.interval_count)
+    breakpoints = np.union1d(breakpoints, ends)
+    # Knots closer than a period coincide after rounding: the widest intervals are halved instead.
+    while len(breakpoints) - 1 < spline.grid.interval_count:
+        widths = np.diff(breakpoints)
+        widest = int(widths.argmax())
+        if widths[widest] == 1:
+            break
+        breakpoints = np.insert(breakpoints, widest + 1, breakpoints[widest] + widths[widest] // 2)
     shares = []
     for begin, end in pairwise(ends):
         inner = breakpoints[(breakpoints > begin) & (breakpoints < end)]
@@ -276,26 +287,3 @@ def on_periodic_knots(spline: PhasedSpline, periods: int) -> PhasedSpline:
         shares.append((places - begin) / (end - begin))
     grid = KnotGrid(tuple(shares), spline.grid.chains, is_fixed=True)
     return on_knots(spline, grid, ends / periods)
-
-
-def _filled(places: IntArray, intervals: int) -> IntArray:
-    """Return integer knots, the widest intervals halved until there are so many.
-
-    Knots that were closer than a period coincide after rounding.
-    """
-    while len(places) - 1 < intervals:
-        widths = np.diff(places)
-        widest = int(widths.argmax())
-        if widths[widest] == 1:
-            break
-        places = np.insert(places, widest + 1, places[widest] + widths[widest] // 2)
-    return places
-
-
-def _apart(times: FloatArray, last: int) -> IntArray:
-    """Return distinct integers near increasing times from 0 to the last."""
-    count = len(times)
-    places = np.round(times).astype(int)
-    for k in range(1, count):
-        places[k] = max(places[k], places[k - 1] + 1)
-    return np.minimum(places, last - np.arange(count)[::-1])

@@ -64,7 +64,14 @@ class StepCost:
         value = self._still + damping * self._damped
         hessian = SymmetricEntries(self._row, self._column, value, self._size)
         if damping and self._switches:
-            hessian = hessian.plus(self._of_widths(spline, damping))
+            # Squared rates from changing widths of phases.
+            weight = damping * self._squared_rates(spline.control_points)
+            inverse = weight / np.diff(spline.switching_times)
+            own = self._first_switch + np.arange(self._switches)
+            row = np.concatenate([own, own[:-1], own[1:]])
+            column = np.concatenate([own, own[1:], own[:-1]])
+            value = np.concatenate([inverse[:-1] + inverse[1:], -inverse[1:-1], -inverse[1:-1]])
+            hessian = hessian.plus(SymmetricEntries(row, column, value, self._size))
         control_points = spline.control_points
         bends = np.diff(control_points, len(_THIRD) - 1, axis=0)
         by_point = np.zeros_like(control_points)
@@ -96,16 +103,6 @@ class StepCost:
     def _squared_rates(self, control_points: FloatArray) -> float:
         rates = np.diff(control_points, axis=0)
         return self._intervals * float(np.vdot(rates, rates))
-
-    def _of_widths(self, spline: PhasedSpline, damping: float) -> SymmetricEntries:
-        """Return the weighted squared rates from changing widths of phases, as a matrix."""
-        weight = damping * self._squared_rates(spline.control_points)
-        inverse = weight / np.diff(spline.switching_times)
-        own = self._first_switch + np.arange(self._switches)
-        row = np.concatenate([own, own[:-1], own[1:]])
-        column = np.concatenate([own, own[1:], own[:-1]])
-        value = np.concatenate([inverse[:-1] + inverse[1:], -inverse[1:-1], -inverse[1:-1]])
-        return SymmetricEntries(row, column, value, self._size)
 
 
 def _squared_differences(

@@ -80,7 +80,11 @@ class BandedProgram:
         linear = joint.linear
         for row in self._held:
             linear[row.column] -= row.data * (row.data @ linear[row.column])
-        self._program = NativeProgram(self._first(), linear, *self._bounds, self._band())
+        first = np.zeros(joint.size)
+        for block, own in zip(blocks, columns, strict=True):
+            violation = max(-float(block.slack.min(initial=0.0)), 0.0)
+            first[own[-2:]] = _FIRST_DURATION_STEP, violation + _FIRST_SPARE
+        self._program = NativeProgram(first, linear, *self._bounds, self._band())
         hessian = joint.hessian
         for variables, directions in _groups(self._held):
             hessian = _flattened(hessian, variables, directions)
@@ -136,13 +140,6 @@ class BandedProgram:
         self._program.add_rows(rows.count, rows.column, rows.data, slack)
         self._slack = np.concatenate([self._slack, slack])
         return np.arange(len(self._slack) - len(slack), len(self._slack))
-
-    def _first(self) -> FloatArray:
-        first = np.zeros(self._blocks.size)
-        for block, own in zip(self._blocks.blocks, self._columns, strict=True):
-            violation = max(-float(block.slack.min(initial=0.0)), 0.0)
-            first[own[-2:]] = _FIRST_DURATION_STEP, violation + _FIRST_SPARE
-        return first
 
     def _band(self) -> int:
         """Return the number of first variables that are coupled with near variables only.

@@ -73,7 +73,10 @@ class TiedLegs:
         for parts in dict.fromkeys(choices):
             legs = zip(self._motions, parts, strict=True)
             self._iterates = self._on_knots([_coarsened(leg.spline, own) for leg, own in legs])
-            if all(_is_inside(iterate) for iterate in self._iterates):
+            if all(
+                own.excess <= _INSIDE * MERIT_TOLERANCE and np.isfinite(own.duration)
+                for own in self._iterates
+            ):
                 each = zip(self._iterates, parts, strict=True)
                 return tuple(subdivided(iterate.spline, own) for iterate, own in each)
         return None
@@ -150,8 +153,3 @@ def _iterates(
 
 def _total(iterates: Sequence[Iterate]) -> float:
     return sum(iterate.duration for iterate in iterates)
-
-
-def _is_inside(iterate: Iterate) -> bool:
-    """Return True if a motion is in its tube and has a finite duration."""
-    return iterate.excess <= _INSIDE * MERIT_TOLERANCE and np.isfinite(iterate.duration)
