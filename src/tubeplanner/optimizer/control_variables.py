@@ -265,8 +265,14 @@ def shared_columns(legs: Sequence[LegShape], is_tied: Sequence[bool]) -> tuple[I
     """
     numbers, count = _numbers(legs, is_tied)
     joints = legs[0].joints
-    each = zip(legs, numbers, strict=True)
-    before = np.concatenate([_before(leg, own, count) for leg, own in each])
+    places = []  # the configuration after each switching time; `count`: behind all others
+    for leg, own in zip(legs, numbers, strict=True):
+        place = np.full(leg.switches, count)
+        if leg.behind is not None and leg.configurations:
+            following = np.append(own, own[-1] + 1)
+            place[leg.is_among] = following[leg.behind[leg.is_among]]
+        places.append(place)
+    before = np.concatenate(places)
     sequence = np.argsort(before, kind="stable")
     switching = before * joints
     switching[sequence] += np.arange(len(sequence))
@@ -294,12 +300,3 @@ def _numbers(legs: Sequence[LegShape], is_tied: Sequence[bool]) -> tuple[list[In
     numbers = [own - 1 for own in numbers]
     numbers[0][0] = numbers[-1][-1]
     return numbers, count - 1
-
-
-def _before(leg: LegShape, numbers: IntArray, count: int) -> IntArray:
-    """Return the configuration after each switching time, (S,); `count`: behind all others."""
-    before = np.full(leg.switches, count)
-    if leg.behind is not None and leg.configurations:
-        following = np.append(numbers, numbers[-1] + 1)
-        before[leg.is_among] = following[leg.behind[leg.is_among]]
-    return before

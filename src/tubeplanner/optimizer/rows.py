@@ -184,7 +184,14 @@ def _breakable(
     if result is not None:
         return result
     # The chain rule costs most: a bound on the reach rules out most rows before.
-    reach = np.inf if size is None else np.maximum(little, _farthest(at, by_path, size))
+    reach: FloatArray | float = np.inf
+    if size is not None:
+        orders = list(by_path)
+        by_step = size.control * abs(at.basis[orders]).sum(axis=-1)
+        most = abs(at.by_switching[:, orders]).max(axis=-1, initial=0.0)
+        by_step += np.einsum("gon,g->on", most, size.switching)
+        sums = np.array([abs(by_path[order]).sum(axis=-1) for order in orders])
+        reach = np.maximum(little, np.einsum("on,oni->ni", by_step, sums))
     side, sample, quantity = near = np.nonzero(slack < reach)
     own = {order: by[sample, quantity, None] for order, by in by_path.items()}
     control, switching = (change[:, 0] for change in at.chained(own, sample))
@@ -195,17 +202,6 @@ def _breakable(
         return index, control, switching
     keep = slack.ravel()[index] < np.maximum(little, _reach(control, switching, size))
     return index[keep], control[keep], switching[keep]
-
-
-def _farthest(at: SampledSpline, by_path: Mapping[int, FloatArray], size: StepSize) -> FloatArray:
-    """Return an upper bound of the reach of quantities, (N, I), without the chain rule."""
-    orders = list(by_path)
-    by_step = size.control * abs(at.basis[orders]).sum(axis=-1)
-    most = abs(at.by_switching[:, orders]).max(axis=-1, initial=0.0)
-    by_step += np.einsum("gon,g->on", most, size.switching)
-    sizes = np.array([abs(by_path[order]).sum(axis=-1) for order in orders])
-    farthest: FloatArray = np.einsum("on,oni->ni", by_step, sizes)
-    return farthest
 
 
 def _reach(control: FloatArray, switching: FloatArray, size: StepSize) -> FloatArray:

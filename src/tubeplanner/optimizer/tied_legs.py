@@ -71,11 +71,18 @@ class TiedLegs:
             tuple(max(min(most, count // _FEWEST), 1) for count in counts) for most in _JOINED
         ]
         for parts in dict.fromkeys(choices):
-            legs = zip(self._motions, parts, strict=True)
-            self._iterates = self._on_knots([_coarsened(leg.spline, own) for leg, own in legs])
+            splines = []
+            for motion, own in zip(self._motions, parts, strict=True):
+                spline = motion.spline
+                if own > 1:
+                    times, grid = spline.switching_times, spline.grid
+                    coarse = knot_grid(times, round(grid.interval_count / own), grid.chains)
+                    spline = on_knots(spline, coarse, times)
+                splines.append(spline)
+            self._iterates = self._on_knots(splines)
             if all(
-                own.excess <= _INSIDE * MERIT_TOLERANCE and np.isfinite(own.duration)
-                for own in self._iterates
+                iterate.excess <= _INSIDE * MERIT_TOLERANCE and np.isfinite(iterate.duration)
+                for iterate in self._iterates
             ):
                 each = zip(self._iterates, parts, strict=True)
                 return tuple(subdivided(iterate.spline, own) for iterate, own in each)
@@ -133,15 +140,6 @@ class TiedLegs:
             max_steps=max_steps,
             checkpoint=lambda iterates: self._checkpoint(_total(iterates)),
         )
-
-
-def _coarsened(spline: PhasedSpline, parts: int) -> PhasedSpline:
-    """Return a spline on a number of intervals divided by `parts`."""
-    if parts == 1:
-        return spline
-    times, grid = spline.switching_times, spline.grid
-    coarse = knot_grid(times, round(grid.interval_count / parts), grid.chains)
-    return on_knots(spline, coarse, times)
 
 
 def _iterates(

@@ -499,24 +499,17 @@ def _are_one(tube: Tube, first: int, last: int) -> bool:
     """Return True if a segment can be joined with those from `first` on, which can be joined."""
     if tube.radius[last] != tube.radius[first] or tube.conditions[last] != tube.conditions[first]:
         return False
-    shares = _shares_on_line(tube.points[first : last + 2])
-    if shares is None:
-        return False
-    return tube.rotation is None or _turns_evenly(tube.rotation, first, last, shares)
-
-
-def _shares_on_line(points: FloatArray) -> FloatArray | None:
-    """Return the fractions of points (P, 3) on the line from the first to the last: (P,).
-
-    None if a point is off the line or behind its predecessor.
-    """
+    points = tube.points[first : last + 2]
     axis = points[-1] - points[0]
     square = float(axis @ axis)
     if square <= _ON_LINE**2:
-        return None
-    shares: FloatArray = (points - points[0]) @ axis / square
+        return False
+    shares = (points - points[0]) @ axis / square
     off = np.linalg.norm(points - points[0] - shares[:, None] * axis, axis=1)
-    return shares if off.max() <= _ON_LINE and (np.diff(shares) > 0).all() else None
+    # A point may be off the line, or behind its predecessor.
+    if not (off.max() <= _ON_LINE and (np.diff(shares) > 0).all()):
+        return False
+    return tube.rotation is None or _turns_evenly(tube.rotation, first, last, shares)
 
 
 def _turns_evenly(rotation: RotationalTube, first: int, last: int, shares: FloatArray) -> bool:
