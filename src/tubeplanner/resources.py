@@ -5,6 +5,7 @@ distribution example-robot-data.
 """
 
 import importlib.metadata
+import json
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,83 +36,14 @@ PRESET_ENDINGS = (".yaml", ".yml", ".json")
 # The line by which a bundled file is a cycle or study; every other file is a problem.
 _FORMAT = re.compile(r"^format: *tubeplanner/(cycle|study)\b", re.M)
 
+
 # The robots of example-robot-data, below its folder `robots`, by the names of its former loaders
-# package. The distribution has data only, hence this table. It covers releases 5.0 and 6.0; not
+# package. The distribution has data only, hence this file. It covers releases 5.0 and 6.0; not
 # every robot is in both.
-_EXAMPLE_ROBOT_DATA = {
-    "a1": "a1_description/urdf/a1.urdf",
-    "alex_nub_hands": "alex_description/urdf/alex_nub_hands.urdf",
-    "alex_psyonic_hands": "alex_description/urdf/alex_psyonic_hands.urdf",
-    "alex_sake_hands": "alex_description/urdf/alex_sake_hands.urdf",
-    "alexander": "alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf",
-    "allegro_left_hand": "allegro_hand_description/urdf/allegro_left_hand.urdf",
-    "allegro_right_hand": "allegro_hand_description/urdf/allegro_right_hand.urdf",
-    "anymal": "anymal_b_simple_description/robots/anymal.urdf",
-    "anymal_c": "anymal_c_simple_description/urdf/anymal.urdf",
-    "anymal_kinova": "anymal_b_simple_description/robots/anymal-kinova.urdf",
-    "asr_twodof": "asr_twodof_description/urdf/TwoDofs.urdf",
-    "b1": "b1_description/urdf/b1.urdf",
-    "b1_z1": "b1_description/urdf/b1-z1.urdf",
-    "baxter": "baxter_description/urdf/baxter.urdf",
-    "bluevolta_bravo7_gripper": "bluevolta_description/urdf/bluevolta_bravo7_gripper.urdf",
-    "bluevolta_bravo7_no_ee": "bluevolta_description/urdf/bluevolta_bravo7_no_ee.urdf",
-    "bolt": "bolt_description/robots/bolt.urdf",
-    "borinot": "borinot_description/urdf/borinot_flying_arm_2.urdf",
-    "bravo7_gripper": "bravo7_description/urdf/bravo7_gripper.urdf",
-    "bravo7_no_ee": "bravo7_description/urdf/bravo7_no_ee.urdf",
-    "centauro": "centauro_description/urdf/centauro.urdf",
-    "double_pendulum": "double_pendulum_description/urdf/double_pendulum.urdf",
-    "double_pendulum_continuous": (
-        "double_pendulum_description/urdf/double_pendulum_continuous.urdf"
-    ),
-    "double_pendulum_simple": "double_pendulum_description/urdf/double_pendulum_simple.urdf",
-    "falcon_bravo7_gripper": "falcon_description/urdf/falcon_bravo7_gripper.urdf",
-    "falcon_bravo7_no_ee": "falcon_description/urdf/falcon_bravo7_no_ee.urdf",
-    "finger_edu": "finger_edu_description/robots/finger_edu.urdf",
-    "g1": "g1_description/urdf/g1_29dof_rev_1_0.urdf",
-    "g1_with_hands": "g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf",
-    "go1": "go1_description/urdf/go1.urdf",
-    "go2": "go2_description/urdf/go2.urdf",
-    "hector": "hector_description/robots/quadrotor_base.urdf",
-    "hextilt": "hextilt_description/urdf/hextilt_flying_arm_5.urdf",
-    "human": "human_description/robots/human.urdf",
-    "hyq": "hyq_description/robots/hyq_no_sensors.urdf",
-    "icub": "icub_description/robots/icub.urdf",
-    "icub_reduced": "icub_description/robots/icub_reduced.urdf",
-    "iris": "iris_description/robots/iris_simple.urdf",
-    "kinova": "kinova_description/robots/kinova.urdf",
-    "laikago": "laikago_description/urdf/laikago.urdf",
-    "panda": "panda_description/urdf/panda.urdf",
-    "panda_collision": "panda_description/urdf/panda_collision.urdf",
-    "pr2": "pr2_description/urdf/pr2.urdf",
-    "quadruped": "quadruped_description/urdf/quadruped.urdf",
-    "romeo": "romeo_description/urdf/romeo.urdf",
-    "simple_humanoid": "simple_humanoid_description/urdf/simple_humanoid.urdf",
-    "simple_humanoid_classical": "simple_humanoid_description/urdf/simple_humanoid_classical.urdf",
-    "so100": "so_arm_description/urdf/so100.urdf",
-    "so101": "so_arm_description/urdf/so101.urdf",
-    "solo12": "solo_description/robots/solo12.urdf",
-    "solo8": "solo_description/robots/solo.urdf",
-    "talos": "talos_data/robots/talos_reduced.urdf",
-    "talos_arm": "talos_data/robots/talos_left_arm.urdf",
-    "talos_box": "talos_data/robots/talos_reduced_box.urdf",
-    "talos_full": "talos_data/robots/talos_full_v2.urdf",
-    "talos_full_box": "talos_data/robots/talos_full_v2_box.urdf",
-    "tiago": "tiago_description/robots/tiago.urdf",
-    "tiago_dual": "tiago_description/robots/tiago_dual.urdf",
-    "tiago_no_hand": "tiago_description/robots/tiago_no_hand.urdf",
-    "tiago_pro": "tiago_pro_description/robots/tiago_pro.urdf",
-    "ur10": "ur_description/urdf/ur10_robot.urdf",
-    "ur10_limited": "ur_description/urdf/ur10_joint_limited_robot.urdf",
-    "ur3": "ur_description/urdf/ur3_robot.urdf",
-    "ur3_gripper": "ur_description/urdf/ur3_gripper.urdf",
-    "ur3_limited": "ur_description/urdf/ur3_joint_limited_robot.urdf",
-    "ur5": "ur_description/urdf/ur5_robot.urdf",
-    "ur5_gripper": "ur_description/urdf/ur5_gripper.urdf",
-    "ur5_limited": "ur_description/urdf/ur5_joint_limited_robot.urdf",
-    "xarm7": "xarm_description/urdf/xarm7.urdf",
-    "z1": "z1_description/urdf/z1.urdf",
-}
+@cache
+def _example_robots() -> dict[str, str]:
+    table: dict[str, str] = json.loads(read_text(Path(__file__).with_name("example_robots.json")))
+    return table
 
 
 def bundled_folder() -> Path:
@@ -164,7 +96,7 @@ def bundled_presets() -> dict[str, Path]:
 
 def example_robot_names() -> list[str]:
     """Return every NAME for which `example:NAME` has a URDF on this machine."""
-    installed = {name for name in _EXAMPLE_ROBOT_DATA if _example_robot_path(name).is_file()}
+    installed = {name for name in _example_robots() if _example_robot_path(name).is_file()}
     return sorted({*bundled_robots(), *installed})
 
 
@@ -320,7 +252,7 @@ def _find_example_urdf(name: str) -> Path:
     bundled = bundled_robots()
     if name in bundled:
         return bundled[name]
-    if name not in _EXAMPLE_ROBOT_DATA:
+    if name not in _example_robots():
         raise RobotError(unknown_name("example robot", name, example_robot_names()))
     path = _example_robot_path(name)
     if not path.is_file():
@@ -334,7 +266,7 @@ def _find_example_urdf(name: str) -> Path:
 
 def _example_robot_path(name: str) -> Path:
     robots = _example_robot_data_share() / "example-robot-data" / "robots"
-    return robots / _EXAMPLE_ROBOT_DATA[name]
+    return robots / _example_robots()[name]
 
 
 def _environment_roots() -> list[Path]:

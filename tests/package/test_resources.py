@@ -176,13 +176,13 @@ def test_the_listing_of_the_installed_release_is_true():
 
 
 def test_every_name_of_the_table_is_in_a_release_and_arms_are_in_all():
-    for name, path in resources._EXAMPLE_ROBOT_DATA.items():
+    for name, path in resources._example_robots().items():
         count = sum(path in files for files in RELEASES.values())
         assert count >= (1 if "bravo7" in name else len(RELEASES)), name
 
 
 def test_a_robot_of_another_release_says_so(monkeypatch):
-    monkeypatch.setitem(resources._EXAMPLE_ROBOT_DATA, "gone", "gone_description/gone.urdf")
+    monkeypatch.setitem(resources._example_robots(), "gone", "gone_description/gone.urdf")
     with pytest.raises(RobotError, match=r"'gone' is not in the installed example-robot-data \d"):
         resources.find_description("example:gone", Path())
 
