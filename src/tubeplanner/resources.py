@@ -42,7 +42,7 @@ _FORMAT = re.compile(r"^format: *tubeplanner/(cycle|study)\b", re.M)
 # every robot is in both.
 @cache
 def _example_robots() -> dict[str, str]:
-    table: dict[str, str] = json.loads(read_text(Path(__file__).with_name("example_robots.json")))
+    table: dict[str, str] = json.loads(Path(__file__).with_name("example_robots.json").read_text())
     return table
 
 
