@@ -15,7 +15,7 @@ import pytest
 
 PASSED, NO_TESTS = 0, 5  # pytest's exit statuses
 TIMEOUT, CRASH = "timeout", "crash"
-_NOT_COPIED = (".git", ".venv", "output", ".*_cache", ".hypothesis", ".coverage*")
+_NOT_COPIED = shutil.ignore_patterns(".git", ".venv", ".*_cache", ".hypothesis", ".coverage*")
 # Tests run in forks of a process that has the libraries, but nothing of the package.
 _LIBRARIES = (
     *("click", "coal", "fcl", "hypothesis", "lazy_loader", "numpy.polynomial", "ompl"),
@@ -35,7 +35,13 @@ class Copy:
 
     def __init__(self, folder: Path, checkout: Path) -> None:
         self._folder, self._known_covers = folder, checkout / _COVERS
-        shutil.copytree(checkout, folder, ignore=shutil.ignore_patterns(*_NOT_COPIED))
+
+        def not_copied(parent: str, names: list[str]) -> set[str]:
+            # A folder of the package has the name of the results.
+            results = {"output"} if Path(parent) == checkout else set()
+            return results | _NOT_COPIED(parent, names)
+
+        shutil.copytree(checkout, folder, ignore=not_copied)
         # Compiled here, where it is not: what is read from then on is the module that changes.
         compiling = [sys.executable, "-m", "compileall", "-q", "src", "tests"]
         subprocess.run(compiling, cwd=folder, check=True)
