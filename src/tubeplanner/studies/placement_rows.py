@@ -234,7 +234,7 @@ class Placement:
 
     @cached_property
     def reasons(self) -> tuple[tuple[str, int, str], ...]:
-        """The reasons of failures, the most frequent first: reason, count, and a message."""
+        """Reason, count and a message of the failures, the most frequent reason first."""
         others = [row for row in self.rows if not row.is_feasible]
         groups = grouped(others, lambda row: row.reason)
         return tuple((reason, len(rows), rows[0].message) for reason, rows in groups)

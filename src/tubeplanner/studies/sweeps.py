@@ -345,7 +345,7 @@ class FieldSweep:
 
     @property
     def varies_objective(self) -> bool:
-        """True if the field is part of the objective: answers may not be the shortest."""
+        """True if the field is part of the objective, so that answers may not be the shortest."""
         return is_of_objective(self.path)
 
     def as_dict(self) -> dict[str, Any]:

@@ -71,8 +71,8 @@ def measure_tube(
         progress: Called as each stage begins.
 
     Returns:
-        The tube, or the reason why there is none: the branch along the centre line, or its
-        surroundings, collide.
+        The tube, or the reason why there is none, such as that the branch along the centre line or
+        its surroundings collide.
 
     Raises:
         OptionError: The largest radius is not above the tool radius, the segments are too many, or
