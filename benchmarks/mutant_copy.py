@@ -15,7 +15,8 @@ import pytest
 
 PASSED, NO_TESTS = 0, 5  # pytest's exit statuses
 TIMEOUT, CRASH = "timeout", "crash"
-_NOT_COPIED = shutil.ignore_patterns(".git", ".venv", ".*_cache", ".hypothesis", ".coverage*")
+_NOT_COPIED = (".git", ".venv", "output", ".*_cache", ".hypothesis", ".coverage*")
+_PACKAGE_OUTPUT = Path("src/tubeplanner/output")  # no results, though of their folder's name
 # Tests run in forks of a process that has the libraries, but nothing of the package.
 _LIBRARIES = (
     *("click", "coal", "fcl", "hypothesis", "lazy_loader", "numpy.polynomial", "ompl"),
@@ -35,13 +36,8 @@ class Copy:
 
     def __init__(self, folder: Path, checkout: Path) -> None:
         self._folder, self._known_covers = folder, checkout / _COVERS
-
-        def not_copied(parent: str, names: list[str]) -> set[str]:
-            # A folder of the package has the name of the results.
-            results = {"output"} if Path(parent) == checkout else set()
-            return results | _NOT_COPIED(parent, names)
-
-        shutil.copytree(checkout, folder, ignore=not_copied)
+        shutil.copytree(checkout, folder, ignore=shutil.ignore_patterns(*_NOT_COPIED))
+        shutil.copytree(checkout / _PACKAGE_OUTPUT, folder / _PACKAGE_OUTPUT)
         # Compiled here, where it is not: what is read from then on is the module that changes.
         compiling = [sys.executable, "-m", "compileall", "-q", "src", "tests"]
         subprocess.run(compiling, cwd=folder, check=True)

@@ -1,24 +1,17 @@
 """Do the tests notice when a line that they run is wrong?
 
-    python benchmarks/mutants.py --sample 150 --seed 1 [--folder collision]
+    python benchmarks/mutants.py --sample 150 --seed 1 [--folder geometry]
     python benchmarks/mutants.py --by-hand
 
 Mutants are drawn from all changes that `mutant_operators.py` makes in lines that tests run, or
-are those of `hand_mutants.py`, which no operator makes. One at a time is put into a copy of the
-checkout, and the tests that run its statement are run, cheapest first, until one fails: killed.
-A mutant that keeps them busy for too long is noticed as well. Survivors are printed with their
-lines: each is a missing test, or a change that nobody could notice.
+are those of `hand_mutants.py`. One at a time is put into a copy of the checkout, and the tests
+that run its statement are run, cheapest first, until one fails: killed. A mutant that keeps them
+busy for too long is noticed as well. Survivors are printed: each is a missing test, or no fault.
 
 Which test runs which line is known from one run of all quick tests, `output/mutants`, which is
 made where it is not; remove it once sources have changed. `--write` saves mutants, and `--read`
 puts the same into another `--checkout`, by their function and their line, wherever that now is.
 Exit status 1 if a test fails without any mutant, or if fewer than `--fail-under` are noticed.
-
-Why not mutmut 3.8 or cosmic-ray 8.7: mutmut draws no sample, leaves out properties and most
-other decorated functions (a tenth of ours), chooses tests by function, not by line, and makes
-its mutants of the functions of one checkout, so that no two suites see the same ones. cosmic-ray
-runs one command for all mutants, knows nothing of coverage, drops no statements, swaps no
-arguments, and draws without a seed. Either would still need this map, drawing and running.
 """
 
 import argparse
