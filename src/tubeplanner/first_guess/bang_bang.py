@@ -204,8 +204,12 @@ def _smoothed(
     """Return the fastest trajectory of all rounds, slowed until the limits hold."""
     factor, shortest, best = np.ones(len(timing.widths)), np.inf, path
     middle = timing.position((timing.breakpoints[:-1] + timing.breakpoints[1:]) / 2)[:, 0]
+    powers = np.arange(len(timing.coefficients) - 1, -1, -1)
     for _ in range(_ROUNDS):
-        smooth = averaged_parameterization(_stretched(timing, factor), intervals)
+        stretched = np.concatenate([[0.0], np.cumsum(factor * timing.widths)])
+        rows = timing.coefficients / (factor ** powers[:, None])[:, :, None]
+        stretched_timing = JointTrajectory(timing.joint_names, stretched, rows)
+        smooth = averaged_parameterization(stretched_timing, intervals)
         trajectory = run_along(path, smooth)
         duration = estimated_duration(problem, trajectory)
         if duration < shortest:
@@ -217,11 +221,3 @@ def _smoothed(
         speed_factor = np.interp(middle, smooth.position(samples.time)[:, 0], least)
         factor = factor / np.minimum(speed_factor, _MAX_GAIN) ** _POWER
     return scaled_to_limits(problem, best)
-
-
-def _stretched(timing: JointTrajectory, factor: FloatArray) -> JointTrajectory:
-    """Return a time parameterization with the durations of pieces times factors (pieces,)."""
-    powers = np.arange(len(timing.coefficients) - 1, -1, -1)
-    times = np.concatenate([[0.0], np.cumsum(factor * timing.widths)])
-    rows = timing.coefficients / (factor ** powers[:, None])[:, :, None]
-    return JointTrajectory(timing.joint_names, times, rows)

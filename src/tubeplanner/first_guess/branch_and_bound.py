@@ -13,6 +13,7 @@ duration and its certificate.
 import heapq
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -181,9 +182,14 @@ class BranchAndBound:
         if not nodes:
             return
         self._nodes += len(nodes)
-        parents, goals = np.arange(len(nodes)), np.full(len(nodes), len(self._waypoints) - 1)
+        goal = len(self._waypoints) - 1
+        parents, goals = np.arange(len(nodes)), np.full(len(nodes), goal)
         last_segments = self._continued(nodes, parents, goals, last_two_quartics)
-        for batch in (last_segments, self._inner_segments(nodes)):
+        after = [np.arange(node.waypoints[-1] + 1, goal) for node in nodes]
+        parents = np.repeat(parents, [len(row) for row in after])
+        aims = np.concatenate(after)
+        inner_segments = self._continued(nodes, parents, aims, look_ahead_quartic)
+        for batch in (last_segments, inner_segments):
             self._children += len(batch)
             survivors = self._rules.clear(self._rules.surviving(batch, self._upper_bound))
             bound = self._rules.lower_bound(survivors)
@@ -202,13 +208,6 @@ class BranchAndBound:
     def _push(self, bound: float, node: _Node) -> None:
         # No two nodes share all waypoints, so waypoints decide between equal bounds.
         heapq.heappush(self._open, (bound, node.waypoints, node))
-
-    def _inner_segments(self, nodes: Sequence[_Node]) -> SegmentBatch:
-        """Return every node's next segment, for every waypoint before the goal to aim at."""
-        goal = len(self._waypoints) - 1
-        after = [np.arange(node.waypoints[-1] + 1, goal) for node in nodes]
-        parent = np.repeat(np.arange(len(nodes)), [len(row) for row in after])
-        return self._continued(nodes, parent, np.concatenate(after), look_ahead_quartic)
 
     def _continued(
         self,
@@ -256,7 +255,9 @@ class BranchAndBound:
             return
         self._trajectories += 1
         shape = sequential_quartics(self._problem.robot.joint_names, q)
-        trajectory = self._at_limits(shape)
+        trajectory = None
+        with suppress(Infeasible):  # gravity is too strong somewhere
+            trajectory = scaled_to_limits(self._problem, shape)
         if trajectory is None or trajectory.duration >= self._upper_bound:
             self._refused += 1
             return
@@ -295,13 +296,6 @@ class BranchAndBound:
         if not times:
             return None
         return int(np.searchsorted(trajectory.breakpoints[1:-1], min(times), side="right"))
-
-    def _at_limits(self, shape: JointTrajectory) -> JointTrajectory | None:
-        """Return a shape run as fast as the limits allow; None if gravity is too strong."""
-        try:
-            return scaled_to_limits(self._problem, shape)
-        except Infeasible:
-            return None
 
     def _begins_like_a_failed_one(self, waypoints: tuple[int, ...]) -> bool:
         failed = any(waypoints[:k] in self._failed for k in range(3, len(waypoints) + 1))

@@ -130,7 +130,12 @@ def reference_branch(
         Infeasible: Status unreachable: the message says where the branch ends and why.
     """
     start, goal = end_configurations(problem)
-    route = _route(problem, start, goal)
+    route = problem.tube.points.copy()  # the tool's, with the ends of start and goal
+    route[0] = problem.robot.tool_position(start[None])[0]
+    if goal is not None:
+        route[-1] = problem.robot.tool_position(goal[None])[0]
+    elif problem.open_goal is not None:
+        route[-1] = problem.open_goal.position
     pulls = _pulls(problem, route, start, goal, rule)
     q, segments = start, []
     for k in range(problem.tube.segment_count):
@@ -236,17 +241,6 @@ def _explain_turned_end(
         f"{bounded_by(problem, (segment,), outside)} are in the way of the orientation asked, "
         f"{outside.words}; change them, the seed or tube.orientations"
     )
-
-
-def _route(problem: PlanningProblem, start: FloatArray, goal: FloatArray | None) -> FloatArray:
-    """Return the tool's route (m+1, 3) [m]: reference points, ends from start and goal."""
-    route = problem.tube.points.copy()
-    route[0] = problem.robot.tool_position(start[None])[0]
-    if goal is not None:
-        route[-1] = problem.robot.tool_position(goal[None])[0]
-    elif problem.open_goal is not None:
-        route[-1] = problem.open_goal.position
-    return route
 
 
 def _require_goal(problem: PlanningProblem, q: FloatArray, goal: FloatArray) -> None:

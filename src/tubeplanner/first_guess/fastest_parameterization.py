@@ -255,23 +255,18 @@ def _solved(arc_length: FloatArray, limits: list[PathRows], most: FloatArray) ->
     """Return the largest rates (N,) [1/s] under limits at steps' begins, and perhaps ends."""
     from toppra import algorithm  # takes a second
 
-    unit = _unit(arc_length, limits[0])
+    # The unit of rates is a fraction of the rate after speeding up over the path.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        strongest = (limits[0].allowed / abs(limits[0].acceleration)).min(axis=1)
+    usual, unit = float(np.median(strongest)), 1.0
+    if 0 < usual < np.inf:
+        unit = _UNIT_FRACTION * float(np.sqrt(usual * np.ptp(arc_length)))
     rows = _Limits(arc_length, limits, np.minimum(most, _AMPLE * unit), unit)
     solver = algorithm.TOPPRA([rows], rows, gridpoints=arc_length, solver_wrapper="seidel")
     _, rate, _ = solver.compute_parameterization(0.0, 0.0)
     if rate is None or not np.isfinite(rate).all() or (rate[1:] + rate[:-1] == 0).any():
         return None
     return unit * np.asarray(rate)
-
-
-def _unit(arc_length: FloatArray, limits: PathRows) -> float:
-    """Return a unit of rates: a fraction of the rate after speeding up over the path [1/s]."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        most = (limits.allowed / abs(limits.acceleration)).min(axis=1)
-    usual = float(np.median(most))
-    return (
-        _UNIT_FRACTION * float(np.sqrt(usual * np.ptp(arc_length))) if 0 < usual < np.inf else 1.0
-    )
 
 
 def _step_times(arc_length: FloatArray, rate: FloatArray) -> FloatArray:

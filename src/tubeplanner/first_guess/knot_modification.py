@@ -76,39 +76,28 @@ def feasible_trajectory(
         upper_bound: Only a faster trajectory is of interest [s].
     """
     shape = construction(problem.robot.joint_names, knots)
-    if _min_duration(problem, shape) >= upper_bound:
+    samples = shape.per_piece(_LIMIT_SAMPLES)
+    factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration).min()
+    least = shape.duration / float(factor) if 0 < factor < np.inf else np.inf
+    if least >= upper_bound:
         return None
     try:
         trajectory = scaled_to_limits(problem, shape)
     except Infeasible:  # gravity is too strong somewhere
         return None
-    if trajectory.duration >= upper_bound or not _within_position_limits(problem, shape):
+    if trajectory.duration >= upper_bound:
         return None
-    if worst_membership(problem, shape) < -_TOLERANCE or not _is_free(shape, clearance):
-        return None
-    return KnotTrajectory(knots, construction, trajectory)
-
-
-def _min_duration(problem: PlanningProblem, shape: JointTrajectory) -> float:
-    """Return the least duration under the limits at samples [s]; inf if none is possible."""
-    samples = shape.per_piece(_LIMIT_SAMPLES)
-    factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration).min()
-    return shape.duration / float(factor) if 0 < factor < np.inf else np.inf
-
-
-def _within_position_limits(problem: PlanningProblem, shape: JointTrajectory) -> bool:
     limits = problem.robot.limits
     both = np.concatenate([shape.coefficients, -shape.coefficients], axis=2)
     highest = maxima(both, shape.widths).value
     limit = np.append(limits.upper_position, -limits.lower_position)
-    return bool((highest <= limit + _TOLERANCE).all())
-
-
-def _is_free(shape: JointTrajectory, clearance: LinkClearance) -> bool:
-    """Return True if samples are clear of collisions, by clearances at the nearest knots."""
+    if not (highest <= limit + _TOLERANCE).all() or worst_membership(problem, shape) < -_TOLERANCE:
+        return None
     samples = shape.per_piece(_COLLISION_SAMPLES)
     nearest = np.rint(samples.time).astype(np.int64)  # a piece lasts one second
-    return bool(clearance.is_free(samples.position, nearest).all())
+    if not clearance.is_free(samples.position, nearest).all():
+        return None
+    return KnotTrajectory(knots, construction, trajectory)
 
 
 # ---- The discretised gradient, by branch and bound: the direction in which to move all knots.
@@ -224,7 +213,9 @@ class _Search:
         self._response = unit_response(candidate.construction, count)
         shape = candidate.construction(problem.robot.joint_names, candidate.knots)
         self._coefficients = shape.coefficients
-        self._open = [self._none(depth) for depth in range(self._last)]
+        none, nowhere = np.zeros(0), np.zeros((0, problem.tube.segment_count), dtype=bool)
+        choices = [np.zeros((0, depth), dtype=np.int64) for depth in range(self._last)]
+        self._open = [_Open(none, own, none, nowhere) for own in choices]
         self._open[1] = self._root()
 
     @property
@@ -244,7 +235,14 @@ class _Search:
             if len(nodes):
                 self._expand(nodes)
         for choices in self._popped(self._last - 1, _TRAJECTORIES_PER_SWEEP).choices:
-            self._try(choices)
+            knots = self._trajectory.knots.copy()
+            knots[1:-1] += self._moves[choices]
+            construction, clearance = self._trajectory.construction, self._clearance
+            candidate = feasible_trajectory(
+                self._problem, knots, construction, clearance, self._upper_bound
+            )
+            if candidate is not None:
+                self.best, self._upper_bound = candidate, candidate.duration
 
     def _popped(self, depth: int, most: int) -> _Open:
         """Remove and return the most promising open nodes of a depth."""
@@ -252,15 +250,6 @@ class _Search:
         count = min(most, int(np.searchsorted(nodes.bound, self._upper_bound)))
         self._open[depth] = nodes.where(slice(count, None))
         return nodes.where(slice(count))
-
-    def _none(self, depth: int) -> _Open:
-        segments = self._problem.tube.segment_count
-        return _Open(
-            np.zeros(0),
-            np.zeros((0, depth), dtype=np.int64),
-            np.zeros(0),
-            np.zeros((0, segments), dtype=bool),
-        )
 
     def _root(self) -> _Open:
         """Return the choices for the first knot that moves; no segment is settled yet."""
@@ -322,16 +311,6 @@ class _Search:
             tube_segments=nodes.tube_segments,
             inside=np.zeros((count, 0, new, segments), dtype=bool),
         )
-
-    def _try(self, choices: IntArray) -> None:
-        """Judge a complete direction as a whole, and keep the best so far."""
-        knots = self._trajectory.knots.copy()
-        knots[1:-1] += self._moves[choices]
-        candidate = feasible_trajectory(
-            self._problem, knots, self._trajectory.construction, self._clearance, self._upper_bound
-        )
-        if candidate is not None:
-            self.best, self._upper_bound = candidate, candidate.duration
 
 
 @lru_cache(maxsize=64)

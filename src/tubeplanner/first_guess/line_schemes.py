@@ -78,7 +78,12 @@ def largest_trapezoidal_speed(problem: PlanningProblem, lines: list[ToolPath]) -
         Infeasible: Gravity exceeds a motor's effort, or the scheme cannot run a line.
     """
     longest = max(line.curve.length for line in lines)
-    speeds = [_scaled_speed(problem, lines, ratio * longest) for ratio in _RAMP_FRACTIONS]
+    speeds = []
+    for ratio in _RAMP_FRACTIONS:
+        shape = TrapezoidalSpeed(float(np.sqrt(ratio * longest)), 1.0)
+        trajectory = conventional_trajectory(problem.robot, lines, shape)
+        faster = trajectory.duration / minimum_duration(problem, trajectory, with_jerk=False)
+        speeds.append(TrapezoidalSpeed(faster * shape.speed, faster**2))
     return min(speeds, key=lambda speed: sum(speed.duration(line.curve.length) for line in lines))
 
 
@@ -96,16 +101,6 @@ def conventional_trajectory(
     return concatenate([_run(robot, line, speed.timing(line.curve.length)) for line in lines])
 
 
-def _scaled_speed(
-    problem: PlanningProblem, lines: list[ToolPath], ramps: float
-) -> TrapezoidalSpeed:
-    """Return the largest trapezoidal speed whose ramps have a given length [m]."""
-    shape = TrapezoidalSpeed(float(np.sqrt(ramps)), 1.0)
-    trajectory = conventional_trajectory(problem.robot, lines, shape)
-    faster = trajectory.duration / minimum_duration(problem, trajectory, with_jerk=False)
-    return TrapezoidalSpeed(faster * shape.speed, faster**2)
-
-
 def _run(robot: RobotModel, line: ToolPath, timing: JointTrajectory) -> JointTrajectory:
     """Return the trajectory along a line, in phases of constant acceleration."""
     phases = []
@@ -121,7 +116,10 @@ def _run(robot: RobotModel, line: ToolPath, timing: JointTrajectory) -> JointTra
                     Place(segment=line.segment),
                 )
             phase = _phase(robot, line, timing, np.linspace(begin, end, nodes + 1))
-            off = _off(robot, line, timing, phase, begin)
+            between = (phase.breakpoints[:-1] + phase.breakpoints[1:]) / 2
+            target = line.curve.point(timing.position(begin + between)[:, 0])
+            tool = robot.tool_position(phase.position(between))
+            off = float(np.linalg.norm(tool - target, axis=1).max())
             nodes *= 2
         phases.append(phase)
     return concatenate(phases)
@@ -143,20 +141,6 @@ def _phase(
     ]
     spline = CubicSpline(times - times[0], q, bc_type=tuple(ends))
     return JointTrajectory(robot.joint_names, spline.x, spline.c)
-
-
-def _off(
-    robot: RobotModel,
-    line: ToolPath,
-    timing: JointTrajectory,
-    phase: JointTrajectory,
-    begin: float,
-) -> float:
-    """Return the tool's largest distance from the timing, midway between a phase's points [m]."""
-    times = (phase.breakpoints[:-1] + phase.breakpoints[1:]) / 2
-    target = line.curve.point(timing.position(begin + times)[:, 0])
-    tool = robot.tool_position(phase.position(times))
-    return float(np.linalg.norm(tool - target, axis=1).max())
 
 
 # ---- Taylor's bounded deviation: lines in joint space whose tool stays near the lines of the tool.
@@ -219,10 +203,15 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
 
 def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
     """Return knots (K, n) on a line of the tool with joint lines near that line."""
-    distances = np.array([0.0, line.curve.length])
+    distances, direction = np.array([0.0, line.curve.length]), line.curve.direction[0]
     for _ in range(_MAX_ROUNDS):
         knots = line.joints.position(arc_lengths_on_line(robot, line, distances))
-        off = np.flatnonzero(_deviation(robot, line, knots) > tolerance)
+        steps = np.diff(knots, axis=0)
+        probes = knots[:-1, None] + _PROBES[:, None] * steps[:, None]
+        offset = robot.tool_position(probes.reshape(-1, knots.shape[1])) - line.curve.start[0]
+        arc_length = np.clip(offset @ direction, 0.0, line.curve.length)
+        deviation = np.linalg.norm(offset - arc_length[:, None] * direction, axis=1)
+        off = np.flatnonzero(deviation.reshape(len(steps), -1).max(axis=1) > tolerance)
         if len(off) == 0:
             return knots
         middle = (distances[off] + distances[off + 1]) / 2
@@ -234,17 +223,6 @@ def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
         "reference points",
         Place(segment=line.segment),
     )
-
-
-def _deviation(robot: RobotModel, line: ToolPath, knots: FloatArray) -> FloatArray:
-    """Return the tool's deviations from its line on joint lines at probes, shape (K-1,) [m]."""
-    steps = np.diff(knots, axis=0)
-    probes = knots[:-1, None] + _PROBES[:, None] * steps[:, None]
-    offset = robot.tool_position(probes.reshape(-1, knots.shape[1])) - line.curve.start[0]
-    direction = line.curve.direction[0]
-    arc_length = np.clip(offset @ direction, 0.0, line.curve.length)
-    off = np.linalg.norm(offset - arc_length[:, None] * direction, axis=1)
-    return off.reshape(len(steps), -1).max(axis=1)
 
 
 def _fastest(problem: PlanningProblem, knots: FloatArray, share: float) -> JointTrajectory:

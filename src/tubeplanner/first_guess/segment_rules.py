@@ -221,16 +221,28 @@ class SegmentRules:
         batch = self._cut("collision", batch, self.free_waypoints[batch.waypoints[:, 2]])
         batch = replace(batch, factor=np.minimum(batch.factor, self._rate_factor(batch)))
         batch = self._cut("duration", batch, self.lower_bound(batch) < upper_bound)
+        limits = self._problem.robot.limits
         for times in _STAGES:
-            batch = self._cut("joint_limits", batch, self._within_limits(batch, times))
-            batch = replace(
-                batch, factor=np.minimum(batch.factor, self._sampled_factor(batch, times))
-            )
+            q = batch.at(times, 0)
+            outside = np.maximum(limits.lower_position - q, q - limits.upper_position)
+            within = np.all(outside <= MARGIN_TOLERANCE, axis=(1, 2, 3))
+            batch = self._cut("joint_limits", batch, within)
+            by_path = np.stack([batch.at(times, order) for order in range(self._orders)])
+            at = PathSamples(self._problem, by_path.reshape(self._orders, -1, by_path.shape[4]))
+            factor = largest_speeds(at, self._sampled).reshape(by_path.shape[1:4])
+            batch = replace(batch, factor=np.minimum(batch.factor, factor.min(axis=(1, 2))))
             batch = self._cut("duration", batch, self.lower_bound(batch) < upper_bound)
-            inside = np.concatenate([batch.inside, self._inside(batch, times)], axis=1)
+            q = batch.at(times, 0)
+            margin = membership_margin(self._problem, q.reshape(-1, q.shape[-1]))
+            inside = (margin >= -MARGIN_TOLERANCE).reshape(*q.shape[:3], margin.shape[1])
+            inside = np.concatenate([batch.inside, inside], axis=1)
             batch = replace(batch, inside=inside)
             batch = self._cut("tube", batch, np.all(np.any(inside, axis=3), axis=(1, 2)))
-        batch = replace(batch, tube_segments=self._reached(batch))
+        inside = batch.inside[:, _IN_ORDER].transpose(0, 2, 1, 3)
+        inside = inside.reshape(len(batch), inside.shape[1] * inside.shape[2], inside.shape[-1])
+        ordered = self._problem.tube.visit == "ordered"
+        reached = segments_reached(inside, batch.tube_segments, self._passable, ordered=ordered)
+        batch = replace(batch, tube_segments=reached[:, -1])
         # A complete trajectory must have arrived in the last segment, another one somewhere.
         segments = slice(-1, None) if batch.complete else slice(None)
         return self._cut("tube", batch, np.any(batch.tube_segments[:, segments], axis=1))
@@ -265,12 +277,6 @@ class SegmentRules:
         self.cuts[rule] += int(len(keep) - keep.sum())
         return batch if keep.all() else batch.where(keep)
 
-    def _within_limits(self, batch: SegmentBatch, times: FloatArray) -> BoolArray:
-        limits = self._problem.robot.limits
-        q = batch.at(times, 0)
-        outside = np.maximum(limits.lower_position - q, q - limits.upper_position)
-        return np.all(outside <= MARGIN_TOLERANCE, axis=(1, 2, 3))
-
     def _rate_factor(self, batch: SegmentBatch) -> FloatArray:
         """Return the speed factors under limits of velocity, acceleration and jerk, (C,)."""
         factor = np.full(len(batch), np.inf)
@@ -280,25 +286,3 @@ class SegmentRules:
             with np.errstate(divide="ignore"):
                 factor = np.minimum(factor, (1 / used) ** (1 / limit.order))
         return factor
-
-    def _sampled_factor(self, batch: SegmentBatch, times: FloatArray) -> FloatArray:
-        """Return the speed factors under limits of efforts at samples, shape (C,)."""
-        by_path = np.stack([batch.at(times, order) for order in range(self._orders)])
-        shape, n = by_path.shape[1:4], by_path.shape[4]
-        at = PathSamples(self._problem, by_path.reshape(self._orders, -1, n))
-        return largest_speeds(at, self._sampled).reshape(shape).min(axis=(1, 2))
-
-    def _inside(self, batch: SegmentBatch, times: FloatArray) -> BoolArray:
-        """Return a mask of the tube segments that hold the samples, shape (C, S, L, m)."""
-        q = batch.at(times, 0)
-        margin = membership_margin(self._problem, q.reshape(-1, q.shape[-1]))
-        return (margin >= -MARGIN_TOLERANCE).reshape(*q.shape[:3], margin.shape[1])
-
-    def _reached(self, batch: SegmentBatch) -> BoolArray:
-        """Return a mask of the tube segments the tool may be in at the end, shape (C, m)."""
-        inside = batch.inside[:, _IN_ORDER].transpose(0, 2, 1, 3)
-        samples = inside.shape[1] * inside.shape[2]
-        inside = inside.reshape(len(batch), samples, inside.shape[-1])
-        ordered = self._problem.tube.visit == "ordered"
-        reached = segments_reached(inside, batch.tube_segments, self._passable, ordered=ordered)
-        return reached[:, -1]

@@ -6,7 +6,6 @@ Later planners start from it and must beat it.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,10 +22,6 @@ from tubeplanner.trajectory.polynomials import (
     fitted_control_points,
     times_between,
 )
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
-
 
 _DEGREE = 5
 # Configurations nearer to their neighbour than this fraction of the largest step have no direction.
@@ -136,10 +131,19 @@ def _fits(
     Control points are moved into the segment's joint bounds, which then hold for all t: a spline
     lies in the hull of its control points.
     """
+    from scipy.interpolate import CubicSpline
+
     breakpoints = (1 - np.cos(np.pi * np.arange(intervals + 1) / intervals)) / 2
     knots = np.concatenate([np.zeros(_DEGREE), breakpoints, np.ones(_DEGREE)])
     times = times_between(breakpoints, _FIT_POINTS_PER_INTERVAL)
-    along = _along(q)
+    # Over the joint-space length. The tool's would not do: where the arm is stretched, joints move
+    # while the tool hardly does.
+    lengths = np.linalg.norm(np.diff(q, axis=0), axis=1)
+    apart = lengths > _MIN_STEP_FRACTION * lengths.max()
+    rows = np.concatenate([[True], apart[:-1], [True]])
+    rows[-2] &= apart[-1] or len(q) == 2
+    arc_length = arc_lengths(q[rows])
+    along = CubicSpline(arc_length / arc_length[-1], q[rows])
     samples = np.hstack([along(_ramped(times, ramp)) for ramp in ramps])
     start, goal = (np.tile(end, len(ramps)) for end in (q[0], q[-1]))
     points = fitted_control_points(knots, _DEGREE, times, samples, (start, goal))
@@ -148,22 +152,6 @@ def _fits(
     of_ramps = points.reshape(len(points), len(ramps), -1)
     of_ramps[inner] = np.clip(of_ramps[inner], lower, upper)
     return from_splines(problem.robot.joint_names, BSpline(knots, of_ramps, _DEGREE))
-
-
-def _along(q: FloatArray) -> "CubicSpline":
-    """Return the curve through configurations (P, n) over its joint-space length, from 0 to 1.
-
-    The tool's length would not do: where the arm is stretched, joints move while the tool hardly
-    does.
-    """
-    from scipy.interpolate import CubicSpline
-
-    lengths = np.linalg.norm(np.diff(q, axis=0), axis=1)
-    apart = lengths > _MIN_STEP_FRACTION * lengths.max()
-    rows = np.concatenate([[True], apart[:-1], [True]])
-    rows[-2] &= apart[-1] or len(q) == 2
-    arc_length = arc_lengths(q[rows])
-    return CubicSpline(arc_length / arc_length[-1], q[rows])
 
 
 def _ramped(u: FloatArray, ramp: float) -> FloatArray:

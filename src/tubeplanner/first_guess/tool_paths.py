@@ -129,7 +129,13 @@ def _between_stops(
             rows.append((start, direction, direction, 0.0, straight, straight))
         if after_line > 0:
             start = points[k + 1] - after_line * direction
-            rows.append(_arc(start, direction, points[k + 1 : k + 3], after_line))
+            following = points[k + 2] - points[k + 1]
+            after = following / np.linalg.norm(following)
+            turn = _angle(direction, after)
+            sideways = after - (after @ direction) * direction
+            curvature = float(np.tan(turn / 2) / after_line)
+            normal = sideways / np.linalg.norm(sideways)
+            rows.append((start, direction, normal, curvature, turn / curvature, 2 * after_line))
     starts, directions, normals, curvatures, lengths, polyline = zip(*rows, strict=True)
     return ToolCurve(
         np.array(starts),
@@ -139,19 +145,6 @@ def _between_stops(
         np.concatenate([[0.0], np.cumsum(lengths)]),
         before[first] + np.concatenate([[0.0], np.cumsum(polyline)]),
     )
-
-
-def _arc(
-    start: FloatArray, direction: FloatArray, following: FloatArray, cut: float
-) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float]:
-    """Return start, direction, normal, curvature, length and length of the polyline replaced."""
-    line = following[1] - following[0]
-    after = line / np.linalg.norm(line)
-    turn = _angle(direction, after)
-    sideways = after - (after @ direction) * direction
-    curvature = np.tan(turn / 2) / cut
-    normal = sideways / np.linalg.norm(sideways)
-    return start, direction, normal, float(curvature), float(turn / curvature), 2 * cut
 
 
 # ---- The arm along a curve of its tool: a path in joint space, by inverse kinematics.
@@ -298,7 +291,12 @@ class _Follower:
         table = _apart(self._on_curve(self._along_branch()))
         for _ in range(_MAX_ROUNDS):
             spline = CubicSpline(arc_lengths(table[:, :-1]), table)
-            off = self._off_curve(spline)
+            x = spline.x
+            within = x[:-1, None] + np.diff(x)[:, None] * _PROBES
+            probes = spline(within.ravel())
+            tool = self._problem.robot.tool_position(probes[:, :-1])
+            target = self._curve.point(np.clip(probes[:, -1], 0.0, self._curve.length))
+            off = np.linalg.norm(tool - target, axis=1).reshape(within.shape).max(axis=1)
             steps = np.flatnonzero(off > CURVE_TOLERANCE)
             if len(steps) == 0:
                 names = self._problem.robot.joint_names
@@ -368,16 +366,6 @@ class _Follower:
                 raise Infeasible(PlanStatus.UNREACHABLE, f"{place}: {reason}", place)
             result[i, :-1] = solution.q
         return result
-
-    def _off_curve(self, spline: CubicSpline) -> FloatArray:
-        """Return the tool's largest distance from the curve within each step of a spline [m]."""
-        x = spline.x
-        arc_lengths = x[:-1, None] + np.diff(x)[:, None] * _PROBES
-        probes = spline(arc_lengths.ravel())
-        tool = self._problem.robot.tool_position(probes[:, :-1])
-        target = self._curve.point(np.clip(probes[:, -1], 0.0, self._curve.length))
-        off = np.linalg.norm(tool - target, axis=1)
-        return off.reshape(arc_lengths.shape).max(axis=1)
 
 
 def _stands_still(segment: int) -> Infeasible:

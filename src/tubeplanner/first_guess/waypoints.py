@@ -177,7 +177,14 @@ def quartic_spline(joint_names: Sequence[str], waypoints: FloatArray) -> JointTr
         return _quintic(joint_names, waypoints)
     step = np.diff(waypoints, axis=0)
     velocity = np.zeros_like(waypoints)
-    velocity[1:-1] = _spline_velocities(step)
+    # Velocities at inner waypoints make the acceleration continuous.
+    count = len(step) - 1
+    matrix = 4 * np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
+    weighted = 3 * step
+    for end in (0, -1):  # the quartics at the ends
+        matrix[end, end] += 1
+        weighted[end] *= 2
+    velocity[1:-1] = np.linalg.solve(matrix, weighted[:-1] + weighted[1:])
     before, after = velocity[:-1], velocity[1:]
     cubics = np.array(
         [np.zeros_like(step), before + after - 2 * step, 3 * step - 2 * before - after]
@@ -188,17 +195,6 @@ def quartic_spline(joint_names: Sequence[str], waypoints: FloatArray) -> JointTr
     cubics[:, -1] += bubble * (3 * step[-1] - before[-1])
     coefficients = np.concatenate([cubics, before[None], waypoints[None, :-1]])
     return JointTrajectory(joint_names, np.arange(len(waypoints)), coefficients)
-
-
-def _spline_velocities(step: FloatArray) -> FloatArray:
-    """Return the velocities (K-2, n) at inner waypoints for a continuous acceleration."""
-    count = len(step) - 1
-    matrix = 4 * np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
-    weighted = 3 * step
-    for end in (0, -1):  # the quartics at the ends
-        matrix[end, end] += 1
-        weighted[end] *= 2
-    return np.asarray(np.linalg.solve(matrix, weighted[:-1] + weighted[1:]), dtype=np.float64)
 
 
 def _quintic(joint_names: Sequence[str], waypoints: FloatArray) -> JointTrajectory:

@@ -59,7 +59,13 @@ def other_ends(cycle: Cycle, k: int, seams: list[FloatArray]) -> Iterator[FloatA
         if all(abs(q - other).max() > _SAME for other in distinct):
             distinct.append(q)
     others = sorted(distinct[1:], key=lambda q: float(abs(q - seams[k - 1]).max()))
-    yield from (q for q in others if _leads_on(cycle, k, [*seams[:k], q]))
+    for q in others:
+        try:
+            problem = cycle.problem(k, [*seams[:k], q]).joined
+        except ProblemError:
+            continue
+        if is_free(problem, "start", q) and is_continued(problem):
+            yield q
 
 
 def _reaching(
@@ -79,15 +85,6 @@ def _reaching(
             if problem.tube.rotation.margin(rotation, tool, last)[0] < 0:
                 continue
         yield solution.q
-
-
-def _leads_on(cycle: Cycle, k: int, seams: list[FloatArray]) -> bool:
-    """Return True if a leg can begin at its junction, and has a branch."""
-    try:
-        problem = cycle.problem(k, seams).joined
-    except ProblemError:
-        return False
-    return is_free(problem, "start", seams[k]) and is_continued(problem)
 
 
 # ---- Moves planned alone, one after the other, each from where the last one ended.

@@ -7,12 +7,10 @@ from typing import Any
 from tubeplanner.arrays import FloatArray
 from tubeplanner.certificate.cycle_verification import CycleCertificate
 from tubeplanner.native.library import LIBRARY
-from tubeplanner.optimizer.stages import Sensitivity
 from tubeplanner.outcome import Place, PlanStatus, StoppedBy
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.cycle_motion import CycleMotion, move_rows
-from tubeplanner.task.legs import Leg
 from tubeplanner.task.problem import PlanningProblem
 
 
@@ -184,17 +182,14 @@ def cycle_sensitivities(cycle: Cycle, plans: Sequence[LegPlan]) -> tuple[CycleSe
     saved: dict[tuple[str, str | None, str | None, int | None], float] = {}
     for leg, plan in zip(cycle.legs, plans, strict=True):
         for each in plan.result.sensitivities:
-            key = (each.limit, each.joint, *_move_and_segment(leg, each))
+            if each.joint is not None:  # a limit of all moves
+                place: tuple[str | None, int | None] = None, None
+            elif each.segment is None:
+                place = leg.name, None
+            else:
+                move, segment = leg.move_of(each.segment)
+                place = move.name, segment
+            key = (each.limit, each.joint, *place)
             saved[key] = saved.get(key, 0.0) + each.saved
     sums = [CycleSensitivity(*key, saved=value) for key, value in saved.items()]
     return tuple(sorted(sums, key=lambda each: -each.saved))
-
-
-def _move_and_segment(leg: Leg, each: Sensitivity) -> tuple[str | None, int | None]:
-    """Return the move and segment of a leg's limit; None for a limit of all moves."""
-    if each.joint is not None:
-        return None, None
-    if each.segment is None:
-        return leg.name, None
-    move, segment = leg.move_of(each.segment)
-    return move.name, segment

@@ -79,10 +79,25 @@ def path_spots(problem: PlanningProblem, end: Place, is_wide: bool = False) -> l
         is_wide: True: the tool may pass a sample anywhere in the tube; False: only near it.
     """
     tube = problem.tube
-    segments, last = _segments(problem, end), tube.segment_count - 1
-    spots = [_corner(problem, k) for k in segments if k < last]
-    if problem.open_goal is not None:
-        spots.append(_goal_spot(problem))
+    last = tube.segment_count - 1
+    # The segments nearest to the end of the branch, and the last one.
+    around = next((k for k in range(last + 1) if tube.segment_number(k) == end.segment), 0)
+    nearest = sorted(range(last + 1), key=lambda k: abs(k - around))[: _MAX_SEGMENTS - 1]
+    segments = sorted({*nearest, last})
+    spots = []
+    for k in segments:
+        if k < last:
+            tool, number, both = tube.points[k + 1], int(tube.numbers[k + 1]), (k, k + 1)
+            allowed = _RADIUS_FRACTION * float(tube.effective_radius[list(both)].min())
+            place = Place(segment=tube.segment_number(k, tool), point=number).at(tool)
+            spots.append(Spot(f"reference point {number}", both, tool, allowed, place, both))
+    goal = problem.open_goal
+    if goal is not None:
+        number = tube.segment_number(last, goal.position)
+        place = Place(segment=number, point=int(tube.numbers[-1])).at(goal.position)
+        rows = (last, tube.segment_count) if goal.bounds_rotation else (last,)
+        spot = Spot("goal", (last,), goal.position, goal.tolerance, place, rows, is_goal=True)
+        spots.append(spot)
     spots += [spot for k in segments for spot in _inside(problem, k, end)]
     if not is_wide:
         return spots
@@ -92,15 +107,6 @@ def path_spots(problem: PlanningProblem, end: Place, is_wide: bool = False) -> l
             widest = corners if len(spot.segments) > 1 else tube.effective_radius
             spots[i] = replace(spot, allowed=float(widest[spot.segments[0]]))
     return spots
-
-
-def _segments(problem: PlanningProblem, end: Place) -> list[int]:
-    """Return the segments nearest to the end of a branch, and the last segment."""
-    tube = problem.tube
-    count = tube.segment_count
-    around = next((k for k in range(count) if tube.segment_number(k) == end.segment), 0)
-    nearest = sorted(range(count), key=lambda k: abs(k - around))[: _MAX_SEGMENTS - 1]
-    return sorted({*nearest, count - 1})
 
 
 def _inside(problem: PlanningProblem, segment: int, end: Place) -> list[Spot]:
@@ -117,24 +123,6 @@ def _inside(problem: PlanningProblem, segment: int, end: Place) -> list[Spot]:
         Spot("reference points", (segment,), tool, allowed, place, (segment,))
         for tool, place in zip(tools, places, strict=True)
     ]
-
-
-def _corner(problem: PlanningProblem, segment: int) -> Spot:
-    tube, both = problem.tube, (segment, segment + 1)
-    tool, number = tube.points[segment + 1], int(tube.numbers[segment + 1])
-    allowed = _RADIUS_FRACTION * float(tube.effective_radius[list(both)].min())
-    place = Place(segment=tube.segment_number(segment, tool), point=number).at(tool)
-    return Spot(f"reference point {number}", both, tool, allowed, place, both)
-
-
-def _goal_spot(problem: PlanningProblem) -> Spot:
-    tube, goal = problem.tube, problem.open_goal
-    assert goal is not None
-    last = tube.segment_count - 1
-    number = tube.segment_number(last, goal.position)
-    place = Place(segment=number, point=int(tube.numbers[-1])).at(goal.position)
-    rows = (last, tube.segment_count) if goal.bounds_rotation else (last,)
-    return Spot("goal", (last,), goal.position, goal.tolerance, place, rows, is_goal=True)
 
 
 # ---- The first sample of the reference path at which the arm has no configuration, and the reason.

@@ -70,24 +70,17 @@ def path_minimum(problem: PlanningProblem, trajectory: JointTrajectory) -> float
 
     if not trajectory.coefficients[:-1].any():
         return None
-    path = _by_length(trajectory)
-    timing = fastest_parameterization(problem, path, path.breakpoints, at_both_ends=False)
-    return None if timing is None else timing.duration
-
-
-def _by_length(trajectory: JointTrajectory) -> JointTrajectory:
-    """Return the path over the arc length in joint space, from 0 to 1.
-
-    Points at equal times are close together wherever the trajectory rests: there the path begins,
-    ends, or has a corner.
-    """
     from scipy.interpolate import CubicSpline
 
+    # Points at equal times are close together wherever the trajectory rests: there the path begins,
+    # ends, or has a corner.
     q = trajectory.position(np.linspace(0, trajectory.duration, _GRID_POINTS))
     arc_length = arc_lengths(q)
     _, apart = np.unique(np.floor(arc_length / (_APART * arc_length[-1])), return_index=True)
     spline = CubicSpline(arc_length[apart] / arc_length[apart[-1]], q[apart])
-    return JointTrajectory(trajectory.joint_names, spline.x, spline.c)
+    path = JointTrajectory(trajectory.joint_names, spline.x, spline.c)
+    timing = fastest_parameterization(problem, path, path.breakpoints, at_both_ends=False)
+    return None if timing is None else timing.duration
 
 
 # ---- The largest jerk, and the gain of the second stage.
@@ -143,7 +136,13 @@ def gain_note(problem: PlanningProblem, before: JointTrajectory, after: JointTra
         jerks = [largest_jerk(robot, trajectory)[1] for trajectory in (after, before)]
         gain = f"the largest jerk is {jerks[0]} instead of {jerks[1]}"
         if effort_variation(robot, before, before).any():  # none: the links have no masses
-            swings = [_largest_swing(robot, trajectory, before) for trajectory in (after, before)]
+            swings = []
+            for trajectory in (after, before):
+                variation = effort_variation(robot, trajectory, before)
+                joint = int(variation.argmax())
+                is_limited = bool(np.isfinite(robot.limits.effort[joint]))
+                unit = "limits" if is_limited else "times the largest effort of the shortest motion"
+                swings.append(f"{variation[joint]:.1f} {unit} ('{robot.joint_names[joint]}')")
             gain = (
                 f"the effort that swings most moves through {swings[0]} instead of {swings[1]}, "
                 f"and {gain}"
@@ -173,13 +172,3 @@ def _saved(
         return False, f"the {what} is zero, as the links have no masses"
     message = f"the {what} is {values[0]:.4g} instead of {values[1]:.4g} {unit}"
     return values[0] < values[1], message
-
-
-def _largest_swing(
-    robot: RobotModel, trajectory: JointTrajectory, shortest: JointTrajectory
-) -> str:
-    variation = effort_variation(robot, trajectory, shortest)
-    joint = int(variation.argmax())
-    is_limited = bool(np.isfinite(robot.limits.effort[joint]))
-    unit = "limits" if is_limited else "times the largest effort of the shortest motion"
-    return f"{variation[joint]:.1f} {unit} ('{robot.joint_names[joint]}')"

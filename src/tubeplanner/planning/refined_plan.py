@@ -205,7 +205,9 @@ class RefinedPlans:
                     continue
                 if not gave_up and not result.succeeded:
                     nearly.append(start.branch)
-                best = _better(self._best or result, result)
+                best, duration = self._best or result, result.duration
+                if duration is not None and (best.duration is None or duration < best.duration):
+                    best = result
                 self._best = replace(best, stopped_by=result.stopped_by)
                 yield self._best
             if self._best is not None and self._best.status in _ENDS_THE_SEARCH:
@@ -439,13 +441,6 @@ def certified_refinement(
     sensitivities = limit_sensitivities(problem, refinement, result.trajectory.duration)
     motion = RefinedMotion(refinement.problem, refinement.problem is not problem, refinement.spline)
     return replace(result, sensitivities=sensitivities, motion=motion)
-
-
-def _better(first: PlanResult, second: PlanResult) -> PlanResult:
-    """Return the faster of two certified results, the certified result, or the first."""
-    if second.duration is None:
-        return first
-    return second if first.duration is None or second.duration < first.duration else first
 
 
 # ---- Planning by refinement from the last motion, after a problem has changed a little.

@@ -16,7 +16,6 @@ from tubeplanner.outcome import (
     PlanningClock,
     PlanStatus,
     Progress,
-    StoppedBy,
     until_stopped,
 )
 from tubeplanner.planning.notes import gain_note, jerk_note
@@ -176,7 +175,15 @@ def second_stage_plan(
     after = None if result is None else result.trajectory
     if result is None or after is None or not no_longer(after.duration, longest):
         done = "smoothed" if _is_smoothing(problem) else "changed to save anything"
-        note = f"the answer is the shortest motion, not {done}: {_reason(result, stopped_by)}"
+        if stopped_by is not None:
+            reason = f"stopped by {stopped_by.replace('_', ' ')}"
+        elif result is None:
+            reason = "no better one was found in the time that it may take"
+        elif result.duration is not None:
+            reason = f"the better one takes {result.duration:.4f} s, more than it may"
+        else:
+            reason = f"the better one was not certified: {result.message}"
+        note = f"the answer is the shortest motion, not {done}: {reason}"
         return replace(shortest, stopped_by=stopped_by, notes=(*shortest.notes, note))
     assert shortest.trajectory is not None
     note = gain_note(problem, shortest.trajectory, after)
@@ -214,16 +221,6 @@ def _certified(
         return certified_motion(problem, stage, stage.run, clock, timed=timed)
     except Infeasible:
         return None
-
-
-def _reason(result: PlanResult | None, stopped_by: StoppedBy | None) -> str:
-    if stopped_by is not None:
-        return f"stopped by {stopped_by.replace('_', ' ')}"
-    if result is None:
-        return "no better one was found in the time that it may take"
-    if result.duration is not None:
-        return f"the better one takes {result.duration:.4f} s, more than it may"
-    return f"the better one was not certified: {result.message}"
 
 
 def _is_smoothing(problem: PlanningProblem) -> bool:

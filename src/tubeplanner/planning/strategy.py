@@ -457,7 +457,14 @@ def _attempted(
     if _is_last(refined):
         if refined.succeeded:
             return refined
-        return _after_stop(problem, branches, corners, refined, clock)
+        # Stopped before a motion was certified.
+        if corners is None and branches.has_any:  # along a branch, corners take little time
+            silent = PlanningClock(None, None)  # the callback would only interrupt again
+            corners = stopping_plan(problem, branches.under(silent), silent)
+        if corners is None or (refined.stopped_by == "interrupt" and not corners.result.succeeded):
+            return stopped_result(clock, refined.stopped_by or "interrupt", REFINEMENT)
+        result = _with_better_reason(corners.result, refined)
+        return replace(result, stopped_by=refined.stopped_by)
     corners = corners or stopping_plan(problem, branches, clock, every_rule=True)
     if corners.result.succeeded and corners.result.stopped_by is None:
         narrowed = narrowed_plan(problem, options, clock)
@@ -470,23 +477,6 @@ def _attempted(
 def _is_last(refined: PlanResult | None) -> TypeGuard[PlanResult]:
     """Return True if no other method is tried after refinement's result."""
     return refined is not None and (refined.succeeded or refined.stopped_by is not None)
-
-
-def _after_stop(
-    problem: PlanningProblem,
-    branches: KnownBranches,
-    corners: StoppingPlan | None,
-    refined: PlanResult,
-    clock: PlanningClock,
-) -> PlanResult:
-    """Return the result after refinement was stopped before a motion was certified."""
-    if corners is None and branches.has_any:  # along a branch, corners take little time
-        silent = PlanningClock(None, None)  # the callback would only interrupt again
-        corners = stopping_plan(problem, branches.under(silent), silent)
-    if corners is None or (refined.stopped_by == "interrupt" and not corners.result.succeeded):
-        return stopped_result(clock, refined.stopped_by or "interrupt", REFINEMENT)
-    result = _with_better_reason(corners.result, refined)
-    return replace(result, stopped_by=refined.stopped_by)
 
 
 def _searched(

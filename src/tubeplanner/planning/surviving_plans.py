@@ -120,16 +120,14 @@ class TightenedPlans:
         """
         key = str(kept_back.as_dict())
         if key not in self._cached:
-            self._cached[key] = self._planned(kept_back, motion)
+            try:
+                result = self._again(self.problem(kept_back), motion)
+            except (ProblemError, Infeasible):
+                self._cached[key] = None
+                return None
+            require_not_stopped(result)
+            self._cached[key] = replace(result, notes=()) if result.succeeded else None
         return self._cached[key]
-
-    def _planned(self, kept_back: Tightening, motion: RefinedMotion | None) -> PlanResult | None:
-        try:
-            result = self._again(self.problem(kept_back), motion)
-        except (ProblemError, Infeasible):
-            return None
-        require_not_stopped(result)
-        return replace(result, notes=()) if result.succeeded else None
 
     def simulated(self, kept_back: Tightening, result: PlanResult, draw: Draw) -> TriedPlan:
         """Return and remember a plan with the verdict of its simulated runs.
@@ -142,7 +140,12 @@ class TightenedPlans:
         clock.enter(f"{draw.runs} simulated runs")
         runs = simulated_runs(problem, result.trajectory, self._errors, draw, clock.check)
         shortfall = shown_shortfall(problem, runs)
-        requested = _with(kept_back, shortfall)
+        # With these the runs would fall neither short nor have slack.
+        sizes = {
+            part: np.maximum(getattr(kept_back, part) + getattr(shortfall, part), 0.0)
+            for part in _SIZES
+        }
+        requested = replace(kept_back, **(sizes | {"clearance": float(sizes["clearance"])}))
         target = self.allowed(requested)
         prices = _prices(self.problem(kept_back).tube, result)
         more = sum(
@@ -171,15 +174,6 @@ class TightenedPlans:
         """
         result = self.planned(kept_back, motion)
         return None if result is None else self.simulated(kept_back, result, draw)
-
-
-def _with(kept_back: Tightening, shortfall: Shortfall) -> Tightening:
-    """Return the tightening by which runs would fall neither short nor have slack."""
-    sizes = {
-        part: np.maximum(getattr(kept_back, part) + getattr(shortfall, part), 0.0)
-        for part in _SIZES
-    }
-    return replace(kept_back, **(sizes | {"clearance": float(sizes["clearance"])}))
 
 
 def _lacking(problem: PlanningProblem, requested: Tightening, allowed: Tightening) -> float:
