@@ -9,7 +9,7 @@ import json
 import re
 import stat
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -106,14 +106,15 @@ def require_shallow(value: object) -> None:
     """
     level: list[Any] = [value] if isinstance(value, _HOLDERS) else []
     for _ in range(MAX_NESTING):
-        inner = (x for holder in level for x in _members(holder) if isinstance(x, _HOLDERS))
+        inner = (
+            x
+            for holder in level
+            for x in (holder.values() if isinstance(holder, dict) else holder)
+            if isinstance(x, _HOLDERS)
+        )
         level = list({id(x): x for x in inner}.values())
     if level:
         raise DocumentError(_TOO_DEEP)
-
-
-def _members(holder: Any) -> Iterable[object]:
-    return holder.values() if isinstance(holder, dict) else holder
 
 
 def parse_yaml(text: str, *, first_of_many: bool = False) -> object:
@@ -179,8 +180,13 @@ class _Builder:
             value = _scalar(event)
         elif event.tag not in (None, "!", _TAG + ("seq" if kind == "SequenceStart" else "map")):
             raise _unknown_tag(event)
+        elif kind == "SequenceStart":
+            values: list[object] = []
+            while _kind(event := self._next()) != "SequenceEnd":
+                values.append(self._value(event, depth + 1))
+            value = values
         else:
-            value = self._list(depth) if kind == "SequenceStart" else self._map(depth)
+            value = self._map(depth)
         if anchor is not None:
             self._anchors[anchor] = (value, self._count - before)
         return value
@@ -197,12 +203,6 @@ class _Builder:
             reason = f"aliases and merges stand for more than {MAX_ALIASED} values; write them out"
             raise _fault(event, reason)
         return value
-
-    def _list(self, depth: int) -> list[object]:
-        values: list[object] = []
-        while _kind(event := self._next()) != "SequenceEnd":
-            values.append(self._value(event, depth + 1))
-        return values
 
     def _map(self, depth: int) -> dict[object, object]:
         own: dict[object, object] = {}

@@ -143,7 +143,13 @@ class AskedDistances:
         self._begin = np.array([visit.begin for visit in visits])
         self._end = np.array([visit.end for visit in visits])
         self._segment = np.array([visit.segment for visit in visits])
-        self._near = [(near, _times_near(motion, near)) for near in self._asked.near_ends]
+        self._near: list[tuple[NearEnd, _Times]] = []
+        for near in self._asked.near_ends:
+            there = [visit for visit in visits if visit.segment == near.segment]
+            # The distance from a point is convex: over an interval it is nowhere more than at the
+            # worst of the Bernstein coefficients.
+            parts = _parts_near(motion.tool, there, near)
+            self._near.append((near, _merged(parts, motion.trajectory.duration)))
 
     def over(self, begin: FloatArray, end: FloatArray, pair: IntArray) -> FloatArray:
         """Return the largest required distances of pairs (R,) from times to times (R,), (R,) [m].
@@ -182,16 +188,6 @@ def _within(times: _Times, begin: FloatArray, end: FloatArray) -> BoolArray:
     before = np.searchsorted(times.begin, begin, side="right") - 1
     within: BoolArray = (before >= 0) & (end <= times.end[np.maximum(before, 0)])
     return within
-
-
-def _times_near(motion: JudgedMotion, near: NearEnd) -> _Times:
-    """Return the times at which the tool is surely near an end, in that end's segment.
-
-    The distance from a point is convex: over an interval it is nowhere more than at the worst of
-    the Bernstein coefficients.
-    """
-    visits = [visit for visit in motion.visits if visit.segment == near.segment]
-    return _merged(_parts_near(motion.tool, visits, near), motion.trajectory.duration)
 
 
 def _parts_near(tool: Enclosure, visits: list[Visit], near: NearEnd) -> FloatArray:
@@ -334,7 +330,13 @@ class _Search:
 
     def halve_until_settled(self) -> None:
         """Bound every pair on every piece; halve intervals that may hold the minimum; repeat."""
-        rows = self._beginning()
+        # All pairs on all pieces, with separating directions at the start.
+        rotation, position = self._checker.robot.body_poses(self._trajectory.position(np.zeros(1)))
+        distance, direction = self._checker.separations(rotation[0], position[0], self._pairs)
+        count, pieces = len(self._pairs), len(self._trajectory.widths)
+        pair = np.tile(np.arange(count), pieces)
+        self._remember(distance, np.zeros(count), np.arange(count))
+        rows = _Rows(np.repeat(np.arange(pieces), count), pair, direction[pair], 0)
         most = max(_MAX_INTERVALS, _MAX_ROUNDS * len(rows.node))
         while len(rows.node):
             self.intervals += len(rows.node)
@@ -345,15 +347,6 @@ class _Search:
             settled = lower[~undecided | final]
             self.lower_bound = min(self.lower_bound, float(settled.min(initial=np.inf)))
             rows = replace(rows, direction=direction).halves(undecided & ~final)
-
-    def _beginning(self) -> _Rows:
-        """Return all pairs on all pieces, with separating directions at the start."""
-        rotation, position = self._checker.robot.body_poses(self._trajectory.position(np.zeros(1)))
-        distance, direction = self._checker.separations(rotation[0], position[0], self._pairs)
-        count, pieces = len(self._pairs), len(self._trajectory.widths)
-        pair = np.tile(np.arange(count), pieces)
-        self._remember(distance, np.zeros(count), np.arange(count))
-        return _Rows(np.repeat(np.arange(pieces), count), pair, direction[pair], 0)
 
     def _settled_above(self) -> float:
         """Return the lower bound above which an interval cannot change the answer [m]."""
@@ -366,7 +359,13 @@ class _Search:
         decide, along the known directions; else exactly, with new directions.
         """
         nodes, interval = np.unique(rows.node, return_inverse=True)
-        middle, travel, time, half = self._middles(nodes, rows.level)
+        piece = nodes >> rows.level
+        width = self._trajectory.widths[piece] / 2**rows.level
+        start = (nodes - (piece << rows.level)) * width
+        hull = bernstein_coefficients(self._trajectory.coefficients[:, piece], start, width)
+        time = self._trajectory.breakpoints[piece] + start + width / 2
+        middle = self._trajectory.position(time)
+        travel, half = abs(hull - middle).max(axis=0), width / 2
         begin, end = (time - half)[interval], (time + half)[interval]
         required = self._asked(begin, end, self._columns[rows.pair])
         rotation, position = self._checker.robot.body_poses(middle)
@@ -393,16 +392,6 @@ class _Search:
             self._remember(distance, time[at], rows.pair[batch])
             lower[batch] = np.maximum(lower[batch], distance - less[batch])
         return lower, direction
-
-    def _middles(self, node: IntArray, level: int) -> tuple[FloatArray, ...]:
-        """Return mid-interval configurations, bounds on travel from there, times, half widths."""
-        piece = node >> level
-        width = self._trajectory.widths[piece] / 2**level
-        start = (node - (piece << level)) * width
-        hull = bernstein_coefficients(self._trajectory.coefficients[:, piece], start, width)
-        time = self._trajectory.breakpoints[piece] + start + width / 2
-        middle = self._trajectory.position(time)
-        return middle, abs(hull - middle).max(axis=0), time, width / 2
 
     def _remember(self, distance: FloatArray, time: FloatArray, pair: IntArray) -> None:
         margin = distance - self._asked(time, time, self._columns[pair])

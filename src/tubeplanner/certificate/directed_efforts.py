@@ -7,7 +7,6 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.certificate.enclosure import Enclosure
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.robot.motors import JointMotors
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.parts import DirectedStretches, SignChanges, sign_changes
 from tubeplanner.trajectory.polynomials import restricted
@@ -98,25 +97,15 @@ def directed_efforts(
         np.pad(rows, ((most - len(rows), 0), (0, 0))) for rows in polynomials
     )
     direction = stretches.at(piece, (local + width / 2) / trajectory.widths[piece])
-    dry, unsure = _friction(robot.motors, joint, direction, velocity)
+    row = np.arange(len(joint))
+    dry = robot.motors.coulomb_effort(direction)[row, joint]
+    friction = robot.motors.viscous_friction[joint] * velocity
+    friction[-1] += dry
+    # Both kinds are against the same direction.
+    unsure = robot.motors.friction_uncertainty * direction[row, joint] * friction
     effort[-1] += dry
     error = smooth.error[interval, joint]
     return DirectedEfforts(joint, start, width, position, velocity, effort, unsure, error)
-
-
-def _friction(
-    motors: JointMotors, joint: IntArray, direction: FloatArray, velocity: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return Coulomb friction, (R,), and the uncertainty of all friction, (N, R) [N m or N].
-
-    Of joints (R,), with the directions of all joints (R, n) and polynomials of velocity (N, R).
-    """
-    row = np.arange(len(joint))
-    dry = motors.coulomb_effort(direction)[row, joint]
-    friction = motors.viscous_friction[joint] * velocity
-    friction[-1] += dry
-    # Both kinds are against the same direction.
-    return dry, motors.friction_uncertainty * direction[row, joint] * friction
 
 
 def _instants(

@@ -32,7 +32,12 @@ def judge_effort(motion: JudgedMotion) -> JudgedCondition:
     limit = motion.robot.limits.effort
     if not np.isfinite(limit).any():
         return not_required(RELATIVE, "no joint has this limit")
-    directed = _depends_on_direction(motion.robot) & np.isfinite(limit)
+    motors = motion.robot.motors
+    directed = (motors.backwards_friction > 0) | (motors.forwards_friction > 0)
+    if motors.friction_uncertainty > 0:
+        directed |= motors.viscous_friction > 0
+    directed[[table.joint for table in motion.robot.limits.effort_ranges]] = True
+    directed &= np.isfinite(limit)
     plain, judged = np.where(directed, np.inf, limit), []
     if np.isfinite(plain).any():
         judged.append(judged_peak(motion, motion.smooth_efforts, plain, EFFORT_ENCLOSURE))
@@ -43,16 +48,6 @@ def judge_effort(motion: JudgedMotion) -> JudgedCondition:
         ]
         judged.append(judged_both_ways(motion, efforts, np.array(excess), limit[efforts.joint]))
     return min(judged, key=lambda each: each.margin or 0.0)
-
-
-def _depends_on_direction(robot: RobotModel) -> BoolArray:
-    """Return a mask of joints with friction by direction or a limit by position, shape (n,)."""
-    motors = robot.motors
-    mask = (motors.backwards_friction > 0) | (motors.forwards_friction > 0)
-    if motors.friction_uncertainty > 0:
-        mask |= motors.viscous_friction > 0
-    mask[[table.joint for table in robot.limits.effort_ranges]] = True
-    return mask
 
 
 def _effort_allowed(robot: RobotModel, efforts: DirectedEfforts, way: float) -> FloatArray:

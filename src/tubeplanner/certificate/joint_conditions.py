@@ -15,7 +15,6 @@ from tubeplanner.certificate.judged_motion import (
     bracketed,
     not_required,
 )
-from tubeplanner.certificate.tube_visits import Visit
 from tubeplanner.outcome import Place
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -72,7 +71,10 @@ def judge_joint_signs(motion: JudgedMotion) -> JudgedCondition:
     """Judge the segments' joint ranges, exactly between the switching times."""
     lower, upper = motion.tube.ranges_of(motion.robot.joint_names)
     margins = []
-    for visits in _visits_by_range(motion):
+    # Neighbours whose segments have the same joint ranges are judged together.
+    ranges = np.hstack((lower, upper))
+    groups = groupby(motion.visits, key=lambda visit: ranges[visit.segment].tobytes())
+    for visits in [list(group) for _, group in groups]:
         segment, begin = visits[0].segment, visits[0].begin
         part = motion.trajectory.between(begin, visits[-1].end)
         least = range_margin(part, lower[segment], upper[segment])
@@ -84,13 +86,6 @@ def judge_joint_signs(motion: JudgedMotion) -> JudgedCondition:
     segment = next((v.segment for v in visits if worst.time <= v.end), visits[-1].segment)
     place = Place(worst.time, worst.joint, motion.segment_number(segment, worst.time))
     return JudgedCondition(worst.margin, motion.position_unit(worst.joint), place, FOR_ALL_TIMES)
-
-
-def _visits_by_range(motion: JudgedMotion) -> list[list[Visit]]:
-    """Return the visits, grouped where neighbours' segments have the same joint ranges."""
-    ranges = np.hstack(motion.tube.ranges_of(motion.robot.joint_names))
-    groups = groupby(motion.visits, key=lambda visit: ranges[visit.segment].tobytes())
-    return [list(visits) for _, visits in groups]
 
 
 def judge_start(motion: JudgedMotion) -> JudgedCondition:

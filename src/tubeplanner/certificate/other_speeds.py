@@ -195,7 +195,10 @@ def effort_sides(robot: RobotModel, steps: PathSteps) -> LimitSides:
         static = way * (gravity + coulomb) + motors.friction_uncertainty * abs(coulomb)
         linear = way * viscous + motors.friction_uncertainty * abs(viscous)
         used = (static, linear, way * inertia, way * change)
-        parts.append(_shares("effort", np.isfinite(limits.effort), used, _allowed(robot, q, way)))
+        allowed = np.tile(limits.effort, (len(q), 1))
+        for limit in limits.effort_ranges:
+            allowed[:, limit.joint] = limit.allowed(q[:, limit.joint], way)
+        parts.append(_shares("effort", np.isfinite(limits.effort), used, allowed))
         stall = np.broadcast_to(motors.saturation_effort, q.shape)
         with np.errstate(invalid="ignore"):
             slowed = linear + way * v * motors.saturation_effort / motors.no_load_velocity
@@ -214,14 +217,6 @@ def acceleration_sides(robot: RobotModel, steps: PathSteps) -> LimitSides:
             for way in _WAYS
         ]
     )
-
-
-def _allowed(robot: RobotModel, q: FloatArray, way: float) -> FloatArray:
-    """Return effort limits along (1) or against (-1) the joints at positions (N, n): (N, n)."""
-    allowed = np.tile(robot.limits.effort, (len(q), 1))
-    for limit in robot.limits.effort_ranges:
-        allowed[:, limit.joint] = limit.allowed(q[:, limit.joint], way)
-    return allowed
 
 
 def _shares(
@@ -351,7 +346,10 @@ def worst_braking(
     sides = LimitSides.joined([effort_sides(robot, steps), acceleration_sides(robot, steps)])
     if len(sides.joint) == 0:
         return None
-    width, length = steps.width, _tool_lengths(robot, steps)
+    jacobian = robot.tool_jacobian(steps.at_ends(0))[1][:, :3]
+    speed = np.linalg.norm(np.einsum("nij,nj->ni", jacobian, steps.at_ends(1)), axis=1)
+    width = steps.width
+    length = speed.reshape(2, -1).mean(axis=0) * width
     every = -(-len(width) // (2 * _MAX_BRAKING_STEPS))
     starts = np.arange(0, len(width), every)
     table = np.stack([1 + tolerance - sides.static, sides.linear, sides.square, sides.change])
@@ -365,14 +363,6 @@ def worst_braking(
     tool = robot.tool_position(trajectory.position(begins[worst : worst + 1]))[0]
     where = Place(time=float(begins[worst])).at(tool)
     return Braking(float(time.max()), float(distance[worst]), where)
-
-
-def _tool_lengths(robot: RobotModel, steps: PathSteps) -> FloatArray:
-    """Return the path lengths of the tool centre point in all steps, (S,) [m]."""
-    jacobian = robot.tool_jacobian(steps.at_ends(0))[1][:, :3]
-    speed = np.linalg.norm(np.einsum("nij,nj->ni", jacobian, steps.at_ends(1)), axis=1)
-    length: FloatArray = speed.reshape(2, -1).mean(axis=0) * steps.width
-    return length
 
 
 def _rests(

@@ -127,15 +127,11 @@ def _blocked(
         return Infeasible(PlanStatus.TUBE_BLOCKED, message + open_mesh, place)
     distance = 1000 * (margin + clearance)
     if clearance and distance > _TOUCHING:
-        remedy += f", or clearance {1000 * clearance:g} -> {_floored(distance)} mm"
+        digits = 2 - int(np.floor(np.log10(distance)))
+        floored = np.floor(distance * 10.0**digits) / 10.0**digits
+        remedy += f", or clearance {1000 * clearance:g} -> {floored:g} mm"
     deed = "touches" if abs(distance) < _TOUCHING else f"reaches {-distance:.1f} mm into"
     deed = f"comes within {distance:.1f} mm of" if distance >= _TOUCHING else deed
     condition = f" (clearance {1000 * clearance:g} mm)" if clearance else ""
     message = f"'{links[0]}' {deed} '{place.obstacle}'{condition} {when}; {remedy}"
     return Infeasible(PlanStatus.TUBE_BLOCKED, message + open_mesh, place)
-
-
-def _floored(value: float) -> str:
-    """Return a positive value rounded down to three figures."""
-    digits = 2 - int(np.floor(np.log10(value)))
-    return f"{np.floor(value * 10.0**digits) / 10.0**digits:g}"

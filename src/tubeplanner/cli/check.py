@@ -56,7 +56,12 @@ def check(
     as_json: bool,
 ) -> int:
     """Judge the TRAJECTORY file against PROBLEM, or against a whole cycle."""
-    user_tolerance = _tolerance(tolerance)
+    user_tolerance = None
+    if tolerance is not None:
+        try:
+            user_tolerance = Tolerance(*(float(word) for word in tolerance.split(",")))
+        except (TypeError, ValueError):
+            raise OptionError(f"--tolerance '{tolerance}' is not ABS or ABS,REL") from None
     with console.shown_progress() as enter:
         loaded, loading_time = console.load_either_timed(problem, enter, changes)
         read = read_trajectory_file(trajectory, loaded.robot.joint_names)
@@ -81,18 +86,14 @@ def check(
         times = {"certificate_time": certificate_time, "loading_time": loading_time}
         console.print_json(_report(loaded, read, certificate, verdict) | times)
     else:
-        _print(loaded, read, certificate, verdict)
+        peaks = trajectory_peaks(loaded.robot, read.trajectory)
+        console.say(*peaks_lines(loaded.robot, peaks), certificate_text(certificate), sep="\n")
+        console.say(other_speeds_line(certificate))
+        lines = [f"note: {note}" for note in _notes(loaded, read, certificate)]
+        lines += [] if verdict is None else verdict.lines()
+        console.say(*lines, sep="\n", end="\n" if lines else "")
         console.say(f"{trajectory} ({read.trajectory.duration:.4f} s) {message}.")
     return console.SUCCESS if certificate.passed and _accepted(verdict) else console.INFEASIBLE
-
-
-def _tolerance(text: str | None) -> Tolerance | None:
-    if text is None:
-        return None
-    try:
-        return Tolerance(*(float(word) for word in text.split(",")))
-    except (TypeError, ValueError):
-        raise OptionError(f"--tolerance '{text}' is not ABS or ABS,REL") from None
 
 
 def _accepted(verdict: ControllerVerdict | None) -> bool:
@@ -153,20 +154,6 @@ def _where(certificate: Certificate, verdict: ControllerVerdict | None) -> Place
     gravest = verdict.gravest
     time = gravest.time if gravest.first_time is None else gravest.first_time
     return Place(time=time, joint=gravest.joint)
-
-
-def _print(
-    problem: PlanningProblem,
-    read: TrajectoryFile,
-    certificate: Certificate,
-    verdict: ControllerVerdict | None,
-) -> None:
-    peaks = trajectory_peaks(problem.robot, read.trajectory)
-    console.say(*peaks_lines(problem.robot, peaks), certificate_text(certificate), sep="\n")
-    console.say(other_speeds_line(certificate))
-    lines = [f"note: {note}" for note in _notes(problem, read, certificate)]
-    lines += [] if verdict is None else verdict.lines()
-    console.say(*lines, sep="\n", end="\n" if lines else "")
 
 
 def judged_by(name: str, problem: PlanningProblem, file: TrajectoryFile) -> ControllerVerdict:

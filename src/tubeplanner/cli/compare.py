@@ -90,7 +90,11 @@ def _write_comparison(
     rows = {path: row for path, row in rows.items() if row.trajectory is not None}
 
     def trajectory(path: Path) -> bytes:
-        return _trajectory_file(result, rows[path])
+        row = rows[path]
+        assert row.trajectory is not None
+        verdict = {"certified": row.certified, "failures": row.as_dict()["failures"]}
+        more = {**origin(result.problem, row.answered_by or row.method), **verdict}
+        return trajectory_json(row.trajectory, **more).encode()
 
     console.write_answer(
         *(console.Output("trajectory", path, trajectory) for path in rows),
@@ -99,14 +103,6 @@ def _write_comparison(
         folder=folder,
     )
     return list(rows)
-
-
-def _trajectory_file(result: Comparison, row: ComparisonRow) -> bytes:
-    """Return the trajectory file of a row, with the verdict and its failures."""
-    assert row.trajectory is not None
-    verdict = {"certified": row.certified, "failures": row.as_dict()["failures"]}
-    more = {**origin(result.problem, row.answered_by or row.method), **verdict}
-    return trajectory_json(row.trajectory, **more).encode()
 
 
 def comparison_text(result: Comparison) -> str:
@@ -135,17 +131,14 @@ def _table(result: Comparison, count: int) -> Table:
     for heading in _MEASURED[:count]:
         table.add_column(heading, justify="right", no_wrap=True)
     for row in result.rows:
-        duration = "" if row.duration is None else f"{row.duration:.4f} s"
-        table.add_row(row.method, duration, _verdict(row), *_measures(row)[:count])
+        if row.duration is None:
+            duration, verdict = "", str(row.status).replace("_", " ")
+        else:
+            duration = f"{row.duration:.4f} s"
+            failed = [f"{name} {_excess(condition)}" for name, condition in row.failures.items()]
+            verdict = "FAILS: " + ",\n".join(failed) if failed else "passes"
+        table.add_row(row.method, duration, verdict, *_measures(row)[:count])
     return table
-
-
-def _verdict(row: ComparisonRow) -> str:
-    """Return the certificate's verdict on a row, a failed condition on each line."""
-    if row.duration is None:
-        return str(row.status).replace("_", " ")
-    failed = [f"{name} {_excess(condition)}" for name, condition in row.failures.items()]
-    return "FAILS: " + ",\n".join(failed) if failed else "passes"
 
 
 def _measures(row: ComparisonRow) -> list[str]:

@@ -40,9 +40,9 @@ from tubeplanner.task.info import (
     problem_info,
     with_doubts,
 )
-from tubeplanner.task.legs import Leg, Rest, rest_text
+from tubeplanner.task.legs import Rest, rest_text
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.task.steps import Attach, Move
+from tubeplanner.task.steps import Attach
 from tubeplanner.writing import require_writable
 
 _PROBLEM_ENDINGS = (".yaml", ".yml", ".json")
@@ -156,7 +156,12 @@ def robot_text(info: RobotInfo) -> str:
         _joint_table(info.joints),
         "units: rad and m, N m and N, s",
         *_source_lines(info.joints),
-        *_motor_lines(info.joints),
+        *(
+            f"motor of {joint.name}: "
+            + ", ".join(f"{what} {_limit(v)} ({v.source})" for what, v in joint.motor.items())
+            for joint in info.joints
+            if joint.motor
+        ),
         *_other_joint_lines(info.other_joints),
         *_link_table(info.links),
         f"mass of all links: {info.mass:.4g} kg",
@@ -211,15 +216,6 @@ def _listed(names: Sequence[str]) -> str:
     more = len(names) - _MAX_NAMES
     listed = ", ".join(names[:_MAX_NAMES])
     return listed if more <= 0 else f"{listed} and {more} more"
-
-
-def _motor_lines(joints: Sequence[JointInfo]) -> list[str]:
-    return [
-        f"motor of {joint.name}: "
-        + ", ".join(f"{what} {_limit(v)} ({v.source})" for what, v in joint.motor.items())
-        for joint in joints
-        if joint.motor
-    ]
 
 
 def _other_joint_lines(others: Sequence[OtherJoint]) -> list[str]:
@@ -463,7 +459,14 @@ def _step_table(cycle: Cycle) -> str:
         for move in leg.moves:
             length = np.linalg.norm(np.diff(move.tube.points, axis=0), axis=1).sum()
             cells = (escape(move.name), str(move.tube.numbers[-1]), f"{length:.4g} m")
-            table.add_row(*cells, _goal(cycle, move), escape(_carried(cycle, k, leg)))
+            ends = "in a given configuration"
+            if move.ends_openly:
+                closes = cycle.closed and move is cycle.legs[-1].moves[-1]
+                ends = "as the cycle begins" if closes else "in any configuration"
+            payload, solids = leg.robot.payload, cycle.problem_from_anywhere(k).attached
+            carried = [] if payload is None else [f"{payload.mass:g} kg"]
+            carried += [solid.name for solid in solids]
+            table.add_row(*cells, ends, escape(", ".join(carried) or "nothing"))
     _add_rest(table, cycle.after)
     return rendered(table)
 
@@ -471,17 +474,3 @@ def _step_table(cycle: Cycle) -> str:
 def _add_rest(table: Table, rest: Rest) -> None:
     if rest.steps:
         table.add_row(escape(f"at rest: {rest_text(rest)}"), "", "", "", "")
-
-
-def _goal(cycle: Cycle, move: Move) -> str:
-    if not move.ends_openly:
-        return "in a given configuration"
-    closes = cycle.closed and move is cycle.legs[-1].moves[-1]
-    return "as the cycle begins" if closes else "in any configuration"
-
-
-def _carried(cycle: Cycle, k: int, leg: Leg) -> str:
-    """Return the payload and the attached solids of leg k."""
-    payload, solids = leg.robot.payload, cycle.problem_from_anywhere(k).attached
-    parts = [] if payload is None else [f"{payload.mass:g} kg"]
-    return ", ".join([*parts, *(solid.name for solid in solids)]) or "nothing"

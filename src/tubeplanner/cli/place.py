@@ -168,8 +168,15 @@ def placement_text(found: Placement) -> str:
         "have a motion",
         *_reason_lines(found),
         f"as given: {_pose_words(found.given.stand)}: {outcome}",
-        _best_line(found),
     ]
+    if found.best is None or found.duration is None:
+        lines.append(found.message)
+    else:
+        gain, comparison = found.gain, ""
+        if gain is not None:
+            comparison = f", {abs(gain):.1%} {'less' if gain >= 0 else 'more'} than as given"
+        best = _pose_words(found.best.stand)
+        lines.append(f"best: {best}: {found.duration:.4f} s{comparison}")
     if found.stopped_by is not None:
         lines.append("interrupted: the best so far")
     return "\n".join(lines)
@@ -195,12 +202,3 @@ def _reason_lines(placement: Placement) -> list[str]:
 def _pose_words(stand: Stand) -> str:
     x, y, z = (f"{value:.4g}" for value in stand[:3])
     return f"[{x}, {y}, {z}] m, yaw {stand.yaw:.4g} rad ({degrees(stand.yaw):.1f} deg)"
-
-
-def _best_line(placement: Placement) -> str:
-    if placement.best is None or placement.duration is None:
-        return placement.message
-    gain, comparison = placement.gain, ""
-    if gain is not None:
-        comparison = f", {abs(gain):.1%} {'less' if gain >= 0 else 'more'} than as given"
-    return f"best: {_pose_words(placement.best.stand)}: {placement.duration:.4f} s{comparison}"

@@ -11,7 +11,7 @@ import click
 
 from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
-from tubeplanner.execution.cycle_verdict import HandoverErrors, JudgedCycle, judged_cycle
+from tubeplanner.execution.cycle_verdict import JudgedCycle, judged_cycle
 from tubeplanner.execution.mujoco_model import require_mujoco
 from tubeplanner.execution.plants import Draw, drawn_plants
 from tubeplanner.execution.run_verdict import JudgedRun, judged_runs, run_verdict, summaries
@@ -291,27 +291,23 @@ def cycle_execution_lines(judged: JudgedCycle) -> list[str]:
     """
     *quantities, verdict = execution_lines(judged.runs)
     lines = [*quantities, "", _row("move, the worst of it", ["failed", *_QUANTITIES, _LIMIT])]
-    lines += [_row(", ".join(names), _move_cells(runs)) for names, runs in judged.legs.items()]
+    for names, runs in judged.legs.items():
+        by_name, counts = summaries(runs), run_verdict(runs)
+        columns = [by_name[name] for name in _QUANTITIES.values()]
+        worst = ["-" if column is None else f"{column.worst.value:.4g}" for column in columns]
+        saturated = f"{100 * max(run.saturated for run in runs):.3g}"
+        cells = [f"{counts.failed} of {counts.runs}", *worst, saturated]
+        lines.append(_row(", ".join(names), cells))
     if judged.handovers:
         lines += ["", _row("the tool when something changes hands", _HANDOVERS)]
-        lines += [_row(str(each.mark), _handover_cells(each)) for each in judged.handovers]
+    for each in judged.handovers:
+        values = each.as_dict()
+        distance, angle, speed = (
+            f"{values[name]['worst']:.3g}" for name in ("distance", "angle", "speed")
+        )
+        cells = [distance, f"{values['distance']['median']:.3g}", angle, speed]
+        lines.append(_row(str(each.mark), cells))
     return [*lines, "", verdict]
-
-
-def _move_cells(runs: Sequence[JudgedRun]) -> list[str]:
-    by_name, verdict = summaries(runs), run_verdict(runs)
-    columns = [by_name[name] for name in _QUANTITIES.values()]
-    worst = ["-" if column is None else f"{column.worst.value:.4g}" for column in columns]
-    saturated = f"{100 * max(run.saturated for run in runs):.3g}"
-    return [f"{verdict.failed} of {verdict.runs}", *worst, saturated]
-
-
-def _handover_cells(errors: HandoverErrors) -> list[str]:
-    values = errors.as_dict()
-    distance, angle, speed = (
-        f"{values[name]['worst']:.3g}" for name in ("distance", "angle", "speed")
-    )
-    return [distance, f"{values['distance']['median']:.3g}", angle, speed]
 
 
 def _row(name: str, cells: Sequence[str]) -> str:

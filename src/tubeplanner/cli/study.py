@@ -72,7 +72,12 @@ def study(
             console.Output("table", output, lambda path: console.table_bytes(result, path)),
             console.Output("figure", figure, lambda path: figure_file(plot_study(result), path)),
         )
-    message = _message(result, journal)
+    planned = sum(row.duration is not None for row in result.rows)
+    done, count = len(result.rows), len(result.study.points)
+    message = f"{planned} of {done} points have a certified motion"
+    if result.stopped_by is not None:
+        remedy = "run the same command again to go on" if journal else "nothing is kept without -o"
+        message += f"; interrupted, {count - done} of {count} are left: {remedy}"
     if as_json:
         status = "success" if result.succeeded else "no_trajectory"
         report = {**console.empty_report(status, message), "loading_time": loading_time}
@@ -81,16 +86,6 @@ def study(
         console.say(study_text(result), message, sep="\n")
         console.say_files(outputs, "-o TABLE.csv", "--plot")
     return console.SUCCESS if result.succeeded else console.INFEASIBLE
-
-
-def _message(result: StudyResult, journal: Path | None) -> str:
-    planned = sum(row.duration is not None for row in result.rows)
-    done, count = len(result.rows), len(result.study.points)
-    message = f"{planned} of {done} points have a certified motion"
-    if result.stopped_by is None:
-        return message
-    remedy = "run the same command again to go on" if journal else "nothing is kept without -o"
-    return f"{message}; interrupted, {count - done} of {count} are left: {remedy}"
 
 
 def study_text(result: StudyResult) -> str:

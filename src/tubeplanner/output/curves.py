@@ -294,21 +294,15 @@ def limited_motions(cycle: Cycle, motion: CycleMotion) -> list[LimitedMotion]:
 
 def cycle_stretches(cycle: Cycle, motion: CycleMotion) -> tuple[Stretch, ...]:
     """Return the legs of a motion, each under its problem."""
-    legs = zip(motion.legs, motion.leg_times, strict=True)
-    return tuple(
-        Stretch(_problem(cycle, motion, k), leg, begin) for k, (leg, (begin, _)) in enumerate(legs)
-    )
-
-
-def _problem(cycle: Cycle, motion: CycleMotion, k: int) -> PlanningProblem:
-    """Return the problem of a leg under the judge, by which the segment at each time is decided.
-
-    A leg that begins where its problem has no solution fails, but is drawn.
-    """
-    try:
-        return cycle.problem(k, motion.seams[: k + 1])
-    except ProblemError:
-        return cycle.problem_from_anywhere(k)
+    # Problems are those under the judge, by which the segment at each time is decided.
+    stretches = []
+    for k, (leg, (begin, _)) in enumerate(zip(motion.legs, motion.leg_times, strict=True)):
+        try:
+            problem = cycle.problem(k, motion.seams[: k + 1])
+        except ProblemError:  # where the leg begins there is no solution: it fails, but is drawn
+            problem = cycle.problem_from_anywhere(k)
+        stretches.append(Stretch(problem, leg, begin))
+    return tuple(stretches)
 
 
 def _rest_curves(

@@ -216,7 +216,15 @@ def _pieces(
     robot: RobotModel, visual: Element, materials: dict[str, Element]
 ) -> list[tuple[Color, Surface]]:
     """Return colours and surfaces of a <visual>, in the frame of its link."""
-    color, element = _urdf_color(visual.find("material"), materials), element_of("<visual>", visual)
+    material = visual.find("material")
+    # A <material> may be a mere reference by name.
+    if material is not None and material.find("color") is None:
+        material = materials.get(str(material.get("name")))
+    rgba, color = None if material is None else material.find("color"), _PLAIN
+    if rgba is not None:
+        red, green, blue = read_numbers("<material>", rgba, "rgba", 4)[:3].tolist()
+        color = red, green, blue
+    element = element_of("<visual>", visual)
     simple = simple_shape(element)
     if simple is not None:
         pieces: list[tuple[Color | None, Surface]] = [(None, shape_surface(simple))]
@@ -224,17 +232,6 @@ def _pieces(
         path = find_mesh(element.filename, robot.urdf.path, robot.package_dirs)
         pieces = read_visual_mesh(path, element.sizes)
     return [(own or color, surface.moved(element.placement)) for own, surface in pieces]
-
-
-def _urdf_color(material: Element | None, materials: dict[str, Element]) -> Color:
-    """Return the colour of a <material>, which may be a mere reference by name."""
-    if material is not None and material.find("color") is None:
-        material = materials.get(str(material.get("name")))
-    color = None if material is None else material.find("color")
-    if color is None:
-        return _PLAIN
-    red, green, blue = read_numbers("<material>", color, "rgba", 4)[:3].tolist()
-    return red, green, blue
 
 
 # ---- Solids of an arm for views: hulls of its links, surfaces of its carried solids.

@@ -24,7 +24,7 @@ from tubeplanner.robot.limit_layers import (
 )
 from tubeplanner.robot.loader import EARTH_GRAVITY, package_folders, read_description
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.robot.motors import JointMotors, resolve_motors
+from tubeplanner.robot.motors import resolve_motors
 from tubeplanner.robot.notes import robot_notes
 from tubeplanner.robot.overrides import CURVE, LimitOverrides, MotorOverrides
 from tubeplanner.robot.pinocchio_model import (
@@ -302,21 +302,19 @@ def _motors(
     values: dict[str, dict[str, SourcedValue]] = {name: {} for name in group}
     for column, name in enumerate(group):
         for quantity, sources in merged.sources.items():
-            value = _motor_value(motors, quantity, column)
+            value: tuple[float, float] | float
+            if quantity == "coulomb_friction":
+                backwards = float(motors.backwards_friction[column])
+                forwards = float(motors.forwards_friction[column])
+                value = backwards if backwards == forwards else (backwards, forwards)
+            else:
+                value = float(getattr(motors, quantity)[column])
             if name in sources:
                 finite = value if np.isfinite(value).all() else None
                 values[name][quantity] = SourcedValue(finite, sources[name])
             elif quantity not in CURVE and np.any(value):
                 values[name][quantity] = SourcedValue(value, URDF)
     return values
-
-
-def _motor_value(motors: JointMotors, quantity: str, column: int) -> tuple[float, float] | float:
-    if quantity != "coulomb_friction":
-        return float(getattr(motors, quantity)[column])
-    backwards = float(motors.backwards_friction[column])
-    forwards = float(motors.forwards_friction[column])
-    return backwards if backwards == forwards else (backwards, forwards)
 
 
 # ---- A robot, and the values that it lacks for planning.

@@ -129,7 +129,14 @@ def merged_limits(
     sources: dict[str, dict[str, str]] = {quantity: {} for quantity in PER_JOINT}
     for layer in layers:
         _require_fitting(description, layer, chain)
-        _require_some(layer, [*joint_names, *followers])
+        maps = [getattr(layer.limits, each) for each in PER_JOINT] if layer.skips_others else []
+        named = {name for given in maps if isinstance(given, Mapping) for name in given}
+        known = [*joint_names, *followers]
+        if named and named.isdisjoint(known):
+            raise RobotError(
+                f"{layer.called}limits name no joint of the planning group, which has: "
+                f"{', '.join(known)}; they name {', '.join(sorted(named))}"
+            )
         for quantity, merged in by_joint.items():
             where = f"{layer.called}limits.{quantity}"
             values = layer.limits.by_name(quantity, chain, where)
@@ -209,17 +216,6 @@ def _require_fitting(description: UrdfDescription, layer: LimitLayer, chain: Seq
         if point.link not in description.links:
             message = unknown_name("link", point.link, description.links)
             raise RobotError(f"{layer.called}limits.point_speed: {message}")
-
-
-def _require_some(layer: LimitLayer, known: Sequence[str]) -> None:
-    """Raise RobotError if a layer names only joints outside the planning group."""
-    maps = [getattr(layer.limits, quantity) for quantity in PER_JOINT] if layer.skips_others else []
-    named = {name for given in maps if isinstance(given, Mapping) for name in given}
-    if named and named.isdisjoint(known):
-        raise RobotError(
-            f"{layer.called}limits name no joint of the planning group, which has: "
-            f"{', '.join(known)}; they name {', '.join(sorted(named))}"
-        )
 
 
 def _require_known(where: str, values: Mapping[str, Any], known: Sequence[str]) -> None:

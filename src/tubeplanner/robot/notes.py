@@ -345,7 +345,13 @@ def implausible_values(robot: RobotModel, extents: Mapping[str, Extent]) -> tupl
         robot: The arm.
         extents: Of its links, of obstacles and of attached solids, by label: "link 'upper'".
     """
-    joints, length = list(_values_of_joints(robot)), _length(robot)
+    joints = list(_values_of_joints(robot))
+    # The distances between the joints from the root to the tool frame.
+    length, link = 0.0, robot.tool_frame
+    by_child = {joint.child: joint for joint in robot.urdf.joints.values()}
+    while link in by_child:
+        length += float(np.linalg.norm(_xyz(robot.urdf.joint_element(by_child[link].name))))
+        link = by_child[link].parent
     travel = sum(each.value for each in joints if each.key == "sliding")
     reach = max(length + travel, _MIN_REACH)
     values = [
@@ -373,16 +379,6 @@ def _values_of_joints(robot: RobotModel) -> Iterator[Value]:
             yield Value(kind, name, float(max(upper - lower, -lower, upper)))
         if np.isfinite(limits.velocity[k]):
             yield Value(f"{kind} speed", name, float(limits.velocity[k]))
-
-
-def _length(robot: RobotModel) -> float:
-    """Return the sum of the distances between the joints from the root to the tool frame [m]."""
-    description, length, link = robot.urdf, 0.0, robot.tool_frame
-    by_child = {joint.child: joint for joint in description.joints.values()}
-    while link in by_child:
-        length += float(np.linalg.norm(_xyz(description.joint_element(by_child[link].name))))
-        link = by_child[link].parent
-    return length
 
 
 def _values_of_origins(robot: RobotModel) -> Iterator[Value]:

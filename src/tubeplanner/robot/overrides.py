@@ -107,8 +107,11 @@ class LimitOverrides:
                 takes_range = quantity == "effort" and isinstance(self.effort, Mapping)
                 if takes_range and not is_number(value):
                     require_effort_range(where, value)
-                else:
-                    _require_limit(where, value)
+                elif not is_number(value) or not (_MIN <= value <= _MAX or value == np.inf):
+                    raise RobotError(
+                        f"{where} {in_figures(value)}; give a number from {_MIN:g} to {_MAX:g}, "
+                        "or .inf for none"
+                    )
         for where, range_ in entries_of("robot.limits.position", self.position):
             is_pair = isinstance(range_, list | tuple | np.ndarray) and len(range_) == 2
             if not is_pair or not all(is_number(bound) for bound in range_):
@@ -135,14 +138,6 @@ class LimitOverrides:
         """
         takes_number = quantity in _NUMBERS
         return values_by_name(where, getattr(self, quantity), chain, takes_number=takes_number)
-
-
-def _require_limit(where: str, value: Any) -> None:
-    if not is_number(value) or not (_MIN <= value <= _MAX or value == np.inf):
-        raise RobotError(
-            f"{where} {in_figures(value)}; give a number from {_MIN:g} to {_MAX:g}, "
-            "or .inf for none"
-        )
 
 
 def _require_scale(scale: Any) -> None:

@@ -286,7 +286,13 @@ def build_model(
         inertia = pin.Inertia(payload.mass, np.array(payload.com), payload.inertia_matrix())
         model.appendBodyToJoint(tool.parentJoint, inertia, tool.placement)
     if needs_masses:
-        _require_masses(description, model)
+        for joint in range(1, model.njoints):
+            if not model.inertias[joint].mass > 0:
+                name = model.names[joint].removeprefix(joint_id(""))
+                raise RobotError(
+                    f"{description.path}: what joint '{name}' moves has mass "
+                    f"{model.inertias[joint].mass:g} kg; efforts need the links' <inertial>"
+                )
     return model
 
 
@@ -398,16 +404,6 @@ def _move_root(model: pin.Model, base: BasePose) -> None:
     for frame in list(model.frames)[1:]:  # the first is the base frame itself
         if frame.parentJoint == 0:
             frame.placement = pose * frame.placement
-
-
-def _require_masses(description: UrdfDescription, model: pin.Model) -> None:
-    for joint in range(1, model.njoints):
-        if not model.inertias[joint].mass > 0:
-            name = model.names[joint].removeprefix(joint_id(""))
-            raise RobotError(
-                f"{description.path}: what joint '{name}' moves has mass "
-                f"{model.inertias[joint].mass:g} kg; efforts need the links' <inertial>"
-            )
 
 
 # ---- A Pinocchio model: frames, bodies, efforts.

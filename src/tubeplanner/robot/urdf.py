@@ -288,7 +288,12 @@ def _read_joint(path: Path, element: ElementTree.Element, version: str) -> UrdfJ
         raise RobotError(f"{where}: {unknown_name('type', kind, _JOINT_TYPES)}")
     require_origin(where, element)
     if kind in MOVABLE_TYPES:  # others carry meaningless axes in the wild
-        _require_axis(where, element.find("axis"))
+        axis = element.find("axis")
+        if axis is not None:
+            xyz = read_numbers(where, axis, "xyz", 3)
+            if not 1e-6 < np.linalg.norm(xyz) < 1e6:
+                given = written("xyz", str(axis.get("xyz")))
+                raise RobotError(f"{where}: <axis> {given} is no direction")
     limit = element.find("limit")
     lower, upper = read_number(where, limit, "lower"), read_number(where, limit, "upper")
     rates: dict[str, float | None] = {}
@@ -322,12 +327,6 @@ def _read_mimic(where: str, element: ElementTree.Element | None) -> Mimic | None
     offset = read_number(where, element, "offset")
     master = read_name(where, element, "joint")
     return Mimic(master, 1.0 if multiplier is None else multiplier, offset or 0.0)
-
-
-def _require_axis(where: str, axis: ElementTree.Element | None) -> None:
-    if axis is None or 1e-6 < np.linalg.norm(read_numbers(where, axis, "xyz", 3)) < 1e6:
-        return
-    raise RobotError(f"{where}: <axis> {written('xyz', str(axis.get('xyz')))} is no direction")
 
 
 def _require_unique(path: Path, kind: str, names: list[str]) -> None:

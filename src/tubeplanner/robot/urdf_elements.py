@@ -158,7 +158,13 @@ def replace_quaternions(where: str, robot: Element, version: str) -> bool:
         RobotError: A quaternion is malformed or stands beside rpy, or the version knows none and
             the rotation would be another without it.
     """
-    origins = list(_origins(where, robot))
+    origins: list[tuple[str, Element]] = []
+    for owner in (*robot.findall("link"), *robot.findall("joint")):
+        for part in (owner, *owner.findall("*")):
+            element = part.find("origin")
+            if element is not None and _QUATERNION in element.attrib:
+                inner = "" if part is owner else f": <{part.tag}>"
+                origins.append((f"{where}: {owner.tag} '{owner.get('name')}'{inner}", element))
     for label, origin in origins:
         quaternion = read_numbers(label, origin, _QUATERNION, 4)
         attribute = f"<origin> {written(_QUATERNION, origin.attrib.pop(_QUATERNION))}"
@@ -177,16 +183,6 @@ def replace_quaternions(where: str, robot: Element, version: str) -> bool:
         else:
             origin.set("rpy", " ".join(map(repr, rpy_of_matrix(matrix))))
     return bool(origins)
-
-
-def _origins(where: str, robot: Element) -> Iterator[tuple[str, Element]]:
-    """Yield the <origin> elements of links and joints that have a quaternion, with their labels."""
-    for owner in (*robot.findall("link"), *robot.findall("joint")):
-        for part in (owner, *owner.findall("*")):
-            origin = part.find("origin")
-            if origin is not None and _QUATERNION in origin.attrib:
-                inner = "" if part is owner else f": <{part.tag}>"
-                yield f"{where}: {owner.tag} '{owner.get('name')}'{inner}", origin
 
 
 # ---- Checks of a URDF's links: a physical inertia, geometry with a size.

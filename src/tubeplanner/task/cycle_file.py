@@ -333,7 +333,14 @@ def _rest_step(k: int, step: Any, directory: Path, robot: RobotModel) -> Step:
         if isinstance(step, DetachFields):
             return Detach(step.detach, step.leave_as_obstacle)
         assert isinstance(step, AttachFields)
-        payload, solid = _payload(step), None
+        payload, solid = None, None
+        if step.payload is not None:
+            try:
+                payload = Payload(**step.payload.model_dump())
+            except RobotError as error:
+                # The message names the field as that of the robot.
+                reason = str(error).removeprefix("robot.")
+                raise RobotError(f"attach '{step.attach}': {reason}") from None
         if step.shape is not None:
             fields = AttachedFields(name=step.attach, **step.shape.model_dump())
             field = f"attach '{step.attach}': shape"
@@ -341,16 +348,6 @@ def _rest_step(k: int, step: Any, directory: Path, robot: RobotModel) -> Step:
         return Attach(step.attach, payload, solid)
     except (ProblemError, RobotError) as error:
         raise type(error)(f"moves[{k}]: {error}") from None
-
-
-def _payload(step: AttachFields) -> Payload | None:
-    if step.payload is None:
-        return None
-    try:
-        return Payload(**step.payload.model_dump())
-    except RobotError as error:
-        # The message names the field as that of the robot.
-        raise RobotError(f"attach '{step.attach}': {str(error).removeprefix('robot.')}") from None
 
 
 # ---- Files of a problem or a cycle.

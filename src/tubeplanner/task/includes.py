@@ -172,12 +172,17 @@ class ProblemLayers:
             raise ProblemError(f"{source}: {error}") from None
         layers: list[tuple[str, Any]] = []
         chain = () if path is None else (path.resolve(),)
-        for layer in _layers(data, folder, source, chain):
+        for name, document, before in _layers(data, folder, source, chain):
             if len(layers) == _MAX_FILES:
                 raise ProblemError(
                     f"{source}: {INCLUDE}: more than {_MAX_FILES} files are included; merge some"
                 )
-            layers.append((layer[0], _with_moved_paths(layer[1], layer[2], folder)))
+            if isinstance(document, dict):
+                document = {key: value for key, value in document.items() if key != INCLUDE}
+                if before != folder:
+                    document = deepcopy(document)
+                    move_paths(document, before, folder)
+            layers.append((name, document))
         return cls(*map(tuple, zip(*layers, strict=True)))
 
     @property
@@ -232,7 +237,14 @@ def _layers(
             names = " includes ".join(file.name for file in circle)
             raise ProblemError(f"{source}: {INCLUDE}: {names}, a circle; take one of them out")
         document = read_document(path, "included file")
-        _require_part(document, path)
+        if not isinstance(document, dict):
+            raise ProblemError(f"{path}: an included file is a map, as a problem file is")
+        kind = document.get("format", PROBLEM_FORMAT)
+        if kind != PROBLEM_FORMAT:
+            raise ProblemError(
+                f"{path}: format is {shown(kind)}; an included file is a problem file or a part of "
+                "one"
+            )
         yield from _layers(document, path.parent, str(path), (*chain, resolved))
     yield source, data, folder
 
@@ -247,28 +259,6 @@ def _included(data: Any, source: str) -> list[str]:
                 f"{source}: {INCLUDE} is {shown(value)}; it must be a file or a list of files"
             )
     return names
-
-
-def _require_part(document: Any, path: Path) -> None:
-    """Raise unless an included file is a problem file or a part of a problem file."""
-    if not isinstance(document, dict):
-        raise ProblemError(f"{path}: an included file is a map, as a problem file is")
-    kind = document.get("format", PROBLEM_FORMAT)
-    if kind != PROBLEM_FORMAT:
-        raise ProblemError(
-            f"{path}: format is {shown(kind)}; an included file is a problem file or a part of one"
-        )
-
-
-def _with_moved_paths(document: Any, before: Path, after: Path) -> Any:
-    """Return a document without `include`, with paths relative to another folder."""
-    if not isinstance(document, dict):
-        return document
-    own = {key: value for key, value in document.items() if key != INCLUDE}
-    if before != after:
-        own = deepcopy(own)
-        move_paths(own, before, after)
-    return own
 
 
 def _is_same(first: Any, second: Any) -> bool:

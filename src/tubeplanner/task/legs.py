@@ -240,12 +240,19 @@ def _require_joinable(first: Move, second: Move) -> None:
 def _joined_tube(first: Move, second: Move) -> Tube:
     tubes = (first.tube, second.tube)
     counts = [tube.segment_count for tube in tubes]
+    sections = None
+    if any(tube.cross_section is not None for tube in tubes):
+        rows = [
+            np.zeros((tube.segment_count, 5)) if tube.cross_section is None else tube.cross_section
+            for tube in tubes
+        ]
+        sections = np.vstack(rows)
     by_segment: dict[str, Any] = {
         "radius": [radius for tube in tubes for radius in tube.radius],
         "joint_signs": [signs for tube in tubes for signs in tube.joint_signs],
         "tool_speed": _filled([tube.tool_speed for tube in tubes], counts),
         "clearance": _clearances((first, second)),
-        "cross_section": _sections(tubes),
+        "cross_section": sections,
         # Segments keep their numbers, by which messages name them, although points are left out.
         "numbers": [*first.tube.numbers, *(first.tube.numbers[-1] + second.tube.numbers[1:])],
     }
@@ -283,17 +290,6 @@ def _clearances(moves: Sequence[Move]) -> list[float] | None:
         own = own or [np.inf] * move.tube.segment_count
         clearances += [value if np.isfinite(value) else move.clearance for value in own]
     return clearances
-
-
-def _sections(tubes: Sequence[Tube]) -> FloatArray | None:
-    """Return the boxes of all segments; None if there are none."""
-    if all(tube.cross_section is None for tube in tubes):
-        return None
-    rows = [
-        np.zeros((tube.segment_count, 5)) if tube.cross_section is None else tube.cross_section
-        for tube in tubes
-    ]
-    return np.vstack(rows)
 
 
 def _rotations(name: str, tubes: Sequence[Tube], counts: Sequence[int]) -> dict[str, Any]:

@@ -139,16 +139,14 @@ def _near_ends(
             tool = problem.tube.points[-1]
             if q is not None:
                 tool = problem.robot.tool_position(q[None])[0]
-            distance = _distance(problem, pair, q) if is_fixed and q is not None else 0.0
+            distance = 0.0
+            if is_fixed and q is not None:
+                rotation, position = problem.robot.body_poses(q[None])
+                pairs = problem.collision.pairs[pair]
+                near = problem.collision.distances(rotation[0], position[0], pairs)
+                distance = float(near.min())
             near_ends.append(NearEnd(segment, tool, contact.within, pair, distance))
     return near_ends
-
-
-def _distance(problem: PlanningProblem, pair: BoolArray, q: FloatArray) -> float:
-    """Return the least distance of marked pairs (P,) in a configuration (n,) [m]."""
-    rotation, position = problem.robot.body_poses(q[None])
-    checker = problem.collision
-    return float(checker.distances(rotation[0], position[0], checker.pairs[pair]).min())
 
 
 # ---- Usual contacts of solids that steps of a cycle attach or detach.

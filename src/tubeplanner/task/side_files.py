@@ -319,7 +319,14 @@ def read_points(path: Path) -> PointFile:
     points = [list(point) for point in zip(*(columns[name] for name in _POSITION), strict=True)]
     quaternions = [columns[name] for name in _QUATERNION if name in columns]
     orientations = [list(row) for row in zip(*quaternions, strict=True)] if quaternions else None
-    radius = _radius(path, columns["radius"]) if "radius" in columns else None
+    radius = None
+    if "radius" in columns:
+        *radius, end = columns["radius"]
+        if radius and not math.isnan(end) and end != radius[-1]:
+            raise ProblemError(
+                f"tube.points: {path}: the last radius, {end:g} m, belongs to no segment: each is "
+                f"that of the segment that begins there; leave it empty or repeat {radius[-1]:g}"
+            )
     return PointFile(points, orientations, radius)
 
 
@@ -363,17 +370,6 @@ def _values(
             )
         values[name] = math.nan if may_be_empty else float(cell)
     return values
-
-
-def _radius(path: Path, column: list[float]) -> list[float]:
-    """Return the radii of the segments [m]: all but the last point's."""
-    *radius, last = column
-    if radius and not math.isnan(last) and last != radius[-1]:
-        raise ProblemError(
-            f"tube.points: {path}: the last radius, {last:g} m, belongs to no segment: each is "
-            f"that of the segment that begins there; leave it empty or repeat {radius[-1]:g}"
-        )
-    return radius
 
 
 def _is_number(cell: str) -> bool:

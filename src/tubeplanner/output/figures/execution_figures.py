@@ -163,10 +163,17 @@ def _cycle_over_time(motion: CycleMotion, execution: Execution) -> list[Callable
     legs = executed_legs(motion, execution)
     tools = [tool_runs(leg.problem, leg.trajectory, leg.execution) for leg in legs]
     draws: list[Callable[[Axes], None]] = []
+    beyond: list[Band | None] = []
+    for leg in legs:
+        band = obstacle_band(leg.problem, leg.trajectory, leg.execution)
+        clearance = leg.problem.clearance
+        if band is not None:
+            band = Band(band.time, band.plan - clearance, band.runs - clearance)
+        beyond.append(band)
     margins: dict[str, list[Band | None]] = {
         "inside the tube [mm]": [tool.tube for tool in tools],
         "inside the rotation\ntolerance [mrad]": [tool.rotation for tool in tools],
-        "farther from obstacles\nthan asked [mm]": [_beyond_clearance(leg) for leg in legs],
+        "farther from obstacles\nthan asked [mm]": beyond,
     }
     for label, bands in margins.items():
         if any(band is not None for band in bands):
@@ -178,15 +185,6 @@ def _cycle_over_time(motion: CycleMotion, execution: Execution) -> list[Callable
     draws.append(partial(draw_band, band=_joined(legs, tracking), label="tool from\nthe plan [mm]"))
     look = partial(draw_saturation, robot=motion.cycle.robot, time=execution.time)
     return [*draws, partial(look, is_saturated=execution.is_saturated)]
-
-
-def _beyond_clearance(leg: ExecutedLeg) -> Band | None:
-    """Return the distance of links from obstacles beyond a leg's clearance [m]."""
-    band = obstacle_band(leg.problem, leg.trajectory, leg.execution)
-    clearance = leg.problem.clearance
-    if band is None:
-        return None
-    return Band(band.time, band.plan - clearance, band.runs - clearance)
 
 
 def _joined(legs: Sequence[ExecutedLeg], bands: Sequence[Band | None]) -> Band:
@@ -394,7 +392,11 @@ def draw_band(axis: "Axes", band: Band, label: str, least: float = -np.inf) -> N
     """
     bound = _MILLI * least
     for shares, alpha, name in _BANDS:
-        low, high = _MILLI * _quantiles(band.runs, shares)
+        # NaN are left out; where all runs are NaN, so are their quantiles.
+        quantiles = np.full((len(shares), band.runs.shape[1]), np.nan)
+        has_values = ~np.isnan(band.runs).all(axis=0)
+        quantiles[:, has_values] = np.nanquantile(band.runs[:, has_values], shares, axis=0)
+        low, high = _MILLI * quantiles
         look: dict[str, Any] = {"alpha": alpha, "linewidth": 0.7}
         above, below = (np.maximum(low, bound), high), (low, np.minimum(high, bound))
         look |= {"where": high >= bound, "color": EXECUTED_COLOR}
@@ -404,14 +406,6 @@ def draw_band(axis: "Axes", band: Band, label: str, least: float = -np.inf) -> N
             axis.fill_between(band.time, *below, **look)
     axis.plot(band.time, _MILLI * band.plan, **_PLAN, label="plan")
     axis.set_ylabel(label)
-
-
-def _quantiles(runs: FloatArray, shares: tuple[float, ...]) -> FloatArray:
-    """Return quantiles of R runs (R, K), NaN left out, shape (len(shares), K); NaN if all are."""
-    result = np.full((len(shares), runs.shape[1]), np.nan)
-    has_values = ~np.isnan(runs).all(axis=0)
-    result[:, has_values] = np.nanquantile(runs[:, has_values], shares, axis=0)
-    return result
 
 
 def draw_saturation(

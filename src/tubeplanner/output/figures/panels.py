@@ -301,8 +301,14 @@ def draw_motor(axis: "Axes", curves: TrajectoryCurves, joint: int) -> None:
     """
     robot = curves.problem.robot
     velocity, effort = curves.samples.velocity[:, joint], curves.effort[:, joint]
-    grid = _velocity_grid(robot, joint, velocity)
     fastest = robot.limits.velocity[joint]
+    # To beyond the joint's limits, or without limits beyond its motion.
+    reach = float(fastest if np.isfinite(fastest) else max(abs(velocity).max(), 1e-3))
+    end = _MOTOR_MARGIN * reach
+    # Friction jumps at zero: one sample on either side.
+    positive = np.linspace(0, end, _LOOKS // 2 + 1)
+    positive[0] = 1e-9 * end
+    grid = np.concatenate([-positive[::-1], positive])
     for forwards, backwards in _motor_limits(robot, joint, grid):
         axis.fill_between(grid, -backwards, forwards, where=abs(grid) <= fastest, **_SHADE)
         for bound in (forwards, -backwards):
@@ -322,16 +328,6 @@ def draw_motor(axis: "Axes", curves: TrajectoryCurves, joint: int) -> None:
     axis.set_ylabel(f"effort [{units[1]}]", fontsize=8)
     axis.tick_params(labelsize=7)
     axis.grid(alpha=0.25)
-
-
-def _velocity_grid(robot: RobotModel, joint: int, velocity: FloatArray) -> FloatArray:
-    """Return increasing velocities to beyond a joint's limits, without limits beyond its motion."""
-    most = robot.limits.velocity[joint]
-    end = _MOTOR_MARGIN * float(most if np.isfinite(most) else max(abs(velocity).max(), 1e-3))
-    # Friction jumps at zero: one sample on either side.
-    positive = np.linspace(0, end, _LOOKS // 2 + 1)
-    positive[0] = 1e-9 * end
-    return np.concatenate([-positive[::-1], positive])
 
 
 def _motor_limits(robot: RobotModel, joint: int, velocity: FloatArray) -> list[FloatArray]:

@@ -47,7 +47,14 @@ def plot_placement(result: Placement, path: str | Path | None = None) -> "Figure
         OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
-    low, high = _extent(result)
+    # The map has the region, the path and the robot in it, but not the floor.
+    region, stands = result.region, [result.given.stand]
+    stands += [] if result.best is None else [result.best.stand]
+    corners = [region.low[:2], region.high[:2], *(stand[:2] for stand in stands)]
+    shown = np.vstack([np.array(corners), result.problem.tube.points[:, :2]])
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    margin = _MARGIN * max(float((high - low).max()), 1e-3)
+    low, high = low - margin, high + margin
     height = _WIDTH * float((high - low)[1] / (high - low)[0])
     figure = new_figure(_WIDTH, min(max(height, _LEAST_HEIGHT), _MOST_HEIGHT))
     axis = figure.add_subplot()
@@ -76,17 +83,6 @@ def plot_placement(result: Placement, path: str | Path | None = None) -> "Figure
 
 def _label(name: str, answer: Any) -> str:
     return name if answer.duration is None else f"{name}: {answer.duration:.3f} s"
-
-
-def _extent(result: Placement) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of the map, (2,) each [m]: region, path and robot, without the floor."""
-    region, stands = result.region, [result.given.stand]
-    stands += [] if result.best is None else [result.best.stand]
-    points = [region.low[:2], region.high[:2], *(stand[:2] for stand in stands)]
-    corners = np.vstack([np.array(points), result.problem.tube.points[:, :2]])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    margin = _MARGIN * max(float((high - low).max()), 1e-3)
-    return low - margin, high + margin
 
 
 def _draw_cells(figure: "Figure", axis: "Axes", result: Placement, narrow: float) -> None:

@@ -136,7 +136,14 @@ def rendered(solids: Sequence[RenderedSolid], view: SpaceView) -> Picture:
             pixels[place[is_seen]] = color[is_seen]
     visible = []
     for part in through:
-        place, near, color = _nearest(_fragments(part, width, height))
+        # The nearest fragment of every pixel: pixels where triangles meet are in both.
+        fragments = _fragments(part, width, height)
+        place = np.concatenate([np.zeros(0, dtype=np.int64), *(each[0] for each in fragments)])
+        near = np.concatenate([np.zeros(0), *(each[1] for each in fragments)])
+        color = np.vstack([np.zeros((0, 4)), *(each[2] for each in fragments)])
+        order = np.lexsort([near, place])
+        last = order[np.flatnonzero(np.diff(place[order], append=-1))]
+        place, near, color = place[last], near[last], color[last]
         is_seen = near > nearest[place]
         visible.append((place[is_seen], near[is_seen], color[is_seen]))
     if visible:
@@ -223,16 +230,6 @@ def _fragments(triangles: _Triangles, width: int, height: int) -> list[_Fragment
         place = (y * width + x)[inside]
         fragments.append((place, value[inside, 2], triangles.colors[owner[inside]]))
     return fragments
-
-
-def _nearest(fragments: Sequence[_Fragments]) -> _Fragments:
-    """Return the nearest fragment of every pixel: pixels where triangles meet are in both."""
-    place = np.concatenate([np.zeros(0, dtype=np.int64), *(each[0] for each in fragments)])
-    near = np.concatenate([np.zeros(0), *(each[1] for each in fragments)])
-    color = np.vstack([np.zeros((0, 4)), *(each[2] for each in fragments)])
-    order = np.lexsort([near, place])
-    last = order[np.flatnonzero(np.diff(place[order], append=-1))]
-    return place[last], near[last], color[last]
 
 
 def _planes(corners: FloatArray) -> FloatArray:

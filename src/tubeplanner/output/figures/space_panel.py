@@ -17,7 +17,6 @@ from tubeplanner.output.drawing import (
     GRIPPER_COLOR,
     OBSTACLE_COLOR,
     REFERENCE_COLOR,
-    Surface,
     best_direction,
     clipped,
     coarse_hull_points,
@@ -224,7 +223,12 @@ def obstacle_solids(
         is_part = name in handed_over
         color = rgb(CARRIED_COLOR if is_part else OBSTACLE_COLOR)
         alpha = 1.0 if is_part else _OBSTACLE_ALPHA
-        part = _within(surface, low, high)
+        for k in range(3):
+            for sign, end in ((1.0, low[k]), (-1.0, high[k])):
+                inside = sign * (surface.vertices[:, k] - end)
+                if (inside < 0).any():
+                    surface = clipped(surface, inside)
+        part = joined([surface])
         if len(part.faces):
             solids.append(RenderedSolid(part, color, alpha, has_edges=True))
     return solids
@@ -254,16 +258,6 @@ def tube_solids(tube: Tube, colors: Sequence[str] | None = None) -> list[Rendere
         RenderedSolid(surface, rgb(color), _TUBE_ALPHA)
         for surface, color in zip(surfaces, colors, strict=True)
     ]
-
-
-def _within(surface: Surface, low: FloatArray, high: FloatArray) -> Surface:
-    """Return the part of a surface that is in a box."""
-    for k in range(3):
-        for sign, end in ((1.0, low[k]), (-1.0, high[k])):
-            inside = sign * (surface.vertices[:, k] - end)
-            if (inside < 0).any():
-                surface = clipped(surface, inside)
-    return joined([surface])
 
 
 # ---- The surroundings of the panel in space: a floor with a grid, and coordinates along its sides.
@@ -322,7 +316,14 @@ def _draw_scale(axis: "Axes", view: SpaceView, ends: FloatArray, k: int, stops: 
     axis.plot(*view.on_page(ends).T, **_AXIS)
     places = np.tile(ends[0], (len(stops), 1))
     places[:, k] = stops
-    shift, align = _outwards(view, k, ends)
+    align: dict[str, Any]
+    if k == _UP:
+        shift, align = (-6.0, 0.0), {"ha": "right", "va": "center"}
+    else:
+        along = np.diff(view.on_page(ends), axis=0)[0]
+        falls = along[0] * along[1] < 0
+        shift = (-4.0 if falls else 4.0, -6.0)
+        align = {"ha": "right" if falls else "left", "va": "top"}
     for place, stop in zip(view.on_page(places), stops, strict=True):
         axis.annotate(
             f"{stop + 0.0:.4g}", place, shift, textcoords="offset points", fontsize=7, **align
@@ -332,17 +333,6 @@ def _draw_scale(axis: "Axes", view: SpaceView, ends: FloatArray, k: int, stops: 
         place, far, align = ends[1], (0.0, 6.0), {"ha": "center"}
     x, y = view.on_page(place).tolist()
     axis.annotate(_NAMES[k], (x, y), far, textcoords="offset points", fontsize=8, **align)
-
-
-def _outwards(
-    view: SpaceView, k: int, ends: FloatArray
-) -> tuple[tuple[float, float], dict[str, Any]]:
-    """Return the offset of a scale's numbers [points], and their alignment."""
-    if k == _UP:
-        return (-6.0, 0.0), {"ha": "right", "va": "center"}
-    along = np.diff(view.on_page(ends), axis=0)[0]
-    falls = along[0] * along[1] < 0
-    return (-4.0 if falls else 4.0, -6.0), {"ha": "right" if falls else "left", "va": "top"}
 
 
 def _step(size: float) -> float:

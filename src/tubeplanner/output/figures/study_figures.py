@@ -157,7 +157,14 @@ def _draw_durations(
         if row.duration is not None:
             axis.barh(number, row.duration, 0.6, **(_CERTIFIED if row.certified else _FAILED))
         place: dict[str, Any] = {"transform": axis.get_yaxis_transform(), "va": "center"}
-        verdict = _verdict(row, is_fastest=row is fastest)
+        if row.duration is None:
+            verdict = f"no motion: {row.message}"
+        elif row.certified:
+            verdict = f"{row.duration:.4f} s, certified{', the fastest' * (row is fastest)}"
+        else:
+            verdict = f"{row.duration:.4f} s, fails: {', '.join(row.failures)}"
+        short = shorten(verdict, _LINES * (_LETTERS - 4), placeholder=" ...")
+        verdict = fill(short, _LETTERS)
         axis.text(1.02, number, verdict, fontsize=8.5, parse_math=False, **place)
     axis.set_yticks(range(len(rows)), [row.method for row in rows])
     axis.set_ylim(len(rows) - 0.5, -0.5)
@@ -166,17 +173,6 @@ def _draw_durations(
     axis.set_xlim(0.0, None if any(row.duration for row in rows) else 1.0)
     axis.set_axisbelow(True)
     axis.grid(alpha=0.25, axis="x")
-
-
-def _verdict(row: ComparisonRow, *, is_fastest: bool) -> str:
-    """Return duration and verdict of a row, or the reason for no motion, on few lines."""
-    if row.duration is None:
-        verdict = f"no motion: {row.message}"
-    elif row.certified:
-        verdict = f"{row.duration:.4f} s, certified{', the fastest' * is_fastest}"
-    else:
-        verdict = f"{row.duration:.4f} s, fails: {', '.join(row.failures)}"
-    return fill(shorten(verdict, _LINES * (_LETTERS - 4), placeholder=" ..."), _LETTERS)
 
 
 def _draw_speeds(
@@ -233,6 +229,9 @@ def draw_map(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -> No
         across: The field along the horizontal axis.
         up: The field along the vertical axis.
     """
+    from matplotlib.patches import Rectangle
+
+    style: dict[str, Any]
     columns, lines = _Ticks(rows, across), _Ticks(rows, up)
     durations = np.full((len(lines.values), len(columns.values)), np.nan)
     gaps: dict[PlanStatus, list[tuple[int, int]]] = {}
@@ -246,9 +245,19 @@ def draw_map(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -> No
     if np.isfinite(durations).any():
         _figure(axis).colorbar(image, ax=axis, label="duration [s]")
     if durations.size <= _MOST_WRITTEN:
-        _write_durations(axis, durations, image)
+        for line, column in np.argwhere(np.isfinite(durations)).tolist():
+            value = durations[line, column]
+            brightness = np.dot(image.to_rgba(value)[:3], (0.3, 0.6, 0.1))
+            color = "white" if brightness < _DARK else "black"
+            style = {"ha": "center", "va": "center", "fontsize": 7, "color": color}
+            axis.text(column, line, f"{value:.3f}", **style)
     for status, cells in gaps.items():
-        _hatch(axis, status, cells)
+        mark = status_mark(status)
+        for number, (line, column) in enumerate(cells):
+            label = _label(status, len(cells)) if number == 0 else None
+            style = {"facecolor": "#F4F4F4", "edgecolor": mark.color, "linewidth": 0}
+            corner = (column - 0.5, line - 0.5)
+            axis.add_patch(Rectangle(corner, 1, 1, hatch=mark.hatch, label=label, **style))
     axis.set(xlabel=columns.scale.label, ylabel=lines.scale.label)
     axis.set_xticks(*columns.labels, rotation=20 if columns.is_long else 0)
     axis.set_yticks(*lines.labels)
@@ -304,27 +313,6 @@ class _Ticks:
     def is_long(self) -> bool:
         """True if labels are too long to stand side by side."""
         return sum(map(len, self.labels[1])) > _MOST_UPRIGHT
-
-
-def _write_durations(axis: "Axes", durations: FloatArray, image: Any) -> None:
-    for cell in np.argwhere(np.isfinite(durations)):
-        value = durations[tuple(cell)]
-        brightness = np.dot(image.to_rgba(value)[:3], (0.3, 0.6, 0.1))
-        color = "white" if brightness < _DARK else "black"
-        line, column = cell.tolist()
-        style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7, "color": color}
-        axis.text(column, line, f"{value:.3f}", **style)
-
-
-def _hatch(axis: "Axes", status: PlanStatus, cells: Sequence[tuple[int, int]]) -> None:
-    from matplotlib.patches import Rectangle
-
-    mark = status_mark(status)
-    for number, (line, column) in enumerate(cells):
-        label = _label(status, len(cells)) if number == 0 else None
-        style: dict[str, Any] = {"facecolor": "#F4F4F4", "edgecolor": mark.color, "linewidth": 0}
-        corner = (column - 0.5, line - 0.5)
-        axis.add_patch(Rectangle(corner, 1, 1, hatch=mark.hatch, label=label, **style))
 
 
 def _label(status: PlanStatus, count: int) -> str:

@@ -72,7 +72,11 @@ def tube_parts(tube: Tube, joint_names: Sequence[str]) -> list[object]:
     parts += [tube.tool_radius, *tube.ranges_of(joint_names)]
     if tube.rotation is not None:
         parts += [tube.rotation.begin, tube.rotation.turn, tube.rotation.bounds]
-    parts += _optional_parts(tube)
+    # Only with another value than the default, so that files without a new field keep their hash.
+    for field in dataclasses.fields(tube):
+        value = getattr(tube, field.name)
+        if field.default is not dataclasses.MISSING and not np.array_equal(value, field.default):
+            parts += [field.name, value]
     # Only with compulsory points, so that hashes of files without any stay the same.
     if len(tube.compulsory_points):
         parts += ["points", tube.compulsory_points]
@@ -143,19 +147,6 @@ def _motor_parts(motors: JointMotors) -> list[object]:
         parts += ["motor_curve", motors.saturation_effort, motors.no_load_velocity]
     if motors.has_friction and motors.friction_uncertainty:
         parts += ["friction_uncertainty", motors.friction_uncertainty]
-    return parts
-
-
-def _optional_parts(holder: Any) -> list[object]:
-    """Return the fields with another value than their default, each after its name.
-
-    So files without a new field keep their hash.
-    """
-    parts: list[object] = []
-    for field in dataclasses.fields(holder):
-        value = getattr(holder, field.name)
-        if field.default is not dataclasses.MISSING and not np.array_equal(value, field.default):
-            parts += [field.name, value]
     return parts
 
 

@@ -119,7 +119,11 @@ def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProbl
     """
     below = ProblemLayers.of(fields, folder, "the problem").below
     merged = merged_fields(below, fields)
-    changes: dict[str, Any] = {"tube": _whole_tube_fields(problem.tube)}
+    tube_fields = _tube_fields(problem.tube)
+    tube_fields.update(_rotation_fields(problem.tube))
+    if problem.tube.tool_radius:
+        tube_fields["tool_radius"] = problem.tube.tool_radius
+    changes: dict[str, Any] = {"tube": tube_fields}
     for end, q in (("start", problem.start), ("goal", problem.goal)):
         assert isinstance(q, np.ndarray)
         end_fields = merged.get(end)
@@ -233,15 +237,6 @@ def _tube_fields(tube: Tube) -> CommentedMap:
         fields["cross_section"] = _in_a_row(list(sections))
     fields["joint_signs"] = signs
     fields.update(_speed_fields(tube))
-    return fields
-
-
-def _whole_tube_fields(tube: Tube) -> CommentedMap:
-    """Return the fields of a new tube, its orientations and tool radius included."""
-    fields = _tube_fields(tube)
-    fields.update(_rotation_fields(tube))
-    if tube.tool_radius:
-        fields["tool_radius"] = tube.tool_radius
     return fields
 
 

@@ -1,6 +1,6 @@
 """Page of a cycle: handed-over parts, scene, panel."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -303,24 +303,23 @@ class _Drawing:
         trajectory, parts = self._trajectories[i], self._parts[i]
         first = trajectory.rotation.shape[1] - len(parts)
         bodies = [(first + k, f"{part.name}/{k}", part.surface) for k, part in enumerate(parts)]
+        # The tubes of moves, in a colour each, their reference paths and goal balls.
+        tubes = []
+        for k, (move, surface) in enumerate(zip(self._moves, self._tubes, strict=True)):
+            color = rgb(segment_color(k))
+            tubes.append(Item(Layer.TUBE, i, tube_name(k), surface, color, _TUBE_OPACITY))
+            tubes.append(reference_item(i, f"move_{k}", move.tube.points, self.thickness))
+            for ball in goal_ball(move.endpoint):
+                color = rgb(REFERENCE_COLOR)
+                tubes.append(Item(Layer.REFERENCE, i, f"goal_{k}", ball, color, 0.35))
         return [
             *arm_items(i, self._links),
             *carried_items(i, [*self._carried, *bodies]),
-            *self._tube_items(i),
+            *tubes,
             *obstacle_items(i, self._standing),
             *tool_items(i, trajectory, self._robot, self._path_width, self._fastest),
             *swept_item(i, trajectory, self._swept[i]),
         ]
-
-    def _tube_items(self, i: int) -> Iterator[Item]:
-        """Yield the tubes of moves, in a colour each, their reference paths and goal balls."""
-        for k, (move, surface) in enumerate(zip(self._moves, self._tubes, strict=True)):
-            color = rgb(segment_color(k))
-            yield Item(Layer.TUBE, i, tube_name(k), surface, color, _TUBE_OPACITY)
-            yield reference_item(i, f"move_{k}", move.tube.points, self.thickness)
-            for ball in goal_ball(move.endpoint):
-                color = rgb(REFERENCE_COLOR)
-                yield Item(Layer.REFERENCE, i, f"goal_{k}", ball, color, 0.35)
 
 
 # ---- The panel of a cycle's page: moves with their colours, parts, the time line.

@@ -34,7 +34,6 @@ from tubeplanner.output.drawing import (
     goal_ball,
     segment_color,
 )
-from tubeplanner.output.execution_curves import ExecutedPaths
 from tubeplanner.output.page.problem_scene import POINTER, ProblemScene
 from tubeplanner.output.page.scene import Layer, Scene, ShownTrajectory
 from tubeplanner.robot.model import RobotModel
@@ -169,13 +168,19 @@ def layer_data(
         words: Labels of layers that differ between scenes.
         entries: Colours of layers with several colours, and their meanings.
     """
+    pointers = [item.name for item in scene.items if item.name.startswith(POINTER)]
+    axes = " or ".join(dict.fromkeys(name.removeprefix(POINTER) for name in pointers))
+    executed, runs = scene.executed, ""
+    if executed is not None:
+        some = f"{executed.shown} of " if executed.shown < executed.total else ""
+        runs = f"Executed paths of the tool: {some}{executed.total} runs"
     usual = {
         Layer.ARM: "Arm",
         Layer.TOOL: "Path of the tool, by its speed" if scene.duration > 0 else "Tool",
         Layer.SWEPT: "Space the links sweep (hulls)",
         Layer.AXES: "Axes of the tool: x, y, z",
-        Layer.ROTATION: _rotation_label(scene),
-        Layer.EXECUTED: _executed_label(scene.executed),
+        Layer.ROTATION: f"Rotation tolerance: the tool's {axes} axis stays in the cone",
+        Layer.EXECUTED: runs,
         Layer.BLOCKED: "Where it is blocked; what blocks has this colour",
     }
     fields: dict[str, Any] = {
@@ -191,19 +196,6 @@ def layer_data(
         ticks = ["0", f"{top / 2:.2f}", f"{top:.2f} m/s"]
         fields["scale"] = {"colors": list(SPEED_COLORS), "ticks": ticks}
     return fields
-
-
-def _rotation_label(scene: Scene) -> str:
-    pointers = [item.name for item in scene.items if item.name.startswith(POINTER)]
-    axes = " or ".join(dict.fromkeys(name.removeprefix(POINTER) for name in pointers))
-    return f"Rotation tolerance: the tool's {axes} axis stays in the cone"
-
-
-def _executed_label(executed: ExecutedPaths | None) -> str:
-    if executed is None:
-        return ""
-    some = f"{executed.shown} of " if executed.shown < executed.total else ""
-    return f"Executed paths of the tool: {some}{executed.total} runs"
 
 
 def listed(kind: str, names: Sequence[str]) -> str:
@@ -244,8 +236,13 @@ def page_curves(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any
         stretches: Of one motion.
         time: At equal steps from its begin to its end, shape (K,) [s].
     """
+    limit = np.full(len(time), np.inf)  # on the tool's speed in the segment of each time [m/s]
+    for stretch in stretches:
+        rows = stretch.inside(time)
+        segment = stretch.uses.segment[stretch.nearest(time[rows] - stretch.begin)]
+        limit[rows] = ToolSpeed(stretch.problem).limit[segment]
     curves = {
-        "speedLimit": _speed_limit(stretches, time),
+        "speedLimit": _rounded(limit, 4) if np.isfinite(limit).any() else [],
         "limits": _limits(stretches, time),
         "clearance": _clearances(stretches, time),
     }
@@ -257,16 +254,6 @@ def row_color(name: str, joint_names: Sequence[str]) -> str:
     if name in joint_names:
         return LINE_COLORS[joint_names.index(name) % len(LINE_COLORS)]
     return _TOOL_COLOR if name == TOOL else _LINKS_COLOR
-
-
-def _speed_limit(stretches: Sequence[Stretch], time: FloatArray) -> list[float | None]:
-    """Return the limit on the tool's speed in the segment of each time [m/s]; empty if none."""
-    limit = np.full(len(time), np.inf)
-    for stretch in stretches:
-        rows = stretch.inside(time)
-        segment = stretch.uses.segment[stretch.nearest(time[rows] - stretch.begin)]
-        limit[rows] = ToolSpeed(stretch.problem).limit[segment]
-    return _rounded(limit, 4) if np.isfinite(limit).any() else []
 
 
 def _limits(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any]:
