@@ -61,9 +61,6 @@ def judge_points(motion: JudgedMotion) -> JudgedCondition:
     return JudgedCondition(worst.margin, "m", place, "at the instant that is nearest")
 
 
-# ---- The tool's orientation, against the reference and at the goal.
-
-
 def judge_rotation(motion: JudgedMotion) -> JudgedCondition:
     """Judge the tool's orientation, segment by segment and at the goal."""
     along, at_goal = _judge_along(motion), _judge_at_goal(motion)

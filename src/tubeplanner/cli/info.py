@@ -143,9 +143,6 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-# ---- The contents of a robot, as text.
-
-
 def robot_text(info: RobotInfo) -> str:
     """Return the contents of a robot as text."""
     frame = info.tool_frame
@@ -414,9 +411,6 @@ def _range(lower: float, upper: float) -> str:
     if np.isinf(upper):
         return f">= {lower:.4g}"
     return f"<= {upper:.4g}" if np.isinf(lower) else f"in [{lower:.4g}, {upper:.4g}]"
-
-
-# ---- The contents of a cycle, as text.
 
 
 def cycle_text(info: CycleInfo) -> str:

@@ -333,8 +333,6 @@ def _rows(pairs: IntArray, row: IntArray | None) -> IntArray:
     return np.arange(len(pairs)) if row is None else row
 
 
-# ---- Distances of pairs of shapes in neighbouring configurations, exact where they matter.
-
 # Without the native library configurations are visited coarse to fine, with these strides: a
 # neighbour visited before provides a direction that separates a pair.
 _STRIDES = (64, 16, 4, 1)

@@ -221,8 +221,6 @@ def planned_leg(
     return LegPlan(problem, result)
 
 
-# ---- The configurations between moves for the least sum of durations.
-
 _STAGE = "shared configurations"
 # A part that is taken and put down in other configurations hangs and stands otherwise. Where it is
 # then put down a little too deep, that configuration alone is chosen again.

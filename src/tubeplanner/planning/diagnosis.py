@@ -396,8 +396,6 @@ def _least_outside(at: _Configurations, *, turned: bool) -> tuple[str, OutsideBo
     return bounded_by(at.problem, at.spot.segments, outside), outside
 
 
-# ---- The reason without a trajectory: a blocked sample comes before the end of a branch.
-
 # Of a branch or certificate with these, the end may not be the obstruction itself.
 _SYMPTOMS = (PlanStatus.UNREACHABLE, PlanStatus.NO_TRAJECTORY, PlanStatus.CERTIFICATE_FAILED)
 

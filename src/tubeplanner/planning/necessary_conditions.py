@@ -139,8 +139,6 @@ def largest_distances(tube: Tube) -> FloatArray:
     return np.append(corner, 0.0)
 
 
-# ---- Necessary conditions of every trajectory: free ends that motors hold, points in reach.
-
 # A point counts as out of reach if the tool's distance exceeds the allowed one by more [m].
 _MAX_SEARCH_ERROR = 1e-4
 _OTHER_SEEDS = 4  # of inverse kinematics, besides the start

@@ -443,8 +443,6 @@ def certified_refinement(
     return replace(result, sensitivities=sensitivities, motion=motion)
 
 
-# ---- Planning by refinement from the last motion, after a problem has changed a little.
-
 # A motion that changes for more steps before it is judged is no longer near the last: another may
 # be better. (Of 110 small and 88 large changes, all with no more steps ended at most 0.17 % above a
 # fresh plan. In tubes up to 3 times as wide, motions with more steps ended up to 3.8 % above.)

@@ -150,9 +150,6 @@ def periodic_plan(
     return None
 
 
-# ---- The second stage of planning: the best motion, as the objective says, in a given duration.
-
-
 def second_stage_plan(
     problem: PlanningProblem,
     shortest: PlanResult,
@@ -225,9 +222,6 @@ def _certified(
 
 def _is_smoothing(problem: PlanningProblem) -> bool:
     return (problem.objective or Objective()).minimise == SMOOTHNESS
-
-
-# ---- From the shortest motion to the written motion: in periods, smooth or efficient.
 
 
 def followed_plan(

@@ -218,8 +218,6 @@ def tube_sizes(tube: Tube) -> dict[str, FloatArray]:
     return sizes
 
 
-# ---- The tightening with which a plan survives and is the shortest.
-
 WORKING = Draw(32, seed=0)
 FEWER = Draw(16, seed=0)  # of the same arms; enough to compare fractions of effort
 MANY = Draw(96, seed=0)  # which the written plan is to survive

@@ -156,8 +156,6 @@ def _spare_distance(problem: PlanningProblem, ends: FloatArray) -> float:
     return float((np.array(distances) - least)[:, counts].min(initial=np.inf))
 
 
-# ---- The survival of a plan: its tightening, the costs, and the verdict of its runs.
-
 _UNITS = {"rotation": "rad", "position": "rad or mm"}
 
 

@@ -39,8 +39,6 @@ from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.parts import resting
 
-# ---- Planning of no motion: the arm begins where it may end.
-
 _SAME_END = 1e-9  # [rad or m] between start and goal, and [m] outside the goal's ball
 # Trajectories, and moves of cycles, have a duration [s]; parts of some seconds still resolve this.
 _REST = 1e-6

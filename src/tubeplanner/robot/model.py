@@ -39,8 +39,6 @@ from tubeplanner.robot.pinocchio_model import (
 )
 from tubeplanner.robot.urdf import UrdfDescription, followers_of, joint_id
 
-# ---- Configurations, one or many: methods that take (N, n), and (n,) too.
-
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 _SPREAD = 8  # configurations: a rank below the largest is an accident at none or few of them

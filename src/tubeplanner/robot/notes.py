@@ -465,8 +465,6 @@ def _rounding(inertial: Element) -> float:
     return min(1.5 * 10.0 ** max(map(int, digits)), _MAX_ROUNDING)
 
 
-# ---- Angles of a problem's fields.
-
 _ANGLES = {"rpy": "angle", "rotation_tolerance": "tolerance"}
 
 

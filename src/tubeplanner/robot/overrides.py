@@ -155,8 +155,6 @@ def _require_scale(scale: Any) -> None:
             )
 
 
-# ---- Motors of a problem: rotor inertia, friction, torque-speed lines.
-
 # A single number serves for all joints.
 MOTOR_QUANTITIES = (
     "armature",

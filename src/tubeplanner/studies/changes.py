@@ -193,8 +193,6 @@ class Question:
         return loaded
 
 
-# ---- The order of changes: those that are likely to help come first.
-
 # By the status of the plan: the kinds that remove the reported cause, then others that may help.
 _HELPFUL = {
     PlanStatus.TUBE_BLOCKED: (

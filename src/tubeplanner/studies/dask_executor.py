@@ -11,8 +11,6 @@ from typing import Any, TypeVar
 from tubeplanner.errors import OptionError, not_installed
 from tubeplanner.studies.problem_spec import package_hash
 
-# ---- A Dask cluster as an executor.
-
 _PATIENCE = 10.0  # [s]
 
 
@@ -108,8 +106,6 @@ def _fault(state: tuple[str, str | None] | Exception, threads: int) -> str:
         return f"has {threads} threads, whose plans hold each other up; give it `--nthreads 1`"
     return ""
 
-
-# ---- An executor that retries each lost call alone.
 
 _R = TypeVar("_R")
 

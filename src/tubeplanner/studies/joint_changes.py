@@ -163,8 +163,6 @@ def payload_changes(question: Question, sign: int) -> Iterator[Change]:
     )
 
 
-# ---- Changes of start, goal and duration.
-
 _MAX_MOVE = 1.0  # [rad], or [m]
 
 

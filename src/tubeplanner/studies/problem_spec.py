@@ -158,8 +158,6 @@ def _hash_of(*parts: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
 
 
-# ---- Documents of problems and cycles, ready for any process.
-
 # The fields of robot and solids; problems that agree in them share both.
 _CELL = ("robot", "obstacles", "collision")
 _MAX_CELLS = 16

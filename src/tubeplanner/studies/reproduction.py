@@ -280,8 +280,6 @@ def _path(example: int) -> ReproducedPath:
     return ReproducedPath(example, trajectories)
 
 
-# ---- Both as a page of Markdown.
-
 _INTRODUCTION = """\
 # Suh & Bishop (1988), from our code
 

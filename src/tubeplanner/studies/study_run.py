@@ -178,9 +178,6 @@ def _of_result(result: PlanResult | CycleResult) -> dict[str, Any]:
     }
 
 
-# ---- Results: rows, as a table.
-
-
 @dataclass(frozen=True, eq=False)
 class StudyResult:
     """The rows of a study.

@@ -227,8 +227,6 @@ def is_multiple(duration: float, period: float) -> bool:
     return abs(duration / period - round(duration / period)) <= _ROUNDING
 
 
-# ---- The controller's period: durations and breakpoints are multiples of it.
-
 _MIN_PERIOD, _MAX_CONTROLLER_PERIOD = 1e-5, 1.0  # [s]
 
 

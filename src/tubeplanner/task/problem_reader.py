@@ -208,9 +208,6 @@ def _limit_layers(fields: RobotFields, directory: Path) -> list[LimitOverrides |
     return [*layers, limits_of(fields.limits)]
 
 
-# ---- The tube.
-
-
 def points_of(fields: TubeFields, directory: Path) -> dict[str, Any]:
     """Return points, radius and orientations of a tube, from its fields or its file of points.
 

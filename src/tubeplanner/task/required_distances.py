@@ -149,8 +149,6 @@ def _near_ends(
     return near_ends
 
 
-# ---- Usual contacts of solids that steps of a cycle attach or detach.
-
 WITHIN = 0.03  # [m]
 # Rough geometry overlaps less; solids that overlap more are not meant to touch.
 _MAX_OVERLAP = 1e-3  # [m]

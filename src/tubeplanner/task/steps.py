@@ -148,9 +148,6 @@ class Detach:
 Step: TypeAlias = Move | Event | Attach | Detach
 
 
-# ---- Contradictions between steps.
-
-
 def require_consistent(
     steps: Sequence[Step],
     obstacles: Sequence[Obstacle],

@@ -9,8 +9,6 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray, read_only
 
-# ---- Piecewise polynomials of one variable.
-
 
 @dataclass(frozen=True, eq=False)
 class PiecewisePolynomial:

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# ---- The figure of a study.
 
 _COLUMNS = {4: 2}  # of panels, by the number of fields; else three
 
@@ -103,8 +102,6 @@ def _draw_each(figure: "Figure", result: StudyResult, paths: list[str]) -> None:
     if handles:
         figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
 
-
-# ---- The figure of a comparison: one row per method.
 
 _WIDTH, _ROW, _AROUND = 13.0, 0.56, 1.35  # all of these [inches]
 _EDGE, _TITLE = 0.08, 0.4  # free at the borders, and for the title; inches too

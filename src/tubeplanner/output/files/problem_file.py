@@ -298,9 +298,6 @@ def _yaml() -> YAML:
     return yaml
 
 
-# ---- Changes of a file's own fields for a wanted result with its included files.
-
-
 def change_own(own: Any, merged: Any, wanted: Any) -> None:
     """Change a file's own fields to give target values with included files.
 

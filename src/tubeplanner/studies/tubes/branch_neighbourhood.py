@@ -37,8 +37,6 @@ from tubeplanner.studies.tubes.segment_search import (
 )
 from tubeplanner.task.problem import PlanningProblem
 
-# ---- The surroundings of a branch, segment by segment, and the sets that searches find there.
-
 # Extra distance beyond the clearance [m], in reserve for later counterexample searches: the second
 # value where the first leaves nothing around the branch.
 EXTRA_CLEARANCES = (1e-3, 1e-4)
