@@ -414,3 +414,22 @@ def test_the_condition_that_is_broken_is_named_alone(visit, broken):
     if broken == "tool_speed":
         assert verify(seam(visit), SWING).passed
         assert certificate.conditions[broken].margin == pytest.approx(-0.5, abs=2e-3)
+
+
+def test_a_seam_between_two_samples_breaks_no_condition_beside_the_broken_one(two_link):
+    """Segment 1 holds from 0.1 ms before the end of segment 0, which is too fast before that."""
+    at = 0.40012
+    q = SWING.position([0.0, at - 1e-4, at, 0.5, 1.0])
+    turned = q.sum(axis=1)  # about z
+    tube = Tube(
+        two_link.tool_position(q[[0, 3, 4]]),
+        9.0,
+        orientations=[[0, 0, np.sin(turned[0] / 2), np.cos(turned[0] / 2)]] * 3,
+        rotation_tolerance=[turned[2] - turned[0], 3.0],
+        joint_signs=[{}, {"joint1": [q[1, 0], 2.0]}],
+        tool_speed=[0.2, None],
+        pass_through_points="none",
+    )
+    problem = PlanningProblem(two_link, tube, q[0], q[-1], self_collision=False)
+    failed = set(verify(problem, SWING).failures())
+    assert failed & {"tube", "rotation", "joint_signs", "tool_speed"} == {"tool_speed"}

@@ -23,6 +23,7 @@ from tubeplanner.trajectory.polynomials import bernstein_coefficients, halves
 _MIN_SAMPLES = 2000
 _MIN_SAMPLES_PER_PIECE = 20
 _SWITCHING_TOLERANCE = 1e-10  # [s]
+_HALVINGS = 24  # of the time between two samples
 _GOLDEN = (np.sqrt(5) - 1) / 2
 # The least margin is bracketed to this fraction of itself, or to this length [m] near zero.
 _RELATIVE_RESOLUTION = 0.02
@@ -127,6 +128,9 @@ def telling_visits(
     fit = _Fit(problem, trajectory, tool, rotation, further)
     alone = [visit.begin for one in fit.each() for visit in one.visits(one.sample_times())]
     time = np.union1d(fit.sample_times(), alone)
+    # Between two samples one condition may begin to hold just before another one ends to.
+    for one in fit.each():
+        time = np.union1d(time, one.crossings(time))
     is_ordered, levels = problem.tube.visit == "ordered", []
     kept = np.ones((len(time), problem.tube.segment_count), dtype=bool)
     for one in fit.each():
@@ -318,6 +322,24 @@ class _Fit:
         """
         both = zip(self._margins, self.levels, strict=True)
         return np.minimum.reduce([margin.at(time) - level for margin, level in both])
+
+    def crossings(self, time: FloatArray) -> FloatArray:
+        """Return the last times at which a condition holds beside times (N,), where it breaks.
+
+        Between neighbouring times it holds at one and breaks at the other, in any segment. Shape
+        (C,) [s].
+        """
+        (margin,), (level,) = self._margins, self.levels
+        holds = margin.at(time) >= level
+        sample, segment = np.nonzero(holds[:-1] != holds[1:])
+        inside = time[sample + ~holds[sample, segment]]
+        outside = time[sample + holds[sample, segment]]
+        for _ in range(_HALVINGS):
+            middle = (inside + outside) / 2
+            is_inside = margin.within(segment, middle) >= level
+            inside = np.where(is_inside, middle, inside)
+            outside = np.where(is_inside, outside, middle)
+        return inside
 
     def visits(self, time: FloatArray, *, is_refined: bool = True) -> list[Visit]:
         """Return the visits with the largest margins at times (N,) [s], and between if refined."""
