@@ -256,10 +256,7 @@ class ClosestApproach:
 
 
 def closest_approach(
-    checker: CollisionChecker,
-    trajectory: JointTrajectory,
-    columns: IntArray,
-    asked: AskedOver,
+    checker: CollisionChecker, trajectory: JointTrajectory, columns: IntArray, asked: AskedOver
 ) -> ClosestApproach | None:
     """Return the closest approach of some pairs along a trajectory.
 

@@ -179,11 +179,7 @@ def _interpolated(
 
 
 def joint_bounds(
-    trajectory: JointTrajectory,
-    piece: IntArray,
-    start: FloatArray,
-    width: FloatArray,
-    orders: int,
+    trajectory: JointTrajectory, piece: IntArray, start: FloatArray, width: FloatArray, orders: int
 ) -> FloatArray:
     """Return bounds on the Taylor coefficients of the joint positions, in widths of the intervals.
 

@@ -223,10 +223,7 @@ def _measures(v: FloatArray) -> FloatArray:
 
 
 def _chord_distance(
-    tube: RotationalTube,
-    pose: EnclosedPose,
-    parts: _Parts,
-    angle: FloatArray,
+    tube: RotationalTube, pose: EnclosedPose, parts: _Parts, angle: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return bounds on the rotation vector's distance from its chord and error, (R,) [rad] each.
 

@@ -182,10 +182,7 @@ class Certificate:
         failure, braking = self.slower_failure, self.braking
         return {
             "passed": self.passed,
-            "tolerance": {
-                "absolute": self.tolerance.absolute,
-                "relative": self.tolerance.relative,
-            },
+            "tolerance": {"absolute": self.tolerance.absolute, "relative": self.tolerance.relative},
             "conditions": {
                 name: condition.as_dict(self.tolerance)
                 for name, condition in self.conditions.items()
@@ -200,9 +197,7 @@ class Certificate:
 
 
 def verify(
-    problem: PlanningProblem,
-    trajectory: JointTrajectory,
-    tolerance: Tolerance | None = None,
+    problem: PlanningProblem, trajectory: JointTrajectory, tolerance: Tolerance | None = None
 ) -> Certificate:
     """Judge a trajectory.
 

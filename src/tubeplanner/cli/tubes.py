@@ -11,11 +11,7 @@ import click
 from tubeplanner.cli import console
 from tubeplanner.cli.interrupts import hold_interrupts
 from tubeplanner.errors import OptionError
-from tubeplanner.output.files.new_problem_files import (
-    notes_on_dropped,
-    read_cell,
-    taught_problem,
-)
+from tubeplanner.output.files.new_problem_files import notes_on_dropped, read_cell, taught_problem
 from tubeplanner.output.files.problem_file import included_fields, read_fields, with_problem
 from tubeplanner.resources import find_problem
 from tubeplanner.robot.notes import unlimited_notes

@@ -37,9 +37,7 @@ _RAMP_FRACTIONS = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
 
 
 def stop_at_corners(
-    problem: PlanningProblem,
-    branch: ReferenceBranch,
-    checkpoint: Callable[[], None] = lambda: None,
+    problem: PlanningProblem, branch: ReferenceBranch, checkpoint: Callable[[], None] = lambda: None
 ) -> JointTrajectory:
     """Return the fastest of a family of trajectories with a stop at every reference point.
 

@@ -207,9 +207,7 @@ def capsule_grid(
     z, x = _axes(axis)
     cap = np.linspace(0, np.pi / 2, _CAP_RINGS)
     straight = np.linspace(0, length, _STRAIGHT_RINGS + 2)[1:-1]
-    height = np.concatenate(
-        [-radius * np.cos(cap), straight, length + radius * np.cos(cap[::-1])],
-    )
+    height = np.concatenate([-radius * np.cos(cap), straight, length + radius * np.cos(cap[::-1])])
     ring = radius * np.concatenate([np.sin(cap), np.ones(len(straight)), np.sin(cap[::-1])])
     turn = np.linspace(0, 2 * np.pi, sides + 1)[:, None, None]
     radial = np.cos(turn) * x + np.sin(turn) * np.cross(z, x)

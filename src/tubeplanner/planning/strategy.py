@@ -317,10 +317,7 @@ def _of_poses(problem: PlanningProblem, result: PlanResult) -> PlanResult:
 
 
 def _shortest(
-    problem: PlanningProblem,
-    options: PlanOptions,
-    clock: PlanningClock,
-    last: RefinedMotion | None,
+    problem: PlanningProblem, options: PlanOptions, clock: PlanningClock, last: RefinedMotion | None
 ) -> PlanResult:
     """Return the shortest motion between configured ends; if stopped early, the best so far.
 
@@ -391,10 +388,7 @@ def plan(
 
 
 def _planned(
-    problem: PlanningProblem,
-    last: RefinedMotion | None,
-    options: PlanOptions,
-    clock: PlanningClock,
+    problem: PlanningProblem, last: RefinedMotion | None, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
     """Return the answer of the first attempt with an answer, or the refusal.
 

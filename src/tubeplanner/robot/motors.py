@@ -16,10 +16,7 @@ from tubeplanner.text import short_repr
 # ---- The friction of a URDF: <dynamics damping friction>.
 
 # Fields of `robot.motors` by the URDF's names of the values, as in `unused_values`.
-URDF_FRICTION = {
-    "dynamics damping": "viscous_friction",
-    "dynamics friction": "coulomb_friction",
-}
+URDF_FRICTION = {"dynamics damping": "viscous_friction", "dynamics friction": "coulomb_friction"}
 
 
 def urdf_friction(

@@ -12,12 +12,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import RobotError, shown
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.robot.motors import URDF_FRICTION, urdf_friction
-from tubeplanner.robot.urdf_elements import (
-    INERTIA,
-    principal_moments,
-    read_child,
-    read_numbers,
-)
+from tubeplanner.robot.urdf_elements import INERTIA, principal_moments, read_child, read_numbers
 
 _MAX_NAMES = 8  # under a prefix
 _IMPLAUSIBLE = 1 / 3  # geared arms lose up to 27 % (UR10, identified)

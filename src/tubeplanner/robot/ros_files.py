@@ -46,10 +46,7 @@ def require_expanded(path: Path, root: ElementTree.Element) -> None:
 
 
 def expanded(
-    path: Path,
-    arguments: Mapping[str, object],
-    package_dirs: PackageDirs,
-    uses_all: bool = True,
+    path: Path, arguments: Mapping[str, object], package_dirs: PackageDirs, uses_all: bool = True
 ) -> bytes:
     """Return the URDF or SRDF of a macro file, expanded in a process of its own.
 

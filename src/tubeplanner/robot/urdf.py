@@ -209,9 +209,7 @@ def joint_id(name: str) -> str:
 
 
 def read_urdf(
-    path: Path,
-    xacro_args: Mapping[str, object] | None = None,
-    package_dirs: PackageDirs = (),
+    path: Path, xacro_args: Mapping[str, object] | None = None, package_dirs: PackageDirs = ()
 ) -> UrdfDescription:
     """Read a URDF and check its structure.
 

@@ -306,10 +306,7 @@ _DEFINED: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "inertia": (INERTIA, ()),
     **{end: (("link",), ()) for end in ("parent", "child")},
     "axis": (("xyz",), ()),
-    "limit": (
-        ("lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"),
-        (),
-    ),
+    "limit": (("lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"), ()),
     "mimic": (("joint", "multiplier", "offset"), ()),
     "dynamics": (("damping", "friction"), ()),
     _SOFT: (("k_position", "k_velocity", "soft_lower_limit", "soft_upper_limit"), ()),
@@ -442,10 +439,7 @@ def _is_same(text: str, other: str) -> bool:
 #
 # ROS and Drake read these files, as their parsers have no namespaces; by XML they are malformed.
 
-_NAMESPACES = {
-    "drake": "http://drake.mit.edu",
-    "xacro": "http://www.ros.org/wiki/xacro",
-}
+_NAMESPACES = {"drake": "http://drake.mit.edu", "xacro": "http://www.ros.org/wiki/xacro"}
 _PREDEFINED = ("xml", "xmlns")  # by XML itself
 
 

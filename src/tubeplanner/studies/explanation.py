@@ -269,8 +269,7 @@ def _with_remedies(outcome: Explanation, question: Question, trials: Trials) -> 
         place = replace(place, segment=question.segment_near(np.array(place.position)))
     kinds = (tube_changes, limit_changes, cell_changes, end_changes)
     changes = map(
-        partial(_estimated, outcome.result),
-        chain.from_iterable(kind(question) for kind in kinds),
+        partial(_estimated, outcome.result), chain.from_iterable(kind(question) for kind in kinds)
     )
     search = RemedySearch(trials, in_order(changes, outcome.status, place))
     _, stopped_by = until_stopped(search.run)

@@ -12,15 +12,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.first_guess.inverse_kinematics import WantedRotation, solve_position
 from tubeplanner.first_guess.pose_configurations import middle_of
-from tubeplanner.studies.changes import (
-    Change,
-    Proposal,
-    Question,
-    exact,
-    figures,
-    from_to,
-    rounded,
-)
+from tubeplanner.studies.changes import Change, Proposal, Question, exact, figures, from_to, rounded
 from tubeplanner.task.endpoints import Seed, ToolPose, configuration_of
 from tubeplanner.task.problem_reader import end_of
 

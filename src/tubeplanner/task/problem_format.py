@@ -127,8 +127,7 @@ class PayloadFields(Section):
     mass: Finite = Field(description="what is carried [kg]")
     com: Vector = Field((0.0, 0.0, 0.0), description="centre of mass in tool_frame [m]")
     inertia: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = Field(
-        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        description="ixx iyy izz ixy ixz iyz about the com [kg m^2]",
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), description="ixx iyy izz ixy ixz iyz about the com [kg m^2]"
     )
 
 
@@ -393,8 +392,7 @@ class ProblemFields(Section):
         None, description="beside short; left out: smooth within a slack of 0.005"
     )
     period: Finite | None = Field(
-        None,
-        description="the controller's: duration and breakpoints are multiples of it [s]",
+        None, description="the controller's: duration and breakpoints are multiples of it [s]"
     )
     robustness: RobustnessFields | None = Field(
         None, description="errors that the plan is to survive; left out: none"
@@ -407,9 +405,7 @@ def problem_schema() -> dict[str, Any]:
 
 
 def check_problem_fields(
-    data: object,
-    source: str,
-    source_of: Callable[[Any, Sequence[int | str]], str] | None = None,
+    data: object, source: str, source_of: Callable[[Any, Sequence[int | str]], str] | None = None
 ) -> ProblemFields:
     """Check the fields of a problem in nested dictionaries and lists; arguments as `check_fields`.
 

@@ -12,12 +12,7 @@ from tubeplanner.checks import given_path
 from tubeplanner.errors import ProblemError, RobotError, TrajectoryError
 from tubeplanner.geometry.solids import AttachedSolid, Obstacle, placement_of
 from tubeplanner.geometry.tube.tube import Tube
-from tubeplanner.resources import (
-    PackageDirs,
-    find_limits_file,
-    find_mesh,
-    find_problem,
-)
+from tubeplanner.resources import PackageDirs, find_limits_file, find_mesh, find_problem
 from tubeplanner.robot.limit_layers import LimitLayer
 from tubeplanner.robot.loader import load_robot, package_folders
 from tubeplanner.robot.model import RobotModel

@@ -119,11 +119,7 @@ _ROUNDING = 1e-6  # fraction of a limit
 _AT_REST = 1e-3  # fraction of a limit: velocity and acceleration at both ends
 _VELOCITY_JUMP = "joint_motion_generator_velocity_discontinuity"
 _ACCELERATION_JUMP = "joint_motion_generator_acceleration_discontinuity"
-_TOOL_QUANTITIES = (
-    ("tool speed", "m/s"),
-    ("tool acceleration", "m/s^2"),
-    ("tool jerk", "m/s^3"),
-)
+_TOOL_QUANTITIES = (("tool speed", "m/s"), ("tool acceleration", "m/s^2"), ("tool jerk", "m/s^3"))
 
 
 @dataclass(frozen=True)

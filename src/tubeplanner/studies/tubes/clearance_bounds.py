@@ -156,11 +156,7 @@ class ClearanceBounds:
 
 
 def _separations(
-    first: BodyShape,
-    second: BodyShape,
-    rotation: FloatArray,
-    position: FloatArray,
-    enough: float,
+    first: BodyShape, second: BodyShape, rotation: FloatArray, position: FloatArray, enough: float
 ) -> FloatArray:
     """Return lower bounds on the distances of two shapes, shape (N,) [m].
 

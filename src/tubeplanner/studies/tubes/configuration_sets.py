@@ -93,11 +93,7 @@ class ConfigurationSet:
         return self._moved(q, nearest + share * (tool - nearest), turns, near=0.0)
 
     def _moved(
-        self,
-        q: FloatArray,
-        targets: FloatArray,
-        turns: FloatArray | None,
-        near: float = 1.0,
+        self, q: FloatArray, targets: FloatArray, turns: FloatArray | None, near: float = 1.0
     ) -> FloatArray:
         """Return `moved_tools` of configurations (N, n) within the bounds of the set.
 
@@ -221,10 +217,7 @@ def _task(
 
 
 def _stepped(
-    q: FloatArray,
-    bounds: tuple[FloatArray, FloatArray],
-    error: FloatArray,
-    jacobian: FloatArray,
+    q: FloatArray, bounds: tuple[FloatArray, FloatArray], error: FloatArray, jacobian: FloatArray
 ) -> FloatArray:
     """Return configurations after a damped step; joints at a bound are not pushed outwards."""
     lower, upper = bounds

@@ -170,10 +170,7 @@ def _segments_of_some_branch(
 
 
 def _segments(
-    around: BranchNeighbourhood,
-    clock: PlanningClock,
-    way: FloatArray | None,
-    kept: KeptSegments,
+    around: BranchNeighbourhood, clock: PlanningClock, way: FloatArray | None, kept: KeptSegments
 ) -> tuple[SegmentMeasurement, ...]:
     """Return the measured segments around a branch.
 
