@@ -35,6 +35,7 @@ from .robot.overrides import MotorOverrides as MotorOverrides
 from .robot.overrides import PointSpeed as PointSpeed
 from .robot.limit_layers import LimitLayer as LimitLayer  # returned
 from .task.side_files import read_preset as read_preset
+from .task.side_files import read_robustness as read_robustness
 from .task.side_files import read_limits_file as read_limits_file
 
 # Problem

@@ -324,7 +324,7 @@ def test_robots_and_schema_are_listed(run, run_json):
     assert not others & set(listed["problems"])
     assert "ur5/through_the_door" in listed["cycles"]
     assert listed["studies"] == ["ur5/tolerance_and_payload"]
-    assert listed["presets"] == ["fer", "fr3", "fr3_friction", "ur10_friction"]
+    assert listed["presets"] == list(bundled_presets())
     schema = json.loads(run("schema")[1])
     assert set(schema["required"]) == {"robot", "start"}
     for kind in ("study", "cycle"):

@@ -59,7 +59,7 @@ def test_the_same_as_json_and_of_other_runs_by_another_seed(run_json):
 def test_errors_are_those_that_are_given(run, run_json):
     words = [word for name in EXACT for word in (f"--{name}", "0")]
     _, text, _ = run("simulate", *CASE, "--runs", "1", *words, "--base", "0")
-    assert "0 of 1 runs failed" in text
+    assert "survived 1 of 1 simulated arms" in text
     assert text.endswith("nothing written; to keep the answer, give --plot or --html\n")
     _, report = run_json("simulate", *CASE, "--runs", "2", "--base", "0.02", *words)
     assert report["seen"]["tracking"]["worst"]["value"] < 1e-3
@@ -115,7 +115,8 @@ def test_the_whole_the_moves_and_what_changes_hands_are_told(run, case, tmp_path
     assert f"\n{DURATION + DWELL:.4f} s: attach part " in text
     assert any(": detach part " in line for line in lines)
     assert "note: what is taken or let go stands where the planned motion has it" in text
-    assert "1 of 1 runs failed: 1 left the tube" in text
+    assert "survived 0 of 1 simulated arms" in text
+    assert "from the plan: 1 left the tube" in text
     assert "the trajectory was made for another cycle" in text
     assert figure.read_bytes().startswith(b"\x89PNG")
     assert "Executed paths of the tool: 1 run" in page.read_text()
@@ -141,8 +142,8 @@ def test_errors_are_those_that_are_given_in_a_cycle(run_json, case):
     words = [word for name in (*EXACT, "base") for word in (f"--{name}", "0")]
     words += ["--payload", "0.5", "--controller", "feedforward-pd"]
     _, report = run_json("simulate", *case, "--runs", "1", *words)
-    assert report["moves"]["reach"]["seen"]["tracking"]["worst"]["value"] < 1e-3
-    assert report["moves"]["carry"]["seen"]["tracking"]["worst"]["value"] > 1e-3
+    assert report["moves"]["reach"]["seen"]["tracking"]["worst"]["value"] < 1e-5
+    assert report["moves"]["carry"]["seen"]["tracking"]["worst"]["value"] > 1e-4
 
 
 def test_a_trajectory_without_marks_is_none_of_a_cycle(run, case, tmp_path):

@@ -234,6 +234,23 @@ def test_of_the_whole_the_least_room_beside_what_is_asked_is_told(case):
     assert run.clearance == asked
 
 
+def test_of_the_whole_the_joint_is_told_that_is_farthest_from_the_plan_for_its_kind(case):
+    """6 mm of the sliding joint are more than 40 mrad of another."""
+    motion, execution = case
+    execution.position[0, np.searchsorted(execution.time, 0.3), 2] += 0.04
+    execution.position[0, np.searchsorted(execution.time, CARRIED), 1] += 0.006
+    execution.velocity[0, np.searchsorted(execution.time, 0.3), 1] = 1.2
+    run, other = judged_cycle(motion, execution).runs
+    assert (run.tracking.value, run.tracking.place.joint) == (pytest.approx(0.006), "extend")
+    assert run.stops["tracking"] == pytest.approx(0.005)
+    assert (run.velocity.value, run.velocity.place.move) == (pytest.approx(1.2), "reach")
+    np.testing.assert_allclose(run.tracking_by_joint, [0.0, 1.2, 0.8], atol=1e-9)
+    np.testing.assert_allclose(run.velocity_by_joint, [0.0, 1.2, 0.0])
+    assert (run.broken, other.broken) == (("velocity", "tracking"), ())
+    tolerant = Robustness(velocity_tolerance=0.3, path_tolerance=0.07)
+    assert judged_cycle(motion, execution, errors=tolerant).runs[0].survives
+
+
 def test_motors_at_their_limit_count_from_first_to_last(case):
     motion, execution = case
     execution.is_saturated[1, execution.time < 0.25] = True

@@ -4,19 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import INERTIA, anywhere, one_joint, rest_to_rest, with_motors
+from cases import INERTIA, PROBLEMS, anywhere, one_joint, rest_to_rest, slow_but, with_motors
 from simulated_cycle import DURATION, DWELL, LEVER, PART, SEAMS, motion_of, moves_of, picking, slide
 from stored_trajectories import REFINEMENT
 
 from tubeplanner import LimitOverrides, OptionError, load_robot
+from tubeplanner.execution import tracking
 from tubeplanner.execution.plants import Draw, Stage, drawn_plants
 from tubeplanner.execution.simulation import cycle_stages, executed, executed_cycle, executed_stages
-from tubeplanner.execution.tracking import BANDWIDTH
 from tubeplanner.task.cycle import Cycle
-from tubeplanner.task.demands import PD, Robustness
+from tubeplanner.task.demands import CONTROLLERS, PD, Robustness
 from tubeplanner.task.steps import Attach, Detach, Event
 
 UR5 = "ur5/over_the_wall"
+BANDWIDTH = 30.0  # [rad/s]
 
 
 def plants_of(robot, runs=1, seed=0, **errors):
@@ -41,15 +42,37 @@ def test_a_perfect_plant_follows_a_plan(stored):
     assert execution.time[-1] == pytest.approx(1.4)
 
 
-def test_an_arm_under_the_weight_of_its_load_sags_as_far_as_feedback_is_soft(tmp_path):
-    problem = anywhere(one_joint(tmp_path, mass=1.0, effort=50))
+@pytest.mark.dear("executes three motions")
+@pytest.mark.parametrize("name", slow_but(["panda/between_shelves"], PROBLEMS))
+def test_every_controller_follows_the_shortest_motions_of_a_perfect_plant(stored, name):
+    problem, planned = stored(name, REFINEMENT)
+    for controller in CONTROLLERS:
+        execution = executed(problem, planned, plants_of(problem.robot), controller)
+        assert behind(planned, execution).max() < 1e-3, controller
+
+
+@pytest.mark.parametrize("effort", [10, 50])
+def test_feedback_holds_a_weight_that_nobody_gave_beyond_a_tenth_of_the_effort_limit(
+    tmp_path, effort
+):
+    """The integral takes as much, and softly the rest."""
+    problem = anywhere(one_joint(tmp_path, mass=1.0, effort=effort))
     plants = plants_of(problem.robot, runs=3, mass=0.3)
     motion = rest_to_rest(["turn"], 0.0, 1e-6, 3.0)
     found = behind(motion, executed(problem, motion, plants, "feedforward-pd"))[:, -1, 0]
     # At rest: feedback = the weight that the model does not have.
     lacking = np.array([abs(plant.bodies[1].mass - 1.0) * 9.81 * 0.5 for plant in plants])
-    expected = lacking / ((INERTIA + 0.25) * 30.0**2)
-    np.testing.assert_allclose(found, expected, rtol=1e-3)
+    expected = np.maximum(lacking - 0.1 * effort, 0) / (3 * (INERTIA + 0.25) * BANDWIDTH**2)
+    assert expected.any() == (effort == 10)
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=2e-6)
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_wrist_of_no_inertia_stays_near_its_plan_in_spite_of_its_friction(tmp_path, controller):
+    robot = gantry(tmp_path, wheel=1e-4, effort={"lift": 100.0, "turn": 10.0})
+    motion = rest_to_rest(["lift", "turn"], [0.0, 0.0], [0.0, 1.0], 0.6)
+    plants = plants_of(robot, unmodelled_friction=0.02, lag=1e-3, delay=1e-3)
+    assert behind(motion, executed(anywhere(robot), motion, plants, controller)).max() < 0.02
 
 
 def test_what_motors_do_not_have_they_do_not_give(tmp_path):
@@ -90,13 +113,13 @@ def test_noise_comes_through_and_delay_and_lag_make_it_worse(tmp_path):
     assert 2e-5 < worst[2] < worst[3]
 
 
-def gantry(tmp_path, **limits):
-    """A carriage of 3 kg that slides up, and a wheel of 0.2 kg m^2 on it: no gravity."""
+def gantry(tmp_path, wheel=0.2, **limits):
+    """A carriage of 3 kg that slides up, and a wheel [kg m^2] on it: no gravity."""
     (tmp_path / "gantry.urdf").write_text(
-        """<robot name="gantry"><link name="base"/><link name="carriage"><inertial>
+        f"""<robot name="gantry"><link name="base"/><link name="carriage"><inertial>
         <mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
         </link><link name="wheel"><inertial><mass value="1"/>
-        <inertia ixx="1" iyy="1" izz="0.2" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <inertia ixx="1" iyy="1" izz="{wheel}" ixy="0" ixz="0" iyz="0"/></inertial></link>
         <joint name="lift" type="prismatic"><parent link="base"/><child link="carriage"/>
         <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1e4" velocity="9"/></joint>
         <joint name="turn" type="revolute"><parent link="carriage"/><child link="wheel"/>
@@ -115,7 +138,7 @@ def test_a_late_motor_holds_the_weight_until_it_is_told_to(tmp_path):
 
 
 def test_joints_may_come_in_another_order_and_what_is_held_afterwards_is_executed_too(tmp_path):
-    robot = gantry(tmp_path)
+    robot = gantry(tmp_path, effort={"lift": 80.0, "turn": 8.0})
     motion = rest_to_rest(["turn", "lift"], [0.0, 0.1], [0.2, -0.1], 0.434)
     found = executed(anywhere(robot), motion, plants_of(robot), control_period=0.01)
     np.testing.assert_allclose(found.position[0, 0], [0.1, 0.0], atol=1e-4)
@@ -123,14 +146,18 @@ def test_joints_may_come_in_another_order_and_what_is_held_afterwards_is_execute
     np.testing.assert_allclose(found.time, np.arange(65) * 0.01)
 
 
-def test_measured_positions_and_their_differences_are_noisy(tmp_path):
+def test_measured_positions_and_their_differences_are_noisy(tmp_path, monkeypatch):
     """What controllers answer, beside the real errors: white noise and its differences."""
-    robot, period, count = gantry(tmp_path), 0.02, 1000
-    sizes = (1e-4, 1e-4, 3e-4)
-    plants = [plants_of(robot, runs=3, noise=noise)[run] for run, noise in enumerate(sizes)]
+    monkeypatch.setattr(tracking, "INTEGRAL_FRACTION", 0.0)
+    robot, period, count = gantry(tmp_path, effort={"lift": 30.0, "turn": 4.0}), 0.02, 2000
+    sizes, w = (1e-4, 1e-4, 3e-4), 20.0
+    plants = [
+        replace(plant, noise=noise)
+        for plant, noise in zip(plants_of(robot, runs=3), sizes, strict=True)
+    ]
     motion = rest_to_rest(["lift", "turn"], [0.0, 0.0], [1e-12, 1e-12], period * count)
-    made = executed(anywhere(robot), motion, plants, "feedforward-pd", period)
-    inertia, stiffness, damping = np.array([3.0, 0.2]), BANDWIDTH**2, 2 * BANDWIDTH
+    made = executed(anywhere(robot), motion, plants, "feedforward-pd", period, bandwidth=w)
+    inertia, stiffness, damping = np.array([3.0, 0.2]), 3 * w**2, 3 * w
     back = inertia * (stiffness * made.position + damping * made.velocity)
     answered = -(made.effort + back) / inertia
     # Stiffness times the noise of now, and damping times its change in a period.
@@ -214,7 +241,7 @@ def test_a_run_is_one_arm_all_along(tmp_path):
                 assert plant.bodies[body].mass == one.bodies[body].mass
                 np.testing.assert_array_equal(plant.bodies[body].com, one.bodies[body].com)
     loaded = tip_masses(stages[1]) - tip_masses(stages[0])
-    assert abs(loaded - PART.mass).max() <= 0.1 * PART.mass
+    assert abs(loaded - PART.mass).max() <= 0.1 * PART.mass + 1e-9
 
 
 def test_each_part_has_an_error_of_its_own_and_keeps_it(tmp_path):
@@ -226,15 +253,24 @@ def test_each_part_has_an_error_of_its_own_and_keeps_it(tmp_path):
     ]
     stages = stages_of(Cycle(SEAMS[0], steps), payload=0.2)
     empty = tip_masses(stages[0])
-    assert 0.15 < abs(empty - 2.0).max() <= 0.2  # of the tool, which is a kilogram of it
+    assert 0.15 < abs(empty - 2.0).max() <= 0.2 + 1e-9  # of the tool, which is a kilogram of it
     carrying = [tip_masses(stage) - empty for stage in stages]
     loads = [load for load in carrying if load.min() > 1.0]
     assert len(loads) == 3
     for load in loads:
-        assert 0.3 < abs(load - PART.mass).max() <= 0.4
+        assert 0.3 < abs(load - PART.mass).max() <= 0.4 + 1e-9
         assert abs(load.mean() - PART.mass) < 0.05
     np.testing.assert_allclose(loads[0], loads[2], rtol=1e-12)
     assert abs(np.corrcoef([loads[0], loads[1], empty]) - np.eye(3)).max() < 0.2
+
+
+def test_parts_too_are_off_by_all_that_they_may_be_in_the_first_run_and_by_none_in_the_second(
+    tmp_path,
+):
+    stages = stages_of(picking(tmp_path), Draw(3), payload=0.1)
+    loads = tip_masses(stages[1]) - tip_masses(stages[0])
+    assert abs(loads - PART.mass)[:2] == pytest.approx([0.1 * PART.mass, 0.0])
+    assert 0 < abs(loads - PART.mass)[2] < 0.1 * PART.mass
 
 
 def test_friction_that_nobody_gave_is_that_of_the_widest_limits(tmp_path):
@@ -335,20 +371,20 @@ def test_an_exact_arm_follows_through_what_it_takes_and_lets_go(tmp_path):
 
 @pytest.mark.dear("executes a cycle")
 def test_a_part_that_is_heavier_than_thought_pulls_the_tool_down_where_it_is_taken(tmp_path):
-    """At rest feedback holds what the model does not know, as soft as it is."""
+    """At rest feedback holds what the model does not know, and its integral takes it over."""
     motion = motion_of(picking(tmp_path))
-    errors = Robustness.exact(payload=0.5, controller="feedforward-pd")
+    errors = Robustness.exact(payload=0.2, controller="feedforward-pd")
     execution = executed_cycle(motion, errors, Draw(1, 3))
     away = behind(motion.trajectory, execution)[:, :, LIFT]
     held, taken = (np.searchsorted(execution.time, ATTACH + late) for late in (-0.001, DWELL))
     assert away[:, held].max() < 1e-4
     loaded = cycle_stages(motion, errors, Draw(1, 3))[1].plants
     wrong = abs(loaded[0].bodies[TIP].mass - 1.0 - PART.mass)
-    assert wrong > 0.2
-    # A critically damped oscillator of 30 rad/s under a constant force.
+    assert wrong > 0.05
+    # Three equal poles of 30 rad/s under a constant force.
     inertia = 0.01 + 0.1**2 + PART.mass * LEVER**2
-    settled = 1 - (1 + BANDWIDTH * DWELL) * np.exp(-BANDWIDTH * DWELL)
-    expected = settled * wrong * 9.81 * LEVER / (inertia * BANDWIDTH**2)
+    shape = DWELL**2 / 2 * np.exp(-BANDWIDTH * DWELL)
+    expected = shape * wrong * 9.81 * LEVER / inertia
     np.testing.assert_allclose(away[:, taken], expected, rtol=0.03)
     assert away[:, -1].max() < 1e-4
 

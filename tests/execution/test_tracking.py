@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
-from cases import INERTIA, one_joint, quintic, rest_to_rest, with_motors
+from cases import INERTIA, SLIDE, one_joint, quintic, rest_to_rest, with_motors
 
-from tubeplanner import JointTrajectory, OptionError, load_robot
+from tubeplanner import JointTrajectory, LimitOverrides, OptionError, load_robot
 from tubeplanner.execution.plants import Draw, drawn_plants
-from tubeplanner.execution.tracking import BANDWIDTH, Drives, controller_maker, planned_motion
+from tubeplanner.execution.tracking import Drives, Feedback, controller_maker, planned_motion
 from tubeplanner.robot.overrides import EffortRange
-from tubeplanner.task.demands import CONTROLLERS, Robustness
+from tubeplanner.task.demands import CONTROLLERS, PD, Robustness
 
 PERIOD = 0.001
 TIME = np.arange(1201) * PERIOD
+BANDWIDTH = 30.0  # [rad/s]
 
 
 def bar(tmp_path, mass=0.0, armature=0.0):
@@ -56,7 +57,7 @@ def test_inertia_is_what_a_joint_has_while_the_others_have_no_motor():
     robot = load_robot("example:two_link", "hand", gravity=(0, -9.81, 0))
     motion = rest_to_rest(["joint1", "joint2"], [0.2, -0.5], [0.4, 1.5], 1.0)
     time = np.array([0.3, 0.5])
-    found = planned_motion(robot, motion, time, 0.2).inertia
+    found = planned_motion(robot, motion, time, 0.2)
     mass, inertia, square = 14.6, 0.1, 0.3**2
     cosine = np.cos(motion.position(time + 0.1)[:, 1])
     far = inertia + mass * square
@@ -64,7 +65,48 @@ def test_inertia_is_what_a_joint_has_while_the_others_have_no_motor():
     between = far + mass * square * cosine
     free = near * far - between**2
     # With the other joint free to move, Schur's complement of its own entry.
-    np.testing.assert_allclose(found, np.transpose([free / far, free / near]), rtol=1e-9)
+    np.testing.assert_allclose(found.inertia, np.transpose([free / far, free / near]), rtol=1e-9)
+    shares = free / (near * far)
+    np.testing.assert_allclose(found.freedom, np.transpose([shares, shares]), rtol=1e-9)
+
+
+def test_a_joint_is_as_stiff_as_its_effort_limit_within_a_tenth_of_a_radian(tmp_path):
+    """Or within 10 mm, of a sliding joint; but no quicker than 80 rad/s."""
+    path = tmp_path / "slide.urdf"
+    path.write_text(SLIDE)
+    motion = rest_to_rest(["turn", "extend", "lift"], np.zeros(3), [1e-6, 0.0, 0.0], 1.0)
+
+    def plan(**efforts):
+        robot = load_robot(path, "tip", limits=LimitOverrides(effort=efforts))
+        return planned_motion(robot, motion, np.zeros(1), PERIOD)
+
+    usual = plan()
+    stiffness = 3 * usual.inertia * usual.stiff**2
+    np.testing.assert_allclose(stiffness[0, :2], [60 / 0.1, 80 / 0.01], rtol=1e-9)
+    assert plan(lift=50.0).stiff[0, 2] == 80
+    np.testing.assert_allclose(usual.integral_limit, [6.0, 8.0, 2.0])
+    assert plan(lift=np.inf).stiff[0, 2] == 0
+
+
+def test_the_integral_is_bounded_by_a_tenth_of_the_effort_limit_and_goes_on_from_plan_to_plan(
+    tmp_path,
+):
+    """It grows by w^3 e in a second, and at its bound it does not wind up."""
+    motion, behind, rest = rest_to_rest(["turn"], 0.3, 0.3 + 1e-9, 2.0), 1e-3, np.zeros((1, 1))
+    plan = planned_motion(one_joint(tmp_path), motion, TIME, PERIOD)
+    feedback, w = Feedback(BANDWIDTH, PERIOD), np.full((len(TIME), 1), BANDWIDTH)
+
+    def integral(k, error, of=plan):
+        found = feedback.acceleration(of, w, k, np.array([[0.3 - error]]), rest)[0, 0]
+        return INERTIA * (found - 3 * BANDWIDTH**2 * error)
+
+    grown = [integral(k, behind) for k in range(10)]
+    step = INERTIA * BANDWIDTH**3 * behind * PERIOD
+    np.testing.assert_allclose(grown, step * np.arange(1, 11), rtol=1e-4)
+    assert integral(10, 10.0) == pytest.approx(0.5)
+    assert integral(11, behind) == pytest.approx(0.5)
+    again = planned_motion(one_joint(tmp_path), motion, TIME, PERIOD)
+    assert integral(0, -behind, again) == pytest.approx(0.5 - step, rel=1e-4)
 
 
 MASS = 2.0
@@ -73,19 +115,27 @@ MASS = 2.0
 def controller(tmp_path, name):
     robot = one_joint(tmp_path, mass=MASS)
     plan = planned_motion(robot, rest_to_rest(["turn"], 0.3, 0.9, 2.0), np.zeros(1), 0.001)
-    return robot, controller_maker(name)(robot, plan)
+    return robot, controller_maker(name)(robot, plan, Feedback(BANDWIDTH, 0.001))
+
+
+def bandwidth_of(name, effort, inertia, period=0.001):
+    """Return that of a joint with an effort limit: of "pd" the stiffness is what is given."""
+    bandwidth = np.sqrt(effort / 0.1 / (3 * inertia)) if name == PD else BANDWIDTH
+    return np.minimum(bandwidth, 0.4 / period)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_an_error_is_answered_as_by_a_critically_damped_oscillator(tmp_path, name):
+def test_an_error_is_answered_as_by_an_oscillator_with_three_equal_poles(tmp_path, name):
     _, made = controller(tmp_path, name)
     at = np.array([[0.3], [0.3 + 1e-6], [0.3]])
     moving = np.array([[0.0], [0.0], [1e-6]])
     calm, behind, faster = made.effort(0, at, moving)[:, 0]
     inertia = INERTIA + MASS * 0.5**2
     weight_slope = -MASS * 9.81 * 0.5 * np.sin(0.3) if name == "computed-torque" else 0.0
-    assert behind - calm == pytest.approx(1e-6 * (weight_slope - inertia * BANDWIDTH**2), rel=1e-4)
-    assert faster - calm == pytest.approx(-2e-6 * inertia * BANDWIDTH, rel=1e-4)
+    w = bandwidth_of(name, 5.0, inertia)
+    stiffness = inertia * (3 * w**2 + w**3 * 0.001)  # with the integral of one period
+    assert behind - calm == pytest.approx(1e-6 * (weight_slope - stiffness), rel=1e-4)
+    assert faster - calm == pytest.approx(-3e-6 * inertia * w, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -102,19 +152,18 @@ def test_on_the_way_efforts_are_those_of_the_equation_of_motion(tmp_path, name):
     plan = planned_motion(robot, motion, np.arange(21) * period, period)
     late, slow = 0.2, 0.1
     start, middle = motion.at(np.array([k * period])), motion.at(np.array([(k + 0.5) * period]))
-    found = controller_maker(name)(robot, plan).effort(
+    found = controller_maker(name)(robot, plan, Feedback(BANDWIDTH, period)).effort(
         k, start.position - late, start.velocity - slow
     )
     inertia, weight = INERTIA + MASS * 0.5**2, MASS * 9.81 * 0.5
-    back = inertia * (BANDWIDTH**2 * late + 2 * BANDWIDTH * slow)
+    w = bandwidth_of(name, 5.0, inertia, period)
+    back = 3 * inertia * w * (w * late + slow) + 0.5  # of the integral, at its bound
     gain = motion.velocity((k + 1) * period) - motion.velocity(k * period)
     ahead = inertia * gain / period + 2.0
     moved, speed = middle.position, middle.velocity
     expected = {
         "computed-torque": ahead + weight * np.cos(moved - late) + 0.5 * (speed - slow),
-        "feedforward-pd": ahead + weight * np.cos(moved) + 0.5 * speed,
-        "pd": weight * np.cos(0.3),
-    }[name]
+    }.get(name, ahead + weight * np.cos(moved) + 0.5 * speed)
     np.testing.assert_allclose(found, expected + back, rtol=1e-9)
 
 
@@ -123,15 +172,23 @@ def test_feedback_has_the_inertia_of_where_the_arm_is_by_then(name):
     robot = load_robot("example:two_link", "hand")
     motion = rest_to_rest(["joint1", "joint2"], [0.2, -2.5], [0.4, 0.5], 1.0)
     plan = planned_motion(robot, motion, np.arange(11) / 10, 0.1)
-    made, k = controller_maker(name)(robot, plan), 6
+    k = 6
     q, v = motion.position(0.6)[None], motion.velocity(0.6)[None]
-    back = made.effort(k, q - 1e-3, v) - made.effort(k, q, v)
+    behind, calm = (
+        controller_maker(name)(robot, plan, Feedback(BANDWIDTH, 0.1)).effort(k, at, v)
+        for at in (q - 1e-5, q)
+    )
+    back = behind - calm
     bent = motion.position(0.65)[None]
     pushed = [robot.inverse_dynamics(bent, 0 * v, unit[None])[0] for unit in np.eye(2)]
     mass_matrix = np.array(pushed) - robot.gravity_effort(bent)
     # What each motor alone gives its own joint is the acceleration that was asked for.
     got = np.diag(np.linalg.solve(mass_matrix, np.diag(back[0])))
-    np.testing.assert_allclose(got, 1e-3 * BANDWIDTH**2, rtol=1e-9)
+    inertia = 1 / np.diag(np.linalg.inv(mass_matrix))
+    w = bandwidth_of(name, robot.limits.effort, inertia, 0.1)
+    share = 2 * inertia / np.diag(mass_matrix)  # of the integral, as the joints move each other
+    assert share.max() < 1
+    np.testing.assert_allclose(got, 1e-5 * (3 * w**2 + 0.1 * share * w**3), rtol=1e-6)
 
 
 def test_an_unknown_controller_is_refused():

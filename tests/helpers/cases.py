@@ -203,8 +203,8 @@ def simulated_sweep(failed):
     for row, count in zip(swept.rows, failed, strict=True):
         survival = None
         if count is not None:
-            verdict = RunVerdict(200, count, {"tube": count})
-            survival = Survival(verdict, count == 0, nothing, row.duration, None, {})
+            verdict = RunVerdict(200, count, {"tube": count}, None, 0.0)
+            survival = Survival(Robustness(), verdict, count == 0, nothing, row.duration, None, {})
         rows.append(replace(row, result=replace(row.result, survival=survival)))
     return FieldSweep(swept.name, swept.path, tuple(rows))
 
@@ -267,9 +267,12 @@ def judged_run(**given: Any) -> JudgedRun:
         "obstacles": None,
         "self_collision": None,
         "clearance": 0.0,
+        "stops": {"velocity": 1.05, "tracking": 0.05},
         "tube_by_segment": np.zeros(1),
         "rotation_by_segment": np.array([-1e3]),
         "position_by_joint": np.array([[-1e3], [0.0]]),
+        "velocity_by_joint": np.zeros(1),
+        "tracking_by_joint": np.zeros(1),
     }
     return JudgedRun(**(usual | given))
 

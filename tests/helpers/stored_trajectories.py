@@ -11,12 +11,17 @@ from pathlib import Path
 
 from cases import PROBLEMS
 
-from tubeplanner import PlanOptions, load_problem, plan
+from tubeplanner import PlanningProblem, PlanOptions, load_problem, plan
 from tubeplanner.output.files.fingerprint import origin
 from tubeplanner.output.files.trajectory_writer import trajectory_json
 from tubeplanner.trajectory.reader import TrajectoryFile, read_trajectory_file
 
 STOP, SEARCH, REFINEMENT = "stop-at-corners", "branch-and-bound", "refinement"
+ROBUST = "robust"  # refinement that survives the usual errors
+SURVIVORS = (
+    *PROBLEMS,
+    *(f"two_link/paper_{number}_{radius}mm" for number in (1, 3, 5) for radius in (10, 50)),
+)
 FOLDER = Path(__file__).parents[1] / "data/trajectories"
 REFRESH = "make trajectories"
 STORED = (
@@ -28,7 +33,13 @@ STORED = (
     ("two_link/paper_1_30mm", SEARCH),
     ("ur5/over_the_wall", SEARCH),
     ("ur10/onto_a_conveyor", SEARCH),
+    *((name, ROBUST) for name in SURVIVORS),
 )
+
+
+def stored_problem(name: str, method: str) -> PlanningProblem:
+    """Return the problem of a stored trajectory."""
+    return load_problem(f"example:{name}", changes={"robustness": {}} if method == ROBUST else {})
 
 
 def stored_path(name: str, method: str) -> Path:
@@ -50,8 +61,9 @@ def refresh(names: list[str]) -> None:
     for name, method in STORED:
         if names and name not in names:
             continue
-        problem = load_problem(f"example:{name}")
-        result = plan(problem, PlanOptions(method, slack=0.0))
+        problem = stored_problem(name, method)
+        options = PlanOptions() if method == ROBUST else PlanOptions(method, slack=0.0)
+        result = plan(problem, options)
         assert result.trajectory is not None, f"{name} by {method}: {result.message}"
         path = stored_path(name, method)
         path.write_text(trajectory_json(result.trajectory, **origin(problem, method)))

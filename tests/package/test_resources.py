@@ -54,7 +54,9 @@ def test_bundled_cycles_and_studies_are_no_problems_and_found_by_name(tmp_path, 
 
 
 def test_a_bundled_preset_is_found_by_name_and_hides_a_file_of_that_name(tmp_path):
-    assert list(resources.bundled_presets()) == ["fer", "fr3", "fr3_friction", "ur10_friction"]
+    arms, controllers = ["fer", "fr3", "fr3_friction"], ["franka", "ros2", "ur"]
+    bundled = {*arms, "ur10_friction", *(f"{name}_controller" for name in controllers)}
+    assert set(resources.bundled_presets()) == bundled
     write(tmp_path / "fer")
     assert resources.find_preset("fer", tmp_path) == BUNDLED / "presets" / "fer.yaml"
     path = write(tmp_path / "fer.yaml")

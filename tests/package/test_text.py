@@ -119,7 +119,12 @@ def made(planned, small_plan):
         *(t.Seed(np.zeros(7)), limits, t.MotorOverrides(), t.LimitLayer("a: ", limits)),
         *(t.PointSpeed("hand", (0, 0, 0), 1.0), t.Payload(1.0), t.ToolOffset(), t.Objective()),
         *(t.BasePose(), t.Robustness(), t.PlanOptions(), t.MeasureOptions(), t.TeachOptions()),
-        *(t.RouteOptions(), t.Draw(), t.Progress("planning"), t.RunVerdict(9, 1, {"tube": 1})),
+        *(
+            t.RouteOptions(),
+            t.Draw(),
+            t.Progress("planning"),
+            t.RunVerdict(9, 1, {"tube": 1}, 1.0, 0.0),
+        ),
         *(t.SlowerRun("effort", 0.1, 0.5, result.place), t.Blame("effort", "", 0.1, 0.1, ())),
         t.SearchStatistics(*range(8), False),
         *(t.WorkerProcesses(2), t.PosedProblem.read("example:two_link/around_a_post")),

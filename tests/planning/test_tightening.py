@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from stored_trajectories import REFINEMENT
 
-from tubeplanner import GoalRegion, Obstacle, Tube, load_problem, placement_of
+from tubeplanner import GoalRegion, Obstacle, Robustness, Tube, load_problem, placement_of
 from tubeplanner.execution.error_contributions import Blame, BlamedError
 from tubeplanner.execution.run_verdict import RunVerdict
 from tubeplanner.planning.tightening import (
@@ -66,7 +66,7 @@ def test_every_part_makes_its_own_limit_smaller_and_geometry_is_shared(tray):
     joints, segments = problem.robot.joint_count, problem.tube.segment_count
     reserves = Tightening(
         effort=0.9,
-        velocity=0.8,
+        velocity=np.linspace(0.8, 0.9, joints),
         radius=np.full(segments, 0.004),
         rotation=np.full(segments, 0.01),
         clearance=0.003,
@@ -75,7 +75,7 @@ def test_every_part_makes_its_own_limit_smaller_and_geometry_is_shared(tray):
     less = tightened_problem(problem, reserves)
     limits, whole = less.robot.limits, problem.robot.limits
     assert limits.effort == pytest.approx(0.9 * whole.effort)
-    assert limits.velocity == pytest.approx(0.8 * whole.velocity)
+    assert limits.velocity == pytest.approx(np.linspace(0.8, 0.9, joints) * whole.velocity)
     assert limits.lower_position == pytest.approx(whole.lower_position + 0.1)
     assert limits.upper_position == pytest.approx(whole.upper_position - 0.2)
     assert less.tube.radius == pytest.approx(problem.tube.radius - 0.004)
@@ -121,6 +121,10 @@ def test_a_tenth_of_the_radius_for_the_tools_centre_is_always_left(
     problem = about_middle(line, tool_radius=tool_radius)
     radius = allowed(problem, MIDDLE, radius=np.array([wanted])).radius
     assert radius == pytest.approx([expected])
+
+
+def test_of_a_velocity_limit_at_least_three_tenths_are_left_and_at_most_all(line):
+    assert allowed(line, MIDDLE, velocity=np.array([0.1, 1.2])).velocity.tolist() == [0.3, 1.0]
 
 
 def test_start_and_goal_stay_inside(line):
@@ -215,16 +219,17 @@ def test_parts_are_taken_one_by_one(line):
     parts = ("effort", "velocity", "radius", "clearance")
     assert [part for part in parts if reserves.has(part)] == ["effort", "radius", "clearance"]
     assert not some.has("clearance") and not reserves.only([]).has("effort")
-    slower = asked(line, velocity=0.8, position=np.array([[0.0, 0.0], [0.1, 0.0]]))
+    slower = asked(line, velocity=np.array([0.8, 1.0]), position=np.array([[0.0, 0.0], [0.1, 0.0]]))
     assert slower.has("velocity") and slower.has("position")
-    assert slower.only(["position"]).velocity == 1.0
-    assert slower.only(["velocity"]).velocity == 0.8
+    assert slower.only(["position"]).velocity.tolist() == [1.0, 1.0]
+    assert slower.only(["velocity"]).velocity.tolist() == [0.8, 1.0]
 
 
-NONE_FAILED, MANY_FAILED = RunVerdict(200, 0, {"tube": 0}), RunVerdict(200, 150, {"tube": 150})
+NONE_FAILED = RunVerdict(200, 0, {"tube": 0}, 1.02, 0.013)
+MANY_FAILED = RunVerdict(200, 150, {"tube": 150}, None, 0.02)
 KEPT = Tightening(
     effort=0.93,
-    velocity=0.97,
+    velocity=np.array([1.0, 0.97]),
     radius=np.array([0.0012, 0.0034]),
     rotation=np.array([0.012, 0.0]),
     clearance=0.0021,
@@ -239,11 +244,11 @@ BLAME = Blame(
 
 @pytest.fixture
 def survival():
-    return Survival(NONE_FAILED, True, KEPT, 0.9, MANY_FAILED, COSTS)
+    return Survival(Robustness(), NONE_FAILED, True, KEPT, 0.9, MANY_FAILED, COSTS)
 
 
 def test_the_verdict_is_that_of_fresh_runs_and_costs_sum_up(survival):
-    assert survival.seen == f"seen in simulation: {NONE_FAILED}"
+    assert survival.seen == NONE_FAILED.survived(Robustness())
     assert replace(survival, verdict=None).seen == "its runs were not simulated to the end"
     assert survival.added == pytest.approx(0.018)
     assert replace(survival, costs={}).added == 0
@@ -252,10 +257,10 @@ def test_the_verdict_is_that_of_fresh_runs_and_costs_sum_up(survival):
 def test_a_note_tells_what_every_part_costs(survival):
     (note,) = survival.notes
     assert note == (
-        "surviving takes 18.0 ms more, 2 %: 93 % of the effort limits (12.0 ms); 97 % of the "
-        "velocity limits (3.0 ms); up to 3.4 mm less radius (1.5 ms); up to 12 mrad less rotation "
-        "(1.1 ms); 2.1 mm more clearance (0.3 ms); up to 50 mrad or mm less joint range (0.1 ms); "
-        f"without robustness the plan takes 0.9000 s, and {MANY_FAILED}"
+        "surviving takes 18.0 ms more, 2 %: 93 % of the effort limits (12.0 ms); as little as "
+        "97 % of the velocity limits (3.0 ms); up to 3.4 mm less radius (1.5 ms); up to 12 mrad "
+        "less rotation (1.1 ms); 2.1 mm more clearance (0.3 ms); up to 50 mrad or mm less joint "
+        f"range (0.1 ms); without robustness the plan takes 0.9000 s, and {MANY_FAILED}"
     )
     (note,) = replace(survival, verdict_without=None, costs={"effort": 0.009}).notes
     assert note == (
@@ -269,7 +274,7 @@ def test_blame_is_of_the_plan_whose_runs_it_is_about(survival):
     (note,) = replace(survival, costs={}, blame=BLAME).notes
     assert note == f"the plan without robustness: {BLAME}"
     (note,) = replace(survival, reached=False, costs={}, blame=BLAME).notes
-    assert note == f"no plan was found of which all runs survive, their errors enlarged: {BLAME}"
+    assert note == f"no plan was found that survives errors 1.3 times as large: {BLAME}"
     assert len(replace(survival, blame=BLAME).notes) == 2
 
 
@@ -277,6 +282,7 @@ def test_as_json_it_has_all_of_it(survival):
     found = json.loads(json.dumps(replace(survival, blame=BLAME).as_dict()))
     assert (found["reached"], found["duration_without"], found["costs"]) == (True, 0.9, COSTS)
     assert (found["verdict"]["failed"], found["verdict_without"]["failed"]) == (0, 150)
+    assert found["kept_back"]["velocity"] == [1.0, 0.97]
     assert found["kept_back"]["radius"] == [0.0012, 0.0034]
     assert found["kept_back"]["position"] == [[0.0, 0.05], [0.0, 0.0]]
     assert found["blame"]["errors"][0] == {"error": "mass", "size": 0.05, "short": -0.001}

@@ -2,14 +2,14 @@
 
 import json
 import re
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tubeplanner import Objective, PlanOptions, load_problem, plan
 from tubeplanner.errors import OptionError, ProblemError
-from tubeplanner.task.demands import CONTROLLERS, Robustness
+from tubeplanner.task.demands import CONTROLLERS, ERRORS, Robustness
 
 NAME = "two_link/paper_1_30mm"
 PERIOD = "give the controller's, 1e-05 to 1 s"
@@ -172,23 +172,30 @@ def test_the_usual_errors_are_assumed_but_for_the_given_ones():
     assert (usual.lag, usual.delay, usual.noise) == (1e-3, 1e-3, 1e-5)
     assert (usual.tool, usual.base, usual.control_period) == (5e-4, 5e-4, 1e-3)
     assert (usual.unmodelled_friction, usual.controller) == (0.02, CONTROLLERS[0])
+    stops = (usual.velocity_tolerance, usual.path_tolerance, usual.tool_tolerance)
+    assert (usual.bandwidth, *stops) == (30.0, None, 0.05, None)
     exact = Robustness.exact(com=0.02)
-    errors = [f.name for f in fields(exact) if f.name not in ("control_period", "controller")]
-    assert {name: getattr(exact, name) for name in errors if getattr(exact, name)} == {"com": 0.02}
+    assert {name: getattr(exact, name) for name in ERRORS if getattr(exact, name)} == {"com": 0.02}
     assert exact.control_period == 1e-3
 
 
-def test_enlarged_the_arms_build_is_off_by_more_and_its_control_is_as_it_was():
+def test_enlarged_all_errors_are_larger_and_control_and_its_stops_are_as_they_were():
     """Enlarged errors stay within their bounds: masses within 90 %."""
-    control = {"controller": "pd", "control_period": 0.002}
-    enlarged = Robustness(mass=0.7, **control).enlarged(1.5)
-    build = {"mass": 0.9, "com": 0.0075, "payload": 0.15, "friction": 0.3}
-    build |= {"tool": 7.5e-4, "base": 7.5e-4}
-    for name, value in build.items():
-        assert getattr(enlarged, name) == pytest.approx(value), name
-    assert replace(enlarged, **dict.fromkeys(build, 0.0)) == Robustness(
-        **dict.fromkeys(build, 0.0), **control
-    )
+    control = {"controller": "pd", "control_period": 0.002, "bandwidth": 20.0}
+    control |= {"velocity_tolerance": 0.1, "path_tolerance": 0.2, "tool_tolerance": 0.01}
+    errors = Robustness(mass=0.7, **control)
+    enlarged = errors.enlarged(1.5)
+    assert enlarged.mass == 0.9
+    for name in ERRORS[1:]:
+        assert getattr(enlarged, name) == pytest.approx(1.5 * getattr(errors, name)), name
+    assert {name: getattr(enlarged, name) for name in control} == control
+
+
+def test_errors_are_told_in_percent_and_in_thousandths_of_their_units():
+    errors = Robustness.exact(mass=0.05, unmodelled_friction=0.025, lag=0.0015, noise=1e-5)
+    words = "mass 5 %, unmodelled friction 2.5 %, lag 1.5 ms, noise 0.01 mrad or mm"
+    assert errors.in_words == words
+    assert Robustness.exact().in_words == "nothing"
 
 
 @pytest.mark.parametrize(
@@ -198,6 +205,8 @@ def test_enlarged_the_arms_build_is_off_by_more_and_its_control_is_as_it_was():
         ({"com": -0.1}, "robustness.com is -0.1 m; give a number from 0 to 1 m"),
         ({"lag": float("nan")}, "robustness.lag is nan s; give a number from 0 to 1 s"),
         ({"control_period": 0.0}, "control_period is 0 s; give a number from 0.0001 to 0.1 s"),
+        ({"bandwidth": 81.0}, "robustness.bandwidth is 81 rad/s; give a number from 1 to 80"),
+        ({"path_tolerance": -1.0}, "path_tolerance is -1 rad; give a number from 1e-06 to 10 rad"),
         ({"controller": "PD"}, "robustness.controller: unknown controller 'PD'; there is: compu"),
     ],
 )

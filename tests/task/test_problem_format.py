@@ -120,8 +120,8 @@ ROBOT = (
     "locked_joints, gravity, payload, attached, limits, motors, preset, limits_file"
 )
 LIMITS = (
-    "effort, velocity, position, acceleration, jerk, scale, tool_speed, effort_rate, "
-    "velocity_by_position, point_speed"
+    "effort, velocity, position, acceleration, jerk, scale, tool_speed, "
+    "velocity_tolerance, effort_rate, velocity_by_position, point_speed"
 )
 MOTORS = (
     "armature, viscous_friction, coulomb_friction, saturation_effort, no_load_velocity, "

@@ -1,6 +1,7 @@
 """Limit files: bundled presets, MoveIt's joint_limits.yaml."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,11 +12,13 @@ from tubeplanner import (
     LimitOverrides,
     PlanOptions,
     RobotError,
+    Robustness,
     load_robot,
     parse_problem,
     plan,
     read_limits_file,
     read_preset,
+    read_robustness,
 )
 from tubeplanner.resources import bundled_presets, bundled_problems
 from tubeplanner.task.side_files import fitting_presets
@@ -100,12 +103,31 @@ def test_every_number_of_a_bundled_preset_has_a_source_with_a_version(name):
     fields = YAML(typ="safe", pure=True).load(bundled_presets()[name].read_text())
     quantities = {
         f"{section}.{quantity}"
-        for section in ("limits", "motors")
+        for section in ("limits", "motors", "robustness")
         for quantity in fields.get(section, ())
     }
     assert set(fields["sources"]) == quantities
     assert all(any(c.isdigit() for c in source) for source in fields["sources"].values())
     assert f"presets/{name}" not in bundled_problems()
+
+
+def test_a_controller_is_below_the_fields_of_the_problem(tmp_path):
+    def errors(**fields):
+        return parse_problem(PROBLEM | {"robustness": fields}, tmp_path).robustness
+
+    franka = errors(preset="franka_controller")
+    expected = Robustness(controller="pd", control_period=0.001, velocity_tolerance=0.0)
+    assert franka == expected
+    assert errors(preset="ros2_controller").path_tolerance is None
+    own = errors(preset="ur_controller", control_period=0.008, mass=0.0)
+    assert own == replace(errors(preset="ur_controller"), control_period=0.008, mass=0.0)
+    assert (own.controller, own.path_tolerance) == ("feedforward-pd", 0.2)
+    assert read_robustness("franka_controller")["controller"] == "pd"
+    for read, name, message in (
+        (read_robustness, "fr3", "preset fr3 holds no robustness: name it in robot.preset"),
+        (read_preset, "ur_controller", "preset ur_controller holds robustness alone: name it in"),
+    ):
+        assert refusal(RobotError, read, name).startswith(message)
 
 
 def test_a_preset_is_found_beside_the_problem_and_the_problem_wins(tmp_path):
@@ -156,6 +178,8 @@ def test_another_number_of_joints_is_refused_by_name(tmp_path):
 SOURCE = "is required: say where it is from"
 NEGATIVE = {"motors": {"armature": -1}, "sources": SOURCES | {"motors.armature": "a"}}
 ARMATURE = {"motors": {"armature": 1}}
+JOINTLESS = {"joints": None, "limits": {"effort": 1}, "sources": {"limits.effort": "a"}}
+OF_PRESET = {"robustness": {"preset": "fer"}, "sources": SOURCES | {"robustness.preset": "a"}}
 
 
 @pytest.mark.parametrize(
@@ -169,7 +193,9 @@ ARMATURE = {"motors": {"armature": 1}}
             {"limits": {"scale": {"effort": 0.5}}, "sources": {"limits.scale": "a"}},
             "limits.scale belongs into robot.limits of a problem",
         ),
-        ({"limits": {}, "sources": {}}, "limits or motors is required"),
+        ({"limits": {}, "sources": {}}, "limits, motors or robustness is required"),
+        (JOINTLESS, "joints is required beside limits.effort"),
+        (OF_PRESET, "robustness.preset belongs into a problem"),
         (NEGATIVE, "motors.armature is -1; give a number from 0 to 1e+09"),
         (ARMATURE, f"sources.'motors.armature' {SOURCE}"),
         ({"sources": SOURCES | {"limits.jerk": " "}}, f"sources.'limits.jerk' {SOURCE}"),
@@ -185,7 +211,7 @@ def test_a_fault_of_a_preset_is_named(tmp_path, changes, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[1, 2]", "a preset is a map with format, joints, limits or motor"),
+        ("[1, 2]", "a preset is a map with format, joints and limits or motor"),
         ("limits: [1\n", r"^preset mine\.yaml: file .* is malformed: line 1"),
     ],
 )
@@ -196,9 +222,9 @@ def test_a_file_that_is_no_map_is_refused(tmp_path, text, message):
 
 
 def test_a_wrong_name_or_a_missing_file_lists_those_that_exist(tmp_path):
-    unknown = "unknown preset 'fr4' (did you mean 'fr3'?); there is: fer, fr3, fr3_friction, ur10"
+    unknown = "unknown preset 'fr4' (did you mean 'fr3'?); there is: fer, fr3, fr3_friction, fran"
     assert refusal(RobotError, read_preset, "fr4").startswith(unknown)
-    bundled = "bundled are fer, fr3, fr3_friction, ur10_friction"
+    bundled = f"bundled are {', '.join(bundled_presets())}"
     message = refusal(RobotError, read_preset, "none.yaml", tmp_path)
     assert message == f"preset {tmp_path / 'none.yaml'} does not exist; {bundled}"
 

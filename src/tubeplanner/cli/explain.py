@@ -50,8 +50,9 @@ def explain(
     """Say what makes PROBLEM impossible, and which smallest single changes make it possible.
 
     Each change is planned with and certified, and narrowed down to 5 %. Of a problem that can be
-    solved, say what limits it most, and how much worse each condition may become. Exit status 0 if
-    the problem can be solved, as it is or with a change; else that of plan.
+    solved, say what limits it most, and how much worse each condition may become. Field robustness
+    does not count: plan names the error that no motion survives. Exit status 0 if the problem can
+    be solved, as it is or with a change; else that of plan.
     """
     console.require_page(html)
     if html is not None:

@@ -160,7 +160,7 @@ def cli() -> None:
 @cli.command()
 @console.AS_JSON
 def robots(as_json: bool) -> None:
-    """List what `example:` finds: problems, cycles, studies, robots; and presets of limits."""
+    """List what `example:` finds: problems, cycles, studies, robots; and presets."""
     problems, cycles = list(bundled_problems()), list(bundled_cycles())
     presets = bundled_presets()
     if as_json:
@@ -178,7 +178,7 @@ def robots(as_json: bool) -> None:
     bundled = bundled_robots()
     for name in example_robot_names():
         console.say(f"  example:{name}{'  (bundled)' if name in bundled else ''}")
-    console.say("Presets of limits and motors (robot.preset: NAME), sources in the file:")
+    console.say("Presets (robot.preset or robustness.preset: NAME), sources in the file:")
     console.say(*(f"  {name}  {path}" for name, path in presets.items()), sep="\n")
 
 

@@ -79,7 +79,7 @@ def plan_text(
     place = str(result.place)
     if place:
         lines.append(f"where: {place}")
-    if result.proved is not None:
+    if result.proved is not None and result.survival is None:
         lines.append("`tubeplanner explain` looks for the smallest changes that make it possible")
     if result.stopped_by is not None:
         lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")

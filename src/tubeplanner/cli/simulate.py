@@ -40,6 +40,10 @@ _ERRORS = {
     "tool": "Of the tool centre point [m].",
     "base": "Of the robot's base [m].",
     "control_period": "Of the control [s].",
+    "bandwidth": "Of the feedback, at least [rad/s].",
+    "velocity_tolerance": "Share of a velocity limit beyond it at which the controller stops.",
+    "path_tolerance": "Distance of a joint from the plan at which it stops [rad].",
+    "tool_tolerance": "Distance of the tool from the plan at which it stops [m].",
 }
 _PLANNED = (
     "what is taken or let go stands where the planned motion has it, and lies in the hand as "
@@ -192,13 +196,13 @@ class _Simulation:
         self.enter(f"{self.draw.runs} runs")
         plants = drawn_plants(problem.robot, errors, self.draw)
         control = (errors.controller, errors.control_period)
-        execution = executed(problem, motion, plants, *control, self._moving())
-        judged = judged_runs(problem, motion, execution, self._judging(1))
+        execution = executed(problem, motion, plants, *control, self._moving(), errors.bandwidth)
+        judged = judged_runs(problem, motion, execution, self._judging(1), errors)
         self._draw(
             lambda: plot_execution(problem, motion, execution, judged),
             lambda: view(problem, motion, names=["plan"], execution=execution),
         )
-        return _Answer(execution_report(judged), execution_lines(judged), notes)
+        return _Answer(execution_report(judged, errors), execution_lines(judged, errors), notes)
 
     def of_cycle(self, cycle: Cycle) -> _Answer:
         """Simulate the motion of a cycle."""
@@ -206,12 +210,13 @@ class _Simulation:
         notes = notes_on_cycle_file(cycle, self.file)
         self.enter(f"{self.draw.runs} runs")
         execution = executed_cycle(motion, self.errors, self.draw, self._moving())
-        judged = judged_cycle(motion, execution, self._judging(len(cycle.legs)))
+        judged = judged_cycle(motion, execution, self._judging(len(cycle.legs)), self.errors)
         self._draw(
             lambda: plot_cycle_execution(motion, execution, judged),
             lambda: view_cycle(cycle, [motion], ["plan"], execution=execution),
         )
-        lines, report = cycle_execution_lines(judged), cycle_execution_report(judged)
+        lines = cycle_execution_lines(judged, self.errors)
+        report = cycle_execution_report(judged, self.errors)
         return _Answer(report, lines, notes + [_PLANNED] * bool(judged.handovers))
 
     def _moving(self) -> Callable[[], None]:
@@ -235,12 +240,12 @@ class _Simulation:
 # ---- The runs of a motion, as text for a terminal and as JSON values.
 
 
-def execution_report(judged: Sequence[JudgedRun]) -> dict[str, Any]:
+def execution_report(judged: Sequence[JudgedRun], errors: Robustness) -> dict[str, Any]:
     """Return the JSON object of some runs, times still absent."""
     seen = seen_fields(judged)
     return {
         **console.empty_report(
-            "success", str(run_verdict(judged)), seen["seen"]["tube"]["worst"]["place"]
+            "success", run_verdict(judged).survived(errors), seen["seen"]["tube"]["worst"]["place"]
         ),
         **seen,
     }
@@ -259,37 +264,52 @@ def seen_fields(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     }
 
 
-def execution_lines(judged: Sequence[JudgedRun]) -> list[str]:
+def execution_lines(judged: Sequence[JudgedRun], errors: Robustness) -> list[str]:
     """Return the summaries of some runs, line by line, the verdict last."""
-    lines = [f"{'seen in ' + str(len(judged)) + ' runs':38}{'worst':>12}{'median':>12}  where"]
+    head = f"{'worst':>12}{'median':>12}{'required':>12}"
+    lines = [f"{'seen in ' + str(len(judged)) + ' runs':38}{head}  where"]
     for name, summary in summaries(judged).items():
         if summary is not None:
             worst = f"{summary.worst.value:12.4g}{summary.median:12.4g}"
-            lines.append(f"{_NAMES[name]:38}{worst}  run {summary.run}, {summary.worst.place}")
+            bound = _bound(judged[summary.run], name)
+            lines.append(
+                f"{_NAMES[name]:38}{worst}{bound:>12}  run {summary.run}, {summary.worst.place}"
+            )
     saturated = [100 * run.saturated for run in judged]
     share = f"{max(saturated):12.3g}{sorted(saturated)[len(saturated) // 2]:12.3g}"
-    return [*lines, f"{'time with a motor at its limit [%]':38}{share}", f"{run_verdict(judged)}"]
+    lines.append(f"{'time with a motor at its limit [%]':38}{share}")
+    return [*lines, run_verdict(judged).survived(errors)]
+
+
+def _bound(run: JudgedRun, name: str) -> str:
+    """Return the bound that a run must keep, or a dash where the quantity is only told."""
+    if name in run.stops:
+        return f"<= {run.stops[name]:.4g}"
+    if name in ("velocity", "tracking", "tool_tracking"):
+        return "-"
+    least = {"obstacles": run.clearance, "self_collision": 0.0}
+    return f">= {least[name]:.4g}" if name in least else "<= 0"
 
 
 # ---- The runs of a cycle, as text for a terminal and as JSON values.
 
 
-def cycle_execution_report(judged: JudgedCycle) -> dict[str, Any]:
+def cycle_execution_report(judged: JudgedCycle, errors: Robustness) -> dict[str, Any]:
     """Return the JSON object of the runs of a cycle, times still absent.
 
     Moves that run without a stop have the same under each of their names.
     """
     moves = {name: seen_fields(runs) for names, runs in judged.legs.items() for name in names}
     handovers = [each.as_dict() for each in judged.handovers]
-    return {**execution_report(judged.runs), "moves": moves, "handovers": handovers}
+    return {**execution_report(judged.runs, errors), "moves": moves, "handovers": handovers}
 
 
-def cycle_execution_lines(judged: JudgedCycle) -> list[str]:
+def cycle_execution_lines(judged: JudgedCycle, errors: Robustness) -> list[str]:
     """Return the summaries of the runs of a cycle, line by line, the verdict last.
 
     First of the cycle, then the worst of each move, and of the tool at each handover.
     """
-    *quantities, verdict = execution_lines(judged.runs)
+    *quantities, verdict = execution_lines(judged.runs, errors)
     lines = [*quantities, "", _row("move, the worst of it", ["failed", *_QUANTITIES, _LIMIT])]
     for names, runs in judged.legs.items():
         by_name, counts = summaries(runs), run_verdict(runs)

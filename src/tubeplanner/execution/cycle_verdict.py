@@ -13,6 +13,7 @@ from tubeplanner.execution.plants import first_instant, last_instant
 from tubeplanner.execution.run_verdict import JudgedRun, judged_runs
 from tubeplanner.execution.simulation import Execution
 from tubeplanner.task.cycle_motion import CycleMotion
+from tubeplanner.task.demands import Robustness
 from tubeplanner.task.legs import Leg
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
@@ -72,7 +73,10 @@ class JudgedCycle:
 
 
 def judged_cycle(
-    motion: CycleMotion, execution: Execution, checkpoint: Callable[[], None] = lambda: None
+    motion: CycleMotion,
+    execution: Execution,
+    checkpoint: Callable[[], None] = lambda: None,
+    errors: Robustness | None = None,
 ) -> JudgedCycle:
     """Judge the executed motions of a cycle.
 
@@ -83,13 +87,14 @@ def judged_cycle(
         motion: The planned motion.
         execution: The execution of its trajectory.
         checkpoint: Called before every run of every leg; may raise to end the work.
+        errors: The field with the controller's stops; None: the default.
 
     Raises:
         ProblemError: A leg begins or ends where its problem does not allow it.
     """
     legs: dict[tuple[str, ...], list[JudgedRun]] = {}
     for leg in executed_legs(motion, execution):
-        judged = judged_runs(leg.problem, leg.trajectory, leg.execution, checkpoint)
+        judged = judged_runs(leg.problem, leg.trajectory, leg.execution, checkpoint, errors)
         legs[tuple(move.name for move in leg.leg.moves)] = [_in_cycle(run, leg) for run in judged]
     saturated = execution.is_saturated.any(axis=2).mean(axis=1)
     runs = [
@@ -118,15 +123,19 @@ def _whole(legs: Sequence[JudgedRun]) -> JudgedRun:
     slack = [leg.obstacles.value - leg.clearance if leg.obstacles else np.inf for leg in legs]
     nearest = legs[int(np.argmin(slack))]
     folded = [leg.self_collision for leg in legs if leg.self_collision is not None]
+    # The unit of the joint farthest from the plan may be another in each leg.
+    farthest = max(legs, key=lambda leg: (leg.tracking_by_joint.max(), leg.tracking.value))
     return replace(
         legs[0],
-        **worst,
+        **worst | {"tracking": farthest.tracking, "stops": farthest.stops},
         obstacles=nearest.obstacles,
         clearance=nearest.clearance,
         self_collision=min(folded, key=lambda extreme: extreme.value, default=None),
         tube_by_segment=np.concatenate([leg.tube_by_segment for leg in legs]),
         rotation_by_segment=np.concatenate([leg.rotation_by_segment for leg in legs]),
         position_by_joint=np.max([leg.position_by_joint for leg in legs], axis=0),
+        velocity_by_joint=np.max([leg.velocity_by_joint for leg in legs], axis=0),
+        tracking_by_joint=np.max([leg.tracking_by_joint for leg in legs], axis=0),
     )
 
 

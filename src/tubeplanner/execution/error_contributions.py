@@ -38,14 +38,15 @@ def simulated_runs(
     """
     plants = drawn_plants(problem.robot, errors, draw)
     controlled = (errors.controller, errors.control_period)
-    execution = executed(problem, trajectory, plants, *controlled, checkpoint)
-    return judged_runs(problem, trajectory, execution, checkpoint)
+    execution = executed(problem, trajectory, plants, *controlled, checkpoint, errors.bandwidth)
+    return judged_runs(problem, trajectory, execution, checkpoint, errors)
 
 
 # ---- Shortfall: additional tolerance that a plan would have to leave free for its executed runs.
 
-# A few runs stand for many: their mean and this many standard deviations.
-_DEVIATIONS = 2.5
+# A few runs stand for so many: of so many the largest lies about so many standard deviations from
+# the mean, if normal.
+_MANY, _DEVIATIONS = 96, 2.5
 _NOTHING = -1e3  # [m or rad]: the shortfall where nothing is required
 
 
@@ -59,6 +60,10 @@ class Shortfall:
         clearance: From obstacles [m].
         position: At the lower and upper position limits, shape (2, n) [rad or m].
         self_collision: Between links [m]; no backoff helps there.
+        velocity: Of the velocity of each joint at which the controller stops, relative, (n,).
+        tracking: Of the distance of each joint from the plan at which the controller stops,
+            relative, (n,).
+        tool_tracking: Of the tool's distance from the plan likewise.
     """
 
     radius: FloatArray
@@ -66,6 +71,9 @@ class Shortfall:
     clearance: float
     position: FloatArray
     self_collision: float
+    velocity: FloatArray
+    tracking: FloatArray
+    tool_tracking: float
 
     def most(self, kind: str) -> float:
         """Return the largest shortfall of a kind, such as "radius" [m or rad]."""
@@ -82,6 +90,8 @@ def shown_shortfall(problem: PlanningProblem, runs: Sequence[JudgedRun]) -> Shor
     tube = [run.tube_by_segment for run in runs]
     rotation = [run.rotation_by_segment for run in runs]
     position = [run.position_by_joint for run in runs]
+    velocity = [run.velocity_by_joint / run.stops["velocity"] - 1 for run in runs]
+    tool = [run.tool_tracking.value / run.stops.get("tool_tracking", np.inf) - 1 for run in runs]
     near = [
         _NOTHING if run.obstacles is None else run.clearance - run.obstacles.value for run in runs
     ]
@@ -92,14 +102,19 @@ def shown_shortfall(problem: PlanningProblem, runs: Sequence[JudgedRun]) -> Shor
         clearance=float(_expected_most(near)),
         position=_expected_most(position),
         self_collision=float(max(folded)),
+        velocity=_expected_most(velocity),
+        tracking=_expected_most([run.tracking_by_joint - 1 for run in runs]),
+        tool_tracking=float(_expected_most(tool)),
     )
 
 
 def _expected_most(run_values: Sequence[FloatArray] | Sequence[float]) -> FloatArray:
     """Return the largest value of the runs, or the expected largest of more runs if larger."""
     values = np.array(run_values)
-    expected: FloatArray = values.mean(axis=0) + _DEVIATIONS * values.std(axis=0)
-    return np.maximum(values.max(axis=0), expected)
+    most: FloatArray = values.max(axis=0)
+    if len(values) >= _MANY:
+        return most
+    return np.maximum(most, values.mean(axis=0) + _DEVIATIONS * values.std(axis=0))
 
 
 def _with_points(
@@ -120,8 +135,12 @@ def _with_points(
 
 # ---- Contribution of each error to the largest shortfall: one after the other is left out.
 
-_KINDS = ("radius", "rotation", "clearance", "position", "self_collision")
-_UNITS = {"rotation": "rad", "position": "rad or m"}
+_KINDS = (
+    *("radius", "rotation", "clearance", "position", "self_collision"),
+    *("velocity", "tracking", "tool_tracking"),
+)
+_RELATIVE = _KINDS[-3:]
+_UNITS = {"rotation": "rad", "position": "rad or m"} | dict.fromkeys(_RELATIVE, "")
 _DRAW = Draw(16, seed=0)
 _MUCH_TRAVEL = 0.1  # [rad or m], of a joint beyond its position limits
 
@@ -164,17 +183,19 @@ class Blame:
         return asdict(self)
 
     def __str__(self) -> str:
-        many = f"{self._in_milli(self.short)} of {self.kind.replace('_', ' ')} short"
+        many = f"{self._in_words(self.short)} of {self.kind.replace('_', ' ')} short"
         if self.without_any > 0:
-            alone = self._in_milli(self.without_any)
+            alone = self._in_words(self.without_any)
             return f"{many}, and {alone} without any error: the controller cannot follow"
         most = self.errors[0]
         return (
-            f"{many}; {most.error} of {most.size:g} is to blame most: {self._in_milli(most.short)} "
+            f"{many}; {most.error} of {most.size:g} is to blame most: {self._in_words(most.short)} "
             "without it"
         )
 
-    def _in_milli(self, short: float) -> str:
+    def _in_words(self, short: float) -> str:
+        if not self.unit:
+            return f"{float(f'{100 * short:.3g}'):g} %"  # 9550, not 9.55e+03
         return f"{1000 * short:.3g} m{self.unit}"
 
 
@@ -219,6 +240,8 @@ def _relative(problem: PlanningProblem, shortfall: Shortfall, kind: str) -> floa
     rotation = problem.tube.rotation
     if kind == "rotation" and rotation is not None:
         return shortfall.most(kind) / float(rotation.bounds.min())
+    if kind in _RELATIVE:
+        return shortfall.most(kind)
     if kind == "position":
         return shortfall.most(kind) / _MUCH_TRAVEL
     return shortfall.most(kind) / float(problem.tube.effective_radius.min())

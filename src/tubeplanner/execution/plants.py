@@ -69,43 +69,80 @@ class Draw:
         require_count(self, 0, "seed")
 
 
+CORNERS = {0: 1.0, 1: 0.0}  # by run: all errors at their bounds, no errors
+
+
 def drawn_plants(robot: RobotModel, errors: Robustness, draw: Draw | None = None) -> list[Plant]:
     """Return arms that differ from the model by independently drawn errors.
 
+    The first arm has every error at its bound, the second has none, so that few arms hold both
+    corners. Lag, delay and noise are drawn from zero up to their bounds as well: a plan may survive
+    a slow drive and fail on a quick one.
+
     Args:
         robot: The model.
-        errors: Sizes of the errors. Links that move as one have one error.
+        errors: Bounds of the errors. Links that move as one have one error.
         draw: Number and seed; default: 50, from seed 0.
     """
     draw = draw or Draw()
-    generators = (np.random.default_rng([draw.seed, run]) for run in range(draw.runs))
+    errors_drawn = (
+        _Error(np.random.default_rng([draw.seed, run]), CORNERS.get(run))
+        for run in range(draw.runs)
+    )
     # The order of the fields is that of the draws: a run of a seed stays the same arm.
     return [
         Plant(
-            bodies=_drawn_bodies(robot, errors, random),
-            motors=_drawn_motors(robot, errors, random),
-            lag=errors.lag,
-            delay=errors.delay,
-            noise=errors.noise,
-            tool=_in_ball(errors.tool, random),
-            base=_in_ball(errors.base, random),
-            noise_seed=int(random.integers(2**63)),
+            bodies=_drawn_bodies(robot, errors, error),
+            motors=_drawn_motors(robot, errors, error),
+            lag=errors.lag * float(error.fraction()),
+            delay=errors.delay * float(error.fraction()),
+            noise=errors.noise * float(error.fraction()),
+            tool=error.vector(errors.tool),
+            base=error.vector(errors.base),
+            noise_seed=int(error.random.integers(2**63)),
         )
-        for random in generators
+        for error in errors_drawn
     ]
 
 
-def _drawn_bodies(
-    robot: RobotModel, errors: Robustness, random: np.random.Generator
-) -> tuple[BodyInertia, ...]:
+@dataclass(frozen=True)
+class _Error:
+    """The errors of one arm, as fractions of their bounds.
+
+    Attributes:
+        random: Generator of the arm.
+        corner: 1 for an arm with all errors at their bounds, 0 without any; None: drawn.
+    """
+
+    random: np.random.Generator
+    corner: float | None
+
+    def fraction(self, *shape: int) -> FloatArray:
+        """Return fractions from 0 to 1."""
+        drawn = np.asarray(self.random.uniform(0.0, 1.0, shape))
+        return drawn if self.corner is None else np.full(shape, self.corner)
+
+    def sided(self, *shape: int) -> FloatArray:
+        """Return fractions from -1 to 1, in corners of random signs."""
+        drawn = np.asarray(self.random.uniform(-1.0, 1.0, shape))
+        return drawn if self.corner is None else self.corner * np.sign(drawn)
+
+    def vector(self, radius: float) -> FloatArray:
+        """Return a vector (3,) drawn uniformly from a ball, in a corner from its surface."""
+        direction = self.random.normal(size=3)
+        distance = radius * float(self.fraction()) ** (1 / 3)
+        return read_only(distance * direction / np.linalg.norm(direction))
+
+
+def _drawn_bodies(robot: RobotModel, errors: Robustness, error: _Error) -> tuple[BodyInertia, ...]:
     payload = payload_body(robot, robot.payload or Payload(0.0))
     carrier = robot.link_body[robot.tool_frame]
     drawn = [robot.inertias[0]]
     for body, inertia in enumerate(robot.inertias[1:], start=1):
         own = inertia.plus(payload.scaled(-1.0)) if body == carrier else inertia
-        factor, by = 1 + random.uniform(-errors.mass, errors.mass), _in_ball(errors.com, random)
+        factor, by = 1 + errors.mass * float(error.sided()), error.vector(errors.com)
         drawn.append(own.scaled(factor).shifted(by))
-    factor = 1 + random.uniform(-errors.payload, errors.payload)
+    factor = 1 + errors.payload * float(error.sided())
     drawn[carrier] = drawn[carrier].plus(payload.scaled(factor))
     return tuple(drawn)
 
@@ -116,28 +153,19 @@ def payload_body(robot: RobotModel, payload: Payload) -> BodyInertia:
     return own.placed(robot.link_placement[robot.tool_frame])
 
 
-def _drawn_motors(
-    robot: RobotModel, errors: Robustness, random: np.random.Generator
-) -> JointMotors:
+def _drawn_motors(robot: RobotModel, errors: Robustness, error: _Error) -> JointMotors:
     limits, motors = robot.limits, robot.motors
     is_limited = np.isfinite(limits.effort) & np.isfinite(limits.velocity)
     slope = np.zeros(robot.joint_count)
     np.divide(limits.effort, limits.velocity, out=slope, where=is_limited)
     kinds = ("viscous_friction", "backwards_friction", "forwards_friction")
-    factors = 1 + random.uniform(-errors.friction, errors.friction, (3, robot.joint_count))
+    factors = 1 + errors.friction * error.sided(3, robot.joint_count)
     drawn = {
         kind: factor * getattr(motors, kind) for kind, factor in zip(kinds, factors, strict=True)
     }
-    fraction = errors.unmodelled_friction * random.uniform(0.5, 1.0, robot.joint_count)
+    fraction = errors.unmodelled_friction * error.fraction(robot.joint_count)
     drawn["viscous_friction"] = drawn["viscous_friction"] + fraction * slope
     return replace(motors, **drawn)
-
-
-def _in_ball(radius: float, random: np.random.Generator) -> FloatArray:
-    """Return a vector (3,) drawn uniformly from a ball."""
-    direction = random.normal(size=3)
-    distance = radius * random.uniform() ** (1 / 3)
-    return read_only(distance * direction / np.linalg.norm(direction))
 
 
 # ---- Stages: the arms while their load stays the same.

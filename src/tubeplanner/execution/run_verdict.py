@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,9 @@ from tubeplanner.execution.excursions import (
     tube_excursions,
 )
 from tubeplanner.execution.simulation import Execution
+from tubeplanner.execution.tracking import LENGTH_PER_ANGLE
 from tubeplanner.outcome import Place
+from tubeplanner.task.demands import Robustness
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.text import short_repr
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -23,8 +25,12 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 # ---- Judgement of each run: its largest excursions at samples; nothing is proved between.
 
 _FREE = 1e3  # [rad or m]: the largest distance from position limits; they may be infinite
-# The promises of a plan that a run must keep.
-KEPT = ("tube", "rotation", "points", "position", "obstacles", "self_collision")
+# The promises of a plan that a run must keep, and what controllers stop for.
+KEPT = (
+    *("tube", "rotation", "points", "position", "obstacles", "self_collision"),
+    *("velocity", "tracking", "tool_tracking"),
+)
+_VELOCITY_TOLERANCE = 0.05  # where neither the problem nor a preset has one
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +41,8 @@ class JudgedRun:
         tube: Excursion of the tool beyond the tube [m].
         rotation: Excursion beyond the rotation tolerance [rad]; None where the tube has none.
         points: Excursion at the compulsory point that is missed most [m]; None: no such point.
-        tracking: Largest distance of a joint from the plan [rad or m].
+        tracking: Distance of a joint from the plan [rad or m], the largest for which a metre counts
+            as 10 rad.
         tool_tracking: Largest distance of the tool from the plan [m].
         position: Excursion of a joint beyond its position limits [rad or m].
         velocity: Largest velocity of a joint over its limit; None where all are unlimited.
@@ -45,10 +52,15 @@ class JudgedRun:
         self_collision: Least distance of links from each other [m], less the distance that their
             pair requires; None where no such pair is judged.
         clearance: Clearance from obstacles that the problem requires [m].
+        stops: Value of velocity, tracking and tool tracking at which the controller stops, by
+            name; a quantity that it does not stop for is absent.
         tube_by_segment: As `tube`, for each of the joined segments, shape (m,) [m].
         rotation_by_segment: As `rotation`, shape (m,) [rad]; -1e3 where it is free.
         position_by_joint: Excursions below the lower and above the upper position limits, shape
             (2, n) [rad or m].
+        velocity_by_joint: Largest velocity of each joint over its limit, shape (n,).
+        tracking_by_joint: Largest distance of each joint from the plan over that at which the
+            controller stops, shape (n,); 0 where it does not stop.
     """
 
     tube: Extreme
@@ -62,26 +74,32 @@ class JudgedRun:
     obstacles: Extreme | None
     self_collision: Extreme | None
     clearance: float
-    tube_by_segment: FloatArray
-    rotation_by_segment: FloatArray
-    position_by_joint: FloatArray
+    stops: Mapping[str, float]
+    tube_by_segment: FloatArray = field(repr=False)
+    rotation_by_segment: FloatArray = field(repr=False)
+    position_by_joint: FloatArray = field(repr=False)
+    velocity_by_joint: FloatArray = field(repr=False)
+    tracking_by_joint: FloatArray = field(repr=False)
 
     __repr__ = short_repr
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """Names of `KEPT` that the run broke.
-
-        Velocity limits are not in `KEPT`: nothing in the simulated arm depends on them.
-        """
+        """Names of `KEPT` that the run broke."""
         nearest = {"obstacles": self.clearance, "self_collision": 0.0}
-        extremes: dict[str, Extreme | None] = {name: getattr(self, name) for name in KEPT}
-        beyond = {
-            name: nearest[name] - extreme.value if name in nearest else extreme.value
-            for name, extreme in extremes.items()
-            if extreme is not None
-        }
-        return tuple(name for name, excess in beyond.items() if excess > 0)
+        broken = []
+        for name in KEPT:
+            extreme: Extreme | None = getattr(self, name)
+            if extreme is None:
+                continue
+            if name in nearest:
+                excess = nearest[name] - extreme.value
+            else:
+                bound = np.inf if name in _STOPS else 0.0
+                excess = extreme.value - self.stops.get(name, bound)
+            if excess > 0:
+                broken.append(name)
+        return tuple(broken)
 
     @property
     def survives(self) -> bool:
@@ -89,11 +107,15 @@ class JudgedRun:
         return not self.broken
 
 
+_STOPS = ("velocity", "tracking", "tool_tracking")
+
+
 def judged_runs(
     problem: PlanningProblem,
     trajectory: JointTrajectory,
     execution: Execution,
     checkpoint: Callable[[], None] = lambda: None,
+    errors: Robustness | None = None,
 ) -> list[JudgedRun]:
     """Judge executed motions in their order.
 
@@ -104,14 +126,16 @@ def judged_runs(
         trajectory: The planned motion.
         execution: Its execution.
         checkpoint: Called before every run; may raise to end the work.
+        errors: The field with the controller's stops; None: the default.
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)
     planned = trajectory.position(np.minimum(execution.time, trajectory.duration))
     aim = problem.robot.tool_position(planned)
     more, result = additional_distances(problem, trajectory, execution.time), []
+    errors = errors or Robustness()
     for run in range(len(execution.plants)):
         checkpoint()
-        result.append(_judged(problem, execution, run, (planned, aim), more))
+        result.append(_judged(problem, execution, run, (planned, aim), more, errors))
     return result
 
 
@@ -121,6 +145,7 @@ def _judged(
     run: int,
     plan: tuple[FloatArray, FloatArray],
     more: FloatArray | None,
+    errors: Robustness,
 ) -> JudgedRun:
     """Judge a run of a plan, its joints (K, n) and its tool (K, 3)."""
     planned, aim = plan
@@ -129,6 +154,10 @@ def _judged(
     excursions = tube_excursions(problem, time, q, rotation, tool)
     obstacles, self_collision = least_clearances(problem, time, q, plant.base, more)
     distance = np.linalg.norm(tool - aim, axis=1)
+    units = np.where(problem.robot.revolute, 1.0, LENGTH_PER_ANGLE)
+    off = abs(q - planned) / units
+    worst = _largest(problem, time, off)
+    unit = float(units[problem.robot.joint_names.index(worst.place.joint)])
     farthest = int(distance.argmax())
     limits, speed = problem.robot.limits, abs(execution.velocity[run])
     beyond = np.array([limits.lower_position - q, q - limits.upper_position]).clip(min=-_FREE)
@@ -136,7 +165,7 @@ def _judged(
         tube=excursions.tube,
         rotation=excursions.rotation,
         points=excursions.points,
-        tracking=_largest(problem, time, abs(q - planned)),
+        tracking=Extreme(unit * worst.value, worst.place),
         tool_tracking=Extreme(float(distance[farthest]), Place(time=float(time[farthest]))),
         position=_largest(problem, time, beyond.max(axis=0)),
         velocity=_largest(problem, time, speed / limits.velocity)
@@ -146,10 +175,32 @@ def _judged(
         obstacles=obstacles,
         self_collision=self_collision,
         clearance=problem.clearance,
+        stops=_stops(problem, errors, unit),
         tube_by_segment=excursions.tube_by_segment,
         rotation_by_segment=excursions.rotation_by_segment,
         position_by_joint=beyond.max(axis=1),
+        velocity_by_joint=(speed / limits.velocity).max(axis=0),
+        tracking_by_joint=off.max(axis=0) / (errors.path_tolerance or np.inf),
     )
+
+
+def _stops(problem: PlanningProblem, errors: Robustness, unit: float) -> dict[str, float]:
+    """Return the values at which the controller stops, by quantity.
+
+    Args:
+        problem: The planning problem.
+        errors: The field with the controller's stops.
+        unit: Unit of the joint farthest from the plan: 1 rad, or the length that counts as much.
+    """
+    tolerance, path = errors.velocity_tolerance, errors.path_tolerance
+    if tolerance is None:
+        tolerance = problem.robot.limits.velocity_tolerance
+    stops = {
+        "velocity": 1 + (_VELOCITY_TOLERANCE if tolerance is None else tolerance),
+        "tracking": None if path is None else unit * path,
+        "tool_tracking": errors.tool_tolerance,
+    }
+    return {name: value for name, value in stops.items() if value is not None}
 
 
 def _largest(problem: PlanningProblem, time: FloatArray, values: FloatArray) -> Extreme:
@@ -218,6 +269,9 @@ _WORDS = {
     "position": "passed a position limit",
     "obstacles": "came too near to an obstacle",
     "self_collision": "ran into themselves",
+    "velocity": "passed a velocity limit",
+    "tracking": "had a joint too far from the plan",
+    "tool_tracking": "had the tool too far from the plan",
 }
 
 
@@ -229,11 +283,15 @@ class RunVerdict:
         runs: Number of runs.
         failed: Number of runs that broke any promise of `KEPT`.
         broken: Number of runs that broke each promise.
+        velocity: Largest velocity of a joint over its limit; None where all are unlimited.
+        tracking: Largest distance of a joint from the plan [rad or m].
     """
 
     runs: int
     failed: int
     broken: Mapping[str, int]
+    velocity: float | None
+    tracking: float
 
     @property
     def share(self) -> tuple[float, float]:
@@ -257,17 +315,31 @@ class RunVerdict:
             "share": list(self.share),
             "confidence": CONFIDENCE,
             "broken": dict(self.broken),
+            "velocity": self.velocity,
+            "tracking": self.tracking,
         }
 
+    def survived(self, errors: Robustness) -> str:
+        """Return the sentence on the arms that survived, with the bounds of their errors."""
+        speed = "" if self.velocity is None else f"velocity up to {self.velocity:.3g} of its limit"
+        return (
+            f"survived {self.runs - self.failed} of {self.runs} simulated arms whose errors are up "
+            f"to {errors.in_words}, {speed}{', ' * bool(speed)}a joint up to "
+            f"{1000 * self.tracking:.3g} mrad or mm from the plan{self._counts(' fail')}"
+        )
+
     def __str__(self) -> str:
+        return f"{self.failed} of {self.runs} runs failed{self._counts()}"
+
+    def _counts(self, verb: str = "") -> str:
         least, most = self.share
         counts = "; ".join(
             f"{count} {_WORDS[name]}" for name, count in self.broken.items() if count
         )
         between = f"between {100 * least:.1f} and" if self.failed else "at most"
         return (
-            f"{self.failed} of {self.runs} runs failed{': ' * bool(counts)}{counts} ({between} "
-            f"{100 * most:.1f} % of all, with {100 * CONFIDENCE:g} % confidence)"
+            f"{': ' * bool(counts)}{counts} ({between} {100 * most:.1f} % of all{verb}, with "
+            f"{100 * CONFIDENCE:g} % confidence)"
         )
 
 
@@ -275,4 +347,10 @@ def run_verdict(runs: Sequence[JudgedRun]) -> RunVerdict:
     """Return the counts of failed runs and of broken promises."""
     counts = Counter(name for run in runs for name in run.broken)
     failed = sum(not run.survives for run in runs)
-    return RunVerdict(len(runs), failed, {name: counts[name] for name in KEPT})
+    return RunVerdict(
+        len(runs),
+        failed,
+        {name: counts[name] for name in KEPT},
+        max((run.velocity.value for run in runs if run.velocity is not None), default=None),
+        max(run.tracking.value for run in runs),
+    )

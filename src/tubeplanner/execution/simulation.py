@@ -11,6 +11,7 @@ from tubeplanner.checks import in_figures, is_number
 from tubeplanner.errors import OptionError
 from tubeplanner.execution.mujoco_model import ArmsTogether, mujoco_arms
 from tubeplanner.execution.plants import (
+    CORNERS,
     Draw,
     Plant,
     Stage,
@@ -20,6 +21,7 @@ from tubeplanner.execution.plants import (
 )
 from tubeplanner.execution.tracking import (
     Drives,
+    Feedback,
     TrackingController,
     controller_maker,
     planned_motion,
@@ -74,6 +76,7 @@ def executed(
     controller: str = COMPUTED_TORQUE,
     control_period: float = 0.001,
     checkpoint: Callable[[], None] = lambda: None,
+    bandwidth: float = Robustness.bandwidth,
 ) -> Execution:
     """Return the motion of arms that a controller moves along a trajectory; deterministic.
 
@@ -87,6 +90,7 @@ def executed(
         controller: "computed-torque", "feedforward-pd" or "pd".
         control_period: Control period [s], 0.0001 to 0.1.
         checkpoint: Called in every control period; may raise to end the work.
+        bandwidth: Least bandwidth of the controller's feedback [rad/s].
 
     Raises:
         OptionError: MuJoCo is not installed, there is no plant, or the controller or the period is
@@ -95,7 +99,7 @@ def executed(
         TrajectoryError: The trajectory moves other joints than the problem's.
     """
     stages = [Stage(0.0, problem.robot, plants)]
-    return executed_stages(stages, trajectory, controller, control_period, checkpoint)
+    return executed_stages(stages, trajectory, controller, control_period, checkpoint, bandwidth)
 
 
 def executed_stages(
@@ -104,6 +108,7 @@ def executed_stages(
     controller: str = COMPUTED_TORQUE,
     control_period: float = 0.001,
     checkpoint: Callable[[], None] = lambda: None,
+    bandwidth: float = Robustness.bandwidth,
 ) -> Execution:
     """Return the motion of arms that change from stage to stage, as `executed` does.
 
@@ -116,6 +121,7 @@ def executed_stages(
         controller: As for `executed`; it knows the payloads of the stages' robots.
         control_period: As for `executed`.
         checkpoint: As for `executed`.
+        bandwidth: As for `executed`.
 
     Raises:
         OptionError: As `executed`.
@@ -137,13 +143,15 @@ def executed_stages(
     begins = [last_instant(time, stage.begin) for stage in stages]
     spans = zip(stages, begins, [*begins[1:], len(time)], strict=True)
     lasting = [(stage, first, stop) for stage, first, stop in spans if first < stop]
+    feedback = Feedback(bandwidth, control_period)
     run = _Run(lasting[0][0], time, trajectory.position(time[:1]), step)
     with closing(run):
         for stage, first, stop in lasting:
             if first > 0:
                 run.become(stage)
             plan = planned_motion(stage.robot, trajectory, time[first:stop], control_period)
-            run.through(range(first, stop), make(stage.robot, plan), checkpoint)
+            tracking = make(stage.robot, plan, feedback)
+            run.through(range(first, stop), tracking, checkpoint)
     return run.execution
 
 
@@ -229,7 +237,7 @@ def executed_cycle(
     """
     stages = cycle_stages(motion, errors, draw or Draw())
     controlled = (errors.controller, errors.control_period)
-    return executed_stages(stages, motion.trajectory, *controlled, checkpoint)
+    return executed_stages(stages, motion.trajectory, *controlled, checkpoint, errors.bandwidth)
 
 
 def cycle_stages(motion: CycleMotion, errors: Robustness, draw: Draw) -> list[Stage]:
@@ -307,15 +315,15 @@ def _plain_arm(cycle: Cycle) -> RobotModel:
 
 def _payload_factors(cycle: Cycle, errors: Robustness, draw: Draw) -> dict[str, list[float]]:
     """Return the real over the nominal mass of each attached object in each run, by name."""
-    names = [step.name for step in cycle.steps if isinstance(step, Attach)]
-    return {
-        name: [
-            1 + np.random.default_rng([draw.seed, run, number]).uniform(-1, 1) * errors.payload
-            for run in range(draw.runs)
-        ]
-        # From one on: a seed with zero appended draws the same numbers as the arm's seed.
-        for number, name in enumerate(dict.fromkeys(names), start=1)
-    }
+    names = dict.fromkeys(step.name for step in cycle.steps if isinstance(step, Attach))
+    factors: dict[str, list[float]] = {name: [] for name in names}
+    # From one on: a seed with zero appended draws the same numbers as the arm's seed.
+    for number, name in enumerate(names, start=1):
+        for run in range(draw.runs):
+            drawn = np.random.default_rng([draw.seed, run, number]).uniform(-1, 1)
+            fraction = CORNERS[run] * np.sign(drawn) if run in CORNERS else drawn
+            factors[name].append(1 + errors.payload * fraction)
+    return factors
 
 
 def _carrying(

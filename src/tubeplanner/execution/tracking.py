@@ -14,6 +14,25 @@ from tubeplanner.robot.model import RobotModel
 from tubeplanner.task.demands import COMPUTED_TORQUE, FEEDFORWARD_PD, PD
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
+# ---- Feedback: that of drives, with a least stiffness and with integral action.
+#
+# The feedback acceleration of a joint is that of an oscillator with three equal poles. Gains scaled
+# by the inertia of the links alone would leave a wrist of 1e-4 kg m^2 without stiffness against
+# friction, which no drive does. So a joint has at least the stiffness of a maker's joint impedance
+# controller, as far as the largest bandwidth allows: the effort limit within a tenth of a radian.
+# libfranka 0.21 (examples/joint_impedance_control.cpp) has 600, 250, 150 and 50 N m/rad for limits
+# of 87 and 12 N m: the limit within 0.05 to 0.24 rad. A loop with lag and delay of a millisecond
+# each and a control period of 1 ms has a phase margin of 37 degrees at 80 rad/s. Integral action is
+# bounded as in ros2_control (control_toolbox 4, parameter i_clamp).
+
+STIFFNESS_TRAVEL = 0.1  # [rad]: error of a turning joint that is answered by its effort limit
+LENGTH_PER_ANGLE = 0.1  # [m/rad]: a sliding joint's error is compared with a turning joint's so
+MAX_BANDWIDTH = 80.0  # [rad/s]
+MAX_ANGLE = 0.4  # [rad]: bandwidth times control period
+INTEGRAL_FRACTION = 0.1  # of the effort limit
+_FREEDOMS = 2.0  # times a joint's freedom: fraction of the integral action that it has at most
+
+
 # ---- The controller's knowledge of a plan.
 
 
@@ -31,6 +50,10 @@ class PlannedMotion:
         effort: Efforts of the motors in the middles, by the plan's model, shape (K, n) [N m or N].
         inertia: Inertia that each motor alone accelerates in the middles, rotor included: one over
             the diagonal of the inverse of the mass matrix, shape (K, n) [kg m^2 or kg].
+        freedom: That inertia over the inertia with all other joints at rest: 1 for a joint that no
+            other joint moves, near 0 for joints with nearly one axis, shape (K, n).
+        stiff: Bandwidth of each joint with its least stiffness, shape (K, n) [rad/s].
+        integral_limit: Largest effort of the integral action, shape (n,) [N m or N].
     """
 
     start: TrajectorySamples
@@ -39,6 +62,9 @@ class PlannedMotion:
     friction: FloatArray
     effort: FloatArray
     inertia: FloatArray
+    freedom: FloatArray
+    stiff: FloatArray
+    integral_limit: FloatArray
 
 
 def planned_motion(
@@ -58,7 +84,20 @@ def planned_motion(
     # Not the acceleration in the middle: it may jump within the period.
     mean = np.diff(_held(trajectory, np.append(time, time[-1] + period)).velocity, axis=0) / period
     smooth = robot.inverse_dynamics(middle.position, middle.velocity, mean)
-    return PlannedMotion(start, middle, mean, friction, smooth + friction, _inertia(robot, middle))
+    mass_matrix = _mass_matrices(robot, middle)
+    inertia = 1 / np.einsum("kjj->kj", np.linalg.inv(mass_matrix))
+    freedom = inertia / np.einsum("kjj->kj", mass_matrix)
+    travel = STIFFNESS_TRAVEL * np.where(robot.revolute, 1.0, LENGTH_PER_ANGLE)
+    stiffness = np.where(np.isfinite(robot.limits.effort), robot.limits.effort, 0.0) / travel
+    stiff = np.minimum(np.sqrt(stiffness / (3 * inertia)), _most(period))
+    limit = INTEGRAL_FRACTION * robot.limits.effort
+    effort = smooth + friction
+    return PlannedMotion(start, middle, mean, friction, effort, inertia, freedom, stiff, limit)
+
+
+def _most(period: float) -> float:
+    """Return the largest bandwidth of a loop with a control period [s], in rad/s."""
+    return min(MAX_BANDWIDTH, MAX_ANGLE / period)
 
 
 def _held(trajectory: JointTrajectory, time: FloatArray) -> TrajectorySamples:
@@ -73,22 +112,56 @@ def _held(trajectory: JointTrajectory, time: FloatArray) -> TrajectorySamples:
     )
 
 
-def _inertia(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
+def _mass_matrices(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
+    """Return the mass matrices, rotors included, shape (K, n, n) [kg m^2 or kg]."""
     # Column j of the mass matrix: inverse dynamics at rest under a unit acceleration of joint j,
     # less gravity.
     q, rest = samples.position, np.zeros_like(samples.position)
     gravity = robot.gravity_effort(q)
     columns = [robot.inverse_dynamics(q, rest, rest + unit) for unit in np.eye(q.shape[1])]
-    mass_matrix = np.stack(columns, axis=2) - gravity[:, :, None]
-    inertia: FloatArray = 1 / np.einsum("kjj->kj", np.linalg.inv(mass_matrix))
-    return inertia
+    return np.stack(columns, axis=2) - gravity[:, :, None]
 
 
 # ---- Controllers: from measured states to requested efforts.
-#
-# The feedback acceleration is that of a critically damped oscillator of 30 rad/s.
 
-BANDWIDTH = 30.0  # [rad/s]
+
+class Feedback:
+    """Feedback accelerations of the joints of R arms, with integral action.
+
+    The integral goes on from plan to plan.
+    """
+
+    def __init__(self, bandwidth: float, period: float) -> None:
+        """Start without an integral.
+
+        Args:
+            bandwidth: Least bandwidth [rad/s].
+            period: Control period [s].
+        """
+        self.bandwidth, self._period = min(bandwidth, _most(period)), period
+        self._integral: FloatArray | float = 0.0  # [N m or N]
+
+    def acceleration(
+        self, plan: PlannedMotion, bandwidth: FloatArray, k: int, q: FloatArray, v: FloatArray
+    ) -> FloatArray:
+        """Return the feedback acceleration in period k, shape (R, n) [rad/s^2 or m/s^2].
+
+        Args:
+            plan: The plan.
+            bandwidth: Bandwidth of each joint at the plan's instants, shape (K, n) [rad/s].
+            k: As for `TrackingController.effort`, like the others.
+            q: Measured positions.
+            v: Measured velocities.
+        """
+        w, inertia = bandwidth[k], plan.inertia[k]
+        q_error, v_error = plan.start.position[k] - q, plan.start.velocity[k] - v
+        # Joints with nearly one axis are moved by their loops together: a swing of one against the
+        # other meets little inertia, the swing of both more than `inertia` of each. With integral
+        # action such a loop is stable only for a gain above a ninth of that of a single joint.
+        share = np.minimum(_FREEDOMS * plan.freedom[k], 1.0)
+        more = share * inertia * w**3 * q_error * self._period
+        self._integral = np.clip(self._integral + more, -plan.integral_limit, plan.integral_limit)
+        return 3 * w * (w * q_error + v_error) + self._integral / inertia
 
 
 class TrackingController(Protocol):
@@ -105,7 +178,7 @@ class TrackingController(Protocol):
         ...
 
 
-ControllerMaker: TypeAlias = Callable[[RobotModel, PlannedMotion], TrackingController]
+ControllerMaker: TypeAlias = Callable[[RobotModel, PlannedMotion, Feedback], TrackingController]
 
 
 def controller_maker(name: str) -> ControllerMaker:
@@ -122,44 +195,47 @@ def controller_maker(name: str) -> ControllerMaker:
 class ComputedTorque:
     """Inverse dynamics of planned acceleration and feedback at the measured state."""
 
-    def __init__(self, robot: RobotModel, plan: PlannedMotion) -> None:
-        self._robot, self._plan = robot, plan
+    def __init__(self, robot: RobotModel, plan: PlannedMotion, feedback: Feedback) -> None:
+        self._robot, self._plan, self._feedback = robot, plan, feedback
+        self._bandwidth = np.maximum(plan.stiff, feedback.bandwidth)
 
     def effort(self, k: int, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return inverse dynamics at the measured state, advanced to the middle of the period."""
         start, middle = self._plan.start, self._plan.middle
         position = q + (middle.position[k] - start.position[k])
         velocity = v + (middle.velocity[k] - start.velocity[k])
-        acceleration = self._plan.acceleration[k] + _feedback(self._plan, k, q, v)
+        feedback = self._feedback.acceleration(self._plan, self._bandwidth, k, q, v)
+        acceleration = self._plan.acceleration[k] + feedback
         smooth = self._robot.inverse_dynamics(position, velocity, acceleration)
         return smooth + self._plan.friction[k]
 
 
 class FeedforwardPd:
-    """The plan's efforts, and feedback times each joint's inertia."""
+    """A joint position loop with the plan's efforts, as of UR arms and of ros2_control.
 
-    def __init__(self, robot: RobotModel, plan: PlannedMotion) -> None:
-        self._plan = plan
+    The stiffness grows with each joint's inertia.
+    """
+
+    def __init__(self, robot: RobotModel, plan: PlannedMotion, feedback: Feedback) -> None:
+        self._plan, self._feedback = plan, feedback
+        self._bandwidth = np.maximum(plan.stiff, feedback.bandwidth)
 
     def effort(self, k: int, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return the plan's efforts in the middle of the period, and feedback."""
-        feedback = _feedback(self._plan, k, q, v)
+        feedback = self._feedback.acceleration(self._plan, self._bandwidth, k, q, v)
         return self._plan.effort[k] + self._plan.inertia[k] * feedback
 
 
-class Pd:
-    """A position controller with velocity feedforward, without the plan's efforts.
+class Pd(FeedforwardPd):
+    """A joint impedance with the plan's efforts, as of Franka arms: the stiffness is constant.
 
-    It adds the gravity effort of the start, as the integral part of a drive would.
+    Without the plan's efforts such a loop is 0.05 to 0.7 rad behind motions at the effort limits.
     """
 
-    def __init__(self, robot: RobotModel, plan: PlannedMotion) -> None:
-        self._plan = plan
-        self._weight = robot.gravity_effort(plan.start.position[:1])[0]
-
-    def effort(self, k: int, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return feedback times each joint's inertia, and the gravity effort of the start."""
-        return self._weight + self._plan.inertia[k] * _feedback(self._plan, k, q, v)
+    def __init__(self, robot: RobotModel, plan: PlannedMotion, feedback: Feedback) -> None:
+        super().__init__(robot, plan, feedback)
+        has_effort = np.isfinite(robot.limits.effort)
+        self._bandwidth = np.where(has_effort, plan.stiff, self._bandwidth)
 
 
 _MAKERS: Mapping[str, ControllerMaker] = {
@@ -167,13 +243,6 @@ _MAKERS: Mapping[str, ControllerMaker] = {
     FEEDFORWARD_PD: FeedforwardPd,
     PD: Pd,
 }
-
-
-def _feedback(plan: PlannedMotion, k: int, q: FloatArray, v: FloatArray) -> FloatArray:
-    """Return the feedback acceleration of joints (R, n) [rad/s^2 or m/s^2]."""
-    q_error, v_error = plan.start.position[k] - q, plan.start.velocity[k] - v
-    feedback: FloatArray = BANDWIDTH**2 * q_error + 2 * BANDWIDTH * v_error
-    return np.asarray(feedback)
 
 
 # ---- Drives: from requested to real efforts by bounds, delay and lag.

@@ -260,9 +260,9 @@ def _passed_by(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
 def with_grounds(result: PlanResult) -> PlanResult:
     """Return a result; messages of refusals tell proof from search.
 
-    The messages of stopped planning stay as they are.
+    The messages of stopped planning, and of plans that do not survive, stay as they are.
     """
-    if result.proved is None:
+    if result.proved is None or result.survival is not None:
         return result
     if result.proved:
         grounds = "proved: there is no motion"

@@ -3,8 +3,8 @@
 A certificate proves conditions of the model alone. A motion at the limits leaves little effort for
 feedback, and a motion at the tube's border leaves the tube with any error. So the problem is
 tightened and planned again, until its simulated runs keep all limits: first by the fraction of the
-efforts with which the motion is the shortest, by first-order prices of the tube's shortfall; then
-radii, clearance and position limits by their shortfall.
+efforts with which the motion is the shortest, by first-order prices of what falls short; then
+velocities, radii, clearance and position limits by their shortfall.
 """
 
 from dataclasses import replace
@@ -13,18 +13,18 @@ import numpy as np
 
 from tubeplanner.execution.error_contributions import Blame, blamed_errors, simulated_runs
 from tubeplanner.execution.plants import Draw
-from tubeplanner.execution.run_verdict import RunVerdict, run_verdict
+from tubeplanner.execution.run_verdict import KEPT, RunVerdict, run_verdict, summaries
 from tubeplanner.geometry.tube.tube import narrowed_tube
 from tubeplanner.optimizer.stages import Sensitivity
-from tubeplanner.outcome import PlanningClock, until_stopped
-from tubeplanner.planning.result import PlanResult, certified_result
+from tubeplanner.outcome import Infeasible, Place, PlanningClock, PlanStatus, until_stopped
+from tubeplanner.planning.result import PlanResult, certified_result, refused_result
 from tubeplanner.planning.surviving_plans import (
-    FEWER,
     WORKING,
     Following,
     Planning,
     TightenedPlans,
     TriedPlan,
+    safer_plan,
     surviving_plan,
     tube_sizes,
 )
@@ -32,8 +32,8 @@ from tubeplanner.planning.tightening import PARTS, Survival, Tightening
 from tubeplanner.robot.notes import robot_notes
 from tubeplanner.task.problem import PlanningProblem
 
-# Arms that no choice was made with.
-_FRESH = Draw(200, seed=1)
+# Arms that no choice was made with; those of the next draw, after one of a draw has failed.
+_FRESH = (Draw(200, seed=1), Draw(200, seed=2), Draw(200, seed=3))
 _MAX_COST = 0.05  # a larger cost of survival, as a fraction of the duration, is explained
 
 
@@ -54,9 +54,8 @@ def robust_plan(
         clock: The planning's.
 
     Returns:
-        A plan certified for the problem itself. Where no plan survives, the plan with the smallest
-        fraction of failed runs, with notes on them. Planning that is stopped early
-        ends with the best so far, perhaps not simulated.
+        A plan certified for the problem itself; or a refusal, where no plan survives. Planning that
+        is stopped early ends with the best so far, perhaps not simulated.
     """
     default = follow(problem, shortest)
     if default.trajectory is None or default.stopped_by is not None:
@@ -67,7 +66,8 @@ def robust_plan(
         search.keep_survivor()
     if search.best is None:
         return _not_simulated(replace(default, stopped_by=stopped_by))
-    return replace(search.answer(), stopped_by=stopped_by)
+    refusal = search.refusal() if stopped_by is None else None
+    return replace(refusal or search.answer(), stopped_by=stopped_by)
 
 
 def _not_simulated(plan: PlanResult) -> PlanResult:
@@ -90,7 +90,7 @@ class _Search:
         clock: PlanningClock,
     ) -> None:
         self._problem, self._shortest, self._default = problem, shortest, default
-        self._follow, self._clock = follow, clock
+        self._clock = clock
         assert problem.robustness is not None
         self._errors = problem.robustness
         # All motions begin and, if the goal is given, end in the same configurations.
@@ -98,13 +98,14 @@ class _Search:
         duration = default.trajectory.duration
         times = [0.0] if problem.endpoints[1].is_open else [0.0, duration]
         ends = default.trajectory.position(np.array(times))
-        self._plans = TightenedPlans(problem, again, ends, clock)
+        self._plans = TightenedPlans(problem, again, follow, ends, clock)
         self._first: TriedPlan | None = None
         self.best: TriedPlan | None = None
         self._verdict: RunVerdict | None = None
         self._verdict_without: RunVerdict | None = None
         self._costs: dict[str, float] = {}
         self._blame: Blame | None = None
+        self._failure = Place()
 
     def run(self) -> None:
         """Do all the work.
@@ -113,15 +114,20 @@ class _Search:
             TimeLimitReached: Before it was done; likewise KeyboardInterrupt.
         """
         nothing = Tightening.nothing(self._problem)
-        self._first = self.best = self._plans.simulated(nothing, self._default, WORKING)
+        default = replace(self._default, motion=self._shortest.motion)
+        self._first = self.best = self._plans.simulated(nothing, default, WORKING)
         if not self.best.survives:
-            start = self.best
-            if self._default.trajectory is not self._shortest.trajectory:
-                start = self._plans.simulated(nothing, self._shortest, FEWER)
-            self.best = surviving_plan(self._plans, start, self._follow)
-        self._verdict = self._judged(self.best.result)
+            self.best = surviving_plan(self._plans, self.best)
+        for fresh in _FRESH:
+            self._verdict = self._judged(self.best.result, fresh)
+            if self._verdict.failed == 0 or not self.best.survives or fresh is _FRESH[-1]:
+                break
+            safer = safer_plan(self._plans, self.best, fresh)
+            if safer is None:
+                break
+            self.best = safer
         if self.best is not self._first:
-            self._verdict_without = self._judged(self._default)
+            self._verdict_without = self._judged(self._default, fresh)
             self._costs = self._split_costs(self._added)
         if not self.best.survives or self._added > _MAX_COST * self._first.duration:
             plan = self._default if self.best.survives else self.best.result
@@ -141,13 +147,17 @@ class _Search:
         assert self._first is not None and self.best is not None
         return self.best.duration - self._first.duration
 
-    def _judged(self, plan: PlanResult) -> RunVerdict:
+    def _judged(self, plan: PlanResult, fresh: Draw) -> RunVerdict:
         """Return the verdict of a plan's runs with arms that no choice was made with."""
         assert plan.trajectory is not None
-        self._clock.enter(f"{_FRESH.runs} fresh simulated runs")
+        self._clock.enter(f"{fresh.runs} fresh simulated runs")
         checkpoint = self._clock.check
-        runs = simulated_runs(self._problem, plan.trajectory, self._errors, _FRESH, checkpoint)
-        return run_verdict(runs)
+        runs = simulated_runs(self._problem, plan.trajectory, self._errors, fresh, checkpoint)
+        verdict = run_verdict(runs)
+        worst = summaries(runs)[max(KEPT, key=lambda name: verdict.broken[name])]
+        if plan is not self._default and worst is not None:
+            self._failure = worst.worst.place
+        return verdict
 
     def _split_costs(self, added: float) -> dict[str, float]:
         """Return the cost of each part of the tightening [s], parts added in turn."""
@@ -165,6 +175,19 @@ class _Search:
         scale = added / whole if whole > 0 else 0.0
         return {part: float(scale * step) for part, step in zip(parts, steps, strict=True)}
 
+    def refusal(self) -> PlanResult | None:
+        """Return the refusal of errors that no plan survives; None if the best plan does."""
+        assert self.best is not None and self._verdict is not None
+        if self.best.survives or self._verdict.failed == 0:
+            return None
+        reason = Infeasible(
+            PlanStatus.NO_TRAJECTORY,
+            f"no plan survives these errors; of the best one {self._verdict}; {self._blame}; "
+            "smaller errors or a wider tube would help, or more time: robot.limits.scale",
+            self._failure,
+        )
+        return replace(refused_result(reason, self.best.result.method), survival=self._survival)
+
     def answer(self) -> PlanResult:
         """Return the best plan, certified for the problem itself."""
         assert self._first is not None and self.best is not None
@@ -172,15 +195,7 @@ class _Search:
         shortest = self._shortest.trajectory
         assert best.trajectory is not None
         certified = certified_result(self._problem, best.trajectory, best.method, self._clock)
-        survival = Survival(
-            verdict=self._verdict,
-            reached=self.best.survives,
-            kept_back=self.best.kept_back.of_parts(self._problem.tube),
-            duration_without=self._first.duration,
-            verdict_without=self._verdict_without,
-            costs=self._costs,
-            blame=self._blame,
-        )
+        survival = self._survival
         return replace(
             certified,
             message=f"{certified.message}; {survival.seen}",
@@ -190,6 +205,20 @@ class _Search:
             shortest=None if best.trajectory is shortest else shortest,
             notes=(*dict.fromkeys((*robot_notes(robot), *best.notes)), *survival.notes),
             survival=survival,
+        )
+
+    @property
+    def _survival(self) -> Survival:
+        assert self._first is not None and self.best is not None
+        return Survival(
+            errors=self._errors,
+            verdict=self._verdict,
+            reached=self.best.survives,
+            kept_back=self.best.kept_back.of_parts(self._problem.tube),
+            duration_without=self._first.duration,
+            verdict_without=self._verdict_without,
+            costs=self._costs,
+            blame=self._blame,
         )
 
 

@@ -28,7 +28,9 @@ Following: TypeAlias = Callable[[PlanningProblem, PlanResult], PlanResult]
 # Few runs hold none of the worst of many, but with enlarged errors they do: of 32 such runs as many
 # left the tube as of 400 and more with the errors as they are.
 _ENLARGED = 1.3
-# The parts of a tightening that a shortfall changes.
+# Fraction of a velocity limit beyond the shortfall: of few arms the fastest is not among them.
+_RESERVE = 0.01
+# The parts of a tightening, beside velocity, that a shortfall changes.
 _SIZES = ("radius", "rotation", "clearance", "position")
 
 
@@ -78,19 +80,26 @@ class TightenedPlans:
     """Plans a problem with more or less tightening, and simulates the plans."""
 
     def __init__(
-        self, problem: PlanningProblem, again: Planning, ends: FloatArray, clock: PlanningClock
+        self,
+        problem: PlanningProblem,
+        again: Planning,
+        follow: Following,
+        ends: FloatArray,
+        clock: PlanningClock,
     ) -> None:
         """Take a problem of joined segments with field robustness.
 
         Args:
             problem: The planning problem.
             again: Plans tightened problems.
+            follow: Makes the written motion of the shortest one.
             ends: First and, if given, last configuration of the motions, shape (1 or 2, n).
             clock: The planning's.
         """
         assert problem.robustness is not None
         self._errors = problem.robustness.enlarged(_ENLARGED)
-        self._problem, self._again, self._ends, self._clock = problem, again, ends, clock
+        self._problem, self._again, self._follow = problem, again, follow
+        self._ends, self._clock = ends, clock
         self._cached: dict[str, PlanResult | None] = {}
         self._simulated: list[TriedPlan] = []
 
@@ -121,12 +130,17 @@ class TightenedPlans:
         key = str(kept_back.as_dict())
         if key not in self._cached:
             try:
-                result = self._again(self.problem(kept_back), motion)
+                shortest = self._again(self.problem(kept_back), motion)
             except (ProblemError, Infeasible):
                 self._cached[key] = None
                 return None
-            require_not_stopped(result)
-            self._cached[key] = replace(result, notes=()) if result.succeeded else None
+            require_not_stopped(shortest)
+            self._cached[key] = None
+            if shortest.succeeded:
+                written = self._follow(self.problem(kept_back), replace(shortest, notes=()))
+                require_not_stopped(written)
+                if written.trajectory is not None:
+                    self._cached[key] = replace(written, motion=shortest.motion)
         return self._cached[key]
 
     def simulated(self, kept_back: Tightening, result: PlanResult, draw: Draw) -> TriedPlan:
@@ -145,20 +159,21 @@ class TightenedPlans:
             part: np.maximum(getattr(kept_back, part) + getattr(shortfall, part), 0.0)
             for part in _SIZES
         }
+        # Friction, and with it the distance from the plan, grows with the velocity.
+        excess = np.maximum(shortfall.velocity + _RESERVE, shortfall.tracking)
+        sizes["velocity"] = np.minimum(kept_back.velocity / (1 + excess), 1.0)
         requested = replace(kept_back, **(sizes | {"clearance": float(sizes["clearance"])}))
         target = self.allowed(requested)
-        prices = _prices(self.problem(kept_back).tube, result)
-        more = sum(
-            float(np.sum(price * (getattr(target, part) - getattr(kept_back, part))))
-            for part, price in prices.items()
-        )
+        more = _added_duration(self.problem(kept_back), result, kept_back, target)
         candidate = TriedPlan(
             kept_back,
             result,
             run_verdict(runs),
             shortfall,
             target,
-            _lacking(problem, requested, target) + max(shortfall.self_collision, 0.0),
+            _lacking(problem, requested, target)
+            + max(shortfall.self_collision, 0.0)
+            + max(shortfall.tool_tracking, 0.0),
             (result.duration or 0.0) + more,
         )
         self._simulated.append(candidate)
@@ -185,24 +200,37 @@ def _lacking(problem: PlanningProblem, requested: Tightening, allowed: Tightenin
         "clearance": tube.effective_radius.min(),
         "position": 1.0,
     }
-    return max(
-        float(np.max((getattr(requested, part) - getattr(allowed, part)) / whole[part]))
-        for part in _SIZES
-    )
+    lacking = [(getattr(requested, part) - getattr(allowed, part)) / whole[part] for part in _SIZES]
+    lacking.append(allowed.velocity / requested.velocity - 1)
+    return max(float(np.max(fractions)) for fractions in lacking)
 
 
-def _prices(tube: Tube, result: PlanResult) -> dict[str, FloatArray]:
-    """Return the prices of radii and rotation tolerances of a plan's tube, (m,) [s/m, s/rad]."""
-    sizes = tube_sizes(tube)
-    prices = {part: np.zeros(tube.segment_count) for part in ("radius", "rotation")}
+def _added_duration(
+    problem: PlanningProblem, result: PlanResult, kept_back: Tightening, target: Tightening
+) -> float:
+    """Return the duration that another tightening would add to a plan, by its sensitivities [s].
+
+    Durations change linearly with radii and rotation tolerances. They change with one over a
+    fraction of a velocity limit: of half the velocities a motion takes up to twice the time.
+
+    Args:
+        problem: The problem of the plan, tightened.
+        result: The plan.
+        kept_back: The tightening of the problem.
+        target: The other tightening.
+    """
+    tube, names, added = problem.tube, problem.robot.joint_names, 0.0
+    sizes, slower = tube_sizes(tube), kept_back.velocity / target.velocity - 1
     for sensitivity in result.sensitivities:
+        if sensitivity.limit == "velocity" and sensitivity.joint in names:
+            added -= sensitivity.elasticity * slower[names.index(sensitivity.joint)]
         if sensitivity.limit not in sizes or sensitivity.segment is None:
             continue
         k = tube.segment_index(sensitivity.segment)
         part = "rotation" if sensitivity.limit == "rotation" else "radius"
-        relative = -sensitivity.elasticity * (result.duration or 0.0)
-        prices[part][k] += relative / sizes[sensitivity.limit][k]
-    return prices
+        less = getattr(target, part)[k] - getattr(kept_back, part)[k]
+        added -= sensitivity.elasticity * float(less / sizes[sensitivity.limit][k])
+    return added * (result.duration or 0.0)
 
 
 def tube_sizes(tube: Tube) -> dict[str, FloatArray]:
@@ -221,10 +249,8 @@ def tube_sizes(tube: Tube) -> dict[str, FloatArray]:
 WORKING = Draw(32, seed=0)
 FEWER = Draw(16, seed=0)  # of the same arms; enough to compare fractions of effort
 MANY = Draw(96, seed=0)  # which the written plan is to survive
-# Fractions of the effort limits and of the velocity limits, in turn.
+# Fractions of the effort limits.
 _EFFORTS = (1, 0.98, 0.96, 0.945, 0.93, 0.91, 0.89, 0.865, 0.83, 0.79, 0.74, 0.67, 0.58, 0.48, 0.36)
-_VELOCITIES = (1, 0.985, 0.97, 0.95, 0.93, 0.9, 0.86)
-_BINDING = 0.01  # d ln T / d ln limit, from which on velocity limits are worth a try
 _ROUNDS = 5
 _MORE = 3  # smaller fractions of effort to try where radii cost more than expected
 # Fraction of a shortfall that is added at a time, and fraction of slack that is given back; a round
@@ -232,27 +258,41 @@ _MORE = 3  # smaller fractions of effort to try where radii cost more than expec
 _ADDED, _GIVEN_BACK, _MIN_GAIN = 1.1, 0.5, 2e-3
 
 
-def surviving_plan(plans: TightenedPlans, shortest: TriedPlan, follow: Following) -> TriedPlan:
+def surviving_plan(plans: TightenedPlans, default: TriedPlan) -> TriedPlan:
     """Return the shortest plan that survives, or the plan with the fewest failures.
 
     Args:
         plans: Plans and simulates tightened problems.
-        shortest: The shortest motion, nothing tightened.
-        follow: Makes the written motion of the shortest one.
+        default: The plan with nothing tightened.
 
     Raises:
         TimeLimitReached: Before the plan was known; likewise KeyboardInterrupt.
     """
-    candidate = _best_fraction(plans, shortest, "effort", _EFFORTS)
-    if any(
-        each.limit == "velocity" and -each.elasticity > _BINDING
-        for each in candidate.result.sensitivities
-    ):
-        candidate = _best_fraction(plans, candidate, "velocity", _VELOCITIES)
+    candidate = _best_fraction(plans, default, "effort", _EFFORTS)
     best = _refined(plans, candidate)
     if not best.survives or _gains(candidate, best):
         best = _with_less_effort(plans, candidate, best)
-    return _written(plans, best, follow)
+    return _settled(plans, best)
+
+
+def safer_plan(plans: TightenedPlans, survivor: TriedPlan, draw: Draw) -> TriedPlan | None:
+    """Return a plan that survives more than a survivor of which some arms failed, or None.
+
+    Args:
+        plans: Plans and simulates tightened problems.
+        survivor: The plan.
+        draw: Arms of which some failed.
+
+    Raises:
+        TimeLimitReached: Before the plan was known; likewise KeyboardInterrupt.
+    """
+    now = plans.simulated(survivor.kept_back, survivor.result, draw)
+    for _ in range(_ROUNDS):
+        following = plans.tried(_next(plans, now, given_back=0.0), now.result.motion, MANY)
+        if following is None or following.survives:
+            return following
+        now = following
+    return None
 
 
 def _best_fraction(
@@ -305,7 +345,8 @@ def _refined(plans: TightenedPlans, candidate: TriedPlan) -> TriedPlan:
             break
         had_survivor, now = best.survives, following
         best = _better(best, now)
-        if now.lacking > 0 or had_survivor or (now.survives and not _gains(now, now)):
+        has_failed = had_survivor and not now.survives
+        if now.lacking > 0 or has_failed or (now.survives and not _gains(now, now)):
             break
     return best
 
@@ -319,7 +360,9 @@ def _with_less_effort(plans: TightenedPlans, candidate: TriedPlan, best: TriedPl
             break
         lower = plans.simulated(kept_back, result, FEWER)
         if not best.survives or (lower.lacking <= 0 and _gains(lower, best)):
-            best = _better(best, _refined(plans, lower))
+            before, best = best, _better(best, _refined(plans, lower))
+            if before.survives and best is before:
+                break
     return best
 
 
@@ -328,35 +371,29 @@ def _gains(candidate: TriedPlan, best: TriedPlan) -> bool:
     return best.duration - candidate.expected > _MIN_GAIN * best.duration
 
 
-def _written(plans: TightenedPlans, refined: TriedPlan, follow: Following) -> TriedPlan:
-    """Return the plan that is written: smooth or efficient, tightened until it survives."""
-    kept_back, shortest, best = refined.kept_back, refined.result, refined
-    for _ in range(_ROUNDS):
-        result = follow(plans.problem(kept_back), shortest)
-        require_not_stopped(result)
-        if result.trajectory is None:
+def _settled(plans: TightenedPlans, refined: TriedPlan) -> TriedPlan:
+    """Return the shortest plan that many runs survive, or the plan with the fewest failures."""
+    now = best = plans.simulated(refined.kept_back, refined.result, MANY)
+    for _ in range(_ROUNDS if refined.survives else 0):
+        if now.survives and not _gains(now, now):
             break
-        written = plans.simulated(kept_back, result, MANY)
-        had_survivor = best is not refined and best.survives
-        best = written if best is refined else _better(best, written)
-        is_settled = written.survives and not _gains(written, written)
-        if had_survivor or not refined.survives or is_settled:
+        following = plans.tried(_next(plans, now), now.result.motion, MANY)
+        if following is None:
             break
-        kept_back = _next(plans, written)
-        again = plans.planned(kept_back, shortest.motion)
-        if again is None:
+        had_survivor, now = best.survives, following
+        best = _better(best, now)
+        if had_survivor and not now.survives:
             break
-        shortest = again
     return best
 
 
-def _next(plans: TightenedPlans, tried: TriedPlan) -> Tightening:
-    """Return the next tightening after a plan: more than its shortfall, half of its slack back."""
+def _next(plans: TightenedPlans, tried: TriedPlan, given_back: float = _GIVEN_BACK) -> Tightening:
+    """Return the next tightening after a plan: more than its shortfall, less of its slack."""
     now, target = tried.kept_back, tried.wanted
 
     def between(before: FloatArray, after: FloatArray) -> FloatArray:
         change = after - before
-        more: FloatArray = np.where(change > 0, _ADDED, _GIVEN_BACK) * change
+        more: FloatArray = np.where(change > 0, _ADDED, given_back) * change
         return before + more
 
     following = replace(
@@ -365,6 +402,7 @@ def _next(plans: TightenedPlans, tried: TriedPlan) -> Tightening:
         rotation=between(now.rotation, target.rotation),
         position=between(now.position, target.position),
         clearance=float(between(np.array(now.clearance), np.array(target.clearance))),
+        velocity=1 - between(1 - now.velocity, 1 - target.velocity),
     )
     return plans.allowed(following)
 

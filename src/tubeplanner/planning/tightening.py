@@ -10,6 +10,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.execution.error_contributions import Blame
 from tubeplanner.execution.run_verdict import RunVerdict
 from tubeplanner.geometry.tube.tube import Tube, narrowed_tube
+from tubeplanner.task.demands import Robustness
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.required_distances import RequiredDistances, in_contact
 from tubeplanner.text import short_repr
@@ -18,6 +19,7 @@ from tubeplanner.text import short_repr
 
 # Largest tightening, as a fraction of a radius or of a rotation tolerance.
 _MAX_FRACTION = 0.9
+_MIN_VELOCITY = 0.3  # of a velocity limit
 _ROUNDING = 1e-6  # [m or rad]: margin of start and goal inside the tightened limits
 PARTS = ("effort", "velocity", "radius", "rotation", "clearance", "position")
 
@@ -28,7 +30,7 @@ class Tightening:
 
     Attributes:
         effort: Remaining fraction of the effort limits and of torque-speed lines.
-        velocity: Remaining fraction of the velocity limits.
+        velocity: Remaining fraction of each joint's velocity limit, shape (n,).
         radius: Taken off every segment's region, at every side, shape (m,) [m].
         rotation: Taken off the rotation tolerances, shape (m,) [rad].
         clearance: Added to the clearance [m].
@@ -36,7 +38,7 @@ class Tightening:
     """
 
     effort: float
-    velocity: float
+    velocity: FloatArray
     radius: FloatArray
     rotation: FloatArray
     clearance: float
@@ -48,12 +50,13 @@ class Tightening:
     def nothing(cls, problem: PlanningProblem) -> "Tightening":
         """Return the tightening that leaves a problem unchanged."""
         zero = np.zeros(problem.tube.segment_count)
-        return cls(1.0, 1.0, zero, zero, 0.0, np.zeros((2, problem.robot.joint_count)))
+        joints = problem.robot.joint_count
+        return cls(1.0, np.ones(joints), zero, zero, 0.0, np.zeros((2, joints)))
 
     def only(self, parts: Sequence[str]) -> "Tightening":
         """Return the tightening of some parts alone."""
         others: dict[str, Any] = {
-            name: 1.0 if name in PARTS[:2] else 0.0 * getattr(self, name)
+            name: 0.0 * getattr(self, name) + (name in PARTS[:2])
             for name in PARTS
             if name not in parts
         }
@@ -62,7 +65,7 @@ class Tightening:
     def has(self, part: str) -> bool:
         """Return True if a part is tightened."""
         value = getattr(self, part)
-        return bool(value != 1.0) if part in PARTS[:2] else bool(np.any(value))
+        return bool(np.any(value != 1.0)) if part in PARTS[:2] else bool(np.any(value))
 
     def of_parts(self, tube: Tube) -> "Tightening":
         """Return the tightening for the segments that were joined to a tube's."""
@@ -106,6 +109,7 @@ def allowed_tightening(problem: PlanningProblem, asked: Tightening, ends: FloatA
         asked,
         radius=radius.clip(min=0),
         rotation=rotation.clip(min=0),
+        velocity=np.clip(asked.velocity, _MIN_VELOCITY, 1.0),
         position=np.minimum(asked.position, slack - _ROUNDING).clip(min=0),
         clearance=max(min(asked.clearance, distance), 0.0),
     )
@@ -164,6 +168,7 @@ class Survival:
     """The survival of a plan under errors, as seen in simulated runs; it is not proved.
 
     Attributes:
+        errors: The errors and the controller.
         verdict: Verdict of runs used for nothing else; None if planning was stopped before.
         reached: Whether all runs of the plan's search survive, with errors 1.3 times as large.
         kept_back: The plan's tightening.
@@ -174,6 +179,7 @@ class Survival:
         blame: Contributions of errors; None where the plan survives at little cost.
     """
 
+    errors: Robustness
     verdict: RunVerdict | None
     reached: bool
     kept_back: Tightening
@@ -194,7 +200,7 @@ class Survival:
         """Message on the verdict."""
         if self.verdict is None:
             return "its runs were not simulated to the end"
-        return f"seen in simulation: {self.verdict}"
+        return self.verdict.survived(self.errors)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -221,7 +227,7 @@ class Survival:
         is_short = self.blame.short > 0
         if self.reached:
             return (f"the plan without robustness: {self.blame}",) if is_short else ()
-        none = "no plan was found of which all runs survive, their errors enlarged"
+        none = "no plan was found that survives errors 1.3 times as large"
         return (f"{none}: {self.blame}" if is_short else none,)
 
     def as_dict(self) -> dict[str, Any]:
@@ -241,8 +247,9 @@ class Survival:
 
 def _part_in_words(kept_back: Tightening, part: str) -> str:
     value = getattr(kept_back, part)
-    if part in ("effort", "velocity"):
-        return f"{100 * value:.3g} % of the {part} limits"
+    if part in PARTS[:2]:
+        least = "as little as " * (part == "velocity")
+        return f"{least}{100 * float(np.min(value)):.3g} % of the {part} limits"
     most = f"{1000 * float(np.max(value)):.2g} m{_UNITS.get(part, 'm')}"
     if part == "clearance":
         return f"{most} more clearance"

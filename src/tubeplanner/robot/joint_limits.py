@@ -62,6 +62,8 @@ class JointLimits:
         point_speed: Limits on the speed of points of the arm.
         effort_ranges: Of the joints whose effort limit differs by position or by direction.
         notes: Parts of limit files that were not used.
+        velocity_tolerance: Fraction by which the maker's controller lets joints pass their velocity
+            limits, of a preset; None: not known.
     """
 
     lower_position: FloatArray
@@ -76,6 +78,7 @@ class JointLimits:
     point_speed: tuple[PointSpeed, ...] = ()
     effort_ranges: tuple[EffortRange, ...] = ()
     notes: tuple[str, ...] = ()
+    velocity_tolerance: float | None = None
 
     __repr__ = short_repr
 
@@ -162,6 +165,7 @@ def resolve_limits(
             if not each.is_constant
         ),
         notes=merged.notes,
+        velocity_tolerance=merged.velocity_tolerance,
     )
 
 

@@ -58,6 +58,7 @@ class MergedLimits:
         sources: The source of each limit, by quantity and joint name.
         scale: Commissioning factors by quantity.
         tool_speed: Of the tool centre point [m/s], inf where there is no limit.
+        velocity_tolerance: As of `LimitOverrides`.
         point_speed: Limits on the speed of points of the arm.
         notes: Parts of files that were not used.
     """
@@ -66,6 +67,7 @@ class MergedLimits:
     sources: Mapping[str, Mapping[str, str]]
     scale: Mapping[str, float]
     tool_speed: float
+    velocity_tolerance: float | None
     point_speed: tuple[PointSpeed, ...]
     notes: tuple[str, ...]
 
@@ -147,12 +149,14 @@ def merged_limits(
             sources[quantity] |= dict.fromkeys(values, layer.source)
     above = [layer.limits for layer in layers][::-1]
     speeds = [limits.tool_speed for limits in above if limits.tool_speed is not None]
+    tolerances = [each.velocity_tolerance for each in above if each.velocity_tolerance is not None]
     points = [limits.point_speed for limits in above if limits.point_speed]
     return MergedLimits(
         by_joint,
         sources,
         merged_scale(layers),
         float(speeds[0]) if speeds else np.inf,
+        float(tolerances[0]) if tolerances else None,
         tuple(points[0]) if points else (),
         tuple(note for layer in layers for note in layer.notes),
     )

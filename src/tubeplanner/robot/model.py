@@ -215,6 +215,10 @@ class RobotModel:
         """Return this arm with another payload."""
         return RobotModel(**self._given() | {"payload": payload})
 
+    def with_motors(self, motors: JointMotors) -> "RobotModel":
+        """Return this arm with other motors, rotor inertias included."""
+        return RobotModel(**self._given() | {"motors": motors})
+
     def in_root_frame(self) -> "RobotModel":
         """Return this arm with the frame of its root link as base frame; itself if without base."""
         if self.base is None:

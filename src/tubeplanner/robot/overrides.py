@@ -73,6 +73,8 @@ class LimitOverrides:
         jerk: Jerk limit [rad/s^3 or m/s^3], likewise.
         scale: Commissioning factors (0, 1] on "effort", "velocity" and "acceleration".
         tool_speed: Limit on the speed of the tool centre point [m/s]; None: none.
+        velocity_tolerance: Fraction of a velocity limit beyond it at which the controller stops;
+            None: not known.
         effort_rate: Limit on the rate of the effort [N m/s or N/s]; a URDF has none.
         velocity_by_position: Velocity limits that fall towards the ends of a joint's range: maps
             with deceleration, offset, and lower and upper where they are not the position limits,
@@ -87,6 +89,7 @@ class LimitOverrides:
     jerk: NumberPerJoint = field(default_factory=dict)
     scale: Mapping[str, float] = field(default_factory=dict)
     tool_speed: float | None = None
+    velocity_tolerance: float | None = None
     effort_rate: NumberPerJoint = field(default_factory=dict)
     velocity_by_position: Mapping[str, Law] | Sequence[Law] = field(default_factory=dict)
     point_speed: Sequence[PointSpeed] = ()
@@ -98,6 +101,11 @@ class LimitOverrides:
         if speed is not None and not (is_number(speed) and speed >= _MIN):
             raise RobotError(
                 f"robot.limits.tool_speed is {shown(speed)}; give a number from {_MIN:g} m/s"
+            )
+        tolerance = self.velocity_tolerance
+        if tolerance is not None and not (is_number(tolerance) and 0 <= tolerance <= 1):
+            raise RobotError(
+                f"robot.limits.velocity_tolerance is {shown(tolerance)}; give a number from 0 to 1"
             )
         for quantity in PER_JOINT:
             where, values = f"robot.limits.{quantity}", getattr(self, quantity)

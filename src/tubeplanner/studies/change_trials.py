@@ -61,7 +61,7 @@ class Trials:
             question: The explained problem.
             options: Planning options; quality becomes "fast" but for a longer duration, which the
                 quality decides, and the motion the shortest unless a duration is required.
-                Robustness makes no motion impossible, and does not count.
+                Robustness does not count: `plan` names the error that no motion survives.
             clock: Clock with the time limit of all trials.
             executor: Processes of this machine; None: this one.
         """

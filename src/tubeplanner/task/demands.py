@@ -271,13 +271,22 @@ _MAX_ERRORS = {
     "base": (1.0, "m"),
 }
 ERRORS = tuple(_MAX_ERRORS)
-_SPREAD = ("mass", "com", "payload", "friction", "tool", "base")  # drawn about nominal values
 _MIN_CONTROL_PERIOD, _MAX_CONTROL_PERIOD = 1e-4, 0.1  # [s]
+_BANDWIDTHS = (1.0, 80.0)  # [rad/s]; beyond, a delay of 2 ms leaves the loop little damping
+# Deviations at which a controller stops: the least accepted, and units.
+_TOLERANCES = {
+    "velocity_tolerance": (0.0, ""),
+    "path_tolerance": (1e-6, "rad"),
+    "tool_tolerance": (1e-6, "m"),
+}
+_MAX_TOLERANCE = 10.0
 
 
 @dataclass(frozen=True)
 class Robustness:
-    """Errors that a plan must survive, and the controller that meets them.
+    """Errors that a plan must survive, the controller that meets them, and its stops.
+
+    Errors are bounds: a plan must survive all errors between nothing and the bound.
 
     Attributes:
         mass: Relative error of each body's mass, uniform in +-.
@@ -286,14 +295,20 @@ class Robustness:
         friction: Relative error of each joint's viscous friction, and of its Coulomb friction in
             each direction, uniform in +-.
         unmodelled_friction: Viscous friction beside the modelled, as a fraction of the joint's
-            effort limit at its velocity limit, uniform between half of the value and the value.
-        lag: Time constant with which motors follow an effort command [s].
-        delay: From a measurement to the effort that follows from it [s].
-        noise: Standard deviation of measured joint positions, normal [rad or m].
+            effort limit at its velocity limit, uniform from zero.
+        lag: Time constant with which motors follow an effort command, uniform from zero [s].
+        delay: From a measurement to the effort that follows from it, uniform from zero [s].
+        noise: Standard deviation of measured joint positions, uniform from zero [rad or m].
         tool: Error of the tool centre point in its link, uniform in a ball of this radius [m].
         base: Error of the robot's base in its cell, uniform in a ball of this radius [m].
         control_period: Of the controller [s].
         controller: "computed-torque", "feedforward-pd" or "pd".
+        bandwidth: Least bandwidth of the controller's feedback [rad/s].
+        velocity_tolerance: Fraction by which a joint may pass its velocity limit before the
+            controller stops the arm; None: that of the limits' preset, or else 0.05.
+        path_tolerance: Distance of a turning joint from the plan at which the controller stops
+            [rad]; a tenth of the number for a sliding joint [m]. None: it does not stop for that.
+        tool_tolerance: Likewise, of the tool centre point [m].
 
     Raises:
         ProblemError: On construction, for a value out of its bounds or an unknown controller.
@@ -311,11 +326,19 @@ class Robustness:
     base: float = 0.0005
     control_period: float = 0.001
     controller: str = COMPUTED_TORQUE
+    bandwidth: float = 30.0
+    velocity_tolerance: float | None = None
+    path_tolerance: float | None = 0.05
+    tool_tolerance: float | None = None
 
     def __post_init__(self) -> None:
         for name, (most, unit) in _MAX_ERRORS.items():
             self._require_between(name, 0.0, most, unit)
         self._require_between("control_period", _MIN_CONTROL_PERIOD, _MAX_CONTROL_PERIOD, "s")
+        self._require_between("bandwidth", *_BANDWIDTHS, "rad/s")
+        for name, (least, unit) in _TOLERANCES.items():
+            if getattr(self, name) is not None:
+                self._require_between(name, least, _MAX_TOLERANCE, unit)
         if self.controller not in CONTROLLERS:
             message = unknown_name("controller", self.controller, CONTROLLERS)
             raise ProblemError(f"robustness.controller: {message}")
@@ -326,11 +349,21 @@ class Robustness:
         return cls(**(dict.fromkeys(_MAX_ERRORS, 0.0) | fields))  # type: ignore[arg-type]
 
     def enlarged(self, factor: float) -> "Robustness":
-        """Return the errors with the arm's spreads times a factor, up to their bounds."""
+        """Return the errors times a factor, up to the largest accepted."""
         larger: dict[str, Any] = {
-            name: min(factor * getattr(self, name), _MAX_ERRORS[name][0]) for name in _SPREAD
+            name: min(factor * getattr(self, name), _MAX_ERRORS[name][0]) for name in ERRORS
         }
         return replace(self, **larger)
+
+    @property
+    def in_words(self) -> str:
+        """The bounds of the errors that are not zero."""
+        words = [
+            f"{name.replace('_', ' ')} {_error_in_words(getattr(self, name), unit)}"
+            for name, (_, unit) in _MAX_ERRORS.items()
+            if getattr(self, name) > 0
+        ]
+        return ", ".join(words) or "nothing"
 
     def _require_between(self, name: str, least: float, most: float, unit: str) -> None:
         value = getattr(self, name)
@@ -340,3 +373,10 @@ class Robustness:
                 f"robustness.{name} is {in_figures(value)}{of_unit}; give a number from {least:g} "
                 f"to {most:g}{of_unit}"
             )
+
+
+def _error_in_words(value: float, unit: str) -> str:
+    """Return a relative error in percent, others in thousandths of their unit."""
+    if not unit:
+        return f"{100 * value:.3g} %"
+    return f"{1000 * value:.3g} {'mrad or mm' if unit == 'rad or m' else 'm' + unit}"

@@ -249,6 +249,10 @@ class LimitFields(Section):
         {}, description="factors in (0, 1] on effort, velocity, acceleration"
     )
     tool_speed: Number | None = Field(None, description="of the tool centre point [m/s]")
+    velocity_tolerance: Number | None = Field(
+        None,
+        description="share of a velocity limit beyond it at which the controller stops",
+    )
     effort_rate: NumberPerJoint = Field({}, description="default: none [N m/s] or [N/s]")
     velocity_by_position: (
         dict[str, VelocityByPositionFields | None] | list[VelocityByPositionFields | None]

@@ -84,10 +84,11 @@ def path_places(fields: Any) -> Iterator[tuple[Any, Any, str]]:
     robot = _map(fields.get("robot"))
     for key in ("urdf", "srdf", "limits_file", "package_dirs"):
         yield from _paths_in(robot, key)
-    for holder, key, field in _paths_in(robot, "preset"):
-        name = holder[key]
-        if isinstance(name, str) and Path(name).suffix in PRESET_ENDINGS:
-            yield holder, key, field
+    for section in (robot, _map(fields.get("robustness"))):
+        for holder, key, field in _paths_in(section, "preset"):
+            name = holder[key]
+            if isinstance(name, str) and Path(name).suffix in PRESET_ENDINGS:
+                yield holder, key, field
     yield from _paths_in_move(fields)
     for move in _list(fields.get("moves")):
         yield from _paths_in_move(_map(move))

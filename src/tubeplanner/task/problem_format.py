@@ -331,8 +331,11 @@ class ObjectiveFields(Section):
 
 
 class RobustnessFields(Section):
-    """By how much the real arm and its control may differ: the plan is to survive it."""
+    """By how much the real arm and its control may differ at most: the plan is to survive it."""
 
+    preset: str | None = Field(
+        None, description="name or file of a controller, such as franka_controller, below the rest"
+    )
     mass: Finite = Field(Robustness.mass, description="of every body, relative, uniform in +-")
     com: Finite = Field(
         Robustness.com, description="of every centre of mass, uniform in a ball [m]"
@@ -345,11 +348,10 @@ class RobustnessFields(Section):
     )
     unmodelled_friction: Finite = Field(
         Robustness.unmodelled_friction,
-        description="viscous, share of the effort limit at the velocity limit, uniform between "
-        "half of it and it",
+        description="viscous, share of the effort limit at the velocity limit, uniform from zero",
     )
-    lag: Finite = Field(Robustness.lag, description="time constant of the motors [s]")
-    delay: Finite = Field(Robustness.delay, description="from a measurement to its effort [s]")
+    lag: Finite = Field(Robustness.lag, description="time constant of the motors, from zero [s]")
+    delay: Finite = Field(Robustness.delay, description="from measurement to effort, from zero [s]")
     noise: Finite = Field(Robustness.noise, description="of measured positions, normal [rad, m]")
     tool: Finite = Field(
         Robustness.tool, description="of the tool centre point, uniform in a ball [m]"
@@ -358,6 +360,20 @@ class RobustnessFields(Section):
     control_period: Finite = Field(Robustness.control_period, description="of the controller [s]")
     controller: Literal["computed-torque", "feedforward-pd", "pd"] = Field(
         "computed-torque", description="what follows the plan"
+    )
+    bandwidth: Finite = Field(Robustness.bandwidth, description="of the feedback, at least [rad/s]")
+    velocity_tolerance: Finite | None = Field(
+        None,
+        description="share of a velocity limit beyond it at which the controller stops; "
+        "default: the preset's, or 0.05",
+    )
+    path_tolerance: Finite | None = Field(
+        Robustness.path_tolerance,
+        description="distance of a joint from the plan at which the controller stops [rad]; of a "
+        "sliding joint a tenth of it [m]; null: none",
+    )
+    tool_tolerance: Finite | None = Field(
+        None, description="likewise, of the tool centre point [m]"
     )
 
 

@@ -40,9 +40,15 @@ from tubeplanner.task.problem_format import (
     ObstacleFields,
     ProblemFields,
     RobotFields,
+    RobustnessFields,
     TubeFields,
 )
-from tubeplanner.task.side_files import read_limits_file, read_points, read_preset
+from tubeplanner.task.side_files import (
+    read_limits_file,
+    read_points,
+    read_preset,
+    read_robustness,
+)
 from tubeplanner.trajectory.reader import read_trajectory_file
 
 _Value = TypeVar("_Value")
@@ -141,7 +147,7 @@ def build_problem(
             **(solids_of(fields, robot, directory) if like is None else like.solids),
             objective=_built(Objective, fields.objective),
             period=fields.period,
-            robustness=_built(Robustness, fields.robustness),
+            robustness=_robustness(fields.robustness, directory),
             name=name,
             notes=tuple(doubts(angles_of(fields.model_dump()))),
         )
@@ -154,6 +160,14 @@ def build_problem(
 def _built(kind: type[_Value], fields: Section | None) -> _Value | None:
     """Return the value of a kind with the arguments of fields; None without fields."""
     return None if fields is None else kind(**fields.model_dump())
+
+
+def _robustness(fields: RobustnessFields | None, directory: Path) -> Robustness | None:
+    """Return the errors and the controller of fields, above those of their preset."""
+    if fields is None:
+        return None
+    below = {} if fields.preset is None else read_robustness(fields.preset, directory)
+    return Robustness(**(below | fields.model_dump(exclude={"preset"}, exclude_unset=True)))
 
 
 # ---- The robot.

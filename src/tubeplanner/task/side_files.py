@@ -1,4 +1,4 @@
-"""Files beside a problem: limits of presets and MoveIt, reference points as CSV."""
+"""Files beside a problem: presets, limits of MoveIt, reference points as CSV."""
 
 import csv
 import difflib
@@ -27,30 +27,37 @@ from tubeplanner.task.fields import (
     limits_of,
     motors_of,
 )
-from tubeplanner.task.problem_format import read_document
+from tubeplanner.task.problem_format import RobustnessFields, read_document
 from tubeplanner.task.validation import first_fault
 
-# ---- Presets: limits and motors of a robot, each field with its source.
+# ---- Presets: limits and motors of a robot, and controllers, each field with its source.
 
 
 class _PresetFields(Section):
-    """A file for all arms of one kind. SI units, radians; lists are in chain order."""
+    """A file for all arms of one kind, or for a controller. SI units; lists in chain order."""
 
     format: Literal["tubeplanner/preset"] = Field(description="what this file is")
     version: Version = Field(1, description="of the format")
-    joints: Annotated[int, Field(strict=True, ge=1)] = Field(description="number of the arm's")
+    joints: Annotated[int, Field(strict=True, ge=1)] | None = Field(
+        None, description="number of the arm's; required beside limits or motors"
+    )
     limits: LimitFields = Field(LimitFields(), description="as robot.limits, without scale")
     motors: MotorFields = Field(MotorFields(), description="as robot.motors")
+    robustness: RobustnessFields | None = Field(
+        None, description="controller and errors, as robustness of a problem"
+    )
     sources: dict[str, str] = Field(description="by field, such as limits.velocity: where from")
 
     @property
     def given(self) -> list[str]:
         """Paths of the fields with values: "limits.velocity"."""
+        sections = {"limits": self.limits, "motors": self.motors, "robustness": self.robustness}
         return [
             f"{section}.{name}"
-            for section, fields in (("limits", self.limits), ("motors", self.motors))
-            for name, field in type(fields).model_fields.items()
-            if getattr(fields, name) != field.default
+            for section, fields in sections.items()
+            if fields is not None
+            for name in type(fields).model_fields
+            if name in fields.model_fields_set
         ]
 
 
@@ -65,6 +72,36 @@ def read_preset(name: str | Path, directory: str | Path = ".") -> LimitLayer:
         RobotError: The preset does not exist, or is malformed: a key is unknown, a number out of
             its bounds, or a field without a source.
     """
+    label, fields = _preset(name, directory)
+    if fields.joints is None:
+        raise RobotError(
+            f"{label} holds robustness alone: name it in robustness.preset, not in robot.preset"
+        )
+    try:
+        limits, motors = limits_of(fields.limits), motors_of(fields.motors)
+    except RobotError as error:
+        raise RobotError(f"{label}: {str(error).removeprefix('robot.')}") from None
+    return LimitLayer(f"{label}: ", limits, fields.joints, motors=motors, source=label)
+
+
+def read_robustness(name: str | Path, directory: str | Path = ".") -> dict[str, Any]:
+    """Read the fields of `Robustness` that a preset gives, such as a maker's controller.
+
+    Args:
+        name: A bundled name, such as "franka_controller", or the path of a YAML file.
+        directory: Where a relative path starts.
+
+    Raises:
+        RobotError: As `read_preset`.
+    """
+    label, fields = _preset(name, directory)
+    if fields.robustness is None:
+        raise RobotError(f"{label} holds no robustness: name it in robot.preset")
+    return fields.robustness.model_dump(exclude_unset=True)
+
+
+def _preset(name: str | Path, directory: str | Path) -> tuple[str, _PresetFields]:
+    """Return the label and the fields of a preset; raise RobotError as `read_preset`."""
     path = find_preset(name, given_path("directory", directory))
     label = f"preset {name}"
     try:
@@ -73,18 +110,15 @@ def read_preset(name: str | Path, directory: str | Path = ".") -> LimitLayer:
         raise RobotError(f"{label}: {error}") from None
     if not isinstance(data, dict):
         raise RobotError(
-            f"{label}: a preset is a map with format, joints, limits or motors, and sources"
+            f"{label}: a preset is a map with format, joints and limits or motors, or robustness, "
+            "and sources"
         )
     try:
         fields = _PresetFields.model_validate(data)
     except ValidationError as error:
         raise RobotError(f"{label}: {first_fault(data, error, _PresetFields)}") from None
     _require_sources(label, fields)
-    try:
-        limits, motors = limits_of(fields.limits), motors_of(fields.motors)
-    except RobotError as error:
-        raise RobotError(f"{label}: {str(error).removeprefix('robot.')}") from None
-    return LimitLayer(f"{label}: ", limits, fields.joints, motors=motors, source=label)
+    return label, fields
 
 
 def _require_sources(label: str, fields: _PresetFields) -> None:
@@ -93,7 +127,12 @@ def _require_sources(label: str, fields: _PresetFields) -> None:
         raise RobotError(f"{label}: limits.scale belongs into robot.limits of a problem")
     names = fields.given
     if not names:
-        raise RobotError(f"{label}: limits or motors is required")
+        raise RobotError(f"{label}: limits, motors or robustness is required")
+    of_arm = [name for name in names if not name.startswith("robustness.")]
+    if of_arm and fields.joints is None:
+        raise RobotError(f"{label}: joints is required beside {of_arm[0]}")
+    if "robustness.preset" in names:
+        raise RobotError(f"{label}: robustness.preset belongs into a problem")
     for name in names:
         if not fields.sources.get(name, "").strip():
             raise RobotError(f"{label}: sources.'{name}' is required: say where it is from")
@@ -115,9 +154,9 @@ def fitting_presets(robot: RobotModel) -> list[str]:
     names = [joint.name for joint in joints]
     fitting = []
     for preset in bundled_presets():
-        layer = read_preset(preset)
-        if layer.joint_count != len(joints):
+        if _preset(preset, ".")[1].joints != len(joints):
             continue
+        layer = read_preset(preset)
         limits = {key: layer.limits.by_name(key, names, preset) for key in _COMPARED}
         if all(
             np.isclose(limits[key].get(joint.name, np.nan), getattr(joint, key) or np.nan)

@@ -218,4 +218,4 @@ def test_moves_and_what_happens_between_are_named(of_cycle):
     steps = shown["tool from the plan [mm]"].texts
     texts = {"close (0.1 s)", "attach part", "settle (0.1 s)", "open (0.1 s)", "detach part"}
     assert {word for text in steps for word in text.get_text().split(", ")} == texts
-    assert "0 of 3 runs failed" in figure.get_suptitle()
+    assert "2 of 3 runs failed: 2 had a joint too far" in figure.get_suptitle()
