@@ -69,7 +69,7 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     # Simulation
     "Plant.displaced": [("rotation @ self.tool", "self.tool"), (" + self.base", "")],
     "ComputedTorque.effort": [(" + self._plan.friction[k]", "")],
-    "_feedback": [("plan.start.velocity[k] - v", "-v")],
+    "Feedback.acceleration": [("plan.start.velocity[k] - v", "-v"), (" * self._period", "")],
     "_drawn_bodies": [(".shifted(by)", "")],
-    "_in_ball": [("random.uniform() ** (1 / 3)", "random.uniform()")],
+    "_Error.vector": [(" ** (1 / 3)", "")],
 }

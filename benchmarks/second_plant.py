@@ -295,16 +295,14 @@ def printed_row(name: str, draw: Draw, controller: str) -> list[str]:
         return run_verdict(simulated_runs(problem.joined, motion, wrong, arms))
 
     def slowed(motion: JointTrajectory | None) -> float | None:
-        for factor in [] if motion is None else SLOWER:
-            slower = motion.scaled(factor)
+        for slower in [] if motion is None else map(motion.scaled, SLOWER):
             if not any(verdict(False, slower, 1.0, runs).failed for runs in (10, draw.runs)):
                 return slower.duration
         return None
 
-    joined = problem.joined
-    nothing = Tightening.nothing(joined)
+    nothing = Tightening.nothing(problem.joined)
     by_hand = replace(nothing, radius=nothing.radius + BY_HAND, clearance=BY_HAND)
-    slow = slowed(default), slowed(plan(tightened_problem(joined, by_hand)).trajectory)
+    slow = slowed(default), slowed(plan(tightened_problem(problem.joined, by_hand)).trajectory)
     row = f"{name:26}{default.duration:8.4f}{robust.duration:8.4f}"
     row += "".join(f"{figure(each):>8}" for each in slow)
     faults = [
