@@ -89,13 +89,13 @@ def planned_motion(
     freedom = inertia / np.einsum("kjj->kj", mass_matrix)
     travel = STIFFNESS_TRAVEL * np.where(robot.revolute, 1.0, LENGTH_PER_ANGLE)
     stiffness = np.where(np.isfinite(robot.limits.effort), robot.limits.effort, 0.0) / travel
-    stiff = np.minimum(np.sqrt(stiffness / (3 * inertia)), _most(period))
+    stiff = np.minimum(np.sqrt(stiffness / (3 * inertia)), _max_bandwidth(period))
     limit = INTEGRAL_FRACTION * robot.limits.effort
     effort = smooth + friction
     return PlannedMotion(start, middle, mean, friction, effort, inertia, freedom, stiff, limit)
 
 
-def _most(period: float) -> float:
+def _max_bandwidth(period: float) -> float:
     """Return the largest bandwidth of a loop with a control period [s], in rad/s."""
     return min(MAX_BANDWIDTH, MAX_ANGLE / period)
 
@@ -138,7 +138,7 @@ class Feedback:
             bandwidth: Least bandwidth [rad/s].
             period: Control period [s].
         """
-        self.bandwidth, self._period = min(bandwidth, _most(period)), period
+        self.bandwidth, self._period = min(bandwidth, _max_bandwidth(period)), period
         self._integral: FloatArray | float = 0.0  # [N m or N]
 
     def acceleration(
