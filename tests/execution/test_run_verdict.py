@@ -313,8 +313,8 @@ def test_a_verdict_says_which_errors_were_survived_and_how_fast_and_how_far_from
     }
     assert verdict.survived(errors) == (
         "survived 200 of 200 simulated arms whose errors are up to mass 5 %, delay 2 ms, velocity "
-        "up to 1.03 of its limit, a joint up to 12.3 mrad or mm from the plan (at most 1.8 % of all "
-        "fail, with 95 % confidence)"
+        "up to 1.03 of its limit, a joint up to 12.3 mrad or mm from the plan (at most 1.8 % of "
+        "all fail, with 95 % confidence)"
     )
     unlimited = run_verdict([run(0.1, 0.0), run(-0.1, 0.0)])
     assert unlimited.velocity is None
