@@ -43,8 +43,7 @@ SLIDE = 0.1  # [m/rad]: sliding joints beside turning ones
 INTEGRAL, FREEDOMS = 0.1, 2.0  # of the effort limit; of a joint's inertia over that of all locked
 BETWEEN = np.arange(10)[:, None] / 10  # of control instants, where the tool is judged
 VELOCITY_TOLERANCE = 0.05  # where neither the field nor a preset has one
-SLOWER = 1.05 ** np.arange(25)
-BY_HAND = 0.0015  # [m], of a radius and of the clearance: half more than tool and base are off
+SLOWER, BY_HAND = 1.05 ** np.arange(25), 0.0015  # [m], of a radius and of the clearance
 
 
 class Chances:
@@ -300,8 +299,8 @@ def printed_row(name: str, draw: Draw, controller: str) -> list[str]:
                 return slower.duration
         return None
 
-    nothing = Tightening.nothing(problem.joined)
-    by_hand = replace(nothing, radius=nothing.radius + BY_HAND, clearance=BY_HAND)
+    none = Tightening.nothing(problem.joined)
+    by_hand = replace(none, radius=none.radius + BY_HAND, clearance=BY_HAND)
     slow = slowed(default), slowed(plan(tightened_problem(problem.joined, by_hand)).trajectory)
     row = f"{name:26}{default.duration:8.4f}{robust.duration:8.4f}"
     row += "".join(f"{figure(each):>8}" for each in slow)

@@ -1,8 +1,8 @@
 """Plans for tightened problems, simulated; search for the least tightening."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -268,7 +268,7 @@ def surviving_plan(plans: TightenedPlans, default: TriedPlan) -> TriedPlan:
     Raises:
         TimeLimitReached: Before the plan was known; likewise KeyboardInterrupt.
     """
-    candidate = _best_fraction(plans, default, "effort", _EFFORTS)
+    candidate = _best_effort(plans, default)
     best = _refined(plans, candidate)
     if not best.survives or _gains(candidate, best):
         best = _with_less_effort(plans, candidate, best)
@@ -276,11 +276,11 @@ def surviving_plan(plans: TightenedPlans, default: TriedPlan) -> TriedPlan:
 
 
 def safer_plan(plans: TightenedPlans, survivor: TriedPlan, draw: Draw) -> TriedPlan | None:
-    """Return a plan that survives more than a survivor of which some arms failed, or None.
+    """Return a plan that is tightened by what arms of a draw lacked, and survives; or None.
 
     Args:
         plans: Plans and simulates tightened problems.
-        survivor: The plan.
+        survivor: The plan, which survived other arms.
         draw: Arms of which some failed.
 
     Raises:
@@ -295,18 +295,15 @@ def safer_plan(plans: TightenedPlans, survivor: TriedPlan, draw: Draw) -> TriedP
     return None
 
 
-def _best_fraction(
-    plans: TightenedPlans, start: TriedPlan, part: str, fractions: Sequence[float]
-) -> TriedPlan:
-    """Return the plan with the best fraction of some limits, by its lack and expected duration.
+def _best_effort(plans: TightenedPlans, start: TriedPlan) -> TriedPlan:
+    """Return the plan with the best fraction of effort, by its lack and expected duration.
 
     Every second fraction is tried, until there is no gain; then the best one's neighbours.
     """
     candidates: dict[int, TriedPlan] = {0: start}
 
     def is_better(k: int, best: int) -> bool:
-        fraction: dict[str, Any] = {part: fractions[k]}
-        kept_back, current = replace(start.kept_back, **fraction), candidates[best]
+        kept_back, current = replace(start.kept_back, effort=_EFFORTS[k]), candidates[best]
         result = plans.planned(kept_back, current.result.motion)
         if result is None or _is_surely_longer(result, current):
             return False
@@ -315,13 +312,13 @@ def _best_fraction(
         return (new.lacking, new.expected) < (current.lacking, current.expected)
 
     best = 0
-    for k in range(2, len(fractions), 2):
+    for k in range(2, len(_EFFORTS), 2):
         if is_better(k, best):
             best = k
         elif candidates[best].lacking <= 0:
             break
     for k in (best - 1, best + 1):
-        if 0 < k < len(fractions) and is_better(k, best):
+        if 0 < k < len(_EFFORTS) and is_better(k, best):
             return candidates[k]
     return candidates[best]
 
