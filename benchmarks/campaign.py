@@ -178,7 +178,7 @@ def _marks(lines: list[Fields], built: list[Fields]) -> str:
     solved = [line for line in built if line["status"] == "success"]
     paired = [line for line in built if "pairs" in line]
     slow, wrong = [line for line in paired if stuck(line)], [x for x in built if is_wrong(x)]
-    share, share_stuck = len(solved) / len(built), len(slow) / max(len(paired), 1)
+    fraction, fraction_stuck = len(solved) / len(built), len(slow) / max(len(paired), 1)
     seeds = f"seeds {lines[0]['seed']} to {lines[-1]['seed']}"
     missing = [line for line in built if line["status"] != "success"]
     rows = [
@@ -187,16 +187,16 @@ def _marks(lines: list[Fields], built: list[Fields]) -> str:
         _mark("wrong", f"{len(wrong)} of {len(solved)} solved", "0", not wrong, wrong),
         _mark(
             "solved",
-            f"{len(solved)} of {len(built)}, {share:.2%}",
+            f"{len(solved)} of {len(built)}, {fraction:.2%}",
             f"{LEAST_SOLVED:.1%}",
-            share >= LEAST_SOLVED,
+            fraction >= LEAST_SOLVED,
             missing,
         ),
         _mark(
             "stuck",
-            f"{len(slow)} of {len(paired)} pairs, {share_stuck:.1%}",
+            f"{len(slow)} of {len(paired)} pairs, {fraction_stuck:.1%}",
             f"{MOST_STUCK:.0%}",
-            share_stuck <= MOST_STUCK,
+            fraction_stuck <= MOST_STUCK,
             slow,
         ),
     ]

@@ -38,7 +38,7 @@ MIN_MARGIN = 0.002  # [m] that the witness keeps beyond what is asked
 SIGN_MARGIN = 1e-3  # [rad, m]
 MAX_TURN = math.radians(150)  # of the reference orientation along a segment
 MAX_OBSTACLES, MAX_DRAWS, MAX_SHIFTS = 4, 12, 4
-MOTOR_SHARE, ATTACHED_SHARE, BOX_SHARE, SPEED_SHARE = 0.2, 0.12, 0.2, 0.2
+MOTOR_FRACTION, ATTACHED_FRACTION, BOX_FRACTION, SPEED_FRACTION = 0.2, 0.12, 0.2, 0.2
 CONCAVE = "groove.stl"
 PER_SEGMENT = ("points", "radius", "joint_signs", "orientations", "rotation_tolerance")
 PER_SEGMENT += ("cross_section", "tool_speed")
@@ -252,7 +252,7 @@ def _attempt(
     _vary_robot(rng, robot, name)
     arm = _arm(robot, folder)
     vary_limits(rng, robot, arm)
-    if rng.random() < MOTOR_SHARE or motors:
+    if rng.random() < MOTOR_FRACTION or motors:
         vary_motors(rng.spawn(1)[0], robot, arm)
     arm = _arm(robot, folder)
     witness = random_witness(rng, arm)
@@ -319,7 +319,7 @@ def _vary_robot(rng: np.random.Generator, robot: dict[str, Any], name: str) -> N
         robot["gravity"] = (9.81 * direction / np.linalg.norm(direction)).tolist()
     if rng.random() < 0.15:
         robot["payload"] = {"mass": float(rng.uniform(0.05, 0.5)), "com": [0.0, 0.0, 0.05]}
-    if rng.random() < ATTACHED_SHARE:
+    if rng.random() < ATTACHED_FRACTION:
         attach_solid(rng, robot)
     if rng.random() < 0.2:
         scale = {"velocity": float(rng.uniform(0.3, 1.0)), "effort": float(rng.uniform(0.8, 1.0))}
@@ -361,9 +361,9 @@ def _tube(rng: np.random.Generator, arm: Arm, witness: Witness) -> dict[str, Any
         tube["joint_signs"] = [_signs(rng, arm, witness.q[a : b + 1]) for a, b in spans]
     if rng.random() < 0.25:
         tube |= _rotation(rng, arm, witness, spans)
-    if rng.random() < BOX_SHARE:
+    if rng.random() < BOX_FRACTION:
         tube = with_boxes(rng, tube, witness)
-    if rng.random() < SPEED_SHARE:
+    if rng.random() < SPEED_FRACTION:
         tube["tool_speed"] = tool_speeds(rng, arm, witness)
     return tube
 

@@ -30,13 +30,13 @@ BUNDLED = {
     "panda": "panda_hand_tcp",
     "xarm7": "link_eef",
 }
-SHARES = {"bundled": 0.35, "data": 0.45, "chain": 0.2}
+FRACTIONS = {"bundled": 0.35, "data": 0.45, "chain": 0.2}
 MIN_JOINTS, MAX_JOINTS = 1, 10
-BRANCH_SHARE = 0.4  # of a random chain's links that carry something beside it
-SLIDING_SHARE = 0.35  # of a random chain's joints
+BRANCH_FRACTION = 0.4  # of a random chain's links that carry something beside it
+SLIDING_FRACTION = 0.35  # of a random chain's joints
 # Where a URDF has no limit, or none that makes sense.
 TRAVEL = {"prismatic": [-0.4, 0.4], "revolute": [-2.8, 2.8], "continuous": [-math.inf, math.inf]}
-_ROUNDING = 1e-3  # share of a principal moment that may be negative
+_ROUNDING = 1e-3  # fraction of a principal moment that may be negative
 SPEED, ACCELERATION = 2.0, 20.0  # [rad/s, m/s], [rad/s^2, m/s^2]
 MIN_RADIUS, MAX_RADIUS = 5e-4, 0.3  # [m]
 MAX_SEGMENTS = 199
@@ -44,7 +44,7 @@ MIN_LENGTH = 3e-4  # [m] of a segment
 RADIUS_FACTOR = 1.2  # of the radius to what the witness needs
 ROWS = 4001  # of the tool path that is looked at
 LIMIT_MARGIN = 0.02  # [rad, m] that the walk begins away from position limits
-SHARE = 0.1  # of each limit that the witness leaves, at least
+FRACTION = 0.1  # of each limit that the witness leaves, at least
 MAX_SMALLER, MAX_SLOWER = 40, 14
 
 
@@ -62,7 +62,7 @@ def random_arm(rng: np.random.Generator, folder: Path) -> tuple[str, dict[str, A
     Raises:
         Unsuitable: The robot drawn has no chain that can be planned for.
     """
-    kind = rng.choice(list(SHARES), p=list(SHARES.values()))
+    kind = rng.choice(list(FRACTIONS), p=list(FRACTIONS.values()))
     if kind == "bundled":
         name = str(rng.choice(list(BUNDLED)))
         return name, bundled_arm(name)
@@ -130,20 +130,20 @@ def random_witness(rng: np.random.Generator, arm: Arm) -> Witness:
     if rng.random() < 0.2:  # it goes back some of its way
         turn = len(knots) - 1
         knots = np.vstack([knots, knots[-2::-1][: int(rng.integers(1, len(knots)))]])
-    shares = _shares(rng, segments)
+    fractions = _fractions(rng, segments)
     for _ in range(MAX_SMALLER):
         spline = _spline(knots)
         q = spline(np.linspace(0, 1, ROWS))
         position = arm.tool(q)[1]
         row = None if turn is None else round(turn / (len(knots) - 1) * (ROWS - 1))
-        gates = _gates(position, shares, row)
+        gates = _gates(position, fractions, row)
         points = position[gates]
         spans = pairwise(gates)
         off = [distance(points, position[a : b + 1], k).max() for k, (a, b) in enumerate(spans)]
         if np.linalg.norm(np.diff(points, axis=0), axis=1).min() < MIN_LENGTH:
-            if len(shares) == 2:
+            if len(fractions) == 2:
                 raise Unsuitable("the tool hardly moves")
-            shares = np.append(shares[:-1:2], 1.0)
+            fractions = np.append(fractions[:-1:2], 1.0)
         elif RADIUS_FACTOR * max(off) <= scale:
             inside = np.minimum(q - arm.limits.lower, arm.limits.upper - q).min()
             if inside < LIMIT_MARGIN / 4:
@@ -206,7 +206,7 @@ def _random_chain(rng: np.random.Generator) -> str:
         length = float(rng.uniform(0.1, 0.4))
         parts.append(_link(rng, f"link{k}", length, mass=float(rng.uniform(0.5, 6.0)) / k))
         parts.append(_joint(rng, k, reach, count))
-        if rng.random() < BRANCH_SHARE:
+        if rng.random() < BRANCH_FRACTION:
             parts.append(_branch(rng, k, length))
         reach = length
     parts.append('<link name="tip"/><joint name="tip_joint" type="fixed">')
@@ -249,7 +249,7 @@ def _link(rng: np.random.Generator, name: str, length: float, mass: float) -> st
 
 
 def _joint(rng: np.random.Generator, k: int, reach: float, count: int) -> str:
-    slides = rng.random() < SLIDING_SHARE
+    slides = rng.random() < SLIDING_FRACTION
     axis = "1 0 0" if slides and rng.random() < 0.5 else str(rng.choice(["0 0 1", "0 1 0"]))
     lower, upper = (-0.25, 0.25) if slides else (-2.6, 2.6)
     effort = float(rng.uniform(150, 400)) / k + 60 * (count - k)
@@ -283,7 +283,7 @@ def _spline(knots: np.ndarray) -> PPoly:
     return PPoly(np.array([spline(at[:-1], nu=k) / factorial(k) for k in orders]), at)
 
 
-def _shares(rng: np.random.Generator, segments: int) -> np.ndarray:
+def _fractions(rng: np.random.Generator, segments: int) -> np.ndarray:
     """Return the arc lengths of reference points as shares of the whole, equal parts or not."""
     if rng.random() < 0.7:
         return np.linspace(0, 1, segments + 1)
@@ -291,11 +291,11 @@ def _shares(rng: np.random.Generator, segments: int) -> np.ndarray:
     return np.append(np.concatenate([[0.0], np.cumsum(parts)])[:-1], 1.0)
 
 
-def _gates(position: np.ndarray, shares: np.ndarray, turn: int | None) -> np.ndarray:
+def _gates(position: np.ndarray, fractions: np.ndarray, turn: int | None) -> np.ndarray:
     """Return rows at shares of the arc length of a path (N, 3), and the one where it turns."""
     steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
     arc_length = np.concatenate([[0.0], np.cumsum(steps)])
-    gates = np.searchsorted(arc_length, arc_length[-1] * shares)
+    gates = np.searchsorted(arc_length, arc_length[-1] * fractions)
     gates[-1] = len(position) - 1
     gates = np.minimum(gates, len(position) - 1)
     if turn is not None:
@@ -304,7 +304,7 @@ def _gates(position: np.ndarray, shares: np.ndarray, turn: int | None) -> np.nda
 
 
 def _slow(arm: Arm, spline: PPoly) -> Trajectory:
-    """Return a spline over 0 to 1 as a trajectory that leaves a share of every limit.
+    """Return a spline over 0 to 1 as a trajectory that leaves a fraction of every limit.
 
     Raises:
         Unsuitable: However slow, it does not.
@@ -316,7 +316,10 @@ def _slow(arm: Arm, spline: PPoly) -> Trajectory:
             list(arm.joint_names), spline.x * duration, spline.c / duration**powers
         )
         found = judge_limits(arm, trajectory, trajectory.samples(500))
-        shares = [one.margin for one in found.values() if one.unit == "relative"]
-        if min((share for share in shares if share is not None), default=1.0) >= SHARE:
+        fractions = [one.margin for one in found.values() if one.unit == "relative"]
+        if (
+            min((fraction for fraction in fractions if fraction is not None), default=1.0)
+            >= FRACTION
+        ):
             return trajectory
     raise Unsuitable("the motors cannot hold the arm")

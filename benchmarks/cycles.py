@@ -34,10 +34,10 @@ def with_stops(cycle: Cycle) -> Cycle:
     return replace(cycle, steps=steps)
 
 
-def timed(cycle: Cycle, *, shares: bool) -> tuple[CycleResult, float]:
+def timed(cycle: Cycle, *, fractions: bool) -> tuple[CycleResult, float]:
     """Return the plan of a cycle, and its processor time [s]."""
     begun = time.process_time()
-    result = plan_cycle(cycle, SHORTEST, shares_configurations=shares)
+    result = plan_cycle(cycle, SHORTEST, shares_configurations=fractions)
     return result, time.process_time() - begun
 
 
@@ -67,13 +67,13 @@ def stopping(cycle: Cycle, result: CycleResult) -> str:
 def row(name: str) -> tuple[str, bool]:
     """Return a bundled cycle's row, and whether it keeps what it must."""
     cycle = load_cycle(name)
-    alone, alone_time = timed(cycle, shares=False)
-    shared, shared_time = timed(cycle, shares=True)
+    alone, alone_time = timed(cycle, fractions=False)
+    shared, shared_time = timed(cycle, fractions=True)
     if not (alone.succeeded and shared.succeeded):
         return f"| {name} | {alone.message} / {shared.message} |", False
     stops = with_stops(cycle)
-    stops_alone = moving(timed(stops, shares=False)[0])
-    stops_shared, _ = timed(stops, shares=True)
+    stops_alone = moving(timed(stops, fractions=False)[0])
+    stops_shared, _ = timed(stops, fractions=True)
     baseline = stopping(stops, stops_shared) if stops_shared.succeeded else "-"
     gain = 1 - moving(shared) / moving(alone)
     ratio = shared_time / alone_time

@@ -48,7 +48,7 @@ from tubeplanner.trajectory.polynomials import BSpline
 PROBLEMS = (*(paper_example(e, r) for e in EXAMPLES for r in RADII), *ARMS)
 START_KNOTS = 24  # of the spline along the reference branch
 GRIDS = ("clustered", "uniform")
-COARSE_INTERVALS, COARSE_SHARE = 1 / 3, 0.5  # of the fine grids, and of the time
+COARSE_INTERVALS, COARSE_FRACTION = 1 / 3, 0.5  # of the fine grids, and of the time
 FINALISTS = 3  # different local optima of the coarse grid that are solved on fine ones
 SAME = 2e-3  # durations nearer to each other (relative) are of the same local optimum
 MAX_ROUNDS = 5  # of adding samples
@@ -128,7 +128,7 @@ class MultiStart:
     def run(self, starts: list[tuple[str, PhasedTrajectory]]) -> Study:
         """Return the best of all starts, given with their names."""
         begin = time.perf_counter()
-        coarse_end = begin + COARSE_SHARE * (self._end - begin)
+        coarse_end = begin + COARSE_FRACTION * (self._end - begin)
         found: list[tuple[str, Solution]] = []
         used = 0
         for name, start in starts:
@@ -239,12 +239,12 @@ def starts_of(
     return chosen[:count]
 
 
-def _mixed(start: PhasedTrajectory, line_share: float) -> PhasedTrajectory:
+def _mixed(start: PhasedTrajectory, line_fraction: float) -> PhasedTrajectory:
     """Return a start drawn to the straight joint line between its ends."""
     x = np.linspace(0, 1, GUESS_POINTS)
     q = start.trajectory.position(x * start.switching_times[-1])
     line = q[0] + (x**3 * (10 - 15 * x + 6 * x**2))[:, None] * (q[-1] - q[0])
-    return _through(start, (1 - line_share) * q + line_share * line)
+    return _through(start, (1 - line_fraction) * q + line_fraction * line)
 
 
 def _perturbed(start: PhasedTrajectory, seed: int) -> PhasedTrajectory:

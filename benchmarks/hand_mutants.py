@@ -34,7 +34,7 @@ HAND_MUTANTS: dict[str, list[tuple[str, str]]] = {
     "separating_directions": [("(local @ first.T).argmax", "(local @ first.T).argmin")],
     # Tubes
     "passing_radius": [("np.minimum", "np.maximum")],
-    "Capsules._away": [("share[..., None] * axis", "0 * axis")],
+    "Capsules._away": [("fraction[..., None] * axis", "0 * axis")],
     "BoxRegions.half": [(" - self.tool_radius", "")],
     "BoxRegions.margin": [(".min(axis=-1)", ".max(axis=-1)")],
     "BoxRegions.outward": [("side[:, None] * normal", "normal")],

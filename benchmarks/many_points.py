@@ -113,14 +113,14 @@ def circle(count: int, radius: float) -> dict[str, Any]:
 
 def spline(count: int, radius: float) -> dict[str, Any]:
     """Return a UR5 that follows a curved path of 0.34 m in so many chords."""
-    shares = [i / count for i in range(count + 1)]
+    fractions = [i / count for i in range(count + 1)]
     points = [
         [
             0.35 + 0.25 * s,
             0.04 * math.sin(2 * math.pi * (s + 0.3 * s * s)),
             0.30 + 0.03 * math.sin(math.pi * s),
         ]
-        for s in shares
+        for s in fractions
     ]
     return {
         "robot": {"urdf": "example:ur5", "tool_frame": "tool0"},

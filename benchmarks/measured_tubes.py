@@ -37,8 +37,8 @@ def main() -> None:
             print(f"  segment {k}: {1000 * segment.radius:.1f} mm, ended by {ends or 'nothing'}")
         rng = np.random.default_rng(SEED)
         count = problem.tube.segment_count
-        share = [CONFIGURATIONS // count + (k < CONFIGURATIONS % count) for k in range(count)]
-        attacks = [random_attack(result.problem, k, n, rng) for k, n in enumerate(share)]
+        fraction = [CONFIGURATIONS // count + (k < CONFIGURATIONS % count) for k in range(count)]
+        attacks = [random_attack(result.problem, k, n, rng) for k, n in enumerate(fraction)]
         print(
             f"  attacked by {sum(attack.configurations for attack in attacks)} configurations: "
             f"{sum(attack.collisions for attack in attacks)} collisions, least clearance "
@@ -152,10 +152,10 @@ def _projected(
     offset = rng.normal(size=(len(q), 3))
     offset *= (rng.uniform(0, 1, len(q)) ** (1 / 3) / np.linalg.norm(offset, axis=1))[:, None]
     wanted = begin + rng.uniform(0, 1, (len(q), 1)) * (end - begin) + radius * offset
-    share = rng.uniform(0, 1, (len(q), 1))
+    fraction = rng.uniform(0, 1, (len(q), 1))
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     for _ in range(steps):
-        residual, jacobian = _residual(problem, segment, q, wanted, share)
+        residual, jacobian = _residual(problem, segment, q, wanted, fraction)
         inverse = np.linalg.pinv(jacobian, rcond=1e-2)
         step = np.clip(np.einsum("nij,nj->ni", inverse, residual), -0.3, 0.3)
         q = np.clip(q + step, lower, upper)
@@ -163,7 +163,7 @@ def _projected(
 
 
 def _residual(
-    problem: PlanningProblem, segment: int, q: FloatArray, wanted: FloatArray, share: FloatArray
+    problem: PlanningProblem, segment: int, q: FloatArray, wanted: FloatArray, fraction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return what is missing to wanted points and turns, shape (N, c), and its Jacobian."""
     rotation, tool, jacobian = problem.robot.tool_pose_jacobian(q)
@@ -173,7 +173,7 @@ def _residual(
     where = np.full(len(q), segment)
     error, turning = rotational.error_jacobian(rotation, tool, jacobian, where)
     # The last bound is that of the whole angle.
-    most = share * np.minimum(rotational.bounds[segment][:3], rotational.bounds[segment][3])
+    most = fraction * np.minimum(rotational.bounds[segment][:3], rotational.bounds[segment][3])
     missing = np.clip(error, -most, most) - error
     return np.hstack([wanted - tool, missing]), np.concatenate([jacobian[:, :3], turning], axis=1)
 

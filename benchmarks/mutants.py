@@ -229,12 +229,12 @@ def report(outcomes: list[Outcome]) -> Iterator[str]:
     for operator, count in sorted(every.items()):
         yield f"{operator:20}{count:8}{noticed[operator]:8}{count - noticed[operator]:9}"
     late = sum(each.killer == TIMEOUT for each in outcomes)
-    share = f"{noticed.total()} of {len(outcomes)} mutants ({noticed_share(outcomes):.1%})"
-    yield f"{share} are noticed, {late} of them by the time limit"
+    fraction = f"{noticed.total()} of {len(outcomes)} mutants ({noticed_fraction(outcomes):.1%})"
+    yield f"{fraction} are noticed, {late} of them by the time limit"
 
 
-def noticed_share(outcomes: list[Outcome]) -> float:
-    """Return the share of mutants that are noticed."""
+def noticed_fraction(outcomes: list[Outcome]) -> float:
+    """Return the fraction of mutants that are noticed."""
     return sum(each.killer != "" for each in outcomes) / max(len(outcomes), 1)
 
 
@@ -305,7 +305,7 @@ def main() -> int:
     run = Run(sources, coverage, arguments.budget, arguments.time_limit)
     outcomes = run.outcomes(mutants, checkout, arguments.processes, arguments.seconds)
     print(*report(outcomes), sep="\n")
-    return int(bool(run.broken) or noticed_share(outcomes) < arguments.fail_under)
+    return int(bool(run.broken) or noticed_fraction(outcomes) < arguments.fail_under)
 
 
 if __name__ == "__main__":

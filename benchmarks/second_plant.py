@@ -32,7 +32,7 @@ from tubeplanner.trajectory.reader import read_trajectory
 
 PROBLEMS = (*ARMS, "ur5/level_tray")
 SIZES = (0.0, 0.5, 1.0)  # of the errors, over their bounds
-MAX_DIFFERENCE = 0.01  # share of the runs
+MAX_DIFFERENCE = 0.01  # fraction of the runs
 MAX_STRAY = 1e-3  # [rad], of an arm without errors from a stored motion
 AFTERWARDS = 0.2  # [s], for which the goal is held
 STEPS = 4  # of the integration, in a control period
@@ -53,7 +53,7 @@ class Chances:
         seeds = [[draw.seed, k] for k in range(draw.runs)]
         self.random = [np.random.Generator(np.random.MT19937(seed)) for seed in seeds]
 
-    def share(self, *shape: int) -> FloatArray:
+    def fraction(self, *shape: int) -> FloatArray:
         """Return numbers from 0 to 1, shape (R, ...)."""
         drawn = np.array([random.random(shape) for random in self.random])
         drawn[:1], drawn[1:2] = 1.0, 0.0
@@ -61,13 +61,13 @@ class Chances:
 
     def signed(self, *shape: int) -> FloatArray:
         """Return numbers from -1 to 1, shape (R, ...)."""
-        return self.share(*shape) * [each.choice([-1.0, 1.0], shape) for each in self.random]
+        return self.fraction(*shape) * [each.choice([-1.0, 1.0], shape) for each in self.random]
 
     def ball(self, *shape: int) -> FloatArray:
         """Return vectors from the unit ball, shape (R, ..., 3)."""
         direction = np.array([random.normal(size=(*shape, 3)) for random in self.random])
         distance = np.linalg.norm(direction, axis=-1, keepdims=True)
-        return np.asarray(np.cbrt(self.share(*shape, 1)) * direction / distance)
+        return np.asarray(np.cbrt(self.fraction(*shape, 1)) * direction / distance)
 
 
 def arm_model(
@@ -116,16 +116,16 @@ class RealArms:
         friction = motors.viscous_friction, motors.backwards_friction, motors.forwards_friction
         real = (1 + errors.friction * chances.signed(3, n)) * friction
         slope = np.where(np.isfinite(limits.velocity), limits.effort / limits.velocity, 0.0)
-        self._viscous = real[:, 0] + errors.unmodelled_friction * chances.share(n) * slope
+        self._viscous = real[:, 0] + errors.unmodelled_friction * chances.fraction(n) * slope
         self._backwards, self._forwards = real[:, 1], real[:, 2]
-        self._step, lag = errors.control_period / STEPS, errors.lag * chances.share(1)
+        self._step, lag = errors.control_period / STEPS, errors.lag * chances.fraction(1)
         # Shares of a lag at the begin, in the middle and at the end of a step.
         after = self._step * np.array([0.0, 0.5, 1.0])[:, None, None]
         self._left = np.exp(-after / np.maximum(lag, 1e-12)) * (lag > 0)
-        self._late = np.rint(errors.delay * chances.share() / self._step).astype(int)
+        self._late = np.rint(errors.delay * chances.fraction() / self._step).astype(int)
         self.tool, self.base = errors.tool * chances.ball(), errors.base * chances.ball()
         drawn = [random.normal(size=(count, n)) for random in chances.random]
-        self.noise = errors.noise * chances.share(1, 1) * np.array(drawn)
+        self.noise = errors.noise * chances.fraction(1, 1) * np.array(drawn)
         self.state = np.stack([np.tile(controller.position[0], (runs, 1)), np.zeros((runs, n))])
         self._effort = np.tile(controller.start_effort, (runs, 1))
         self._sent = [self._effort] * (int(self._late.max()) + 1)
@@ -248,8 +248,8 @@ def _broken_places(
     turn, tool = robot.tool_pose(dense)
     tool = tool + turn @ shift + base
     begin, along = tube.points[:-1], np.diff(tube.points, axis=0)
-    share = np.einsum("kmi,mi->km", tool[:, None] - begin, along) / (along**2).sum(axis=1)
-    nearest = begin + np.clip(share, 0.0, 1.0)[:, :, None] * along
+    fraction = np.einsum("kmi,mi->km", tool[:, None] - begin, along) / (along**2).sum(axis=1)
+    nearest = begin + np.clip(fraction, 0.0, 1.0)[:, :, None] * along
     room = tube.radius - np.linalg.norm(tool[:, None] - nearest, axis=2)
     lower, upper = tube.ranges_of(robot.joint_names)
     in_ranges = np.minimum(dense[:, None] - lower, upper - dense[:, None]).min(axis=2)

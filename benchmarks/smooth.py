@@ -7,8 +7,8 @@ the smooth one that is written instead: durations, how far the effort that swing
 limits), largest effort rate (in limits per second), jerk, acceleration of a joint and of the tool,
 the tool's least room in its tube, and how much less room than before it has in some segment, as a
 share of the tolerance. CPU is the processor time of the second stage with its
-certificate, as a share of the first stage's with its own, both of the same plan; of repeated plans
-the least of each. Exit status 1 if one of six problems misses a goal of `_faults`.
+certificate, as a fraction of the first stage's with its own, both of the same plan; of repeated
+plans the least of each. Exit status 1 if one of six problems misses a goal of `_faults`.
 """
 
 import argparse
@@ -40,7 +40,7 @@ OTHERS = (
     "two_link/paper_4_50mm",
     "two_link/paper_5_50mm",
 )
-MAX_VARIATION, MAX_MEAN_VARIATION, MAX_RATE, MAX_JERK_SHARE = 0.8, 0.55, 0.2, 0.06
+MAX_VARIATION, MAX_MEAN_VARIATION, MAX_RATE, MAX_JERK_FRACTION = 0.8, 0.55, 0.2, 0.06
 MAX_LESS_ROOM, MAX_CPU = 0.1, 1.2  # of the radius, and of the first stage
 _SAMPLES_PER_PIECE = 20
 
@@ -68,7 +68,7 @@ class Measures:
 class Row:
     """A problem's shortest motion and its smooth one: durations [s], measures, room [m], CPU.
 
-    `less` is the largest share of its tolerance that a segment has less of room than before.
+    `less` is the largest fraction of its tolerance that a segment has less of room than before.
     """
 
     name: str
@@ -102,7 +102,7 @@ def measures(problem: PlanningProblem, trajectory: JointTrajectory) -> Measures:
 
 
 def segment_room(problem: PlanningProblem, trajectory: JointTrajectory) -> FloatArray:
-    """Return the share of its tolerance that the tool leaves free in each segment, (m,)."""
+    """Return the fraction of its tolerance that the tool leaves free in each segment, (m,)."""
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
     segment = current_segments(problem, trajectory, samples)
     room = np.ones(problem.tube.segment_count)
@@ -158,8 +158,8 @@ def _print_row(row: Row) -> None:
     before, after = map(asdict, row.measures)
     cells = []
     for name, shape in zip(before, ("5.1f", "6.0f", "8.1e", "6.0f", "6.1f"), strict=True):
-        share = row.ratios[name]
-        cells.append(f"{before[name]:{shape}} {after[name]:{shape}} {share:5.3f}")
+        fraction = row.ratios[name]
+        cells.append(f"{before[name]:{shape}} {after[name]:{shape}} {fraction:5.3f}")
     durations, room = row.durations, [1000 * value for value in row.room]
     print(
         f"{row.name:28} {durations[0]:7.4f} {durations[1]:7.4f} ",
@@ -186,10 +186,10 @@ def _faults(rows: list[Row]) -> list[str]:
         less = (row.room[0] - row.room[1]) / row.radius
         for what, value, most in (
             ("share of variation", row.ratios["variation"], MAX_VARIATION),
-            ("share of effort rate", row.ratios["rate"], MAX_RATE),
-            ("share of jerk", row.ratios["jerk"], MAX_JERK_SHARE),
-            ("share of the radius less room", less, MAX_LESS_ROOM),
-            ("share of a segment's tolerance less room", row.less, MAX_LESS_ROOM),
+            ("fraction of effort rate", row.ratios["rate"], MAX_RATE),
+            ("share of jerk", row.ratios["jerk"], MAX_JERK_FRACTION),
+            ("fraction of the radius less room", less, MAX_LESS_ROOM),
+            ("fraction of a segment's tolerance less room", row.less, MAX_LESS_ROOM),
             ("share of CPU", row.cpu, MAX_CPU),
         ):
             if value > most:
@@ -203,7 +203,7 @@ def _faults(rows: list[Row]) -> list[str]:
 def main() -> int:
     """Plan and print the table; return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--slack", type=float, default=0.005, help="share of the duration")
+    parser.add_argument("--slack", type=float, default=0.005, help="fraction of the duration")
     parser.add_argument("--repeats", type=int, default=1, help="plans of every problem")
     parser.add_argument("--only", default="", help="problems whose name contains this")
     asked = parser.parse_args()

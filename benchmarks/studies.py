@@ -64,7 +64,7 @@ NAMES = (
     "example:ur5/over_the_wall",
 )
 LEAST = 0.9  # of what the loops make
-NARROWEST = 0.8  # share of the bundled tubes' widths
+NARROWEST = 0.8  # fraction of the bundled tubes' widths
 TASKS, LINES = 2000, 200  # that do nothing; of a journal
 Point = tuple[str, float]
 Ways = dict[str, Callable[[list[Point]], "Chunk"]]
@@ -99,16 +99,16 @@ def _loaded(name: str) -> PlanningProblem:
     return load_problem(name)
 
 
-def problem_of(name: str, share: float) -> PlanningProblem:
+def problem_of(name: str, fraction: float) -> PlanningProblem:
     """Return a bundled problem, loaded once, with another width of its tube."""
     problem = _loaded(name)
-    return problem.with_tube(replace(problem.tube, radius=share * problem.tube.radius))
+    return problem.with_tube(replace(problem.tube, radius=fraction * problem.tube.radius))
 
 
 def points(count: int) -> list[Point]:
     """Return problems and the widths of their tubes."""
-    shares = (1 - (1 - NARROWEST) * k / count for k in range(count))
-    return [(NAMES[k % len(NAMES)], share) for k, share in enumerate(shares)]
+    fractions = (1 - (1 - NARROWEST) * k / count for k in range(count))
+    return [(NAMES[k % len(NAMES)], fraction) for k, fraction in enumerate(fractions)]
 
 
 class Loops:
@@ -134,15 +134,15 @@ class Loops:
     def planned(self, asked: list[Point]) -> Chunk:
         """Plan points: pairs of both problems go to the processes in turns."""
         count, durations = len(self._loops), [None] * len(asked)
-        shares = [
+        fractions = [
             [k for k in range(len(asked)) if k // len(NAMES) % count == loop]
             for loop in range(count)
         ]
-        for loop, share in zip(self._loops, shares, strict=True):
-            print(json.dumps([asked[k] for k in share]), file=loop.stdin, flush=True)
+        for loop, fraction in zip(self._loops, fractions, strict=True):
+            print(json.dumps([asked[k] for k in fraction]), file=loop.stdin, flush=True)
         found = [json.loads(loop.stdout.readline()) for loop in self._loops]
-        for share, answer in zip(shares, found, strict=True):
-            for k, duration in zip(share, answer["durations"], strict=True):
+        for fraction, answer in zip(fractions, found, strict=True):
+            for k, duration in zip(fraction, answer["durations"], strict=True):
                 durations[k] = duration
         return Chunk([answer["seconds"] for answer in found], durations)
 
@@ -236,9 +236,9 @@ def _is_as_good(totals: dict[str, Chunk], count: int) -> bool:
     heading = ("way", "seconds", "plans/min", "of the loops", "CPU s/plan")
     print("{:16s} {:>8s} {:>10s} {:>13s} {:>11s}".format(*heading))
     for name, total in totals.items():
-        seconds, share = max(total.seconds), max(first.seconds) / max(total.seconds)
+        seconds, fraction = max(total.seconds), max(first.seconds) / max(total.seconds)
         rate, processor = 60 * count / seconds, total.processor / count
-        print(f"{name:16s} {seconds:8.1f} {rate:10.1f} {share:13.3f} {processor:11.3f}")
+        print(f"{name:16s} {seconds:8.1f} {rate:10.1f} {fraction:13.3f} {processor:11.3f}")
     print(f"answers are {'the same bits' if same else 'NOT THE SAME'}")
     return same and max(first.seconds) >= LEAST * max(totals["plan_many"].seconds)
 

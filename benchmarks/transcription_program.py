@@ -21,7 +21,7 @@ TUBE_SAMPLES = (0.0, 0.25, 0.5, 0.75)
 TUBE_MARGIN = 1e-5  # [m]: kept free, so that what lies between samples stays inside too
 MIN_PHASE = 1e-3  # [s]
 SAMPLES_PER_PIECE = 41  # per interval, for what is broken between samples
-BROKEN = 1e-4  # share of a velocity or effort limit
+BROKEN = 1e-4  # fraction of a velocity or effort limit
 
 
 class SymbolicArm:
@@ -156,7 +156,7 @@ class ArmRules:
     ranges: ca.Function  # p: width, place
     motors: ca.Function  # p: width, place, time unit [s]
     jerk: ca.Function  # p: width
-    tube: ca.Function  # p: width, place, A, B - A, radius; z has the share of the axis too
+    tube: ca.Function  # p: width, place, A, B - A, radius; z has the fraction of the axis too
 
 
 @cache
@@ -181,8 +181,8 @@ def arm_rules(robot: RobotModel) -> ArmRules:
     efforts = arm.inverse_dynamics(q_t, v_t / unit, a_t / unit**2)
     motors = ca.vertcat(*(efforts[j] / robot.limits.effort[j] for j in bounded))
     begin, along = ca.SX.sym("begin", 3), ca.SX.sym("along", 3)
-    radius, axis_share = ca.SX.sym("radius"), ca.SX.sym("axis_share")
-    off = arm.tool_position(q_t) - begin - axis_share * along
+    radius, axis_fraction = ca.SX.sym("radius"), ca.SX.sym("axis_share")
+    off = arm.tool_position(q_t) - begin - axis_fraction * along
     sample = ca.vertcat(width, place)
     return ArmRules(
         _rule(ca.vertcat(q, v, a, next_q, next_v, next_a, total), width, gap),
@@ -190,7 +190,7 @@ def arm_rules(robot: RobotModel) -> ArmRules:
         _rule(z, ca.vertcat(sample, unit), motors),
         _rule(z, width, (next_a - a) / h),
         _rule(
-            ca.vertcat(z, axis_share),
+            ca.vertcat(z, axis_fraction),
             ca.vertcat(sample, begin, along, radius),
             ca.dot(off, off) / radius,
         ),
@@ -203,7 +203,7 @@ class Grid:
 
     Attributes:
         phase: Of every interval, shape (K,).
-        width: As a share of the phase, shape (K,).
+        width: As a fraction of the phase, shape (K,).
     """
 
     phase: np.ndarray
@@ -344,8 +344,8 @@ class Transcription:
         self._samples, self._tube_at = samples, samples.tube
         self._nodes = np.arange((self._count + 1) * 3 * self._n).reshape(-1, 3 * self._n)
         self._durations = self._nodes.size + np.arange(self._phases)
-        self._axis_shares = self._nodes.size + self._phases + np.arange(len(self._tube_at[0]))
-        self._size = self._nodes.size + self._phases + len(self._axis_shares)
+        self._axis_fractions = self._nodes.size + self._phases + np.arange(len(self._tube_at[0]))
+        self._size = self._nodes.size + self._phases + len(self._axis_fractions)
         self._blocks = self._all_blocks()
 
     def solved(self, start: PhasedTrajectory, seconds: float, options: dict) -> Solution:
@@ -431,7 +431,7 @@ class Transcription:
                 tube.effective_radius[phase] - TUBE_MARGIN,
             ]
         )
-        unknowns = np.vstack([self._sample_unknowns(interval), self._axis_shares])
+        unknowns = np.vstack([self._sample_unknowns(interval), self._axis_fractions])
         return _block(rule, unknowns, numbers, -np.inf, numbers[-1:])
 
     def _motor_block(self, rule: ca.Function) -> _Block:
@@ -459,10 +459,10 @@ class Transcription:
         for node, q in zip((0, -1), self._ends, strict=True):
             low[node] = high[node] = np.concatenate([q, np.zeros(2 * self._n)])
         free = np.zeros(self._phases), np.full(self._phases, np.inf)
-        shares = len(self._axis_shares)
+        fractions = len(self._axis_fractions)
         return (
-            np.concatenate([low.ravel(), free[0] + MIN_PHASE / self._unit, np.zeros(shares)]),
-            np.concatenate([high.ravel(), free[1], np.ones(shares)]),
+            np.concatenate([low.ravel(), free[0] + MIN_PHASE / self._unit, np.zeros(fractions)]),
+            np.concatenate([high.ravel(), free[1], np.ones(fractions)]),
         )
 
     def _guess(self, start: PhasedTrajectory) -> np.ndarray:
@@ -478,8 +478,8 @@ class Transcription:
         phase, tube = self._grid.phase[interval], self._problem.tube
         nearest = tube.nearest(tool)[np.arange(len(phase)), phase] - tube.points[phase]
         along = np.diff(tube.points, axis=0)[phase]
-        share = np.sum(nearest * along, axis=1) / np.sum(along**2, axis=1)
-        return np.concatenate([nodes.ravel(), durations / self._unit, share])
+        fraction = np.sum(nearest * along, axis=1) / np.sum(along**2, axis=1)
+        return np.concatenate([nodes.ravel(), durations / self._unit, fraction])
 
     def _trajectory(self, unknown: np.ndarray) -> PhasedTrajectory:
         q, v, a = np.split(unknown[: self._nodes.size].reshape(self._count + 1, -1), 3, axis=1)

@@ -71,7 +71,7 @@ PICTURES = {
     ),
     "motor_curves": Picture(
         "python docs/gallery_figures.py motor_curves motor_curves.png",
-        "Efforts over velocities stay inside what each motor has; friction takes its share.",
+        "Efforts over velocities stay inside what each motor has; friction takes its fraction.",
     ),
     "convergence": Picture(
         "python docs/gallery_figures.py convergence convergence.png",

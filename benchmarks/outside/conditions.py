@@ -18,10 +18,10 @@ from outside.tube_fields import TubeFields
 RELATIVE = "relative"
 QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 STILL = 1e-6  # of the fastest joint's speed: a slower joint is measured by that
-NEAR_SHARE, NEAR_ABSOLUTE = 0.01, 1e-3  # relative; [rad, m]: where steps are divided
+NEAR_FRACTION, NEAR_ABSOLUTE = 0.01, 1e-3  # relative; [rad, m]: where steps are divided
 PARTS = 20  # into so many
 MET = 1e-6  # [m]: a tool that near is at its point
-SHARE = 1e-3  # of a piece: the step of differences
+FRACTION = 1e-3  # of a piece: the step of differences
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def judge_limits(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str
     found = {name: _condition(arm, name, margin, samples) for name, margin in margins.items()}
     near = np.zeros(len(samples), dtype=bool)
     for name, margin in margins.items():
-        near |= (margin < (NEAR_ABSOLUTE if name == "position" else NEAR_SHARE)).any(axis=1)
+        near |= (margin < (NEAR_ABSOLUTE if name == "position" else NEAR_FRACTION)).any(axis=1)
     rows = np.flatnonzero(near)
     finer = samples.between(np.concatenate([rows - 1, rows]), PARTS)
     if len(finer) == 0:
@@ -83,11 +83,11 @@ def judge_ends(problem: Problem, arm: Arm, trajectory: Trajectory) -> dict[str, 
         for name, given, row, point in asked
     }
     largest = _largest(trajectory)
-    shares = [abs(trajectory.at(ends, order)) / largest[order] for order in (1, 2)]
-    share = np.maximum(*shares)
-    row, joint = np.unravel_index(int(share.argmax()), share.shape)
+    fractions = [abs(trajectory.at(ends, order)) / largest[order] for order in (1, 2)]
+    fraction = np.maximum(*fractions)
+    row, joint = np.unravel_index(int(fraction.argmax()), fraction.shape)
     where = f"joint {arm.joint_names[joint]}"
-    found["rest"] = Condition(-float(share.max()), RELATIVE, float(ends.time[row]), where)
+    found["rest"] = Condition(-float(fraction.max()), RELATIVE, float(ends.time[row]), where)
     found["continuity"] = _continuity(arm, trajectory, largest)
     return found
 
@@ -152,8 +152,10 @@ def _margins(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, np
         j = law.joint
         by_place = law.margin(q[:, j], v[:, j], float(limits.velocity[j]))
         margins["velocity"][:, j] = np.minimum(margins["velocity"][:, j], by_place)
-    shares = [np.linalg.norm(arm.point_velocity(p, q, v), axis=1) / p.speed for p in limits.points]
-    margins["point_speed"] = 1 - np.array(shares).reshape(len(shares), len(q)).T
+    fractions = [
+        np.linalg.norm(arm.point_velocity(p, q, v), axis=1) / p.speed for p in limits.points
+    ]
+    margins["point_speed"] = 1 - np.array(fractions).reshape(len(fractions), len(q)).T
     return margins
 
 
@@ -183,7 +185,7 @@ def _effort_rates(arm: Arm, trajectory: Trajectory, samples: Samples) -> np.ndar
 
     Of the polynomial that holds at each sample, which goes on beyond its breakpoints.
     """
-    step = SHARE * np.diff(trajectory.breakpoints)[samples.piece]
+    step = FRACTION * np.diff(trajectory.breakpoints)[samples.piece]
     total = np.zeros((len(samples), len(arm.joint_names)))
     for steps, weight in ((-2, 1.0), (-1, -8.0), (1, 8.0), (2, -1.0)):
         moved = replace(samples, local=samples.local + steps * step)

@@ -96,7 +96,7 @@ class Law:
     upper: float
 
     def margin(self, q: np.ndarray, v: np.ndarray, most: float) -> np.ndarray:
-        """Return what is left at positions and velocities (N,), as a share, shape (N,).
+        """Return what is left at positions and velocities (N,), as a fraction, shape (N,).
 
         Args:
             q: The joint's [rad or m].
@@ -225,7 +225,7 @@ class EffortLimit:
         return np.interp(q, self.position, self.forwards if way > 0 else self.backwards)
 
     def scaled(self, factor: float) -> "EffortLimit":
-        """Return a share of it."""
+        """Return a fraction of it."""
         return EffortLimit(self.position, factor * self.backwards, factor * self.forwards)
 
 

@@ -42,8 +42,8 @@ class Samples:
         after = np.unique(after[(after >= 0) & (after < len(self) - 1)])
         after = after[self.piece[after] == self.piece[after + 1]]
         after = after[self.local[after + 1] - self.local[after] > MIN_STEP * self.time[-1]]
-        share = np.arange(1, parts) / parts
-        step = (self.local[after + 1] - self.local[after])[:, None] * share
+        fraction = np.arange(1, parts) / parts
+        step = (self.local[after + 1] - self.local[after])[:, None] * fraction
         return Samples(
             np.repeat(self.piece[after], parts - 1),
             (self.local[after][:, None] + step).ravel(),

@@ -163,8 +163,8 @@ def rotation_error(
     assert tube.orientations is not None
     begin, end = (Rotation.from_quat(tube.orientations[segment + k]) for k in (0, 1))
     turn = (begin.inv() * end).as_rotvec()
-    share, _ = _nearest(tube.points, position, segment)
-    reference = begin * Rotation.from_rotvec(share[:, None] * turn)
+    fraction, _ = _nearest(tube.points, position, segment)
+    reference = begin * Rotation.from_rotvec(fraction[:, None] * turn)
     return (reference.inv() * Rotation.from_matrix(rotation)).as_rotvec()
 
 
@@ -339,8 +339,8 @@ def _nearest(
 ) -> tuple[np.ndarray, np.ndarray]:
     begin, along = points[segment], points[segment + 1] - points[segment]
     square = max(float(along @ along), 1e-300)  # a segment of no length is a ball
-    share = np.clip((position - begin) @ along / square, 0, 1)
-    return share, np.linalg.norm(position - begin - share[:, None] * along, axis=1)
+    fraction = np.clip((position - begin) @ along / square, 0, 1)
+    return fraction, np.linalg.norm(position - begin - fraction[:, None] * along, axis=1)
 
 
 def _margins(

@@ -24,7 +24,7 @@ REPEATED = 1e-6  # [m]
 ON_LINE = 1e-9  # [m] and [rad]
 SAME_ROTATION = 1e-6  # [rad]
 BACK = math.cos(math.radians(150.0))
-NEAR_SHARE = 0.1  # of the radius: points that near are skipped when a turn is measured
+NEAR_FRACTION = 0.1  # of the radius: points that near are skipped when a turn is measured
 RULES = ("all", "corners", "none")
 Section = tuple[float, ...]  # width, height [m], and the upward direction
 PARALLEL = 1e-6  # sine of the least angle between a segment and what is upward there
@@ -200,7 +200,7 @@ def passing(points: np.ndarray, radius: np.ndarray, rule: Any) -> list[int]:
     corners: list[int] = []
     last = 0
     for k in inner:
-        near = NEAR_SHARE * min(radius[k - 1 : k + 1])
+        near = NEAR_FRACTION * min(radius[k - 1 : k + 1])
         if _straightness(points, k, near) >= BACK:
             continue
         if last == k - 1 and corners and math.dist(points[k - 1], points[k]) <= near:

@@ -24,7 +24,8 @@ EXAMPLE_PREFIX = "example:"
 _PACKAGE_PREFIX = "package://"
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
 _URI = re.compile(_SCHEME.pattern + "/")  # without the slash it may be the name of a file
-# file:PATH, file:/PATH, file://PATH (relative, as ROS reads it), file:///PATH, file://localhost/PATH
+# file:PATH, file:/PATH, file://PATH (relative, as ROS reads it), file:///PATH,
+# file://localhost/PATH
 _FILE_SCHEME = re.compile(r"file:(//(localhost(?=/))?)?")
 _DRIVE = re.compile(r"(file:/*)?([A-Za-z]:)")
 _SUBSTITUTION = re.compile(r"\$[({A-Za-z][^)}/\\]*[)}]?")

@@ -70,7 +70,7 @@ class Case:
         return Motion(samples, q, v, a, jerk, self.robot.inverse_dynamics(q, v, a), tool_speed)
 
     def add(self, piece, polynomial):
-        """Add a polynomial in the share of a piece to the first joint, highest power first."""
+        """Add a polynomial in the fraction of a piece to the first joint, highest power first."""
         trajectory, degree = self.trajectory, len(self.trajectory.coefficients)
         powers = np.arange(len(polynomial) - 1, -1, -1)
         coefficients = trajectory.coefficients.copy()
@@ -150,9 +150,9 @@ def weaker_in_one_place(motion):
     }
 
 
-def motor_line(motion, share):
-    """Motors whose line from stall to no load leaves a share of what the first joint uses of it."""
-    used = peak(motion.effort[:, 0] / 95.0 + motion.v[:, 0] / 40.0) * share
+def motor_line(motion, fraction):
+    """Motors whose line from stall to no load has a fraction of the first joint's use."""
+    used = peak(motion.effort[:, 0] / 95.0 + motion.v[:, 0] / 40.0) * fraction
     ends = {"saturation_effort": 95.0 * used, "no_load_velocity": 40.0 * used}
     return {key: {"joint1": value} for key, value in ends.items()}
 
@@ -274,8 +274,8 @@ def spur(case, length):
     points, radius = np.array(case.tube["points"]), case.tube["radius"]
     begin, along = points[1], points[2] - points[1]
     tools = case.robot.tool_position(case.motion().q)
-    share = (tools - begin) @ along / (along @ along)
-    foot = begin + share[abs(share - 0.5).argmin()] * along
+    fraction = (tools - begin) @ along / (along @ along)
+    foot = begin + fraction[abs(fraction - 0.5).argmin()] * along
     new = [*points[:2], foot, foot + np.array([0.0, 0.0, length]), foot, *points[2:]]
     case.tube["points"] = np.array(new)
     case.tube["radius"] = [*radius[:1], *radius[1:2] * 4, *radius[2:]]
@@ -384,32 +384,32 @@ def test_what_says_nothing_is_refused(case, path, value, message):
         case.broken()
 
 
-def law_left(motion, share):
-    """A law of the first joint of which its motion leaves some share of its largest velocity."""
+def law_left(motion, fraction):
+    """A law of the first joint of which its motion leaves some fraction of its largest velocity."""
     q, v = motion.q[:, 0], motion.v[:, 0]
     deceleration, offset, largest = 5.0, 0.4, 50.0
     rising = v > 0
-    root = np.maximum(v[rising] + share * largest, 0.0) + offset
+    root = np.maximum(v[rising] + fraction * largest, 0.0) + offset
     upper = (q[rising] + root**2 / (2 * deceleration)).max()
     return {"deceleration": deceleration, "offset": offset, "lower": -50.0, "upper": upper}
 
 
-@pytest.mark.parametrize("share", [-SLIGHTLY, SLIGHTLY])
-def test_both_judges_have_the_same_limits_by_place(case, share):
-    """Of a certified trajectory that leaves some share of them; one point is never so fast."""
+@pytest.mark.parametrize("fraction", [-SLIGHTLY, SLIGHTLY])
+def test_both_judges_have_the_same_limits_by_place(case, fraction):
+    """Of a certified trajectory that leaves some fraction of them; one point is never so fast."""
     motion = case.motion()
     case.put("robot.limits.velocity.joint1", 50.0)
-    case.put("robot.limits.velocity_by_position.joint1", law_left(motion, share))
+    case.put("robot.limits.velocity_by_position.joint1", law_left(motion, fraction))
     tool = {"link": "hand", "position": [0.0, 0.0, 0.0]}
     slow = {"link": "link1", "position": [0.1, 0.0, 0.0], "speed": 100.0}
-    fast = tool | {"speed": motion.tool_speed.max() * (1 + share)}
+    fast = tool | {"speed": motion.tool_speed.max() * (1 + fraction)}
     case.put("robot.limits.point_speed", [slow, fast])
     outside, inside = case.judged_by_both()
     for name, where in (("velocity", "joint joint1"), ("point_speed", "point 1 on hand")):
-        assert outside[name].margin == pytest.approx(share, abs=5e-6)
+        assert outside[name].margin == pytest.approx(fraction, abs=5e-6)
         assert outside[name].margin == pytest.approx(inside[name].margin, abs=1e-3)
         assert (outside[name].unit, outside[name].where) == ("relative", where)
-    assert case.broken(outside) == ({"velocity", "point_speed"} if share < 0 else set())
+    assert case.broken(outside) == ({"velocity", "point_speed"} if fraction < 0 else set())
 
 
 EFFORT_BY_PLACE = {"joint2": {"position": [-2.0, -1.0, 0.0], "effort": [40, 20, 30]}}

@@ -48,9 +48,9 @@ def ending(end):
     return slow_motion(CYCLE, (HOME, PICK, PLACE, end))
 
 
-def one_leg(cycle, end=PICK, shares=()):
+def one_leg(cycle, end=PICK, fractions=()):
     """Return a motion from home to an end in one leg, whose moves end at shares of it."""
-    leg = LegMotion(rest_to_rest(cycle.robot.joint_names, HOME, end, 2.0), shares)
+    leg = LegMotion(rest_to_rest(cycle.robot.joint_names, HOME, end, 2.0), fractions)
     return cycle_motion(cycle, [leg])
 
 
@@ -284,10 +284,10 @@ def test_motors_hold_what_is_taken_or_are_found_too_weak(then):
     robot = planar_arm(GRAVITY)
     lever = robot.tool_position(PICK)[0] - np.array([0.0, 0.3 * np.cos(PICK[0])])  # horizontal [m]
     empty = robot.gravity_effort(PICK)
-    share = 1 - abs(empty + 20.0 * 9.81 * lever) / robot.limits.effort
+    fraction = 1 - abs(empty + 20.0 * 9.81 * lever) / robot.limits.effort
     found = held(robot, Attach("mass", weight(20.0)), *then)
-    assert found.margin == pytest.approx(share.min(), abs=1e-9)
-    assert found.where.joint == robot.joint_names[int(share.argmin())]
+    assert found.margin == pytest.approx(fraction.min(), abs=1e-9)
+    assert found.where.joint == robot.joint_names[int(fraction.argmin())]
     assert found.margin < 0
     light = held(robot, Attach("mass", weight(0.0)), *then)
     assert light.margin == pytest.approx((1 - abs(empty) / robot.limits.effort).min())

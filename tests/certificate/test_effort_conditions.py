@@ -25,7 +25,7 @@ from tubeplanner.robot.overrides import EffortRange
 
 # Efforts with friction at dense samples of random motions, written out.
 
-SHARES = np.linspace(0, 1, 2001)
+FRACTIONS = np.linspace(0, 1, 2001)
 
 
 def samples(robot, trajectory):
@@ -43,7 +43,7 @@ def samples(robot, trajectory):
             polynomials += [np.polysub(rows[:, table.joint], at) for at in table.position]
         roots = np.concatenate([np.roots(each) for each in polynomials])
         real = roots[abs(roots.imag) < 1e-9].real
-        time = np.concatenate([SHARES * width, real[(real > 0) & (real < width)]])
+        time = np.concatenate([FRACTIONS * width, real[(real > 0) & (real < width)]])
         pieces = np.full(len(time), piece)
         q, v, a = (trajectory.within(pieces, time, order) for order in range(3))
         smooth = robot.inverse_dynamics(q, v, a)
@@ -56,7 +56,7 @@ def samples(robot, trajectory):
 
 
 def worst_use(robot, trajectory):
-    """Return the largest share of the effort limits that a sample uses."""
+    """Return the largest fraction of the effort limits that a sample uses."""
     q, _, effort, unsure = samples(robot, trajectory)
     most = robot.limits.effort
     used = []
@@ -70,10 +70,10 @@ def worst_use(robot, trajectory):
 
 
 def worst_curve_use(robot, trajectory):
-    """Return the largest share of the torque-speed lines that a sample uses."""
+    """Return the largest fraction of the torque-speed lines that a sample uses."""
     _, v, effort, unsure = samples(robot, trajectory)
-    stall, share = robot.motors.saturation_effort, v / robot.motors.no_load_velocity
-    return max(((way * effort + unsure) / stall + way * share).max() for way in (1, -1))
+    stall, fraction = robot.motors.saturation_effort, v / robot.motors.no_load_velocity
+    return max(((way * effort + unsure) / stall + way * fraction).max() for way in (1, -1))
 
 
 def dry(back, forth):
@@ -166,14 +166,14 @@ def test_both_sides_of_a_reversal_count(bar, acceleration):
     assert (condition.where.time >= AT - 1e-9) == (needed[1] > needed[0])
 
 
-@pytest.mark.parametrize("share", [0.0, 0.25])
+@pytest.mark.parametrize("fraction", [0.0, 0.25])
 @pytest.mark.parametrize("drives", [True, False])
-def test_uncertain_friction_is_the_worst_it_may_be(bar, drives, share):
+def test_uncertain_friction_is_the_worst_it_may_be(bar, drives, fraction):
     """More where it adds to the effort, less where it helps to brake."""
     acceleration, sign = (2.0, 1) if drives else (-4.0, -1)
     friction = VISCOUS * (3.0 + 0.1 * acceleration) + FORTH
-    most = sign * (INERTIA * acceleration + friction) + share * friction
-    robot = bar(limits={"effort": 9.0}, **ALL, friction_uncertainty=share)
+    most = sign * (INERTIA * acceleration + friction) + fraction * friction
+    robot = bar(limits={"effort": 9.0}, **ALL, friction_uncertainty=fraction)
     condition = judged("effort", robot, course([acceleration / 2, 3.0, 0.0], width=0.1))
     assert condition.margin == pytest.approx(1 - most / 9.0, abs=1e-8)
     assert condition.where.time == pytest.approx(0.1, abs=1e-6)
@@ -235,7 +235,7 @@ def test_no_sample_uses_more_of_limits_and_lines_and_one_as_much(request, name, 
 
 
 RUBBING = {"viscous_friction": 0.2, "friction_uncertainty": 0.1, **dry(1.1, 0.7)}
-# Friction, motion, the share of the line that is used at most.
+# Friction, motion, the fraction of the line that is used at most.
 USED = {
     "driving, faster and faster": ({}, course([1.5, 1.0, 0.0]), 3 * INERTIA / STALL + 0.4),
     # From 9 to 8 rad/s within 0.1 s: 7 N m of braking, more than the motor's stall effort.
@@ -331,17 +331,17 @@ def test_without_friction_there_is_nothing_to_tell(slide, arm):
 # How fast efforts change: closed forms, breakpoints, defects that only samples between show.
 
 
-@pytest.mark.parametrize("share", [0.5, 1 - 2e-6, 1 + 2e-6, 3.0])
-def test_the_margin_is_what_the_largest_jerk_leaves(bar, share):
+@pytest.mark.parametrize("fraction", [0.5, 1 - 2e-6, 1 + 2e-6, 3.0])
+def test_the_margin_is_what_the_largest_jerk_leaves(bar, fraction):
     """Without gravity the rate is inertia times jerk, 60 rad/s^3 at both ends of the quintic."""
-    robot = bar(limits=rated(share * INERTIA * PEAK_JERK))
+    robot = bar(limits=rated(fraction * INERTIA * PEAK_JERK))
     certificate = verify(anywhere(robot), quintic(1.0))
     condition = certificate.conditions["effort_rate"]
-    assert condition.margin == pytest.approx(1 - 1 / share, abs=2e-8 / share)
+    assert condition.margin == pytest.approx(1 - 1 / fraction, abs=2e-8 / fraction)
     assert condition.where.joint == "turn"
     assert min(condition.where.time, 1 - condition.where.time) == pytest.approx(0.0, abs=1e-6)
     assert (condition.unit, condition.coverage) == ("relative", "for all t")
-    assert ("effort_rate" in certificate.failures()) == (share < 1)
+    assert ("effort_rate" in certificate.failures()) == (fraction < 1)
 
 
 def test_a_pendulums_own_weight_counts(bar):

@@ -70,21 +70,21 @@ def test_on_a_line_the_end_of_it_decides(bar, start, velocity):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("share", [1 - 1e-6, 1 + 1e-6])
-def test_a_millionth_decides_between_samples(bar, sign, share):
+@pytest.mark.parametrize("fraction", [1 - 1e-6, 1 + 1e-6])
+def test_a_millionth_decides_between_samples(bar, sign, fraction):
     """A quintic that touches the law somewhere in the middle, by its duration."""
     end = 0.9 * (UPPER - ZONE) if sign > 0 else 0.9 * (LOWER + ZONE)
     shape = quintic(end, 1.0)
     at = shape.at(np.linspace(0, 1, 400_001)[1:-1])
     to_go = UPPER - at.position[:, 0] if sign > 0 else at.position[:, 0] - LOWER
     slowest = (abs(at.velocity[:, 0]) / (np.sqrt(2 * DECELERATION * to_go) - OFFSET)).max()
-    trajectory = shape.scaled(slowest * share)
+    trajectory = shape.scaled(slowest * fraction)
     condition = judged(bar(), trajectory)
-    assert (condition.margin > 0) == (share > 1)
+    assert (condition.margin > 0) == (fraction > 1)
     assert abs(condition.margin) < 1.1e-6
     assert 0 < condition.where.time < trajectory.duration
     failures = verify(bar(), trajectory, Tolerance(1e-6, 1e-8)).failures()
-    assert ("velocity" in failures) == (share < 1)
+    assert ("velocity" in failures) == (fraction < 1)
 
 
 @pytest.mark.parametrize(
@@ -231,7 +231,7 @@ def test_a_tool_that_is_not_at_the_reference_point_is_found(end, stored):
     problem, trajectory = stored(UR5)
     free = changed(problem, start=Seed(problem.start), goal=None)
     times = (0.0, 0.9) if end == "goal" else (0.1, 1.0)
-    part = trajectory.between(*(share * trajectory.duration for share in times))
+    part = trajectory.between(*(fraction * trajectory.duration for fraction in times))
     index, time = (-1, part.duration) if end == "goal" else (0, 0.0)
     tool = problem.robot.tool_position(part.position([time]))[0]
     away = np.linalg.norm(tool - problem.tube.points[index])
@@ -280,12 +280,12 @@ def test_a_tool_that_is_not_at_its_pose_is_found(end, shift, rpy, unit, margin, 
 @pytest.mark.parametrize("at_end", [False, True])
 @pytest.mark.parametrize("order", [1, 2])
 def test_motion_at_an_end_is_measured_by_the_largest(order, at_end, stored):
-    """A slope or a bend of one joint at the start or the end, as a share of its largest."""
+    """A slope or a bend of one joint at the start or the end, as a fraction of its largest."""
     problem, trajectory = stored(POST, "branch-and-bound")
     moving = raised(trajectory, order, -1 if at_end else 0, 1, 0.3)
     dense = moving.per_piece(2000)
     time = moving.duration if at_end else 0.0
-    shares = [
+    fractions = [
         abs(rate(time)[1]) / abs(values[:, 1]).max()
         for rate, values in (
             (moving.velocity, dense.velocity),
@@ -295,5 +295,5 @@ def test_motion_at_an_end_is_measured_by_the_largest(order, at_end, stored):
     certificate = verify(problem, moving)
     condition = certificate.conditions["rest"]
     assert "rest" in certificate.failures()
-    assert condition.margin == pytest.approx(-max(shares), rel=1e-3)
+    assert condition.margin == pytest.approx(-max(fractions), rel=1e-3)
     assert (condition.where.time, condition.where.joint) == (time, "joint2")

@@ -292,7 +292,7 @@ def test_friction_of_the_direction_is_there_as_slowly_as_you_like(
     fall, friction, uncertainty, used
 ):
     robot, motion, _ = fall
-    friction = {name: share * robot.limits.effort[0] for name, share in friction.items()}
+    friction = {name: fraction * robot.limits.effort[0] for name, fraction in friction.items()}
     run = tightest_slower_run(
         with_motors(robot, friction_uncertainty=uncertainty, **friction), motion
     )

@@ -89,13 +89,13 @@ def test_the_margin_is_what_the_fastest_instant_leaves(bar, kind, limit, angle):
         assert where.time == pytest.approx(duration / 2, abs=0.02)
 
 
-@pytest.mark.parametrize("share", [1 - 1e-5, 1 + 1e-5])
-def test_a_hundred_thousandth_decides(bar, kind, share):
-    certificate = verify(bar(**limit_of(kind, PEAK * share)), quintic(1.0, 1.0))
+@pytest.mark.parametrize("fraction", [1 - 1e-5, 1 + 1e-5])
+def test_a_hundred_thousandth_decides(bar, kind, fraction):
+    certificate = verify(bar(**limit_of(kind, PEAK * fraction)), quintic(1.0, 1.0))
     condition = certificate.conditions[kind]
-    assert condition.margin == pytest.approx(1 - 1 / share, abs=3e-7)
+    assert condition.margin == pytest.approx(1 - 1 / fraction, abs=3e-7)
     assert condition.where.time == pytest.approx(0.5, abs=0.02)
-    assert (kind in certificate.failures()) == (share < 1)
+    assert (kind in certificate.failures()) == (fraction < 1)
 
 
 def test_without_a_limit_it_is_not_required(bar, kind):
@@ -259,8 +259,8 @@ def test_each_segment_has_its_own_limit_and_the_robots(slider, limits, own, marg
 def test_a_hand_over_is_where_both_segments_hold(slider, limits, slow_at):
     """The first capsule ends 20 mm behind the middle: until there the cart must be slow enough."""
     change = 0.02  # [m]
-    share = (FAST**2 - 0.5**2) / (FAST**2 - SLOW**2)  # of the change, when 0.5 m/s is reached
-    trajectory = driven((slow_at - share * change, slow_at + (1 - share) * change, SLOW))
+    fraction = (FAST**2 - 0.5**2) / (FAST**2 - SLOW**2)  # of the change, when 0.5 m/s is reached
+    trajectory = driven((slow_at - fraction * change, slow_at + (1 - fraction) * change, SLOW))
     assert passes(cart(slider, tool_speed=limits), trajectory) == (slow_at <= MIDDLE + 0.02)
 
 

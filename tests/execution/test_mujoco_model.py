@@ -95,10 +95,10 @@ def test_every_plant_has_its_own_bodies_and_motors(tmp_path):
     for arm in arms:
         arm.place(np.array([0.4]), np.array([2.0]))
     found = [arm.acceleration(np.array([1.5]))[0] for arm in arms]
-    shares = np.array([plant.bodies[1].mass / 2.0 for plant in plants])
+    fractions = np.array([plant.bodies[1].mass / 2.0 for plant in plants])
     friction = np.array([plant.motors.viscous_friction[0] * 2.0 for plant in plants])
-    weight = shares * 2.0 * 9.81 * LEVER * np.cos(0.4)
-    expected = (1.5 - weight - friction) / (shares * (INERTIA + 2.0 * LEVER**2))
+    weight = fractions * 2.0 * 9.81 * LEVER * np.cos(0.4)
+    expected = (1.5 - weight - friction) / (fractions * (INERTIA + 2.0 * LEVER**2))
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     assert np.ptp(found) > 0.1
 
@@ -142,8 +142,8 @@ def test_friction_creeps_at_rest_and_is_whole_from_one_step_of_it_on(tmp_path):
     whole = 3.0 / inertia
     arm.place(upright, np.zeros(1))
     assert arm.acceleration(np.array([2.0])) == pytest.approx(1e-4 * 2.0 / inertia, rel=1e-6)
-    for share, expected in ((0.5, 0.5), (2.0, 1.0)):
-        arm.place(upright, np.array([share * whole * STEP]))
+    for fraction, expected in ((0.5, 0.5), (2.0, 1.0)):
+        arm.place(upright, np.array([fraction * whole * STEP]))
         assert arm.acceleration(np.zeros(1)) == pytest.approx(-expected * whole, rel=1e-3)
 
 

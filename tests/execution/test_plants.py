@@ -20,9 +20,9 @@ def robot():
     return loaded()
 
 
-def loaded(share=1.0):
-    """Return a UR10 with a payload, or a share of it."""
-    weight = Payload(7.5 * share, COM, tuple(np.multiply(share, INERTIA)))
+def loaded(fraction=1.0):
+    """Return a UR10 with a payload, or a fraction of it."""
+    weight = Payload(7.5 * fraction, COM, tuple(np.multiply(fraction, INERTIA)))
     return load_robot("example:ur10", "tool0", payload=weight)
 
 
@@ -42,19 +42,19 @@ def test_the_first_arm_has_all_errors_at_their_bounds_the_second_none_the_others
             plant.motors,
             list(zip(plant.bodies[1:6], moved.inertias[1:6], strict=True)),
         )
-        shares = [(body.mass / own.mass - 1) / errors.mass for body, own in bodies]
-        shares += [np.linalg.norm(body.com - own.com) / errors.com for body, own in bodies]
+        fractions = [(body.mass / own.mass - 1) / errors.mass for body, own in bodies]
+        fractions += [np.linalg.norm(body.com - own.com) / errors.com for body, own in bodies]
         friction = [getattr(motors, kind) / kinds[kind] - 1 for kind in list(kinds)[1:]]
-        shares.extend(np.ravel(friction) / errors.friction)
-        shares += [
+        fractions.extend(np.ravel(friction) / errors.friction)
+        fractions += [
             getattr(plant, name) / getattr(errors, name) for name in ("lag", "delay", "noise")
         ]
-        shares += [
+        fractions += [
             np.linalg.norm(plant.tool) / errors.tool,
             np.linalg.norm(plant.base) / errors.base,
         ]
         more = motors.viscous_friction - 2.0
-        sizes.append(np.abs(shares))
+        sizes.append(np.abs(fractions))
         if len(sizes) == 1:
             unmodelled = errors.unmodelled_friction * slope
             np.testing.assert_allclose(abs(more - unmodelled), 2.0 * errors.friction)
@@ -69,15 +69,15 @@ def test_the_first_arm_has_all_errors_at_their_bounds_the_second_none_the_others
 
 def test_masses_are_uniform_and_inertias_with_them(robot):
     plants = drawn(robot, mass=0.05)
-    shares = np.array([[body.mass for body in plant.bodies[1:6]] for plant in plants])
-    shares /= [body.mass for body in robot.inertias[1:6]]
-    assert abs(shares - 1).max() <= 0.05
+    fractions = np.array([[body.mass for body in plant.bodies[1:6]] for plant in plants])
+    fractions /= [body.mass for body in robot.inertias[1:6]]
+    assert abs(fractions - 1).max() <= 0.05
     # Of a uniform distribution: a quarter of its width about the mean on either side.
-    quartiles = np.quantile(shares, [0.25, 0.75], axis=0).mean(axis=1)
+    quartiles = np.quantile(fractions, [0.25, 0.75], axis=0).mean(axis=1)
     np.testing.assert_allclose(quartiles, [0.975, 1.025], atol=0.003)
-    assert abs(np.corrcoef(shares.T) - np.eye(5)).max() < 0.15
-    for body, share in enumerate(shares[0], start=1):
-        expected = share * robot.inertias[body].inertia
+    assert abs(np.corrcoef(fractions.T) - np.eye(5)).max() < 0.15
+    for body, fraction in enumerate(fractions[0], start=1):
+        expected = fraction * robot.inertias[body].inertia
         np.testing.assert_allclose(plants[0].bodies[body].inertia, expected, atol=1e-12)
 
 
@@ -89,8 +89,8 @@ def test_the_payload_has_an_error_of_its_own(robot):
     without = robot.inertias[-1].mass - 7.5
     assert abs(own - without - 7.5).max() <= 0.1 * without + 1e-9
     (plant,) = drawn_plants(robot, Robustness.exact(payload=0.5), Draw(1))
-    share = 1 + (plant.bodies[-1].mass - robot.inertias[-1].mass) / 7.5
-    expected = loaded(share).inertias[-1]
+    fraction = 1 + (plant.bodies[-1].mass - robot.inertias[-1].mass) / 7.5
+    expected = loaded(fraction).inertias[-1]
     np.testing.assert_allclose(plant.bodies[-1].com, expected.com, atol=1e-9)
     np.testing.assert_allclose(plant.bodies[-1].inertia, expected.inertia, atol=1e-9)
 
@@ -111,17 +111,19 @@ def test_frictions_err_by_themselves_and_unmodelled_friction_is_added(robot):
     kinds = {"viscous_friction": 2.0, "backwards_friction": 3.0, "forwards_friction": 4.0}
     moved = with_motors(robot, armature=0.5, **kinds)
     plants = drawn(moved, friction=0.2)
-    shares = np.array([[getattr(p.motors, kind) / kinds[kind] for kind in kinds] for p in plants])
-    assert 0.19 < abs(shares - 1).max() <= 0.2
-    assert abs(np.corrcoef(shares.reshape(RUNS, -1).T) - np.eye(18)).max() < 0.25
+    fractions = np.array(
+        [[getattr(p.motors, kind) / kinds[kind] for kind in kinds] for p in plants]
+    )
+    assert 0.19 < abs(fractions - 1).max() <= 0.2
+    assert abs(np.corrcoef(fractions.reshape(RUNS, -1).T) - np.eye(18)).max() < 0.25
     assert all((plant.motors.armature == 0.5).all() for plant in plants)
     limits = moved.limits
     more = [p.motors.viscous_friction - 2.0 for p in drawn(moved, unmodelled_friction=0.02)]
-    share = np.array(more) * limits.velocity / limits.effort
-    assert 0 < share.min() < 0.001
-    assert 0.019 < share.max() <= 0.02 + 1e-12
-    assert np.median(share) == pytest.approx(0.01, rel=0.05)
-    assert abs(np.corrcoef(share.T) - np.eye(6)).max() < 0.25
+    fraction = np.array(more) * limits.velocity / limits.effort
+    assert 0 < fraction.min() < 0.001
+    assert 0.019 < fraction.max() <= 0.02 + 1e-12
+    assert np.median(fraction) == pytest.approx(0.01, rel=0.05)
+    assert abs(np.corrcoef(fraction.T) - np.eye(6)).max() < 0.25
 
 
 def test_a_joint_without_an_effort_limit_has_no_unmodelled_friction(tmp_path):

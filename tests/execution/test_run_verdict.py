@@ -290,7 +290,7 @@ def test_a_verdict_counts_every_run_once():
 def test_the_share_of_all_arms_is_that_of_scipy(failed, runs):
     judged = [run(0.1 if k < failed else -0.1, 0.0) for k in range(runs)]
     expected = binomtest(failed, runs).proportion_ci(0.95, method="exact")
-    assert run_verdict(judged).share == pytest.approx((expected.low, expected.high), abs=1e-12)
+    assert run_verdict(judged).fraction == pytest.approx((expected.low, expected.high), abs=1e-12)
 
 
 def test_none_of_200_means_at_most_1_8_percent():

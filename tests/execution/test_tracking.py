@@ -66,8 +66,8 @@ def test_inertia_is_what_a_joint_has_while_the_others_have_no_motor():
     free = near * far - between**2
     # With the other joint free to move, Schur's complement of its own entry.
     np.testing.assert_allclose(found.inertia, np.transpose([free / far, free / near]), rtol=1e-9)
-    shares = free / (near * far)
-    np.testing.assert_allclose(found.freedom, np.transpose([shares, shares]), rtol=1e-9)
+    fractions = free / (near * far)
+    np.testing.assert_allclose(found.freedom, np.transpose([fractions, fractions]), rtol=1e-9)
 
 
 def test_a_joint_is_as_stiff_as_its_effort_limit_within_a_tenth_of_a_radian(tmp_path):
@@ -186,9 +186,9 @@ def test_feedback_has_the_inertia_of_where_the_arm_is_by_then(name):
     got = np.diag(np.linalg.solve(mass_matrix, np.diag(back[0])))
     inertia = 1 / np.diag(np.linalg.inv(mass_matrix))
     w = bandwidth_of(name, robot.limits.effort, inertia, 0.1)
-    share = 2 * inertia / np.diag(mass_matrix)  # of the integral, as the joints move each other
-    assert share.max() < 1
-    np.testing.assert_allclose(got, 1e-5 * (3 * w**2 + 0.1 * share * w**3), rtol=1e-6)
+    fraction = 2 * inertia / np.diag(mass_matrix)  # of the integral, as the joints move each other
+    assert fraction.max() < 1
+    np.testing.assert_allclose(got, 1e-5 * (3 * w**2 + 0.1 * fraction * w**3), rtol=1e-6)
 
 
 def test_an_unknown_controller_is_refused():

@@ -250,8 +250,8 @@ def test_a_start_off_the_reference_comes_back_to_it_in_proportion_to_the_way(bun
     problem = tray_problem(bundled, [*FREE_ABOUT_Z[:1], 0.1, 0.1], first=first)
     errors = errors_of(problem, branch_of(problem))
     np.testing.assert_allclose(errors[0][0], off, atol=1e-9)
-    share = np.linspace(0, 1, len(errors[0]))[:, None]
-    np.testing.assert_allclose(errors[0], (1 - share) * off, atol=1e-6)
+    fraction = np.linspace(0, 1, len(errors[0]))[:, None]
+    np.testing.assert_allclose(errors[0], (1 - fraction) * off, atol=1e-6)
     assert abs(np.concatenate(errors[1:])).max() < 1e-6
     seed = Seed(bundled(TRAY).start + np.array([0.05, -0.1, 0.1, 0.1, 0.1, 0.3]))
     problem = tray_problem(bundled, 0.02, start=seed)

@@ -80,7 +80,7 @@ def test_six_joints_within_a_small_budget(bundled):
     assert result.duration < result.phase1_duration
     assert result.phase_two.budget_reached
     assert result.message.endswith("; searches of phase 2 ended at their shares of the node budget")
-    assert "some ended at their share of the node budget" in str(result.phase_two)
+    assert "some ended at their fraction of the node budget" in str(result.phase_two)
 
 
 def test_where_phase_one_finds_nothing_no_other_method_answers(bundled):

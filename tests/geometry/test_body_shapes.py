@@ -242,9 +242,9 @@ def test_distances_are_exact_where_they_matter_and_lower_bounds_elsewhere(bundle
     checker = CollisionChecker(problem.robot, problem.obstacles)
     if not is_native:
         vars(checker)["_native"] = None
-    share = np.linspace(0, 1, 25)[:, None]  # across the wall, through it
+    fraction = np.linspace(0, 1, 25)[:, None]  # across the wall, through it
     start, end = [-1.2, -0.9, 1.5, -2.1, -1.5, 0], [1.2, -0.5, 1.4, -2.4, -1.5, 0]
-    q = (1 - share) * start + share * end
+    q = (1 - fraction) * start + fraction * end
     exact = our_distances(checker, q, checker.pairs)
     matters = np.full(exact.shape, MATTERS)
     result = near_distances(checker, q, checker.pairs, matters, np.full(exact.shape, -np.inf))

@@ -62,9 +62,9 @@ def the(changes, field, about=""):
     return found[0]
 
 
-def text_of(change, share=0.5):
-    """Return what a change by a share of its scale says."""
-    return change.propose(share * min(change.scale, change.most)).text
+def text_of(change, fraction=0.5):
+    """Return what a change by a fraction of its scale says."""
+    return change.propose(fraction * min(change.scale, change.most)).text
 
 
 def made(question, change, size):

@@ -114,14 +114,14 @@ class BrowserPage:
         self._ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, **more)
 
     def drag(self, selector, begin, end):
-        """Drag along an element, from one share of its width to another."""
+        """Drag along an element, from one fraction of its width to another."""
         left, y, width = self.run(
             f"(({{left, top, width, height}}) => [left, top + height / 2, width])"
             f"(document.querySelector({json.dumps(selector)}).getBoundingClientRect())"
         )
         self.mouse("mousePressed", left + begin * width, y)
-        for share in np.linspace(begin, end, 4):
-            self.mouse("mouseMoved", left + share * width, y)
+        for fraction in np.linspace(begin, end, 4):
+            self.mouse("mouseMoved", left + fraction * width, y)
         self.mouse("mouseReleased", left + end * width, y)
         self.settle()
 

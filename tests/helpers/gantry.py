@@ -23,7 +23,7 @@ URDF = """<robot name="gantry"><link name="base">
   <axis xyz="0 1 0"/><limit lower="0" upper="1" effort="100" velocity="100"/></joint></robot>"""
 ALONG, ACROSS = 3.0, 4.0  # [m/s^2]
 LENGTH = 0.5  # of the straight path, along x [m]
-# Both axes at their limits: the path along their sum, as a share of the turn to the left of it.
+# Both axes at their limits: the path along their sum, as a fraction of the turn to the left of it.
 BEST_YAW = -np.arctan2(ACROSS, ALONG)
 BEST_DURATION = 2 * np.sqrt(LENGTH / np.hypot(ALONG, ACROSS))
 FIELDS = {

@@ -56,8 +56,8 @@ class Case(NamedTuple):
 
 def at_height(gap, low, high, begin):
     """Return when a lift that begins at a time passes a gap [s]."""
-    share = (gap - low) / (high - low)
-    roots = np.roots(QUINTIC - [0, 0, 0, 0, 0, share])
+    fraction = (gap - low) / (high - low)
+    roots = np.roots(QUINTIC - [0, 0, 0, 0, 0, fraction])
     return begin + float(next(r.real for r in roots if abs(r.imag) < 1e-9 and 0 <= r.real <= 1))
 
 
@@ -71,7 +71,7 @@ SIDEWAYS = [(0.0, 0.0), (0.1, 0.01), (0.1, 0.2), (0.4, 0.2)]
 BACK = [(0.0, 0.0), (0.0, 0.05), (0.02, 0.005), (0.0, 0.05), (0.0, 0.2), (0.4, 0.2)]
 BESIDE = [(0.0, 0.0), (0.0, 0.05), (0.04, 0.005), (0.0, 0.05), (0.0, 0.2), (0.4, 0.2)]
 OVER = [(0.0, 0.0), (0.0, 0.1), (0.4, 0.1), (0.4, 0.0)]
-AT_BOUNDARY = 0.03 / np.hypot(0.1, 0.01)  # share of the way sideways
+AT_BOUNDARY = 0.03 / np.hypot(0.1, 0.01)  # fraction of the way sideways
 PAIR = [{"links": ["table", "hand"], "clearance": 0.006}]
 
 CASES = {

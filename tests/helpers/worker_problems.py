@@ -49,13 +49,13 @@ class SlowProblem(PosedProblem):
         return super().load()
 
 
-def planned_alone(name, shares):
+def planned_alone(name, fractions):
     """Return the bits of the trajectories of a problem with other shares of its radii.
 
     `plan` makes them in a process with one thread for linear algebra, as workers have.
     """
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, name, *map(str, shares)],
+        [sys.executable, "-c", SCRIPT, name, *map(str, fractions)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "OPENBLAS_NUM_THREADS": "1"},
         check=True,
         stdout=subprocess.PIPE,

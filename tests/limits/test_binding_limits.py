@@ -19,7 +19,7 @@ from tubeplanner import (
 from tubeplanner.limits.binding_limits import (
     ClosestPairs,
     binding_rows,
-    bound_share,
+    bound_fraction,
     clearance_use,
     closest_pairs,
 )
@@ -121,9 +121,9 @@ def test_effort_binds_all_along_a_bang_bang_move_from_98_percent_on(slider):
     (span,) = slide.spans
     assert (slide.name, span.kind, span.begin, span.end) == ("slide", "effort", 0.0, 0.4)
     assert (tool.name, tool.spans) == ("tool", [])
-    assert bound_share(uses) == 1.0
-    assert bound_share(limit_uses(slider, bang_bang().scaled(1.005))) == 1.0
-    assert bound_share(limit_uses(slider, bang_bang().scaled(1.02))) == 0.0
+    assert bound_fraction(uses) == 1.0
+    assert bound_fraction(limit_uses(slider, bang_bang().scaled(1.005))) == 1.0
+    assert bound_fraction(limit_uses(slider, bang_bang().scaled(1.02))) == 0.0
 
 
 def test_where_the_speed_is_full_the_velocity_binds(slider):
@@ -135,8 +135,8 @@ def test_where_the_speed_is_full_the_velocity_binds(slider):
     begins = [span.begin for span in slide.spans]
     np.testing.assert_allclose(begins, [0.0, 0.2, 0.8], atol=0.005)
     assert [span.end for span in slide.spans] == [*begins[1:], 1.0]
-    assert bound_share(uses, uses.of("velocity")) == pytest.approx(0.6, abs=0.01)
-    assert bound_share(uses, uses.of("effort")) == pytest.approx(0.4, abs=0.01)
+    assert bound_fraction(uses, uses.of("velocity")) == pytest.approx(0.6, abs=0.01)
+    assert bound_fraction(uses, uses.of("effort")) == pytest.approx(0.4, abs=0.01)
 
 
 def test_at_the_edge_of_the_tube_the_way_binds_and_not_the_speed(slider):
@@ -146,8 +146,8 @@ def test_at_the_edge_of_the_tube_the_way_binds_and_not_the_speed(slider):
     assert slide.spans == []
     assert {span.kind for span in tool.spans} == {"tube"}
     assert tool.spans[-1].end == 10.0
-    assert bound_share(uses) == 0.0
-    assert bound_share(uses, uses.of("tube")) > 0.0
+    assert bound_fraction(uses) == 0.0
+    assert bound_fraction(uses, uses.of("tube")) > 0.0
 
 
 @pytest.mark.parametrize(("end", "binds"), [(0.997, False), (0.9985, True)])
@@ -180,8 +180,8 @@ def test_links_bind_where_less_than_a_millimetre_is_left(slider):
 def test_what_does_not_bind_is_not_shown_though_more_of_it_is_used(slider):
     """99 % of a range leave much of it; 98.5 % of an effort do not."""
     uses = limit_uses(slider, bang_bang())
-    count, shares = len(uses.samples.time), {"position": 0.99, "effort": 0.985}
-    own = tuple(LimitUse(kind, "slide", np.full(count, x), 0) for kind, x in shares.items())
+    count, fractions = len(uses.samples.time), {"position": 0.99, "effort": 0.985}
+    own = tuple(LimitUse(kind, "slide", np.full(count, x), 0) for kind, x in fractions.items())
     (slide,) = binding_rows(["slide"], replace(uses, uses=own), ())
     assert [span.kind for span in slide.spans] == ["effort"]
 
@@ -189,7 +189,7 @@ def test_what_does_not_bind_is_not_shown_though_more_of_it_is_used(slider):
 def test_a_required_distance_is_used_from_five_centimetres_on():
     margin = np.array([0.1, 0.05, 0.025, 0.0, -0.01, np.inf])
     use = clearance_use(pairs(np.arange(6.0), margin))
-    np.testing.assert_allclose(use.share, [0, 0, 0.5, 1, 1.2, 0], atol=1e-12)
+    np.testing.assert_allclose(use.fraction, [0, 0, 0.5, 1, 1.2, 0], atol=1e-12)
 
 
 def test_points_of_links_belong_to_the_links():

@@ -171,8 +171,8 @@ def test_joints_without_a_limit_are_left_out(ur5):
     assert limit.limit.tolist() == [100.0, 14.0, 28.0, 100.0, 7.0, 28.0]
     at = random_samples(arm, 2, seed=0, low=0.1)
     effort = ur5.inverse_dynamics(*at.by_path) + np.arange(6) + 1
-    shares = np.hstack([effort[:, [1, 3, 4]], -effort[:, [1, 3, 4]]]) / limit.limit
-    np.testing.assert_allclose(limit.used(at).at(1.0), shares)
+    fractions = np.hstack([effort[:, [1, 3, 4]], -effort[:, [1, 3, 4]]]) / limit.limit
+    np.testing.assert_allclose(limit.used(at).at(1.0), fractions)
     assert limit.key_of(at).tolist() == [[0, 1, 2, 0, 1, 2]]
 
 
@@ -213,8 +213,8 @@ def test_only_joints_with_a_line_have_one(ur5):
     limit, at = MotorCurve(arm.motors), random_samples(arm, 7, seed=0)
     assert [key.joint for key in limit.keys] == [1, 4]
     effort, v = ur5.inverse_dynamics(*at.by_path)[:, [1, 4]], at.by_path[1][:, [1, 4]]
-    shares = effort / [300.0, 40.0] + v / [3.0, 5.0]
-    np.testing.assert_allclose(limit.used(at).at(1.0), np.hstack([shares, -shares]))
+    fractions = effort / [300.0, 40.0] + v / [3.0, 5.0]
+    np.testing.assert_allclose(limit.used(at).at(1.0), np.hstack([fractions, -fractions]))
     assert limit.key_of(at).tolist() == [[0, 1, 0, 1]]
     assert MotorCurve(ur5.motors).keys == ()
 

@@ -9,7 +9,7 @@ from tubeplanner.limits.path_samples import CoulombFriction, blended_friction, d
 from tubeplanner.robot.motors import JointMotors
 
 BACK, FORTH = 0.9, 0.3
-SHARE = 0.2
+FRACTION = 0.2
 
 
 def motors(back=(BACK,), forth=(FORTH,), uncertainty=0.0):
@@ -23,7 +23,7 @@ def motors(back=(BACK,), forth=(FORTH,), uncertainty=0.0):
 
 def blended(own, rate, directions=np.nan):
     """Return blended friction; directions at the ends of a motion, unknown elsewhere."""
-    return blended_friction(own, rate, np.broadcast_to(directions, rate.shape), SHARE)
+    return blended_friction(own, rate, np.broadcast_to(directions, rate.shape), FRACTION)
 
 
 def test_its_direction_is_that_of_the_motion_and_none_at_rest():
@@ -45,7 +45,7 @@ def test_blended_it_is_no_less_anywhere_and_exact_at_speed(uncertainty):
     rate = rng.normal(size=(400, 4)) * [1.0, 0.01, 3.0, 0.5]
     even, exact = blended(own, rate), directed_friction(own, rate)
     more, less = even.most - exact.most, exact.least - even.least
-    fast = abs(rate) >= SHARE * abs(rate).max(axis=0)
+    fast = abs(rate) >= FRACTION * abs(rate).max(axis=0)
     assert 0.1 < fast.mean() < 0.9
     for beyond in (more, less):
         assert (beyond >= -1e-12).all()
@@ -59,9 +59,9 @@ def test_blended_it_is_no_less_anywhere_and_exact_at_speed(uncertainty):
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_it_changes_evenly_before_a_reversal_and_is_whole_a_tenth_early(direction, uncertainty):
     """On the way to it: of the direction that comes, from nothing at the width to all of it."""
-    width = SHARE * 5.0
-    shares = np.array([1.2, 1.0, 0.775, 0.55, 0.1, 0.05, 0.0])
-    rate = -direction * width * np.append(shares, 5 / width)[:, None]
+    width = FRACTION * 5.0
+    fractions = np.array([1.2, 1.0, 0.775, 0.55, 0.1, 0.05, 0.0])
+    rate = -direction * width * np.append(fractions, 5 / width)[:, None]
     result = blended(motors(uncertainty=uncertainty), rate)
     more, less = 1 + uncertainty, 1 - uncertainty
     ramp = np.array([0, 0, 0.25, 0.5, 1, 1, 1])

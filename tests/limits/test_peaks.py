@@ -60,16 +60,16 @@ def test_of_two_peaks_the_higher_one_is_found_with_few_evaluations(gain):
 
 def pieces_of(function, pieces, count=6):
     """Return a function of pieces at the samples that its refinement begins with."""
-    share = np.tile(np.linspace(0, 1, count), pieces)
-    return function(np.repeat(np.arange(pieces), count), share).reshape(pieces, count)
+    fraction = np.tile(np.linspace(0, 1, count), pieces)
+    return function(np.repeat(np.arange(pieces), count), fraction).reshape(pieces, count)
 
 
 @pytest.mark.parametrize(
     ("centre", "other"), [(0.004, 0.99999), (0.4321, -5.0), (0.68, 0.99999), (0.987, -5.0)]
 )
 def test_a_peak_beside_a_jump_is_found_whatever_the_next_piece_does(centre, other):
-    def function(piece, share):
-        return np.where(piece == 1, 1 - 40 * (share - centre) ** 2, other)
+    def function(piece, fraction):
+        return np.where(piece == 1, 1 - 40 * (fraction - centre) ** 2, other)
 
     result = refined_maximum_of_pieces(function, pieces_of(function, 3), band=10.0)
     assert result == pytest.approx(1.0, abs=1e-7)
@@ -79,9 +79,9 @@ def test_a_peak_at_an_end_is_the_sample_there_and_soon_done_with():
     """Of a hundred pieces, each straight: nothing rises above its ends."""
     evaluated = []
 
-    def function(piece, share):
+    def function(piece, fraction):
         evaluated.append(len(piece))
-        return share * np.where(piece % 2, 1.0, 0.5) - 1e-3 * piece
+        return fraction * np.where(piece % 2, 1.0, 0.5) - 1e-3 * piece
 
     value = pieces_of(function, 100)
     assert refined_maximum_of_pieces(function, value, band=1.0) == value.max()
@@ -94,8 +94,8 @@ def test_of_many_peaks_the_highest_is_found():
     """Their samples hardly differ; which is the highest shows only between them."""
     centres = np.random.default_rng(0).uniform(0.3, 0.7, 200)
 
-    def function(piece, share):
-        return -((share - centres[piece]) ** 2) + 1e-3 * (piece == 137)
+    def function(piece, fraction):
+        return -((fraction - centres[piece]) ** 2) + 1e-3 * (piece == 137)
 
     result = refined_maximum_of_pieces(function, pieces_of(function, 200), band=1.0)
     assert result == pytest.approx(1e-3, abs=1e-8)

@@ -87,8 +87,8 @@ def test_each_point_is_a_share_of_its_own_limit(bar, ur5):
     limit = PointSpeedLimit(problem.robot.limits.point_speed)
     rates = np.array([[0.6], [-1.1], [0.0]])
     at = PathSamples(problem, np.stack([0 * rates, rates, 0 * rates]))
-    shares = abs(rates) * LEVERS / [0.5, 2.6]
-    np.testing.assert_allclose(limit.used(at).at(2.0), 2 * shares, atol=1e-12)
+    fractions = abs(rates) * LEVERS / [0.5, 2.6]
+    np.testing.assert_allclose(limit.used(at).at(2.0), 2 * fractions, atol=1e-12)
     keys = [(key.kind, key.link, key.point) for key in limit.keys]
     assert keys == [("point_speed", "bar", 0), ("point_speed", "bar", 1)]
     assert limit.key_of(at).tolist() == [[0, 1]]
@@ -104,28 +104,28 @@ def only(uses, kind):
 
 
 def test_they_leave_what_the_certificate_leaves(stored):
-    """Of the rotation tolerance the largest share counts."""
+    """Of the rotation tolerance the largest fraction counts."""
     problem, trajectory = stored("ur5/level_tray", "refinement")
     uses, conditions = limit_uses(problem, trajectory), verify(problem, trajectory).conditions
     names = problem.robot.joint_names
     for kind in ("velocity", "effort"):
         judged, own = conditions[kind], uses.of(kind)
         assert [use.name for use in own] == list(names)
-        largest = max(own, key=lambda use: use.share.max())
-        assert 1 - largest.share.max() == pytest.approx(judged.margin, abs=2e-4)
+        largest = max(own, key=lambda use: use.fraction.max())
+        assert 1 - largest.fraction.max() == pytest.approx(judged.margin, abs=2e-4)
         joint = own[names.index(judged.where.joint)]
         sample = abs(uses.samples.time - judged.where.time).argmin()
-        assert joint.share[sample] == pytest.approx(1 - judged.margin, abs=5e-3)
+        assert joint.fraction[sample] == pytest.approx(1 - judged.margin, abs=5e-3)
     half = (problem.joint_upper - problem.joint_lower)[uses.segment] / 2
-    slack = [(1 - use.share) * half[:, use.joint] for use in uses.of("position")]
+    slack = [(1 - use.fraction) * half[:, use.joint] for use in uses.of("position")]
     judged = [conditions[kind].margin for kind in ("position", "joint_signs")]
     expected = min(margin for margin in judged if margin is not None)
     assert np.min(slack) == pytest.approx(expected, abs=2e-3)
-    slack = (1 - only(uses, "tube").share) * problem.tube.effective_radius[uses.segment]
+    slack = (1 - only(uses, "tube").fraction) * problem.tube.effective_radius[uses.segment]
     assert slack.min() == pytest.approx(conditions["tube"].margin, abs=2e-4)
     bounds = problem.tube.rotation.bounds
     slack = conditions["rotation"].margin / bounds[np.isfinite(bounds)].min()
-    assert 1 - only(uses, "rotation").share.max() == pytest.approx(slack, abs=2e-3)
+    assert 1 - only(uses, "rotation").fraction.max() == pytest.approx(slack, abs=2e-3)
 
 
 def test_every_limit_on_the_speed_is_there(tmp_path):
@@ -145,8 +145,8 @@ def test_every_limit_on_the_speed_is_there(tmp_path):
         "motor_curve": np.maximum(abs(INERTIA * a / 20 + v / 10), 0),
         "position": abs(np.polyval(trajectory.coefficients[:, 0, 0], time)) / 9,
     }
-    for kind, share in expected.items():
-        np.testing.assert_allclose(only(uses, kind).share, share, atol=1e-9, err_msg=kind)
+    for kind, fraction in expected.items():
+        np.testing.assert_allclose(only(uses, kind).fraction, fraction, atol=1e-9, err_msg=kind)
     assert {use.kind for use in uses.uses} == {*expected, "tube"}
     assert [use.joint for use in uses.uses][:-1] == [0] * 7
 
@@ -156,7 +156,7 @@ def test_what_jumps_at_a_breakpoint_is_there_on_both_sides(tmp_path):
     coefficients = np.array([[1.0, -0.5], [0, 1.5], [0, 0.75], [0, 0.125]])[:, :, None]
     trajectory = JointTrajectory(["turn"], [0, 0.5, 1.0], coefficients)
     uses = limit_uses(anywhere(robot), trajectory, 3)
-    np.testing.assert_allclose(only(uses, "jerk").share, [0.6] * 3 + [0.3] * 3)
+    np.testing.assert_allclose(only(uses, "jerk").fraction, [0.6] * 3 + [0.3] * 3)
     np.testing.assert_allclose(uses.samples.time, [0, 0.25, 0.5, 0.5, 0.75, 1])
 
 
@@ -169,7 +169,7 @@ def test_a_limit_that_is_less_somewhere_is_used_as_it_is_there(tmp_path):
     uses = limit_uses(anywhere(robot), trajectory, 51)
     torque = INERTIA * uses.samples.acceleration[:, 0]
     allowed = np.where(torque > 0, 3 + 2 / 9 * uses.samples.position[:, 0], 2.0)
-    np.testing.assert_allclose(only(uses, "effort").share, abs(torque) / allowed, atol=1e-9)
+    np.testing.assert_allclose(only(uses, "effort").fraction, abs(torque) / allowed, atol=1e-9)
 
 
 def test_towards_an_end_a_velocity_uses_what_is_allowed_there(tmp_path):
@@ -177,24 +177,24 @@ def test_towards_an_end_a_velocity_uses_what_is_allowed_there(tmp_path):
     problem = anywhere(one_joint(tmp_path, velocity_by_position=law))
     uses = limit_uses(problem, quintic(1.9), 51)
     q, v = uses.samples.position[:, 0], uses.samples.velocity[:, 0]
-    share = only(uses, "velocity_by_position").share
-    np.testing.assert_allclose(share, v / np.sqrt(2 * 4 * (2 - q)), atol=1e-7)
+    fraction = only(uses, "velocity_by_position").fraction
+    np.testing.assert_allclose(fraction, v / np.sqrt(2 * 4 * (2 - q)), atol=1e-7)
     back = limit_uses(problem, rest_to_rest(["turn"], 1.9, 0.0, 1.0), 51)
-    assert only(back, "velocity_by_position").share.max() < 0.5
+    assert only(back, "velocity_by_position").fraction.max() < 0.5
 
 
 def test_friction_is_that_of_the_direction_in_which_a_joint_moves_next(tmp_path):
     """It leaves so, or turns back at 0.7 s, between the samples at 0.5 and 0.75 s."""
     robot = with_motors(one_joint(tmp_path), backwards_friction=1.0, forwards_friction=2.0)
 
-    def share(trajectory):
-        return only(limit_uses(anywhere(robot), trajectory, 5), "effort").share
+    def fraction(trajectory):
+        return only(limit_uses(anywhere(robot), trajectory, 5), "effort").fraction
 
-    np.testing.assert_allclose(share(quintic())[[0, -1]], 2 / 5, atol=1e-9)
-    np.testing.assert_allclose(share(quintic(-1.0))[[0, -1]], 1 / 5, atol=1e-9)
+    np.testing.assert_allclose(fraction(quintic())[[0, -1]], 2 / 5, atol=1e-9)
+    np.testing.assert_allclose(fraction(quintic(-1.0))[[0, -1]], 1 / 5, atol=1e-9)
     turning = JointTrajectory(["turn"], [0, 1.0], np.array([[-0.5], [0.7], [0.0]])[:, None])
     expected = [2.0 - INERTIA] * 3 + [1.0 + INERTIA] * 2
-    np.testing.assert_allclose(share(turning) * 5, expected, atol=1e-9)
+    np.testing.assert_allclose(fraction(turning) * 5, expected, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -213,11 +213,11 @@ def test_of_a_range_the_distance_from_its_middle_counts(tmp_path, lower, upper, 
     if expected is None:
         assert {use.kind for use in uses.uses} == {"effort", "tube"}
     else:
-        np.testing.assert_allclose(only(uses, "position").share, expected, atol=1e-12)
+        np.testing.assert_allclose(only(uses, "position").fraction, expected, atol=1e-12)
     tube = replace(anywhere(robot).tube, joint_signs={"turn": [0.0, 0.0]})
     problem = PlanningProblem(robot, tube, np.zeros(1), self_collision=False)
     still = JointTrajectory(["turn"], [0, 1.0], np.zeros((2, 1, 1)))
-    assert (only(limit_uses(problem, still), "position").share == 1).all()
+    assert (only(limit_uses(problem, still), "position").fraction == 1).all()
 
 
 def test_the_tool_and_every_point_that_is_limited_have_their_own_share():
@@ -230,7 +230,7 @@ def test_the_tool_and_every_point_that_is_limited_have_their_own_share():
     before, after = (problem.robot.tool_position(q) for q in sides)
     limit = np.array([0.5, np.inf, 2.0])[uses.segment]
     speed = np.linalg.norm(after - before, axis=1) / 2e-6
-    np.testing.assert_allclose(tool.share[5:-5], (speed / limit)[5:-5], atol=1e-5)
+    np.testing.assert_allclose(tool.fraction[5:-5], (speed / limit)[5:-5], atol=1e-5)
     assert (tool.name, tool.joint) == ("tool", None)
     points = [PointSpeed("link1", [x, 0, 0], 2.0) for x in (0.5, 1.0)]
     robot = load_robot("example:two_link", "hand", limits=LimitOverrides(point_speed=points))
@@ -238,7 +238,7 @@ def test_the_tool_and_every_point_that_is_limited_have_their_own_share():
     velocity = abs(uses.samples.velocity[:, 0])
     for k, (use, lever) in enumerate(zip(uses.of("point_speed"), (0.5, 1.0), strict=True)):
         assert (use.name, use.point) == (f"point {k} on link1", k)
-        np.testing.assert_allclose(use.share, velocity * lever / 2, atol=1e-9)
+        np.testing.assert_allclose(use.fraction, velocity * lever / 2, atol=1e-9)
 
 
 def test_a_slower_one_leaves_what_it_is_slower_and_the_fastest_hardly_any(planned):

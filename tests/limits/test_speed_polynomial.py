@@ -80,8 +80,8 @@ def test_it_is_the_first_crossing(cubics):
     at = np.where(crossing, s, 0.0)
     assert (abs(value(c, at)) <= 1e-12 * size(c, at))[crossing].all()
     free = np.where(np.isfinite(s), s, 1e3)
-    for share in np.linspace(0, 1, 41)[:-1]:
-        slower = share * free
+    for fraction in np.linspace(0, 1, 41)[:-1]:
+        slower = fraction * free
         assert (value(c, slower) <= 1e-12 * size(c, slower))[s > 0].all()
 
 

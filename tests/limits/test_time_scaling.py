@@ -123,9 +123,9 @@ def test_effort_rates_are_met_exactly_on_both_sides_of_breakpoints(kinked):
     piece = np.repeat(np.arange(len(scaled.widths)), count)
     local = (np.linspace(0, 1, count) * scaled.widths[:, None]).ravel()
     states = (scaled.within(piece, local, order) for order in range(4))
-    shares = abs(effort_rate(robot, *states)) / robot.limits.effort_rate
-    assert shares.max() == pytest.approx(1.0, abs=1e-6)
-    assert shares.max() <= 1.0
+    fractions = abs(effort_rate(robot, *states)) / robot.limits.effort_rate
+    assert fractions.max() == pytest.approx(1.0, abs=1e-6)
+    assert fractions.max() <= 1.0
     assert estimated_duration(problem, shape) == pytest.approx(scaled.duration, rel=1e-2)
     assert estimated_duration(problem, shape) < scaled.duration
     assert minimum_duration(problem, shape, with_jerk=False) < 0.9 * scaled.duration
@@ -168,7 +168,7 @@ FRICTION = {"backwards_friction": BACK, "forwards_friction": FORTH}
 
 
 def worst(robot, plain, state, speed):
-    """Return the largest share that a limit of efforts or velocities is beyond, (N,)."""
+    """Return the largest fraction that a limit of efforts or velocities is beyond, (N,)."""
     (q, v, a), motors, limits = state, robot.motors, robot.limits
     v, a = v * speed[:, None], a * speed[:, None] ** 2
     smooth = plain.inverse_dynamics(q, v, a) + motors.armature * a
@@ -184,9 +184,11 @@ def worst(robot, plain, state, speed):
             forwards[:, table.joint] = np.interp(own, table.position, table.forwards)
             backwards[:, table.joint] = np.interp(own, table.position, table.backwards)
         line = v / motors.no_load_velocity
-        share = effort / motors.saturation_effort
+        fraction = effort / motors.saturation_effort
         beyond = [(effort - forwards) / limits.effort, (-effort - backwards) / limits.effort]
-        result = np.maximum(result, np.max([*beyond, share + line - 1, -share - line - 1], axis=0))
+        result = np.maximum(
+            result, np.max([*beyond, fraction + line - 1, -fraction - line - 1], axis=0)
+        )
     return result.max(axis=1)
 
 
@@ -202,7 +204,7 @@ def test_it_is_the_first_speed_that_breaks_a_limit(request, name, seed):
     np.testing.assert_array_equal(factor > 0, can_move)
     state, factor = (q[can_move], v[can_move], a[can_move]), factor[can_move]
     assert len(factor) > 120
-    slower = [worst(robot, plain, state, share * factor) for share in SPEEDS[1:]]
+    slower = [worst(robot, plain, state, fraction * factor) for fraction in SPEEDS[1:]]
     assert np.max(slower) < 1e-9
     assert (worst(robot, plain, state, factor * (1 + 1e-6)) > 0).all()
     np.testing.assert_allclose(slower[-1], 0.0, atol=1e-9)

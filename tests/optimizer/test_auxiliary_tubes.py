@@ -56,10 +56,10 @@ def test_every_segment_lies_within_the_one_that_it_stands_for(scanned):
     tube, inner = scanned.tube, smoother_problem(scanned).tube
     generator = np.random.default_rng(1)
     for k in range(tube.segment_count):
-        share = generator.uniform(size=(50, 1))
+        fraction = generator.uniform(size=(50, 1))
         direction = generator.normal(size=(50, 3))
         direction /= np.linalg.norm(direction, axis=1)[:, None]
-        axis = (1 - share) * inner.points[k] + share * inner.points[k + 1]
+        axis = (1 - fraction) * inner.points[k] + fraction * inner.points[k + 1]
         on_wall = axis + inner.effective_radius[k] * direction
         assert tube.margin(on_wall, slice(k, k + 1)).min() > -1e-9
 

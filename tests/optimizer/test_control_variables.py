@@ -66,10 +66,10 @@ def test_the_tool_stays_at_an_open_goal(case):
     np.testing.assert_allclose(jacobian[0, :3] @ (np.eye(6) - held.T @ held), 0, atol=1e-9)
     # What the goal is corrected by is spread over the motion, ever more of it towards the goal.
     correction = moved - points - variables.change(step)
-    share = np.linalg.norm(correction, axis=1) / np.linalg.norm(correction[-1])
-    assert (share[:3] < 1e-12).all()
-    assert (np.diff(share) > -1e-12).all()
-    np.testing.assert_allclose(share + share[::-1], 1.0, atol=1e-9)
+    fraction = np.linalg.norm(correction, axis=1) / np.linalg.norm(correction[-1])
+    assert (fraction[:3] < 1e-12).all()
+    assert (np.diff(fraction) > -1e-12).all()
+    np.testing.assert_allclose(fraction + fraction[::-1], 1.0, atol=1e-9)
 
 
 def test_points_are_moved_into_the_ranges_of_all_phases_they_count_in(case):
@@ -119,9 +119,9 @@ def test_a_start_that_moves_gets_to_where_it_is_to_be(with_start):
     np.testing.assert_array_equal(moved[:3], np.tile(start, (3, 1)))
     np.testing.assert_allclose(moved[-3:], points[-3:], atol=1e-9)
     # What the start lacked is spread over the motion, ever less of it.
-    share = (moved - points - variables.change(step))[:, 0] / (start - points[0] - step[0])[0]
-    assert (np.diff(share) < 1e-9).all()
-    np.testing.assert_allclose(share + share[::-1], 1.0, atol=1e-9)
+    fraction = (moved - points - variables.change(step))[:, 0] / (start - points[0] - step[0])[0]
+    assert (np.diff(fraction) < 1e-9).all()
+    np.testing.assert_allclose(fraction + fraction[::-1], 1.0, atol=1e-9)
 
 
 def test_tied_ends_have_the_bounds_of_both(with_start, bundled):

@@ -110,12 +110,12 @@ def test_a_step_that_bends_out_of_the_tube_is_corrected_and_costs_nothing_it_sho
     assert after is not begin
     if radius >= 0.2:
         assert after.excess < 0.6 * begin.excess
-    share = after.squared_duration / begin.squared_duration
-    assert share + FIRST_PENALTY * (after.excess - begin.excess) < 1
+    fraction = after.squared_duration / begin.squared_duration
+    assert fraction + FIRST_PENALTY * (after.excess - begin.excess) < 1
 
 
 def test_the_radius_of_a_step_is_that_of_its_control_points_or_of_its_phases(corner):
-    """A trust region lets phases change by eight times its radius, as a share of their widths."""
+    """A trust region lets phases change by eight times its radius, relative to their widths."""
     program, begin = corner
     control = np.zeros_like(program.variables.lower)
     control[2, 1] = -0.004
@@ -204,7 +204,7 @@ def test_tied_ends_agree_after_every_step(motions):
 
 
 def test_what_legs_gain_counts_by_their_durations(robot, monkeypatch):
-    """Seconds count, not shares: twice the share of the sum, as T^2 is what counts."""
+    """Seconds count, not shares: twice the fraction of the sum, as T^2 is what counts."""
     outcomes, sums = [], []
 
     def noted(*fields):
@@ -215,10 +215,10 @@ def test_what_legs_gain_counts_by_their_durations(robot, monkeypatch):
     monkeypatch.setattr(descent, "Outcome", noted)
     legs = [result.motion for result in legs]
     begin, _ = improved(legs, (True, False), 0.01, 4, lambda iterates: sums.append(total(iterates)))
-    shares = -np.diff([total(begin), *sums]) / [total(begin), *sums[:-1]]
+    fractions = -np.diff([total(begin), *sums]) / [total(begin), *sums[:-1]]
     gains = np.array([outcome.gain for outcome in outcomes])
-    assert (shares > 0.003).sum() >= 2
-    np.testing.assert_allclose(gains[shares > 0.003], 2 * shares[shares > 0.003], rtol=0.4)
+    assert (fractions > 0.003).sum() >= 2
+    np.testing.assert_allclose(gains[fractions > 0.003], 2 * fractions[fractions > 0.003], rtol=0.4)
 
 
 @pytest.mark.parametrize(("radius", "factor"), [(1e-4, 4), (0.01, 1), (0.2, 1)])

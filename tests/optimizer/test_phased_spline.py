@@ -21,8 +21,8 @@ NEEDS_LIBRARY = pytest.mark.skipif(LIBRARY.functions is None, reason="the librar
 
 TIMES = np.array([0.0, 0.1, 0.3, 0.34, 0.7, 1.0])
 # A phase of one interval: knots of its neighbours' samples lie in three phases and more.
-SHARES = [[0, 0.5, 1], [0, 1], [0, 0.3, 1], [0, 0.1, 0.5, 0.6, 1], [0, 1]]
-GRID = KnotGrid(tuple(np.array(share, dtype=float) for share in SHARES))
+FRACTIONS = [[0, 0.5, 1], [0, 1], [0, 0.3, 1], [0, 0.1, 0.5, 0.6, 1], [0, 1]]
+GRID = KnotGrid(tuple(np.array(fraction, dtype=float) for fraction in FRACTIONS))
 POINTS = [
     GRID.samples(np.array([0.0, 0.3, 1.0])).and_also(GRID.phase_ends()),
     VelocityHull(GRID.control_point_count),
@@ -83,14 +83,14 @@ def test_the_basis_is_that_of_scipys_spline():
     points = control_points()
     phased = sampled(PhasedSpline(SMALL_GRID, SWITCHING_TIMES, points), samples)
     spline = BSpline(SMALL_GRID.knots(SWITCHING_TIMES), points, DEGREE)
-    x = SWITCHING_TIMES[samples.phase] + np.diff(SWITCHING_TIMES)[samples.phase] * samples.share
+    x = SWITCHING_TIMES[samples.phase] + np.diff(SWITCHING_TIMES)[samples.phase] * samples.fraction
     np.testing.assert_allclose(samples.times(SWITCHING_TIMES), x)
     for order in range(4):
         np.testing.assert_allclose(phased.by_x[order], spline(x, order), rtol=1e-9, atol=1e-9)
     again = SMALL_GRID.samples_at(SWITCHING_TIMES, x)
     np.testing.assert_array_equal(again.phase, samples.phase)
     np.testing.assert_array_equal(again.interval, samples.interval)
-    np.testing.assert_allclose(again.share, samples.share, atol=1e-12)
+    np.testing.assert_allclose(again.fraction, samples.fraction, atol=1e-12)
     ends = SMALL_GRID.samples_at(SWITCHING_TIMES, np.array([0.0, 1.0]))
     assert ends.interval.tolist() == [0, SMALL_GRID.interval_count - 1]
     assert ends.phase.tolist() == [0, 2]
@@ -98,11 +98,11 @@ def test_the_basis_is_that_of_scipys_spline():
 
 def test_samples_at_a_switching_time_belong_to_the_phases_on_both_sides():
     samples = SMALL_GRID.samples(np.array([0.0, 1.0]))
-    at_end = np.isin(samples.share, (0.0, 1.0))
+    at_end = np.isin(samples.fraction, (0.0, 1.0))
     assert samples.phase[at_end].tolist() == [0, 0, 1, 1, 2, 2]
-    assert samples.share[at_end].tolist() == [0.0, 1.0] * 3
+    assert samples.fraction[at_end].tolist() == [0.0, 1.0] * 3
     # Pieces are of their phase's first segment.
-    chained = KnotGrid(SMALL_GRID.shares, (range(0, 2), range(2, 5), range(5, 6)))
+    chained = KnotGrid(SMALL_GRID.fractions, (range(0, 2), range(2, 5), range(5, 6)))
     assert segments_of_pieces(chained).tolist() == [0, 0, 0, 2, 2, 5, 5, 5]
     assert segments_of_pieces(SMALL_GRID).tolist() == [0, 0, 0, 1, 1, 2, 2, 2]
 

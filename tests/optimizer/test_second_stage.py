@@ -196,8 +196,8 @@ def test_there_is_no_room_beside_a_compulsory_point():
     """There the tool must come closer to the point than to the wall."""
     tube = Tube([[0, 0, 0], [0.3, 0, 0], [0, 0, 0.001], [0, 0.5, 0]], 0.1)
     assert tube.compulsory_points.tolist() == [1]
-    share, segment = np.array([0.2, 0.4, 0.5, 0.3, 0.1]), np.array([0, 0, 1, 2, 2])
-    of_regions = SimpleNamespace(share=lambda vector, segment: share)
+    fraction, segment = np.array([0.2, 0.4, 0.5, 0.3, 0.1]), np.array([0, 0, 1, 2, 2])
+    of_regions = SimpleNamespace(fraction=lambda vector, segment: fraction)
     regions = SimpleNamespace(regions=of_regions, vector=None, segment=segment)
     problem, dense = SimpleNamespace(tube=tube), SimpleNamespace(regions=(regions,))
     np.testing.assert_allclose(second_stage._room(problem, dense), [0.0, 0.0, 0.7])

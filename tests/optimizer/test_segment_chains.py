@@ -117,8 +117,10 @@ def test_no_other_choice_in_order_is_cheaper(shape, pays):
         assert price(choice) == pytest.approx(min(map(price, others)), abs=1e-12)
 
 
-def on_circle(share):
-    return 0.07 * np.column_stack([np.cos(2 * np.pi * share), np.sin(2 * np.pi * share), 0 * share])
+def on_circle(fraction):
+    return 0.07 * np.column_stack(
+        [np.cos(2 * np.pi * fraction), np.sin(2 * np.pi * fraction), 0 * fraction]
+    )
 
 
 def chained(tube, knots, is_asked=None):
@@ -127,23 +129,23 @@ def chained(tube, knots, is_asked=None):
     grid = KnotGrid((np.linspace(0, 1, knots),), (range(count),))
     samples = grid.samples(np.arange(3) / 3).and_also(grid.phase_ends())
     radius = tube.effective_radius
-    return OrderedSegments(tube.points, radius, grid.chains, samples, is_asked), samples.share
+    return OrderedSegments(tube.points, radius, grid.chains, samples, is_asked), samples.fraction
 
 
 def test_a_closed_path_begins_in_its_first_segment_and_ends_in_its_last():
     """Its samples may come in any order."""
-    segments, share = chained(Tube(circle(100), 0.01), 41)
+    segments, fraction = chained(Tube(circle(100), 0.01), 41)
     assert segments.in_chain.all()
     # The tool hurries ahead of the middle of every chord and strays over the seam at both ends.
-    hurried = share + 0.004 * np.sin(2 * np.pi * share - 0.5)
+    hurried = fraction + 0.004 * np.sin(2 * np.pi * fraction - 0.5)
     number = segments.at(on_circle(hurried))
-    order = np.argsort(share)
+    order = np.argsort(fraction)
     assert (np.diff(number[order]) >= 0).all()
     assert number[order][[0, -1]].tolist() == [0, 99]
     expected = np.clip(np.floor(100 * hurried), 0, 99)
     inner = (hurried > 0.02) & (hurried < 0.98)
     assert abs(number - expected)[inner].max() <= 1
-    mixed = np.random.default_rng(3).permutation(len(share))
+    mixed = np.random.default_rng(3).permutation(len(fraction))
     other = replace(segments, samples=segments.samples.where(mixed))
     np.testing.assert_array_equal(other.at(on_circle(hurried)[mixed]), number[mixed])
 
@@ -173,11 +175,11 @@ def hairpin():
 def test_a_short_cut_that_leaves_a_bend_out_is_outside(turns_at):
     """The bend is 15 mm away, 1.9 radii; a tool that is about to leave it out is held to it."""
     tube = hairpin()
-    segments, share = chained(tube, 31)
-    to_and_fro = turns_at * (1 - abs(2 * share - 1))
-    tool = np.column_stack([to_and_fro, 0.01 * share, 0 * to_and_fro])
+    segments, fraction = chained(tube, 31)
+    to_and_fro = turns_at * (1 - abs(2 * fraction - 1))
+    tool = np.column_stack([to_and_fro, 0.01 * fraction, 0 * to_and_fro])
     number = segments.at(tool)
-    assert (np.diff(number[np.argsort(share)]) >= 0).all()
+    assert (np.diff(number[np.argsort(fraction)]) >= 0).all()
     pairs = zip(tool, number, strict=True)
     distance = [tube.distance(place[None], slice(k, k + 1)).min() for place, k in pairs]
     if turns_at == 0.025:
@@ -194,15 +196,15 @@ def test_a_notch_that_the_tool_does_not_reach_is_missed_until_asked_for(beside, 
     """It is shorter than half a radius, or than a step: no short cut, and no sample tells."""
     x = np.linspace(0, 0.04, 41)
     y = np.where(np.isin(np.arange(41), (20, 21)), -0.001, 0.0)
-    segments, share = chained(Tube(np.column_stack([x, y, 0 * x]), 0.008), knots)
-    tool = np.column_stack([0.04 * share, np.full(len(share), beside), 0 * share])
+    segments, fraction = chained(Tube(np.column_stack([x, y, 0 * x]), 0.008), knots)
+    tool = np.column_stack([0.04 * fraction, np.full(len(fraction), beside), 0 * fraction])
     missed = segments.missed(tool)
     assert np.flatnonzero(missed).tolist() == ([20] if is_missed else [])
     assert 20 not in segments.at(tool)
     for asked in (missed, np.arange(40) == 20):
         held = replace(segments, is_asked=asked).at(tool)
         assert (20 in held) == asked.any()
-        assert (np.diff(held[np.argsort(share)]) >= 0).all()
+        assert (np.diff(held[np.argsort(fraction)]) >= 0).all()
 
 
 @pytest.mark.parametrize(("asked", "given"), [([], 0), ([2], 2), ([2, 4], 4)])

@@ -206,7 +206,7 @@ def test_a_tool_that_is_free_limits_nothing(case):
 
 
 def test_room_is_unused_by_segment(case):
-    """A share of the region's size that counts as outside; least what is always left."""
+    """A fraction of the region's size that counts as outside; least what is always left."""
     (problem, spline, _), room = case, np.array([0.3, 0.0])
     plain, kept = (constraints_of(problem, spline.grid, room=each) for each in (None, room))
     before, after = (constraints.at(spline).regions[0] for constraints in (plain, kept))
@@ -236,7 +236,7 @@ def test_samples_of_the_tube_are_added_on_either_side_of_an_instant_too(case, x)
     """Nearer to each other than those between which nothing is looked at."""
     problem, spline, _ = case
     constraints = constraints_of(problem, spline.grid)
-    known = len(constraints._tube_samples.share)
+    known = len(constraints._tube_samples.fraction)
     constraints.add_samples(spline, x)
     times = constraints._tube_samples.times(spline.switching_times)[known:]
     spacing = np.diff(spline.grid.breakpoints(spline.switching_times)).max() / 20
@@ -285,7 +285,7 @@ def efforts(constraints, spline):
 
 
 def beyond(constraints, spline, intervals, near=0.15):
-    """Return the share of the squared duration that efforts ask for beyond what they need."""
+    """Return the fraction of the squared duration that efforts ask for beyond what they need."""
     constraints.blend(intervals)
     effort = efforts(constraints, spline)
     exact = scaling_factor(constraints._problem, *effort.at.by_x[:3]) ** -2.0
@@ -300,7 +300,7 @@ def test_blended_over_fewer_intervals_it_comes_nearer_to_what_is_exact(two_link)
     assert least.min() > -1e-9
     assert (narrow - least).min() > -1e-9
     assert (wide - narrow).min() > -1e-9
-    affected = [(share > 1e-6).mean() for share in (wide, narrow, least)]
+    affected = [(fraction > 1e-6).mean() for fraction in (wide, narrow, least)]
     assert 0 < affected[2] < affected[1] < affected[0] < 0.2
     assert wide.max() > 0.1
     constraints, spline = constraints_and_spline(two_link, True, intervals=8, **BRAKING_FRICTION)
@@ -318,8 +318,8 @@ def test_where_nothing_reverses_it_is_exact_in_the_end(two_link):
     shape = from_spline(two_link.joint_names, spline.bspline())
     assert blended == pytest.approx(minimum_duration(constraints._problem, shape), rel=1e-3)
     for intervals in (WIDELY_BLENDED, BLENDED):
-        share = beyond(constraints, spline, intervals, 0.02)
-        assert share.any() == (intervals == WIDELY_BLENDED)
+        fraction = beyond(constraints, spline, intervals, 0.02)
+        assert fraction.any() == (intervals == WIDELY_BLENDED)
 
 
 def test_blending_changes_something_only_once_and_only_with_coulomb_friction(two_link):

@@ -91,10 +91,10 @@ def test_all_knots_are_multiples_and_every_phase_keeps_its_own(periods):
     assert regular.grid.interval_count == min(before.grid.interval_count, periods)
     assert len(regular.control_points) == regular.grid.control_point_count
     assert regular.grid.chains == CHAINS
-    for share in regular.grid.shares:
-        assert (share[0], share[-1]) == (0.0, 1.0)
-        assert np.diff(share).min() > 0
-    ends = np.cumsum([0, *(len(share) - 1 for share in regular.grid.shares)])
+    for fraction in regular.grid.fractions:
+        assert (fraction[0], fraction[-1]) == (0.0, 1.0)
+        assert np.diff(fraction).min() > 0
+    ends = np.cumsum([0, *(len(fraction) - 1 for fraction in regular.grid.fractions)])
     np.testing.assert_allclose(regular.switching_times * periods, knots[ends])
     # Switching times no longer move.
     assert regular.grid.is_fixed

@@ -196,7 +196,7 @@ def cost_case(request, bundled):
 def cost(spline, variables, step, switching):
     """Return smoothing, proximity and damping of a step, written out.
 
-    A motion of an even speed whose phase becomes wider by some share is slower by that share.
+    A motion of an even speed whose phase becomes wider by some fraction is slower by that fraction.
     """
     intervals, change = spline.grid.interval_count, variables.change(step)
     bends = np.diff(spline.control_points + change, 3, axis=0)

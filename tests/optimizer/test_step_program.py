@@ -164,7 +164,7 @@ NARROW = {"bounds": (-0.01, 0.03)}
 @pytest.mark.parametrize(
     ("legs", "is_tied", "ends", "accuracy"),
     [
-        # Those that share nothing take their own steps.
+        # Those that fraction nothing take their own steps.
         ([leg(-1.0, 0.6), leg(2.0, 0.4, 0)], False, [FAR, -FAR], 1e-5),
         # A shared configuration keeps both bounds,
         ([leg(-1.0, 0.6), leg(1.0, 0.4, 0, **NARROW)], True, [0.03, 0.03], 1e-5),

@@ -88,14 +88,14 @@ def points_by_joints(robot):
     return points, q, robot.point_jacobian(*robot.body_poses(q), body, points(q))
 
 
-def rotation_error_by_joints(share):
+def rotation_error_by_joints(fraction):
     """The tool beside the middle of a segment, or past the end, where the reference is constant."""
 
     def case(robot):
         q, _, _ = random_trajectory(robot)
         rotation, tool = robot.tool_pose(q)
         along = np.array([0.7, -0.4, 0.5])
-        points = np.array([[0, 0, 0], along]) + tool.mean(axis=0) - share * along
+        points = np.array([[0, 0, 0], along]) + tool.mean(axis=0) - fraction * along
         tube = t.Tube(points, 9.0, orientations=TURNED, rotation_tolerance=1.0).rotation
 
         def error(x):

@@ -263,9 +263,9 @@ def test_a_slack_that_the_method_does_not_honour_is_refused() -> None:
         plan_cycle(two_moves(), PlanOptions(method="stop-at-corners", slack=0.1))
 
 
-# The share of the moves planned alone that the whole takes at most: where ends are chosen
+# The fraction of the moves planned alone that the whole takes at most: where ends are chosen
 # together and the arm has several configurations to choose from, less.
-SHARES = {
+FRACTIONS = {
     "panda/tray_to_the_next_shelf": 0.95,
     "ur10/boxes_onto_a_pallet": 0.95,
     "ur5/through_the_door": 1.0,
@@ -280,4 +280,4 @@ def test_bundled_cycles_are_planned_and_certified(name):
     assert result.succeeded, result.message
     assert result.certificate.passed
     assert len(result.motion.marks) == len(cycle.steps)
-    assert result.shortest_duration <= SHARES[name] * result.greedy_duration
+    assert result.shortest_duration <= FRACTIONS[name] * result.greedy_duration

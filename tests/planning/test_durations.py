@@ -201,8 +201,8 @@ def test_other_methods_answers_take_whole_periods(method, bundled):
     plain, result = (plan(each, options) for each in (problem, replace(problem, period=0.004)))
     assert (result.succeeded, result.method) == (True, method)
     assert in_periods(result.duration, 0.004) == ceil(plain.duration / 0.004)
-    shares = [each.trajectory.breakpoints / each.duration for each in (result, plain)]
-    np.testing.assert_allclose(*shares, atol=1e-12)
+    fractions = [each.trajectory.breakpoints / each.duration for each in (result, plain)]
+    np.testing.assert_allclose(*fractions, atol=1e-12)
     assert verify(problem, result.trajectory).passed
     assert result.notes[-1].startswith(WHOLE)
     assert (result.search is None) == (plain.search is None)

@@ -223,7 +223,7 @@ LIMITED = {
 
 
 def require_kept(certificate, condition, most=0.01):
-    """Raise unless a limit is proved and no more than such a share of it is left."""
+    """Raise unless a limit is proved and no more than such a fraction of it is left."""
     judged = certificate.conditions[condition]
     assert -1e-6 <= judged.margin < most
     assert judged.coverage == "for all t"

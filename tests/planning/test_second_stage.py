@@ -107,8 +107,8 @@ def least_room(problem, trajectory):
     tool = problem.robot.tool_position(trajectory.per_piece(40).position)
     (begin, end), (radius,) = problem.tube.points, problem.tube.radius
     along = end - begin
-    share = np.clip((tool - begin) @ along / (along @ along), 0, 1)
-    return 1 - np.linalg.norm(tool - begin - share[:, None] * along, axis=1).max() / radius
+    fraction = np.clip((tool - begin) @ along / (along @ along), 0, 1)
+    return 1 - np.linalg.norm(tool - begin - fraction[:, None] * along, axis=1).max() / radius
 
 
 def test_it_keeps_the_room_that_the_shortest_motion_left(two_link, monkeypatch):

@@ -279,12 +279,12 @@ def test_planning_that_was_stopped_stops_the_search(problem, by, error):
 # The search for what to keep back, held against plans whose durations and runs are formulas.
 
 RADIUS = 0.01  # [m]
-SHARES = np.array(kept_back._EFFORTS)
+FRACTIONS = np.array(kept_back._EFFORTS)
 
 
 @dataclass
 class Formulas:
-    """Plans of one segment: T0 (1 + a (1 - e)) + p r + q r^2, of a share e.
+    """Plans of one segment: T0 (1 + a (1 - e)) + p r + q r^2, of a fraction e.
 
     Runs lack c + s ((e - e0)+)^2 - g r of radius, those of some draws more. Some fail
     where more than `seen` is short, of few runs where it is twice as much: less is seen of few than
@@ -378,7 +378,7 @@ def test_the_share_of_effort_is_that_of_the_least_expected_duration(best):
     plans = Formulas(slower, price=price, enough_effort=best - beyond, by_effort=by_effort, room=1)
     found = plans.answer()
     assert found.survives
-    assert found.kept_back.effort == SHARES[abs(SHARES - best).argmin()]
+    assert found.kept_back.effort == FRACTIONS[abs(FRACTIONS - best).argmin()]
 
 
 def test_what_is_short_is_taken_and_of_what_is_to_spare_half_is_given_back():
@@ -422,11 +422,11 @@ def test_giving_back_too_much_leaves_the_survivor():
 def test_less_effort_is_tried_where_radii_cost_more_than_expected():
     """The price rises with the radius; of what survives the shortest is the answer."""
     plans = Formulas(0.1, price=4.0, curvature=8e3, by_effort=0.1, enough_effort=0.7)
-    at = [plans.kept(effort) for effort in SHARES]
+    at = [plans.kept(effort) for effort in FRACTIONS]
     expected = [plans.duration(kept) + plans.price * plans.short(kept) for kept in at]
     found = plans.answer()
     assert found.survives
-    assert found.kept_back.effort < SHARES[int(np.argmin(expected))]
+    assert found.kept_back.effort < FRACTIONS[int(np.argmin(expected))]
     assert found.duration == min(tried.duration for tried in plans.survivors)
 
 
@@ -444,8 +444,8 @@ def test_where_nothing_survives_it_is_what_fails_least():
     plans = Formulas(always=12e-3, by_effort=0.01, links_meet=0.1, least_effort=0.7)
     found = plans.answer()
     assert not found.survives
-    share = [tried.verdict.failed / tried.verdict.runs for tried in plans.made]
-    assert found.verdict.failed / found.verdict.runs == min(share)
+    fraction = [tried.verdict.failed / tried.verdict.runs for tried in plans.made]
+    assert found.verdict.failed / found.verdict.runs == min(fraction)
     assert found.kept_back.effort < 1
     assert found.kept_back.radius[0] == plans.room
 

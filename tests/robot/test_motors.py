@@ -145,7 +145,7 @@ def test_a_urdfs_friction_that_is_none_is_named_once_it_is_taken(describe, attri
 
 AMOUNT = "give a number from 0 to 1e+09"
 LINE = "give a number from 1e-06 to 1e+09, or .inf where there is no torque-speed line"
-SHARE = "give a share from 0, below 1"
+FRACTION = "give a fraction from 0, below 1"
 
 
 @pytest.mark.parametrize(
@@ -170,7 +170,7 @@ SHARE = "give a share from 0, below 1"
             for value in (-1, [1, -1], [1], "12")
         ),
         *(
-            ({"friction_uncertainty": value}, f"friction_uncertainty is {shown}; {SHARE}")
+            ({"friction_uncertainty": value}, f"friction_uncertainty is {shown}; {FRACTION}")
             for value, shown in ((-0.1, "-0.1"), (1.0, "1"), (np.nan, "nan"), (True, "True"))
         ),
     ],

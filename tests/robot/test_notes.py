@@ -154,9 +154,9 @@ def notes(name="ur5", tool="tool0", limits=None, **motors):
     return robot_notes(load_robot(f"example:{name}", tool, limits=limits, motors=motors))
 
 
-# Limits, motors, and where friction takes what share of the effort. The elbow of a UR5 turns at
+# Limits, motors, and where friction takes what fraction of the effort. The elbow of a UR5 turns at
 # 3.15 rad/s and has 150 N m.
-SHARES = {
+FRACTIONS = {
     "above a third": (
         None,
         {"viscous_friction": {"elbow_joint": 10}, "coulomb_friction": {"elbow_joint": [20, 18.6]}},
@@ -176,13 +176,13 @@ SHARES = {
 }
 
 
-@pytest.mark.parametrize(("limits", "motors", "share"), SHARES.values(), ids=SHARES)
-def test_friction_that_no_gear_has_is_named_with_its_joint(limits, motors, share):
+@pytest.mark.parametrize(("limits", "motors", "fraction"), FRACTIONS.values(), ids=FRACTIONS)
+def test_friction_that_no_gear_has_is_named_with_its_joint(limits, motors, fraction):
     expected = (
-        f"at full speed friction takes {share}, more than a third: implausible for a geared arm; "
-        "have it identified, or leave it out of robot.motors"
+        f"at full speed friction takes {fraction}, more than a third: implausible for a geared "
+        "arm; have it identified, or leave it out of robot.motors"
     )
-    assert notes(limits=limits, **motors) == (() if share is None else (expected,))
+    assert notes(limits=limits, **motors) == (() if fraction is None else (expected,))
 
 
 def test_a_urdfs_placeholder_is_named_before_and_after_it_is_taken():

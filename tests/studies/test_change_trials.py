@@ -36,9 +36,9 @@ def trials_of(question, limit=1000.0, executor=None, callback=None, **options):
     return Trials(question, PlanOptions(**options), clock, executor)
 
 
-def with_effort(share):
-    """Return the change of the effort of all joints to a share, as a size."""
-    return simple_change("robot.limits.scale.effort"), share
+def with_effort(fraction):
+    """Return the change of the effort of all joints to a fraction, as a size."""
+    return simple_change("robot.limits.scale.effort"), fraction
 
 
 @pytest.fixture

@@ -176,22 +176,22 @@ def test_calls_are_made_by_the_workers_the_same_one_twice(small, tmp_path, monke
 
 @pytest.mark.slow  # plans on a cluster, and alone
 def test_a_worker_that_dies_loses_nothing(small, tmp_path):
-    shares = [round(1 - 0.05 * k, 2) for k in range(6)]
+    fractions = [round(1 - 0.05 * k, 2) for k in range(6)]
     line, path = PosedProblem.read(LINE), tmp_path / "calls"
 
-    def posed(share):
-        changed = line.changed({"tube.radius": f"x{share}"})
+    def posed(fraction):
+        changed = line.changed({"tube.radius": f"x{fraction}"})
         return SlowProblem(changed.document, changed.folder, changed.name, str(path))
 
     with dask_executor(small.scheduler_address) as executor:
-        items = plan_many(map(posed, shares), FAST, executor)
+        items = plan_many(map(posed, fractions), FAST, executor)
         found = [next(items), next(items)]
         kill_a_worker(small.scheduler_address)
         found += items
-    assert sorted(item.index for item in found) == list(range(len(shares)))
+    assert sorted(item.index for item in found) == list(range(len(fractions)))
     found.sort(key=lambda item: item.index)
-    assert [bits(item.result) for item in found] == planned_alone(LINE, shares)
-    assert len(path.read_text().splitlines()) >= len(shares)  # some were begun twice
+    assert [bits(item.result) for item in found] == planned_alone(LINE, fractions)
+    assert len(path.read_text().splitlines()) >= len(fractions)  # some were begun twice
 
 
 @pytest.mark.slow  # plans on a cluster

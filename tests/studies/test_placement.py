@@ -28,10 +28,10 @@ IN_POST = [-0.3, -0.3, 0.3, 0.3]
 ANSWERS = {}
 
 
-def neighbours(point, share):
+def neighbours(point, fraction):
     """Return the neighbours of a point in a square, first steps one long."""
     x, y = point
-    moved = [(x + share, y), (x - share, y), (x, y + share), (x, y - share)]
+    moved = [(x + fraction, y), (x - fraction, y), (x, y + fraction), (x, y - fraction)]
     return [tuple(min(max(v, LOW), HIGH) for v in each) for each in moved]
 
 

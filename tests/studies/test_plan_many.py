@@ -39,8 +39,8 @@ def knows_none(monkeypatch):
     monkeypatch.setattr(parcel_module, "_scenes", {})
 
 
-def narrower(problem, share):
-    return replace(problem, tube=replace(problem.tube, radius=share * problem.tube.radius))
+def narrower(problem, fraction):
+    return replace(problem, tube=replace(problem.tube, radius=fraction * problem.tube.radius))
 
 
 def sent(thing):
@@ -53,7 +53,7 @@ def test_problems_of_one_scene_share_it_there_too(post):
     assert problem_hash(there) == problem_hash(post)
     assert there.name == post.name
     packer = Packer()
-    packs = [packer.pack(narrower(post, share)) for share in (0.9, 0.8)]
+    packs = [packer.pack(narrower(post, fraction)) for fraction in (0.9, 0.8)]
     assert packs[0].scene is packs[1].scene  # pickled once, and apart
     assert len(packs[0].content) < len(packs[0].scene)
     one, other = (sent(pack).unpacked() for pack in packs)
@@ -89,12 +89,12 @@ def test_an_answer_gets_robot_and_scene_of_the_sender(post):
     assert len(packed) < len(pickle.dumps(there)) / 2
 
 
-SHARES = (1.0, 0.9, 0.8)
+FRACTIONS = (1.0, 0.9, 0.8)
 
 
 @pytest.fixture(scope="module")
 def alone():
-    return planned_alone(LINE, SHARES)
+    return planned_alone(LINE, FRACTIONS)
 
 
 def by_index(items):
@@ -106,8 +106,10 @@ def by_index(items):
 @pytest.mark.slow  # plans in three processes
 def test_answers_are_those_of_plan_bit_for_bit(alone):
     posed = PosedProblem.read(LINE)
-    problems = [load_problem(LINE, changes={"tube.radius": f"x{share}"}) for share in SHARES]
-    problems += [posed.changed({"tube.radius": f"x{share}"}) for share in SHARES]
+    problems = [
+        load_problem(LINE, changes={"tube.radius": f"x{fraction}"}) for fraction in FRACTIONS
+    ]
+    problems += [posed.changed({"tube.radius": f"x{fraction}"}) for fraction in FRACTIONS]
     with WorkerProcesses(2) as workers:
         found = by_index(plan_many(problems, FAST, workers))
         again = workers.submit(abs, -1).result()
@@ -194,8 +196,8 @@ def test_problems_are_taken_as_needed():
     taken = []
 
     def problems():
-        for share in SHARES:
-            taken.append(share)
+        for fraction in FRACTIONS:
+            taken.append(fraction)
             yield PosedProblem.read(LINE)
 
     items = plan_many(problems(), PlanOptions("stop-at-corners"), ThreadPoolExecutor(1))

@@ -186,7 +186,7 @@ def test_any_value_goes_by_its_share_of_the_way():
     assert interval("a", 1, 10_000, is_logarithmic=True).at(0.25) == 10
     assert interval("a", "x1", "x2", is_logarithmic=False).at(0.123456789) == "x1.123456789"
     levels = Levels("a", ("p", "q", "r"))
-    assert [levels.at(share) for share in (0, 0.33, 0.34, 0.99)] == ["p", "p", "q", "r"]
+    assert [levels.at(fraction) for fraction in (0, 0.33, 0.34, 0.99)] == ["p", "p", "q", "r"]
     millions = interval("a", 0, 1, is_logarithmic=False).levels(10**7 + 1)  # made one by one
     assert (millions.values[10**6], millions.at(0.9999999)) == (0.1, 0.9999999)
     with pytest.raises(IndexError):

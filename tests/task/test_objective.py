@@ -30,9 +30,9 @@ def written(tmp_path):
 
 @pytest.mark.parametrize("slack", [-0.001, 10.1, np.inf, np.nan, "0.005", True])
 def test_slack_is_a_share_of_time_as_is_that_of_options(slack):
-    with pytest.raises(ProblemError, match=r"objective\.slack is .*; give a share .* to 10$"):
+    with pytest.raises(ProblemError, match=r"objective\.slack is .*; give a fraction .* to 10$"):
         Objective(slack)
-    with pytest.raises(OptionError, match=r"^slack is .*; give a share .* from 0 .* to 10$"):
+    with pytest.raises(OptionError, match=r"^slack is .*; give a fraction .* from 0 .* to 10$"):
         PlanOptions(slack=slack)
     for bound in (0, 10):
         assert Objective(bound).slack == PlanOptions(slack=bound).slack == bound
@@ -96,7 +96,7 @@ def test_files_say_both(written):
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"objective": {"slack": -0.1}}, "objective.slack is -0.1; give a share"),
+        ({"objective": {"slack": -0.1}}, "objective.slack is -0.1; give a fraction"),
         ({"objective": {"minimise": "power"}}, "objective.minimise"),
         ({"objective": {"weight": {}}}, "unknown key"),
         ({"period": 4}, f"period is 4 s; {PERIOD}"),

@@ -93,8 +93,8 @@ def test_friction_takes_a_ur10_a_quarter_of_its_efforts_at_full_speed():
     robot = with_layers("ur10", read_preset("ur10_friction"))
     motors, limits = robot.motors, robot.limits
     loss = motors.viscous_friction * limits.velocity + motors.forwards_friction
-    shares = [0.13, 0.13, 0.23, 0.27, 0.22, 0.24]
-    np.testing.assert_allclose(loss / limits.effort, shares, atol=0.01)
+    fractions = [0.13, 0.13, 0.23, 0.27, 0.22, 0.24]
+    np.testing.assert_allclose(loss / limits.effort, fractions, atol=0.01)
     np.testing.assert_array_equal(motors.backwards_friction, [13.7, 20.7, 9.2, 2.0, 2.3, 2.9])
 
 

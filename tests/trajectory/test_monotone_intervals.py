@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose as close
 from numpy.testing import assert_array_equal as same
 
 from tubeplanner import JointTrajectory
-from tubeplanner.trajectory.parts import STILL_SHARE, directed_stretches, sign_changes
+from tubeplanner.trajectory.parts import STILL_FRACTION, directed_stretches, sign_changes
 
 
 def rows_of(polynomials, degree):
@@ -22,7 +22,7 @@ def test_they_are_the_roots_between_the_ends():
     rows = np.stack([rows_of([np.poly1d(r, r=True) for r in piece], 3) for piece in roots], axis=1)
     changes = sign_changes(rows, widths)
     places = sorted(
-        zip(changes.piece, changes.column, changes.share * widths[changes.piece], strict=True)
+        zip(changes.piece, changes.column, changes.fraction * widths[changes.piece], strict=True)
     )
     expected = [(0, 0, 0.2), (0, 0, 0.7), (0, 1, 0.5), (1, 0, 1.5), (1, 1, 0.4), (1, 1, 2.5)]
     close(places, expected, atol=1e-9)
@@ -44,19 +44,19 @@ def test_between_them_polynomials_keep_their_sign():
     rows[-1] *= 0.1
     changes = sign_changes(rows, widths)
     for piece, column in np.ndindex(5, 4):
-        mine = changes.share[(changes.piece == piece) & (changes.column == column)]
-        share = np.linspace(0, 1, 5001)
-        sign = np.sign(np.polyval(rows[:, piece, column], share * widths[piece]))
+        mine = changes.fraction[(changes.piece == piece) & (changes.column == column)]
+        fraction = np.linspace(0, 1, 5001)
+        sign = np.sign(np.polyval(rows[:, piece, column], fraction * widths[piece]))
         reversals = np.flatnonzero(np.diff(sign))
-        close(np.sort(mine), share[reversals] + 1e-4, atol=1.1e-4)
-    assert len(changes.share) > 5
+        close(np.sort(mine), fraction[reversals] + 1e-4, atol=1.1e-4)
+    assert len(changes.fraction) > 5
 
 
 def test_a_root_that_rounding_puts_just_inside_an_end_is_at_that_end():
     """A root that, added to the piece's number, rounds into the next piece."""
     just_inside = [np.poly1d([1 - 1e-13, 0.5], r=True), np.poly1d([1e-17, 0.5], r=True)]
     changes = sign_changes(rows_of(just_inside, 2)[:, None], np.ones(1))
-    close(changes.share, 0.5)
+    close(changes.fraction, 0.5)
 
 
 def moved(velocities, widths=(1.0,)):
@@ -88,9 +88,9 @@ def test_a_joint_that_stops_and_goes_on_moves_one_way(at):
     same(stretches.direction[lasting], np.ones(lasting.sum()))
 
 
-@pytest.mark.parametrize(("share", "direction"), [(1.1, -1.0), (0.9, 0.0), (0.0, 0.0)])
-def test_a_joint_far_slower_than_the_fastest_stands_still(share, direction):
-    slow = np.poly1d([-2.0 * STILL_SHARE * share])
+@pytest.mark.parametrize(("fraction", "direction"), [(1.1, -1.0), (0.9, 0.0), (0.0, 0.0)])
+def test_a_joint_far_slower_than_the_fastest_stands_still(fraction, direction):
+    slow = np.poly1d([-2.0 * STILL_FRACTION * fraction])
     stretches = directed_stretches(moved([[np.poly1d([2.0]), slow]]))
     same(stretches.direction, [1.0, direction])
 
@@ -106,10 +106,10 @@ def test_directions_are_those_of_the_velocity():
     velocities = [[np.poly1d(rng.uniform(-0.2, 0.8, 3), r=True) for _ in range(3)] for _ in widths]
     trajectory = moved(velocities, widths)
     stretches = directed_stretches(trajectory)
-    piece, share = np.repeat(np.arange(4), 301), np.tile(np.linspace(0, 1, 301), 4)
-    v = trajectory.within(piece, share * widths[piece], 1)
+    piece, fraction = np.repeat(np.arange(4), 301), np.tile(np.linspace(0, 1, 301), 4)
+    v = trajectory.within(piece, fraction * widths[piece], 1)
     clear = abs(v) > 1e-4
-    same(stretches.at(piece, share)[clear], np.sign(v)[clear])
+    same(stretches.at(piece, fraction)[clear], np.sign(v)[clear])
     assert len(stretches.joint) > 12
 
 

@@ -73,9 +73,9 @@ def test_restricted_polynomials_are_the_same_in_the_time_of_the_interval(degree)
     start, width = 0.2 * widths, 0.7 * widths
     parts = restricted(coefficients, start, width)
     assert parts.shape == coefficients.shape
-    for share in (0.0, 0.3, 1.0):
-        expected = values(coefficients, (start + share * width)[:, None])
-        close(values(parts, share), expected, atol=1e-12)
+    for fraction in (0.0, 0.3, 1.0):
+        expected = values(coefficients, (start + fraction * width)[:, None])
+        close(values(parts, fraction), expected, atol=1e-12)
 
 
 def test_the_coefficients_are_those_of_a_textbook_example():

@@ -201,9 +201,9 @@ def _parts_near(tool: Enclosure, visits: list[Visit], near: NearEnd) -> FloatArr
         middle = hull.mean(axis=0)
         spread = np.linalg.norm(hull - middle, axis=2).max(axis=0)
         outside = np.linalg.norm(middle - near.tool, axis=1) - spread - error > near.within
-        shares = np.column_stack([start, start + width])[inside]
+        fractions = np.column_stack([start, start + width])[inside]
         whole = tool.start[interval[inside], None], tool.width[interval[inside], None]
-        parts.append(whole[0] + whole[1] * shares)
+        parts.append(whole[0] + whole[1] * fractions)
         # Halves of parts whose spread is below the tool's error would decide no more.
         split = ~inside & ~outside & (width > _MIN_WIDTH) & (spread > error)
         interval = np.repeat(interval[split], 2)

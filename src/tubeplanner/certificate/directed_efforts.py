@@ -118,10 +118,10 @@ def _instants(
         beyond = np.repeat(trajectory.coefficients[:, :, [table.joint]], len(table.position), 2)
         beyond[-1] -= table.position
         passed = sign_changes(beyond, trajectory.widths)
-        instants.append((np.full(len(passed.piece), table.joint), passed.piece, passed.share))
-    joint, piece, share = (np.concatenate(column) for column in zip(*instants, strict=True))
+        instants.append((np.full(len(passed.piece), table.joint), passed.piece, passed.fraction))
+    joint, piece, fraction = (np.concatenate(column) for column in zip(*instants, strict=True))
     counts = np.isin(joint, joints)
-    return SignChanges(joint[counts], piece[counts], share[counts])
+    return SignChanges(joint[counts], piece[counts], fraction[counts])
 
 
 def _parts(
@@ -132,12 +132,12 @@ def _parts(
     pieces = np.searchsorted(begin, smooth.start + smooth.width / 2, side="right") - 1
     count = len(pieces)
     place = pieces + (smooth.start - begin[pieces]) / widths[pieces]
-    cut = np.searchsorted(place, instants.piece + instants.share, side="right") - 1
-    time = begin[instants.piece] + widths[instants.piece] * instants.share
-    share = np.clip((time - smooth.start[cut]) / smooth.width[cut], 0.0, 1.0)
+    cut = np.searchsorted(place, instants.piece + instants.fraction, side="right") - 1
+    time = begin[instants.piece] + widths[instants.piece] * instants.fraction
+    fraction = np.clip((time - smooth.start[cut]) / smooth.width[cut], 0.0, 1.0)
     joint = np.append(np.repeat(joints, count), instants.column)
     interval = np.append(np.tile(np.arange(count), len(joints)), cut)
-    start = np.append(np.zeros(len(joints) * count), share)
+    start = np.append(np.zeros(len(joints) * count), fraction)
     order = np.lexsort((start, interval, joint))
     joint, interval, start = joint[order], interval[order], start[order]
     is_last = np.append((np.diff(interval) != 0) | (np.diff(joint) != 0), True)

@@ -266,11 +266,11 @@ def rigid_body_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray
             moment = moment + moments[child] + _product(bodies[child].link, forces[child])
         forces[i], moments[i] = force, moment
     efforts = np.zeros((len(joints) - 2, joints.shape[1], robot.joint_count))
-    share = abs(robot.body_rules[0])  # of a body's effort that its joint takes
+    fraction = abs(robot.body_rules[0])  # of a body's effort that its joint takes
     for i in range(1, robot.body_count):
         joint, axis = robot.body_joints[i], bodies[robot.body_parents[i]].unit
         load = moments[i] if robot.body_turns[i] else forces[i]
-        efforts[:, :, joint] += share[i] * _product(axis, load)
+        efforts[:, :, joint] += fraction[i] * _product(axis, load)
     return efforts
 
 

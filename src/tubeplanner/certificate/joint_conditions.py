@@ -151,11 +151,11 @@ def judge_rest(motion: JudgedMotion) -> JudgedCondition:
     for order in (1, 2):
         values = motion.piece_ends(order)
         ends = np.array([values[0, 0], values[1, -1]])
-        share = abs(ends) / motion.largest_rates[order]
-        if share.max() > worst:
-            end, joint = np.unravel_index(int(share.argmax()), share.shape)
+        fraction = abs(ends) / motion.largest_rates[order]
+        if fraction.max() > worst:
+            end, joint = np.unravel_index(int(fraction.argmax()), fraction.shape)
             time = float(motion.trajectory.breakpoints[-end])
-            worst = float(share.max())
+            worst = float(fraction.max())
             place = Place(time=time, joint=motion.robot.joint_names[joint])
     return JudgedCondition(0.0 - worst, RELATIVE, place, FOR_ALL_TIMES)
 

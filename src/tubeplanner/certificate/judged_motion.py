@@ -32,7 +32,7 @@ from tubeplanner.trajectory.polynomials import peak_magnitudes
 FOR_ALL_TIMES = "for all t"
 RELATIVE = "relative"
 # Bounds farther apart than this, absolute [m] and as a fraction of the margin, are undecided.
-_UNDECIDED_LENGTH, _UNDECIDED_SHARE = 1e-6, 0.05
+_UNDECIDED_LENGTH, _UNDECIDED_FRACTION = 1e-6, 0.05
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def bracketed(margin: float, attained: float, unit: str, where: Place) -> Judged
         unit: "m", "rad" or "relative".
         where: Location of the smallest margin.
     """
-    allowed = max(_UNDECIDED_LENGTH, _UNDECIDED_SHARE * abs(attained))
+    allowed = max(_UNDECIDED_LENGTH, _UNDECIDED_FRACTION * abs(attained))
     coverage = FOR_ALL_TIMES if margin >= attained - allowed else undecided(attained, unit)
     return JudgedCondition(margin, unit, where, coverage)
 
@@ -125,7 +125,7 @@ def undecided(attained: float, unit: str) -> str:
 # most of that: of efforts as a fraction of their limits, of the tool [m].
 EFFORT_ENCLOSURE = 1e-8
 _TOOL_ENCLOSURE = 1e-7
-_STILL_SHARE = 1e-6  # a joint slower than this fraction of the fastest counts as standing still
+_STILL_FRACTION = 1e-6  # a joint slower than this fraction of the fastest counts as standing still
 # Where the rotation is judged too: an error of the tool is one of its reference orientation.
 _POSE_ENCLOSURE, _ROTATION_ENCLOSURE = 1e-8, 1e-9
 
@@ -213,7 +213,7 @@ class JudgedMotion:
             coefficients = self.trajectory.derivative_coefficients(order)
             largest = peak_magnitudes(coefficients, self.trajectory.widths).value
             overall = float(largest.max())
-            rates[order] = np.maximum(largest, _STILL_SHARE * overall if overall > 0 else 1.0)
+            rates[order] = np.maximum(largest, _STILL_FRACTION * overall if overall > 0 else 1.0)
         return rates
 
     def piece_ends(self, order: int) -> FloatArray:

@@ -127,9 +127,9 @@ def path_steps(trajectory: JointTrajectory, count: int, per_piece: int) -> PathS
     regular = np.arange(pieces * each) / each
     begin = np.unique(np.append(regular, stretches.piece + stretches.start))
     piece = begin.astype(np.int64)
-    share = np.stack([begin, np.append(begin[1:], pieces)]) - piece
-    direction = stretches.at(piece, share.mean(axis=0))
-    return PathSteps(trajectory, piece, share * trajectory.widths[piece], direction)
+    fraction = np.stack([begin, np.append(begin[1:], pieces)]) - piece
+    direction = stretches.at(piece, fraction.mean(axis=0))
+    return PathSteps(trajectory, piece, fraction * trajectory.widths[piece], direction)
 
 
 # ---- Limits on efforts and accelerations along a trajectory's path, one side each, at any speed.
@@ -198,11 +198,13 @@ def effort_sides(robot: RobotModel, steps: PathSteps) -> LimitSides:
         allowed = np.tile(limits.effort, (len(q), 1))
         for limit in limits.effort_ranges:
             allowed[:, limit.joint] = limit.allowed(q[:, limit.joint], way)
-        parts.append(_shares("effort", np.isfinite(limits.effort), used, allowed))
+        parts.append(_fractions("effort", np.isfinite(limits.effort), used, allowed))
         stall = np.broadcast_to(motors.saturation_effort, q.shape)
         with np.errstate(invalid="ignore"):
             slowed = linear + way * v * motors.saturation_effort / motors.no_load_velocity
-        parts.append(_shares("motor_curve", motors.has_curve, (static, slowed, *used[2:]), stall))
+        parts.append(
+            _fractions("motor_curve", motors.has_curve, (static, slowed, *used[2:]), stall)
+        )
     return LimitSides.joined(parts)
 
 
@@ -213,19 +215,19 @@ def acceleration_sides(robot: RobotModel, steps: PathSteps) -> LimitSides:
     none, allowed = np.zeros_like(v), np.broadcast_to(limit, v.shape)
     return LimitSides.joined(
         [
-            _shares("acceleration", np.isfinite(limit), (none, none, way * a, way * v), allowed)
+            _fractions("acceleration", np.isfinite(limit), (none, none, way * a, way * v), allowed)
             for way in _WAYS
         ]
     )
 
 
-def _shares(
+def _fractions(
     condition: str, limited: BoolArray, used: tuple[FloatArray, ...], allowed: FloatArray
 ) -> LimitSides:
     """Return the sides of limited joints (n,), as fractions of the allowed values."""
     joint = np.flatnonzero(limited)
-    shares = (part[:, joint] / allowed[:, joint] for part in used)
-    return LimitSides((condition,) * len(joint), joint, *shares)
+    fractions = (part[:, joint] / allowed[:, joint] for part in used)
+    return LimitSides((condition,) * len(joint), joint, *fractions)
 
 
 # ---- Slower runs: motors that suffice at full speed may not at a lower speed.
@@ -379,8 +381,8 @@ def _rests(
         h = width[step]
         rate, is_possible = _steepest(sides[:, :, step], h, square)
         after = np.maximum(square + 2 * h * rate, 0.0)
-        share = np.where(after > 0, 1.0, -square / (2 * h * rate))
-        spent += [2 * share * h / (np.sqrt(square) + np.sqrt(after)), share * length[step]]
+        fraction = np.where(after > 0, 1.0, -square / (2 * h * rate))
+        spent += [2 * fraction * h / (np.sqrt(square) + np.sqrt(after)), fraction * length[step]]
         rests = is_possible & ((after == 0) | (step == len(width) - 1))
         bounds[:, run[rests]] = np.minimum(bounds[:, run[rests]], spent[:, rests])
         goes_on = is_possible & ~rests

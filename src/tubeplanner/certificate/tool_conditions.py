@@ -126,7 +126,7 @@ class _Parts:
         width: In the interval's local time, shape (R,).
         segment: Index of the tube's segment, shape (R,).
         vector: Rotation vectors at both ends, shape (2, R, 3) [rad].
-        share: Fraction of the segment, not clipped, at both ends, shape (2, R).
+        fraction: Fraction of the segment, not clipped, at both ends, shape (2, R).
     """
 
     interval: IntArray
@@ -134,7 +134,7 @@ class _Parts:
     width: FloatArray
     segment: IntArray
     vector: FloatArray
-    share: FloatArray
+    fraction: FloatArray
 
 
 def least_rotation_margin(
@@ -172,8 +172,8 @@ def _first_parts(tube: RotationalTube, pose: EnclosedPose, visits: list[Visit]) 
     """Return every part of an interval that a visit covers."""
     interval, start, width, segment = visited_parts(pose.tool, visits)
     ends = [_vector_at(tube, pose, interval, segment, t) for t in (start, start + width)]
-    vector, share = (np.array(values) for values in zip(*ends, strict=True))
-    return _Parts(interval, start, width, segment, vector, share)
+    vector, fraction = (np.array(values) for values in zip(*ends, strict=True))
+    return _Parts(interval, start, width, segment, vector, fraction)
 
 
 def _halves(tube: RotationalTube, pose: EnclosedPose, parts: _Parts, rows: BoolArray) -> _Parts:
@@ -182,7 +182,7 @@ def _halves(tube: RotationalTube, pose: EnclosedPose, parts: _Parts, rows: BoolA
     start, width = halves(parts.start[rows], parts.width[rows])
     middle = _vector_at(tube, pose, interval, segment, start[1::2])
     both = []
-    for ends, between in zip((parts.vector[:, rows], parts.share[:, rows]), middle, strict=True):
+    for ends, between in zip((parts.vector[:, rows], parts.fraction[:, rows]), middle, strict=True):
         pairs = np.repeat(ends, 2, axis=1)
         pairs[1, 0::2] = pairs[0, 1::2] = between
         both.append(pairs)
@@ -236,7 +236,7 @@ def _chord_distance(
         bound[parts.interval] / length
         for bound in (pose.speed, pose.acceleration, pose.tool.error[:, 0])
     )
-    low, high = parts.share.min(axis=0), parts.share.max(axis=0)
+    low, high = parts.fraction.min(axis=0), parts.fraction.max(axis=0)
     slack = bend * width**2 / 8 + 2 * off
     beyond = (high + slack <= 0) | (low - slack >= 1)
     passes_end = ~beyond & ((low - slack < 0) | (high + slack > 1))

@@ -41,7 +41,7 @@ _ERRORS = {
     "base": "Of the robot's base [m].",
     "control_period": "Of the control [s].",
     "bandwidth": "Of the feedback, at least [rad/s].",
-    "velocity_tolerance": "Share of a velocity limit beyond it at which the controller stops.",
+    "velocity_tolerance": "Fraction of a velocity limit beyond it at which the controller stops.",
     "path_tolerance": "Distance of a joint from the plan at which it stops [rad].",
     "tool_tolerance": "Distance of the tool from the plan at which it stops [m].",
 }
@@ -58,7 +58,7 @@ _NAMES = {
     "tracking": "a joint from the plan [rad or m]",
     "tool_tracking": "the tool from the plan [m]",
     "position": "beyond position limits [rad or m]",
-    "velocity": "velocity, share of its limit",
+    "velocity": "velocity, fraction of its limit",
     "obstacles": "distance from obstacles [m]",
     "self_collision": "distance between links [m]",
 }
@@ -276,8 +276,8 @@ def execution_lines(judged: Sequence[JudgedRun], errors: Robustness) -> list[str
                 f"{_NAMES[name]:38}{worst}{bound:>12}  run {summary.run}, {summary.worst.place}"
             )
     saturated = [100 * run.saturated for run in judged]
-    share = f"{max(saturated):12.3g}{sorted(saturated)[len(saturated) // 2]:12.3g}"
-    lines.append(f"{'time with a motor at its limit [%]':38}{share}")
+    fraction = f"{max(saturated):12.3g}{sorted(saturated)[len(saturated) // 2]:12.3g}"
+    lines.append(f"{'time with a motor at its limit [%]':38}{fraction}")
     return [*lines, run_verdict(judged).survived(errors)]
 
 

@@ -294,7 +294,7 @@ class RunVerdict:
     tracking: float
 
     @property
-    def share(self) -> tuple[float, float]:
+    def fraction(self) -> tuple[float, float]:
         """Bounds on the fraction of all drawn arms that fail, with 95 % confidence.
 
         (Clopper and Pearson, "The use of confidence or fiducial limits illustrated in the case of
@@ -312,7 +312,7 @@ class RunVerdict:
         return {
             "runs": self.runs,
             "failed": self.failed,
-            "share": list(self.share),
+            "share": list(self.fraction),
             "confidence": CONFIDENCE,
             "broken": dict(self.broken),
             "velocity": self.velocity,
@@ -332,7 +332,7 @@ class RunVerdict:
         return f"{self.failed} of {self.runs} runs failed{self._counts()}"
 
     def _counts(self, verb: str = "") -> str:
-        least, most = self.share
+        least, most = self.fraction
         counts = "; ".join(
             f"{count} {_WORDS[name]}" for name, count in self.broken.items() if count
         )

@@ -158,8 +158,8 @@ class Feedback:
         # Joints with nearly one axis are moved by their loops together: a swing of one against the
         # other meets little inertia, the swing of both more than `inertia` of each. With integral
         # action such a loop is stable only for a gain above a ninth of that of a single joint.
-        share = np.minimum(_FREEDOMS * plan.freedom[k], 1.0)
-        more = share * inertia * w**3 * q_error * self._period
+        fraction = np.minimum(_FREEDOMS * plan.freedom[k], 1.0)
+        more = fraction * inertia * w**3 * q_error * self._period
         self._integral = np.clip(self._integral + more, -plan.integral_limit, plan.integral_limit)
         return 3 * w * (w * q_error + v_error) + self._integral / inertia
 

@@ -225,12 +225,12 @@ def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
     )
 
 
-def _fastest(problem: PlanningProblem, knots: FloatArray, share: float) -> JointTrajectory:
+def _fastest(problem: PlanningProblem, knots: FloatArray, fraction: float) -> JointTrajectory:
     """Return the fastest trajectory of all timing rounds, scaled to the limits."""
     names, times = problem.robot.joint_names, np.linalg.norm(np.diff(knots, axis=0), axis=1)
     best, shortest = times, np.inf
     for _ in range(_TIMING_ROUNDS):
-        trajectory = _trajectory(names, knots, times, share)
+        trajectory = _trajectory(names, knots, times, fraction)
         samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
         factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
         pieces = factor.reshape(-1, _SAMPLES_PER_PIECE).min(axis=1)
@@ -241,18 +241,18 @@ def _fastest(problem: PlanningProblem, knots: FloatArray, share: float) -> Joint
         if times.sum() / speed_factor.min() < shortest:
             best, shortest = times / speed_factor.min(), times.sum() / speed_factor.min()
         times = times / speed_factor**_TIMING_POWER
-    trajectory = _trajectory(names, knots, best, share)
+    trajectory = _trajectory(names, knots, best, fraction)
     return scaled_to_limits(problem, trajectory, with_jerk=False)
 
 
 def _trajectory(
-    joint_names: tuple[str, ...], knots: FloatArray, times: FloatArray, share: float
+    joint_names: tuple[str, ...], knots: FloatArray, times: FloatArray, fraction: float
 ) -> JointTrajectory:
     """Return the trajectory from knot to knot (K, n) in times (K-1,) [s]."""
     still = np.zeros((1, knots.shape[1]))
     velocity = np.concatenate([still, np.diff(knots, axis=0) / times[:, None], still])
     before, after = np.append(np.inf, times), np.append(times, np.inf)
-    half = share * np.minimum(before, after)  # duration of half of each transition
+    half = fraction * np.minimum(before, after)  # duration of half of each transition
     acceleration = np.zeros((2 * len(knots) - 1, knots.shape[1]))
     acceleration[::2] = np.diff(velocity, axis=0) / (2 * half[:, None])
     begin_velocity = np.empty_like(acceleration)

@@ -55,26 +55,26 @@ class ReferenceTurn:
         ends = np.array([self._begin, self._end])
         self._keeps_bounds = bool(self._tube.margin_of(ends, segment).min() >= 0)
 
-    def wanted(self, share: float, point: FloatArray) -> WantedRotation:
+    def wanted(self, fraction: float, point: FloatArray) -> WantedRotation:
         """Return the tool's target orientation at a point (3,), after a fraction of the segment."""
         reference = self._tube.reference(point[None], self._segment)[0]
-        return WantedRotation(reference, self._vector_after(share), self._components)
+        return WantedRotation(reference, self._vector_after(fraction), self._components)
 
-    def off_segment(self, solution: PositionSolution, share: float) -> int | None:
+    def off_segment(self, solution: PositionSolution, fraction: float) -> int | None:
         """Return the segment whose rotation tolerance a solution violates, if any."""
         is_there = max(solution.error, solution.rotation_error) < _THERE
-        if is_there and share < 1.0 and self._keeps_bounds:
+        if is_there and fraction < 1.0 and self._keeps_bounds:
             return None  # its rotation lies between two that keep the bounds
         rotation, tool = self._robot.tool_pose(solution.q[None])
-        for segment in {self._segment, self._following if share == 1.0 else self._segment}:
-            target = float(self._tube.margin_of(self._vector_after(share)[None], segment)[0])
+        for segment in {self._segment, self._following if fraction == 1.0 else self._segment}:
+            target = float(self._tube.margin_of(self._vector_after(fraction)[None], segment)[0])
             margin = float(self._tube.margin(rotation, tool, segment)[0])
             if margin < _KEPT_MARGIN_FRACTION * target - MARGIN_TOLERANCE:
                 return segment
         return None
 
-    def _vector_after(self, share: float) -> FloatArray:
-        return (1 - share) * self._begin + share * self._end
+    def _vector_after(self, fraction: float) -> FloatArray:
+        return (1 - fraction) * self._begin + fraction * self._end
 
     def _open_end(self, problem: PlanningProblem) -> FloatArray:
         """Return the target rotation vector (3,) at an end without a given configuration."""
@@ -197,20 +197,20 @@ class SegmentWalk:
 
     def _approach(self) -> list[FloatArray]:
         """Return configurations whose tool goes from the segment's start to its end."""
-        walk, shares, step, reached = [self._begin], [0.0], self._max_step, 1
-        while shares[-1] < 1.0:
-            share = min(1.0, shares[-1] + step)
+        walk, fractions, step, reached = [self._begin], [0.0], self._max_step, 1
+        while fractions[-1] < 1.0:
+            fraction = min(1.0, fractions[-1] + step)
             count = min(max(reached, 2), _EXTRAPOLATED_POINTS)
-            seed = _extrapolated(share, shares[-count:], walk[-count:])
-            solution = self._solve(share, seed, walk[-1])
+            seed = _extrapolated(fraction, fractions[-count:], walk[-count:])
+            solution = self._solve(fraction, seed, walk[-1])
             joint_step = float(abs(solution.q - walk[-1]).max())
-            if self._is_off(solution, share) or joint_step > _MAX_JOINT_STEP:
+            if self._is_off(solution, fraction) or joint_step > _MAX_JOINT_STEP:
                 step /= 2
                 if step < _MIN_STEP:
-                    self._give_up(share, walk[-1], solution)
+                    self._give_up(fraction, walk[-1], solution)
                 continue
             walk.append(solution.q)
-            shares.append(share)
+            fractions.append(fraction)
             # Beside a target out of reach configurations jitter: a line alone extrapolates them.
             reached = reached + 1 if solution.error < _REACHED else 0
             if joint_step < _MAX_JOINT_STEP / 3:
@@ -234,39 +234,39 @@ class SegmentWalk:
         walk[-1] = np.clip(walk[-1], self._end_lower, self._end_upper)
         return walk
 
-    def _solve(self, share: float, seed: FloatArray, last: FloatArray) -> PositionSolution:
+    def _solve(self, fraction: float, seed: FloatArray, last: FloatArray) -> PositionSolution:
         target = last
         if self._wanted is not None:
-            target = (1 - share) * self._wanted[0] + share * self._wanted[1]
+            target = (1 - fraction) * self._wanted[0] + fraction * self._wanted[1]
         lower, upper = self._end_lower, self._end_upper
         if self._narrows:
-            lower = lower - (1 - share) * self._below
-            upper = upper + (1 - share) * self._above
+            lower = lower - (1 - fraction) * self._below
+            upper = upper + (1 - fraction) * self._above
         target = np.minimum(np.maximum(target, lower), upper)
-        solution = self._solve_with(share, seed, target)
+        solution = self._solve_with(fraction, seed, target)
         if abs(solution.q - last).max() <= _MAX_JOINT_STEP:
             return solution
         # Too far for one step, however short: redundant joints go there gradually.
         pull = np.clip(target - last, -_MAX_PULL, _MAX_PULL)
-        return self._solve_with(share, seed, last + pull)
+        return self._solve_with(fraction, seed, last + pull)
 
     def _solve_with(
-        self, share: float, seed: FloatArray, preferred: FloatArray
+        self, fraction: float, seed: FloatArray, preferred: FloatArray
     ) -> PositionSolution:
-        robot, point = self._problem.robot, self._point(share)
-        rotation = None if self._turn is None else self._turn.wanted(share, point)
+        robot, point = self._problem.robot, self._point(fraction)
+        rotation = None if self._turn is None else self._turn.wanted(fraction, point)
         return solve_position(robot, point, seed, self._lower, self._upper, preferred, rotation)
 
-    def _point(self, share: float) -> FloatArray:
-        return (1 - share) * self._ends[0] + share * self._ends[1]
+    def _point(self, fraction: float) -> FloatArray:
+        return (1 - fraction) * self._ends[0] + fraction * self._ends[1]
 
-    def _is_off(self, solution: PositionSolution, share: float) -> bool:
-        if self._turn is not None and self._turn.off_segment(solution, share) is not None:
+    def _is_off(self, solution: PositionSolution, fraction: float) -> bool:
+        if self._turn is not None and self._turn.off_segment(solution, fraction) is not None:
             return True
-        return self._is_away(solution, share)
+        return self._is_away(solution, fraction)
 
-    def _is_away(self, solution: PositionSolution, share: float) -> bool:
-        return solution.error > (self._allowed_at_end if share == 1.0 else self._allowed)
+    def _is_away(self, solution: PositionSolution, fraction: float) -> bool:
+        return solution.error > (self._allowed_at_end if fraction == 1.0 else self._allowed)
 
     def _allowed_errors(self) -> tuple[float, float]:
         """Return the largest distances of the tool from the line and from its end [m]."""
@@ -279,18 +279,18 @@ class SegmentWalk:
             return allowed, max(at_end, _OPEN_GOAL_TOLERANCE)
         return allowed, min(allowed, _ALLOWED_RADIUS_FRACTION * float(radius[self._segment + 1]))
 
-    def _give_up(self, share: float, q: FloatArray, solution: PositionSolution) -> None:
-        point = self._point(share)
+    def _give_up(self, fraction: float, q: FloatArray, solution: PositionSolution) -> None:
+        point = self._point(fraction)
         place = Place(segment=self._problem.tube.segment_number(self._segment, point)).at(point)
-        where = f"{100 * share:.1f} % along {place}"
+        where = f"{100 * fraction:.1f} % along {place}"
         jump = abs(solution.q - q)
         joint = self._problem.robot.joint_names[int(jump.argmax())]
         jumps = f"'{joint}' would have to jump by {jump.max():.3f} rad"
-        if self._turn is not None and self._could_go_on(share, q):
-            off = self._turn.off_segment(solution, share)
+        if self._turn is not None and self._could_go_on(fraction, q):
+            off = self._turn.off_segment(solution, fraction)
             why = jumps if off is None else turned_off(solution)
             reason = explain_turn(self._problem, self._segment if off is None else off, why)
-        elif self._is_off(solution, share):
+        elif self._is_off(solution, fraction):
             reason = explain_error(self._problem, point, q, self._segment, solution)
         else:
             reason = (
@@ -299,12 +299,12 @@ class SegmentWalk:
         message = f"{where}: {reason}"
         raise Infeasible(PlanStatus.UNREACHABLE, message, place, configuration=q)
 
-    def _could_go_on(self, share: float, q: FloatArray) -> bool:
+    def _could_go_on(self, fraction: float, q: FloatArray) -> bool:
         """Return True if a configuration could go on with any orientation of the tool."""
-        robot, point = self._problem.robot, self._point(share)
+        robot, point = self._problem.robot, self._point(fraction)
         solution = solve_position(robot, point, q, self._lower, self._upper)
         jump = abs(solution.q - q).max()
-        return jump <= _MAX_JOINT_STEP and not self._is_away(solution, share)
+        return jump <= _MAX_JOINT_STEP and not self._is_away(solution, fraction)
 
     def _require_switch(self, q: FloatArray) -> None:
         """Raise Infeasible unless the next segment allows a configuration (n,) at the end."""
@@ -325,13 +325,13 @@ class SegmentWalk:
         )
 
 
-def _extrapolated(share: float, shares: list[float], q: list[FloatArray]) -> FloatArray:
+def _extrapolated(fraction: float, fractions: list[float], q: list[FloatArray]) -> FloatArray:
     """Return the value (n,) of the polynomial through configurations at fractions of a segment."""
-    weights = np.ones(len(shares))
-    for i, node in enumerate(shares):
-        for other in shares:
+    weights = np.ones(len(fractions))
+    for i, node in enumerate(fractions):
+        for other in fractions:
             if other != node:
-                weights[i] *= (share - other) / (node - other)
+                weights[i] *= (fraction - other) / (node - other)
     value: FloatArray = weights.dot(q)
     return value
 

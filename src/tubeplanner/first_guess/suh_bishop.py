@@ -122,7 +122,7 @@ class PhaseTwoStatistics:
             f"{self.directions} directions, {self.proved} of them proved the best"
         )
         if self.budget_reached:
-            text += "; some ended at their share of the node budget"
+            text += "; some ended at their fraction of the node budget"
         return text
 
 
@@ -190,18 +190,18 @@ class SuhBishop:
     def _modified(
         self, process: str, candidates: list[KnotTrajectory], scale: float, budget: int
     ) -> list[KnotTrajectory]:
-        """Return trajectories with knots moved, each by its share of a budget of nodes."""
+        """Return trajectories with knots moved, each by its fraction of a budget of nodes."""
         modified = []
         for i, candidate in enumerate(candidates):
-            share = (budget - self._nodes) / (len(candidates) - i)
+            fraction = (budget - self._nodes) / (len(candidates) - i)
             work = KnotModification(self._problem, candidate, self._options.modification, scale)
             try:
-                work.run(share, self._checkpoint)
+                work.run(fraction, self._checkpoint)
             finally:  # keep the result even if the checkpoint ends the work
                 self._nodes += work.nodes
                 self._directions += work.directions
                 self._proved += work.proved
-                self._budget_reached |= work.nodes >= share
+                self._budget_reached |= work.nodes >= fraction
                 modified.append(self._best_certified(work.candidates))
                 begin, duration = candidate.duration, modified[-1].duration
                 self._steps.append(KnotStep(process, len(candidate.knots), begin, duration))

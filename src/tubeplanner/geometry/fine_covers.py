@@ -74,7 +74,7 @@ def surface_samples(triangles: FloatArray, count: int, rng: np.random.Generator)
 # in its middle. A cut at a corner is preferred to a cut that is better by less than this fraction.
 _MAX_NOTCHES = 3
 _MAX_COORDINATES = 2
-_CORNER_SHARE = 0.05
+_CORNER_FRACTION = 0.05
 _END = 5e-4  # [m]: a cut closer to an end of a piece leaves nothing to gain
 # Of more points, the farthest in this many directions approximate the hull's corners to score cuts.
 _MAX_SCORED_POINTS = 1000
@@ -210,7 +210,7 @@ class MeshPiece:
                 if low[axis] + _END < height < high[axis] - _END:
                     yield axis, float(height), 1.0
             if high[axis] - low[axis] > 2 * _END:
-                yield axis, float(low[axis] + high[axis]) / 2, 1 + _CORNER_SHARE
+                yield axis, float(low[axis] + high[axis]) / 2, 1 + _CORNER_FRACTION
 
     def _notches(self) -> FloatArray:
         """Return the points of the surface that are deepest in the hull, shape (N, 3) [m].
@@ -295,8 +295,8 @@ def clipped(triangles: FloatArray, axis: int, height: float, *, below: bool) -> 
 def _crossing(
     start: FloatArray, end: FloatArray, heights: FloatArray, k: int, axis: int, height: float
 ) -> FloatArray:
-    share = heights[:, 0] / (heights[:, 0] - heights[:, k])
-    point = start + share[:, None] * (end - start)
+    fraction = heights[:, 0] / (heights[:, 0] - heights[:, k])
+    point = start + fraction[:, None] * (end - start)
     point[:, axis] = height
     return point
 

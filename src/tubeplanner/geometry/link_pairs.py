@@ -28,7 +28,7 @@ _TELLING = 8
 # Covers of a pair are refined if they overlap although the links are apart in more than this
 # fraction of the first _FALSE_SAMPLES configurations: below it hardly a motion is lost, and each
 # further shape costs time in every plan.
-_FALSE_SHARE = 0.05
+_FALSE_FRACTION = 0.05
 _FALSE_SAMPLES = 200
 # Points of each link of a pair, and configurations, that show where covers must be close.
 _PROBES, _PROBED = 200, 40
@@ -104,7 +104,7 @@ class LinkJudge:
             if pair in touching:
                 continue
             apart = self._falsely_overlapping(pair)
-            if len(apart) > _FALSE_SHARE * _FALSE_SAMPLES:
+            if len(apart) > _FALSE_FRACTION * _FALSE_SAMPLES:
                 refined.append(pair)
                 for link, other in (pair, pair[::-1]):
                     points = self._surface_points(other)
@@ -130,7 +130,7 @@ class LinkJudge:
         spheres = self._covers.gaps_of_spheres(self._centers[:_FALSE_SAMPLES], indices)
         near = np.flatnonzero((spheres <= 0).any(axis=1)).tolist()
         result: list[int] = []
-        if len(near) <= _FALSE_SHARE * _FALSE_SAMPLES:  # too few to matter
+        if len(near) <= _FALSE_FRACTION * _FALSE_SAMPLES:  # too few to matter
             near = []
         for k in near:
             # The shapes that most likely overlap come first.

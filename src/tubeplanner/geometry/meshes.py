@@ -189,8 +189,8 @@ def _slab_points(mesh: "trimesh.Trimesh", axis: int, low: float, high: float) ->
     for height in (low, high):
         crossing = (start[:, axis] - height) * (end[:, axis] - height) < 0
         a, b = start[crossing], end[crossing]
-        share = (height - a[:, axis]) / (b[:, axis] - a[:, axis])
-        points.append(a + share[:, None] * (b - a))
+        fraction = (height - a[:, axis]) / (b[:, axis] - a[:, axis])
+        points.append(a + fraction[:, None] * (b - a))
     return np.vstack(points)
 
 

@@ -62,8 +62,8 @@ def separating_directions(
         bound[live[better]], normal[live[better]] = apart[better], direction[better]
         edge = end - gap  # whose nearest point to the origin is next
         squared = np.maximum(np.sum(edge**2, axis=1), _NO_LENGTH**2)
-        share = np.clip(-np.sum(gap * edge, axis=1) / squared, 0.0, 1.0)
-        gap = gap + share[:, None] * edge
+        fraction = np.clip(-np.sum(gap * edge, axis=1) / squared, 0.0, 1.0)
+        gap = gap + fraction[:, None] * edge
     return bound, normal
 
 

@@ -150,7 +150,7 @@ def _closest_columns(
 
 TOOL, LINKS = "tool", "links"
 NONE = -1
-# From this share on a limit binds; a joint's range does nearer to its end: two turns are long.
+# From this fraction on a limit binds; a joint's range does nearer to its end: two turns are long.
 _BINDS = 0.98
 _BINDS_IN_RANGE = 0.998
 # Solids this much farther apart than required use nothing of that limit [m], so that they are in
@@ -226,7 +226,7 @@ def binding_rows(
         if not own:
             continue
         binding = np.array([_excess(use) >= 0 for use in own])
-        which = np.where(binding, np.array([use.share for use in own]), -np.inf).argmax(axis=0)
+        which = np.where(binding, np.array([use.fraction for use in own]), -np.inf).argmax(axis=0)
         which = np.where(binding.any(axis=0), which, NONE)
         result.append(BindingRow(name, uses.samples.time, tuple(use.kind for use in own), which))
     return result
@@ -234,11 +234,11 @@ def binding_rows(
 
 def clearance_use(closest: ClosestPairs) -> LimitUse:
     """Return the use of a required distance: 1 where it is just kept, 0 from 5 cm on."""
-    share = np.maximum(1 - closest.margin / _FAR, 0.0)
-    return LimitUse(closest.kind, LINKS, share)
+    fraction = np.maximum(1 - closest.margin / _FAR, 0.0)
+    return LimitUse(closest.kind, LINKS, fraction)
 
 
-def bound_share(uses: LimitUses, of: Iterable[LimitUse] | None = None) -> float:
+def bound_fraction(uses: LimitUses, of: Iterable[LimitUse] | None = None) -> float:
     """Return the fraction of the time in which some limit binds, from 0 to 1.
 
     Args:
@@ -257,5 +257,5 @@ def bound_share(uses: LimitUses, of: Iterable[LimitUse] | None = None) -> float:
 
 
 def _excess(use: LimitUse) -> FloatArray:
-    """Return the use of a limit beyond the share from which on it binds, shape (N,)."""
-    return use.share - (_BINDS_IN_RANGE if use.kind == POSITION else _BINDS)
+    """Return the use of a limit beyond the fraction from which on it binds, shape (N,)."""
+    return use.fraction - (_BINDS_IN_RANGE if use.kind == POSITION else _BINDS)

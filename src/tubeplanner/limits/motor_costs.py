@@ -7,7 +7,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.robot.model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
-from tubeplanner.trajectory.parts import STILL_SHARE, directed_stretches
+from tubeplanner.trajectory.parts import STILL_FRACTION, directed_stretches
 
 
 def motor_effort(
@@ -37,9 +37,9 @@ def coulomb_effort(
         return np.zeros_like(velocity)
     starts, widths = trajectory.breakpoints, trajectory.widths
     piece = np.searchsorted(starts[1:-1], samples.time, side="right")
-    share = (samples.time - starts[piece]) / widths[piece]
-    beside = directed_stretches(trajectory).at(piece, share)
-    moves = abs(velocity) > STILL_SHARE * abs(velocity).max()
+    fraction = (samples.time - starts[piece]) / widths[piece]
+    beside = directed_stretches(trajectory).at(piece, fraction)
+    moves = abs(velocity) > STILL_FRACTION * abs(velocity).max()
     return robot.motors.coulomb_effort(np.where(moves, velocity, beside))
 
 

@@ -13,7 +13,7 @@ from tubeplanner.outcome import Infeasible
 from tubeplanner.robot.model import effort_rate, gravity_effort_rate
 from tubeplanner.robot.motors import JointMotors
 from tubeplanner.task.problem import PlanningProblem
-from tubeplanner.trajectory.parts import STILL_SHARE
+from tubeplanner.trajectory.parts import STILL_FRACTION
 
 # ---- Coulomb friction at samples of a path.
 #
@@ -62,7 +62,7 @@ def directed_friction(motors: JointMotors, direction: FloatArray) -> CoulombFric
 
 
 def blended_friction(
-    motors: JointMotors, rate: FloatArray, end_direction: FloatArray, share: float
+    motors: JointMotors, rate: FloatArray, end_direction: FloatArray, fraction: float
 ) -> CoulombFriction:
     """Return differentiable bounds on the friction of a whole path from both sides.
 
@@ -71,12 +71,12 @@ def blended_friction(
         rate: Velocities dq/dx of the path at samples all over it, shape (N, n).
         end_direction: Its sign is the direction in which a joint leaves the start or approaches the
             goal, at samples near these; nan at others, shape (N, n).
-        share: Fraction of a joint's largest velocity below which the friction of both directions
+        fraction: Fraction of a joint's largest velocity below which the friction of both directions
             counts.
     """
     largest = abs(rate).max(axis=0)
-    moves = largest > STILL_SHARE * largest.max()
-    width = np.where(moves, share * largest, 1.0)
+    moves = largest > STILL_FRACTION * largest.max()
+    width = np.where(moves, fraction * largest, 1.0)
     forwards, backwards = motors.forwards_friction, -motors.backwards_friction
     more, less = 1 + motors.friction_uncertainty, 1 - motors.friction_uncertainty
     slope = 1 / (width * (1 - _EARLY))
@@ -166,7 +166,7 @@ class PathSamples:
         A velocity of zero but for rounding has no direction.
         """
         rate = self.by_path[1]
-        moves = abs(rate) > STILL_SHARE * abs(rate).max(initial=0.0)
+        moves = abs(rate) > STILL_FRACTION * abs(rate).max(initial=0.0)
         return np.where(moves, rate, 0.0)
 
     @cached_property

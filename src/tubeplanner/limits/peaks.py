@@ -70,8 +70,8 @@ def refined_maximum_of_pieces(
     piece, sample = np.nonzero(is_peak)
     low, high = np.maximum(sample - 1, 0) / last, np.minimum(sample + 1, last) / last
 
-    def of_peaks(peak: IntArray, share: FloatArray) -> FloatArray:
-        return function(piece[peak], share)
+    def of_peaks(peak: IntArray, fraction: FloatArray) -> FloatArray:
+        return function(piece[peak], fraction)
 
     return _zoomed(of_peaks, low, high, (best, np.nan), ends_are_smooth=True)[0]
 

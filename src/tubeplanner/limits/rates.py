@@ -100,9 +100,9 @@ class VelocityByPositionLimit:
         """Return the largest velocities towards the ends at configurations (N, n), (N, 2 I)."""
         return np.maximum(self._root(q) - self._offset, 0.0)
 
-    def edge(self, share: float = 0.0) -> FloatArray:
+    def edge(self, fraction: float = 0.0) -> FloatArray:
         """Return positions of the limits' fall to a fraction of the largest, (2 I,) [rad or m]."""
-        root = self._offset + share * self.largest
+        root = self._offset + fraction * self.largest
         edge: FloatArray = self.way * (self._end - root**2 / (2 * self._deceleration))
         return edge
 

@@ -44,8 +44,8 @@ def largest_use(at: PathSamples, limits: tuple[SpeedLimit, ...]) -> FloatArray:
     """Return the largest used fraction of some limits at a speed of 1, shape (N,)."""
     used = np.zeros(len(at))
     for limit in limits:
-        share = limit.used(at).at(1.0)
-        used = np.maximum(used, np.max([sign * share for sign in limit.signs], axis=(0, 2)))
+        fraction = limit.used(at).at(1.0)
+        used = np.maximum(used, np.max([sign * fraction for sign in limit.signs], axis=(0, 2)))
     return used
 
 
@@ -83,14 +83,14 @@ class LimitUse:
     Attributes:
         kind: Of the limit, as the certificate calls it: "effort", "tool_speed", "tube".
         name: Of the limited part: a joint, "tool", or a point by number and link.
-        share: At N samples, shape (N,): 1 at the limit, 0 where nothing of it is used.
+        fraction: At N samples, shape (N,): 1 at the limit, 0 where nothing of it is used.
         joint: Index of the joint; None: not a joint's limit.
         point: Index among the points whose speed is limited; None: not a point's limit.
     """
 
     kind: str
     name: str
-    share: FloatArray
+    fraction: FloatArray
     joint: int | None = None
     point: int | None = None
 
@@ -162,11 +162,11 @@ def _position_uses(problem: PlanningProblem, q: FloatArray, segment: IntArray) -
     bounded = np.flatnonzero((np.isfinite(lower) | np.isfinite(upper)).any(axis=0))
     low = np.where(np.isfinite(lower), lower, 2 * q.min(axis=0) - upper)
     high = np.where(np.isfinite(upper), upper, 2 * q.max(axis=0) - lower)
-    share = np.where(high > low, 0.0, 1.0)  # in a range without width a joint is at its end
+    fraction = np.where(high > low, 0.0, 1.0)  # in a range without width a joint is at its end
     wide = (high > low) & np.isfinite(low) & np.isfinite(high)
-    share[wide] = abs(2 * q[wide] - low[wide] - high[wide]) / (high[wide] - low[wide])
+    fraction[wide] = abs(2 * q[wide] - low[wide] - high[wide]) / (high[wide] - low[wide])
     names = problem.robot.joint_names
-    return [LimitUse(POSITION, names[j], share[:, j], j) for j in bounded.tolist()]
+    return [LimitUse(POSITION, names[j], fraction[:, j], j) for j in bounded.tolist()]
 
 
 def _tool_uses(at: PathSamples) -> list[LimitUse]:
@@ -177,32 +177,32 @@ def _tool_uses(at: PathSamples) -> list[LimitUse]:
         error = problem.tube.rotation.error(rotation, tool, segment)
         angle = np.linalg.norm(error, axis=1, keepdims=True)
         bounds = problem.tube.rotation.bounds[segment]
-        share = (np.hstack([abs(error), angle]) / bounds).max(axis=1)
-        uses.append(LimitUse(ROTATION, "tool", share))
+        fraction = (np.hstack([abs(error), angle]) / bounds).max(axis=1)
+        uses.append(LimitUse(ROTATION, "tool", fraction))
     return uses
 
 
 def _uses_of(limit: SpeedLimit, at: PathSamples) -> list[LimitUse]:
     """Return the used fractions of one kind of limit, by joint or point, both signs together."""
-    shares = _shares(limit.used(at), limit.signs)
+    fractions = _fractions(limit.used(at), limit.signs)
     first_keys: dict[tuple[int | None, int | None], LimitKey] = {}
     for key in limit.keys:
         first_keys.setdefault((key.joint, key.point), key)
     owners = list(first_keys)
     owner_of = np.array([owners.index((key.joint, key.point)) for key in limit.keys])
-    owner = np.broadcast_to(owner_of[limit.key_of(at)], shares.shape)
+    owner = np.broadcast_to(owner_of[limit.key_of(at)], fractions.shape)
     uses = []
     for k, key in enumerate(first_keys.values()):
         if key.joint is not None:
             name = at.problem.robot.joint_names[key.joint]
         else:
             name = "tool" if key.link is None else f"point {key.point} on {key.link}"
-        share = np.where(owner == k, shares, 0.0).max(axis=1)
-        uses.append(LimitUse(limit.kind, name, share, key.joint, key.point))
+        fraction = np.where(owner == k, fractions, 0.0).max(axis=1)
+        uses.append(LimitUse(limit.kind, name, fraction, key.joint, key.point))
     return uses
 
 
-def _shares(used: SpeedPolynomial, signs: tuple[float, ...]) -> FloatArray:
+def _fractions(used: SpeedPolynomial, signs: tuple[float, ...]) -> FloatArray:
     """Return the used fractions of the actual, not the nominal, limits, shape (N, I)."""
     value = used.at(1.0)
     most: FloatArray = np.max([sign * value for sign in signs], axis=0)
@@ -211,9 +211,9 @@ def _shares(used: SpeedPolynomial, signs: tuple[float, ...]) -> FloatArray:
     # The terms contain the shortfall of a limit, unless it has no bound in that direction.
     shortfall = np.where(used.terms[0] == 0, 0.0, 1 - used.allowed)
     quantity = np.maximum(most - shortfall, 0.0)
-    share = np.where(quantity > 0, np.inf, 0.0)
-    np.divide(quantity, used.allowed, out=share, where=used.allowed > 0)
-    return share
+    fraction = np.where(quantity > 0, np.inf, 0.0)
+    np.divide(quantity, used.allowed, out=fraction, where=used.allowed > 0)
+    return fraction
 
 
 _MEAN_SAMPLES = 1000

@@ -147,8 +147,8 @@ def _scale(c: FloatArray) -> FloatArray:
     lead = np.take_along_axis(size, degree[None], axis=0)[0]
     bound = np.zeros_like(lead)
     for k in range(_DEGREE):
-        share = (size[k] / lead) ** (1 / np.maximum(degree - k, 1))
-        bound = np.where(k < degree, np.maximum(bound, share), bound)
+        fraction = (size[k] / lead) ** (1 / np.maximum(degree - k, 1))
+        bound = np.where(k < degree, np.maximum(bound, fraction), bound)
     return np.where(bound > 0, bound, 1.0)
 
 

@@ -26,7 +26,7 @@ from tubeplanner.trajectory.polynomials import bernstein_coefficients, peak_magn
 # Samples: with many pieces, fewer of each.
 _FEWEST_PER_PIECE, _MOST_PER_PIECE, _ENOUGH_IN_ALL = 12, 24, 1000
 # Valleys of the factor this near the smallest sample (relative) are refined.
-_VALLEY_SHARE = 0.02
+_VALLEY_FRACTION = 0.02
 # Rounding must not put a trajectory outside a limit it is scaled to meet exactly.
 _SAFETY = 1e-8
 _JERK = RATES["jerk"]
@@ -215,7 +215,7 @@ def _least(
         own = None if segments is None else segments[piece]
         return -_held_factor(problem, limits, _state(trajectory.at(time)), own)
 
-    highest, _ = refined_maximum(negative, samples.time, -factor, band=_VALLEY_SHARE * least)
+    highest, _ = refined_maximum(negative, samples.time, -factor, band=_VALLEY_FRACTION * least)
     return -highest
 
 
@@ -239,18 +239,18 @@ def _least_of_stretches(
         none = np.zeros((pieces, len(trajectory.joint_names)))
         stretches = CommonStretches(np.arange(pieces), np.zeros(pieces), np.ones(pieces), none)
 
-    def negative(stretch: IntArray, share: FloatArray) -> FloatArray:
+    def negative(stretch: IntArray, fraction: FloatArray) -> FloatArray:
         piece, begin = stretches.piece[stretch], stretches.start[stretch]
-        place = begin + share * (stretches.end[stretch] - begin)
+        place = begin + fraction * (stretches.end[stretch] - begin)
         local = place * trajectory.widths[piece]
         state = tuple(trajectory.within(piece, local, order) for order in range(_JERK + 1))
         own = None if segments is None else segments[piece]
         friction = partial(directed_friction, motors, stretches.direction[stretch])
         return -_held_factor(problem, limits, state, own, friction)
 
-    count, share = len(stretches.piece), np.linspace(0, 1, _FEWEST_PER_PIECE)
-    value = negative(np.repeat(np.arange(count), len(share)), np.tile(share, count))
-    band = _VALLEY_SHARE * float(-value.max())
+    count, fraction = len(stretches.piece), np.linspace(0, 1, _FEWEST_PER_PIECE)
+    value = negative(np.repeat(np.arange(count), len(fraction)), np.tile(fraction, count))
+    band = _VALLEY_FRACTION * float(-value.max())
     return -refined_maximum_of_pieces(negative, value.reshape(count, -1), band=band)
 
 

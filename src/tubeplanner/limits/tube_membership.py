@@ -80,7 +80,7 @@ def tube_use(problem: PlanningProblem, tool: FloatArray, segment: IntArray) -> F
 
     Distance from the segment in radii: 0 on the segment, 1 on the capsule's wall.
     """
-    return problem.tube.regions.share(tool, segment)
+    return problem.tube.regions.fraction(tool, segment)
 
 
 def passable_segments(tube: Tube) -> BoolArray:

@@ -53,8 +53,8 @@ def smoother_problem(problem: PlanningProblem) -> PlanningProblem | None:
     return best
 
 
-def _with_room(problem: PlanningProblem, share: float) -> PlanningProblem | None:
-    """Return a problem about a path whose points may move by a share of the radius, if any."""
+def _with_room(problem: PlanningProblem, fraction: float) -> PlanningProblem | None:
+    """Return a problem about a path whose points may move by a fraction of the radius, if any."""
     tube, radius = problem.tube, problem.tube.effective_radius
     ends = tube.points[[0, -1]].copy()
     for row, end in enumerate(problem.endpoints):
@@ -65,7 +65,7 @@ def _with_room(problem: PlanningProblem, share: float) -> PlanningProblem | None
     at_ends = np.linalg.norm(ends - tube.points[[0, -1]], axis=1)
     if (at_ends > _MOST_AT_ENDS * radius[[0, -1]]).any():
         return None
-    room = share * np.minimum(np.append(radius, np.inf), np.append(np.inf, radius))
+    room = fraction * np.minimum(np.append(radius, np.inf), np.append(np.inf, radius))
     # Compulsory points where the path turns back over some radii.
     is_fixed = np.zeros(tube.segment_count + 1, dtype=bool)
     compulsory = tube.compulsory_points
@@ -129,11 +129,11 @@ def _bending(points: FloatArray, is_free: BoolArray) -> sparse.csr_matrix:
 
 # ---- A tube as wide as knots are coarse: a few cubics cannot follow a narrow one.
 
-# The radius is at least this share of a knot interval's part of the segment.
-_INTERVAL_SHARE = 0.2
-# At a corner it is at most this share of the radius of the circle that touches both legs at the end
-# of the shorter one.
-_CORNER_SHARE = 0.1
+# The radius is at least this fraction of a knot interval's part of the segment.
+_INTERVAL_FRACTION = 0.2
+# At a corner it is at most this fraction of the radius of the circle that touches both legs at the
+# end of the shorter one.
+_CORNER_FRACTION = 0.1
 
 
 def widened_radius(tube: Tube, grid: KnotGrid) -> FloatArray:
@@ -144,13 +144,13 @@ def widened_radius(tube: Tube, grid: KnotGrid) -> FloatArray:
     axis = np.diff(tube.points, axis=0)
     length = np.linalg.norm(axis, axis=1)
     interval = [
-        length[chain.start : chain.stop].sum() / (len(shares) - 1)
-        for chain, shares in zip(grid.chains, grid.shares, strict=True)
+        length[chain.start : chain.stop].sum() / (len(fractions) - 1)
+        for chain, fractions in zip(grid.chains, grid.fractions, strict=True)
     ]
     interval_of = np.repeat(interval, [len(chain) for chain in grid.chains])
     widest = np.append(np.append(np.inf, _corner_radius(axis, length)), np.inf)
     widest = np.minimum(widest[:-1], widest[1:])
-    coarse = np.minimum(_INTERVAL_SHARE * interval_of, widest)
+    coarse = np.minimum(_INTERVAL_FRACTION * interval_of, widest)
     widened: FloatArray = np.maximum(tube.effective_radius, coarse)
     return widened
 
@@ -165,5 +165,5 @@ def _corner_radius(axis: FloatArray, length: FloatArray) -> FloatArray:
     cosine = -np.einsum("mi,mi->m", along[:-1], along[1:])  # of the angle between the legs
     with np.errstate(divide="ignore"):
         tangent = np.sqrt(np.clip(1 - cosine, 0, None) / np.clip(1 + cosine, 0, None))
-    radius: FloatArray = _CORNER_SHARE * np.minimum(length[:-1], length[1:]) * tangent
+    radius: FloatArray = _CORNER_FRACTION * np.minimum(length[:-1], length[1:]) * tangent
     return radius

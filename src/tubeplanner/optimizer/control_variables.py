@@ -58,7 +58,7 @@ class ControlVariables:
         self._first = moving[np.unique(self._own, return_index=True)[1]]
         count = int(self.column.max()) + 1
         lower, upper = self._control_bounds()
-        self._share_of_goal = _minimum_jerk(grid.control_point_count)
+        self._fraction_of_goal = _minimum_jerk(grid.control_point_count)
         self.lower, self.upper = np.full((2, count, lower.shape[1]), np.inf)
         self.lower *= -1
         np.maximum.at(self.lower, self._own, lower[moving])
@@ -120,14 +120,14 @@ class ControlVariables:
         # Corrections are spread over the whole motion: at an end alone, on its short knot
         # intervals, they would be jumps of the jerk.
         if start is not None:
-            points += (1 - self._share_of_goal)[:, None] * (start - points[0])
+            points += (1 - self._fraction_of_goal)[:, None] * (start - points[0])
             points[:REST_POINTS] = start
         if not self._goal_moves:
             return points if start is None else self.within_bounds(points)
         goal = self.goal_after(control_points, step)
         if goal is None:
             return None
-        points += self._share_of_goal[:, None] * (goal - points[-1])
+        points += self._fraction_of_goal[:, None] * (goal - points[-1])
         points[-REST_POINTS:] = goal
         return self.within_bounds(points)
 
@@ -174,12 +174,12 @@ class ControlVariables:
             for bound in approachable_range(self._problem)
         )
         first = 0
-        for shares, chain in zip(self._grid.shares, self._grid.chains, strict=True):
-            counting = slice(first, first + len(shares) - 1 + DEGREE)
+        for fractions, chain in zip(self._grid.fractions, self._grid.chains, strict=True):
+            counting = slice(first, first + len(fractions) - 1 + DEGREE)
             segments = slice(chain.start, chain.stop)
             lower[counting] = np.maximum(lower[counting], joint_lower[segments].max(axis=0))
             upper[counting] = np.minimum(upper[counting], joint_upper[segments].min(axis=0))
-            first += len(shares) - 1
+            first += len(fractions) - 1
         return lower, upper
 
 

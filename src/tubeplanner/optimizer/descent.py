@@ -27,9 +27,9 @@ _LARGE_MOTION = 0.3
 MIN_RADIUS, _MAX_RADIUS = 1e-4, 1.0
 _POOR, _FAIR, _DECENT, _GOOD = 0.1, 0.3, 0.5, 0.7
 _NEARLY_AT_RADIUS = 0.8
-# Damping is at least doubled after a step that gained little, up to this share of the error of the
-# step's predicted cost, and divided after a step that gained what it should.
-_SHARE_OF_ERROR = 0.2
+# Damping is at least doubled after a step that gained little, up to this fraction of the error of
+# the step's predicted cost, and divided after a step that gained what it should.
+_FRACTION_OF_ERROR = 0.2
 _MORE, _LESS = 2.0, 5.0
 # In a tube of a millimetre, a damping of 1e7 is a useful one: only beyond all use it is the end.
 _MIN_DAMPING, _MAX_DAMPING = 1e-9, 1e14
@@ -58,7 +58,7 @@ class Outcome:
 
     @property
     def ratio(self) -> float:
-        """The gain as a share of the prediction."""
+        """The gain as a fraction of the prediction."""
         return self.gain / max(self.predicted, 1e-12)
 
 
@@ -119,7 +119,7 @@ class TrustRegion:
         if outcome.ratio > _FAIR:
             return self.damping
         error = max(outcome.predicted - outcome.linear, 0.0)
-        enough = _SHARE_OF_ERROR * error / max(outcome.squared_rates, 1e-300)
+        enough = _FRACTION_OF_ERROR * error / max(outcome.squared_rates, 1e-300)
         return max(_MORE * self.damping, enough)
 
 
@@ -136,15 +136,16 @@ def motion_unit(motions: Iterable[FloatArray]) -> float:
 # ---- Shortening one or more legs by sequential linear programs with a trust region.
 #
 # Consecutive legs may be tied: one begins where the other ends, wherever that is best for the sum
-# of their durations. A leg's gain counts by the leg's share of that sum.
+# of their durations. A leg's gain counts by the leg's fraction of that sum.
 
-# Steps that gain less than this share of the prediction get a second-order correction.
+# Steps that gain less than this fraction of the prediction get a second-order correction.
 _GOOD_RATIO = 0.3
-# Steps that gain less than this share of the prediction after the correction are rejected.
+# Steps that gain less than this fraction of the prediction after the correction are rejected.
 _WORTH_A_MOVE = 0.02
-# A step that should lose this share of T^2 obeys planes of two segments that contradict each other.
+# A step that should lose this fraction of T^2 obeys planes of two segments that contradict each
+# other.
 _CONTRADICTION = 5e-4
-# Steps that leave less than this share of the violation mend it, if not at once.
+# Steps that leave less than this fraction of the violation mend it, if not at once.
 _MENDED = 0.9
 FIRST_PENALTY, MAX_PENALTY = 3.0, 1e4
 
@@ -251,8 +252,8 @@ class Descent:
             currents: The first iterates.
             trust: The first trust region; its unit is that of the trajectories.
             penalty: First weight of the elastic constraints.
-            min_gain: The descent ends when a step should gain less than this share of T^2, or two
-                accepted steps in a row gain less.
+            min_gain: The descent ends when a step should gain less than this fraction of T^2, or
+                two accepted steps in a row gain less.
             max_steps: Largest number of steps.
             checkpoint: Called with all iterates after each step; it may raise to end the work.
         """

@@ -81,11 +81,11 @@ def of_corners(
 # so that the linearization sees the rise.
 
 # The required distance rises with the square of the distance from the end, and is complete at this
-# share of the range: between samples a path cuts the corner there. Higher powers cost less time, by
-# .1 % where solids leave each other at a small angle, but steps do not find their way.
+# fraction of the range: between samples a path cuts the corner there. Higher powers cost less time,
+# by .1 % where solids leave each other at a small angle, but steps do not find their way.
 _RISEN_AT = 0.93
-# It rises from the end on, by this share of the mean slope: motions of solids along each other are
-# not certain to stay clear between samples.
+# It rises from the end on, by this fraction of the mean slope: motions of solids along each other
+# are not certain to stay clear between samples.
 _LEAVING = 0.3
 
 
@@ -150,9 +150,9 @@ class DistancesAlong:
         full, by_tool = required.copy(), np.zeros(tool.shape)
         for near in self._required.near_ends:
             here = near.holds(own, tool) & near.pair[pair]
-            share, slope = _risen_share(near, tool)
+            fraction, slope = _risen_fraction(near, tool)
             more = (full - near.distance).clip(min=0)
-            risen = near.distance + more * share
+            risen = near.distance + more * fraction
             here &= risen < required
             required = np.where(here, risen, required)
             by_tool[here] = (more[:, None] * slope)[here]
@@ -174,31 +174,31 @@ class DistancesAlong:
         required = full.copy()
         for near in self._required.near_ends:
             place = np.ix_(near.holds(segment, tool), near.pair)
-            share = _risen_share(near, tool[place[0][:, 0]])[0][:, None]
+            fraction = _risen_fraction(near, tool[place[0][:, 0]])[0][:, None]
             more = (full[place] - near.distance).clip(min=0)
-            required[place] = np.minimum(required[place], near.distance + more * share)
+            required[place] = np.minimum(required[place], near.distance + more * fraction)
         return required
 
 
-def _risen_share(near: NearEnd, tool: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the share of the rise that is required with the tool at (N, 3), and its derivative.
+def _risen_fraction(near: NearEnd, tool: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the fraction of the rise that is required with the tool at (N, 3), and its derivative.
 
-    The share is 0 at the end, 1 where the rise is complete and more beyond, shape (N,); its
+    The fraction is 0 at the end, 1 where the rise is complete and more beyond, shape (N,); its
     derivative by the tool has shape (N, 3) [1/m].
     """
     away, length = tool - near.tool, _RISEN_AT * near.within
     distance = np.linalg.norm(away, axis=1)
-    share = distance / length
-    slope = (2 * share + _LEAVING * (1 - 2 * share)) / length
+    fraction = distance / length
+    slope = (2 * fraction + _LEAVING * (1 - 2 * fraction)) / length
     onward = away / np.where(distance > 0, distance, 1.0)[:, None]
-    return share**2 + _LEAVING * share * (1 - share), slope[:, None] * onward
+    return fraction**2 + _LEAVING * fraction * (1 - fraction), slope[:, None] * onward
 
 
 def _segments(grid: KnotGrid, samples: Samples) -> tuple[IntArray, IntArray]:
     """Return each sample's segment and, at a switching time, its neighbour's: both (N,)."""
     own = segments_of_pieces(grid)[samples.interval]
     first = np.array([chain.start for chain in grid.chains])
-    offset = np.where(samples.share == 0, -1, np.where(samples.share == 1, 1, 0))
+    offset = np.where(samples.fraction == 0, -1, np.where(samples.fraction == 1, 1, 0))
     beside = first[np.clip(samples.phase + offset, 0, len(first) - 1)]
     is_inner: BoolArray = (offset != 0) & (samples.phase + offset >= 0)
     is_inner &= samples.phase + offset < len(first)
@@ -216,9 +216,9 @@ _ROUNDING = MARGIN_TOLERANCE / 2 / _UNIT
 # Pairs that come closer than this beyond the required distance are watched [m].
 _WATCHED = 0.01
 _PER_INTERVAL = 4  # samples
-# Samples of a pair closer than this share of their spacing count as one; requested samples nearly
-# always count.
-_SAME_SHARE, _SAME_SHARE_ASKED = 0.3, 1e-3
+# Samples of a pair closer than this fraction of their spacing count as one; requested samples
+# nearly always count.
+_SAME_FRACTION, _SAME_FRACTION_ASKED = 0.3, 1e-3
 
 
 class LinkConstraints:
@@ -285,7 +285,7 @@ class LinkConstraints:
         lowest = (clearance < _WATCHED) & (clearance <= before) & (clearance < after)
         sample, pair = np.nonzero(lowest)
         at = samples.where(sample)
-        return self._watch(spline, at, pair, clearance[sample, pair], _SAME_SHARE)
+        return self._watch(spline, at, pair, clearance[sample, pair], _SAME_FRACTION)
 
     def look_at(self, spline: PhasedSpline, samples: Samples) -> None:
         """Watch the pairs that come close at samples."""
@@ -294,7 +294,7 @@ class LinkConstraints:
         distance = self._distances(q, np.full((len(q), len(self._pairs)), -np.inf), required)
         sample, pair = np.nonzero(distance - required < _WATCHED)
         at = samples.where(sample)
-        self._watch(spline, at, pair, np.zeros(len(pair)), _SAME_SHARE_ASKED)
+        self._watch(spline, at, pair, np.zeros(len(pair)), _SAME_FRACTION_ASKED)
 
     def _watch(
         self,
@@ -302,14 +302,14 @@ class LinkConstraints:
         samples: Samples,
         pair: IntArray,
         clearance: FloatArray,
-        same_share: float,
+        same_fraction: float,
     ) -> bool:
         """Watch pairs at samples that are not watched yet; return True if one is too close."""
         times = spline.switching_times
         old, new = self._samples.times(times), samples.times(times)
         spacing = np.diff(spline.grid.breakpoints(times))[samples.interval] / _PER_INTERVAL
         same = (pair[:, None] == self._pair) & (
-            abs(new[:, None] - old) < same_share * spacing[:, None]
+            abs(new[:, None] - old) < same_fraction * spacing[:, None]
         )
         fresh = np.flatnonzero(~same.any(axis=1))
         self._set_spare(spline, np.unique(pair[fresh]))

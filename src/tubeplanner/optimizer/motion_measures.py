@@ -46,13 +46,13 @@ class IntervalMotion:
         self._intervals, self._switches = grid.interval_count, grid.switch_count
         # Of the watched samples, two per interval and the end.
         every = 2 * self._intervals
-        self._which = np.append(np.arange(every), every + len(grid.shares) - 1)
+        self._which = np.append(np.arange(every), every + len(grid.fractions) - 1)
         self._places = 2 * np.arange(self._intervals)[:, None] + np.arange(_SAMPLES)
         self._cached: dict[JointEffort, tuple[FloatArray, FloatArray]] = {}
 
     @cached_property
     def elapsed(self) -> FloatArray:
-        """Time from sample to sample, as a share of the duration, shape (M, 2)."""
+        """Time from sample to sample, as a fraction of the duration, shape (M, 2)."""
         return np.diff(self.at_samples(self._samples.times(self._switching_times)), axis=1)
 
     @cached_property
@@ -171,7 +171,7 @@ class Measure(Protocol):
         """Return the measure, >= 0."""
         ...
 
-    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+    def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
         """Return the model of a multiple of the measure near a motion."""
         ...
 
@@ -180,8 +180,8 @@ class Measure(Protocol):
 Weighted = tuple[tuple[float, Measure], ...]
 
 
-# Weight of the logarithm of energy or work, and the share of smoothness beside it: joints that cost
-# nothing would wiggle, and efforts chatter where that costs next to nothing.
+# Weight of the logarithm of energy or work, and the fraction of smoothness beside it: joints that
+# cost nothing would wiggle, and efforts chatter where that costs next to nothing.
 _WEIGHT, _SMOOTHNESS = 30.0, 0.3
 _LEAST_WORK = 1e-9  # [J]
 
@@ -209,7 +209,7 @@ def objective_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: f
 
 # ---- Energy and mechanical work of the motors.
 
-# The kink of positive power at 0 is rounded off over this share of the motion's mean power.
+# The kink of positive power at 0 is rounded off over this fraction of the motion's mean power.
 _ROUNDED = 0.5
 _NOTHING = 1e-9
 
@@ -227,14 +227,14 @@ class Energy:
         """Return the integral, in one second."""
         return float((self._squared(motion) ** 2).sum())
 
-    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+    def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
         """Return the model of a multiple near a motion; residuals are the scaled efforts."""
         residual, scale = self._squared(motion), _scale(motion)
         control, switching = motion.effort_derivatives(self._effort)
         wider = motion.width_by_switching / (2 * motion.width[:, None])
         return MeasureModel.of(
-            np.full(residual.shape, 2 * share),
-            2 * share * residual,
+            np.full(residual.shape, 2 * fraction),
+            2 * fraction * residual,
             control * scale[..., None, None],
             switching * scale[..., None] + residual[..., None] * wider[:, None, None],
         )
@@ -262,7 +262,7 @@ class Work:
         added, rounded = self._added(motion)
         return float((added + np.hypot(added, rounded)).sum() / 2)
 
-    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+    def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
         """Return the model of a multiple near a motion.
 
         Residuals are the work of samples, and the sums of efforts and velocities. Power is the
@@ -271,7 +271,7 @@ class Work:
         """
         added, rounded = self._added(motion)
         size = np.hypot(added, rounded)
-        driving = share * (1 + added / size) / 2
+        driving = fraction * (1 + added / size) / 2
         scale = _scale(motion)[..., None]
         path, speed = motion.path, 1 / motion.run_in
         velocity, effort = path.by_path[1], self._effort.used(path).at(speed)
@@ -281,7 +281,7 @@ class Work:
         control, switching = motion.chained(by_path)
         wider = motion.width_by_switching / motion.width[:, None]
         power = MeasureModel.of(
-            share * rounded**2 / (2 * size**3),
+            fraction * rounded**2 / (2 * size**3),
             driving,
             control * scale[..., None] ** 2,
             switching * scale**2 + added[..., None] * wider[:, None, None],
@@ -321,9 +321,9 @@ def _size(values: FloatArray) -> FloatArray:
 
 # Weights of the logarithms: of effort rate and jerk to the fourth power, variation between them.
 _WEIGHTS = (0.25, 1.0, 0.175)
-# Changes of effort below this share of the limit count for less in the variation.
+# Changes of effort below this fraction of the limit count for less in the variation.
 _ROUNDED_CHANGE = 0.01
-# Joints that hardly move count as if they moved this share of the farthest.
+# Joints that hardly move count as if they moved this fraction of the farthest.
 _LEAST_TRAVEL = 0.05
 _LOOKS = 200
 
@@ -360,15 +360,15 @@ class EffortRate:
         """Return the integral, in one second."""
         return float((self._raised(motion) ** 4).sum())
 
-    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+    def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
         """Return the model of a multiple near a motion; residuals are the scaled rates."""
         rate, elapsed = self._raised(motion), motion.elapsed[:, :, None]
         scale = elapsed**-0.75
         faster = (-0.75 * rate / elapsed)[..., None] * motion.elapsed_by_switching[:, :, None]
         control, switching = _change_derivatives(motion, self._effort)
         return MeasureModel.of(
-            12 * share * rate**2,
-            4 * share * rate**3,
+            12 * fraction * rate**2,
+            4 * fraction * rate**3,
             control * scale[..., None, None],
             switching * scale[..., None] + faster,
         )
@@ -390,12 +390,12 @@ class EffortVariation:
         change = _changes(motion, self._effort)
         return float((np.sqrt(change**2 + _ROUNDED_CHANGE**2) - _ROUNDED_CHANGE).sum())
 
-    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+    def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
         """Return the model of a multiple, as reweighted squares; residuals are the changes."""
         change = _changes(motion, self._effort)
         rounded = np.sqrt(change**2 + _ROUNDED_CHANGE**2)
         derivatives = _change_derivatives(motion, self._effort)
-        return MeasureModel.of(share / rounded, share * change / rounded, *derivatives)
+        return MeasureModel.of(fraction / rounded, fraction * change / rounded, *derivatives)
 
 
 class Jerk:
@@ -409,15 +409,15 @@ class Jerk:
         """Return the integral, in one second."""
         return float((self._raised(motion) ** 4).sum())
 
-    def model(self, motion: IntervalMotion, share: float) -> MeasureModel:
+    def model(self, motion: IntervalMotion, fraction: float) -> MeasureModel:
         """Return the model of a multiple near a motion; residuals are the scaled jerks."""
         jerk, width = self._raised(motion), motion.width[:, None]
         root = width**0.25
         control, switching = motion.jerk_derivatives(self._jerk)
         wider = (jerk / (4 * width))[:, :, None] * motion.width_by_switching[:, None]
         return MeasureModel.of(
-            12 * share * jerk**2,
-            4 * share * jerk**3,
+            12 * fraction * jerk**2,
+            4 * fraction * jerk**3,
             control * root[:, :, None, None],
             switching * root[:, :, None] + wider,
         )

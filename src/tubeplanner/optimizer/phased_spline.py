@@ -13,8 +13,8 @@ from tubeplanner.trajectory.polynomials import BSpline, basis_functions
 
 # ---- Native cubic splines: weights, derivatives by switching times, values.
 #
-# Knots are given as samples are: by phase and share of it, the end included. Every function returns
-# None without the native library.
+# Knots are given as samples are: by phase and fraction of it, the end included. Every function
+# returns None without the native library.
 
 Knots: TypeAlias = tuple[IntArray, FloatArray]
 Places: TypeAlias = tuple[IntArray, FloatArray, IntArray]
@@ -104,12 +104,12 @@ class Samples:
 
     Attributes:
         phase: Shape (N,).
-        share: From 0 to 1 within the phase, shape (N,).
+        fraction: From 0 to 1 within the phase, shape (N,).
         interval: Index of the knot interval over all phases, shape (N,).
     """
 
     phase: IntArray
-    share: FloatArray
+    fraction: FloatArray
     interval: IntArray
 
     @property
@@ -127,32 +127,32 @@ class Samples:
     @cached_property
     def places(self) -> Places:
         """Phases, shares and knot intervals, for functions of the native library."""
-        return self.phase, self.share, self.interval
+        return self.phase, self.fraction, self.interval
 
     def and_also(self, other: "Samples") -> "Samples":
         """Return these samples and others."""
         return Samples(
             np.concatenate([self.phase, other.phase]),
-            np.concatenate([self.share, other.share]),
+            np.concatenate([self.fraction, other.fraction]),
             np.concatenate([self.interval, other.interval]),
         )
 
     def where(self, keep: IntArray) -> "Samples":
         """Return some of the samples."""
-        return Samples(self.phase[keep], self.share[keep], self.interval[keep])
+        return Samples(self.phase[keep], self.fraction[keep], self.interval[keep])
 
     def times_by_switching(self, count: int) -> FloatArray:
         """Return the derivatives of the times by `count` inner switching times, (N, count)."""
         ends = np.arange(1, count + 1)
-        before = (self.phase[:, None] == ends) * (1 - self.share[:, None])
-        after = (self.phase[:, None] == ends - 1) * self.share[:, None]
+        before = (self.phase[:, None] == ends) * (1 - self.fraction[:, None])
+        after = (self.phase[:, None] == ends - 1) * self.fraction[:, None]
         derivatives: FloatArray = before + after
         return derivatives
 
     def times(self, switching_times: FloatArray) -> FloatArray:
         """Return the times x of the samples for switching times (m+1,), shape (N,)."""
         widths = np.diff(switching_times)
-        times: FloatArray = switching_times[self.phase] + widths[self.phase] * self.share
+        times: FloatArray = switching_times[self.phase] + widths[self.phase] * self.fraction
         return times
 
     def _by_recursion(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
@@ -174,24 +174,24 @@ class KnotGrid:
     """The knots of a spline over phases.
 
     Attributes:
-        shares: Per phase, the knots' shares of it, from 0 to 1, both included.
+        fractions: Per phase, the knots' shares of it, from 0 to 1, both included.
         chains: The tube's segments of every phase; one each if not given.
         is_fixed: Whether switching times are fixed.
     """
 
-    shares: tuple[FloatArray, ...]
+    fractions: tuple[FloatArray, ...]
     chains: tuple[range, ...] = ()
     is_fixed: bool = False
 
     def __post_init__(self) -> None:
         if not self.chains:
-            chains = tuple(range(k, k + 1) for k in range(len(self.shares)))
+            chains = tuple(range(k, k + 1) for k in range(len(self.fractions)))
             object.__setattr__(self, "chains", chains)
 
     @property
     def switch_count(self) -> int:
         """Number of switching times that may move."""
-        return 0 if self.is_fixed else len(self.shares) - 1
+        return 0 if self.is_fixed else len(self.fractions) - 1
 
     @property
     def interval_count(self) -> int:
@@ -201,7 +201,7 @@ class KnotGrid:
     @cached_property
     def intervals_of_phases(self) -> IntArray:
         """Number of knot intervals of every phase, shape (m,)."""
-        return np.array([len(share) - 1 for share in self.shares])
+        return np.array([len(fraction) - 1 for fraction in self.fractions])
 
     @property
     def control_point_count(self) -> int:
@@ -210,8 +210,8 @@ class KnotGrid:
 
     def breakpoints(self, switching_times: FloatArray) -> FloatArray:
         """Return all knots, without repeating those at the ends, for switching times (m+1,)."""
-        phase, share = (places[:-1] for places in self.places)
-        begin: FloatArray = switching_times[phase] + np.diff(switching_times)[phase] * share
+        phase, fraction = (places[:-1] for places in self.places)
+        begin: FloatArray = switching_times[phase] + np.diff(switching_times)[phase] * fraction
         return np.append(begin, switching_times[-1])
 
     @cached_property
@@ -219,8 +219,8 @@ class KnotGrid:
         """Phases and shares of all knots, without repeating those at the ends, (M+1,) each."""
         counts = self.intervals_of_phases
         phase = np.repeat(np.arange(len(counts)), counts)
-        share = np.concatenate([*(share[:-1] for share in self.shares), [1.0]])
-        return np.append(phase, len(counts) - 1), share
+        fraction = np.concatenate([*(fraction[:-1] for fraction in self.fractions), [1.0]])
+        return np.append(phase, len(counts) - 1), fraction
 
     def knots(self, switching_times: FloatArray) -> FloatArray:
         """Return the clamped knot vector for switching times (m+1,)."""
@@ -229,14 +229,14 @@ class KnotGrid:
 
     def samples(self, local: FloatArray) -> Samples:
         """Return samples at local times (L,) from 0 to 1 in every knot interval."""
-        phase, share, interval, count = [], [], [], 0
-        for k, shares in enumerate(self.shares):
-            width = np.diff(shares)
-            share.append((shares[:-1, None] + width[:, None] * local).ravel())
+        phase, fraction, interval, count = [], [], [], 0
+        for k, fractions in enumerate(self.fractions):
+            width = np.diff(fractions)
+            fraction.append((fractions[:-1, None] + width[:, None] * local).ravel())
             phase.append(np.full(len(width) * len(local), k))
             interval.append(np.repeat(count + np.arange(len(width)), len(local)))
             count += len(width)
-        return Samples(np.concatenate(phase), np.concatenate(share), np.concatenate(interval))
+        return Samples(np.concatenate(phase), np.concatenate(fraction), np.concatenate(interval))
 
     def samples_at(self, switching_times: FloatArray, x: FloatArray) -> Samples:
         """Return samples at times x from 0 to 1, shape (N,)."""
@@ -244,12 +244,12 @@ class KnotGrid:
         interval = np.searchsorted(self.breakpoints(switching_times), x, side="right") - 1
         phase = np.searchsorted(switching_times, x, side="right") - 1
         phase = np.clip(phase, 0, len(switching_times) - 2)
-        share = (x - switching_times[phase]) / np.diff(switching_times)[phase]
-        return Samples(phase, np.clip(share, 0.0, 1.0), np.clip(interval, 0, last))
+        fraction = (x - switching_times[phase]) / np.diff(switching_times)[phase]
+        return Samples(phase, np.clip(fraction, 0.0, 1.0), np.clip(interval, 0, last))
 
     def phase_ends(self) -> Samples:
         """Return a sample at the end of every phase."""
-        count = len(self.shares)
+        count = len(self.fractions)
         return Samples(np.arange(count), np.ones(count), np.cumsum(self.intervals_of_phases) - 1)
 
 

@@ -26,7 +26,7 @@ from tubeplanner.task.problem import PlanningProblem
 
 # ---- Vectors in regions, at samples of a spline: the tool's position or its rotation vector.
 
-# A prediction may leave the region by this share of its extent.
+# A prediction may leave the region by this fraction of its extent.
 _OUTSIDE = 0.002
 
 
@@ -74,7 +74,7 @@ class EvaluatedRegions:
         segment: The samples' own, shape (N,).
         segments_of: Returns the samples' segments for other vectors (N, 3).
         in_chain: Whether a sample's segment follows from its vector, shape (N,).
-        margin: The share of the radii that stays unused, shape (N,).
+        margin: The fraction of the radii that stays unused, shape (N,).
         numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
         is_crossed: Whether a step may cross the whole region: then all planes count as near.
     """
@@ -193,7 +193,7 @@ class EvaluatedRegions:
     def _farther(self, planes: Planes, extent: FloatArray) -> FloatArray:
         """Return the shift of planes that also contain another segment's region, (P,).
 
-        As a share of the extent of the samples' own: the sample may be in either region.
+        As a fraction of the extent of the samples' own: the sample may be in either region.
         """
         farther = np.zeros(len(planes))
         both = np.flatnonzero(planes.segment != self.segment[planes.sample])
@@ -214,7 +214,7 @@ class EvaluatedRegions:
         return reach
 
     def _excess_of(self, vector: FloatArray, segment: IntArray) -> FloatArray:
-        excess: FloatArray = self.regions.share(vector, segment) - (1 - self.margin)
+        excess: FloatArray = self.regions.fraction(vector, segment) - (1 - self.margin)
         return excess
 
 
@@ -236,7 +236,7 @@ def evaluated_tube(
         path: The arm there.
         segments: The segments of the samples.
         regions: Of all segments.
-        margin: The share of the regions that stays unused, shape (m,).
+        margin: The fraction of the regions that stays unused, shape (m,).
         numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
     """
     return EvaluatedRegions(
@@ -269,7 +269,7 @@ def evaluated_points(
         at: The spline at the switching times into the segments that begin at the points.
         path: The arm there.
         regions: Of all segments.
-        margin: The share of the radii that stays unused.
+        margin: The fraction of the radii that stays unused.
         numbers: As for `evaluated_tube`.
     """
     points, radius = tube.compulsory_points, regions.radius
@@ -305,7 +305,7 @@ class EvaluatedRotation:
         tube: The rotational part of the tube.
         at: The spline at the samples.
         path: The arm there.
-        margin: The share of the tolerances that stays unused.
+        margin: The fraction of the tolerances that stays unused.
         numbers: Of the tolerances among the limits, shape (m,).
         segment: The samples' segments, shape (N,).
     """

@@ -23,8 +23,8 @@ from tubeplanner.optimizer.sampled_spline import SampledSpline
 # Rows with less slack than this are kept, however short the step.
 _CLOSE = 0.3
 NO_LIMIT = -1
-# Steps aim this far inside tube and clearances, as a share of a radius; the merit function ignores
-# most of it, which absorbs violations between samples and rounding.
+# Steps aim this far inside tube and clearances, as a fraction of a radius; the merit function
+# ignores most of it, which absorbs violations between samples and rounding.
 INNER_MARGIN = 0.005
 MERIT_TOLERANCE: float = 0.8 * INNER_MARGIN
 

@@ -135,7 +135,7 @@ def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
 _SHORT_CUT, _FAR, _FARTHER = 0.5, 0.3, 1.1
 _NO_SQUARE = 1e-30  # [m^2]
 # Least distance of requested segments, in radii.
-_LEAST_SHARE = 1e-9
+_LEAST_FRACTION = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +188,7 @@ class OrderedSegments:
     @cached_property
     def _members(self) -> list[tuple[range, IntArray]]:
         """The chains, and their samples in the order of time."""
-        order = np.lexsort((self.samples.share, self.samples.phase))
+        order = np.lexsort((self.samples.fraction, self.samples.phase))
         phase = self.samples.phase[order]
         return [
             (chain, order[slice(*np.searchsorted(phase, [k, k + 1]))])
@@ -259,10 +259,10 @@ class _Passage:
         from_samples = np.minimum(self._square[:-1], self._square[1:])
         nearest = np.minimum(from_samples, np.minimum(from_points[:, :-1], from_points[:, 1:]))
         choice = ordered_choice_paying(cost, (nearest / self.radius**2) ** 2)
-        farthest, share = self._left_out(choice)
+        farthest, fraction = self._left_out(choice)
         is_fixed = np.zeros(len(choice), dtype=bool)
         is_fixed[[0, -1]] = True  # these stay in the first segment and the last
-        for step in np.argsort(-share, kind="stable")[: np.count_nonzero(share)]:
+        for step in np.argsort(-fraction, kind="stable")[: np.count_nonzero(fraction)]:
             segment = farthest[step]
             nearer = step + np.argsort(self._square[step : step + 2, segment], kind="stable")
             free = nearer[~is_fixed[nearer]][:1]
@@ -286,7 +286,7 @@ class _Passage:
             For every step between two samples, both of shape (N-1,): the segment, and its distance
             in radii from the line between them; 0 where no omitted segment counts.
         """
-        farthest, share = np.zeros(len(choice) - 1, dtype=np.int64), np.zeros(len(choice) - 1)
+        farthest, fraction = np.zeros(len(choice) - 1, dtype=np.int64), np.zeros(len(choice) - 1)
         left_out = self._along[choice[1:]] - self._along[choice[:-1] + 1]
         travel = np.linalg.norm(np.diff(self.tool, axis=0), axis=1)
         own = np.sqrt(self._square[np.arange(len(choice)), choice]) / self.radius[choice]
@@ -307,12 +307,12 @@ class _Passage:
             is_short_cut = left_out[step] > travel[step] + _SHORT_CUT * self.radius[segment]
             is_far = distance > 1 or distance > max(_FAR, _FARTHER * beside[step])
             if is_short_cut and is_far:
-                farthest[step], share[step] = segment, distance
+                farthest[step], fraction[step] = segment, distance
             elif leaves_asked[step]:
                 away[~self.is_asked[segments]] = 0.0
                 worst = int(away.argmax())
-                farthest[step], share[step] = segments[worst], max(away[worst], _LEAST_SHARE)
-        return farthest, share
+                farthest[step], fraction[step] = segments[worst], max(away[worst], _LEAST_FRACTION)
+        return farthest, fraction
 
 
 def ordered_choice_paying(cost: FloatArray, passing: FloatArray) -> IntArray:
@@ -353,7 +353,9 @@ def _squared_distances(points: FloatArray, begin: FloatArray, end: FloatArray) -
     points, begin, axis = points - origin, begin - origin, end - begin
     squared_length = np.einsum("mi,mi->m", axis, axis)
     along = points @ axis.T - np.einsum("mi,mi->m", begin, axis)
-    share = np.clip(along / np.maximum(squared_length, _NO_SQUARE), 0.0, 1.0)
+    fraction = np.clip(along / np.maximum(squared_length, _NO_SQUARE), 0.0, 1.0)
     square = np.einsum("ni,ni->n", points, points)[:, None] - 2 * points @ begin.T
-    square += np.einsum("mi,mi->m", begin, begin) - share * (2 * along - share * squared_length)
+    square += np.einsum("mi,mi->m", begin, begin) - fraction * (
+        2 * along - fraction * squared_length
+    )
     return np.maximum(square, 0.0)

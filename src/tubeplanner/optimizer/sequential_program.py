@@ -35,10 +35,10 @@ from tubeplanner.task.problem import PlanningProblem
 # samples; tube and clearances are elastic.
 
 # The first program has the rows that are this near, or a part of the trust region away.
-_NEAR, _NEAR_SHARE = 0.03, 0.03
+_NEAR, _NEAR_FRACTION = 0.03, 0.03
 _LARGEST_DURATION_STEP = 1.0
-# Phases change by at most this share of their width, and of the trust region.
-_MAX_WIDTH_SHARE, _WIDTH_SHARE = 0.3, 8.0
+# Phases change by at most this fraction of their width, and of the trust region.
+_MAX_WIDTH_FRACTION, _WIDTH_FRACTION = 0.3, 8.0
 # For the multipliers: a small trust region, hardly any quadratic part.
 _MULTIPLIER_TRUST = TrustRegion(0.02, 0.0)
 _MULTIPLIER_SMOOTHING = 1e-3
@@ -75,7 +75,7 @@ class SequentialProgram:
             links: The constraints on links, with the pairs that are watched already.
             radius: Of the tube's segments, if not their own, shape (m,) [m].
             objective: Gain that steps aim at; None: a shorter duration.
-            room: The share of the tube's regions that stays unused, shape (m,); None: none.
+            room: The fraction of the tube's regions that stays unused, shape (m,); None: none.
             start_moves: Whether the start is tied to the end of another leg.
         """
         self._objective: StepObjective = objective or ShortestDuration()
@@ -151,8 +151,8 @@ class SequentialProgram:
         if costs is None:
             return {}
         # Rows of the tube are in radii, those of the limits in limits: the narrowing scales along.
-        share = np.where(is_of_speed, 1.0, 1 - INNER_MARGIN)
-        return dict(zip(keys, -costs / 2 * share, strict=True))
+        fraction = np.where(is_of_speed, 1.0, 1 - INNER_MARGIN)
+        return dict(zip(keys, -costs / 2 * fraction, strict=True))
 
     def _hardly_move(self, regions: EvaluatedRegions, size: StepSize) -> BoolArray:
         """Return True for samples that a step moves less than the merit function ignores, (N,)."""
@@ -211,7 +211,7 @@ class SequentialProgram:
         farthest = float(abs(step.control).max(initial=0.0)) / unit
         widths = np.diff(current.spline.switching_times)[: len(step.switching) + 1]
         changes = np.diff(step.switching, prepend=0.0, append=0.0)
-        return max(farthest, float(abs(changes / widths).max()) / _WIDTH_SHARE)
+        return max(farthest, float(abs(changes / widths).max()) / _WIDTH_FRACTION)
 
     def after(self, step: Step) -> None:
         """Record a solution of the step's program."""
@@ -224,7 +224,7 @@ class SequentialProgram:
         bounds = self._bounds(current, trust)
         size = StepSize(trust.largest_change, bounds.switching)
         rows, is_elastic = self.constraints.rows(current, size)
-        near = (rows.slack < _NEAR) | (rows.slack < _NEAR_SHARE * rows.reach(size))
+        near = (rows.slack < _NEAR) | (rows.slack < _NEAR_FRACTION * rows.reach(size))
         none = tuple(np.zeros(len(regions.vector), bool) for regions in current.regions)
         planes = _near_planes(current, none)
         if remembered.planes:
@@ -242,7 +242,7 @@ class SequentialProgram:
 
     def _bounds(self, current: Iterate, trust: TrustRegion, *, goal_moves: bool = True) -> Bounds:
         widths = np.diff(current.spline.switching_times)
-        widths *= min(_MAX_WIDTH_SHARE, _WIDTH_SHARE * trust.radius)
+        widths *= min(_MAX_WIDTH_FRACTION, _WIDTH_FRACTION * trust.radius)
         switching = np.minimum(np.cumsum(widths)[:-1], np.cumsum(widths[::-1])[-2::-1])
         points = current.spline.control_points
         now, fixed = self.variables.of(points), self.variables.held(points)
@@ -272,9 +272,9 @@ def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Plan
 # next to a start on a tolerance, other limits bar them at once: where a multiplier is large, the
 # program is solved with a rise of the limit.
 
-# Where elastic rows cost more than this share of their penalty, multipliers tell the penalty: then
-# so many times their violation is allowed, or this much.
-_SHARE_OF_PENALTY, _SPARE_SHARE, _LEAST_SPARE = 0.5, 2.0, 1e-5
+# Where elastic rows cost more than this fraction of their penalty, multipliers tell the penalty:
+# then so many times their violation is allowed, or this much.
+_FRACTION_OF_PENALTY, _SPARE_FRACTION, _LEAST_SPARE = 0.5, 2.0, 1e-5
 # The rise. (Beside such a start, multipliers of a tolerance said 0.3 to 400 where rises of 0.1 % to
 # 10 % gained nothing. Steps of the program have room for this one.)
 _RISE = 0.03
@@ -322,9 +322,9 @@ def _exact_step(linear: Linearization) -> Step | None:
     (exact,) = search.solve_closely(_TOLERANCE) or steps
     elastic = linear.elastic_rows
     cost = float(abs(exact.multipliers * elastic[: len(exact.multipliers)]).sum())
-    if cost < _SHARE_OF_PENALTY * linear.penalty:
+    if cost < _FRACTION_OF_PENALTY * linear.penalty:
         return exact
-    spare = max(_SPARE_SHARE * exact.elastic, _LEAST_SPARE)
+    spare = max(_SPARE_FRACTION * exact.elastic, _LEAST_SPARE)
     return _solved(linear, _TOLERANCE, spare * elastic) or exact
 
 

@@ -154,7 +154,7 @@ class SplineConstraints:
             links: The constraints on links, with the pairs that are watched already.
             radius: Of the tube's segments, shape (m,) [m].
             run_in: The duration in which splines are run [s]; None: the least that limits allow.
-            room: The share of the tube's regions that stays unused, shape (m,); None: none.
+            room: The fraction of the tube's regions that stays unused, shape (m,); None: none.
         """
         self._run_in, self._blended = run_in, BLENDED
         self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
@@ -380,7 +380,7 @@ class _ArmAlong:
         self._problem, self._spline, self._radius = problem, spline, radius
         self._is_asked = is_asked
         # Of a joint's largest velocity.
-        self._blended_share = min(blended / spline.grid.interval_count, 1.0)
+        self._blended_fraction = min(blended / spline.grid.interval_count, 1.0)
         self._is_last = blended <= BLENDED
         self._at: dict[EvaluationPoints, tuple[SampledSpline, PathSamples]] = {}
 
@@ -397,9 +397,9 @@ class _ArmAlong:
     def _friction(self, at: SampledSpline, samples: Samples) -> CoulombFriction:
         rate, motors = at.by_x[1], self._problem.robot.motors
         # Widely blended friction guides the first steps: the more of it is exact, the less it does.
-        share = self._blended_share if self._is_last else 0.0
-        ends = self._spline.end_directions(samples, share * abs(rate).max(axis=0))
-        return blended_friction(motors, rate, ends, self._blended_share)
+        fraction = self._blended_fraction if self._is_last else 0.0
+        ends = self._spline.end_directions(samples, fraction * abs(rate).max(axis=0))
+        return blended_friction(motors, rate, ends, self._blended_fraction)
 
     def segments_of(self, samples: Samples) -> OrderedSegments:
         points, chains = self._problem.tube.points, self._spline.grid.chains

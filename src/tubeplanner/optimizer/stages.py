@@ -54,7 +54,7 @@ _STEPS_TO_GET_OUT = 15
 _DODGED, _MAX_DODGES = 0.2, 3
 # Splines with so many knot intervals can go round an obstacle.
 _MANY_INTERVALS = 16
-# The exchange of samples ends when violations between them are below this share of T^2.
+# The exchange of samples ends when violations between them are below this fraction of T^2.
 _BETWEEN_SAMPLES = 0.003
 
 
@@ -374,16 +374,16 @@ _SMOOTHING_TRUST, _LEAST_TRUST = 0.01, 0.002  # in units of the trust region
 _PENALTY = 1.0
 _SMOOTHING_GAIN = 5e-4
 _SMOOTHING_STEPS, _SMOOTHING_ROUNDS = 4, 8
-# For peaks between samples, the second stage aims at this share less than the longest duration:
+# For peaks between samples, the second stage aims at this fraction less than the longest duration:
 # between the first two, a part of the extra time over the shortest motion. Peaks at dense samples
-# stay the last share below, for peaks between those.
-_LEAST_RESERVE, _MOST_RESERVE, _RESERVE_SHARE = 1e-4, 2.5e-4, 0.25
+# stay the last fraction below, for peaks between those.
+_LEAST_RESERVE, _MOST_RESERVE, _RESERVE_FRACTION = 1e-4, 2.5e-4, 0.25
 _BETWEEN_LOOKS = 5e-5
 # Coulomb friction is blended over so many knot intervals, as reversals move during the descent.
 # They lie between samples, and have sharper peaks.
 _BLENDED, _MOST_AT_REVERSALS = 8.0, 7e-4
-# The shortest motion's slack in the tube may shrink by this share of the radius; its clearance by
-# this share, of which no more than so much counts [m].
+# The shortest motion's slack in the tube may shrink by this fraction of the radius; its clearance
+# by this fraction, of which no more than so much counts [m].
 _LESS_ROOM, _LESS_CLEARANCE, _MOST_CLEARANCE = 0.05, 0.1, 0.02
 
 
@@ -412,7 +412,7 @@ class SecondStage:
             problem, spline.grid, LinkConstraints(problem), problem.tube.effective_radius
         )
         dense = plain.between_samples(spline)
-        reserve = _RESERVE_SHARE * abs(1 - dense.duration / longest)
+        reserve = _RESERVE_FRACTION * abs(1 - dense.duration / longest)
         has_reversals = problem.robot.motors.has_coulomb_friction
         most = _MOST_AT_REVERSALS if has_reversals else _MOST_RESERVE
         reserve = min(max(reserve, _LEAST_RESERVE), most)
@@ -541,14 +541,14 @@ class SecondStage:
 
 
 def _room(problem: PlanningProblem, dense: Iterate) -> FloatArray:
-    """Return the share of the tube's regions that a motion leaves unused, by segment, (m,).
+    """Return the fraction of the tube's regions that a motion leaves unused, by segment, (m,).
 
     0 beside compulsory points, about which there is a region of another kind.
     """
     tube, regions = problem.tube, dense.regions[0]
     room = np.ones(tube.segment_count)
-    share = regions.regions.share(regions.vector, regions.segment)
-    np.minimum.at(room, regions.segment, 1 - share)
+    fraction = regions.regions.fraction(regions.vector, regions.segment)
+    np.minimum.at(room, regions.segment, 1 - fraction)
     beside = np.concatenate([tube.compulsory_points - 1, tube.compulsory_points])
     room[beside] = 0.0
     return room

@@ -91,16 +91,16 @@ def starting_spline(
 
 def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
     """Return the same spline, exactly, with every knot interval divided into several."""
-    switching_times, shares = spline.switching_times, []
-    for k, share in enumerate(spline.grid.shares):
+    switching_times, fractions = spline.switching_times, []
+    for k, fraction in enumerate(spline.grid.fractions):
         width = switching_times[k + 1] - switching_times[k]
-        angle = np.arccos(1 - 2 * np.clip(switching_times[k] + width * share, 0.0, 1.0))
+        angle = np.arccos(1 - 2 * np.clip(switching_times[k] + width * fraction, 0.0, 1.0))
         steps = np.arange(len(angle) * parts - parts + 1) / parts
         x = (1 - np.cos(np.interp(steps, np.arange(len(angle)), angle))) / 2
         finer = (x - switching_times[k]) / width
-        finer[::parts] = share
-        shares.append(finer)
-    return on_knots(spline, KnotGrid(tuple(shares), spline.grid.chains), switching_times)
+        finer[::parts] = fraction
+        fractions.append(finer)
+    return on_knots(spline, KnotGrid(tuple(fractions), spline.grid.chains), switching_times)
 
 
 def on_knots(spline: PhasedSpline, grid: KnotGrid, switching_times: FloatArray) -> PhasedSpline:
@@ -123,15 +123,15 @@ def knot_grid(
         chains: The segments of every phase; one each if not given.
     """
     angle = np.arccos(1 - 2 * switching_times)
-    shares, phases = [], len(switching_times) - 1
+    fractions, phases = [], len(switching_times) - 1
     fewest = 1 if phases == 1 else min(max(_FEWEST_IN_ALL // phases, 1), _FEWEST)
     for k in range(phases):
         count = max(fewest, round(intervals * (angle[k + 1] - angle[k]) / np.pi))
         x = (1 - np.cos(np.linspace(angle[k], angle[k + 1], count + 1))) / 2
-        share = (x - switching_times[k]) / (switching_times[k + 1] - switching_times[k])
-        share[0], share[-1] = 0.0, 1.0
-        shares.append(share)
-    return KnotGrid(tuple(shares), chains)
+        fraction = (x - switching_times[k]) / (switching_times[k + 1] - switching_times[k])
+        fraction[0], fraction[-1] = 0.0, 1.0
+        fractions.append(fraction)
+    return KnotGrid(tuple(fractions), chains)
 
 
 def _with_width(switching_times: FloatArray) -> FloatArray:
@@ -237,8 +237,8 @@ class RefinedMotion:
         times[:REST_POINTS], times[-REST_POINTS:] = 0.0, 1.0
         phase = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, len(ends) - 2)
         x = (times - ends[phase]) / np.diff(ends)[phase]
-        share = (x**3 * (10 - 15 * x + 6 * x**2))[:, None]
-        blend: FloatArray = (1 - share) * shift[phase] + share * shift[phase + 1]
+        fraction = (x**3 * (10 - 15 * x + 6 * x**2))[:, None]
+        blend: FloatArray = (1 - fraction) * shift[phase] + fraction * shift[phase + 1]
         return blend
 
 
@@ -280,10 +280,10 @@ def on_periodic_knots(spline: PhasedSpline, periods: int) -> PhasedSpline:
         if widths[widest] == 1:
             break
         breakpoints = np.insert(breakpoints, widest + 1, breakpoints[widest] + widths[widest] // 2)
-    shares = []
+    fractions = []
     for begin, end in pairwise(ends):
         inner = breakpoints[(breakpoints > begin) & (breakpoints < end)]
         places = np.unique(np.concatenate([[begin], inner, [end]]))
-        shares.append((places - begin) / (end - begin))
-    grid = KnotGrid(tuple(shares), spline.grid.chains, is_fixed=True)
+        fractions.append((places - begin) / (end - begin))
+    grid = KnotGrid(tuple(fractions), spline.grid.chains, is_fixed=True)
     return on_knots(spline, grid, ends / periods)

@@ -180,11 +180,11 @@ class ShortestDuration:
         return regularization
 
     def predicted_gain(self, current: Iterate, step: Step) -> float:
-        """Return the predicted reduction of T^2, as a share of it."""
+        """Return the predicted reduction of T^2, as a fraction of it."""
         return -step.duration
 
     def gain(self, current: Iterate, trial: Iterate) -> float:
-        """Return the reduction of T^2 by a trial, as a share of it."""
+        """Return the reduction of T^2 by a trial, as a fraction of it."""
         return 1 - trial.squared_duration / current.squared_duration
 
     def after(self, step: Step) -> None:
@@ -317,7 +317,7 @@ class MeasuredObjective:
             self._worth = max(self._worth / 2, _LEAST_WORTH)
 
     def _longer(self, iterate: Iterate) -> float:
-        """Return the excess of the least T^2 over the duration's, as a share of that."""
+        """Return the excess of the least T^2 over the duration's, as a fraction of that."""
         return max(iterate.squared_duration / self.run_in**2 - 1, 0.0)
 
     def _measure(self, current: Iterate) -> tuple[IntervalMotion, FloatArray]:
@@ -333,9 +333,11 @@ class MeasuredObjective:
     def _model(self, current: Iterate, variables: ControlVariables) -> Quadratic:
         """Return the Gauss-Newton quadratic of the value near a trajectory."""
         motion, totals = self._measure(current)
-        shares = (self._weights / totals).tolist()
-        models = zip(self._measures, shares, strict=True)
-        model = MeasureModel.stacked([measure.model(motion, share) for measure, share in models])
+        fractions = (self._weights / totals).tolist()
+        models = zip(self._measures, fractions, strict=True)
+        model = MeasureModel.stacked(
+            [measure.model(motion, fraction) for measure, fraction in models]
+        )
         control, switching = model.control, model.switching
         weighted = control * model.curvature[:, :, None]
         blocks = np.swapaxes(control, 1, 2) @ weighted

@@ -15,7 +15,7 @@ from tubeplanner.limits.binding_limits import (
     ClosestPairs,
     Span,
     binding_rows,
-    bound_share,
+    bound_fraction,
     clearance_use,
     closest_pairs,
 )
@@ -213,15 +213,15 @@ class BindingStrip:
 
     Attributes:
         rows: Spans of binding limits, by the names of joints, "tool" and "links".
-        shares: By kind of limit, the fraction of the time in which it binds anywhere; if > 0.
-        speed_share: Fraction of the time in which any limit on the speed binds.
+        fractions: By kind of limit, the fraction of the time in which it binds anywhere; if > 0.
+        speed_fraction: Fraction of the time in which any limit on the speed binds.
         duration: Of all motions [s].
         joint_count: Number of rows of joints; they come first.
     """
 
     rows: Mapping[str, Sequence[Span]]
-    shares: Mapping[str, float]
-    speed_share: float
+    fractions: Mapping[str, float]
+    speed_fraction: float
     duration: float
     joint_count: int
 
@@ -244,8 +244,8 @@ def binding_strip(motions: Sequence[LimitedMotion], duration: float) -> BindingS
     """
     names = motions[0].problem.robot.joint_names
     rows: dict[str, list[Span]] = {}
-    shares: dict[str, float] = {}
-    speed_share = 0.0
+    fractions: dict[str, float] = {}
+    speed_fraction = 0.0
     for motion in motions:
         weight = motion.duration / duration
         for row in binding_rows(names, motion.uses, motion.closest):
@@ -256,13 +256,13 @@ def binding_strip(motions: Sequence[LimitedMotion], duration: float) -> BindingS
             rows.setdefault(row.name, []).extend(shifted)
         uses = [*motion.uses.uses, *map(clearance_use, motion.closest)]
         for kind in dict.fromkeys(use.kind for use in uses):
-            own = bound_share(motion.uses, [use for use in uses if use.kind == kind])
-            shares[kind] = shares.get(kind, 0.0) + weight * own
-        speed_share += weight * bound_share(motion.uses)
-    binding = {kind: share for kind, share in shares.items() if share > 0}
+            own = bound_fraction(motion.uses, [use for use in uses if use.kind == kind])
+            fractions[kind] = fractions.get(kind, 0.0) + weight * own
+        speed_fraction += weight * bound_fraction(motion.uses)
+    binding = {kind: fraction for kind, fraction in fractions.items() if fraction > 0}
     ordered = {name: rows[name] for name in (*names, *rows) if name in rows}
     joint_count = int(np.isin(list(ordered), names).sum())
-    return BindingStrip(ordered, binding, speed_share, duration, joint_count)
+    return BindingStrip(ordered, binding, speed_fraction, duration, joint_count)
 
 
 # ---- Curves of the motion of a cycle: of every leg and of every rest, in turn.

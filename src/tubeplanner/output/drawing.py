@@ -80,11 +80,11 @@ def rgb(color: str) -> FloatArray:
     return np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)]) / 255
 
 
-def speed_colors(share: FloatArray) -> FloatArray:
+def speed_colors(fraction: FloatArray) -> FloatArray:
     """Return colours of fractions (N,) of the highest speed, from 0 to 1: shape (N, 3)."""
     table = np.array([rgb(color) for color in SPEED_COLORS])
     stops = np.linspace(0.0, 1.0, len(table))
-    return np.column_stack([np.interp(share, stops, table[:, i]) for i in range(3)])
+    return np.column_stack([np.interp(fraction, stops, table[:, i]) for i in range(3)])
 
 
 # ---- Surfaces for display: triangles of convex shapes, of the tube, of lines with a thickness.

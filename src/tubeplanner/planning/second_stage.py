@@ -123,7 +123,7 @@ def periodic_plan(
     """
     assert shortest.motion is not None and shortest.duration is not None
     inner, spline = shortest.motion.problem, shortest.motion.spline
-    phases = len(spline.grid.shares)
+    phases = len(spline.grid.fractions)
     count = max(fewest_periods(shortest.duration, period), phases, _MIN_PERIODS)
     for _ in range(_MAX_TRIES):
         start = on_periodic_knots(spline, count)

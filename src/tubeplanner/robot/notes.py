@@ -94,7 +94,7 @@ def unlimited_notes(robot: RobotModel) -> tuple[str, ...]:
 def _friction_note(robot: RobotModel) -> str | None:
     motors = robot.motors
     coulomb = np.maximum(motors.backwards_friction, motors.forwards_friction)
-    largest = friction_share(robot, motors.viscous_friction, coulomb)
+    largest = friction_fraction(robot, motors.viscous_friction, coulomb)
     if largest is None or not largest.is_implausible:
         return None
     return (
@@ -152,7 +152,7 @@ def _field(key: str) -> str | None:
     return next((field for word, field in _FIELDS.items() if key.endswith(word)), None)
 
 
-def _unused_friction(robot: RobotModel, unused: Mapping[str, object]) -> "FrictionShare | None":
+def _unused_friction(robot: RobotModel, unused: Mapping[str, object]) -> "FrictionFraction | None":
     """Return the largest fraction of an effort limit that the unused friction would take."""
     try:
         urdf_values = urdf_friction(robot.urdf, robot.joint_names)
@@ -162,39 +162,39 @@ def _unused_friction(robot: RobotModel, unused: Mapping[str, object]) -> "Fricti
     for key, values in zip(URDF_FRICTION, urdf_values, strict=True):
         is_given = [_is_given(robot, column, key) for column in range(robot.joint_count)]
         friction[key] = np.where(is_given, 0.0, values) if key in unused else np.zeros(len(values))
-    return friction_share(robot, *friction.values())
+    return friction_fraction(robot, *friction.values())
 
 
 # ---- The fraction of the effort limits that friction takes at the velocity limits.
 
 
 @dataclass(frozen=True)
-class FrictionShare:
+class FrictionFraction:
     """The largest fraction of an effort limit that friction takes.
 
     Attributes:
-        share: Of the effort limit, at the velocity limit.
+        fraction: Of the effort limit, at the velocity limit.
         joints: Names of the joints with this fraction; empty: every joint.
     """
 
-    share: float
+    fraction: float
     joints: tuple[str, ...]
 
     @property
     def is_implausible(self) -> bool:
         """True if no geared arm loses as much."""
-        return self.share > _IMPLAUSIBLE
+        return self.fraction > _IMPLAUSIBLE
 
     def __str__(self) -> str:
         whose = ", ".join(self.joints) or "every joint"
-        percent = 100 * self.share
+        percent = 100 * self.fraction
         figures = f"{percent:.0f}" if percent >= 10 else f"{percent:.2g}"
         return f"{figures} % of the effort limit ({whose})"
 
 
-def friction_share(
+def friction_fraction(
     robot: RobotModel, viscous: FloatArray, coulomb: FloatArray
-) -> FrictionShare | None:
+) -> FrictionFraction | None:
     """Return the largest fraction of an effort limit that friction takes.
 
     Args:
@@ -214,7 +214,7 @@ def friction_share(
     is_largest = fractions >= (1 - _EQUAL) * fractions.max()
     largest = () if is_largest.all() else np.flatnonzero(is_largest)
     names = tuple(robot.joint_names[joint] for joint in largest)
-    return FrictionShare(float(fractions.max()), names)
+    return FrictionFraction(float(fractions.max()), names)
 
 
 # ---- Implausible values: each quantity with the largest value that arms and cells have.

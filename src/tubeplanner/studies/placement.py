@@ -207,11 +207,11 @@ def _starts(rows: Sequence[PlacementRow]) -> list[PlacementRow]:
     return sorted(best, key=lambda row: first[row.stand[:3]] is not row)[:_STARTS]
 
 
-def _neighbours(region: Region, grid: StandGrid, stand: Stand, share: float) -> list[Stand]:
-    """Return the base poses half a cell of the grid times `share` away, in the region."""
+def _neighbours(region: Region, grid: StandGrid, stand: Stand, fraction: float) -> list[Stand]:
+    """Return the base poses half a cell of the grid times `fraction` away, in the region."""
     result = []
     for k, side in enumerate(grid.spacing):
-        for step in (share * side / 2, -share * side / 2):
+        for step in (fraction * side / 2, -fraction * side / 2):
             neighbour = Stand(*(value + step * (j == k) for j, value in enumerate(stand)))
             result.append(region.nearest(neighbour))
     return [each for each in dict.fromkeys(result) if each != stand]

@@ -43,9 +43,9 @@ class Levels:
             return self.values.interval.ends
         return tuple(_of_each_kind(self.values))
 
-    def at(self, share: float) -> Any:
+    def at(self, fraction: float) -> Any:
         """Return the value at a fraction of the axis, from 0 (included) to 1 (excluded)."""
-        return self.values[int(share * len(self.values))]
+        return self.values[int(fraction * len(self.values))]
 
 
 @dataclass(frozen=True)
@@ -71,13 +71,13 @@ class Interval:
         """The values that are checked: if these can be set, all can."""
         return self.at(0.0), self.at(1.0)
 
-    def at(self, share: float) -> Any:
+    def at(self, fraction: float) -> Any:
         """Return the value at a fraction of the axis, from 0 to 1."""
         value: float
         if self.is_logarithmic:
-            value = self.first * (self.last / self.first) ** share
+            value = self.first * (self.last / self.first) ** fraction
         else:
-            value = (1 - share) * self.first + share * self.last
+            value = (1 - fraction) * self.first + fraction * self.last
         value = float(f"{value:.{_DIGITS}g}")
         value = int(value) if value.is_integer() else value
         return f"x{value!r}" if self.is_factor else value

@@ -217,7 +217,7 @@ def require_slack(what: str, slack: Any, error: type[TubePlannerError] = Problem
     """Raise an error unless a slack is a number from 0 to 10."""
     if not is_number(slack) or not 0 <= slack <= _MAX_SLACK:
         raise error(
-            f"{what} is {in_figures(slack)}; give a share of the shortest duration from 0 (the "
+            f"{what} is {in_figures(slack)}; give a fraction of the shortest duration from 0 (the "
             f"shortest motion) to {_MAX_SLACK:g}"
         )
 

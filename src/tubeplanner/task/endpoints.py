@@ -185,9 +185,9 @@ class GoalRegion:
         """Return the distance of a tool position (3,) from the centre [m]."""
         return float(np.linalg.norm(tool - self.position))
 
-    def nearest(self, tool: FloatArray, share: float = 1.0) -> FloatArray:
+    def nearest(self, tool: FloatArray, fraction: float = 1.0) -> FloatArray:
         """Return the point (3,) of the ball, its radius scaled, nearest to a tool position (3,)."""
-        distance, allowed = self.distance(tool), share * self.tolerance
+        distance, allowed = self.distance(tool), fraction * self.tolerance
         if distance <= allowed:
             return tool
         nearest: FloatArray = self.position + (tool - self.position) * (allowed / distance)

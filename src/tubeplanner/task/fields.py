@@ -251,7 +251,7 @@ class LimitFields(Section):
     tool_speed: Number | None = Field(None, description="of the tool centre point [m/s]")
     velocity_tolerance: Number | None = Field(
         None,
-        description="share of a velocity limit beyond it at which the controller stops",
+        description="fraction of a velocity limit beyond it at which the controller stops",
     )
     effort_rate: NumberPerJoint = Field({}, description="default: none [N m/s] or [N/s]")
     velocity_by_position: (
@@ -288,7 +288,7 @@ class MotorFields(Section):
     )
     friction_uncertainty: Finite | None = Field(
         None,
-        description="share by which friction may be more or less, in [0, 1); the certificate "
+        description="fraction by which friction may be more or less, in [0, 1); the certificate "
         "judges the worst; default: 0",
     )
 

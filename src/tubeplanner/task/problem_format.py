@@ -364,7 +364,7 @@ class RobustnessFields(Section):
     bandwidth: Finite = Field(Robustness.bandwidth, description="of the feedback, at least [rad/s]")
     velocity_tolerance: Finite | None = Field(
         None,
-        description="share of a velocity limit beyond it at which the controller stops; "
+        description="fraction of a velocity limit beyond it at which the controller stops; "
         "default: the preset's, or 0.05",
     )
     path_tolerance: Finite | None = Field(

@@ -148,12 +148,12 @@ class SignChanges(NamedTuple):
     Attributes:
         column: Index of the polynomial, shape (K,).
         piece: Index of the piece, shape (K,).
-        share: Fraction of the piece before the instant, between 0 and 1, shape (K,).
+        fraction: Fraction of the piece before the instant, between 0 and 1, shape (K,).
     """
 
     column: IntArray
     piece: IntArray
-    share: FloatArray
+    fraction: FloatArray
 
 
 def sign_changes(coefficients: FloatArray, widths: FloatArray) -> SignChanges:
@@ -168,16 +168,16 @@ def sign_changes(coefficients: FloatArray, widths: FloatArray) -> SignChanges:
     hull = bernstein_coefficients(coefficients, np.zeros(len(widths)), widths)
     both = (hull.min(axis=0) < 0) & (hull.max(axis=0) > 0)
     powers = np.arange(len(coefficients) - 1, -1, -1)
-    columns, pieces, shares = [], [], []
+    columns, pieces, fractions = [], [], []
     for piece, column in np.argwhere(both).tolist():
         roots = np.roots(coefficients[:, piece, column] * widths[piece] ** powers)
         real = roots.real[roots.imag == 0]
         inside = real[(real > _END) & (real < 1 - _END)].tolist()
         columns += [column] * len(inside)
         pieces += [piece] * len(inside)
-        shares += inside
+        fractions += inside
     return SignChanges(
-        np.array(columns, dtype=np.int64), np.array(pieces, dtype=np.int64), np.array(shares)
+        np.array(columns, dtype=np.int64), np.array(pieces, dtype=np.int64), np.array(fractions)
     )
 
 
@@ -186,7 +186,7 @@ def sign_changes(coefficients: FloatArray, widths: FloatArray) -> SignChanges:
 # A joint whose velocity stays below this fraction of the largest velocity of any joint, rad/s and
 # m/s compared as numbers, is at rest: friction has no direction there. Rounding of a velocity of
 # zero is below it too.
-STILL_SHARE = 1e-6
+STILL_FRACTION = 1e-6
 _SAMPLES = np.array([0.25, 0.5, 0.75])  # of an interval, as fractions
 _JUST_BELOW_ONE = 1 - 1e-12
 
@@ -209,13 +209,13 @@ class DirectedStretches:
     end: FloatArray
     direction: FloatArray
 
-    def at(self, piece: IntArray, share: FloatArray) -> FloatArray:
+    def at(self, piece: IntArray, fraction: FloatArray) -> FloatArray:
         """Return the directions of all joints in pieces (N,) at fractions (N,): (N, n).
 
         Inside a piece, an interval's end has the direction of the next interval; the end of the
         piece has that of the piece's last interval.
         """
-        position = piece + np.clip(share, 0.0, _JUST_BELOW_ONE)
+        position = piece + np.clip(fraction, 0.0, _JUST_BELOW_ONE)
         directions = [
             direction[np.searchsorted(start, position, side="right") - 1]
             for start, direction in self._by_joint
@@ -262,11 +262,11 @@ def directed_stretches(trajectory: JointTrajectory) -> DirectedStretches:
     velocity = trajectory.derivative_coefficients(1)
     pieces, n = velocity.shape[1:]
     hull = bernstein_coefficients(velocity, np.zeros(pieces), trajectory.widths)
-    still = STILL_SHARE * float(abs(hull).max())
+    still = STILL_FRACTION * float(abs(hull).max())
     reversals = sign_changes(velocity, trajectory.widths)
     joint = np.append(np.repeat(np.arange(n), pieces), reversals.column)
     piece = np.append(np.tile(np.arange(pieces), n), reversals.piece)
-    start = np.append(np.zeros(n * pieces), reversals.share)
+    start = np.append(np.zeros(n * pieces), reversals.fraction)
     order = np.lexsort((start, piece, joint))
     joint, piece, start = joint[order], piece[order], start[order]
     is_last = np.append((np.diff(piece) != 0) | (np.diff(joint) != 0), True)

@@ -48,8 +48,8 @@ def test_every_point_is_within_the_deviation_of_the_kept_lines(deviation):
     assert corners[0] == 0 and corners[-1] == 299
     for i, j in pairwise(corners):
         ahead, between = points[j] - points[i], points[i : j + 1] - points[i]
-        share = np.clip(between @ ahead / (ahead @ ahead), 0, 1)[:, None]
-        assert np.linalg.norm(between - share * ahead, axis=1).max() <= deviation + 1e-12
+        fraction = np.clip(between @ ahead / (ahead @ ahead), 0, 1)[:, None]
+        assert np.linalg.norm(between - fraction * ahead, axis=1).max() <= deviation + 1e-12
 
 
 def test_distances_are_measured_from_the_segment_not_from_its_line():

@@ -75,7 +75,7 @@ POINTS = np.array([[0.5, 0.05, 0], [-0.3, 0.4, 0], [1.0, 1.0, 0.25], [1.0, 3.0, 
 def test_distances_and_normals_are_those_to_the_axis_and_its_ends():
     distance, radius = np.array([0.05, 0.5, 0.25, 1.0]), np.array([0.1, 0.1, 0.5, 0.5])
     np.testing.assert_allclose(CAPSULES.margin(POINTS, SEGMENT), radius - distance)
-    np.testing.assert_allclose(CAPSULES.share(POINTS, SEGMENT), distance / radius)
+    np.testing.assert_allclose(CAPSULES.fraction(POINTS, SEGMENT), distance / radius)
     rows = np.stack([POINTS, POINTS + 0.1, POINTS - 0.2])
     each = [CAPSULES.margin(row, SEGMENT) for row in rows]
     np.testing.assert_array_equal(CAPSULES.margin(rows, SEGMENT), each)
@@ -135,7 +135,7 @@ TUBES = {
     "slanted up": (turned([3, 0, 1]), placed),
     "long up": (turned([0, 0, 40]), placed),
 }
-# The tool in the straight tube, its margin, its share and the normal there.
+# The tool in the straight tube, its margin, its fraction and the normal there.
 PLACES = {
     "beside": ([0.5, 0.08, 0.01], 0.01, 0.8, [0, 1, 0]),
     "beside, out": ([0.5, -0.15, 0.01], -0.05, 1.5, [0, -1, 0]),
@@ -150,15 +150,15 @@ PLACES = {
 @pytest.mark.parametrize("which", TUBES)
 def test_margin_share_and_normal_have_closed_forms(which):
     tube, put = TUBES[which]
-    for where, margin, share, normal in PLACES.values():
+    for where, margin, fraction, normal in PLACES.values():
         p = put(where)[None]
         assert tube.margin(p)[0, 0] == pytest.approx(margin, abs=1e-12)
         assert tube.regions.margin(p, FIRST)[0] == pytest.approx(margin, abs=1e-12)
-        assert tube.regions.share(p, FIRST)[0] == pytest.approx(share, abs=1e-9)
+        assert tube.regions.fraction(p, FIRST)[0] == pytest.approx(fraction, abs=1e-9)
         expected = put(normal) - put([0, 0, 0])
         np.testing.assert_allclose(tube.regions.outward(p, FIRST)[0], expected, atol=1e-9)
     on_axis = put([0.4, 0, 0])[None]
-    assert tube.regions.share(on_axis, FIRST)[0] == pytest.approx(0.0, abs=1e-12)
+    assert tube.regions.fraction(on_axis, FIRST)[0] == pytest.approx(0.0, abs=1e-12)
     exactly = np.array([[0.4, 0.0, 0.0]])
     np.testing.assert_array_equal(box_tube().regions.outward(exactly, FIRST), [[0, 0, 0]])
 
@@ -197,7 +197,7 @@ def test_a_disc_among_boxes_is_a_capsule():
     regions = tube.regions
     assert isinstance(regions, BoxRegions)
     np.testing.assert_array_equal(tube.is_box, [False, True])
-    for name in ("margin", "share", "outward", "extent"):
+    for name in ("margin", "fraction", "outward", "extent"):
         mine, others = (getattr(each, name)(p, zeros) for each in (regions, plain))
         np.testing.assert_array_equal(mine, others)
     assert regions.kinds(0) == ("radius",)
@@ -232,9 +232,9 @@ def random_places(points, rng):
 def test_of_random_places_margin_and_share_tell_the_same(scene):
     _, whole, p = scene
     tube, zeros = replace(whole, tool_radius=0.01), np.zeros(300, dtype=np.int64)
-    margin, share = tube.regions.margin(p, zeros), tube.regions.share(p, zeros)
+    margin, fraction = tube.regions.margin(p, zeros), tube.regions.fraction(p, zeros)
     assert 10 < (margin >= 0).sum() < 290
-    np.testing.assert_array_equal(share <= 1, margin >= 0)
+    np.testing.assert_array_equal(fraction <= 1, margin >= 0)
     np.testing.assert_array_equal(tube.margin(p)[:, 0], margin)
     capsule = Tube(tube.points, tube.radius, tool_radius=0.01)
     assert (margin >= capsule.margin(p)[:, 0] - 1e-12).all()  # which is inside the box
@@ -242,9 +242,9 @@ def test_of_random_places_margin_and_share_tell_the_same(scene):
 
 def test_the_margin_is_concave_and_changes_by_no_more_than_the_point_moves(scene):
     rng, tube, p = scene
-    q, share = random_places(tube.points, rng), rng.uniform(size=(300, 1))
-    at_p, at_q, between = (tube.margin(x)[:, 0] for x in (p, q, p + share * (q - p)))
-    assert (between >= at_p + share[:, 0] * (at_q - at_p) - 1e-12).all()
+    q, fraction = random_places(tube.points, rng), rng.uniform(size=(300, 1))
+    at_p, at_q, between = (tube.margin(x)[:, 0] for x in (p, q, p + fraction * (q - p)))
+    assert (between >= at_p + fraction[:, 0] * (at_q - at_p) - 1e-12).all()
     assert (abs(at_p - at_q) <= np.linalg.norm(p - q, axis=1) + 1e-12).all()
 
 
@@ -265,9 +265,9 @@ def test_a_box_is_behind_every_plane_and_meets_it_in_a_corner(scene):
 def test_the_normal_is_where_the_share_grows(scene):
     _, tube, p = scene
     zeros, step = np.zeros(300, dtype=np.int64), 1e-7
-    normal, share = tube.regions.outward(p, zeros), tube.regions.share(p, zeros)
+    normal, fraction = tube.regions.outward(p, zeros), tube.regions.fraction(p, zeros)
     np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0)
-    grown = (tube.regions.share(p + step * normal, zeros) - share) / step
+    grown = (tube.regions.fraction(p + step * normal, zeros) - fraction) / step
     face = abs(tube.regions.frame[0] @ normal.T).argmax(axis=0)
     np.testing.assert_allclose(grown, 1 / tube.regions.half[0, face], rtol=1e-5)
 

@@ -70,7 +70,7 @@ def refusals(robot, trajectory, limits):
 def test_a_quintic_just_below_a_limit_is_accepted_and_one_above_it_aborts(
     panda, order, error, peak
 ):
-    """Differences over a millisecond are means: a share of the peak is lost, below 2 %."""
+    """Differences over a millisecond are means: a fraction of the peak is lost, below 2 %."""
     angle, duration, limit = 0.9, 1.0, 10.0**order
     field = ("velocity", "acceleration", "jerk")[order - 1]
     limits = replace(FREE, **{field: np.full(7, limit)})

@@ -34,19 +34,19 @@ def test_a_fast_motion_is_at_some_limit_nearly_all_the_time(fast, stored):
     strip = binding_strip([fast], fast.duration)
     assert list(strip.rows) == [*problem.robot.joint_names, "tool", "links"]
     assert strip.joint_count == problem.robot.joint_count
-    assert 0.98 < strip.speed_share <= 1.0
+    assert 0.98 < strip.speed_fraction <= 1.0
     slow = limited_motion(problem, trajectory.scaled(2.0))
     assert slow.duration == pytest.approx(2 * fast.duration)
-    assert binding_strip([slow], slow.duration).speed_share == 0.0
+    assert binding_strip([slow], slow.duration).speed_fraction == 0.0
 
 
 def test_motions_one_after_the_other_share_the_time(fast):
     duration = fast.duration
     once = binding_strip([fast], duration)
     twice = binding_strip([fast, replace(fast, begin=2 * duration)], 4 * duration)
-    assert twice.speed_share == pytest.approx(once.speed_share / 2)
-    for kind, share in once.shares.items():
-        assert twice.shares[kind] == pytest.approx(share / 2)
+    assert twice.speed_fraction == pytest.approx(once.speed_fraction / 2)
+    for kind, fraction in once.fractions.items():
+        assert twice.fractions[kind] == pytest.approx(fraction / 2)
     for name, spans in once.rows.items():
         later = [Span(s.kind, s.begin + 2 * duration, s.end + 2 * duration) for s in spans]
         assert twice.rows[name] == [*spans, *later]
@@ -64,7 +64,7 @@ def test_the_strip_has_a_bar_for_every_stretch_and_names_its_kind():
     assert any("50 % of the time" in text for text in texts)
     legend = [text.get_text() for text in axis.get_legend().get_texts()]
     assert legend == ["effort 50 %", "new 1 %", "tube 0.2 %"]  # "new": a kind that is not known
-    shown = [percent(share) for share in (0.0, 0.0003, 0.234, 0.9996, 1.0)]
+    shown = [percent(fraction) for fraction in (0.0, 0.0003, 0.234, 0.9996, 1.0)]
     assert shown == ["0 %", "0.1 %", "23 %", "99.9 %", "100 %"]
 
 

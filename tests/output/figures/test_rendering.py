@@ -31,8 +31,8 @@ def plate(height, color, side=1.0, alpha=1.0, edges=False):
 def pixel(picture, x, y):
     """Return the colour of a picture at a place on the page [m]."""
     height, width, _ = picture.pixels.shape
-    share = (np.array([x, y]) - picture.low) / (picture.high - picture.low)
-    column, row = (share * [width, height]).astype(int)
+    fraction = (np.array([x, y]) - picture.low) / (picture.high - picture.low)
+    column, row = (fraction * [width, height]).astype(int)
     return picture.pixels[row, column]
 
 

@@ -38,8 +38,8 @@ def test_a_figure_shows_every_joint_against_its_limits(stored, tmp_path):
     labels = [label.get_text() for label in strip.get_yticklabels()]
     assert labels == [*problem.robot.joint_names, "tool", "links"]
     switching = len(trajectory_curves(problem, trajectory).visits) - 1
-    shares = np.array([line.get_ydata() for line in effort.lines[:n]])
-    assert abs(shares).max() == pytest.approx(100, abs=3)
+    fractions = np.array([line.get_ydata() for line in effort.lines[:n]])
+    assert abs(fractions).max() == pytest.approx(100, abs=3)
     drawn = [len(axis.lines) - switching for axis in (velocity, effort, use)]
     assert drawn == [n + 2, n + 2, 3]  # with limits; rotation too is bounded
     for axis in (position, velocity, effort, use, speed, clearance):
@@ -165,11 +165,11 @@ def test_what_else_is_limited_has_its_panel(stored):
     middle = (curves.effort_rate[1:] + curves.effort_rate[:-1])[step] / 2
     np.testing.assert_allclose(middle, numeric, atol=2e-2 * abs(curves.effort_rate).max())
     for joint, limit in enumerate((1e4, 2e4)):
-        share = 100 * curves.effort_rate[:, joint] / limit
-        np.testing.assert_allclose(rates[joint].get_ydata(), share)
+        fraction = 100 * curves.effort_rate[:, joint] / limit
+        np.testing.assert_allclose(rates[joint].get_ydata(), fraction)
 
-    share = panels["acceleration"].lines[0].get_ydata()
-    np.testing.assert_allclose(share, curves.samples.acceleration[:, 1] / 2)
+    fraction = panels["acceleration"].lines[0].get_ydata()
+    np.testing.assert_allclose(fraction, curves.samples.acceleration[:, 1] / 2)
     np.testing.assert_allclose(panels["jerk"].lines[0].get_ydata(), curves.jerk[:, 0] / 50)
     np.testing.assert_allclose(curves.points[:, 1], curves.speed / 4.0, atol=1e-12)
     (points,) = (axis for name, axis in panels.items() if name.startswith("speed of points"))

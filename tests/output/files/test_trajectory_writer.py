@@ -146,10 +146,10 @@ def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, stored, tm
     read = read_trajectory_file(path)
     assert "quintics" in read.interpolation
     assert verify(problem, read.trajectory, FOREIGN_TOLERANCE).passed
-    # Near the trajectory itself, where both have run the same share of their time.
-    share = np.linspace(0, 1, 500)
-    apart = read.trajectory.position(share * time[-1]) - trajectory.position(
-        share * trajectory.duration
+    # Near the trajectory itself, where both have run the same fraction of their time.
+    fraction = np.linspace(0, 1, 500)
+    apart = read.trajectory.position(fraction * time[-1]) - trajectory.position(
+        fraction * trajectory.duration
     )
     assert abs(apart).max() < 0.02
 

@@ -39,16 +39,20 @@ def test_a_line_is_the_largest_share_of_a_joints_limits(stretch, curves):
     assert [*lines] == [*stretch.problem.robot.joint_names, "tool"]
     own = stretch.uses.samples.time
     for j, name in enumerate(stretch.problem.robot.joint_names):
-        shares = {use.kind: use.share for use in stretch.uses.uses if use.joint == j}
-        del shares[POSITION]
+        fractions = {use.kind: use.fraction for use in stretch.uses.uses if use.joint == j}
+        del fractions[POSITION]
         line = lines[name]
         assert line["color"] == LINE_COLORS[j]
-        between = np.max([np.interp(time, own, share) for share in shares.values()], axis=0)
+        between = np.max(
+            [np.interp(time, own, fraction) for fraction in fractions.values()], axis=0
+        )
         assert (np.array(line["share"]) >= 100 * between - 0.51).all()
-        assert max(line["share"]) == round(100 * max(share.max() for share in shares.values()))
+        assert max(line["share"]) == round(
+            100 * max(fraction.max() for fraction in fractions.values())
+        )
         kinds = [curves["limits"]["kinds"][k] for k in line["kind"]]
         k = int(np.argmax(line["share"]))
-        assert shares[kinds[k]].max() == pytest.approx(line["share"][k] / 100, abs=0.02)
+        assert fractions[kinds[k]].max() == pytest.approx(line["share"][k] / 100, abs=0.02)
         assert POSITION not in kinds
 
 
@@ -90,8 +94,8 @@ def test_between_the_legs_of_a_cycle_nothing_is_said_and_marks_have_its_time(tmp
     for begin, end in motion.leg_times:
         rests &= (time < begin) | (time > end)
     assert 0 < rests.sum() < STEPS
-    shares = [line["share"] for line in curves["limits"]["lines"]]
-    for values in (*shares, curves["clearance"][0]["distance"]):
+    fractions = [line["share"] for line in curves["limits"]["lines"]]
+    for values in (*fractions, curves["clearance"][0]["distance"]):
         np.testing.assert_array_equal([each is None for each in values], rests)
     lasts = [span["end"] for mark in binding_marks(stretches) for span in mark["spans"]]
     assert max(lasts) > motion.leg_times[-1][0]

@@ -44,8 +44,8 @@ def largest_radius(a, b, most):
     lower, upper = np.minimum(a, b) - most, np.maximum(a, b) + most
     x, y = np.meshgrid(*(np.arange(*bounds, 0.001) for bounds in zip(lower, upper, strict=True)))
     tool = np.stack([x.ravel(), y.ravel()], axis=1)
-    share = np.clip((tool - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
-    away = np.linalg.norm(tool - a - share[:, None] * (b - a), axis=1)
+    fraction = np.clip((tool - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+    away = np.linalg.norm(tool - a - fraction[:, None] * (b - a), axis=1)
     reach = np.linalg.norm(tool, axis=1)
     near = (away < most) & (reach > 0.01) & (reach < 2 * LINK)
     tool, away, reach = tool[near], away[near], reach[near]

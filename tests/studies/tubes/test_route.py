@@ -91,10 +91,10 @@ def test_a_route_is_free_where_the_straight_line_is_not_and_the_same_for_the_sam
     space, search, route = searched
     np.testing.assert_allclose(route[[0, -1]], [gap.start, gap.goal])
     assert search.checks > 0
-    shares = np.linspace(0, 1, 20)[:, None]
+    fractions = np.linspace(0, 1, 20)[:, None]
     for a, b in pairwise(route):
-        assert all(space.is_free(q) for q in a + shares * (b - a))
-    assert not all(space.is_free(q) for q in gap.start + shares * (gap.goal - gap.start))
+        assert all(space.is_free(q) for q in a + fractions * (b - a))
+    assert not all(space.is_free(q) for q in gap.start + fractions * (gap.goal - gap.start))
     np.testing.assert_array_equal(search.route(1, 20_000), route)
     assert not np.array_equal(search.route(2, 20_000), route)
 

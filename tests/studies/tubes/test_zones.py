@@ -154,7 +154,12 @@ REFUSALS = [
     ("kuka", corner(90, 0.1), [60], "KUKA $APO.CDIS at point 1 reaches 0.06 m, beyond the middle"),
     ("abb", corner(90), ["z35"], "did you mean 'z5'.*there is: fine, z0, z1, z5, z10.*z150, z200"),
     ("abb", corner(90), [50], "50 is no name; there is: fine, z0, z1"),
-    ("fanuc", corner(90), ["CNT50"], "CNT50 is a share of the speed and says nothing of the path"),
+    (
+        "fanuc",
+        corner(90),
+        ["CNT50"],
+        "CNT50 is a fraction of the speed and says nothing of the path",
+    ),
     ("fanuc", corner(90), ["CRx"], "unknown zone 'CRx'.*there is: FINE, CR50"),
     ("ur", corner(90), ["z50"], "unknown zone 'z50'; there is: none"),
     ("pilz", corner(90), [-0.1], "Pilz blend_radius at point 1: -0.1 must be a finite number >= 0"),

@@ -26,8 +26,8 @@ def densified(points: FloatArray, max_step: float) -> FloatArray:
     parts = [points[:1]]
     for begin, end in pairwise(points):
         steps = max(1, int(np.ceil(abs(end - begin).max() / max_step)))
-        share = np.linspace(0, 1, steps + 1)[1:, None]
-        parts.append((1 - share) * begin + share * end)
+        fraction = np.linspace(0, 1, steps + 1)[1:, None]
+        parts.append((1 - fraction) * begin + fraction * end)
     return np.concatenate(parts)
 
 
@@ -58,8 +58,8 @@ def farthest_from_line(points: FloatArray, i: int, j: int) -> tuple[int, float]:
     if j - i < 2:
         return i, 0.0
     between, axis = points[i + 1 : j] - points[i], points[j] - points[i]
-    share = np.clip(between @ axis / max(float(axis @ axis), 1e-300), 0.0, 1.0)
-    distance = np.linalg.norm(between - share[:, None] * axis, axis=1)
+    fraction = np.clip(between @ axis / max(float(axis @ axis), 1e-300), 0.0, 1.0)
+    distance = np.linalg.norm(between - fraction[:, None] * axis, axis=1)
     worst = int(distance.argmax())
     return i + 1 + worst, float(distance[worst])
 

@@ -113,11 +113,11 @@ class SegmentRegions(Protocol):
             Shape (..., R); negative outside. The margin changes by no more than the point moves.
         """
 
-    def share(self, p: FloatArray, segment: IntArray) -> FloatArray:
+    def fraction(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return the used fraction of points (R, 3): 0 on the axis, 1 on the wall, shape (R,)."""
 
     def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
-        """Return unit normals where the share grows fastest, (R, 3); zero on the axis."""
+        """Return unit normals where the fraction grows fastest, (R, 3); zero on the axis."""
 
     def faces(self, segment: IntArray) -> Sequence[FloatArray]:
         """Return normals of faces that do not depend on the point, each (R, 3); zero: none."""
@@ -151,10 +151,10 @@ class Capsules:
         margin: FloatArray = self.radius[segment] - self._away(p, segment)[1]
         return margin
 
-    def share(self, p: FloatArray, segment: IntArray) -> FloatArray:
+    def fraction(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return distances from the axes in radii."""
-        share: FloatArray = self._away(p, segment)[1] / self.radius[segment]
-        return share
+        fraction: FloatArray = self._away(p, segment)[1] / self.radius[segment]
+        return fraction
 
     def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return the directions away from the axes."""
@@ -192,8 +192,8 @@ class Capsules:
         begin = self.begin[segment]
         axis = self.end[segment] - begin
         square = np.maximum(np.einsum("ri,ri->r", axis, axis), _NO_LENGTH**2)
-        share = np.clip(np.einsum("...ri,ri->...r", p - begin, axis) / square, 0.0, 1.0)
-        away = p - (begin + share[..., None] * axis)
+        fraction = np.clip(np.einsum("...ri,ri->...r", p - begin, axis) / square, 0.0, 1.0)
+        away = p - (begin + fraction[..., None] * axis)
         return away, np.linalg.norm(away, axis=-1)
 
 
@@ -365,19 +365,19 @@ class BoxRegions(Capsules):
         inside = (self.half[segment] - self._beyond(p, segment)).min(axis=-1)
         return np.where(self.is_box[segment], inside, super().margin(p, segment))
 
-    def share(self, p: FloatArray, segment: IntArray) -> FloatArray:
+    def fraction(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return the largest used fraction of a half side, or else of the radius."""
-        share = (self._beyond(p, segment) / self.half[segment]).max(axis=-1)
-        return np.where(self.is_box[segment], share, super().share(p, segment))
+        fraction = (self._beyond(p, segment) / self.half[segment]).max(axis=-1)
+        return np.where(self.is_box[segment], fraction, super().fraction(p, segment))
 
     def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return the normal of the face that a point is nearest to, or else away from the axis."""
-        share = self._beyond(p, segment) / self.half[segment]
-        face = share.argmax(axis=-1)
+        fraction = self._beyond(p, segment) / self.half[segment]
+        face = fraction.argmax(axis=-1)
         normal = self.frame[segment, face]
         # A point whose largest fraction is an end's is beyond that end, on its own side.
         side = np.sign(np.einsum("ri,ri->r", normal, p - self.begin[segment]))
-        normal = np.where((share.max(axis=-1) > 0)[:, None], side[:, None] * normal, 0.0)
+        normal = np.where((fraction.max(axis=-1) > 0)[:, None], side[:, None] * normal, 0.0)
         return np.where(self.is_box[segment, None], normal, super().outward(p, segment))
 
     def faces(self, segment: IntArray) -> Sequence[FloatArray]:

@@ -72,9 +72,9 @@ class RotationalTube:
         """Return the reference orientation of tools (N, 3) [m], shape (N, 3, 3)."""
         return self.reference_at(np.clip(self.projection(tool, segment), 0.0, 1.0), segment)
 
-    def reference_at(self, share: FloatArray, segment: Segment) -> FloatArray:
+    def reference_at(self, fraction: FloatArray, segment: Segment) -> FloatArray:
         """Return the reference orientation at fractions (N,) of a segment, shape (N, 3, 3)."""
-        return self.begin[segment] @ rotation_matrix(share[:, None] * self.turn[segment])
+        return self.begin[segment] @ rotation_matrix(fraction[:, None] * self.turn[segment])
 
     def error(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
         """Return log(R_ref^T R), in the frame of the reference, shape (N, 3) [rad].
@@ -111,10 +111,10 @@ class RotationalTube:
         moves = ((projection >= 0) & (projection <= 1))[:, None]
         axis = self.points[1:][segment] - self.points[:-1][segment]
         gradient = moves * axis / np.sum(axis**2, axis=-1, keepdims=True)
-        share_rate = np.einsum("ni,nij->nj", gradient, jacobian[:, :3])
+        fraction_rate = np.einsum("ni,nij->nj", gradient, jacobian[:, :3])
         turn = np.einsum("nji,nj->ni", relative, np.broadcast_to(self.turn[segment], tool.shape))
         spin = rotation.transpose(0, 2, 1) @ jacobian[:, 3:]
-        spin -= turn[:, :, None] * share_rate[:, None]
+        spin -= turn[:, :, None] * fraction_rate[:, None]
         return error, inverse_right_jacobian(error) @ spin
 
     def margin(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:

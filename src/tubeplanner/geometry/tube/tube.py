@@ -361,8 +361,8 @@ class Tube:
         start, axis = self.points[:-1][segments], np.diff(self.points, axis=0)[segments]
         squared = np.einsum("mi,mi->m", axis, axis)
         projection = np.einsum("nmi,mi->nm", p[:, None] - start, axis)
-        share = np.clip(projection / squared, 0.0, 1.0)
-        return start + share[:, :, None] * axis
+        fraction = np.clip(projection / squared, 0.0, 1.0)
+        return start + fraction[:, :, None] * axis
 
     def rotation_margin(
         self, rotation: FloatArray, p: FloatArray, segments: slice = _ALL
@@ -399,8 +399,8 @@ def _distances(p: FloatArray, start: FloatArray, axis: FloatArray) -> FloatArray
     """
     away = [p[:, i, None] - start[:, i] for i in range(3)]
     projection = away[0] * axis[:, 0] + away[1] * axis[:, 1] + away[2] * axis[:, 2]
-    share = np.clip(projection / np.einsum("mi,mi->m", axis, axis), 0.0, 1.0)
-    x, y, z = (from_start - share * axis[:, i] for i, from_start in enumerate(away))
+    fraction = np.clip(projection / np.einsum("mi,mi->m", axis, axis), 0.0, 1.0)
+    x, y, z = (from_start - fraction * axis[:, i] for i, from_start in enumerate(away))
     distances: FloatArray = np.sqrt(x * x + y * y + z * z)
     return distances
 
@@ -504,28 +504,28 @@ def _are_one(tube: Tube, first: int, last: int) -> bool:
     square = float(axis @ axis)
     if square <= _ON_LINE**2:
         return False
-    shares = (points - points[0]) @ axis / square
-    off = np.linalg.norm(points - points[0] - shares[:, None] * axis, axis=1)
+    fractions = (points - points[0]) @ axis / square
+    off = np.linalg.norm(points - points[0] - fractions[:, None] * axis, axis=1)
     # A point may be off the line, or behind its predecessor.
-    if not (off.max() <= _ON_LINE and (np.diff(shares) > 0).all()):
+    if not (off.max() <= _ON_LINE and (np.diff(fractions) > 0).all()):
         return False
-    return tube.rotation is None or _turns_evenly(tube.rotation, first, last, shares)
+    return tube.rotation is None or _turns_evenly(tube.rotation, first, last, fractions)
 
 
-def _turns_evenly(rotation: RotationalTube, first: int, last: int, shares: FloatArray) -> bool:
+def _turns_evenly(rotation: RotationalTube, first: int, last: int, fractions: FloatArray) -> bool:
     """Return True if segments turn at the same rate about the same axis.
 
     Args:
         rotation: The reference orientations.
         first: Index of the first segment.
         last: Index of the last segment.
-        shares: Of the points from the start of the first to the end of the last, shape (P,).
+        fractions: Of the points from the start of the first to the end of the last, shape (P,).
     """
     part = slice(first, last + 1)
     if np.linalg.norm(rotation.turn[part], axis=1).sum() >= _HALF_TURN:
         return False
     end = rotation.begin[last] @ rotation_matrix(rotation.turn[last])
     turn = rotation_vector(rotation.begin[first].T @ end)
-    even = rotation.begin[first] @ rotation_matrix(shares[:-1, None] * turn)
+    even = rotation.begin[first] @ rotation_matrix(fractions[:-1, None] * turn)
     off = rotation_vector(even.transpose(0, 2, 1) @ rotation.begin[part])
     return bool(np.linalg.norm(off, axis=1).max() <= _ON_LINE)

@@ -53,10 +53,10 @@ def _draw_legend(axis: "Axes", strip: BindingStrip) -> None:
     from matplotlib.patches import Patch
 
     handles = []
-    for kind, share in sorted(strip.shares.items(), key=lambda pair: -pair[1]):
+    for kind, fraction in sorted(strip.fractions.items(), key=lambda pair: -pair[1]):
         style = BINDING_STYLES.get(kind, OTHER_BINDING)
         look: dict[str, Any] = {"facecolor": style.color, "edgecolor": "white", "linewidth": 0.4}
-        label = f"{kind.replace('_', ' ')} {percent(share)}"
+        label = f"{kind.replace('_', ' ')} {percent(fraction)}"
         handles.append(Patch(hatch=style.hatch, label=label, **look))
     above = 2.0 if len(handles) else 1.0
     axis.legend(
@@ -72,17 +72,17 @@ def _draw_legend(axis: "Axes", strip: BindingStrip) -> None:
     )
     title = (
         "What binds when (98 % of a limit or more): "
-        f"some limit on the speed {percent(strip.speed_share)} of the time"
+        f"some limit on the speed {percent(strip.speed_fraction)} of the time"
     )
     place: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
     axis.annotate(title, (0.0, 1.0), (0, 34), fontsize=9.5, **place)
 
 
-def percent(share: float) -> str:
+def percent(fraction: float) -> str:
     """Return a fraction in percent, rounded to 0 or 100 % only if exactly that."""
-    if share in (0.0, 1.0):
-        return f"{100 * share:.0f} %"
-    bounded = min(max(100 * share, 0.1), 99.9)
+    if fraction in (0.0, 1.0):
+        return f"{100 * fraction:.0f} %"
+    bounded = min(max(100 * fraction, 0.1), 99.9)
     return f"{bounded:.2g} %" if bounded < _NEARLY_ALL else f"{bounded:.3g} %"
 
 

@@ -389,11 +389,11 @@ def draw_band(axis: "Axes", band: Band, label: str, least: float = -np.inf) -> N
         least: In m or rad; values below have another colour.
     """
     bound = _MILLI * least
-    for shares, alpha, name in _BANDS:
+    for fractions, alpha, name in _BANDS:
         # NaN are left out; where all runs are NaN, so are their quantiles.
-        quantiles = np.full((len(shares), band.runs.shape[1]), np.nan)
+        quantiles = np.full((len(fractions), band.runs.shape[1]), np.nan)
         has_values = ~np.isnan(band.runs).all(axis=0)
-        quantiles[:, has_values] = np.nanquantile(band.runs[:, has_values], shares, axis=0)
+        quantiles[:, has_values] = np.nanquantile(band.runs[:, has_values], fractions, axis=0)
         low, high = _MILLI * quantiles
         look: dict[str, Any] = {"alpha": alpha, "linewidth": 0.7}
         above, below = (np.maximum(low, bound), high), (low, np.minimum(high, bound))
@@ -422,10 +422,10 @@ def draw_saturation(
     colors = LinearSegmentedColormap.from_list("white to red", ["#FFFFFF", WARNING_COLOR])
     first = np.arange(0, len(time), -(-len(time) // _COLUMNS))
     count = np.diff(first, append=len(time))
-    share = 100 * np.add.reduceat(is_saturated.mean(axis=0), first).T / count
+    fraction = 100 * np.add.reduceat(is_saturated.mean(axis=0), first).T / count
     rows = np.arange(robot.joint_count + 1) - 0.5
     edges = np.append(time[first], time[-1])
-    image = axis.pcolormesh(edges, rows, share, cmap=colors, vmin=0, vmax=100, rasterized=True)
+    image = axis.pcolormesh(edges, rows, fraction, cmap=colors, vmin=0, vmax=100, rasterized=True)
     axis.set_yticks(range(robot.joint_count), robot.joint_names, fontsize=7)
     axis.invert_yaxis()
     bar = axis.figure.colorbar(image, ax=axis, pad=0.01, aspect=12)

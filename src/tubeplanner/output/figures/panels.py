@@ -73,7 +73,7 @@ def draw_velocities(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw velocities against their limits; in each joint's colour, lower limits by position."""
     limits, samples = curves.problem.robot.limits, curves.samples
     own = limits.velocity
-    _draw_shares(axis, curves, samples.velocity, own, "velocity", ("rad/s", "m/s"))
+    _draw_fractions(axis, curves, samples.velocity, own, "velocity", ("rad/s", "m/s"))
     unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
     most = np.where(np.isfinite(own), own, 1.2 * abs(samples.velocity).max())
     law = VelocityByPositionLimit(limits)
@@ -87,7 +87,7 @@ def draw_efforts(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw efforts against limits; in each joint's colour, lower limits by sign or position."""
     limits, samples = curves.problem.robot.limits, curves.samples
     own = limits.effort
-    _draw_shares(axis, curves, curves.effort, own, "effort", ("N m", "N"))
+    _draw_fractions(axis, curves, curves.effort, own, "effort", ("N m", "N"))
     unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
     for each in limits.effort_ranges:
         color = LINE_COLORS[each.joint % len(LINE_COLORS)]
@@ -131,7 +131,7 @@ def draw_factor(axis: "Axes", curves: TrajectoryCurves, label: str, number: int)
     axis.axhline(1.0, **LIMIT)
     axis.set_xlim(0.0, 1.0)
     axis.set_ylim(0.9, None)
-    axis.set_xlabel("share of the duration, t / T [-]")
+    axis.set_xlabel("fraction of the duration, t / T [-]")
     axis.set_ylabel("b(t), times faster [-]")
     axis.grid(alpha=0.25)
 
@@ -150,9 +150,9 @@ def draw_speed(axis: "Axes", curves: TrajectoryCurves) -> None:
 def draw_points(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw the speeds of points of the arm as percent of their limits."""
     limited = curves.problem.robot.limits.point_speed
-    for k, (point, share) in enumerate(zip(limited, curves.points.T, strict=True)):
+    for k, (point, fraction) in enumerate(zip(limited, curves.points.T, strict=True)):
         label = _once(axis, f"{k}: {point.link}")
-        axis.plot(curves.samples.time, 100 * share, label=label, **line_style(k))
+        axis.plot(curves.samples.time, 100 * fraction, label=label, **line_style(k))
     axis.axhline(100.0, **LIMIT)
     axis.set_ylim(0.0, 130.0)
     axis.set_ylabel("speed of points [% of limit]")
@@ -199,20 +199,20 @@ def mark_segments(
     axis.grid(alpha=0.25)
 
 
-def _label(curves: TrajectoryCurves, group: int, share: float) -> str:
+def _label(curves: TrajectoryCurves, group: int, fraction: float) -> str:
     """Return the label of a visit to a group of segments that takes a fraction of the panel."""
     tube, step = curves.problem.tube, curves.segments_per_group
     first, last = group * step, min((group + 1) * step, tube.segment_count) - 1
     number = str(first) if first == last else f"{first}-{last}"
     sizes = [size_of(tube, k) for k in range(first, last + 1)]
     is_group = first < last
-    if share <= (_LONG_LABEL if is_group else _SHORT_LABEL) or len(set(sizes)) > 1:
+    if fraction <= (_LONG_LABEL if is_group else _SHORT_LABEL) or len(set(sizes)) > 1:
         return number
-    name = f"segment{'s' * is_group} {number}" if share > _LONG_LABEL else number
+    name = f"segment{'s' * is_group} {number}" if fraction > _LONG_LABEL else number
     return f"{name}: {sizes[0]}"
 
 
-def _draw_shares(
+def _draw_fractions(
     axis: "Axes",
     curves: TrajectoryCurves,
     values: FloatArray,

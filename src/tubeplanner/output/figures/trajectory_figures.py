@@ -190,8 +190,8 @@ def mark_moves(
         axis.axvspan(band.begin, band.end, color=band.color, alpha=0.10, linewidth=0, zorder=0)
         if names:
             transform = axis.get_xaxis_transform()
-            middle, share = (band.begin + band.end) / 2, (band.end - band.begin) / duration
-            name = shown_name(band.name, int(share / letter))
+            middle, fraction = (band.begin + band.end) / 2, (band.end - band.begin) / duration
+            name = shown_name(band.name, int(fraction / letter))
             axis.text(middle, 1.01, name, transform=transform, ha="center", fontsize=7)
     for stop in timeline.stops:
         axis.axvspan(stop.begin, stop.end, color=_STOP_COLOR, alpha=0.25, linewidth=0, zorder=0)

@@ -258,7 +258,7 @@ def row_color(name: str, joint_names: Sequence[str]) -> str:
 
 def _limits(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any]:
     """Return the largest use of a limit over time, and its kind, of joints, tool and links."""
-    shares: dict[str, dict[str, FloatArray]] = {}
+    fractions: dict[str, dict[str, FloatArray]] = {}
     for stretch in stretches:
         rows = stretch.inside(time)
         if len(rows) == 0:
@@ -266,23 +266,25 @@ def _limits(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any]:
         joints = stretch.problem.robot.joint_names
         for use in stretch.uses.uses:
             owner = TOOL if use.name == TOOL else LINKS if use.joint is None else joints[use.joint]
-            whole = shares.setdefault(owner, {}).setdefault(use.kind, np.full(len(time), -np.inf))
+            whole = fractions.setdefault(owner, {}).setdefault(
+                use.kind, np.full(len(time), -np.inf)
+            )
             # Of a range only its very ends count.
-            is_counted = (use.kind != POSITION) | (use.share >= _AT_END)
-            share = np.where(is_counted, use.share, 0.0)
-            whole[rows] = np.maximum(whole[rows], _largest_near(stretch, share, time[rows]))
+            is_counted = (use.kind != POSITION) | (use.fraction >= _AT_END)
+            fraction = np.where(is_counted, use.fraction, 0.0)
+            whole[rows] = np.maximum(whole[rows], _largest_near(stretch, fraction, time[rows]))
     joints = stretches[0].problem.robot.joint_names
-    owners = [name for name in (*joints, TOOL, LINKS) if name in shares]
-    kinds = list(dict.fromkeys(kind for name in owners for kind in shares[name]))
-    lines = [_line(name, shares[name], kinds, joints) for name in owners]
+    owners = [name for name in (*joints, TOOL, LINKS) if name in fractions]
+    kinds = list(dict.fromkeys(kind for name in owners for kind in fractions[name]))
+    lines = [_line(name, fractions[name], kinds, joints) for name in owners]
     return {"kinds": [kind.replace("_", " ") for kind in kinds], "lines": lines}
 
 
 def _line(
-    name: str, shares: dict[str, FloatArray], kinds: list[str], joints: Sequence[str]
+    name: str, fractions: dict[str, FloatArray], kinds: list[str], joints: Sequence[str]
 ) -> dict[str, Any]:
-    table = np.array(list(shares.values()))
-    numbers = np.array([kinds.index(kind) for kind in shares])
+    table = np.array(list(fractions.values()))
+    numbers = np.array([kinds.index(kind) for kind in fractions])
     return {
         "name": name,
         "color": row_color(name, joints),
@@ -292,13 +294,13 @@ def _line(
     }
 
 
-def _largest_near(stretch: Stretch, share: FloatArray, time: FloatArray) -> FloatArray:
+def _largest_near(stretch: Stretch, fraction: FloatArray, time: FloatArray) -> FloatArray:
     """Return fractions at times (K,) [s] of the whole motion: the largest of nearby samples."""
     own = stretch.uses.samples.time + stretch.begin
-    result: FloatArray = np.interp(time, own, share)
+    result: FloatArray = np.interp(time, own, fraction)
     step = time[1] - time[0] if len(time) > 1 else np.inf
     rows = np.clip(np.round((own - time[0]) / step), 0, len(time) - 1).astype(int)
-    np.maximum.at(result, rows, share)
+    np.maximum.at(result, rows, fraction)
     return result
 
 

@@ -41,7 +41,7 @@ from tubeplanner.task.problem import PlanningProblem
 # value where the first leaves nothing around the branch.
 EXTRA_CLEARANCES = (1e-3, 1e-4)
 _ROUNDING = 1e-9
-_ROUGH_SHARE = 12  # samples of a thorough measurement over those of a rough one
+_ROUGH_FRACTION = 12  # samples of a thorough measurement over those of a rough one
 _SAMPLES_PER_PIECE = 10
 _MAX_STEP = 0.02  # [rad or m] between tested configurations of the branch
 
@@ -74,7 +74,7 @@ class BranchNeighbourhood:
             Infeasible: Status tube_blocked: the branch itself collides.
         """
         self._problem, self._samples, self._checkpoint = problem, options.samples, checkpoint
-        self._rough = options.samples // _ROUGH_SHARE + 1
+        self._rough = options.samples // _ROUGH_FRACTION + 1
         self._branch = [densified(q, _MAX_STEP) for q in branch.segments]
         self.count = len(self._branch)
         clearance = PairClearance(problem, 0.0)
@@ -333,7 +333,7 @@ def _place(
 _SAMPLES = 300
 _SEED = 0
 # A joint folds if at its zero the arm's least gain is below this fraction of that elsewhere.
-_FOLDED_SHARE = 0.7
+_FOLDED_FRACTION = 0.7
 _NO_GAIN = 1e-6
 
 
@@ -356,7 +356,7 @@ def folding_joints(robot: RobotModel) -> tuple[int, ...]:
     for joint in np.flatnonzero((q.min(axis=0) < 0) & (q.max(axis=0) > 0)):
         folded = q.copy()
         folded[:, joint] = 0.0
-        if _min_gain(robot, folded) < _FOLDED_SHARE * usual:
+        if _min_gain(robot, folded) < _FOLDED_FRACTION * usual:
             folding.append(int(joint))
     return tuple(folding)
 

@@ -13,7 +13,7 @@ from tubeplanner.task.problem import PlanningProblem
 
 # ---- All configurations that one segment of a tube allows: joints in ranges, tool in a capsule.
 # Targets of samples count as reached within this fraction of the radius, and this rotation [rad].
-_NEAR_SHARE, _NEAR_TURN = 0.1, 0.01
+_NEAR_FRACTION, _NEAR_TURN = 0.1, 0.01
 _INSIDE = 1e-9  # [m or rad]
 # Fraction of the samples drawn at the surface of the allowed ball: extremes are there.
 _AT_SURFACE = 0.5
@@ -65,8 +65,8 @@ class ConfigurationSet:
         q = rng.uniform(self.lower, self.upper, (count, len(self.lower)))
         begin, end = self.problem.tube.points[self.segment : self.segment + 2]
         beyond = self.radius / float(np.linalg.norm(end - begin))
-        share = np.clip(rng.uniform(-beyond, 1 + beyond, count), 0.0, 1.0)[:, None]
-        line = (1 - share) * begin + share * end
+        fraction = np.clip(rng.uniform(-beyond, 1 + beyond, count), 0.0, 1.0)[:, None]
+        line = (1 - fraction) * begin + fraction * end
         targets = line + _WITHIN * self.radius * _in_ball(count, rng)
         bounds, turns = self._turn_bounds, None
         if bounds is not None and np.isfinite(bounds[3]):
@@ -83,14 +83,14 @@ class ConfigurationSet:
         rotation, tool = self.problem.robot.tool_pose(q)
         nearest = self.problem.tube.nearest(tool, self._alone)[:, 0]
         distance = np.linalg.norm(tool - nearest, axis=1, keepdims=True)
-        share = np.minimum(1.0, _WITHIN * self.radius / np.maximum(distance, _INSIDE))
+        fraction = np.minimum(1.0, _WITHIN * self.radius / np.maximum(distance, _INSIDE))
         turns, tube, bounds = None, self.problem.tube.rotation, self._turn_bounds
         if tube is not None and bounds is not None:
             turns = tube.error(rotation, tool, self.segment)
             turns = np.clip(turns, -_WITHIN * bounds[:3], _WITHIN * bounds[:3])
             angle = np.maximum(np.linalg.norm(turns, axis=1, keepdims=True), _INSIDE)
             turns = turns * np.minimum(1.0, _WITHIN * bounds[3] / angle)
-        return self._moved(q, nearest + share * (tool - nearest), turns, near=0.0)
+        return self._moved(q, nearest + fraction * (tool - nearest), turns, near=0.0)
 
     def _moved(
         self, q: FloatArray, targets: FloatArray, turns: FloatArray | None, near: float = 1.0
@@ -100,7 +100,7 @@ class ConfigurationSet:
         Targets are positions (N, 3) [m] and rotation vectors against the reference there, (N, 3)
         [rad], or any rotation; `near` is the tolerance as a fraction of that for samples.
         """
-        close = near * np.array([_NEAR_SHARE * self.radius, _NEAR_TURN]) + _INSIDE
+        close = near * np.array([_NEAR_FRACTION * self.radius, _NEAR_TURN]) + _INSIDE
         target, tube, bounds = WantedTools(targets), self.problem.tube.rotation, self._turn_bounds
         if tube is not None and bounds is not None and turns is not None:
             counts = np.isfinite(bounds[:3]) | np.isfinite(bounds[3])

@@ -16,7 +16,7 @@ from tubeplanner.task.required_distances import RequiredDistances
 
 # Where an end of the trajectory has less clearance than the margin, this fraction of that clearance
 # is kept everywhere.
-_SHARE_AT_ENDS = 0.9
+_FRACTION_AT_ENDS = 0.9
 
 
 class FreeSpace:
@@ -38,7 +38,7 @@ class FreeSpace:
         self._margin = np.zeros(len(self._pairs))
         if margin > 0:
             least = np.min([self._clearances(q) for q in ends], axis=0, initial=margin)
-            self._margin = np.clip(_SHARE_AT_ENDS * least, 0.0, margin)
+            self._margin = np.clip(_FRACTION_AT_ENDS * least, 0.0, margin)
 
     def is_free(self, q: FloatArray) -> bool:
         """Return True if a configuration (n,) has the margin."""

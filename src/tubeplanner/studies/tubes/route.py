@@ -48,7 +48,7 @@ from tubeplanner.task.problem import PlanningProblem
 # Routes are compared by the trajectory through a tube of this radius [m].
 _RADIUS_TO_COMPARE = 0.05
 _MAX_COMPARED = 3
-_COMPARING_SHARE = 0.6  # of a time limit, after which no more routes are compared
+_COMPARING_FRACTION = 0.6  # of a time limit, after which no more routes are compared
 _MAX_MEASURED = 2  # where the tube around the fastest route is blocked, the next is measured
 _STEPS = 4  # routes, their comparison, the plan, the measured tube
 
@@ -235,7 +235,7 @@ class _RouteFinder:
         """Return the routes with a certified trajectory in equal tubes, by its duration."""
         compared: list[_Compared] = []
         for k, route in enumerate(routes):
-            if compared and self.clock.used > _COMPARING_SHARE:
+            if compared and self.clock.used > _COMPARING_FRACTION:
                 break
             problem = in_tube(self._problem, route.corners, self._options.band, _RADIUS_TO_COMPARE)
             with self.clock.within(f"route {k + 1} of {len(routes)}"):
@@ -314,7 +314,7 @@ class _RouteFinder:
 _MARGINS = (0.03, 0.01)
 _MIN_MARGIN = 0.002  # where there is no route with more
 _SAMPLES_PER_PIECE = 10
-_SHARE_OF_TIME = 0.3  # of a time limit, after which no more routes are searched if there is one
+_FRACTION_OF_TIME = 0.3  # of a time limit, after which no more routes are searched if there is one
 
 
 def route_candidates(
@@ -351,7 +351,7 @@ def route_candidates(
             clock.enter(f"route {k + 1} of {options.tries}, {1000 * margin:g} mm from obstacles")
             route = search.route(options.seed + k, options.checks, lambda: clock.remaining <= 0)
             candidates += _candidates(problem.robot, space, route)
-            if candidates and clock.used > _SHARE_OF_TIME:
+            if candidates and clock.used > _FRACTION_OF_TIME:
                 return sorted(candidates, key=lambda candidate: candidate.joint_time)
     if not candidates:
         clock.check()
@@ -364,7 +364,7 @@ def route_candidates(
         q = None if trajectory is None else trajectory.per_piece(_SAMPLES_PER_PIECE).position
         way = _candidates(problem.robot, space, q)
         candidates += way
-        if way or clock.used > _SHARE_OF_TIME:
+        if way or clock.used > _FRACTION_OF_TIME:
             break
     return sorted(candidates, key=lambda candidate: candidate.joint_time)
 

@@ -36,7 +36,7 @@ _ENOUGH_RANGE, _EXTRA_RADIUS, _EXTRA_RANGE = 0.3, 5e-3, 0.05
 # How far the set ends before a collision [m], [rad or m]: so that searches come to an end.
 _MARGIN_RADIUS, _MARGIN_RANGE = 1e-3, 1e-2
 _FIRST_SAMPLES = 2000
-_FIRST_SHARE = 8  # samples of the last search over those of the first
+_FIRST_FRACTION = 8  # samples of the last search over those of the first
 # After this many counterexample searches, or one without a collision, the set only shrinks: most
 # collisions are known where it was.
 _FREE_ROUNDS = 25
@@ -164,8 +164,8 @@ class CollisionBoxes:
 
     def learn(self, q: FloatArray, pair: IntArray) -> None:
         """Add collisions: configurations (C, n) and their pairs (C,)."""
-        share = self._beyond_core(q) / np.maximum(self.widest, _MIN_RANGE)
-        nearest = np.argsort(share.max(axis=1))[:_MAX_MOVED]
+        fraction = self._beyond_core(q) / np.maximum(self.widest, _MIN_RANGE)
+        nearest = np.argsort(fraction.max(axis=1))[:_MAX_MOVED]
         q = q.copy()
         q[nearest] = self._edge(q[nearest], pair[nearest])
         self.q, self.pair = np.concatenate([self.q, q]), np.concatenate([self.pair, pair])
@@ -208,10 +208,10 @@ class CollisionBoxes:
         begin = self._branch[apart.argmin(axis=1)]
         free, hit = np.zeros((len(q), 1)), np.ones((len(q), 1))
         for _ in range(_BISECTIONS):
-            share = (free + hit) / 2
-            clearance, _ = self._pair_clearance.of_pairs(begin + share * (q - begin), pair)
+            fraction = (free + hit) / 2
+            clearance, _ = self._pair_clearance.of_pairs(begin + fraction * (q - begin), pair)
             collides = (clearance < 0)[:, None]
-            free, hit = np.where(collides, free, share), np.where(collides, share, hit)
+            free, hit = np.where(collides, free, fraction), np.where(collides, fraction, hit)
         return begin + hit * (q - begin)
 
 
@@ -236,7 +236,7 @@ def search_core(
         rng: Random numbers.
     """
     core = boxes.allowed(np.zeros_like(boxes.widest))
-    result = search_counterexamples(core, clearance, samples // _FIRST_SHARE + 1, rng)
+    result = search_counterexamples(core, clearance, samples // _FIRST_FRACTION + 1, rng)
     return None if result.failed else _collision(result, clearance)
 
 
@@ -261,7 +261,7 @@ def search_segment(
         checkpoint: Called before every counterexample search; it may raise to end the work.
     """
     preferences = preferences or SetPreferences()
-    search, budget = _box_search(boxes, preferences, rng), samples // _FIRST_SHARE + 1
+    search, budget = _box_search(boxes, preferences, rng), samples // _FIRST_FRACTION + 1
     if len(boxes.q) == 0:
         collision = search_core(boxes, clearance, samples, rng)
         if collision is not None:

@@ -35,7 +35,7 @@ Placeholders: TypeAlias = dict[str, Any]
 
 _STARTS, _TRIES = 4, 24
 _HELD = 0.7  # fraction of the effort limits that holding the arm still may take
-_RADIUS_SHARE = 0.15  # of the shortest segment
+_RADIUS_FRACTION = 0.15  # of the shortest segment
 _MIN_RADIUS = 0.002  # [m]
 _SIGN_FROM = 0.1  # a joint nearer to zero [rad or m] may change its sign
 _TIME_LIMIT = 30.0  # of one try [s]
@@ -121,7 +121,7 @@ def _starts(robot: RobotModel, checker: CollisionChecker) -> Iterator[FloatArray
 def _tube(robot: RobotModel, q: FloatArray, points: FloatArray) -> Tube:
     """Return the tube along a route, with the joint signs of its start."""
     shortest = float(np.linalg.norm(np.diff(points, axis=0), axis=1).min())
-    radius = max(_MIN_RADIUS, round(_RADIUS_SHARE * shortest, 3))
+    radius = max(_MIN_RADIUS, round(_RADIUS_FRACTION * shortest, 3))
     signs: dict[str, JointSign] = {
         robot.joint_names[joint]: "+" if q[joint] > 0 else "-"
         for joint in folding_joints(robot)
@@ -191,7 +191,7 @@ def _efforts(info: RobotInfo) -> dict[str, float]:
 
 # ---- Short routes of the tool that an arm can follow from a configuration: up, over and down.
 
-_SHARES = (0.25, 0.15, 0.08)  # of the reach: the rise, and half of the way over
+_FRACTIONS = (0.25, 0.15, 0.08)  # of the reach: the rise, and half of the way over
 _TURN = 0.25  # [rad or m]: a tool that moves on a line or surface does so in steps of joints
 _MAX_TRAVEL = 0.9  # of the distance to the end of a joint's range
 _STRAIGHT = 0.3  # least length of a unit vector's projection on the directions of the tool
@@ -218,10 +218,10 @@ def starter_routes(robot: RobotModel, q: FloatArray, reach: float) -> Iterator[F
     up = _nearest(free, np.array([0.0, 0.0, 1.0]))
     rest = free - np.outer(up, up @ free)
     over = _nearest(rest, np.cross([0.0, 0.0, 1.0], tool))
-    for share in _SHARES:
+    for fraction in _FRACTIONS:
         for along in (over, -over):
             for rise in (up, -up):
-                steps = share * reach * np.array([0 * up, rise, rise + 2 * along, 2 * along])
+                steps = fraction * reach * np.array([0 * up, rise, rise + 2 * along, 2 * along])
                 yield (tool + steps).round(digits)
     if free.shape[1] == 2:
         yield from _in_steps(robot, q, jacobian[:3], 2)
@@ -255,7 +255,7 @@ def _in_steps(
 # ---- Configurations in which an arm is seen and moves well: mid-range, bent, above ground.
 
 _SAMPLES, _SEED = 500, 0
-_SHARE = 0.6  # of the distance from the middle of a range to its ends
+_FRACTION = 0.6  # of the distance from the middle of a range to its ends
 _MAX_OFFSET = 1.5  # [rad or m] from the middle
 _MIDDLE = 1.0  # largest distance of the middle from zero [rad or m]
 _BELOW_GROUND = 0.2  # factor on the goodness of a configuration below the base
@@ -292,10 +292,10 @@ def typical_configurations(arm: RobotModel) -> FloatArray:
     lower = np.where(endless, -np.pi, limits.lower_position)
     upper = np.where(endless, np.pi, limits.upper_position)
     middle = np.clip((lower + upper) / 2, np.maximum(lower, -_MIDDLE), np.minimum(upper, _MIDDLE))
-    down = np.minimum(_SHARE * (middle - lower), _MAX_OFFSET)
-    up = np.minimum(_SHARE * (upper - middle), _MAX_OFFSET)
-    share = np.random.default_rng(_SEED).uniform(-1, 1, (_SAMPLES, arm.joint_count))
-    q = middle + np.where(share < 0, share * down, share * up)
+    down = np.minimum(_FRACTION * (middle - lower), _MAX_OFFSET)
+    up = np.minimum(_FRACTION * (upper - middle), _MAX_OFFSET)
+    fraction = np.random.default_rng(_SEED).uniform(-1, 1, (_SAMPLES, arm.joint_count))
+    q = middle + np.where(fraction < 0, fraction * down, fraction * up)
     return q[np.argsort(-_goodness(arm, q), kind="stable")]
 
 
@@ -305,8 +305,8 @@ def _goodness(arm: RobotModel, q: FloatArray) -> FloatArray:
     _, origins = arm.body_poses(q)
     lowest = np.minimum(origins[..., 2].min(axis=1), tool[:, 2])
     ground = min(0.0, float(origins[:, 1, 2].min()))  # the first joint may hang below the base
-    share = np.where(lowest < ground - _NO_GAIN, _BELOW_GROUND, 1.0)
-    return share * _least_gain(jacobian[:, :3]) * _least_gain(jacobian)
+    fraction = np.where(lowest < ground - _NO_GAIN, _BELOW_GROUND, 1.0)
+    return fraction * _least_gain(jacobian[:, :3]) * _least_gain(jacobian)
 
 
 def _least_gain(jacobian: FloatArray) -> FloatArray:

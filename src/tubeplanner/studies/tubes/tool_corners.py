@@ -142,13 +142,13 @@ class _Corners:
         if length < _MIN_DISTANCE or farthest_from_line(self._tool, i, j)[1] > self._deviation:
             return None
         count = max(len(route), int(np.ceil(length / _MAX_STEP)) + 1)
-        shares = np.linspace(0, 1, count)
-        places, samples = shares * (len(route) - 1), np.arange(len(route))
+        fractions = np.linspace(0, 1, count)
+        places, samples = fractions * (len(route) - 1), np.arange(len(route))
         guides = np.stack([np.interp(places, samples, q) for q in route.T], axis=1)
         line, limits = [route[0]], self._robot.limits
         bounds = limits.lower_position, limits.upper_position
-        for share, guide in zip(shares[1:], guides[1:], strict=True):
-            target = (1 - share) * ends[0] + share * ends[1]
+        for fraction, guide in zip(fractions[1:], guides[1:], strict=True):
+            target = (1 - fraction) * ends[0] + fraction * ends[1]
             solution = solve_position(self._robot, target, line[-1], *bounds, guide)
             jump = abs(solution.q - line[-1]).max()
             if solution.error > _ON_LINE or jump > _MAX_JOINT_STEP:

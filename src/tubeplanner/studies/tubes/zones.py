@@ -301,8 +301,8 @@ def _passing(tube: Tube, walls: slice, corner: int, blend: str) -> float:
         if point == corner:
             axes = tube.points[[walls.start, walls.stop]] - here
             axes /= np.linalg.norm(axes, axis=1)[:, None]
-            share = np.linalg.norm(axes.sum(axis=0)) / (4 if blend == "parabola" else 2)
-            most = min(most, radius / max(float(share), _ROUNDING))
+            fraction = np.linalg.norm(axes.sum(axis=0)) / (4 if blend == "parabola" else 2)
+            most = min(most, radius / max(float(fraction), _ROUNDING))
         else:
             most = min(most, float(np.linalg.norm(tube.points[point] - here)) + radius)
     return most
@@ -316,14 +316,14 @@ def _largest(tube: Tube, walls: slice, corner: int, blend: str, available: float
     low, high = 0.0, 1.0
     best = available
     for _ in range(_ZOOMS):
-        share = np.linspace(low, high, _DIRECTIONS)
-        ab = np.column_stack([1 - share, share])
+        fraction = np.linspace(low, high, _DIRECTIONS)
+        ab = np.column_stack([1 - fraction, fraction])
         ab *= _exit_distance(tube, walls, here, ab @ axes, available)[:, None]
         root = np.sqrt(ab).sum(axis=1) ** 2
         size = root if blend == "parabola" else ab.sum(axis=1)  # g(a, b)
-        least, step = int(size.argmin()), float(share[1] - share[0])
+        least, step = int(size.argmin()), float(fraction[1] - fraction[0])
         best = min(best, float(size[least]))
-        low, high = max(0.0, share[least] - step), min(1.0, share[least] + step)
+        low, high = max(0.0, fraction[least] - step), min(1.0, fraction[least] + step)
     return best
 
 
