@@ -47,9 +47,9 @@ from tubeplanner.studies.plan_many import run_many
 from tubeplanner.studies.problem_spec import package_hash
 
 STUCK = 1.01  # times the best of the three
-MOST_SHOWN = 12  # seeds of a cause
+MAX_SHOWN = 12  # seeds of a cause
 # Marks: shares, and processor times in those of the reference.
-LEAST_SOLVED, MOST_STUCK, SUCCESSES, REFUSALS = 0.995, 0.01, 20.0, 60.0
+MIN_SOLVED, MAX_STUCK, SUCCESSES, REFUSALS = 0.995, 0.01, 20.0, 60.0
 _BY_JOINTS = ((1, 2), (3, 4), (5, 6), (7, 8), (9, 10))
 _BY_SEGMENTS = ((1, 3), (4, 10), (11, 30), (31, 80), (81, 200))
 
@@ -188,15 +188,15 @@ def _marks(lines: list[Fields], built: list[Fields]) -> str:
         _mark(
             "solved",
             f"{len(solved)} of {len(built)}, {fraction:.2%}",
-            f"{LEAST_SOLVED:.1%}",
-            fraction >= LEAST_SOLVED,
+            f"{MIN_SOLVED:.1%}",
+            fraction >= MIN_SOLVED,
             missing,
         ),
         _mark(
             "stuck",
             f"{len(slow)} of {len(paired)} pairs, {fraction_stuck:.1%}",
-            f"{MOST_STUCK:.0%}",
-            fraction_stuck <= MOST_STUCK,
+            f"{MAX_STUCK:.0%}",
+            fraction_stuck <= MAX_STUCK,
             slow,
         ),
     ]
@@ -297,8 +297,8 @@ def _lists(built: list[Fields]) -> str:
 
 def _seeds(lines: list[Fields]) -> str:
     seeds = [str(line["seed"]) for line in lines]
-    more = f" and {len(seeds) - MOST_SHOWN} more" if len(seeds) > MOST_SHOWN else ""
-    return f"[seeds {', '.join(seeds[:MOST_SHOWN])}{more}]" if seeds else ""
+    more = f" and {len(seeds) - MAX_SHOWN} more" if len(seeds) > MAX_SHOWN else ""
+    return f"[seeds {', '.join(seeds[:MAX_SHOWN])}{more}]" if seeds else ""
 
 
 def _what(line: Fields) -> str:

@@ -52,7 +52,7 @@ _GROOVE_FACES = np.array([[0, 1, 4], [0, 4, 5], [1, 2, 3], [1, 3, 4], [0, 5, 6],
 VISCOUS, COULOMB, ARMATURE = 0.3, 0.2, 1.0
 SPEED, RATE = 3.0, 20.0  # [rad/s or m/s] where there is no velocity limit; [1/s]
 STALL, NO_LOAD = (0.8, 2.0), (1.0, 2.5)  # in effort and velocity limits
-LEAST_SIDE = 0.6  # of the effort limit
+MIN_SIDE = 0.6  # of the effort limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -473,7 +473,7 @@ def _vary_efforts(rng: np.random.Generator, robot: dict[str, Any], arm: Arm) -> 
         draw = rng.random()
         if not np.isfinite(most) or draw > 0.4:
             continue
-        own = most / scale * rng.uniform(LEAST_SIDE, 1.0, 4)
+        own = most / scale * rng.uniform(MIN_SIDE, 1.0, 4)
         if draw < 0.2:
             given[name] = own[:2].tolist()
         else:

@@ -22,7 +22,7 @@ from tubeplanner.outcome import Infeasible
 from tubeplanner.resources import bundled_cycles
 
 SHORTEST = PlanOptions(slack=0.0)
-MOST_TIME = 2.0
+MAX_TIME = 2.0
 
 
 def with_stops(cycle: Cycle) -> Cycle:
@@ -82,7 +82,7 @@ def row(name: str) -> tuple[str, bool]:
         *(f"{moving(stops_shared):.4f}", f"{moving(alone):.4f}", f"{moving(shared):.4f}"),
         *(f"{100 * gain:.2f} %", f"{alone_time:.1f}", f"{ratio:.2f}"),
     )
-    return "| " + " | ".join(cells) + " |", gain >= 0 and ratio <= MOST_TIME
+    return "| " + " | ".join(cells) + " |", gain >= 0 and ratio <= MAX_TIME
 
 
 def main() -> int:

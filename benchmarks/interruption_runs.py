@@ -28,7 +28,7 @@ _LONGEST = 120.0  # [s]
 _GO, _END = b"g", b"e"
 _NUMBER = struct.Struct("i")
 _CHANGES = ("open", "os.mkdir")  # as audit events are called
-_LONGEST_LIFE, _LONGEST_RUN = 10.0, 120.0  # [s]
+_MAX_LIFE, _MAX_RUN = 10.0, 120.0  # [s]
 _LIFE = """
 import os, sys
 sys.argv[0] = "tubeplanner"
@@ -190,7 +190,7 @@ class Runs:
         place = self.place()
         with self._kept.recorded(), silenced():
             status = run_command(case.arguments(inputs, place.out))
-        self.life = min(time.perf_counter() - begin + 1.0, _LONGEST_LIFE)
+        self.life = min(time.perf_counter() - begin + 1.0, _MAX_LIFE)
         if status != 0:
             raise SystemExit(f"{case.name} does not run: exit status {status}")
         self.new = self._answer(None).files
@@ -271,14 +271,14 @@ class Runs:
                 env=os.environ | {"BEGUN": str(tell), "TMPDIR": str(place.folder / "temporary")},
             )
         os.close(tell)
-        select.select([begun], [], [], _LONGEST_RUN)
+        select.select([begun], [], [], _MAX_RUN)
         begin = time.perf_counter()
         with suppress(subprocess.TimeoutExpired):
             process.wait(delay)
         if process.poll() is None:
             process.send_signal(number)
         with suppress(subprocess.TimeoutExpired):
-            process.wait(_LONGEST_RUN)
+            process.wait(_MAX_RUN)
         if process.poll() is None:
             process.kill()
         process.wait()

@@ -24,7 +24,7 @@ RADII = (0.010, 0.002)
 CUT = ("ur5/over_the_wall", "panda/between_shelves", "xarm7/from_crate_to_crate")
 PARTS = (1, 4, 16)
 NOISE = 0.001  # [m], standard deviation
-MOST_SLOWER, MOST_CPU = 1.01, 2.5
+MAX_SLOWER, MAX_CPU = 1.01, 2.5
 ENOUGH = 25  # points, from which on all must be equally fast
 # The second of two plans counts, so that libraries are loaded and covers known.
 DRIVER = """
@@ -175,10 +175,10 @@ def faults(answers: dict[Case, dict[str, Any]]) -> list[str]:
         found += [
             f"{family}: N = {n} is slower than another"
             for n, duration in durations.items()
-            if duration > MOST_SLOWER * fastest
+            if duration > MAX_SLOWER * fastest
         ]
         cpu = [members.get(n, {}).get("cpu") for n in (12, 500)]
-        if None not in cpu and cpu[1] > MOST_CPU * cpu[0]:
+        if None not in cpu and cpu[1] > MAX_CPU * cpu[0]:
             found.append(f"{family}: N = 500 takes {cpu[1] / cpu[0]:.1f} times as long as N = 12")
     return found
 

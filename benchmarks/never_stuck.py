@@ -18,7 +18,7 @@ from typing import Any
 from shared import HERE, Checkout, figure, geometric_mean
 
 SMOOTHED = ("smoothed-arc-corners", "smoothed-bang-bang")
-MOST_ABOVE_MARK = 1.02
+MAX_ABOVE_MARK = 1.02
 DRIVER = """
 import json, sys, time
 from dataclasses import replace
@@ -100,7 +100,7 @@ def fault(case: Case, answer: dict) -> str:
         return str(answer["status"])
     if answer["baseline"] is not None and answer["duration"] > answer["baseline"]:
         return "slower than a baseline"
-    if case.mark is not None and answer["duration"] > MOST_ABOVE_MARK * case.mark:
+    if case.mark is not None and answer["duration"] > MAX_ABOVE_MARK * case.mark:
         return "above its mark"
     return ""
 

@@ -48,7 +48,7 @@ PROBLEM = {
 CYCLE = yaml.safe_load(SMALL)
 _KEYS = st.sampled_from(["joint1", "joint2", "tube.radius", "clearance", "objective.slack"])
 _SMALL = st.sampled_from([0.0, 0.01, 0.03, 0.3, -0.3, 1.0, 3.0])
-_MOST_ITEMS = 3
+_MAX_ITEMS = 3
 _DEEP = 150  # more than a file may be nested
 
 
@@ -191,11 +191,11 @@ def _objects(node, schema):
     required = {key: parts[key] for key in node.get("required", [])}
     others = st.just({})
     if optional := [key for key in parts if key not in required]:
-        keys = st.lists(st.sampled_from(optional), max_size=_MOST_ITEMS, unique=True)
+        keys = st.lists(st.sampled_from(optional), max_size=_MAX_ITEMS, unique=True)
         others = keys.flatmap(lambda keys: st.fixed_dictionaries({key: parts[key] for key in keys}))
     if isinstance(below := node.get("additionalProperties"), dict):
         below = _of(below, schema, "")
-        others = st.dictionaries(_KEYS | NAMES, below, max_size=_MOST_ITEMS)
+        others = st.dictionaries(_KEYS | NAMES, below, max_size=_MAX_ITEMS)
     return st.builds(
         lambda first, second: {**second, **first}, st.fixed_dictionaries(required), others
     )

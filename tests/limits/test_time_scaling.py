@@ -227,7 +227,7 @@ def test_braking_is_limited_by_what_viscous_friction_takes_first(tmp_path):
 
 # Of the acceleration 3 - (t - 0.5)^2, largest at the reversal, before the other direction's
 # friction helps.
-LARGEST_THERE = np.poly1d([-1.0, 1.0, 2.75]).integ()
+MAX_THERE = np.poly1d([-1.0, 1.0, 2.75]).integ()
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -237,7 +237,7 @@ LARGEST_THERE = np.poly1d([-1.0, 1.0, 2.75]).integ()
         # Constant acceleration that reverses between samples.
         ([1.5, -3.0 * 0.371, 0.0], 3.0, -1),
         ([1.5, -3.0 * 2e-4, 0.0], 3.0, -1),
-        ((LARGEST_THERE - LARGEST_THERE(0.5)).integ().c, 3.0, -1),
+        ((MAX_THERE - MAX_THERE(0.5)).integ().c, 3.0, -1),
         # From 6 rad/s^2 of braking down to 1; back it goes from 0.6 s on, where 3 are left.
         (np.poly1d([2.5, -6.0, 2.7]).integ().c, 6.0, 1),
         # Parabolas whose acceleration is that of both ends, where velocity is none.

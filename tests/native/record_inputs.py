@@ -17,8 +17,8 @@ from tubeplanner.native import library
 
 INPUTS = Path(__file__).parent / "inputs.xz"
 PLANS = ("example:two_link/around_a_post", "example:ur5/over_the_wall")
-MOST_CALLS = 3  # of a function and number of joints or the like
-MOST_BYTES = {"program": 150_000, "call": 50_000}
+MAX_CALLS = 3  # of a function and number of joints or the like
+MAX_BYTES = {"program": 150_000, "call": 50_000}
 # Arrays that a function reads before it writes to them, or may leave as they are.
 ALSO_READ = {"direction", "bound", "changes", "q"}
 LEFT = {"near_rows": ("control", "switching"), "compressed_rows": ("column", "value")}
@@ -46,14 +46,14 @@ class Recorder:
             result = function(*given)
             if is_program:
                 self.add_to_program(name, given, result, packed)
-            elif packed is not None and len(packed) <= MOST_BYTES["call"]:
+            elif packed is not None and len(packed) <= MAX_BYTES["call"]:
                 self.keep(key, [(packed,)])
             return result
 
         return call
 
     def wants(self, key):
-        return self.takes_all or self.counts.get(key, 0) < MOST_CALLS
+        return self.takes_all or self.counts.get(key, 0) < MAX_CALLS
 
     def keep(self, key, calls):
         if self.wants(key):
@@ -69,7 +69,7 @@ class Recorder:
         calls.append((head, tail))
         if name == "step_program_delete":
             del self.programs[given[0]]
-            if sum(len(part) for call in calls for part in call) <= MOST_BYTES["program"]:
+            if sum(len(part) for call in calls for part in call) <= MAX_BYTES["program"]:
                 self.keep(("program", len(calls) > 12), calls)
 
     def packed(self, name, given):

@@ -216,11 +216,13 @@ def test_room_beyond_what_is_asked_is_kept_from_obstacles(two_link):
     spline = begun(problem, 12)
     samples = spline.grid.samples_at(spline.switching_times, np.linspace(0.2, 0.8, 7))
 
-    def slack(problem, room=0.0):
+    def slacks_of(problem, room=0.0):
         links = LinkConstraints(problem, room)
         links.look_at(spline, samples)
         return np.sort(links.at(spline).slack(1.0, 1.0))
 
-    with_room, less = slack(problem, room), slack(problem)
-    np.testing.assert_array_equal(with_room, slack(replace(problem, clearance=clearance + room)))
+    with_room, less = slacks_of(problem, room), slacks_of(problem)
+    np.testing.assert_array_equal(
+        with_room, slacks_of(replace(problem, clearance=clearance + room))
+    )
     assert len(less) == 0 or less[0] > with_room[0]

@@ -17,7 +17,7 @@ from tubeplanner.optimizer.stages import SecondStage
 from tubeplanner.outcome import Infeasible, PlanStatus
 
 TRAVEL = 0.6  # [m], of the slider
-LEAST_JERK, LEAST_VARIATION = 720.0, 16.0  # of one metre from rest to rest in one second
+MIN_JERK, MIN_VARIATION = 720.0, 16.0  # of one metre from rest to rest in one second
 
 
 @pytest.fixture(scope="module")
@@ -75,8 +75,8 @@ def test_the_mixture_is_no_worse_than_the_quintic_and_within_what_is_possible(sl
     """No motion has less jerk than the quintic, nor less variation than a bang-bang one."""
     longest = 4 * sliding.duration
     result = smoothed(slider, sliding, 3.0)
-    assert integral(result.trajectory, 2) >= LEAST_JERK
-    assert variation(result.trajectory) >= LEAST_VARIATION
+    assert integral(result.trajectory, 2) >= MIN_JERK
+    assert variation(result.trajectory) >= MIN_VARIATION
     grid, objective = sliding.motion.spline.grid, result._objective
     knots, count = grid.knots(np.array([0.0, 1.0])), grid.control_point_count
     # A cubic of nearly the quintic: control points at the means of their knots.

@@ -121,7 +121,7 @@ def test_it_keeps_the_room_that_the_shortest_motion_left(two_link, monkeypatch):
     assert before > 0.1
     assert smooth.duration > smooth.shortest_duration
     assert least_room(problem, smooth.trajectory) > before - 0.1
-    none = "tubeplanner.optimizer.stages._room"
+    none = "tubeplanner.optimizer.stages._slack"
     monkeypatch.setattr(none, lambda problem, dense: np.full(problem.tube.segment_count, 0.05))
     assert least_room(problem, plan(problem, options).trajectory) < before - 0.1
 

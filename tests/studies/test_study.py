@@ -15,7 +15,7 @@ from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
 from tubeplanner.resources import bundled_studies
 from tubeplanner.studies.problem_spec import PosedProblem
 from tubeplanner.studies.study import (
-    MOST_POINTS,
+    MAX_POINTS,
     Interval,
     Latin,
     Levels,
@@ -238,9 +238,9 @@ def test_a_latin_hypercube_has_one_point_in_every_part_of_every_field():
 def test_what_cannot_be_counted_is_refused():
     with pytest.raises(ProblemError, match="p: count is required in a grid"):
         StudyPoints([between("p", 0, 1)], None)
-    with pytest.raises(ProblemError, match=f"{10**8} points; at most {MOST_POINTS}"):
+    with pytest.raises(ProblemError, match=f"{10**8} points; at most {MAX_POINTS}"):
         StudyPoints([Levels("p", range(10**4)), Levels("q", range(10**4))], None)
-    for count in (0, MOST_POINTS + 1):
+    for count in (0, MAX_POINTS + 1):
         with pytest.raises(ProblemError, match=f"latin is {count}; it must be >= 1"):
             Latin(count)
     with pytest.raises(ProblemError, match="seed is -1; it must be >= 0"):

@@ -73,7 +73,7 @@ def separating_directions(
 # each other its direction is off by as much as 1e-4 rad; the normal of one of the faces is exact.
 
 # Coal refuses solids of which more edges than 255 meet at a corner.
-_MOST_NEIGHBOURS = 250
+_MAX_NEIGHBOURS = 250
 _REQUEST = coal.DistanceRequest()
 _REQUEST.enable_signed_distance = True
 
@@ -155,8 +155,8 @@ def coal_solid(shape: ConvexShape, thickness: float) -> Any:
     if len(shape.vertices) == 2:  # an edge
         length = float(np.linalg.norm(shape.vertices[1] - shape.vertices[0]))
         return coal.Box(thickness, thickness, length)
-    if np.bincount(shape.faces.ravel()).max() > _MOST_NEIGHBOURS:
-        directions = spread_directions(_MOST_NEIGHBOURS)
+    if np.bincount(shape.faces.ravel()).max() > _MAX_NEIGHBOURS:
+        directions = spread_directions(_MAX_NEIGHBOURS)
         outermost = np.unique((shape.vertices @ directions.T).argmax(axis=0))
         shape = convex_hull(shape.vertices[outermost])
     corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()

@@ -123,7 +123,7 @@ def _zoomed(
 
 # ---- The largest accelerations and tool speed of a trajectory.
 
-_SAMPLES, _LEAST_PER_PIECE = 1000, 12  # before the highest are refined
+_SAMPLES, _MIN_PER_PIECE = 1000, 12  # before the highest are refined
 _BAND = 0.02  # of the highest: peaks of samples this far below it are refined as well
 _WHOLE = 100.0  # numbers from here on are shown without decimals
 
@@ -188,7 +188,7 @@ def trajectory_peaks(robot: RobotModel, trajectory: JointTrajectory) -> Trajecto
     RobotModel.require(robot)
     JointTrajectory.require(trajectory)
     trajectory = trajectory.reordered(robot.joint_names)
-    count = max(_LEAST_PER_PIECE, -(-_SAMPLES // len(trajectory.widths)))
+    count = max(_MIN_PER_PIECE, -(-_SAMPLES // len(trajectory.widths)))
     samples = trajectory.per_piece(count)
     rates = _tool_rates(robot, samples)
 

@@ -64,7 +64,7 @@ class JointRate:
 _STILL = 1e-9
 # The slope of sqrt(2 d g) is infinite at the end: below this fraction of the largest velocity it
 # stays constant.
-_LEAST_ROOT = 1e-3
+_MIN_ROOT = 1e-3
 
 
 class VelocityByPositionLimit:
@@ -118,7 +118,7 @@ class VelocityByPositionLimit:
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return the derivatives of the fractions by the path."""
         root = self._root(at.position)
-        slope = self._deceleration / np.maximum(root, _LEAST_ROOT * self.largest)
+        slope = self._deceleration / np.maximum(root, _MIN_ROOT * self.largest)
         rate = self.way * at.by_path[1][:, self.joints]
         slope = np.where((root > self._offset) & (rate > 0), slope, 0.0)
         count, n = at.position.shape

@@ -73,7 +73,7 @@ def largest_speeds(at: PathSamples, limits: tuple[SpeedLimit, ...]) -> FloatArra
 # ---- The use of each limit along a trajectory, at samples on both sides of its breakpoints.
 
 POSITION, TUBE, ROTATION = "position", "tube", "rotation"
-_SAMPLES, _LEAST_PER_PIECE = 800, 4
+_SAMPLES, _MIN_PER_PIECE = 800, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ def limit_uses(
 
 def samples_per_piece(trajectory: JointTrajectory) -> int:
     """Return the number of samples of each piece for a figure: 800 in all, at least 4 each."""
-    return max(_LEAST_PER_PIECE, _SAMPLES // len(trajectory.widths))
+    return max(_MIN_PER_PIECE, _SAMPLES // len(trajectory.widths))
 
 
 def _position_uses(problem: PlanningProblem, q: FloatArray, segment: IntArray) -> list[LimitUse]:

@@ -24,7 +24,7 @@ from tubeplanner.trajectory.parts import CommonStretches, common_stretches
 from tubeplanner.trajectory.polynomials import bernstein_coefficients, peak_magnitudes
 
 # Samples: with many pieces, fewer of each.
-_FEWEST_PER_PIECE, _MOST_PER_PIECE, _ENOUGH_IN_ALL = 12, 24, 1000
+_MIN_PER_PIECE, _MAX_PER_PIECE, _ENOUGH_IN_ALL = 12, 24, 1000
 # Valleys of the factor this near the smallest sample (relative) are refined.
 _VALLEY_FRACTION = 0.02
 # Rounding must not put a trajectory outside a limit it is scaled to meet exactly.
@@ -127,8 +127,8 @@ def estimated_durations(problem: PlanningProblem, shapes: Sequence[JointTrajecto
     needs_jerk = any(limit.order >= _JERK for limit in others)
     parts: list[tuple[FloatArray, ...]] = []
     for shape in shapes:
-        state = _state(shape.per_piece(_FEWEST_PER_PIECE))
-        parts.append((*state, shape.jerk_per_piece(_FEWEST_PER_PIECE)) if needs_jerk else state)
+        state = _state(shape.per_piece(_MIN_PER_PIECE))
+        parts.append((*state, shape.jerk_per_piece(_MIN_PER_PIECE)) if needs_jerk else state)
     first = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
     states = tuple(np.concatenate(rows) for rows in zip(*parts, strict=True))
     sampled = np.minimum.reduceat(_held_factor(problem, others, states, None), first)
@@ -202,7 +202,7 @@ def _least(
 ) -> float:
     """Return the smallest factor over time, its valleys refined between samples."""
     enough = _ENOUGH_IN_ALL // len(trajectory.widths)
-    count = min(max(enough, _FEWEST_PER_PIECE), _MOST_PER_PIECE)
+    count = min(max(enough, _MIN_PER_PIECE), _MAX_PER_PIECE)
     samples = trajectory.per_piece(count)
     own = None if segments is None else np.repeat(segments, count)
     factor = _held_factor(problem, limits, _state(samples), own)
@@ -248,7 +248,7 @@ def _least_of_stretches(
         friction = partial(directed_friction, motors, stretches.direction[stretch])
         return -_held_factor(problem, limits, state, own, friction)
 
-    count, fraction = len(stretches.piece), np.linspace(0, 1, _FEWEST_PER_PIECE)
+    count, fraction = len(stretches.piece), np.linspace(0, 1, _MIN_PER_PIECE)
     value = negative(np.repeat(np.arange(count), len(fraction)), np.tile(fraction, count))
     band = _VALLEY_FRACTION * float(-value.max())
     return -refined_maximum_of_pieces(negative, value.reshape(count, -1), band=band)

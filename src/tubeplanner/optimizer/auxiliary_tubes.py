@@ -24,12 +24,12 @@ from tubeplanner.task.problem import PlanningProblem
 # [rad over the length of a radius], or the last that reduces the sharpest by a tenth at least.
 _ROOMS, _GENTLE, _SMOOTHER = (0.5, 0.8), 1.0, 0.9
 # Largest distance of a given start or goal from its reference point, in radii.
-_MOST_AT_ENDS = 0.9
+_MAX_AT_ENDS = 0.9
 # A larger turn of a path over some radii is no noise, and the tool must go there [rad].
 _BACKWARDS = np.radians(150)
 # Of the splitting method; distances settle to a thousandth of the room.
 _STEPS, _COUPLING, _OVERSHOOT = 200, 0.1, 1.6
-_SHORTEST_STEP = 0.3  # of the usual one
+_MIN_STEP = 0.3  # of the usual one
 
 
 def smoother_problem(problem: PlanningProblem) -> PlanningProblem | None:
@@ -63,7 +63,7 @@ def _with_room(problem: PlanningProblem, fraction: float) -> PlanningProblem | N
         elif end.region is not None:
             ends[row] = end.region.position
     at_ends = np.linalg.norm(ends - tube.points[[0, -1]], axis=1)
-    if (at_ends > _MOST_AT_ENDS * radius[[0, -1]]).any():
+    if (at_ends > _MAX_AT_ENDS * radius[[0, -1]]).any():
         return None
     room = fraction * np.minimum(np.append(radius, np.inf), np.append(np.inf, radius))
     # Compulsory points where the path turns back over some radii.
@@ -120,7 +120,7 @@ def _bending(points: FloatArray, is_free: BoolArray) -> sparse.csr_matrix:
     """
     count = len(points)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    steps = np.maximum(steps / np.median(steps), _SHORTEST_STEP)
+    steps = np.maximum(steps / np.median(steps), _MIN_STEP)
     direction = sparse.diags([-1 / steps, 1 / steps], [0, 1], shape=(count - 1, count))
     turn = sparse.diags([-1.0, 1.0], [0, 1], shape=(count - 2, count - 1)) @ direction
     weight = ~is_free[1:-1] * 2 / (steps[1:] + steps[:-1])

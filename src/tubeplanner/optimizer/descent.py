@@ -35,7 +35,7 @@ _MORE, _LESS = 2.0, 5.0
 _MIN_DAMPING, _MAX_DAMPING = 1e-9, 1e14
 _HOLDS_BACK, _RELAXED = 0.2, 100.0
 # So often damping is relaxed where it may be what lets a step gain little.
-_MOST_RELAXED = 2
+_MAX_RELAXED = 2
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class TrustRegion:
     @property
     def may_relax(self) -> bool:
         """True if damping may have limited the gain and has not been relaxed too often."""
-        return self.damping * self.unit**2 > _HOLDS_BACK and self.times_relaxed < _MOST_RELAXED
+        return self.damping * self.unit**2 > _HOLDS_BACK and self.times_relaxed < _MAX_RELAXED
 
     def relaxed(self) -> "TrustRegion":
         """Return the region with far less damping, to see the gain of steps then."""

@@ -183,7 +183,7 @@ Weighted = tuple[tuple[float, Measure], ...]
 # Weight of the logarithm of energy or work, and the fraction of smoothness beside it: joints that
 # cost nothing would wiggle, and efforts chatter where that costs next to nothing.
 _WEIGHT, _SMOOTHNESS = 30.0, 0.3
-_LEAST_WORK = 1e-9  # [J]
+_MIN_WORK = 1e-9  # [J]
 
 
 def objective_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: float) -> Weighted:
@@ -203,7 +203,7 @@ def objective_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: f
         own = Energy(objective.energy_weights(robot))
     else:
         motion = from_spline(robot.joint_names, spline.bspline()).scaled(run_in)
-        own = Work(robot.joint_count, max(EffortCosts(robot, motion).work(), _LEAST_WORK))
+        own = Work(robot.joint_count, max(EffortCosts(robot, motion).work(), _MIN_WORK))
     return ((_WEIGHT, own), *((_SMOOTHNESS * weight, measure) for weight, measure in smooth))
 
 
@@ -324,7 +324,7 @@ _WEIGHTS = (0.25, 1.0, 0.175)
 # Changes of effort below this fraction of the limit count for less in the variation.
 _ROUNDED_CHANGE = 0.01
 # Joints that hardly move count as if they moved this fraction of the farthest.
-_LEAST_TRAVEL = 0.05
+_MIN_TRAVEL = 0.05
 _LOOKS = 200
 
 
@@ -344,7 +344,7 @@ def smoothness_measures(problem: PlanningProblem, spline: PhasedSpline, run_in: 
     most = abs(problem.robot.inverse_dynamics(q, v / run_in, a / run_in**2)).max(axis=0)
     nominal = np.where(np.isfinite(limit), limit, np.where(most > 0, most, 1.0))
     effort = JointEffort(nominal)
-    jerk = JointRate("jerk", np.maximum(travel, _LEAST_TRAVEL * travel.max()))
+    jerk = JointRate("jerk", np.maximum(travel, _MIN_TRAVEL * travel.max()))
     measures = (EffortRate(effort), EffortVariation(effort), Jerk(jerk))
     return tuple(zip(_WEIGHTS, measures, strict=True))
 

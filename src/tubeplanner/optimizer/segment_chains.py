@@ -25,7 +25,7 @@ from tubeplanner.task.problem import PlanningProblem
 _SAMPLES = 200
 _KINK = 0.02
 # Up to so many corners all end a phase; of more, only the sharper ones, and at most so many.
-_MANY_CORNERS, _SHARP_KINK, _MOST_SHARP = 12, 0.1, 100
+_MANY_CORNERS, _SHARP_KINK, _MAX_SHARP = 12, 0.1, 100
 # A turn counts as far as the path turns over so many radii on both sides: noise turns back at once.
 _WINDOW = 3.0
 
@@ -37,7 +37,7 @@ def tube_chains(problem: PlanningProblem) -> tuple[range, ...]:
     is_end = kinks >= (_KINK if len(kinks) > _MANY_CORNERS else 0.0)
     if is_end.sum() > _MANY_CORNERS:
         is_end = kinks >= _SHARP_KINK
-        is_end[np.argsort(-kinks, kind="stable")[_MOST_SHARP:]] = False
+        is_end[np.argsort(-kinks, kind="stable")[_MAX_SHARP:]] = False
     is_end |= np.array([a != b for a, b in pairwise(tube.conditions)], dtype=bool)
     is_end[tube.compulsory_points - 1] = True
     ends = 1 + np.flatnonzero(is_end)
@@ -135,7 +135,7 @@ def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
 _SHORT_CUT, _FAR, _FARTHER = 0.5, 0.3, 1.1
 _NO_SQUARE = 1e-30  # [m^2]
 # Least distance of requested segments, in radii.
-_LEAST_FRACTION = 1e-9
+_MIN_FRACTION = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +311,7 @@ class _Passage:
             elif leaves_asked[step]:
                 away[~self.is_asked[segments]] = 0.0
                 worst = int(away.argmax())
-                farthest[step], fraction[step] = segments[worst], max(away[worst], _LEAST_FRACTION)
+                farthest[step], fraction[step] = segments[worst], max(away[worst], _MIN_FRACTION)
         return farthest, fraction
 
 

@@ -36,7 +36,7 @@ from tubeplanner.task.problem import PlanningProblem
 
 # The first program has the rows that are this near, or a part of the trust region away.
 _NEAR, _NEAR_FRACTION = 0.03, 0.03
-_LARGEST_DURATION_STEP = 1.0
+_MAX_DURATION_STEP = 1.0
 # Phases change by at most this fraction of their width, and of the trust region.
 _MAX_WIDTH_FRACTION, _WIDTH_FRACTION = 0.3, 8.0
 # For the multipliers: a small trust region, hardly any quadratic part.
@@ -251,7 +251,7 @@ class SequentialProgram:
             np.clip(self.variables.upper - now, 0.0, trust.largest_change),
             switching[: self.grid.switch_count],
             widths,
-            (self._objective.least_duration_step, _LARGEST_DURATION_STEP),
+            (self._objective.least_duration_step, _MAX_DURATION_STEP),
             fixed if goal_moves or len(fixed) == 0 else np.eye(points.shape[1]),
         )
 
@@ -274,7 +274,7 @@ def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Plan
 
 # Where elastic rows cost more than this fraction of their penalty, multipliers tell the penalty:
 # then so many times their violation is allowed, or this much.
-_FRACTION_OF_PENALTY, _SPARE_FRACTION, _LEAST_SPARE = 0.5, 2.0, 1e-5
+_FRACTION_OF_PENALTY, _SPARE_FRACTION, _MIN_SPARE = 0.5, 2.0, 1e-5
 # The rise. (Beside such a start, multipliers of a tolerance said 0.3 to 400 where rises of 0.1 % to
 # 10 % gained nothing. Steps of the program have room for this one.)
 _RISE = 0.03
@@ -324,7 +324,7 @@ def _exact_step(linear: Linearization) -> Step | None:
     cost = float(abs(exact.multipliers * elastic[: len(exact.multipliers)]).sum())
     if cost < _FRACTION_OF_PENALTY * linear.penalty:
         return exact
-    spare = max(_SPARE_FRACTION * exact.elastic, _LEAST_SPARE)
+    spare = max(_SPARE_FRACTION * exact.elastic, _MIN_SPARE)
     return _solved(linear, _TOLERANCE, spare * elastic) or exact
 
 

@@ -80,7 +80,7 @@ _DENSE_SAMPLES = np.linspace(0, 1, 21)
 _BESIDE = np.array([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75])
 # Samples may lie this much farther apart than on average; and the largest margin for kinks between
 # them, in radii.
-_UNEVEN, _MOST_FOR_KINKS = 2, 0.03
+_UNEVEN, _MAX_FOR_KINKS = 2, 0.03
 # Over about so many knot intervals the Coulomb friction of one direction is blended into the
 # other's: first, and in the end.
 WIDELY_BLENDED, BLENDED = 12.0, 5.0
@@ -417,7 +417,7 @@ def _margin_for_kinks(tube: Tube, grid: KnotGrid) -> float:
     """Return the margin, in radii, for the motion between samples at a chain's kinks."""
     spacing = arc_lengths(tube.points)[-1] / (grid.interval_count * (len(_DENSE_SAMPLES) - 1))
     kink = largest_kink(tube, grid.chains, _UNEVEN * spacing)
-    return min(kink, _MOST_FOR_KINKS)
+    return min(kink, _MAX_FOR_KINKS)
 
 
 def _peaks(values: FloatArray, floor: float) -> IntArray:

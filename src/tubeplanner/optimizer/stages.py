@@ -370,21 +370,21 @@ def limit_sensitivities(
 # obstacles.
 
 _FIRST_DAMPING = 1e-3
-_SMOOTHING_TRUST, _LEAST_TRUST = 0.01, 0.002  # in units of the trust region
+_SMOOTHING_TRUST, _MIN_TRUST = 0.01, 0.002  # in units of the trust region
 _PENALTY = 1.0
 _SMOOTHING_GAIN = 5e-4
 _SMOOTHING_STEPS, _SMOOTHING_ROUNDS = 4, 8
 # For peaks between samples, the second stage aims at this fraction less than the longest duration:
 # between the first two, a part of the extra time over the shortest motion. Peaks at dense samples
 # stay the last fraction below, for peaks between those.
-_LEAST_RESERVE, _MOST_RESERVE, _RESERVE_FRACTION = 1e-4, 2.5e-4, 0.25
+_MIN_RESERVE, _MAX_RESERVE, _RESERVE_FRACTION = 1e-4, 2.5e-4, 0.25
 _BETWEEN_LOOKS = 5e-5
 # Coulomb friction is blended over so many knot intervals, as reversals move during the descent.
 # They lie between samples, and have sharper peaks.
-_BLENDED, _MOST_AT_REVERSALS = 8.0, 7e-4
+_BLENDED, _MAX_AT_REVERSALS = 8.0, 7e-4
 # The shortest motion's slack in the tube may shrink by this fraction of the radius; its clearance
 # by this fraction, of which no more than so much counts [m].
-_LESS_ROOM, _LESS_CLEARANCE, _MOST_CLEARANCE = 0.05, 0.1, 0.02
+_LESS_ROOM, _LESS_CLEARANCE, _MAX_CLEARANCE = 0.05, 0.1, 0.02
 
 
 class SecondStage:
@@ -414,12 +414,12 @@ class SecondStage:
         dense = plain.between_samples(spline)
         reserve = _RESERVE_FRACTION * abs(1 - dense.duration / longest)
         has_reversals = problem.robot.motors.has_coulomb_friction
-        most = _MOST_AT_REVERSALS if has_reversals else _MOST_RESERVE
-        reserve = min(max(reserve, _LEAST_RESERVE), most)
+        most = _MAX_AT_REVERSALS if has_reversals else _MAX_RESERVE
+        reserve = min(max(reserve, _MIN_RESERVE), most)
         run_in = longest * (1 - reserve)
         measures = objective_measures(problem, spline, run_in)
         self._objective = MeasuredObjective(measures, run_in)
-        min_clearance = (1 - _LESS_CLEARANCE) * min(max(clearance, 0.0), _MOST_CLEARANCE)
+        min_clearance = (1 - _LESS_CLEARANCE) * min(max(clearance, 0.0), _MAX_CLEARANCE)
         self._program = SequentialProgram(
             problem,
             spline.grid,
@@ -478,7 +478,7 @@ class SecondStage:
         for time in times:
             self._program.constraints.add_samples(spline, time / duration)
         self._best = None
-        return bool(times) and self._improved(self._begun(spline), TrustRegion(_LEAST_TRUST))
+        return bool(times) and self._improved(self._begun(spline), TrustRegion(_MIN_TRUST))
 
     @property
     def _found(self) -> Iterate:
@@ -508,7 +508,7 @@ class SecondStage:
             if inside and result.has_ended:
                 break
             current = self._begun(result.iterate.spline)
-            trust = replace(result.trust, radius=max(result.trust.radius, _LEAST_TRUST))
+            trust = replace(result.trust, radius=max(result.trust.radius, _MIN_TRUST))
         return self._best is not None
 
     def _looked_at(self, iterate: Iterate) -> bool:

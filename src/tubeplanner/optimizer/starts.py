@@ -21,7 +21,7 @@ from tubeplanner.trajectory.polynomials import REST_POINTS, fitted_control_point
 # ---- First splines along the reference branch, and splines on other knots.
 
 # Fewest knot intervals of a phase, if there are several: as many as give this sum, at most so many.
-_FEWEST_IN_ALL, _FEWEST = 12, 3
+_MIN_IN_ALL, _FEWEST = 12, 3
 _FIT_POINTS_PER_INTERVAL = 5
 # Numbers of intervals for chains, in turn, until the tool is less than so many radii outside.
 _INTERVALS, _ENOUGH = (12, 16, 24, 32, 48, 64, 96, 128), 0.5
@@ -124,7 +124,7 @@ def knot_grid(
     """
     angle = np.arccos(1 - 2 * switching_times)
     fractions, phases = [], len(switching_times) - 1
-    fewest = 1 if phases == 1 else min(max(_FEWEST_IN_ALL // phases, 1), _FEWEST)
+    fewest = 1 if phases == 1 else min(max(_MIN_IN_ALL // phases, 1), _FEWEST)
     for k in range(phases):
         count = max(fewest, round(intervals * (angle[k + 1] - angle[k]) / np.pi))
         x = (1 - np.cos(np.linspace(angle[k], angle[k + 1], count + 1))) / 2

@@ -257,7 +257,7 @@ class IntervalBlocks:
 _NOTHING = 1e-12  # beside measures that may vanish
 # First and least weight of the sum of logarithms, in shares of T^2: halved while steps would make
 # the motion longer than the given duration.
-_FIRST_WORTH, _LEAST_WORTH = 5e-3, 5e-4
+_FIRST_WORTH, _MIN_WORTH = 5e-3, 5e-4
 _LONGER = 1e-4
 
 
@@ -314,7 +314,7 @@ class MeasuredObjective:
     def after(self, step: Step) -> None:
         """Halve the weight of the measures if the step would exceed the duration."""
         if step.duration > _LONGER:
-            self._worth = max(self._worth / 2, _LEAST_WORTH)
+            self._worth = max(self._worth / 2, _MIN_WORTH)
 
     def _longer(self, iterate: Iterate) -> float:
         """Return the excess of the least T^2 over the duration's, as a fraction of that."""

@@ -228,7 +228,7 @@ _add_rows = native_function(
 _set_slack = native_function("step_program_set_slack", c_void_p, Doubles)
 _solve = native_function("step_program_solve", c_void_p, c_double, c_int64, returns=c_int)
 _read = native_function("step_program_read", c_void_p, Doubles, Doubles, returns=c_int64)
-_MOST_ITERATIONS = 100
+_MAX_ITERATIONS = 100
 
 
 class NativeProgram:
@@ -293,7 +293,7 @@ class NativeProgram:
         Args:
             tolerance: Of the gradient, the rows and the cost, absolute.
         """
-        is_solved = _call(_solve)(self._handle, tolerance, _MOST_ITERATIONS)
+        is_solved = _call(_solve)(self._handle, tolerance, _MAX_ITERATIONS)
         x, multipliers = np.empty(self._size), np.empty(self.row_count)
         self.iterations = _call(_read)(self._handle, x, multipliers)
         return (x, multipliers) if is_solved else None

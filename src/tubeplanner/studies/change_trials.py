@@ -15,8 +15,8 @@ from tubeplanner.studies.problem_spec import PosedProblem
 # ---- Trials: plans with one change each, within a time budget.
 
 # No trial may take a larger fraction of the whole time, so that others have their turn.
-_LARGEST_FRACTION = 0.1
-_LEAST_TIME = 2.0  # [s]
+_MAX_FRACTION = 0.1
+_MIN_TIME = 2.0  # [s]
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Trials:
             executor: Processes of this machine; None: this one.
         """
         self._question, self._clock, self._executor = question, clock, executor
-        longest = max(_LEAST_TIME, _LARGEST_FRACTION * clock.remaining)
+        longest = max(_MIN_TIME, _MAX_FRACTION * clock.remaining)
         objective = question.fields.objective
         is_timed = objective is not None and objective.duration is not None
         options = options if is_timed else options.shortest

@@ -154,7 +154,7 @@ def _of_each_kind(values: Iterable[Any]) -> Iterable[Any]:
 
 # ---- Points: combinations of values.
 
-MOST_POINTS = 10_000_000
+MAX_POINTS = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -173,8 +173,8 @@ class Latin:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not 1 <= self.count <= MOST_POINTS:
-            raise ProblemError(f"latin is {self.count}; it must be >= 1 and <= {MOST_POINTS}")
+        if not 1 <= self.count <= MAX_POINTS:
+            raise ProblemError(f"latin is {self.count}; it must be >= 1 and <= {MAX_POINTS}")
         if self.seed < 0:
             raise ProblemError(f"seed is {self.seed}; it must be >= 0")
 
@@ -213,8 +213,8 @@ class StudyPoints:
             self._fractions = LatinHypercube(len(axes), rng=latin.seed).random(latin.count)
         self._levels = () if latin else tuple(map(_grid_values, axes))
         self._count = math.prod(map(len, self._levels)) if latin is None else latin.count
-        if self._count > MOST_POINTS:
-            raise ProblemError(f"the grid has {self._count} points; at most {MOST_POINTS} can be")
+        if self._count > MAX_POINTS:
+            raise ProblemError(f"the grid has {self._count} points; at most {MAX_POINTS} can be")
 
     def __len__(self) -> int:
         return self._count

@@ -13,7 +13,7 @@ from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.resources import find_problem
 from tubeplanner.studies.problem_spec import PosedProblem
-from tubeplanner.studies.study import MOST_POINTS, PROBLEM, Axis, Latin, Levels, Study, interval
+from tubeplanner.studies.study import MAX_POINTS, PROBLEM, Axis, Latin, Levels, Study, interval
 from tubeplanner.task.field_changes import factor_of
 from tubeplanner.task.fields import Finite, Flag, Section, Version, no_flag
 from tubeplanner.task.problem_format import is_study, read_document, require_study
@@ -218,9 +218,9 @@ def _axis(path: str, values: Any) -> Axis:
         raise ProblemError(f"vary.{path}: {error}") from None
     if values.count is None:
         return between
-    if not 2 <= values.count <= MOST_POINTS:
+    if not 2 <= values.count <= MAX_POINTS:
         raise ProblemError(
-            f"vary.{path}: count is {values.count}; it must be >= 2 and <= {MOST_POINTS}"
+            f"vary.{path}: count is {values.count}; it must be >= 2 and <= {MAX_POINTS}"
         )
     return between.levels(values.count)
 

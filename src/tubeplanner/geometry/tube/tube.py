@@ -45,7 +45,7 @@ from tubeplanner.orientation import rotation_matrix, rotation_vector
 from tubeplanner.robot.model import RobotModel
 
 _ALL = slice(None)
-_LARGEST_NUMBER = 10**9  # of a point
+_MAX_NUMBER = 10**9  # of a point
 # Fields with an entry for each point, and for each segment.
 _BY_POINT = ("points", "orientations", "numbers")
 _BY_SEGMENT = (
@@ -422,7 +422,7 @@ def _numbers(numbers: object, segments: int) -> IntArray:
     """
     is_array = isinstance(numbers, np.ndarray) and numbers.ndim == 1
     row: Any = numbers if is_array or isinstance(numbers, list | tuple) else ()
-    are_whole = all(isinstance(n, WHOLE_NUMBER) and 0 <= n <= _LARGEST_NUMBER for n in row)
+    are_whole = all(isinstance(n, WHOLE_NUMBER) and 0 <= n <= _MAX_NUMBER for n in row)
     if not are_whole or len(row) != segments + 1 or not (np.diff(row) >= 0).all():
         raise ProblemError(
             f"tube.numbers is {shown(numbers)}; give {segments + 1} ascending whole numbers"

@@ -204,8 +204,8 @@ _TINT = 0.3  # of a segment's colour; the rest is white
 _ROOM = 0.04  # around the drawing, of its largest extent
 _ASTRAY = 0.3  # beyond the tube, of its extent: runs that go farther are cut off
 # Half the height of the close-up, in excursions; at least, in radii; at most, of the whole panel.
-_CLOSE, _LEAST_CLOSE, _MOST_CLOSE = 2.0, 0.4, 0.25
-_LEAST_HEIGHT, _CLOSE_HEIGHT = 0.15, 0.6  # of a row, of its width
+_CLOSE, _MIN_CLOSE, _MAX_CLOSE = 2.0, 0.4, 0.25
+_MIN_HEIGHT, _CLOSE_HEIGHT = 0.15, 0.6  # of a row, of its width
 _SIDES = 96  # of a round silhouette
 _NAMES, _UP = "xyz", 2
 # Marks the place farthest out of the tube.
@@ -245,7 +245,7 @@ def draw_planes(figure: "FigureBase", problem: PlanningProblem, tools: ToolRuns)
 
 def _axes(figure: "FigureBase", planes: list[Plane], size: FloatArray) -> list["Axes"]:
     """Return axes of the planes, stacked or, if high, side by side; below, of the close-up."""
-    shape = [max(size[up] / size[across], _LEAST_HEIGHT) for across, up in planes]
+    shape = [max(size[up] / size[across], _MIN_HEIGHT) for across, up in planes]
     if planes[0][1] == _UP and max(shape) > 1:
         grid = figure.add_gridspec(2, len(planes), height_ratios=(1.2, _CLOSE_HEIGHT))
         cells = [grid[0, i] for i in range(len(planes))]
@@ -287,10 +287,8 @@ def _draw_close(axis: "Axes", whole: "Axes", tube: Tube, tools: ToolRuns, plane:
     """Show the surroundings of the place farthest out, and frame this area in the whole panel."""
     tool, margin = tools.runs[tools.worst], float(tools.tube.runs[tools.worst])
     middle = (tool + _nearest_planned(tools)) / 2
-    half = max(_CLOSE * abs(margin), _LEAST_CLOSE * float(tube.effective_radius.min()))
-    half = min(
-        half, _MOST_CLOSE * float(np.ptp([whole.get_xlim(), whole.get_ylim()], axis=1).max())
-    )
+    half = max(_CLOSE * abs(margin), _MIN_CLOSE * float(tube.effective_radius.min()))
+    half = min(half, _MAX_CLOSE * float(np.ptp([whole.get_xlim(), whole.get_ylim()], axis=1).max()))
     sides = np.full(3, half)
     sides[plane[0]] /= _CLOSE_HEIGHT
     low, high = middle - sides, middle + sides
@@ -353,7 +351,7 @@ def _outline(points: FloatArray) -> FloatArray:
 _PLAN: dict[str, Any] = {"color": "#000000", "linewidth": 1.3}
 _BANDS = (((0.0, 1.0), 0.28, "all runs"), ((0.25, 0.75), 0.5, "half of the runs"))
 _MILLI = 1e3
-_LEAST_ROOM = 0.1  # [mm or mrad]
+_MIN_ROOM = 0.1  # [mm or mrad]
 _COLUMNS = 250  # of the saturation panel
 
 
@@ -375,7 +373,7 @@ def draw_margin(axis: "Axes", band: Band, label: str, least: float = 0.0) -> Non
     low, top = float(np.nanmin(values)), float(np.nanmax(values))
     nearest = float(np.nanmin(values[-1]))  # of the plan: its nearest point is always in sight
     room = min(top, max(-3 * low, 2 * nearest, 0.25 * top))
-    room = max(room, 0.1 * abs(low), _LEAST_ROOM)
+    room = max(room, 0.1 * abs(low), _MIN_ROOM)
     axis.set_ylim(bound + min(1.25 * low, -0.12 * room), bound + 1.1 * room)
 
 

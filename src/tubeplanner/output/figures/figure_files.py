@@ -94,7 +94,7 @@ def require_figure(path: Path | None, option: str = "figure") -> None:
 
 _WIDTH = 12.5  # all of these [inches]
 _ABOVE_STRIP, _STRIP_ROW, _PANEL, _MOTORS = 1.0, 0.21, 1.95, 2.7
-_LEAST_SPACE = 2  # rows of panels that the panel in space takes at least
+_MIN_SPACE = 2  # rows of panels that the panel in space takes at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ def figure_grid(strip_rows: int, panels: int, *, has_motors: bool) -> FigureGrid
         panels: Number of curves over time.
         has_motors: True for a part for motors.
     """
-    rows = -(-(panels + _LEAST_SPACE) // 2)
+    rows = -(-(panels + _MIN_SPACE) // 2)
     heights = [_ABOVE_STRIP + _STRIP_ROW * strip_rows, _PANEL * rows]
     heights += [_MOTORS] * has_motors
     figure = new_figure(_WIDTH, sum(heights))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _BASE_MARK = StatusMark(OBSTACLE_COLOR, "s", "oo")
-_WIDTH, _LEAST_HEIGHT, _MOST_HEIGHT = 8.0, 4.5, 10.0  # of the figure [inches]
+_WIDTH, _MIN_HEIGHT, _MAX_HEIGHT = 8.0, 4.5, 10.0  # of the figure [inches]
 _MARGIN = 0.1  # around the map, as a fraction of its size
 _NARROW = 0.15  # of the size: sides of a cell without spacing
 _ARROW = 0.13  # length of arrows, as a fraction of the size
@@ -56,7 +56,7 @@ def plot_placement(result: Placement, path: str | Path | None = None) -> "Figure
     margin = _MARGIN * max(float((high - low).max()), 1e-3)
     low, high = low - margin, high + margin
     height = _WIDTH * float((high - low)[1] / (high - low)[0])
-    figure = new_figure(_WIDTH, min(max(height, _LEAST_HEIGHT), _MOST_HEIGHT))
+    figure = new_figure(_WIDTH, min(max(height, _MIN_HEIGHT), _MAX_HEIGHT))
     axis = figure.add_subplot()
     figure.suptitle(f"{result.problem.name}: duration by where the robot stands")
     size = float((high - low).max())

@@ -211,9 +211,9 @@ def _draw_speeds(
 
 # ---- Durations over two fields: a map of a grid's cells, or scattered points.
 
-_MOST_WRITTEN = 150  # cells with their durations in them
-_MOST_TICKS = 12
-_MOST_UPRIGHT = 70  # [characters] of all upright labels together
+_MAX_WRITTEN = 150  # cells with their durations in them
+_MAX_TICKS = 12
+_MAX_UPRIGHT = 70  # [characters] of all upright labels together
 _DARK = 0.5  # brightness below which white letters are easier to read
 
 
@@ -241,7 +241,7 @@ def draw_map(axis: "Axes", rows: Sequence[StudyRow], across: str, up: str) -> No
     image = axis.imshow(durations, cmap=_shades(), origin="lower", aspect="auto")
     if np.isfinite(durations).any():
         _figure(axis).colorbar(image, ax=axis, label="duration [s]")
-    if durations.size <= _MOST_WRITTEN:
+    if durations.size <= _MAX_WRITTEN:
         for line, column in np.argwhere(np.isfinite(durations)).tolist():
             value = durations[line, column]
             brightness = np.dot(image.to_rgba(value)[:3], (0.3, 0.6, 0.1))
@@ -302,14 +302,14 @@ class _Ticks:
     @property
     def labels(self) -> tuple[list[int], list[str]]:
         """Positions and texts of labels, as many as fit."""
-        step = -(-len(self.values) // _MOST_TICKS)
+        step = -(-len(self.values) // _MAX_TICKS)
         numbers = list(range(0, len(self.values), step))
         return numbers, [value_label(self.values[k]) for k in numbers]
 
     @property
     def is_long(self) -> bool:
         """True if labels are too long to stand side by side."""
-        return sum(map(len, self.labels[1])) > _MOST_UPRIGHT
+        return sum(map(len, self.labels[1])) > _MAX_UPRIGHT
 
 
 def _label(status: PlanStatus, count: int) -> str:

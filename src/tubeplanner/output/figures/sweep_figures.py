@@ -163,7 +163,7 @@ def _half_tangent(values: np.ndarray, value: float) -> float:
 # ---- Positions of a field's values on an axis: numbers and factors to scale, others in a row.
 
 _MAX_LABEL = 24  # [characters] of a value below the axis
-_MOST_UPRIGHT = 36  # [characters] of all upright labels of an axis together
+_MAX_UPRIGHT = 36  # [characters] of all upright labels of an axis together
 # Ratio of largest to smallest value from which on a logarithmic axis may be more even.
 _WIDE_RANGE = 10.0
 
@@ -227,7 +227,7 @@ class ValueScale:
             labels = dict(zip(self.places.tolist(), map(value_label, self.values), strict=True))
             line.set_ticks(list(labels), labels=list(labels.values()))
             axis.set(**{f"{side}lim": (min(labels) - 0.5, max(labels) + 0.5)})
-            if side == "x" and sum(map(len, labels.values())) > _MOST_UPRIGHT:
+            if side == "x" and sum(map(len, labels.values())) > _MAX_UPRIGHT:
                 axis.tick_params("x", rotation=20)
 
 
@@ -241,7 +241,7 @@ def value_label(value: Any) -> str:
 
 # ---- The duration against one field, for sweeps and studies.
 
-_MOST_NAMED = 12  # gaps with their reason beside them; more are drawn as marks with a legend
+_MAX_NAMED = 12  # gaps with their reason beside them; more are drawn as marks with a legend
 _ABOVE: dict[str, Any] = {
     "xytext": (0, 9),
     "textcoords": "offset points",
@@ -301,7 +301,7 @@ def draw_durations(
         for place, row in zip(scale.places.tolist(), rows, strict=True)
         if row.duration is None
     ]
-    if len(gaps) > _MOST_NAMED:
+    if len(gaps) > _MAX_NAMED:
         draw_rug(axis, gaps)
     else:
         for place, status in gaps:

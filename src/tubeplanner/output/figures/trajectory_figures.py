@@ -170,7 +170,7 @@ def _far_apart(robot: RobotModel, q: FloatArray) -> list[int]:
 
 _STOP_COLOR = "#888888"
 _LETTER = 0.009  # width of a letter of a name, of the panel
-_FEWEST_LETTERS = 5
+_MIN_LETTERS = 5
 _LINE = 0.02  # height of a line of text, of the panel
 
 
@@ -226,4 +226,4 @@ def shown_name(name: str, letters: int) -> str:
     """Return a name in at most a number of letters: whole, cut, or empty if little would remain."""
     if len(name) <= letters:
         return name
-    return f"{name[: letters - 2]}..." if letters >= _FEWEST_LETTERS else ""
+    return f"{name[: letters - 2]}..." if letters >= _MIN_LETTERS else ""

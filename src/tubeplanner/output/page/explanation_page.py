@@ -105,7 +105,7 @@ def _not_enough(word: str, value: str) -> list[str]:
 # ---- The arm where it is blocked: in the configuration that planning met, or as near as possible.
 
 _THERE = 1e-3  # [m]: a tool this near is at the blocked position
-_MOST_SEEDS = 20
+_MAX_SEEDS = 20
 
 
 def blocked_arm(problem: PlanningProblem, found: Explanation) -> ShownTrajectory | None:
@@ -137,7 +137,7 @@ def _nearest(problem: PlanningProblem, target: FloatArray) -> FloatArray:
     except Infeasible:
         seed = limits.clip(np.zeros(problem.robot.joint_count))
     bounds = limits.lower_position, limits.upper_position
-    seeds = [seed, *spread_seeds(*bounds)[:_MOST_SEEDS]]
+    seeds = [seed, *spread_seeds(*bounds)[:_MAX_SEEDS]]
     solutions = (solve_position(problem.robot, target, each, *bounds) for each in seeds)
     return min(solutions, key=lambda each: max(each.error, _THERE)).q
 

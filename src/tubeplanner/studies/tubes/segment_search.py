@@ -29,7 +29,7 @@ from tubeplanner.task.problem import PlanningProblem
 # its ranges reach the farther one.
 _MIN_RADIUS, _MIN_RANGE = 1e-3, 1e-3
 WANTED_RANGE = 0.05
-_WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
+_MAX_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
 # More counts nothing: of a range whose need is unknown [rad or m]; else beyond the need, of a
 # radius [m] and of a range [rad or m].
 _ENOUGH_RANGE, _EXTRA_RADIUS, _EXTRA_RANGE = 0.3, 5e-3, 0.05
@@ -136,8 +136,8 @@ class CollisionBoxes:
         self.widest = np.concatenate(
             [
                 [radius - self.radius],
-                np.minimum(self._lower - lower, _WIDEST_RANGE),
-                np.minimum(upper - self._upper, _WIDEST_RANGE),
+                np.minimum(self._lower - lower, _MAX_RANGE),
+                np.minimum(upper - self._upper, _MAX_RANGE),
             ]
         )
         # Known collisions, the pairs that collide, their distances beyond the core.
