@@ -323,7 +323,7 @@ def _read_srdf(path: Path) -> None:
 def _read_study(path: Path) -> None:
     study = load_study(path)
     for index in range(min(3, len(study.points))):
-        study.posed(study.points[index])
+        study.spec(study.points[index])
 
 
 class _Nobody(Executor):

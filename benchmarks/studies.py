@@ -39,7 +39,7 @@ from distributed import LocalCluster
 from tubeplanner import (
     PlanningProblem,
     PlanOptions,
-    PosedProblem,
+    ProblemSpec,
     WorkerProcesses,
     dask_executor,
     load_problem,
@@ -158,7 +158,7 @@ class Many:
 
     def __init__(self, executor: Executor) -> None:
         self._executor = executor
-        self._posed = {name: PosedProblem.read(name) for name in NAMES}
+        self._posed = {name: ProblemSpec.read(name) for name in NAMES}
 
     def planned(self, asked: list[Point]) -> Chunk:
         """Plan points."""
@@ -255,23 +255,23 @@ def costs() -> None:
 
 
 def _print_costs_of(name: str) -> None:
-    posed, problem = PosedProblem.read(name), problem_of(name, 0.9)
+    spec, problem = ProblemSpec.read(name), problem_of(name, 0.9)
     parcel = Packer().pack(problem)
-    answers = [_answer((each, OPTIONS)) for each in (posed, posed, parcel)]
+    answers = [_answer((each, OPTIONS)) for each in (spec, spec, parcel)]
     sizes = [len(pickle.dumps(answer)) for answer in answers]
     planning = answers[1][0].planning_time
     print(f"{name}: planned in {planning:.2f} s")
     print(
-        f"  as its file holds it: {len(pickle.dumps(posed)) / 1e3:.1f} kB there, "
+        f"  as its file holds it: {len(pickle.dumps(spec)) / 1e3:.1f} kB there, "
         f"{sizes[1] / 1e3:.0f} kB back; as a PlanningProblem "
         f"{len(pickle.dumps(parcel)) / 1e3:.0f} kB there, {sizes[2] / 1e3:.0f} kB back"
     )
-    again = posed.changed({"tube.radius": "x0.9"})
+    again = spec.changed({"tube.radius": "x0.9"})
     print(
-        f"  loaded in {1e3 * answers[0][1]:.0f} ms, {_spent([again] * 20, PosedProblem.load):.2f} "
+        f"  loaded in {1e3 * answers[0][1]:.0f} ms, {_spent([again] * 20, ProblemSpec.load):.2f} "
         f"ms where its cell is known; changed in "
-        f"{_spent([posed] * 20, lambda each: each.changed({'tube.radius': 'x0.9'})):.2f} ms; hash "
-        f"{_spent([posed] * 20, lambda each: each.content_hash(OPTIONS)):.2f} ms; answer unpickled "
+        f"{_spent([spec] * 20, lambda each: each.changed({'tube.radius': 'x0.9'})):.2f} ms; hash "
+        f"{_spent([spec] * 20, lambda each: each.content_hash(OPTIONS)):.2f} ms; answer unpickled "
         f"in {_spent([pickle.dumps(answers[1])] * 20, pickle.loads):.2f} ms"
     )
 

@@ -104,7 +104,7 @@ from .studies.remedies import Room as Room  # returned
 from .studies.plan_many import plan_many as plan_many
 from .studies.plan_many import PlannedItem as PlannedItem  # returned
 from .studies.dask_executor import dask_executor as dask_executor
-from .studies.problem_spec import PosedProblem as PosedProblem
+from .studies.problem_spec import ProblemSpec as ProblemSpec
 from .studies.worker_processes import WorkerProcesses as WorkerProcesses
 from .studies.worker_processes import WorkerDied as WorkerDied
 from .studies.sweeps import sweep as sweep

@@ -404,10 +404,10 @@ def test_a_goal_that_nothing_continues_is_the_first_of_its_pose(two_link, wall, 
 
 def test_what_is_planned_keeps_both_poses(wall, branch):
     ends = {"start": pose_at(wall, wall.start), "goal": pose_at(wall, branch.goal, branch.goal)}
-    posed = changed(wall, **ends)
-    result = plan(posed, PlanOptions("stop-at-corners", slack=0.0))
+    spec = changed(wall, **ends)
+    result = plan(spec, PlanOptions("stop-at-corners", slack=0.0))
     assert result.succeeded
-    certificate = verify(posed, result.trajectory)
+    certificate = verify(spec, result.trajectory)
     assert certificate.passed
     assert certificate.conditions["start"].coverage == "tool at its pose"
     assert any(note.startswith("start: of ") for note in result.notes)

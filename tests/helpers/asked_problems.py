@@ -3,7 +3,7 @@
 from copy import deepcopy
 from pathlib import Path
 
-from tubeplanner import PosedProblem
+from tubeplanner import ProblemSpec
 from tubeplanner.outcome import TimeLimitReached
 from tubeplanner.studies.change_trials import Trial
 from tubeplanner.studies.changes import Change, Proposal, Question
@@ -52,7 +52,7 @@ ROOM = Room(
 
 def asked(changes=None, folder=Path(".")):
     """Return the question about the planar problem with other values by field path."""
-    return Question.of(PosedProblem(deepcopy(PLANAR), folder, "asked").changed(changes or {}))
+    return Question.of(ProblemSpec(deepcopy(PLANAR), folder, "asked").changed(changes or {}))
 
 
 def the(changes, field, about=""):
@@ -70,9 +70,9 @@ def text_of(change, fraction=0.5):
 def made(question, change, size):
     """Return the problem that a change by a size makes, after a look at what else it touches."""
     proposal = change.propose(size)
-    after = question.posed.changed(proposal.changes).document
+    after = question.spec.changed(proposal.changes).document
     touched = {path.split(".")[0] for path in proposal.changes}
-    assert {key for key in after if after[key] != question.posed.document.get(key)} <= touched
+    assert {key for key in after if after[key] != question.spec.document.get(key)} <= touched
     return question.load(proposal.changes)
 
 

@@ -4,7 +4,7 @@ from concurrent.futures import Executor, Future
 
 from tubeplanner import PlanOptions
 from tubeplanner.outcome import PlanStatus
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.study import Interval, Levels, Study
 from tubeplanner.studies.study_run import StudyResult, StudyRow
 
@@ -49,7 +49,7 @@ def small_study(vary=None, latin=None, options=QUICK):
     """Return a study of the two-link arm: values by path, or axes."""
     vary = {RADIUS: [0.02, 0.03]} if vary is None else vary
     axes = vary if isinstance(vary, list) else [Levels(p, tuple(v)) for p, v in vary.items()]
-    problems = {"arm": PosedProblem.read(PROBLEM)}
+    problems = {"arm": ProblemSpec.read(PROBLEM)}
     return Study("small", problems, axes, latin, options)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from worker_calls import deadly, noted
 
-from tubeplanner import PlanOptions, PosedProblem
+from tubeplanner import PlanOptions, ProblemSpec
 
 LINE = "example:two_link/paper_1_50mm"
 FAST = PlanOptions(quality="fast", slack=0.0)
@@ -23,7 +23,7 @@ for share in sys.argv[2:]:
 
 
 @dataclass(frozen=True)
-class DeadlyProblem(PosedProblem):
+class DeadlyProblem(ProblemSpec):
     """Kills the process that reads it."""
 
     def load(self):
@@ -31,7 +31,7 @@ class DeadlyProblem(PosedProblem):
 
 
 @dataclass(frozen=True)
-class RaisingProblem(PosedProblem):
+class RaisingProblem(ProblemSpec):
     """Raises what reading must not raise."""
 
     def load(self):
@@ -39,7 +39,7 @@ class RaisingProblem(PosedProblem):
 
 
 @dataclass(frozen=True)
-class SlowProblem(PosedProblem):
+class SlowProblem(ProblemSpec):
     """Takes its time, and says in a file which process reads it."""
 
     noted_in: str = ""

@@ -146,7 +146,7 @@ def test_any_document_loads_or_is_refused(parse, schema, data):
 def test_any_study_poses_its_points_or_is_refused(file, document):
     if written(file, document) and (study := accepted(t.load_study, file)):
         for index in range(min(3, len(study.points))):
-            accepted(study.posed, study.points[index])
+            accepted(study.spec, study.points[index])
 
 
 @examples(15)

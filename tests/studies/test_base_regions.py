@@ -25,7 +25,7 @@ from tubeplanner.studies.base_regions import (
     leading_seeds,
     require_base_free,
 )
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.task.endpoints import Endpoint
 
 # The gantry's base is a cube of 0.1 m whose top is at -0.05: it stands on the floor's top.
@@ -140,7 +140,7 @@ def test_ignored_pairs_and_moving_links_do_not_count(tmp_path):
 
 
 def movable(path, **changes):
-    return MovableProblem.of(PosedProblem.read(path).changed(changes))
+    return MovableProblem.of(ProblemSpec.read(path).changed(changes))
 
 
 def test_joints_become_seeds_and_the_tube_stays(tmp_path):
@@ -172,7 +172,7 @@ def test_a_base_keeps_its_roll_and_pitch(tmp_path):
     assert (tilted.given, tilted.tilt) == (Stand(1, 2, 3, 0.3), (0.1, 0.2))
     turned = movable(path, **{"robot.base": {"quaternion": [0.1, -0.2, 0.3, 0.9]}})
     own = turned.load(turned.given).robot.base.placement
-    as_given = turned.posed.changed({"start": {"seed": [0, 0]}}).load().robot.base.placement
+    as_given = turned.spec.changed({"start": {"seed": [0, 0]}}).load().robot.base.placement
     np.testing.assert_allclose(own, as_given, atol=1e-12)
     moved = turned.load(turned.given._replace(yaw=turned.given.yaw + 0.7)).robot.base.placement
     expected = matrix_of_rpy(0, 0, 0.7) @ as_given[:3, :3]

@@ -124,8 +124,8 @@ def test_the_search_ends_with_its_time_and_with_the_first_that_is_cut_short(monk
 
 
 def test_what_is_cut_short_says_nothing(monkeypatch):
-    posed = line().posed
-    late = Asked(posed, replace(QUICK, time_limit=100.0), until=-NO_LIMIT)
+    spec = line().spec
+    late = Asked(spec, replace(QUICK, time_limit=100.0), until=-NO_LIMIT)
     assert planned(late).is_cut_short
     failed = SimpleNamespace(duration=None, succeeded=False, stopped_by=None)
     ended = SimpleNamespace(duration=1.0, succeeded=True, stopped_by=None)
@@ -133,7 +133,7 @@ def test_what_is_cut_short_says_nothing(monkeypatch):
         times = iter([0.0, 9.0])  # before planning and after
         monkeypatch.setattr(module.time, "monotonic", times.__next__)
         monkeypatch.setattr(module, "plan_either", lambda problem, options, r=result: r)
-        answer = planned(Asked(posed, QUICK, until=5.0))
+        answer = planned(Asked(spec, QUICK, until=5.0))
         assert (answer.duration, answer.is_cut_short) == (result.duration, is_cut_short)
 
 

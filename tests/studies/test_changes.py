@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from asked_problems import PLANAR, POINTS, asked, simple_change
 
-from tubeplanner import PosedProblem
+from tubeplanner import ProblemSpec
 from tubeplanner.errors import ProblemError
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.studies.changes import Question, exact, figures, from_to, in_order, rounded
@@ -36,7 +36,7 @@ def test_points_are_those_of_the_problem_or_of_its_file(tmp_path):
     rows = [",".join(map(str, [*point, 0.04])) for point in POINTS]
     (tmp_path / "path.csv").write_text("x,y,z,radius\n" + "\n".join(rows))
     tube = {"points": "path.csv"}
-    from_file = Question.of(PosedProblem({**PLANAR, "tube": tube}, tmp_path, "asked"))
+    from_file = Question.of(ProblemSpec({**PLANAR, "tube": tube}, tmp_path, "asked"))
     for question in (asked(), from_file):
         np.testing.assert_array_equal(question.points, POINTS)
         assert question.segment_count == 3
@@ -54,7 +54,7 @@ def test_a_question_may_be_about_what_cannot_be_posed():
 
 def test_a_study_is_refused(tmp_path):
     with pytest.raises(ProblemError, match="this is a study, where one problem is needed"):
-        Question.of(PosedProblem({"study": {}}, tmp_path, "asked"))
+        Question.of(ProblemSpec({"study": {}}, tmp_path, "asked"))
 
 
 def test_the_segment_near_a_point_is_found():

@@ -12,7 +12,7 @@ import worker_calls as calls
 from distributed import Client, LocalCluster
 from worker_problems import FAST, LINE, DeadlyProblem, SlowProblem, bits, planned_alone
 
-from tubeplanner import OptionError, PlanStatus, PosedProblem, dask_executor, plan_many
+from tubeplanner import OptionError, PlanStatus, ProblemSpec, dask_executor, plan_many
 from tubeplanner.studies import dask_executor as module
 from tubeplanner.studies.dask_executor import RetriedAlone
 from tubeplanner.studies.plan_many import run_many
@@ -177,14 +177,14 @@ def test_calls_are_made_by_the_workers_the_same_one_twice(small, tmp_path, monke
 @pytest.mark.slow  # plans on a cluster, and alone
 def test_a_worker_that_dies_loses_nothing(small, tmp_path):
     fractions = [round(1 - 0.05 * k, 2) for k in range(6)]
-    line, path = PosedProblem.read(LINE), tmp_path / "calls"
+    line, path = ProblemSpec.read(LINE), tmp_path / "calls"
 
-    def posed(fraction):
+    def spec(fraction):
         changed = line.changed({"tube.radius": f"x{fraction}"})
         return SlowProblem(changed.document, changed.folder, changed.name, str(path))
 
     with dask_executor(small.scheduler_address) as executor:
-        items = plan_many(map(posed, fractions), FAST, executor)
+        items = plan_many(map(spec, fractions), FAST, executor)
         found = [next(items), next(items)]
         kill_a_worker(small.scheduler_address)
         found += items
@@ -196,14 +196,14 @@ def test_a_worker_that_dies_loses_nothing(small, tmp_path):
 
 @pytest.mark.slow  # plans on a cluster
 def test_what_kills_every_worker_costs_its_item_alone(small):
-    line = PosedProblem.read(LINE)
+    line = ProblemSpec.read(LINE)
     deadly = DeadlyProblem(line.document, line.folder, line.name)
     with dask_executor(small.scheduler_address) as executor:
         # So many that others are on the workers that it kills, and are blamed with it at first.
-        posed = [line, line, deadly, *[line] * 6]
-        items = list(plan_many(posed, FAST, executor))
+        spec = [line, line, deadly, *[line] * 6]
+        items = list(plan_many(spec, FAST, executor))
     found = {item.index: item for item in items}
-    assert len(items) == len(found) == len(posed)
+    assert len(items) == len(found) == len(spec)
     crashed = found.pop(2)
     assert crashed.status == PlanStatus.CRASHED
     assert "KilledWorker" in crashed.message

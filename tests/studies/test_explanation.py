@@ -17,7 +17,7 @@ from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies import change_trials as trials_module
-from tubeplanner.studies.explanation import Unposed, in_vain_text, setting_text
+from tubeplanner.studies.explanation import InvalidProblem, in_vain_text, setting_text
 
 PROBLEM = parse_problem(PLANAR)
 PLACE = Place(segment=1, joint="joint2")
@@ -38,41 +38,41 @@ MOVED = "(moved by up to 1 m)"
 TURNED = "(each joint by up to 1 rad or m)"
 
 
-def unposed(**changes):
+def invalid(**changes):
     """Return what is known of the planar problem with values by field path, dots as `__`."""
     question = asked({path.replace("__", "."): value for path, value in changes.items()})
     with pytest.raises(ProblemError) as raised:
         question.load()
-    return Unposed.of(question, raised.value)
+    return InvalidProblem.of(question, raised.value)
 
 
 def test_an_end_outside_has_its_place_and_is_drawn():
-    known = unposed(start={"joints": [0.2, 4.0]})
+    known = invalid(start={"joints": [0.2, 4.0]})
     assert known.message.startswith("start: joint 'joint2' at 4 is outside")
     assert (known.place.joint, known.place.segment, known.proved) == ("joint2", 0, None)
     np.testing.assert_array_equal(known.configuration, [0.2, 4.0])
     np.testing.assert_array_equal(known.drawn.tube.points, POINTS)
     assert [each.name for each in known.drawn.obstacles] == ["post.1"]
-    known = unposed(goal={"joints": [0.0, -0.5]})  # outside its segment: the tool is its place
+    known = invalid(goal={"joints": [0.0, -0.5]})  # outside its segment: the tool is its place
     tool = known.drawn.robot.tool_position(np.array([[0.0, -0.5]]))[0]
     assert known.place.position == pytest.approx(tool)
     assert (known.place.segment, known.place.point) == (2, 3)
     np.testing.assert_array_equal(known.configuration, [0.0, -0.5])
-    assert unposed(start={"joints": [0.0, -0.5]}).place.point == 0
+    assert invalid(start={"joints": [0.0, -0.5]}).place.point == 0
 
 
 def test_ranges_that_do_not_meet_are_proved_and_the_tube_is_drawn_without():
     for signs in (APART, {"joint2": [4, 5]}):
-        known = unposed(tube__joint_signs=signs)
+        known = invalid(tube__joint_signs=signs)
         assert known.message.endswith("proved: there is no motion")
         assert (known.place.joint, known.place.segment, known.proved) == ("joint2", 0, True)
         assert known.drawn.tube.joint_ranges == ({}, {}, {})
-    union = unposed(tube__joint_signs={"joint2": [4, 5]}, tube__visit="any")
+    union = invalid(tube__joint_signs={"joint2": [4, 5]}, tube__visit="any")
     assert union.proved is None  # one capsule may be left out
-    assert unposed(tube__tool_radius=0.04).drawn.tube.tool_radius == 0
-    assert unposed(tube__radius=-1.0).drawn is None
+    assert invalid(tube__tool_radius=0.04).drawn.tube.tool_radius == 0
+    assert invalid(tube__radius=-1.0).drawn is None
     with pytest.raises(ProblemError, match=r"no\.stl"):
-        unposed(obstacles=[{"name": "part", "mesh": "no.stl"}])
+        invalid(obstacles=[{"name": "part", "mesh": "no.stl"}])
 
 
 def test_a_problem_without_an_answer_says_where_and_why():
@@ -89,8 +89,8 @@ def test_a_problem_without_an_answer_says_where_and_why():
 
 
 def test_what_cannot_be_posed_is_bad_input():
-    unposed = Unposed("start is not there", PLACE, True, None, PROBLEM)
-    found = Explanation("name", None, None, unposed, stopped_by="time_limit")
+    invalid = InvalidProblem("start is not there", PLACE, True, None, PROBLEM)
+    found = Explanation("name", None, None, invalid, stopped_by="time_limit")
     assert (found.message, found.place, found.succeeded) == ("start is not there", PLACE, False)
     assert (found.drawn, found.configuration) == (PROBLEM, None)
     fields = found.as_dict()

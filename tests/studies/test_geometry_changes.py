@@ -198,7 +198,7 @@ def test_points_of_an_end_move_together_and_the_end_with_them(given, words, read
     moves = [each for each in all_of(question) if each.field == "tube.points"]
     (change,) = [each for each in moves if words in text_of(each) and "in -y" in text_of(each)]
     proposal = change.propose(0.1)
-    moved = question.posed.changed(proposal.changes).document["tube"]["points"]
+    moved = question.spec.changed(proposal.changes).document["tube"]["points"]
     shift = np.subtract(POINTS, moved)[:, 1]
     run = {"2-3": [0, 0, 1, 1], "0-1": [1, 1, 0, 0], "who": [1, 1, 1, 1]}[words[:3]]
     np.testing.assert_allclose(shift, 0.1 * np.array(run))

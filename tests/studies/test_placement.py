@@ -18,7 +18,7 @@ from tubeplanner.studies import placement as module
 from tubeplanner.studies.base_regions import MovableProblem, Region
 from tubeplanner.studies.placement import _neighbours, _starts, pattern_search
 from tubeplanner.studies.placement_rows import SEARCH_OPTIONS, PlacementRow, grouped, tried
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 
 LOW, HIGH = -2.0, 3.0
 FEW = PlaceOptions(points=8, quality="fast", slack=0.0)
@@ -299,7 +299,7 @@ def test_a_start_that_is_blocked_elsewhere_is_reached_in_another_way(tmp_path):
         "start": {"joints": [-0.8411, 1.6821]},  # the elbow is in the post
         "obstacles": [{"name": "post", "cylinder": [0.03, 0.4], "position": [0.2, -0.22, 0]}],
     }
-    movable = MovableProblem.of(PosedProblem(document, tmp_path, "two_link"))
+    movable = MovableProblem.of(ProblemSpec(document, tmp_path, "two_link"))
     row = tried((movable, movable.given, (), SEARCH_OPTIONS))
     assert row.is_feasible
     assert row.seeds["start"][1] < 0

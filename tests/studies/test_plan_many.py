@@ -16,7 +16,7 @@ from tubeplanner import (
     OptionError,
     PlanOptions,
     PlanStatus,
-    PosedProblem,
+    ProblemSpec,
     WorkerProcesses,
     load_problem,
     parse_cycle,
@@ -105,11 +105,11 @@ def by_index(items):
 
 @pytest.mark.slow  # plans in three processes
 def test_answers_are_those_of_plan_bit_for_bit(alone):
-    posed = PosedProblem.read(LINE)
+    spec = ProblemSpec.read(LINE)
     problems = [
         load_problem(LINE, changes={"tube.radius": f"x{fraction}"}) for fraction in FRACTIONS
     ]
-    problems += [posed.changed({"tube.radius": f"x{fraction}"}) for fraction in FRACTIONS]
+    problems += [spec.changed({"tube.radius": f"x{fraction}"}) for fraction in FRACTIONS]
     with WorkerProcesses(2) as workers:
         found = by_index(plan_many(problems, FAST, workers))
         again = workers.submit(abs, -1).result()
@@ -136,7 +136,7 @@ def test_by_default_processes_of_its_own_plan(monkeypatch):
 
 def test_threads_plan_the_same_and_a_tube_without_an_answer_is_a_result():
     here = load_problem(LINE)
-    far = PosedProblem.read(LINE).changed({"tube.points": [[0.3, -0.5, 0], [2.0, 0.5, 0]]})
+    far = ProblemSpec.read(LINE).changed({"tube.points": [[0.3, -0.5, 0], [2.0, 0.5, 0]]})
     with ThreadPoolExecutor(2) as threads:
         one, other, item = by_index(plan_many([here, LINE, far], FAST, threads))
     assert bits(one.result) == bits(other.result)
@@ -163,20 +163,20 @@ def test_a_name_is_a_file_of_this_folder(tmp_path, monkeypatch):
 def test_cycles_are_planned_too():
     held = parse_yaml(SMALL)
     held |= {"moves": held["moves"][:2], "closed": False}
-    posed = PosedProblem(held, Path(), "short")
+    spec = ProblemSpec(held, Path(), "short")
     with ThreadPoolExecutor(1) as threads:
-        found = by_index(plan_many([posed, parse_cycle(held)], FAST, threads))
+        found = by_index(plan_many([spec, parse_cycle(held)], FAST, threads))
     assert all(isinstance(item.result, CycleResult) for item in found)
     assert found[0].duration == found[1].duration > 0
 
 
 @pytest.mark.slow  # plans in processes that die
 def test_what_cannot_be_posed_raises_or_kills_costs_its_item_alone(alone):
-    posed = PosedProblem.read(LINE)
-    parts = (posed.document, posed.folder, posed.name)
+    spec = ProblemSpec.read(LINE)
+    parts = (spec.document, spec.folder, spec.name)
     problems = [
-        *(posed, "no/such/file.yaml", posed.changed({"robot.tool_frame": "nowhere"})),
-        *(DeadlyProblem(*parts), RaisingProblem(*parts), posed),
+        *(spec, "no/such/file.yaml", spec.changed({"robot.tool_frame": "nowhere"})),
+        *(DeadlyProblem(*parts), RaisingProblem(*parts), spec),
     ]
     with WorkerProcesses(2) as workers:
         found = by_index(plan_many(problems, FAST, workers))
@@ -198,7 +198,7 @@ def test_problems_are_taken_as_needed():
     def problems():
         for fraction in FRACTIONS:
             taken.append(fraction)
-            yield PosedProblem.read(LINE)
+            yield ProblemSpec.read(LINE)
 
     items = plan_many(problems(), PlanOptions("stop-at-corners"), ThreadPoolExecutor(1))
     assert taken == []

@@ -11,7 +11,7 @@ import trimesh
 from small_cycle import SMALL
 
 import tubeplanner
-from tubeplanner import Cycle, PlanOptions, PosedProblem, ProblemError, load_problem
+from tubeplanner import Cycle, PlanOptions, ProblemError, ProblemSpec, load_problem
 from tubeplanner.documents import parse_yaml
 from tubeplanner.output.files.fingerprint import problem_hash
 from tubeplanner.resources import bundled_folder
@@ -163,18 +163,18 @@ def test_the_files_of_a_cycle_count(folder):
 
 def test_bundled_problems_differ():
     names = ("two_link/around_a_post", "two_link/paper_1_30mm", "ur5/over_the_wall")
-    assert len({PosedProblem.read(f"example:{n}").content_hash(FAST) for n in names}) == 3
+    assert len({ProblemSpec.read(f"example:{n}").content_hash(FAST) for n in names}) == 3
 
 
 def test_a_cycle_is_loaded_as_one_and_changed_as_one(tmp_path):
     (tmp_path / "small.yaml").write_text(SMALL)
-    posed = PosedProblem.read("small.yaml", tmp_path)
-    cycle = posed.load()
+    spec = ProblemSpec.read("small.yaml", tmp_path)
+    cycle = spec.load()
     assert isinstance(cycle, Cycle)
-    assert cycle.name == posed.name == f"{tmp_path.name}/small"
+    assert cycle.name == spec.name == f"{tmp_path.name}/small"
     with pytest.raises(ProblemError, match=r"unknown key 'widths'.*radius"):
-        posed.changed({"moves.over.tube.widths": 0.06})
-    wider = posed.changed({"moves.over.tube.radius": 0.06}).load()
+        spec.changed({"moves.over.tube.widths": 0.06})
+    wider = spec.changed({"moves.over.tube.radius": 0.06}).load()
     np.testing.assert_array_equal(wider.steps[0].tube.radius, 0.06)
 
 
@@ -182,47 +182,47 @@ def test_what_a_file_includes_is_read_too(tmp_path):
     (tmp_path / "below").mkdir()
     (tmp_path / "below" / "cell.yaml").write_text("include: example:two_link/around_a_post\n")
     (tmp_path / "mine.yaml").write_text("include: below/cell.yaml\ntube: {radius: 0.02}\n")
-    problem = PosedProblem.read("mine.yaml", tmp_path).load()
+    problem = ProblemSpec.read("mine.yaml", tmp_path).load()
     np.testing.assert_array_equal(problem.tube.radius, 0.02)
     assert len(problem.obstacles) == 1
 
 
 def test_it_poses_what_load_problem_reads_with_the_same_changes(bundled):
-    posed = PosedProblem.read(POST)
-    assert posed == pickle.loads(pickle.dumps(posed))
-    assert posed.load().name == posed.name == "two_link/around_a_post"
+    spec = ProblemSpec.read(POST)
+    assert spec == pickle.loads(pickle.dumps(spec))
+    assert spec.load().name == spec.name == "two_link/around_a_post"
     changes = {"tube.radius": "x0.5", "obstacles.post.position": [0.5, 0.3, 0]}
     expected = load_problem(POST, changes=changes)
-    assert problem_hash(posed.changed(changes).load()) == problem_hash(expected)
-    assert problem_hash(posed.load()) == problem_hash(bundled("two_link/around_a_post"))
+    assert problem_hash(spec.changed(changes).load()) == problem_hash(expected)
+    assert problem_hash(spec.load()) == problem_hash(bundled("two_link/around_a_post"))
     with pytest.raises(ProblemError, match=r"tube\.width"):
-        posed.changed({"tube.width": 1.0})
+        spec.changed({"tube.width": 1.0})
     with pytest.raises(ProblemError, match=r"two_link/around_a_post.*radius"):
-        posed.changed({"tube.radius": -1.0}).load()
+        spec.changed({"tube.radius": -1.0}).load()
 
 
 def test_robot_and_solids_are_built_once():
-    posed = PosedProblem.read(POST)
-    one, other = posed.load(), posed.changed({"tube.radius": "x0.5"}).load()
+    spec = ProblemSpec.read(POST)
+    one, other = spec.load(), spec.changed({"tube.radius": "x0.5"}).load()
     assert one.robot is other.robot
     assert one.scene is other.scene
-    moved = posed.changed({"obstacles.post.position": [0.5, 0.3, 0]}).load()
+    moved = spec.changed({"obstacles.post.position": [0.5, 0.3, 0]}).load()
     assert moved.scene is not one.scene
     effort = one.robot.limits.effort
     given = dict(zip(one.robot.joint_names, (2 * effort).tolist(), strict=True))
-    stronger = posed.changed({"robot.limits.effort": given}).load()
+    stronger = spec.changed({"robot.limits.effort": given}).load()
     np.testing.assert_array_equal(stronger.robot.limits.effort, 2 * effort)
 
 
 def test_of_many_cells_those_used_last_are_kept(monkeypatch):
     monkeypatch.setattr(posed_problem, "_MAX_CELLS", 2)
-    posed = PosedProblem.read(POST)
-    moved = [posed.changed({"obstacles.post.position": [0.5, y, 0]}) for y in (0.3, 0.4)]
-    robot = posed.load().robot
+    spec = ProblemSpec.read(POST)
+    moved = [spec.changed({"obstacles.post.position": [0.5, y, 0]}) for y in (0.3, 0.4)]
+    robot = spec.load().robot
     moved[0].load()
-    assert posed.load().robot is robot  # used again: the other is the oldest now
+    assert spec.load().robot is robot  # used again: the other is the oldest now
     moved[1].load()
-    assert posed.load().robot is robot
+    assert spec.load().robot is robot
     assert len(posed_problem._cells) == 2
 
 
@@ -231,11 +231,11 @@ def test_a_mesh_that_changes_is_read_again(tmp_path, bundled):
     (tmp_path / "mine.yaml").write_text(
         f"include: {POST}\nobstacles: [{{name: part, mesh: part.stl, position: [0, 0, -1]}}]\n"
     )
-    posed = PosedProblem.read(tmp_path / "mine.yaml")
-    before = posed.load()
-    assert posed.load().scene is before.scene
+    spec = ProblemSpec.read(tmp_path / "mine.yaml")
+    before = spec.load()
+    assert spec.load().scene is before.scene
     trimesh.load(tmp_path / "part.stl").apply_scale(0.5).export(tmp_path / "part.stl")
-    after = posed.load()
+    after = spec.load()
     assert after.scene is not before.scene
     parts = [next(s for s in p.obstacles if s.name == "part") for p in (before, after)]
     extent = [np.ptp(part.shapes[0].vertices, axis=0) for part in parts]

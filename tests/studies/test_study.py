@@ -13,7 +13,7 @@ from studied import MASS, RADIUS, between, small_study
 from tubeplanner import PlanOptions, ProblemError, load_study
 from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
 from tubeplanner.resources import bundled_studies
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.study import (
     MAX_POINTS,
     Interval,
@@ -108,7 +108,7 @@ def test_a_grid_has_the_values_as_they_are_written(tmp_path):
     axes = {axis.path: tuple(axis.values) for axis in study.axes}
     assert axes == {"tube.radius": (0.02, "x2"), "clearance": (0, 0.05, 0.1)}
     assert (study.latin, study.options, len(study.points)) == (None, PlanOptions(), 6)
-    assert study.posed(study.points[0]).document["clearance"] == 0
+    assert study.spec(study.points[0]).document["clearance"] == 0
     assert [path.name for path in study.files] == ["s.yaml", "around_a_post.yaml"]
 
 
@@ -131,8 +131,8 @@ def test_several_problems_are_an_axis(tmp_path):
     text = "format: tubeplanner/study\nstudy: {problem: [p.yaml, example:ur5/over_the_wall]}\n"
     study = read(tmp_path, text)
     assert list(study.axes) == [Levels("problem", ("p.yaml", "example:ur5/over_the_wall"))]
-    assert study.posed(study.points[1]).name == "ur5/over_the_wall"
-    assert "post" in str(study.posed(study.points[0]).document["obstacles"])
+    assert study.spec(study.points[1]).name == "ur5/over_the_wall"
+    assert "post" in str(study.spec(study.points[0]).document["obstacles"])
 
 
 def test_a_bundled_study_is_found_by_its_name():
@@ -249,19 +249,19 @@ def test_what_cannot_be_counted_is_refused():
 
 def test_a_point_poses_its_problem_with_its_values():
     names = ["two_link/paper_1_30mm", "two_link/around_a_post"]
-    arm, post = (PosedProblem.read(f"example:{name}") for name in names)
+    arm, post = (ProblemSpec.read(f"example:{name}") for name in names)
     problems, both = {"arm": arm, "post": post}, Levels("problem", ("arm", "post"))
     study = Study("two", problems, [both, Levels(RADIUS, ("x2", 0.01)), Levels(MASS, (3,))])
-    posed = [study.posed(point) for point in study.points]
-    assert [each.name for each in posed] == [names[0]] * 2 + [names[1]] * 2
-    assert [each.document["tube"]["radius"] for each in posed[:2]] == [0.06, 0.01]
-    assert {each.document["robot"]["payload"]["mass"] for each in posed} == {3}
+    spec = [study.spec(point) for point in study.points]
+    assert [each.name for each in spec] == [names[0]] * 2 + [names[1]] * 2
+    assert [each.document["tube"]["radius"] for each in spec[:2]] == [0.06, 0.01]
+    assert {each.document["robot"]["payload"]["mass"] for each in spec} == {3}
     assert arm.document["tube"]["radius"] == 0.03
     with pytest.raises(ProblemError, match=r"^arm: obstacles\.post\.position: "):
         Study("two", problems, [both, Levels("obstacles.post.position", ([0, 0, 0],))])
     # Values that a later one builds upon are set in their order.
     study = small_study({"robot.payload": [{"mass": 2, "com": [0, 0, 0]}], MASS: ["x2"]})
-    assert study.posed(study.points[0]).document["robot"]["payload"]["mass"] == 4
+    assert study.spec(study.points[0]).document["robot"]["payload"]["mass"] == 4
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies import study_run
 from tubeplanner.studies import study_run as study_row
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.study import Levels, Study
 from tubeplanner.studies.study_run import (
     StudyProgress,
@@ -31,8 +31,8 @@ GRID = {RADIUS: [0.02, -1, 0.03], EFFORT: [1, 0.5]}
 
 def row_of(options=QUICK, **changes):
     named = {name.replace("__", "."): value for name, value in changes.items()}
-    posed = PosedProblem.read(PROBLEM).changed(named)
-    answer = json.loads(json.dumps(planned_answer(posed, options), allow_nan=False))
+    spec = ProblemSpec.read(PROBLEM).changed(named)
+    answer = json.loads(json.dumps(planned_answer(spec, options), allow_nan=False))
     return StudyRow.of(0, named, "key", answer)
 
 
@@ -143,12 +143,12 @@ def failing_at(monkeypatch, failures):
     """Let planning end otherwise: by the number of the call, from 1, what is raised."""
     count, plan_one = 0, study_run.planned_answer
 
-    def planned(posed, options):
+    def planned(spec, options):
         nonlocal count
         count += 1
         if count in failures:
             raise failures[count]
-        return plan_one(posed, options)
+        return plan_one(spec, options)
 
     monkeypatch.setattr(study_run, "planned_answer", planned)
 
@@ -243,15 +243,15 @@ def test_ctrl_c_keeps_what_is_done_and_the_next_run_goes_on(journal, monkeypatch
 
 
 def test_a_point_is_posed_when_it_is_its_turn(monkeypatch):
-    posed, seen = [], []
+    spec, seen = [], []
 
-    def noted(self, changes, changed=PosedProblem.changed):
-        posed.append(changes)
+    def noted(self, changes, changed=ProblemSpec.changed):
+        spec.append(changes)
         return changed(self, changes)
 
     study = small_study({RADIUS: [0.01, 0.02, 0.03]})
-    monkeypatch.setattr(PosedProblem, "changed", noted)
-    run_study(study, executor=Here(), progress=lambda told: seen.append((told.done, len(posed))))
+    monkeypatch.setattr(ProblemSpec, "changed", noted)
+    run_study(study, executor=Here(), progress=lambda told: seen.append((told.done, len(spec))))
     assert seen == [(0, 0), (1, 1), (2, 2), (3, 3)]
 
 
@@ -259,8 +259,8 @@ def test_whoever_plans_has_the_files_that_the_key_is_of(journal, tmp_path):
     """A file that is changed while a study runs, or is another one elsewhere, ends it."""
     points = tmp_path / "points.csv"
     points.write_text("x,y,z\n1.2,0.4,0\n0.8,0.9,0\n")
-    posed = PosedProblem.read(PROBLEM).changed({"tube.points": str(points)})
-    posed = replace(posed, folder=tmp_path)
+    spec = ProblemSpec.read(PROBLEM).changed({"tube.points": str(points)})
+    spec = replace(spec, folder=tmp_path)
 
     class Elsewhere(Here):
         def submit(self, fn, /, *args, **kwargs):
@@ -269,7 +269,7 @@ def test_whoever_plans_has_the_files_that_the_key_is_of(journal, tmp_path):
             return super().submit(fn, *args, **kwargs)
 
     axes = [Levels(RADIUS, (0.02, 0.03, 0.04))]
-    study = Study("s", {"arm": posed}, axes, None, PlanOptions("stop-at-corners"))
+    study = Study("s", {"arm": spec}, axes, None, PlanOptions("stop-at-corners"))
     with pytest.raises(OptionError, match="its files, or tubeplanner's own, are not what they"):
         run_study(study, journal=journal, executor=Elsewhere())
     assert [line["values"] for line in lines(journal)] == [{RADIUS: 0.02}]

@@ -176,7 +176,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def posed(folder, srdf="arm.srdf", **fields):
+def spec(folder, srdf="arm.srdf", **fields):
     data = copy.deepcopy(WIDE) | {"start": {"joints": Q}} | fields
     if any("group_state" in end for end in fields.values()):
         data["robot"]["srdf"] = srdf
@@ -184,12 +184,12 @@ def posed(folder, srdf="arm.srdf", **fields):
 
 
 def fault(folder, **fields):
-    return refusal(ProblemError, posed, folder, **fields)
+    return refusal(ProblemError, spec, folder, **fields)
 
 
 @pytest.mark.parametrize("end", ["start", "goal"])
 def test_a_group_state_is_the_one_with_all_joints(folder, end):
-    problem = posed(folder, **{end: {"group_state": "ready"}})
+    problem = spec(folder, **{end: {"group_state": "ready"}})
     assert getattr(problem, end).tolist() == Q
     message = fault(folder, srdf=None, start={"group_state": "ready"})
     assert "start.group_state 'ready' " in message and " give robot.srdf" in message
@@ -225,7 +225,7 @@ def test_a_trajectory_gives_the_very_bits_where_it_ends(folder, end, name):
     stored(["joint2", "finger", "joint1"], [0.7, 9, 0.3]).save(folder / "runs" / name)
     last = read_trajectory(folder / "runs" / name)
     q = last.position(last.duration)
-    problem = posed(folder, **{end: {"trajectory": f"runs/{name}"}})
+    problem = spec(folder, **{end: {"trajectory": f"runs/{name}"}})
     assert getattr(problem, end).tolist() == [q[2], q[0]]
 
 
@@ -244,7 +244,7 @@ def test_a_trajectory_that_gives_no_configuration_is_named(folder):
 def test_a_pose_is_kept_with_its_seed(folder, end, turn):
     position = [0.5, 0.2, 0]
     fields = {"pose": {"position": position, **turn}, "seed": {"joint2": 0.5, "joint1": 0.1}}
-    pose = getattr(posed(folder, **{end: fields}), end)
+    pose = getattr(spec(folder, **{end: fields}), end)
     assert isinstance(pose, ToolPose)
     assert pose.position.tolist() == position
     np.testing.assert_allclose(pose.rotation[:2, 0], [np.cos(1), np.sin(1)])

@@ -15,7 +15,7 @@ from tubeplanner.first_guess.branches import end_configuration
 from tubeplanner.first_guess.pose_configurations import ends_segment, is_free, spread_seeds
 from tubeplanner.orientation import rpy_of_matrix
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.task.endpoints import Endpoint
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import check_problem_fields, require_problem
@@ -219,43 +219,43 @@ class MovableProblem:
     """The contents of a problem file, for any base pose of the robot.
 
     Attributes:
-        posed: The problem as given.
+        spec: The problem as given.
         seeds: Seeds of inverse kinematics [rad or m], by end: the configurations given for start
             and goal.
         given: Base pose as given.
         tilt: Roll and pitch of the base, which stay [rad].
     """
 
-    posed: PosedProblem
+    spec: ProblemSpec
     seeds: Mapping[str, Any]
     given: Stand
     tilt: tuple[float, float]
 
     @classmethod
-    def of(cls, posed: PosedProblem) -> "MovableProblem":
+    def of(cls, spec: ProblemSpec) -> "MovableProblem":
         """Return a problem with a movable base.
 
         Raises:
             ProblemError: The problem is a cycle, or contradicts its format.
             RobotError: The robot cannot be planned with.
         """
-        require_problem(posed.document, posed.name)
-        fields = check_problem_fields(posed.document, posed.name)
-        robot = robot_of(fields, posed.folder)
+        require_problem(spec.document, spec.name)
+        fields = check_problem_fields(spec.document, spec.name)
+        robot = robot_of(fields, spec.folder)
         seeds = {}
         for end in _ENDS:
             try:
-                value = end_of(end, getattr(fields, end), fields, robot, posed.folder)
+                value = end_of(end, getattr(fields, end), fields, robot, spec.folder)
             except ProblemError as error:
-                raise ProblemError(f"{posed.name}: {error}") from None
+                raise ProblemError(f"{spec.name}: {error}") from None
             if isinstance(value, np.ndarray):
                 seeds[end] = value.tolist()
             elif isinstance(value, dict):
                 seeds[end] = value
         if robot.base is None:
-            return cls(posed, seeds, Stand(0.0, 0.0, 0.0, 0.0), (0.0, 0.0))
+            return cls(spec, seeds, Stand(0.0, 0.0, 0.0, 0.0), (0.0, 0.0))
         roll, pitch, yaw = robot.base.rpy or rpy_of_matrix(robot.base.placement[:3, :3])
-        return cls(posed, seeds, Stand(*robot.base.position, yaw), (roll, pitch))
+        return cls(spec, seeds, Stand(*robot.base.position, yaw), (roll, pitch))
 
     def changes(
         self, stand: Stand, seeds: Mapping[str, Sequence[float]] | None = None
@@ -270,9 +270,9 @@ class MovableProblem:
         ends = {**self.seeds, **(seeds or {})}
         return {"robot.base": base, **{end: {"seed": values} for end, values in ends.items()}}
 
-    def at(self, stand: Stand, seeds: Mapping[str, Sequence[float]] | None = None) -> PosedProblem:
+    def at(self, stand: Stand, seeds: Mapping[str, Sequence[float]] | None = None) -> ProblemSpec:
         """Return the problem with a base pose; arguments as of `changes`."""
-        return self.posed.changed(self.changes(stand, seeds))
+        return self.spec.changed(self.changes(stand, seeds))
 
     def load(
         self, stand: Stand, seeds: Mapping[str, Sequence[float]] | None = None

@@ -10,7 +10,7 @@ from tubeplanner.outcome import PlanningClock, Progress, TimeLimitReached
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.studies.changes import Change, Proposal, Question, rounded
 from tubeplanner.studies.plan_many import plan_either, run_many
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 
 # ---- Trials: plans with one change each, within a time budget.
 
@@ -91,12 +91,12 @@ class Trials:
         """
         self._clock.check()
         proposals = [change.propose(size) for change, size in sizes]
-        posed = (self._question.posed.changed(each.changes) for each in proposals)
+        spec = (self._question.spec.changed(each.changes) for each in proposals)
         until = time.monotonic() + self._clock.remaining
         quick = replace(self._options, persistent=is_thorough)
         full = replace(quick, quality=self._quality)
         options = (full if change.kind == "duration" else quick for change, _ in sizes)
-        calls = (Asked(*each, until) for each in zip(posed, options, strict=True))
+        calls = (Asked(*each, until) for each in zip(spec, options, strict=True))
         for done in run_many(planned, calls, self._executor, until):
             proposal = proposals[done.index]
             self._clock.announce(Progress(f"tried: {proposal.text}"))
@@ -117,7 +117,7 @@ class Asked:
         until: End of the time for all plans, by `time.monotonic`.
     """
 
-    problem: PosedProblem
+    problem: ProblemSpec
     options: PlanOptions
     until: float
 

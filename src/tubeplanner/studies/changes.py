@@ -11,7 +11,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.robot.model import RobotModel
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.task.problem import PlanningProblem
 from tubeplanner.task.problem_format import ProblemFields, check_problem_fields, require_problem
 from tubeplanner.task.problem_reader import points_of, robot_of
@@ -119,40 +119,40 @@ class Question:
     """An explained problem; it may be invalid.
 
     Attributes:
-        posed: The contents of its file.
+        spec: The contents of its file.
         fields: The contents, checked against the format.
         robot: Its arm.
     """
 
-    posed: PosedProblem
+    spec: ProblemSpec
     fields: ProblemFields
     robot: RobotModel
 
     def __repr__(self) -> str:
-        return f"<Question about {self.posed.name}>"
+        return f"<Question about {self.spec.name}>"
 
     @classmethod
-    def of(cls, posed: PosedProblem) -> "Question":
+    def of(cls, spec: ProblemSpec) -> "Question":
         """Return the question about a problem.
 
         Raises:
             ProblemError: It is a cycle or a study, contradicts its format, or has no tube.
             RobotError: Its robot cannot be planned with.
         """
-        require_problem(posed.document, posed.name)
-        fields = check_problem_fields(posed.document, posed.name)
+        require_problem(spec.document, spec.name)
+        fields = check_problem_fields(spec.document, spec.name)
         if fields.tube is None:
             raise ProblemError(
-                f"{posed.name}: tube is required; `tubeplanner route` finds one from start, goal "
+                f"{spec.name}: tube is required; `tubeplanner route` finds one from start, goal "
                 "and obstacles"
             )
-        return cls(posed, fields, robot_of(fields, posed.folder))
+        return cls(spec, fields, robot_of(fields, spec.folder))
 
     @cached_property
     def given_tube(self) -> Mapping[str, Any]:
         """Points, radius and orientations, from the problem file or its file of points."""
         assert self.fields.tube is not None
-        return points_of(self.fields.tube, self.posed.folder)
+        return points_of(self.fields.tube, self.spec.folder)
 
     @cached_property
     def points(self) -> FloatArray:
@@ -162,7 +162,7 @@ class Question:
     @property
     def has_point_file(self) -> bool:
         """True if the reference points are in a file of their own."""
-        return isinstance(self.posed.document["tube"]["points"], str)
+        return isinstance(self.spec.document["tube"]["points"], str)
 
     @property
     def segment_count(self) -> int:
@@ -188,7 +188,7 @@ class Question:
             ProblemError: It contradicts itself with these values.
             RobotError: The robot cannot be planned with.
         """
-        loaded = self.posed.changed(changes).load()
+        loaded = self.spec.changed(changes).load()
         assert isinstance(loaded, PlanningProblem)
         return loaded
 

@@ -34,7 +34,7 @@ from tubeplanner.studies.change_trials import Trials
 from tubeplanner.studies.changes import Change, Question, in_order, rounded
 from tubeplanner.studies.geometry_changes import cell_changes, tube_changes
 from tubeplanner.studies.joint_changes import end_changes, limit_changes
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.remedies import Remedy, RemedySearch, Room, RoomSearch, worsening_changes
 from tubeplanner.task.endpoints import Seed, configuration_of
 from tubeplanner.task.problem import PlanningProblem
@@ -54,7 +54,7 @@ _LEFT_OUT = (
 
 
 @dataclass(frozen=True, eq=False)
-class Unposed:
+class InvalidProblem:
     """The reason for which a problem is invalid, and its parts that can be drawn.
 
     Attributes:
@@ -74,14 +74,14 @@ class Unposed:
     __repr__ = short_repr
 
     @classmethod
-    def of(cls, question: Question, error: ProblemError) -> "Unposed":
+    def of(cls, question: Question, error: ProblemError) -> "InvalidProblem":
         """Return the reason and the parts of a problem whose loading raised an error.
 
         Raises:
             ProblemError: Its solids cannot be built.
         """
         drawn = _drawn(question)
-        message = str(error).removeprefix(f"{question.posed.name}: ")
+        message = str(error).removeprefix(f"{question.spec.name}: ")
         if isinstance(error, ContradictionError):
             return cls(message, error.place, error.proved, error.configuration, drawn)
         return cls(message, Place(), None, None, drawn)
@@ -89,7 +89,7 @@ class Unposed:
 
 def _drawn(question: Question) -> PlanningProblem | None:
     """Return a problem of the tube, the solids and a start alone; None without a valid tube."""
-    fields, robot, folder = question.fields, question.robot, question.posed.folder
+    fields, robot, folder = question.fields, question.robot, question.spec.folder
     solids = solids_of(fields, robot, folder)
     assert fields.tube is not None
     with suppress(ProblemError):
@@ -100,7 +100,7 @@ def _drawn(question: Question) -> PlanningProblem | None:
             with suppress(ProblemError):
                 tube = Tube(**values)
                 start = Seed(robot.limits.clip(_given_start(question)))
-                return PlanningProblem(robot, tube, start, name=question.posed.name, **solids)
+                return PlanningProblem(robot, tube, start, name=question.spec.name, **solids)
     return None
 
 
@@ -122,7 +122,7 @@ class Explanation:
         name: Name of the problem.
         problem: The problem; None if it is invalid.
         result: Result of planning; None if the problem is invalid.
-        unposed: The reason for which it is invalid, and its parts that can be drawn; None if valid.
+        invalid: The reason for which it is invalid, and its parts that can be drawn; None if valid.
         remedies: Single changes with which it was planned, the smallest for its scale first; empty
             if the problem itself was planned.
         in_vain: Paths of changes that do not help up to their largest sensible size.
@@ -135,7 +135,7 @@ class Explanation:
     name: str
     problem: PlanningProblem | None
     result: PlanResult | None
-    unposed: Unposed | None
+    invalid: InvalidProblem | None
     remedies: tuple[Remedy, ...] = ()
     in_vain: tuple[str, ...] = ()
     rooms: tuple[Room, ...] = ()
@@ -162,30 +162,30 @@ class Explanation:
     @property
     def message(self) -> str:
         """The answer of the plan, or the reason for invalidity, as a sentence."""
-        outcome = self.result or self.unposed
+        outcome = self.result or self.invalid
         return "" if outcome is None else outcome.message
 
     @property
     def place(self) -> Place:
         """Location of the failure; empty without one."""
-        outcome = self.result or self.unposed
+        outcome = self.result or self.invalid
         return Place() if outcome is None else outcome.place
 
     @property
     def configuration(self) -> FloatArray | None:
         """Configuration at the place, shape (n,) [rad or m]; None if not known."""
-        outcome = self.result or self.unposed
+        outcome = self.result or self.invalid
         return None if outcome is None else outcome.configuration
 
     @property
     def drawn(self) -> PlanningProblem | None:
         """The problem, or the drawable parts of an invalid problem."""
-        return self.problem if self.unposed is None else self.unposed.drawn
+        return self.problem if self.invalid is None else self.invalid.drawn
 
     def as_dict(self) -> dict[str, Any]:
         """Return the explanation as JSON values, beside the fields of the plan's own JSON."""
         planned = {} if self.result is None else self.result.as_dict()
-        proved = {} if self.unposed is None else {"proved": self.unposed.proved}
+        proved = {} if self.invalid is None else {"proved": self.invalid.proved}
         return {
             **planned,
             **proved,
@@ -245,14 +245,14 @@ def explain(
     require_executor(executor)
     first = replace(options, time_limit=_FIRST_PLAN * time_limit)
     clock = PlanningClock(time_limit, progress)
-    posed = PosedProblem.read(problem).changed(changes)
-    question = Question.of(posed)
+    spec = ProblemSpec.read(problem).changed(changes)
+    question = Question.of(spec)
     try:
         loaded = question.load()
     except ProblemError as error:
-        outcome = Explanation(posed.name, None, None, Unposed.of(question, error))
+        outcome = Explanation(spec.name, None, None, InvalidProblem.of(question, error))
     else:
-        outcome = Explanation(posed.name, loaded, plan(loaded, first, progress), None)
+        outcome = Explanation(spec.name, loaded, plan(loaded, first, progress), None)
     if outcome.result is not None and outcome.result.stopped_by == "interrupt":
         return replace(outcome, stopped_by="interrupt")
     trials = Trials(question, options, clock, executor)

@@ -73,7 +73,7 @@ def _all_radii(question: Question) -> Iterator[Change]:
     """Yield the change of all radii by a common factor."""
     radii = question.per_segment(question.given_tube["radius"])
     if len([radius for radius in radii if radius is not None]) > 1:
-        before = question.posed.document["tube"].get("radius")
+        before = question.spec.document["tube"].get("radius")
 
         def wider(size: float) -> Proposal:
             factor = exact(1 + size)
@@ -99,7 +99,7 @@ def _radius(
 def _new_radii(question: Question, radii: Sequence[float | None]) -> dict[str, Any]:
     """Return the values by field path that give the segments other radii."""
     changes = {"tube.radius": radii[0] if len(set(radii)) == 1 else list(radii)}
-    if question.posed.document["tube"].get("radius") is None:  # they are in the file of points
+    if question.spec.document["tube"].get("radius") is None:  # they are in the file of points
         return _from_file(question) | changes
     return changes
 
@@ -116,7 +116,7 @@ def _plain(value: Any) -> Any:
 def _boxes(question: Question) -> Iterator[Change]:
     """Yield the changes of both sides of each box by a factor; the size is the shorter side's."""
     assert question.fields.tube is not None
-    sections = question.posed.document["tube"].get("cross_section")
+    sections = question.spec.document["tube"].get("cross_section")
     for segment, box in enumerate(question.per_segment(sections)):
         if box is not None:
             yield Change(
@@ -260,7 +260,7 @@ def _moved_end(question: Question, end: str, direction: FloatArray, size: float)
     """Return the values by field path of an end that moves with its point; joints become a seed."""
     fields = getattr(question.fields, end)
     try:
-        value = end_of(end, fields, question.fields, question.robot, question.posed.folder)
+        value = end_of(end, fields, question.fields, question.robot, question.spec.folder)
         if isinstance(value, ToolPose):
             return {f"{end}.pose.position": along(value.position, direction, size)}
         if isinstance(value, GoalRegion):

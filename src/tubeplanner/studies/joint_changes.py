@@ -211,10 +211,10 @@ def _open_ends(question: Question) -> Iterator[Change]:
                 {"seed": q.tolist()},
                 "start: inverse kinematics of reference point 0, from the joints given as a seed,",
             )
-            yield _switch("start", question.posed.document["start"], seeded)
+            yield _switch("start", question.spec.document["start"], seeded)
     if goal is not None and goal.joints is not None:
         opened = Proposal({"goal": None}, None, "goal: left out, its configuration open,")
-        yield _switch("goal", question.posed.document["goal"], opened)
+        yield _switch("goal", question.spec.document["goal"], opened)
 
 
 def _switch(end: str, before: Any, proposal: Proposal) -> Change:
@@ -227,7 +227,7 @@ def _loose_ends(question: Question) -> Iterator[Change]:
     """Yield a start by joints near its point, a goal within a tolerance, and both together."""
     start = _start_nearby(question)
     if start is not None:
-        yield _switch("start", question.posed.document["start"], start)
+        yield _switch("start", question.spec.document["start"], start)
     goal, last = question.fields.goal, question.segment_count
     about = frozenset({"goal", f"segment {last - 1}", f"point {last}"})
     has_position = goal is not None and goal.position is not None
@@ -271,7 +271,7 @@ def _start_nearby(question: Question) -> Proposal | None:
     """Return a seed's or pose's configuration as near as the arm comes; None of other starts."""
     robot, fields, limits = question.robot, question.fields, question.robot.limits
     try:
-        value = end_of("start", fields.start, fields, robot, question.posed.folder)
+        value = end_of("start", fields.start, fields, robot, question.spec.folder)
         if not isinstance(value, Seed | ToolPose):
             return None
         target, rotation = question.points[0], None

@@ -26,7 +26,7 @@ from tubeplanner.studies.base_regions import (
 )
 from tubeplanner.studies.journal import Journal
 from tubeplanner.studies.placement_rows import GivenStand, Placement, PlacementRow, PlacementTrials
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.worker_processes import WorkerProcesses
 from tubeplanner.task.problem import PlanningProblem
 
@@ -112,7 +112,7 @@ def place(
     path = None if journal is None else given_path("journal", journal)
     stands_on = None if stands_on is None else given_row("stands_on", stands_on, "names")
     report("loading robot and collision geometry")
-    movable = MovableProblem.of(PosedProblem.read(problem).changed(changes))
+    movable = MovableProblem.of(ProblemSpec.read(problem).changed(changes))
     bounds = Region.of(region, movable.given.z)
     loaded = movable.load(movable.given)
     on = _names(loaded, stands_on)
@@ -121,8 +121,8 @@ def place(
     grid = bounds.grid(options.points, movable.given.yaw)
     with nullcontext() if path is None else Journal(path) as answers:
         # In steps of a period, durations have plateaus on which no search finds its way.
-        posed = movable.posed if loaded.period is None else movable.posed.changed({"period": None})
-        trials = PlacementTrials(replace(movable, posed=posed), on, answers)
+        spec = movable.spec if loaded.period is None else movable.spec.changed({"period": None})
+        trials = PlacementTrials(replace(movable, spec=spec), on, answers)
         stopped_by = _searched(trials, bounds, grid, movable.given, executor, report)
     result = Placement(
         loaded, bounds, on, grid, trials.rows, as_given, None, None, {}, trials.restored, stopped_by
@@ -148,11 +148,11 @@ def _names(problem: PlanningProblem, stands_on: Sequence[str] | None) -> tuple[s
 
 def _given(movable: MovableProblem, stands_on: Sequence[str], options: PlanOptions) -> GivenStand:
     try:
-        problem = movable.posed.load()
+        problem = movable.spec.load()
         assert isinstance(problem, PlanningProblem)
         require_base_free(problem, stands_on)
     except (ProblemError, Infeasible) as error:
-        return GivenStand(movable.given, None, str(error).removeprefix(f"{movable.posed.name}: "))
+        return GivenStand(movable.given, None, str(error).removeprefix(f"{movable.spec.name}: "))
     result = plan(problem, options)
     return GivenStand(movable.given, result, result.message)
 

@@ -28,7 +28,7 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
 from tubeplanner.resources import EXAMPLE_PREFIX
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.worker_processes import WorkerProcesses
 from tubeplanner.task.cycle import Cycle
 from tubeplanner.task.problem import PlanningProblem
@@ -36,7 +36,7 @@ from tubeplanner.text import short_repr
 
 # ---- Many problems planned in processes of this machine, or by any executor.
 
-Plannable: TypeAlias = PlanningProblem | Cycle | PosedProblem | str | Path
+Plannable: TypeAlias = PlanningProblem | Cycle | ProblemSpec | str | Path
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,10 +146,10 @@ def _answer(call: tuple[Any, PlanOptions]) -> tuple[Any, float]:
     packed, options = call
     begin = perf_counter()
     try:
-        problem = PosedProblem.read(packed) if isinstance(packed, str) else packed
+        problem = ProblemSpec.read(packed) if isinstance(packed, str) else packed
         if isinstance(problem, Parcel):
             problem = problem.unpacked()
-        elif isinstance(problem, PosedProblem):
+        elif isinstance(problem, ProblemSpec):
             problem = problem.load()
         loading_time = perf_counter() - begin
         result = plan_either(problem, options)

@@ -165,7 +165,7 @@ _cells: dict[str, PlanningProblem] = {}  # by the hash of their cells, the lates
 
 
 @dataclass(frozen=True)
-class PosedProblem:
+class ProblemSpec:
     """The contents of a problem file or a cycle file, includes merged.
 
     Attributes:
@@ -183,7 +183,7 @@ class PosedProblem:
         return f"<PosedProblem {self.name}: a {kind} in {self.folder}>"
 
     @classmethod
-    def read(cls, problem: str | Path, directory: str | Path = ".") -> "PosedProblem":
+    def read(cls, problem: str | Path, directory: str | Path = ".") -> "ProblemSpec":
         """Read a problem file or a cycle file, and its includes.
 
         Args:
@@ -196,7 +196,7 @@ class PosedProblem:
         path = find_problem(problem, given_path("directory", directory)).resolve()
         return cls(ProblemLayers.read(path).merged, path.parent, f"{path.parent.name}/{path.stem}")
 
-    def changed(self, changes: Mapping[str, Any] | None) -> "PosedProblem":
+    def changed(self, changes: Mapping[str, Any] | None) -> "ProblemSpec":
         """Return the document with other values by field path; None: the same values.
 
         Raises:
@@ -204,7 +204,7 @@ class PosedProblem:
         """
         model = CycleFields if is_cycle(self.document) else ProblemFields
         document = changed_problem(self.document, changes, model)
-        return PosedProblem(document, self.folder, self.name)
+        return ProblemSpec(document, self.folder, self.name)
 
     def content_hash(self, options: PlanOptions) -> str:
         """Return a hash of all inputs of its plan with some options."""

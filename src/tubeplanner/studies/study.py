@@ -11,7 +11,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.checks import in_figures
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.planning.options import PlanOptions
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.task.field_changes import factor_of
 from tubeplanner.text import short_repr
 
@@ -266,7 +266,7 @@ class Study:
     """
 
     name: str
-    problems: Mapping[str, PosedProblem]
+    problems: Mapping[str, ProblemSpec]
     axes: Sequence[Axis]
     latin: Latin | None = None
     options: PlanOptions = field(default_factory=PlanOptions)
@@ -293,7 +293,7 @@ class Study:
         """The points, in order."""
         return StudyPoints(self.axes, self.latin)
 
-    def posed(self, point: StudyPoint) -> PosedProblem:
+    def spec(self, point: StudyPoint) -> ProblemSpec:
         """Return the problem of a point.
 
         Raises:

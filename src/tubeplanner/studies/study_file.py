@@ -12,7 +12,7 @@ from tubeplanner.errors import OptionError, ProblemError, unknown_name
 from tubeplanner.first_guess.suh_bishop import SuhBishopOptions
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.resources import find_problem
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.study import MAX_POINTS, PROBLEM, Axis, Latin, Levels, Study, interval
 from tubeplanner.task.field_changes import factor_of
 from tubeplanner.task.fields import Finite, Flag, Section, Version, no_flag
@@ -194,14 +194,14 @@ def load_study(name: str | Path, directory: str | Path = ".") -> Study:
         raise ProblemError(f"{path}: study.vary: {error}") from None
 
 
-def _problems(fields: StudiedFields, folder: Path) -> dict[str, PosedProblem]:
+def _problems(fields: StudiedFields, folder: Path) -> dict[str, ProblemSpec]:
     names = fields.problem if isinstance(fields.problem, list) else [fields.problem]
     if not names:
         raise ProblemError("problem: give at least one")
     problems = {}
     for name in names:
         try:
-            problems[name] = PosedProblem.read(name, folder)
+            problems[name] = ProblemSpec.read(name, folder)
         except ProblemError as error:
             raise ProblemError(f"problem: {error}") from None
         if is_study(problems[name].document):

@@ -21,7 +21,7 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies.journal import Journal, require_fields
 from tubeplanner.studies.plan_many import Done, plan_either, run_many
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.study import Study
 from tubeplanner.studies.worker_processes import WorkerProcesses
 from tubeplanner.text import json_value, short_repr, value_text, without_formulas
@@ -115,11 +115,11 @@ class StudyRow:
         }
 
 
-def planned_answer(posed: PosedProblem, options: PlanOptions) -> dict[str, Any]:
+def planned_answer(spec: ProblemSpec, options: PlanOptions) -> dict[str, Any]:
     """Plan a problem or a cycle, and return its row as JSON values, without point and values.
 
     Args:
-        posed: The problem or cycle.
+        spec: The problem or cycle.
         options: Planning options.
 
     Raises:
@@ -128,11 +128,11 @@ def planned_answer(posed: PosedProblem, options: PlanOptions) -> dict[str, Any]:
     begin = time.perf_counter()
     loading_time = None
     try:
-        loaded = posed.load()
+        loaded = spec.load()
         loading_time = time.perf_counter() - begin
         result = plan_either(loaded, options)
     except TubePlannerError as error:
-        reason = str(error).removeprefix(f"{posed.name}: ")
+        reason = str(error).removeprefix(f"{spec.name}: ")
         return {**refused_answer(reason), "loading_time": loading_time}
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
@@ -339,18 +339,18 @@ class _Run:
         self._begin = time.perf_counter()
         self._done = self._planned = 0
 
-    def calls(self) -> Iterator[tuple[str, PosedProblem]]:
+    def calls(self) -> Iterator[tuple[str, ProblemSpec]]:
         """Yield keys and problems to be planned, point by point."""
         self._note(0)
         for point in self._study.points:
             try:
-                posed = self._study.posed(point)
+                spec = self._study.spec(point)
             except ProblemError as error:
                 self._keys.append(None)
                 self._refused[point.index] = refused_answer(str(error))
                 self._note(1)
                 continue
-            key = posed.content_hash(self._study.options)
+            key = spec.content_hash(self._study.options)
             self._keys.append(key)
             if key in self._waiting:
                 self._waiting[key].append(point.index)
@@ -359,7 +359,7 @@ class _Run:
             else:
                 self._waiting[key] = [point.index]
                 self._order.append(key)
-                yield key, posed
+                yield key, spec
 
     def answered(self, done: Done[Answer]) -> None:
         """Keep an answer.
@@ -406,19 +406,19 @@ class _Run:
         self._progress(StudyProgress(self._done, len(self._study.points), self._planned, elapsed))
 
 
-def _answer(call: tuple[str, PosedProblem], options: PlanOptions) -> Answer:
+def _answer(call: tuple[str, ProblemSpec], options: PlanOptions) -> Answer:
     """Return the answer of a problem with its key.
 
     Raises:
         OptionError: The problem has another key here.
     """
-    key, posed = call
-    if posed.content_hash(options) != key:
+    key, spec = call
+    if spec.content_hash(options) != key:
         raise OptionError(
-            f"{posed.name}: its files, or tubeplanner's own, are not what they were when the study "
+            f"{spec.name}: its files, or tubeplanner's own, are not what they were when the study "
             "began, or where it was started; run it again, the answers so far are kept"
         )
-    return planned_answer(posed, options)
+    return planned_answer(spec, options)
 
 
 def _in_words(seconds: float) -> str:

@@ -24,7 +24,7 @@ from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.planning.strategy import plan
 from tubeplanner.studies.plan_many import swept_rows
-from tubeplanner.studies.problem_spec import PosedProblem
+from tubeplanner.studies.problem_spec import ProblemSpec
 from tubeplanner.studies.study import Levels, Study
 from tubeplanner.task.field_changes import is_of_objective, require_changes, require_path
 from tubeplanner.task.problem import PlanningProblem
@@ -197,16 +197,16 @@ def _tolerance_row(
     tube = problem.tube
     try:
         changed = tube.with_radius(value) if quantity == "radius" else tube.scaled(value)
-        posed = problem.with_tube(changed)
+        spec = problem.with_tube(changed)
     except ProblemError as error:
         return SweepRow(value, None, None, str(error))
-    result = plan(posed, options, progress)
+    result = plan(spec, options, progress)
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
-    elasticities = [_by_whole_radius(each, posed.tube) for each in result.sensitivities]
+    elasticities = [_by_whole_radius(each, spec.tube) for each in result.sensitivities]
     # + 0.0: no minus in front of zero.
     elasticity = sum(elasticities) + 0.0 if elasticities else None
-    return SweepRow(value, posed, result, result.message, elasticity)
+    return SweepRow(value, spec, result, result.message, elasticity)
 
 
 def _noted(quantity: str, rows: Sequence[SweepRow]) -> tuple[SweepRow, ...]:
@@ -412,7 +412,7 @@ def sweep_field(
         raise OptionError(f"{path} is varied and slack is given; leave out one of them")
     values = given_row("values", values, f"what {path} is to be")
     study = _study(problem, path, values, changes, options)
-    items = ((value, study.posed(point)) for value, point in zip(values, study.points, strict=True))
+    items = ((value, study.spec(point)) for value, point in zip(values, study.points, strict=True))
     label = f"value {{}} of {len(values)}".format
     rows, stopped_by = swept_rows(partial(_field_row, options), items, label, executor, progress)
     return FieldSweep(study.name, path, tuple(rows), stopped_by)
@@ -430,26 +430,26 @@ def _study(
         raise OptionError(f"{path}: give at least one value")
     if path in changes:
         raise OptionError(f"{path} is both varied and changed; leave out one of them")
-    posed = PosedProblem.read(problem)
-    require_problem(posed.document, posed.name)
-    changed = posed.changed(changes)
-    return Study(posed.name, {posed.name: changed}, [Levels(path, values)], options=options)
+    spec = ProblemSpec.read(problem)
+    require_problem(spec.document, spec.name)
+    changed = spec.changed(changes)
+    return Study(spec.name, {spec.name: changed}, [Levels(path, values)], options=options)
 
 
 def _field_row(
     options: PlanOptions,
-    item: tuple[Any, PosedProblem],
+    item: tuple[Any, ProblemSpec],
     progress: Callable[[object], None] | None = None,
 ) -> FieldRow:
     """Return the row of a value, given with its problem; arguments as of `plan`."""
-    value, posed = item
+    value, spec = item
     begin = time.perf_counter()
     if progress is not None:
         progress("loading robot and collision geometry")
     try:
-        problem = posed.load()
+        problem = spec.load()
     except (ProblemError, RobotError) as error:
-        reason = str(error).removeprefix(f"{posed.name}: ")
+        reason = str(error).removeprefix(f"{spec.name}: ")
         return FieldRow(value, None, reason, time.perf_counter() - begin)
     loading_time = time.perf_counter() - begin
     assert isinstance(problem, PlanningProblem)

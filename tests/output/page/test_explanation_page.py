@@ -11,8 +11,8 @@ from gantry import explained as hostile
 from tubeplanner import (
     Explanation,
     OptionError,
-    PosedProblem,
     ProblemError,
+    ProblemSpec,
     load_problem,
     parse_problem,
     plan,
@@ -24,7 +24,7 @@ from tubeplanner.output.page.scene import Layer
 from tubeplanner.planning.options import PlanOptions
 from tubeplanner.planning.result import PlanResult
 from tubeplanner.studies.changes import Question
-from tubeplanner.studies.explanation import Unposed, in_vain_text
+from tubeplanner.studies.explanation import InvalidProblem, in_vain_text
 
 QUICK = PlanOptions(quality="fast")
 PROBLEM = parse_problem(PLANAR)
@@ -46,8 +46,8 @@ def known(path, changes=None, **more):
     try:
         problem = load_problem(path, changes=changes)
     except ProblemError as error:
-        question = Question.of(PosedProblem.read(path).changed(changes))
-        return Explanation("gantry", None, None, Unposed.of(question, error))
+        question = Question.of(ProblemSpec.read(path).changed(changes))
+        return Explanation("gantry", None, None, InvalidProblem.of(question, error))
     return Explanation("gantry", problem, plan(problem, QUICK), None, **more)
 
 
